@@ -10,8 +10,16 @@ from numpy.typing import NDArray
 from observer_rt.estimation.predictor import Setting
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
 from observer_rt.service.compiled.constants import bench_constants, configured_noise
-from tools.benchmarks.ablation import BATCHES, RULES, VARIANTS, AblationScore, VariantScore, listened
-from tools.benchmarks.ablation_tables import ablation_document, ablation_tables
+from tools.benchmarks.ablation import (
+    BATCHES,
+    RULES,
+    VARIANTS,
+    AblationScore,
+    VariantScore,
+    ablation_document,
+    ablation_tables,
+    listened,
+)
 from tools.benchmarks.batch_learning import SeenEvent, learn_events
 from tools.benchmarks.batch_models import shipped_model, tied_rows_model, trained_hidden_model
 from tools.benchmarks.cases import make_case
@@ -29,8 +37,11 @@ SIGMA = 1.5e-3
 BURN_IN = 50
 
 
+Worn = tuple[Outcome, CaseScore, tuple[SeenEvent, ...]]
+
+
 @pytest.fixture(scope="module")
-def worn() -> tuple[Outcome, CaseScore, tuple[SeenEvent, ...]]:
+def worn() -> Worn:
     """Five events of a worn nozzle, as the observer's learner was given them."""
     case = make_case("orifice_area", 1, 0)
     case = replace(case, bench=replace(case.bench, events=case.bench.events[:5]))
@@ -45,7 +56,7 @@ def theta_of(**values: float) -> NDArray[np.float64]:
     return theta
 
 
-def test_events_lie_where_their_windows_say(worn: tuple[Outcome, CaseScore, tuple[SeenEvent, ...]]) -> None:
+def test_events_lie_where_their_windows_say(worn: Worn) -> None:
     outcome, _, events = worn
     assert len(events) == 5
     chamber = CONSTANTS.coefficients.chamber_pressure
@@ -55,19 +66,11 @@ def test_events_lie_where_their_windows_say(worn: tuple[Outcome, CaseScore, tupl
 
 
 @pytest.mark.parametrize("name", BATCHES)
-def test_batches_learn_wear_within_two_events(
-    name: str, worn: tuple[Outcome, CaseScore, tuple[SeenEvent, ...]]
-) -> None:
+def test_batches_learn_wear_within_two_events(name: str, worn: Worn) -> None:
     outcome, shipped, events = worn
     model_of, search = BATCHES[name]
-    found = learn_events(
-        model_of(SCALE),
-        search,
-        events,
-        outcome.measured.time.size,
-        CONSTANTS,
-        configured_noise(BENCH.injector),
-    )
+    noise = configured_noise(BENCH.injector)
+    found = learn_events(model_of(SCALE), search, events, outcome.measured.time.size, CONSTANTS, noise)
     masses = windows_of(outcome, 100e3).event_masses_mg(found.rate, 830.0)
     errors = 100.0 * np.abs(np.array(masses) / np.array(shipped.true_mass_mg) - 1.0)
     assert errors[0] > 10.0  # nothing learned yet
@@ -76,9 +79,7 @@ def test_batches_learn_wear_within_two_events(
     assert min(found.training_ms) > 0.0
 
 
-def test_differences_and_sensitivities_are_one_gradient(
-    worn: tuple[Outcome, CaseScore, tuple[SeenEvent, ...]],
-) -> None:
+def test_differences_and_sensitivities_are_one_gradient(worn: Worn) -> None:
     window = worn[2][2].window
     theta = theta_of(NOZZLE_BIAS=0.2, NOZZLE_WEIGHT=0.05, LINE_FRICTION=0.3, SENSOR_LAG=0.1)
     exact = shipped_model(SCALE).cost(window, SETTING, SIGMA, BURN_IN).linearised(theta)
@@ -99,9 +100,7 @@ def test_differences_and_sensitivities_are_one_gradient(
     assert weighted[6:].max() == 0.0
 
 
-def test_tied_rows_are_the_model_itself_at_zero_and_leave_it_with_the_bias(
-    worn: tuple[Outcome, CaseScore, tuple[SeenEvent, ...]],
-) -> None:
+def test_tied_rows_are_the_model_itself_at_zero_and_leave_it_with_the_bias(worn: Worn) -> None:
     window = worn[2][2].window
     shipped, tied = shipped_model(SCALE), tied_rows_model(SCALE)
     for line in (theta_of(), theta_of(LINE_FRICTION=0.5, LINE_PRESSURE_OFFSET=0.005, SENSOR_LAG=0.2)):

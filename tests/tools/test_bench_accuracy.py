@@ -20,11 +20,12 @@ REPOSITORY = Path(__file__).parents[2]
 LIMIT_S = 300.0
 
 
-def bench(*arguments: str) -> subprocess.CompletedProcess[str]:
+def bench(*arguments: str, folder: Path | None = None) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [sys.executable, "-m", "tools.benchmarks", *arguments],
         capture_output=True,
         text=True,
+        cwd=folder,
         env=os.environ | {"PYTHONPATH": str(REPOSITORY)},
         check=False,
         timeout=LIMIT_S,
@@ -112,12 +113,28 @@ def test_a_run_resumes_and_prints_the_figures(tmp_path: Path) -> None:
     assert (tmp_path / "observer.jsonl").read_text() == stored
 
 
-def test_unknown_class_is_the_users_to_mend(tmp_path: Path) -> None:
-    done = bench("accuracy", "--classes", "healthy,nozzel", "--out", str(tmp_path / "out"))
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (("accuracy", "--classes", "healthy,nozzel"), ("nozzel", "orifice_area")),
+        (("accuracy", "--tier", "B", "--model", "fitted.toml", "--no-peers"), ("fitted.toml",)),
+        (("realism", "--only", "hum_line"), ("hum_line", "hum_50_hz_line")),
+        (("speed", "--only", "sample,nonsense"), ("'nonsense'", "roundtrip")),
+        (("wave-recordings", "--fault", "nozzle=1"), ("orifice_area",)),
+        (("wave-recordings", "--rate", "30"), ("divisor",)),
+    ],
+)
+def test_what_is_wrong_on_the_command_line_is_the_users_to_mend(
+    arguments: tuple[str, ...], named: tuple[str, ...], tmp_path: Path
+) -> None:
+    (tmp_path / "fitted.toml").write_text("[line\n")
+    out = tmp_path / "out"
+    goes_to = () if arguments[0] == "speed" else ("--out", str(out))
+    done = bench(*arguments, *goes_to, folder=tmp_path)
     assert done.returncode == 2
-    assert "nozzel" in done.stderr
-    assert "orifice_area" in done.stderr
+    assert all(word in done.stderr for word in named)
     assert "Traceback" not in done.stderr
+    assert not out.exists()
 
 
 def test_tasks_are_every_case_of_every_class() -> None:

@@ -5,10 +5,9 @@ from pathlib import Path
 import pytest
 
 from observer_rt.foundation.file_hash import file_hash
-from tools.benchmarks.many.files import Files
 from tools.benchmarks.many.measure import Many, line_through
 from tools.benchmarks.many.report import figures, many_document
-from tools.benchmarks.many.run import Taken, Work
+from tools.benchmarks.many.run import Files, Taken, Work
 from tools.benchmarks.speed.core_alone import INJECTIONS
 from tools.benchmarks.speed.evaluated import CAN_LOG, MDF4, PARQUET
 

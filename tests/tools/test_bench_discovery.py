@@ -14,12 +14,13 @@ from observer_rt.config.bench import NOMINAL_INJECTOR
 from observer_rt.model.effects import VOCABULARY
 from tools.benchmarks.discovery import summary
 from tools.benchmarks.discovery.answers import Answer, read_answer
+from tools.benchmarks.discovery.asking import Asking
 from tools.benchmarks.discovery.cases import HiddenCase, make_case
 from tools.benchmarks.discovery.figures import save_figures
 from tools.benchmarks.discovery.generator import HidingPlan
 from tools.benchmarks.discovery.hidden import HEALTHY, HIDDEN
 from tools.benchmarks.discovery.result import CaseResult, Gap, Interval, Visibility
-from tools.benchmarks.discovery.run import Plan, print_results, run_discovery
+from tools.benchmarks.discovery.run import print_results, run_discovery
 from tools.benchmarks.discovery.scoring import score_case
 from tools.benchmarks.discovery.tables import json_document, misses
 
@@ -251,13 +252,13 @@ with open(LOG, "a") as log:
 def test_a_run_asks_once_scores_all_and_goes_on_where_it_stopped(tmp_path: Path) -> None:
     log, stub, out = tmp_path / "log.txt", tmp_path / "stub.py", tmp_path / "out"
     stub.write_text(STUB.replace("LOG", repr(str(log))))
-    plan = Plan(
+    asking = Asking(
         HidingPlan(("seat_outflow",), 1, 1, (True,), 1),
         workers=1,
         out=out,
         program=(sys.executable, str(stub)),
     )
-    found = run_discovery(plan, Console(quiet=True))
+    found = run_discovery(asking, Console(quiet=True))
     assert found.crashes == ()
     outflow, healthy = sorted(found.results, key=lambda r: r.effect, reverse=True)
     assert (outflow.effect, outflow.above_noise, outflow.right) == ("seat_outflow", True, False)
@@ -270,7 +271,7 @@ def test_a_run_asks_once_scores_all_and_goes_on_where_it_stopped(tmp_path: Path)
     assert not any(effect in path for paths in asked for path in paths for effect in HIDDEN)
     assert not any(Path(path).exists() for paths in asked for path in paths)
 
-    again = run_discovery(replace(plan, hiding=replace(plan.hiding, healthy=2)), Console(quiet=True))
+    again = run_discovery(replace(asking, plan=replace(asking.plan, healthy=2)), Console(quiet=True))
     assert len(log.read_text().splitlines()) == len(calls) + 1
     assert [r for r in again.results if r in found.results] == list(found.results)
     console = Console(width=190)
@@ -289,9 +290,9 @@ if len(recordings) == 6 and not pathlib.Path(FAILED).exists():
 """
     stub.write_text(STUB.replace("LOG", repr(str(log))).replace("header =", fails_once + "header =", 1))
     stub.write_text(stub.read_text().replace("FAILED", repr(str(failed))))
-    plan = Plan(HidingPlan((), 0, 2, (False,), 1), 1, tmp_path / "out", (sys.executable, str(stub)))
-    found = run_discovery(plan, Console(quiet=True))
+    asking = Asking(HidingPlan((), 0, 2, (False,), 1), 1, tmp_path / "out", (sys.executable, str(stub)))
+    found = run_discovery(asking, Console(quiet=True))
     assert [r.right for r in found.results] == [True]
     assert len(found.crashes) == 1
     assert "no luck" in found.crashes[0]
-    assert [r.right for r in run_discovery(plan, Console(quiet=True)).results] == [True, True]
+    assert [r.right for r in run_discovery(asking, Console(quiet=True)).results] == [True, True]

@@ -14,15 +14,14 @@ from tests.tools.blocked import run_alone
 from tools.benchmarks.discovery.cases import FURTHER, GIVEN, benches, make_case, make_cases, measured_rate
 from tools.benchmarks.discovery.generator import write_recordings
 from tools.benchmarks.discovery.hidden import HEALTHY, HIDDEN, same_effect
-from tools.benchmarks.discovery.oracle import record_all, residuals, statistic
-from tools.benchmarks.discovery.rivals import best_statistic
+from tools.benchmarks.discovery.oracle import best_statistic, record_all, residuals, statistic
 from tools.benchmarks.plant import record
 from tools.benchmarks.plant_parameters import Faults
 
 NOTHING_TO_SEE = {"rail_pressure_skew"}  # where the rail is at rest
 ALONE = """
 import io, json
-from tools.benchmarks.discovery import generator, oracle, rivals
+from tools.benchmarks.discovery import generator, oracle
 sys.stdin = io.StringIO(sys.argv[2])
 generator.main(["seal", sys.argv[1]])
 label = json.loads(open(sys.argv[1] + "/labels.json").read())[0]

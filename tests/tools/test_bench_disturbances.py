@@ -10,21 +10,22 @@ from numpy.typing import NDArray
 
 from tests.tools.blocked import run_alone
 from tools.benchmarks.plant import Bench, Outcome, event_start, record
-from tools.benchmarks.pool import Task
-from tools.benchmarks.realism.cases import WEARS, make_realism_case
 from tools.benchmarks.realism.catalogue import (
     AND,
     DISTURBANCES,
     PAIRS,
+    WEARS,
     Selection,
     alone,
     entries,
+    make_realism_case,
     name_of,
     pairs,
     parsed,
 )
 from tools.benchmarks.realism.channels import butterworth, butterworth_delay, filtered
 from tools.benchmarks.realism.outliers import energizing
+from tools.benchmarks.runs import Task
 
 TABLE = {
     "hum_50_hz_line 0.2",

@@ -2,13 +2,12 @@
 
 import json
 import socket
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.tools.test_bench_accuracy import bench
 from tools.benchmarks.live_page.measure import RATE_PANEL
 from tools.benchmarks.live_page.socket_bus import socket_buses
 from tools.benchmarks.live_page.watched import Gaps
@@ -58,8 +57,7 @@ def test_gaps_count_from_begin_to_end() -> None:
 @pytest.mark.slow
 def test_both_pages_are_watched() -> None:
     """In a process of its own, as its user has it. Whether it is smooth is not told beside other tests."""
-    command = [sys.executable, "-m", "tools.benchmarks", "monitor", "--seconds", "2", "--json"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = bench("monitor", "--seconds", "2", "--json")
     assert done.returncode in (0, 1), done.stderr
     found = json.loads(done.stdout[done.stdout.index("{") :])
     assert found["figures"]["longest_gap_ms"] > 0.0

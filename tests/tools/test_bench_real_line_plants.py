@@ -36,9 +36,8 @@ from tools.benchmarks.discovery.real_line.hidden import (
     steps_of,
 )
 from tools.benchmarks.discovery.real_line.rail import LONGEST, drawn_rail
-from tools.benchmarks.plant import Bench, Event, Needle, Outcome, Shot, Surroundings, record
+from tools.benchmarks.plant import Bench, Event, Needle, Outcome, Shot, Surroundings, phases_of, record
 from tools.benchmarks.plant_parameters import ADDED_LATER, Faults, Injector, key_of
-from tools.benchmarks.plant_phases import phases_of
 from tools.benchmarks.sampling import Measured
 from tools.benchmarks.wave_plant import LINES, Variant, WaveLine, new_part, real_part
 

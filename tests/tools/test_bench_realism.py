@@ -13,13 +13,12 @@ from observer_rt.evaluation.evaluate import Evaluation
 from observer_rt.observer.stream.state import Reason
 from tests.tools.made_scores import UKF_SCORE, factors, score
 from tests.tools.test_bench_accuracy import bench
-from tools.benchmarks.pool import Crash, Task
 from tools.benchmarks.realism import reasons as reasons_declared
 from tools.benchmarks.realism.catalogue import alone
-from tools.benchmarks.realism.run import Results, phantoms
+from tools.benchmarks.realism.run import Results, is_known, phantoms, with_stated
 from tools.benchmarks.realism.score import RunScore, Verdict, summary
-from tools.benchmarks.realism.stated import is_known, with_stated
 from tools.benchmarks.realism.tables import missed_bars, realism_document
+from tools.benchmarks.runs import Crash, Task
 from tools.benchmarks.score import CaseScore
 from tools.benchmarks.windows import Windows
 
@@ -184,14 +183,6 @@ def test_command_scores_a_recording_and_goes_on(tmp_path: Path) -> None:
     again = bench(*arguments, "--out", str(tmp_path))
     assert (tmp_path / "observer.jsonl").read_text() == stored
     assert "noise 2" in again.stdout
-
-
-def test_unknown_disturbance_is_the_users_to_mend(tmp_path: Path) -> None:
-    done = bench("realism", "--only", "hum_line", "--out", str(tmp_path / "out"))
-    assert done.returncode == 2
-    assert "hum_line" in done.stderr
-    assert "hum_50_hz_line" in done.stderr
-    assert "Traceback" not in done.stderr
 
 
 def test_what_a_disturbance_states_goes_into_the_bench_file() -> None:

@@ -1,17 +1,15 @@
 """`tools/bench speed` and `soak`: what is made of what was measured."""
 
 import json
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from tools.benchmarks.command_line import finite
 from tools.benchmarks.speed.bars import Figure
-from tools.benchmarks.speed.document import finite
-from tools.benchmarks.speed.latency import latency_of
 from tools.benchmarks.speed.measure import Speed
+from tools.benchmarks.speed.pace import latency_of
 from tools.benchmarks.speed.report import speed_document
 from tools.benchmarks.speed.roundtrip import ECHO, OURS, PEER, RoundTrip, RoundTrips
 from tools.benchmarks.speed.soak import Soak, Stretch
@@ -82,16 +80,3 @@ def test_growth_is_that_of_the_settled_part() -> None:
     grown = Soak(tuple(stretch(n, 300.0 + max(0.0, 20.0 - n) + 0.01 * n) for n in range(100)), "")
     assert grown.growth_mib_an_hour == pytest.approx(0.01 * 360)
     assert np.isnan(Soak(grown.stretches[:5], "").growth_mib_an_hour)
-
-
-def test_unknown_part_is_named() -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "tools.benchmarks", "speed", "--only", "sample,nonsense"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 2
-    assert "'nonsense'" in done.stderr
-    assert "roundtrip" in done.stderr
-    assert "Traceback" not in done.stderr

@@ -21,8 +21,8 @@ from tools.benchmarks.peers import TUNING
 from tools.benchmarks.plant import Bench, Event, Needle, Outcome, Shot, record
 from tools.benchmarks.plant_parameters import Faults
 from tools.benchmarks.tables import class_table, peer_tables
+from tools.benchmarks.wave_accuracy import WAVE_CLASSES, make_wave_case
 from tools.benchmarks.wave_bars import BARS, wave_violations
-from tools.benchmarks.wave_cases import WAVE_CLASSES, make_wave_case
 from tools.benchmarks.wave_plant import LINES, Variant, new_part, real_part
 from tools.benchmarks.wave_recordings import (
     FIT_EVENTS,
@@ -113,25 +113,6 @@ def test_measured_rate_comes_with_a_wrong_inertance(healthy: Outcome, tmp_path: 
     assert load_injector(tmp_path / NEW_PART).line.length == pytest.approx(1.05 * new_part().line_length)
 
 
-def test_command_refuses_what_it_cannot_make(tmp_path: Path) -> None:
-    out = str(tmp_path / "out")
-    for arguments, named in ((("--fault", "nozzle=1"), "orifice_area"), (("--rate", "30"), "divisor")):
-        done = bench("wave-recordings", "--out", out, *arguments)
-        assert done.returncode == 2
-        assert named in done.stderr
-        assert "Traceback" not in done.stderr
-    assert not (tmp_path / "out").exists()
-
-
-def test_a_model_that_is_none_is_the_users_to_mend(tmp_path: Path) -> None:
-    model = tmp_path / "fitted.toml"
-    model.write_text("[line\n")
-    done = bench("accuracy", "--tier", "B", "--model", str(model), "--no-peers", "--out", str(tmp_path))
-    assert done.returncode == 2
-    assert "fitted.toml" in done.stderr
-    assert "Traceback" not in done.stderr
-
-
 def mass_errors_pct(outcome: Outcome, rate: NDArray[np.float64]) -> NDArray[np.float64]:
     windows = windows_of(outcome, 100e3)
     masses = np.array(windows.event_masses_mg(rate, DENSITY))
@@ -204,19 +185,8 @@ def test_peers_are_shown_without_a_limit_of_information() -> None:
 
 @pytest.mark.slow
 def test_classes_are_scored_on_the_model_given(tmp_path: Path) -> None:
-    arguments = (
-        "--tier",
-        "B",
-        "--cases",
-        "1",
-        "--classes",
-        "healthy",
-        "--workers",
-        "1",
-        "--no-peers",
-        "--json",
-    )
-    done = bench("accuracy", *arguments, "--model", str(NOMINAL_INJECTOR), "--out", str(tmp_path))
+    arguments = "accuracy --tier B --cases 1 --classes healthy --workers 1 --no-peers --json --model"
+    done = bench(*arguments.split(), str(NOMINAL_INJECTOR), "--out", str(tmp_path))
     assert done.returncode == 0, done.stderr
     document = json.loads(done.stdout)
     assert document["figures"]["mass_error_max_pct"] > 5.0  # of a lump

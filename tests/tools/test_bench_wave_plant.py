@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from tests.tools.blocked import run_alone
+from tests.tools.test_bench_plant import ringing_frequency
 from tools.benchmarks.plant import Bench, Event, Needle, Outcome, Shot, record, strokes_of, wave_injector
 from tools.benchmarks.plant_equations import Rail
 from tools.benchmarks.plant_parameters import Faults
@@ -108,16 +109,6 @@ def test_what_the_rail_gives_is_injected_or_stored(variant: Variant) -> None:
     stored = (np.sum(swelling) + (y[2 * n] - rail) * lattice.end_volume) / part.bulk_modulus_line
     assert step * np.trapezoid(injected) > 4e-8
     assert step * np.trapezoid(given) == pytest.approx(step * np.trapezoid(injected) + stored, rel=2e-5)
-
-
-def ringing_frequency(outcome: Outcome) -> float:
-    """Of the line pressure 2-12 ms after the needle shut, by its crossings of the rail pressure."""
-    shut = int(outcome.openings[-1, 1])
-    part = slice(shut + 200, shut + 1200)
-    swing = (outcome.truth.line_pressure - outcome.truth.rail_pressure)[part]
-    up = np.flatnonzero((swing[:-1] < 0.0) & (swing[1:] >= 0.0))
-    exact = up - swing[up] / (swing[up + 1] - swing[up])
-    return float((exact.size - 1) / (exact[-1] - exact[0]) * 1e5)
 
 
 @pytest.mark.parametrize("variant", [Variant.PLAIN, Variant.STEP])

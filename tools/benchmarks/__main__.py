@@ -1,8 +1,7 @@
 """`tools/bench`: the figures the work is judged by."""
 
-import json
-import os
 import sys
+import tempfile
 from pathlib import Path
 from typing import Annotated
 
@@ -12,12 +11,28 @@ from rich.markup import escape
 
 from observer_rt.foundation.errors import ObserverError, UserError
 from observer_rt.terminal.console import progress_bar
-from tools.benchmarks import wave_command
-from tools.benchmarks.ablation import CLASSES_TRIED, run_ablation
-from tools.benchmarks.ablation_tables import ablation_document, ablation_tables
+from tools.benchmarks import wave_recordings
+from tools.benchmarks.ablation import CLASSES_TRIED, ablation_document, ablation_tables, run_ablation
 from tools.benchmarks.accuracy import Results, print_results, run_accuracy
 from tools.benchmarks.cases import CLASSES, LUMP_CLASSES
-from tools.benchmarks.chosen import chosen_names
+from tools.benchmarks.command_line import (
+    PROCESSES,
+    JsonOption,
+    ModelOption,
+    NoPeersOption,
+    OutOption,
+    SeedOption,
+    Tier,
+    TierOption,
+    WorkersOption,
+    chosen_names,
+    finite,
+    messages,
+    print_lines,
+    put_out,
+    resumable,
+    screen,
+)
 from tools.benchmarks.damage import damage_document, damage_table, run_damage
 from tools.benchmarks.discovery import command as discovery_command
 from tools.benchmarks.figures import save_figures
@@ -25,45 +40,58 @@ from tools.benchmarks.formats import formats_document, formats_table, measure_fo
 from tools.benchmarks.frame_time import frame_lines, measure_frame_times
 from tools.benchmarks.kalman_peers import joint_ekf, joint_ukf
 from tools.benchmarks.kills.campaign import Plan as KillPlan
-from tools.benchmarks.kills.campaign import run_campaign
-from tools.benchmarks.kills.tables import kills_document, kills_table
-from tools.benchmarks.live_page import command as page_command
-from tools.benchmarks.many import command as many_command
+from tools.benchmarks.kills.campaign import kills_document, kills_table, run_campaign
+from tools.benchmarks.live_page.measure import measure_page, page_document, page_table
+from tools.benchmarks.many.measure import FULL, QUICK, measure_many
+from tools.benchmarks.many.report import many_document, print_many
 from tools.benchmarks.peer_tuning import Trial, grid, trials, tuning_table
 from tools.benchmarks.realism import command as realism_command
 from tools.benchmarks.runs import Plan
-from tools.benchmarks.screen import screen
 from tools.benchmarks.speed import command as speed_command
 from tools.benchmarks.surgery import findings_table, operate, surgeries
 from tools.benchmarks.tables import json_document
-from tools.benchmarks.tier import Tier
-from tools.benchmarks.wave_accuracy import WavePlan, run_wave_accuracy
-from tools.benchmarks.wave_cases import WAVE_CLASSES
+from tools.benchmarks.wave_accuracy import WAVE_CLASSES, WavePlan, run_wave_accuracy
 from tools.benchmarks.wave_plant import Variant
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
-app.command(epilog=wave_command.EXAMPLE)(wave_command.wave_recordings)
+app.command(epilog=wave_recordings.EXAMPLE)(wave_recordings.wave_recordings)
 app.command(epilog=discovery_command.EXAMPLE)(discovery_command.discovery)
 app.command(epilog=realism_command.EXAMPLE)(realism_command.realism)
 app.command(epilog=speed_command.EXAMPLE)(speed_command.speed)
 app.command(epilog=speed_command.SOAK_EXAMPLE)(speed_command.soak)
-app.command(epilog=many_command.EXAMPLE)(many_command.batch)
-app.command(epilog=page_command.EXAMPLE)(page_command.monitor)
-SeedOption = Annotated[int, typer.Option(help="Master seed.")]
-WorkersOption = Annotated[int, typer.Option(min=1, help="Processes.")]
-OutOption = Annotated[Path, typer.Option(help="Folder for results; a run interrupted goes on.")]
-JsonOption = Annotated[bool, typer.Option("--json", help="JSON on stdout.")]
-messages = Console(stderr=True)
-PROCESSES = os.cpu_count() or 1
 FILTERS = {"ukf": joint_ukf, "ekf": joint_ekf}
 CASES, ABLATION_CASES, WAVE_CASES = 60, 10, 20  # per class
-INTERRUPTED = 130  # exit code
-TABLE_WIDTH = 210  # where stdout is no terminal
 
 
 @app.callback()
 def bench() -> None:
     """Measures the observer; each command prints a table, or a JSON document."""
+
+
+@app.command(epilog="Examples: tools/bench batch; tools/bench batch --quick --json")
+def batch(
+    quick: Annotated[bool, typer.Option("--quick", help="Few and short files: a look, no verdict.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """What many recordings cost through `observer-rt batch`, beside the compiled core alone."""
+    found = measure_many(
+        QUICK if quick else FULL, lambda text: messages.print(f"{text} ...", highlight=False)
+    )
+    put_out(as_json, lambda: finite(many_document(found)), lambda console: print_many(found, console), 150)
+
+
+@app.command(epilog="Examples: tools/bench monitor; tools/bench monitor --injectors 3 --seconds 20")
+def monitor(
+    seconds: Annotated[float, typer.Option(min=1.0, help="How long each page is watched.")] = 60.0,
+    injectors: Annotated[int, typer.Option(min=1, max=8, help="Side by side, each on a bus.")] = 1,
+    as_json: JsonOption = False,
+) -> None:
+    """How smoothly the live page is drawn in a real browser, beside a bare page; exit code 1 where it is not."""
+    with tempfile.TemporaryDirectory(prefix="monitor-") as folder:
+        found = measure_page(Path(folder), seconds, injectors)
+    put_out(as_json, lambda: page_document(found), lambda console: console.print(page_table(found)), 120)
+    if not found.is_met:
+        raise typer.Exit(1)
 
 
 @app.command(
@@ -77,21 +105,14 @@ def accuracy(
     classes: Annotated[str, typer.Option(help="Classes, by commas (default: all).")] = "",
     seed: SeedOption = 1,
     workers: WorkersOption = PROCESSES,
-    out: Annotated[
-        Path | None,
-        typer.Option(help="Folder for results (default: in build/); a run interrupted goes on."),
-    ] = None,
-    no_peers: Annotated[bool, typer.Option("--no-peers", help="Only our observer.")] = False,
+    out: OutOption = None,
+    no_peers: NoPeersOption = False,
     ablation: Annotated[
         bool, typer.Option("--ablation", help="Instead: our observer with one part changed each.")
     ] = False,
-    tier: Annotated[
-        Tier, typer.Option(help="A: a plant of the nominal structure. B: a richer one, to which `fit` fits.")
-    ] = Tier.A,
+    tier: TierOption = Tier.A,
     variant: Annotated[Variant, typer.Option(help="Of tier B's line.")] = Variant.PLAIN,
-    model: Annotated[
-        Path | None, typer.Option(help="Tier B: injector file, instead of fitting one.", exists=True)
-    ] = None,
+    model: ModelOption = None,
     measured_rate: Annotated[
         bool,
         typer.Option(
@@ -108,16 +129,13 @@ def accuracy(
         default, usual, folder = WAVE_CLASSES, WAVE_CASES, f"accuracy-{variant}"
     chosen = chosen_names(classes, "--classes", CLASSES, default)
     plan = Plan(chosen, cases or usual, seed, workers, out or Path("build") / folder, not no_peers)
-    try:
+    with resumable("what is scored is"):
         if ablation:
             _ablation(plan, as_json)
         elif tier is Tier.B:
             _show(run_wave_accuracy(WavePlan(plan, variant, model, measured_rate), messages), plan, as_json)
         else:
             _show(run_accuracy(plan, messages), plan, as_json)
-    except KeyboardInterrupt:
-        messages.print("interrupted; what is scored is kept, the same command goes on")
-        raise typer.Exit(INTERRUPTED) from None
 
 
 @app.command(epilog="Example: tools/bench formats --frames 100000")
@@ -127,10 +145,7 @@ def formats(
 ) -> None:
     """What each file format holds, how exactly it keeps time, and how fast it is written and read."""
     found = measure_formats(frames)
-    if as_json:
-        print(json.dumps(formats_document(found), indent=2))
-    else:
-        screen(TABLE_WIDTH).print(formats_table(found))
+    put_out(as_json, lambda: formats_document(found), lambda console: console.print(formats_table(found)))
 
 
 @app.command(epilog="Example: tools/bench damage --files 5000 --seed 1")
@@ -142,10 +157,7 @@ def damage(
 ) -> None:
     """What becomes of damaged files of every format; exit code 1 if one crashes, or shows a traceback."""
     campaign = run_damage(files, seed, workers, messages)
-    if as_json:
-        print(json.dumps(damage_document(campaign), indent=2))
-    else:
-        screen(TABLE_WIDTH).print(damage_table(campaign))
+    put_out(as_json, lambda: damage_document(campaign), lambda console: console.print(damage_table(campaign)))
     for fault in campaign.faults:
         messages.print(f"{fault.task}: {fault.said}", markup=False, highlight=False, soft_wrap=True)
     if campaign.faults:
@@ -153,13 +165,11 @@ def damage(
 
 
 @app.command(epilog="Example: tools/bench frame")
-def frame(as_json: Annotated[bool, typer.Option("--json", help="JSON on stdout.")] = False) -> None:
+def frame(as_json: JsonOption = False) -> None:
     """What a frame of nine samples costs, and what of it the way into compiled code."""
     times = measure_frame_times()
-    if as_json:
-        print(json.dumps({name: time._asdict() for name, time in times._asdict().items()}, indent=2))
-    else:
-        print(frame_lines(times))
+    document = {name: time._asdict() for name, time in times._asdict().items()}
+    put_out(as_json, lambda: document, lambda _: print(frame_lines(times)))
 
 
 @app.command(epilog="Example: tools/bench surgery")
@@ -171,7 +181,7 @@ def surgery() -> None:
         for number, each in enumerate(todo, 1):
             found.append(operate(each))
             advance(number)
-    screen(TABLE_WIDTH).print(findings_table(found))
+    screen().print(findings_table(found))
 
 
 @app.command(
@@ -197,13 +207,13 @@ def kills(
     plan = KillPlan(kills, seed, out, within, interface, channel, small_disk=small_disk)
     with progress_bar(messages, "killing", float(kills)) as progress:
         found = list(run_campaign(plan, progress))
-    if as_json:
-        print(json.dumps(kills_document(found, plan), indent=2))
-    else:
-        screen(TABLE_WIDTH).print(kills_table(found, plan))
+    put_out(
+        as_json,
+        lambda: kills_document(found, plan),
+        lambda console: console.print(kills_table(found, plan)),
+    )
     problems = [problem for kill in found for problem in kill.problems]
-    for problem in problems:
-        messages.print(problem, highlight=False, markup=False)
+    print_lines(messages, problems)
     if problems:
         raise typer.Exit(1)
 
@@ -218,29 +228,29 @@ def peer_tuning(peer: Annotated[str, typer.Option(help="Which filter: ukf or ekf
         for trial in trials(FILTERS[peer]):
             tried.append(trial)
             progress(float(len(tried)))
-    Console(width=TABLE_WIDTH).print(tuning_table(sorted(tried, key=lambda trial: trial.rmse)))
+    screen().print(tuning_table(sorted(tried, key=lambda trial: trial.rmse)))
 
 
 def _show(found: Results, plan: Plan, as_json: bool) -> None:
     for figure in save_figures(found.scores, plan.out):
         messages.print(f"figure: {figure}", highlight=False)
-    if as_json:
-        crashes = [str(crash) for crash in found.crashes]
-        print(json.dumps(json_document(found.scores, crashes, found.sample_time, found.missed), indent=2))
-    else:
-        print_results(found, screen(TABLE_WIDTH))
+    crashes = [str(crash) for crash in found.crashes]
+    put_out(
+        as_json,
+        lambda: json_document(found.scores, crashes, found.sample_time, found.missed),
+        lambda console: print_results(found, console),
+    )
 
 
 def _ablation(plan: Plan, as_json: bool) -> None:
     scores, crashes = run_ablation(plan, messages)
-    if as_json:
-        print(json.dumps(ablation_document(scores, [str(crash) for crash in crashes]), indent=2))
-        return
-    console = screen(TABLE_WIDTH)
-    for table in ablation_tables(scores):
-        console.print(table)
-    for crash in crashes:
-        console.print(f"crash: {crash.task}: {crash.message}", highlight=False, markup=False)
+
+    def show(console: Console) -> None:
+        for table in ablation_tables(scores):
+            console.print(table)
+        print_lines(console, [f"{crash.task}: {crash.message}" for crash in crashes], "crash: ")
+
+    put_out(as_json, lambda: ablation_document(scores, [str(crash) for crash in crashes]), show)
 
 
 def main() -> None:

@@ -2,8 +2,12 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
+import numpy as np
 from rich.console import Console
+from rich.table import Table
 
 from observer_rt.config.bench import BenchInjector
 from observer_rt.estimation.scalars import SCALARS, Scalars
@@ -25,10 +29,10 @@ from tools.benchmarks.batch_learning import (
 )
 from tools.benchmarks.batch_models import KNOWN, shipped_model, tied_rows_model, trained_hidden_model
 from tools.benchmarks.cases import Case, make_case
+from tools.benchmarks.command_line import ruled
 from tools.benchmarks.paper_peer import paper_bench
 from tools.benchmarks.plant import Outcome, record
-from tools.benchmarks.pool import Crash, Task
-from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Plan, scored
+from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Crash, Plan, Store, Task, digest_of, on_case, resumed
 from tools.benchmarks.score import OBSERVER, CaseScore
 from tools.benchmarks.scoring import (
     bench_at,
@@ -38,7 +42,6 @@ from tools.benchmarks.scoring import (
     short_case,
     timed_training,
 )
-from tools.benchmarks.store import Store, digest_of
 from tools.benchmarks.windows import score_rate, windows_of
 
 CLASSES_TRIED = (
@@ -54,6 +57,7 @@ CLASSES_TRIED = (
 )
 SHIPPED, FREE_ROWS = "as shipped", "free rows: the paper's scheme"
 _LINE_AND_SENSOR = ("offset", "friction", "leakage", "stiffness", "lag", "air")
+_NOT_JUDGED = "-"
 
 
 @dataclass(frozen=True)
@@ -107,13 +111,9 @@ def run_ablation(plan: Plan, console: Console) -> tuple[tuple[AblationScore, ...
     """Score the cases not yet scored by this state of the code; progress goes to `console`."""
     crashes: list[Crash[Task]] = []
     store = Store(plan.out / "ablation.jsonl", AblationScore, digest_of((PACKAGE, BENCHMARKS)))
-    scores = scored("ablation", store, ablation_task, warm_up, plan.tasks, plan, console, crashes)
-    return tuple(scores[task] for task in plan.tasks if task in scores), tuple(crashes)
-
-
-def ablation_task(task: Task) -> AblationScore:
-    """Work of one process: every variant on a case."""
-    return score_variants(make_case(task.class_name, task.master_seed, task.number))
+    work = partial(on_case, make_case, score_variants)
+    scores = resumed("ablation", store, work, plan.tasks, plan.workers, console, crashes.append, warm_up)
+    return tuple(scores[task.label] for task in plan.tasks if task.label in scores), tuple(crashes)
 
 
 def warm_up() -> None:
@@ -195,3 +195,70 @@ def _learned(name: str, outcome: Outcome, events: Sequence[SeenEvent]) -> BatchR
     return learn_events(
         model, search, events, outcome.measured.time.size, constants, configured_noise(bench.injector)
     )
+
+
+def ablation_tables(scores: Sequence[AblationScore]) -> tuple[Table, Table]:
+    """Every variant over all cases, and class by class."""
+    classes = list(dict.fromkeys(score.class_name for score in scores))
+    overall = ruled(f"one part changed: {len(scores)} cases, events 11-20", ("observer",), (
+        "mass error %\nmedian", "\np95", "\nmax", "RMSE mm3/ms\np95", "valid\n%", "wrong\nvalid",
+        "training ms\nmedian",
+    ))  # fmt: skip
+    headings = [name.replace("_", "\n") for name in classes]
+    by_class = ruled("mass error %, events 11-20, 95 % of the cases of a class", ("observer",), headings)
+    for variant in VARIANTS:
+        overall.add_row(variant, *_row(_of(variant, scores)))
+        by_class.add_row(
+            variant,
+            *(f"{_p95_mass(_of(variant, [s for s in scores if s.class_name == c])):.3f}" for c in classes),
+        )
+    return overall, by_class
+
+
+def ablation_document(scores: Sequence[AblationScore], crashes: Sequence[str]) -> dict[str, Any]:
+    """`figures` over all cases, `details` per variant and class."""
+    classes = list(dict.fromkeys(score.class_name for score in scores))
+    return {
+        "figures": {"mass_error_p95_pct": {name: _p95_mass(_of(name, scores)) for name in VARIANTS}},
+        "details": {
+            "classes": {
+                c: {name: _details(_of(name, [s for s in scores if s.class_name == c])) for name in VARIANTS}
+                for c in classes
+            },
+            "crashes": list(crashes),
+        },
+    }
+
+
+def _of(variant: str, scores: Sequence[AblationScore]) -> list[VariantScore]:
+    return [v for score in scores for v in score.variants if v.name == variant]
+
+
+def _row(found: Sequence[VariantScore]) -> list[str]:
+    masses = [abs(v.mass_error_pct) for v in found]
+    shares = [v.valid_share for v in found if v.valid_share is not None]
+    return [
+        f"{np.median(masses):.3f}",
+        f"{np.percentile(masses, 95):.3f}",
+        f"{max(masses):.3f}",
+        f"{np.percentile([v.rate_rmse for v in found], 95):.3f}",
+        f"{100.0 * np.mean(shares):.1f}" if shares else _NOT_JUDGED,
+        str(sum(v.wrong_valid for v in found if v.wrong_valid is not None)) if shares else _NOT_JUDGED,
+        f"{np.median([ms for v in found for ms in v.training_ms]):.1f}",
+    ]
+
+
+def _p95_mass(found: Sequence[VariantScore]) -> float:
+    return float(np.percentile([abs(v.mass_error_pct) for v in found], 95))
+
+
+def _details(found: Sequence[VariantScore]) -> dict[str, Any]:
+    masses = [abs(v.mass_error_pct) for v in found]
+    shares = [v.valid_share for v in found if v.valid_share is not None]
+    return {
+        "mass_error_pct": {"median": float(np.median(masses)), "p95": _p95_mass(found), "max": max(masses)},
+        "rate_rmse_p95_mm3_per_ms": float(np.percentile([v.rate_rmse for v in found], 95)),
+        "valid_share": float(np.mean(shares)) if shares else None,
+        "wrong_valid": sum(v.wrong_valid or 0 for v in found) if shares else None,
+        "training_ms_median": float(np.median([ms for v in found for ms in v.training_ms])),
+    }

@@ -1,20 +1,19 @@
 """`tools/bench accuracy`: run the cases, print what came out."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 from rich.console import Console
 
 from tools.benchmarks.bars import followed, slow_sample, violations
 from tools.benchmarks.cases import make_case
+from tools.benchmarks.command_line import print_lines
 from tools.benchmarks.paper_peer import has_paper, score_paper
 from tools.benchmarks.peers import PeerScore, has_peers, score_peers
-from tools.benchmarks.pool import Crash, Task
-from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Plan, scored
+from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Crash, Plan, Store, Task, digest_of, on_case, resumed
 from tools.benchmarks.sample_time import measure_sample_time
 from tools.benchmarks.score import CaseScore, SampleTime
 from tools.benchmarks.scoring import score_case, warm_up
-from tools.benchmarks.store import Store, digest_of
 from tools.benchmarks.tables import class_table, following_table, has_peer, peer_tables
 
 
@@ -36,16 +35,21 @@ def run_accuracy(plan: Plan, console: Console) -> Results:
     """
     crashes: list[Crash[Task]] = []
     store = Store(plan.out / "observer.jsonl", CaseScore, digest_of((PACKAGE, BENCHMARKS)))
-    scores = scored("observer", store, score_task, warm_up, plan.tasks, plan, console, crashes)
-    if plan.peers:
-        peer_store = Store(plan.out / "peers.jsonl", PeerScore, digest_of((BENCHMARKS,)))
-        tasks = tuple(task for task in plan.tasks if has_peers(task.class_name))
-        peers = scored("peers", peer_store, peers_task, warm_up, tasks, plan, console, crashes)
-        paper_store = Store(plan.out / "paper.jsonl", PeerScore, digest_of((PACKAGE, BENCHMARKS)))
-        tasks = tuple(task for task in plan.tasks if has_paper(task.class_name))
-        paper = scored("paper", paper_store, paper_task, warm_up, tasks, plan, console, crashes)
-        scores = {task: joined(s, (peers.get(task), paper.get(task))) for task, s in scores.items()}
-    found = tuple(scores[task] for task in plan.tasks if task in scores)
+    work = partial(on_case, make_case, score_case)
+    scores = resumed("observer", store, work, plan.tasks, plan.workers, console, crashes.append, warm_up)
+    for name, sources, is_run, score in (
+        ("peers", (BENCHMARKS,), has_peers, score_peers),
+        ("paper", (PACKAGE, BENCHMARKS), has_paper, score_paper),
+    ):
+        if plan.peers:
+            peer_store = Store(plan.out / f"{name}.jsonl", PeerScore, digest_of(sources))
+            tasks = [task for task in plan.tasks if is_run(task.class_name)]
+            peer_work = partial(on_case, make_case, score)
+            parts = resumed(
+                name, peer_store, peer_work, tasks, plan.workers, console, crashes.append, warm_up
+            )
+            scores = {label: joined(s, parts.get(label)) for label, s in scores.items()}
+    found = tuple(scores[task.label] for task in plan.tasks if task.label in scores)
     took = measure_sample_time()
     return Results(found, tuple(crashes), took, (*violations(found), *slow_sample(took)))
 
@@ -63,31 +67,13 @@ def print_results(results: Results, console: Console) -> None:
         f"one sample of the observer at 100 kHz, us: needle open {took.open_us:.2f}, shut {took.closed_us:.2f}",
         highlight=False,
     )
-    for line in results.missed:
-        console.print(line, highlight=False, markup=False)
-    for crash in results.crashes:
-        console.print(f"crash: {crash.task}: {crash.message}", highlight=False, markup=False)
+    print_lines(console, results.missed)
+    print_lines(console, [f"{crash.task}: {crash.message}" for crash in results.crashes], "crash: ")
 
 
-def score_task(task: Task) -> CaseScore:
-    """Work of one process: our observer on a case."""
-    return score_case(make_case(task.class_name, task.master_seed, task.number))
-
-
-def peers_task(task: Task) -> PeerScore:
-    """Work of one process: the peers on a case."""
-    return score_peers(make_case(task.class_name, task.master_seed, task.number))
-
-
-def paper_task(task: Task) -> PeerScore:
-    """Work of one process: the paper's scheme on a case."""
-    return score_paper(make_case(task.class_name, task.master_seed, task.number))
-
-
-def joined(score: CaseScore, parts: Sequence[PeerScore | None]) -> CaseScore:
+def joined(score: CaseScore, part: PeerScore | None) -> CaseScore:
     """The score with those of peers that ran."""
-    for part in parts:
-        if part is not None:
-            limits = part.limits_mg or score.limits_mg
-            score = replace(score, estimators=score.estimators + part.estimators, limits_mg=limits)
-    return score
+    if part is None:
+        return score
+    limits = part.limits_mg or score.limits_mg
+    return replace(score, estimators=score.estimators + part.estimators, limits_mg=limits)

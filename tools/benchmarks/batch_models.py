@@ -1,21 +1,23 @@
 """What is learned in a batch: the observer's phi, the same with V trained, tied rows without structure."""
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.estimation.learned import Learned, learned_of
 from observer_rt.estimation.prediction_error import HUBER, EventCost, Linearisation, robust_cost
-from observer_rt.estimation.predictor import NO_SLOPES, Setting, Window, follow, innovations
+from observer_rt.estimation.predictor import NO_SLOPES, Setting, Window, correct, follow, innovations
 from observer_rt.estimation.scalars import SCALARS
 from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
 from observer_rt.model.network import ARGUMENTS, HIDDEN, constant_network, zero_network
+from observer_rt.model.sensor import lagged
 from observer_rt.observer.learning.fitting import Limits, theta_limits
-from observer_rt.observer.paper_scheme.network import FreeNetwork
-from observer_rt.observer.paper_scheme.systems import PaperSetting, design_vector
+from observer_rt.observer.paper_scheme.network import FreeNetwork, free_fault
+from observer_rt.observer.paper_scheme.systems import PaperSetting, balanced_rate, design_vector, observe
 from tools.benchmarks.batch_learning import Model
-from tools.benchmarks.tied_rows import Correction, sweep
 
 HIDDEN_PRIOR = 1.0  # of an element of V (one sigma), round where it starts
 HIDDEN_DRIFT = 1e-2  # an event
@@ -25,6 +27,50 @@ TIED_PRIOR = 0.45  # of weights and bias of the tied rows, in units of the nozzl
 _NOZZLE_WEIGHTS = slice(Parameter.NOZZLE_WEIGHT, Parameter.NOZZLE_WEIGHT + HIDDEN)
 
 Predict = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+
+
+class Correction(NamedTuple):
+    """Gain (3,) of x~, and of the sensor the offset [p_0] and the lag [s]."""
+
+    gain: NDArray[np.float64]
+    offset: float
+    lag: float
+
+
+@njit(cache=True, nogil=True)
+def sweep(
+    window: Window,
+    setting: PaperSetting,
+    correction: Correction,
+    network: FreeNetwork,
+    corrected: int,
+    innovations: NDArray[np.float64],
+    rate: NDArray[np.float64],
+) -> None:
+    """Innovations (n,) of x~ [p_0] and injection rate (n,) [m3/s]; from sample `corrected` on it runs open loop.
+
+    Nothing holds phi at 0 while the needle is shut; only when it has long been is the sac at rest and the rate 0.
+    """
+    x = window.start[:-1].copy()
+    indicated = window.start[-1]
+    innovations[0] = 0.0
+    rate[0] = 0.0
+    for k in range(1, window.output.shape[0]):
+        u_start = (window.inputs[k - 1, 0], window.inputs[k - 1, 1])
+        u_end = (window.inputs[k, 0], window.inputs[k, 1])
+        before = x[0]
+        observe(x, u_start, u_end, setting, network)
+        indicated = lagged(indicated, before, x[0], setting.interval, correction.lag)
+        innovation = window.output[k] - correction.offset - indicated
+        innovations[k] = innovation
+        if k < corrected:
+            indicated = correct(x, indicated, innovation, correction.gain, None)
+        rate[k] = 0.0
+        if window.resting[k]:
+            x[2] = 0.0
+        else:
+            phi = free_fault(x, (u_end[0], max(u_end[1], 0.0)), network)
+            rate[k] = balanced_rate(x[2], u_end[1], phi[0], setting.coefficients)
 
 
 class DifferencedCost:

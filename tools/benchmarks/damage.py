@@ -28,7 +28,7 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.recording import formats
 from observer_rt.terminal.console import progress_bar
 from tools.benchmarks.damage_files import DATABASE, makers, write_database
-from tools.benchmarks.pool import Crash, run_tasks
+from tools.benchmarks.runs import Crash, run_tasks
 
 JUDGED = (".mf4",)  # whose readers lose no frame in silence; text may lose whole lines
 LONG = 30.0  # s, for one of these small files, on a machine that has other work

@@ -10,11 +10,10 @@ from observer_rt.config.bench import Bench
 from observer_rt.config.injector import LearningConfig, Training
 from observer_rt.evaluation.evaluate import evaluate
 from tools.benchmarks.cases import CLASSES, Case, Group
-from tools.benchmarks.peers import PeerScore
+from tools.benchmarks.peers import PeerScore, peer_score
 from tools.benchmarks.plant import record
 from tools.benchmarks.score import PAPER
 from tools.benchmarks.scoring import bench_at, recording_of
-from tools.benchmarks.windows import score_rate, windows_of
 
 IDENTIFICATION_GAIN = 1e5  # 1/s
 LEFT_OUT = ("bulk_modulus", "entrained_air")  # line faults; friction and leakage are there
@@ -34,9 +33,7 @@ def paper_bench(sample_rate: float) -> Bench:
 def score_paper(case: Case) -> PeerScore:
     """Record a case and score the paper's scheme; a sample without rate counts with the nominal model's."""
     outcome = record(case.bench)
-    windows = windows_of(outcome, case.bench.sample_rate)
     bench = paper_bench(case.bench.sample_rate)
     trace = evaluate(bench, [recording_of(outcome)]).evaluations[0].trace
     rate = np.where(np.isnan(trace.injection_rate), trace.nominal_rate, trace.injection_rate)
-    score = score_rate(PAPER, rate, outcome.truth, windows, case.bench.injector.density)
-    return PeerScore(case.class_name, case.master_seed, case.number, (score,), ())
+    return peer_score(case, outcome, {PAPER: rate})

@@ -15,6 +15,7 @@ from rich.table import Table
 
 from observer_rt.foundation.units import MEGAPASCAL, MM3_PER_MS
 from tools.benchmarks.cases import CLASSES, Group, make_case
+from tools.benchmarks.command_line import ruled
 from tools.benchmarks.kalman_peers import FilterResult, Tuning
 from tools.benchmarks.peer_inputs import PeerInputs, peer_inputs
 from tools.benchmarks.plant import Outcome, record
@@ -55,14 +56,13 @@ def trials(run: Filter) -> Iterator[Trial]:
 
 def tuning_table(tried: Sequence[Trial]) -> Table:
     """Settings and what they gave, in this order."""
-    table = Table(title=f"noise settings, seed {TUNING_SEED}", title_justify="left")
-    for heading in (
+    headings = (
         "v_H walk a sample",
         "model noise [MPa]",
         "line noise [x true]",
         "RMSE, geometric mean [mm3/ms]",
-    ):
-        table.add_column(heading, justify="right")
+    )
+    table = ruled(f"noise settings, seed {TUNING_SEED}", (), headings)
     for trial in tried:
         t = trial.tuning
         table.add_row(

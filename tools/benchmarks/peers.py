@@ -1,24 +1,22 @@
 """The peers on one case, and the information limit beside them."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
+from tools.benchmarks.arrays import Array
 from tools.benchmarks.cases import CLASSES, Case, Group
 from tools.benchmarks.information_limit import mass_limits_mg
 from tools.benchmarks.joint_fit import joint_fit_rate
 from tools.benchmarks.kalman_peers import Tuning, joint_ekf, joint_ukf
 from tools.benchmarks.peer_inputs import PeerInputs, peer_inputs
-from tools.benchmarks.plant import record
-from tools.benchmarks.pool import Task
+from tools.benchmarks.plant import Outcome, record
+from tools.benchmarks.runs import Task
 from tools.benchmarks.score import EKF, FIT, UKF, EstimatorScore
 from tools.benchmarks.windows import score_rate, windows_of
 
 TUNING = Tuning(wear_walk=1e-5, model_noise=3e4, line_noise=2.0)  # see peer_tuning.py
 
-PEERS: dict[str, Callable[[PeerInputs], NDArray[np.float64]]] = {
+PEERS: dict[str, Callable[[PeerInputs], Array]] = {
     UKF: lambda inputs: joint_ukf(inputs, TUNING).rate,
     EKF: lambda inputs: joint_ekf(inputs, TUNING).rate,
     FIT: joint_fit_rate,
@@ -46,16 +44,14 @@ def score_peers(case: Case) -> PeerScore:
     """Record a case and score every peer on the recording."""
     outcome = record(case.bench)
     inputs = peer_inputs(outcome.measured)
-    windows = windows_of(outcome, case.bench.sample_rate)
-    density = case.bench.injector.density
     injected = tuple(event.faults for event in case.bench.events if event.shots)
-    estimators = []
-    for name, rate_of in PEERS.items():
-        estimators.append(score_rate(name, rate_of(inputs), outcome.truth, windows, density))
-    return PeerScore(
-        case.class_name,
-        case.master_seed,
-        case.number,
-        tuple(estimators),
-        mass_limits_mg(inputs, windows, injected, density),
-    )
+    scored = peer_score(case, outcome, {name: rate_of(inputs) for name, rate_of in PEERS.items()})
+    windows = windows_of(outcome, case.bench.sample_rate)
+    return replace(scored, limits_mg=mass_limits_mg(inputs, windows, injected, case.bench.injector.density))
+
+
+def peer_score(case: Case, outcome: Outcome, rates: Mapping[str, Array]) -> PeerScore:
+    """Score of the rates [m3/s] (n,) that peers tell of a recorded case; no limit."""
+    windows, density = windows_of(outcome, case.bench.sample_rate), case.bench.injector.density
+    scores = tuple(score_rate(name, rate, outcome.truth, windows, density) for name, rate in rates.items())
+    return PeerScore(case.class_name, case.master_seed, case.number, scores, ())

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from tools.benchmarks.arrays import Array
 from tools.benchmarks.plant_equations import Rail, State, run
 from tools.benchmarks.plant_parameters import Faults, Injector, with_faults
-from tools.benchmarks.plant_phases import phases_of
 from tools.benchmarks.sampling import Measured, Step, sampled
 from tools.benchmarks.wave_plant import WaveLine, WavePlant
 
@@ -26,6 +25,7 @@ RAIL_MOVES = (0.022, 0.050)  # s after an event starts: the rail goes to the nex
 REFERENCE_PRESSURE = 100e6  # Pa, at which the needle's speeds are given
 WAVE_CELLS = 40
 WAVE_DAMPING = 1.0  # m2/s
+HOLE_CLOSES = 0.6e-3  # s after an opening
 
 
 @dataclass(frozen=True)
@@ -244,3 +244,27 @@ def _openings(lift: Array) -> NDArray[np.int64]:
     is_open = np.concatenate(([False], lift > 1e-6, [False]))
     changes = np.flatnonzero(is_open[1:] != is_open[:-1])
     return np.stack((changes[::2], changes[1::2] - 1), axis=1)
+
+
+def phases_of(faults: Faults, strokes: Array) -> tuple[tuple[float, Faults], ...]:
+    """When [s] which faults come into force within an event, after those of its beginning, in order.
+
+    strokes (m, 6): as of `plant_equations.lift_at`.
+    """
+    changing = faults.hole_closing != 0.0 or faults.seat_hysteresis != 0.0
+    return tuple(phase for stroke in strokes for phase in _of_opening(faults, stroke)) if changing else ()
+
+
+def _of_opening(faults: Faults, stroke: Array) -> list[tuple[float, Faults]]:
+    opening, _, closing, closed = (float(moment) for moment in stroke[:4])
+    late = opening + HOLE_CLOSES
+    phases = []
+    for moment in sorted((late, closing)):
+        now = faults
+        if moment >= late:
+            now = now._replace(orifice_area=(1.0 + now.orifice_area) * (1.0 - now.hole_closing) - 1.0)
+        if moment >= closing:
+            now = now._replace(seat_lift_loss=now.seat_lift_loss - now.seat_hysteresis)
+        if moment < closed:
+            phases.append((moment, now))
+    return [*phases, (closed, faults)]

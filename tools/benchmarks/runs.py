@@ -1,22 +1,64 @@
-"""Cases scored on a few processes, resumably."""
+"""Cases worked through on a few processes, resumably: results are on disk, one JSON line a case."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+import hashlib
+import json
+import multiprocessing
+import os
+import signal
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import Generic, Protocol, TypeVar
 
+from pydantic import TypeAdapter, ValidationError
 from rich.console import Console
 
 import observer_rt
+from observer_rt.foundation.errors import RunError
 from observer_rt.terminal.console import progress_bar
-from tools.benchmarks.pool import Crash, Task, run_tasks
-from tools.benchmarks.store import Store
 
 BENCHMARKS = Path(__file__).parent
 PACKAGE = Path(observer_rt.__file__).parent
+_SINGLE_THREADED = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+_AHEAD = 2  # tasks handed out per process: an interrupted run loses no more
 
 
-Part = TypeVar("Part", bound=Task)
+class Labelled(Protocol):
+    """What is worked on case by case, or comes of it."""
+
+    @property
+    def label(self) -> str:
+        """Label of the case."""
+
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+Given = TypeVar("Given", bound=Labelled)
+Part = TypeVar("Part", bound=Labelled)
+
+
+@dataclass(frozen=True)
+class Crash(Generic[Item]):
+    """A task that raised an exception."""
+
+    task: Item
+    message: str
+
+
+@dataclass(frozen=True)
+class Task:
+    """One case, by what determines it."""
+
+    class_name: str
+    master_seed: int
+    number: int
+
+    @property
+    def label(self) -> str:
+        """The same as text."""
+        return f"{self.class_name} {self.master_seed} {self.number}"
 
 
 @dataclass(frozen=True)
@@ -36,34 +78,107 @@ class Plan:
         return tuple(Task(c, self.master_seed, n) for c in self.classes for n in range(self.cases))
 
 
-def scored(
+def digest_of(sources: Iterable[Path]) -> str:
+    """Digest of Python files, and of all in folders: results belong to one state of the code."""
+    digest = hashlib.sha256()
+    for source in sources:
+        for path in sorted(source.rglob("*.py")) if source.is_dir() else [source]:
+            digest.update(path.relative_to(source).as_posix().encode())
+            digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+class Store(Generic[Result]):
+    """A file of results of one type; lines of another state of the code, or cut short, do not count."""
+
+    def __init__(self, path: Path, result_type: type[Result], digest: str) -> None:
+        """The folder is made when the first result is added."""
+        self.path = path
+        self._adapter = TypeAdapter(result_type)
+        self._digest = digest
+
+    def load(self) -> list[Result]:
+        """All results of this state of the code."""
+        if not self.path.exists():
+            return []
+        results = []
+        for line in self.path.read_text().splitlines():
+            try:
+                entry = json.loads(line)
+                if entry["digest"] == self._digest:
+                    results.append(self._adapter.validate_python(entry["score"]))
+            except (json.JSONDecodeError, KeyError, TypeError, ValidationError):
+                continue  # the line an interrupted run was writing
+        return results
+
+    def add(self, result: Result) -> None:
+        """Append one result and flush it."""
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        cut_short = self.path.exists() and not self.path.read_bytes().endswith(b"\n")
+        with self.path.open("a") as file:
+            if cut_short:
+                file.write("\n")
+            file.write(json.dumps({"digest": self._digest, "score": asdict(result)}) + "\n")  # type: ignore[call-overload]
+
+
+def resumed(
     what: str,
     store: Store[Part],
-    work: Callable[[Task], Part],
-    warm_up: Callable[[], None],
-    tasks: tuple[Task, ...],
-    plan: Plan,
+    work: Callable[[Given], Part],
+    cases: Sequence[Given],
+    workers: int,
     console: Console,
-    crashes: list[Crash[Task]],
-) -> dict[Task, Part]:
-    """Results of `tasks`, those not in the store worked out and added to it; progress goes to `console`."""
-    wanted = set(tasks)
-    scores = {task: s for s in store.load() if (task := _task_of(s)) in wanted}
-    missing = [task for task in tasks if task not in scores]
-    if scores and missing:
-        console.print(f"{what}: {len(scores)} of {len(wanted)} cases are there already, in {plan.out}")
+    on_crash: Callable[[Crash[Given]], None],
+    warm_up: Callable[[], None] | None = None,
+) -> dict[str, Part]:
+    """Results by label: those in the store, and the missing ones worked out; progress goes to `console`."""
+    labels = {case.label for case in cases}
+    done = {part.label: part for part in store.load() if part.label in labels}
+    missing = [case for case in cases if case.label not in done]
+    if done and missing:
+        console.print(f"{what}: {len(done)} of {len(labels)} cases are there already, in {store.path.parent}")
     if not missing:
-        return scores
+        return done
     with progress_bar(console, what, float(len(missing))) as progress:
-        for number, result in enumerate(run_tasks(work, missing, plan.workers, warm_up)):
+        for number, result in enumerate(run_tasks(work, missing, workers, warm_up)):
             if isinstance(result, Crash):
-                crashes.append(result)
+                on_crash(result)
             else:
                 store.add(result)
-                scores[_task_of(result)] = result
+                done[result.label] = result
             progress(float(number + 1))
-    return scores
+    return done
 
 
-def _task_of(score: Task) -> Task:
-    return Task(score.class_name, score.master_seed, score.number)
+def on_case(make: Callable[[str, int, int], Item], score: Callable[[Item], Result], task: Task) -> Result:
+    """Work of one process: draw the case of a task, and score it."""
+    return score(make(task.class_name, task.master_seed, task.number))
+
+
+def run_tasks(
+    work: Callable[[Item], Result], tasks: Sequence[Item], workers: int, warm_up: Callable[[], None] | None
+) -> Iterator[Result | Crash[Item]]:
+    """Results in the order they are ready; `work` and `warm_up` (once a process) are module-level functions."""
+    for variable in _SINGLE_THREADED:  # the processes share the cores already
+        os.environ.setdefault(variable, "1")
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(workers, context, initializer=_prepare, initargs=(warm_up,)) as pool:
+        waiting = list(reversed(tasks))
+        running: dict[Future[Result], Item] = {}
+        while waiting or running:
+            while waiting and len(running) < _AHEAD * workers:
+                task = waiting.pop()
+                running[pool.submit(work, task)] = task
+            done, _ = wait(running, return_when=FIRST_COMPLETED)
+            for future in done:
+                task = running.pop(future)
+                error = future.exception()
+                if isinstance(error, BrokenProcessPool):
+                    raise RunError("a process of the bench was killed; what is scored is kept, run it again")
+                yield Crash(task, f"{type(error).__name__}: {error}") if error else future.result()
+
+
+def _prepare(warm_up: Callable[[], None] | None) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's: it lets the cases under way end
+    if warm_up is not None:
+        warm_up()

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tools.benchmarks.pool import Task
+from tools.benchmarks.runs import Task
 
 SCORED = slice(10, 20)  # events 11-20
 WRONG_MASS = 3.0  # %, beyond which a valid injection is wrong

@@ -19,6 +19,7 @@ from tools.benchmarks.bars import (
     x3_ratios,
 )
 from tools.benchmarks.cases import CLASSES, Group
+from tools.benchmarks.command_line import ruled
 from tools.benchmarks.proportions import clopper_pearson
 from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore, SampleTime
 
@@ -30,14 +31,11 @@ def class_table(scores: Sequence[CaseScore]) -> Table:
 
     "worse than nominal": by how much more than three events of some case are, at the least.
     """
-    table = Table(title="observer, events 11-20", title_justify="left")
-    table.add_column("class", no_wrap=True)
-    for heading in (
+    table = ruled("observer, events 11-20", ("class",), (
         "cases", "mass error %\nmedian", "\np95", "\nmax", "RMSE mm3/ms\nmedian", "\np95", "\nmax",
         "valid\n%", "wrong\nvalid", "worse than\nnominal %", "x3 ratio\np5", "coverage %\nmass (99 % int.)", "\nrate",
         "training ms\nmedian", "\np99", "nominal\nmass % median",
-    ):  # fmt: skip
-        table.add_column(heading, justify="right")
+    ))  # fmt: skip
     for name, cases in by_class(scores).items():
         table.add_row(name, *_row(cases))
     return table
@@ -45,10 +43,8 @@ def class_table(scores: Sequence[CaseScore]) -> Table:
 
 def following_table(scores: Sequence[CaseScore]) -> Table:
     """How often the mass is within 1 % at the third event of a worn injector, and three events after a change."""
-    table = Table(title="mass within 1 % in time, share of the cases in %", title_justify="left")
-    table.add_column("class", no_wrap=True)
-    for heading in ("asked", "cases", "all", "99 % interval", "one operating point", "varying"):
-        table.add_column(heading, justify="right")
+    headings = ("asked", "cases", "all", "99 % interval", "one operating point", "varying")
+    table = ruled("mass within 1 % in time, share of the cases in %", ("class",), headings)
     for name, cases in by_class(scores).items():
         judged = [s for s in cases if followed(s) is not None]
         if judged:
@@ -87,12 +83,8 @@ def has_peer(score: CaseScore) -> bool:
 def peer_tables(scores: Sequence[CaseScore]) -> tuple[Table, Table]:
     """Every estimator, class by class, median and largest of mass error and of RMSE; and the information limit."""
     names = list(dict.fromkeys(e.name for s in scores for e in s.estimators))
-    mass = Table(title="mass error %, events 11-20, median / max", title_justify="left")
-    rate = Table(title="RMSE mm3/ms, events 11-20, median / max", title_justify="left")
-    for table in (mass, rate):
-        table.add_column("class", no_wrap=True)
-        for name in names:
-            table.add_column(name, justify="right", no_wrap=True)
+    mass = ruled("mass error %, events 11-20, median / max", ("class",), names, no_wrap=True)
+    rate = ruled("RMSE mm3/ms, events 11-20, median / max", ("class",), names, no_wrap=True)
     mass.add_column("limit %\n1 sigma", justify="right")
     mass.add_column("half-width\nvs limit", justify="right")
     for class_name, cases in by_class(scores).items():

@@ -3,7 +3,7 @@
 import subprocess
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -14,21 +14,38 @@ from observer_rt.foundation.errors import RunError
 from observer_rt.terminal.console import progress_bar
 from tools.benchmarks.accuracy import Results, joined
 from tools.benchmarks.bars import slow_sample
+from tools.benchmarks.cases import Case, make_case
+from tools.benchmarks.fitted_lump import lumps_of, score_wave_peers
 from tools.benchmarks.peers import PeerScore
 from tools.benchmarks.plant import Outcome, record
-from tools.benchmarks.pool import Crash, Task
-from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Plan, scored
+from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Crash, Plan, Store, Task, digest_of, on_case, resumed
 from tools.benchmarks.sample_time import measure_sample_time
 from tools.benchmarks.score import CaseScore
 from tools.benchmarks.scoring import score_case, short_case
-from tools.benchmarks.store import Store, digest_of
 from tools.benchmarks.wave_bars import wave_violations
-from tools.benchmarks.wave_cases import make_wave_case
-from tools.benchmarks.wave_peers import PEER_CASES, Lumps, lumps_of, score_wave_peers
-from tools.benchmarks.wave_plant import Variant
+from tools.benchmarks.wave_plant import LINES, Variant, real_part
 from tools.benchmarks.wave_recordings import NEW_PART, healthy_benches, write_recordings
 
 FITTED = "fitted.toml"
+PEER_CASES = 4  # of a class: a joint UKF takes some 15 s a recording
+WAVE_CLASSES = (
+    "healthy",
+    "orifice_area",
+    "seat_area",
+    "orifice_and_seat_area",
+    "guide_leakage",
+    "chamber_pressure_rise",
+    "orifice_cavitation",
+    "line_friction",
+    "line_pressure_sensor_offset",
+    "line_pressure_sensor_lag",
+    "rail_pressure_sensor_offset",
+    "bulk_modulus",
+    "entrained_air",
+    "mixture",
+    "wear_averaged_20_khz",
+)
+"""With the faults and schedules of the bars, on another injector and line."""
 
 
 @dataclass(frozen=True)
@@ -45,21 +62,29 @@ class WavePlan:
     measured_rate: bool = False
 
 
+def make_wave_case(variant: Variant, class_name: str, master_seed: int, number: int) -> Case:
+    """The case with this number; a master seed has one injector. Raises KeyError for an unknown class."""
+    case = make_case(class_name, master_seed, number)
+    bench = replace(case.bench, injector=real_part(master_seed), line=LINES[variant])
+    return replace(case, bench=bench)
+
+
 def run_wave_accuracy(wave: WavePlan, console: Console) -> Results:
     """Record, fit, and score the cases not yet scored with this model; progress goes to `console`."""
     plan, variant = wave.plan, wave.variant
     model, healthy = fitted_model(wave, console)
     crashes: list[Crash[Task]] = []
     store = Store(plan.out / f"observer-{variant}.jsonl", CaseScore, digest_of((PACKAGE, BENCHMARKS, model)))
-    work, ready = partial(score_wave_task, variant, model), partial(warm_up_model, model)
-    scores = scored("observer", store, work, ready, plan.tasks, plan, console, crashes)
+    make, ready = partial(make_wave_case, variant), partial(warm_up_model, model)
+    work = partial(on_case, make, partial(score_case, model=model))
+    scores = resumed("observer", store, work, plan.tasks, plan.workers, console, crashes.append, ready)
     if plan.peers:
         peer_store = Store(plan.out / f"peers-{variant}.jsonl", PeerScore, digest_of((BENCHMARKS,)))
-        tasks = tuple(task for task in plan.tasks if task.number < PEER_CASES)
-        peer_work = partial(wave_peers_task, variant, lumps_of(list(healthy.values())))
-        peers = scored("peers", peer_store, peer_work, ready, tasks, plan, console, crashes)
-        scores = {task: joined(s, (peers.get(task),)) for task, s in scores.items()}
-    found = tuple(scores[task] for task in plan.tasks if task in scores)
+        tasks = [task for task in plan.tasks if task.number < PEER_CASES]
+        peer_work = partial(on_case, make, partial(score_wave_peers, lumps=lumps_of(list(healthy.values()))))
+        peers = resumed("peers", peer_store, peer_work, tasks, plan.workers, console, crashes.append, ready)
+        scores = {label: joined(s, peers.get(label)) for label, s in scores.items()}
+    found = tuple(scores[task.label] for task in plan.tasks if task.label in scores)
     took = measure_sample_time(model)
     return Results(found, tuple(crashes), took, (*wave_violations(found, variant), *slow_sample(took)))
 
@@ -70,16 +95,6 @@ def fitted_model(wave: WavePlan, console: Console) -> tuple[Path, dict[str, Outc
     model = wave.model or _fitted(wave, healthy, console)
     load_injector(model)  # refused here, not in every process
     return model, healthy
-
-
-def score_wave_task(variant: Variant, model: Path, task: Task) -> CaseScore:
-    """Work of one process: our observer on a case."""
-    return score_case(make_wave_case(variant, task.class_name, task.master_seed, task.number), model)
-
-
-def wave_peers_task(variant: Variant, lumps: Lumps, task: Task) -> PeerScore:
-    """Work of one process: the peers on a case."""
-    return score_wave_peers(make_wave_case(variant, task.class_name, task.master_seed, task.number), lumps)
 
 
 def warm_up_model(model: Path) -> None:

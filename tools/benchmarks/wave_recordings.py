@@ -5,9 +5,12 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import typer
 from numpy.typing import NDArray
+from rich.console import Console
 
 from observer_rt.config.bench import NOMINAL_INJECTOR
 from observer_rt.foundation.errors import UserError
@@ -21,9 +24,10 @@ from observer_rt.recording.signals.csv_file import (
     write_columns,
 )
 from observer_rt.simulation.simulate import SAC_PRESSURE, truth_path
+from observer_rt.terminal.console import progress_bar
 from tools.benchmarks.cases import drawn_events
 from tools.benchmarks.fitted_lump import RATE_NOISE
-from tools.benchmarks.plant import SAMPLE_RATE, Bench, Event, Needle, Outcome, Shot
+from tools.benchmarks.plant import SAMPLE_RATE, Bench, Event, Needle, Outcome, Shot, record
 from tools.benchmarks.plant_parameters import Faults, key_of
 from tools.benchmarks.scoring import recording_of
 from tools.benchmarks.wave_plant import LINES, Variant, new_part, real_part
@@ -34,6 +38,7 @@ FIT_EVENTS = 6  # in a recording of 0.52 s
 START_SPREAD = 50e-6  # s, of an event on the grid of samples
 NEW_PART = "new_part.toml"
 WRONG_LENGTH = 1.05  # of the line, as its maker says, where a measured rate can put it right
+EXAMPLE = "Example: tools/bench wave-recordings --out build/plain; observer-rt fit build/plain/*ms.csv ..."
 
 
 def healthy_benches(
@@ -128,3 +133,38 @@ def _write_truth(path: Path, outcome: Outcome) -> None:
             (SAC_PRESSURE, truth.sac_pressure),
         ],
     )
+
+
+def wave_recordings(
+    out: Annotated[Path, typer.Option(help="Folder for the recordings and their truth.")],
+    variant: Annotated[Variant, typer.Option(help="What the line is like.")] = Variant.PLAIN,
+    fault: Annotated[
+        list[str] | None,
+        typer.Option(help="NAME=VALUE (SI; may be repeated): one recording of 20 events with it, instead."),
+    ] = None,
+    rate: Annotated[float, typer.Option(help="Sample rate [kHz], a divisor of 100.")] = 100.0,
+    averaged: Annotated[
+        bool, typer.Option("--averaged", help="Samples are means over the sample period that ends there.")
+    ] = False,
+    measured_rate: Annotated[
+        bool,
+        typer.Option(
+            "--measured-rate", help="With a measured rate; the injector file's inertance is 5 % wrong."
+        ),
+    ] = False,
+    seed: Annotated[int, typer.Option(help="Master seed.")] = 1,
+) -> None:
+    """Six healthy recordings of an injector on a line with travelling waves, as `fit` wants them."""
+    if 100.0 % rate:
+        raise UserError("--rate", f"{rate:g} kHz is no divisor of 100", "give 100, 50, 20 or 10")
+    hz = 1e3 * rate
+    if fault:
+        benches = {"_".join(fault): faulty_bench(variant, seed, parsed_faults(fault), hz, averaged)}
+    else:
+        benches = healthy_benches(variant, seed, hz, averaged)
+    outcomes = ((name, record(bench)) for name, bench in benches.items())
+    messages = Console(stderr=True)
+    with progress_bar(messages, "recording", float(len(benches))) as progress:
+        for number, path in enumerate(write_recordings(out, outcomes, measured_rate), 1):
+            progress(float(number))
+            messages.print(f"{path}, truth beside it", highlight=False, soft_wrap=True)

@@ -1,44 +1,77 @@
-"""Many cases: asked about with nothing but a label known of them, and worked through once each."""
+"""Asking about many cases: what is hidden is known to a process of its own until all answers are in."""
 
 import shutil
-from collections.abc import Callable, Sequence
+import subprocess
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol, TypeVar
+from typing import Any, Generic, TypeVar
 
 from rich.console import Console
 
 from observer_rt.config.bench import NOMINAL_INJECTOR
-from observer_rt.terminal.console import progress_bar
-from tools.benchmarks.discovery.answers import Answer, ask
-from tools.benchmarks.pool import Crash, run_tasks
-from tools.benchmarks.store import Store
+from tools.benchmarks.discovery.answers import OUR_PROGRAM, Answer, ask
+from tools.benchmarks.runs import Crash, Labelled, Store, resumed
+
+WARM_UP_RECORDINGS = 2
+Hiding = TypeVar("Hiding")
+Hidden = TypeVar("Hidden", bound=Labelled)
+Scored = TypeVar("Scored", bound=Labelled)
 
 
-class Labelled(Protocol):
-    """What is worked on case by case, or comes of it."""
+@dataclass(frozen=True)
+class Asking(Generic[Hiding]):
+    """What to hide, on how many processes, where all goes, and whom to ask: a program with a verb `discover`."""
+
+    plan: Hiding
+    workers: int
+    out: Path
+    program: tuple[str, ...] = OUR_PROGRAM
+
+    @property
+    def hidden(self) -> Path:
+        """Folder of what is sealed, and of recordings while they are asked about."""
+        return self.out / "hidden"
+
+
+@dataclass(frozen=True)
+class Question:
+    """A case to ask about: its label and the model it is asked with are all that is known of it."""
+
+    label: str
+    asking: Asking[Any]
+    model: Path = NOMINAL_INJECTOR
+
+
+@dataclass(frozen=True)
+class Answered(Generic[Hidden]):
+    """A case, opened, its answer and the model that was given."""
+
+    case: Hidden
+    answer: Answer
+    model: Path
 
     @property
     def label(self) -> str:
-        """Label of the case."""
+        """Of the case."""
+        return self.case.label
 
 
-Item = TypeVar("Item", bound=Labelled)
-Part = TypeVar("Part", bound=Labelled)
+def generate(module: str, verb: str, folder: Path, *arguments: str, given: str = "") -> tuple[Path, ...]:
+    """Run a generator, the only process that knows what is hidden before the answers are in; the files it wrote."""
+    command = [sys.executable, "-m", module, verb, str(folder), *arguments]
+    done = subprocess.run(command, input=given, stdout=subprocess.PIPE, text=True, check=True)
+    return tuple(Path(line) for line in done.stdout.splitlines())
 
 
-def ask_and_keep(
-    program: Sequence[str],
-    label: str,
-    recordings: Sequence[Path],
-    out: Path,
-    model: Path = NOMINAL_INJECTOR,
-    choose: bool = True,
-) -> Answer:
+def ask_and_keep(question: Question, recordings: Sequence[Path], choose: bool = True) -> Answer:
     """Ask about recordings in a folder of their own; the findings stay in `out`, nothing else."""
-    answer = out / "asked" / label
+    label, asking = question.label, question.asking
+    answer = asking.out / "asked" / label
     try:
-        found = ask(program, label, recordings, answer, model, choose)
-        kept = out / "findings" / f"{label}.json"
+        found = ask(asking.program, label, recordings, answer, question.model, choose)
+        kept = asking.out / "findings" / f"{label}.json"
         kept.parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(answer / "findings.json", kept)
         return found
@@ -47,33 +80,23 @@ def ask_and_keep(
             shutil.rmtree(folder, ignore_errors=True)
 
 
-def ready() -> None:
-    """A process needs nothing before its first case."""
-
-
-def worked_through(
-    what: str,
-    store: Store[Part],
-    work: Callable[[Item], Part],
-    items: Sequence[Item],
+def ask_and_score(
+    questions: Sequence[Question],
+    ask_question: Callable[[Question], Answer],
+    answers: Store[Answer],
+    opened: Callable[[], Iterable[Hidden]],
+    score: Callable[[Answered[Hidden]], Scored],
+    results: Store[Scored],
     workers: int,
     console: Console,
     crashes: list[str],
-) -> dict[str, Part]:
-    """Results by label: those in the store, and the missing ones worked out."""
-    labels = {item.label for item in items}
-    done = {part.label: part for part in store.load() if part.label in labels}
-    missing = [item for item in items if item.label not in done]
-    if done and missing:
-        console.print(f"{what}: {len(done)} of {len(items)} are there already")
-    if not missing:
-        return done
-    with progress_bar(console, what, float(len(missing))) as progress:
-        for number, result in enumerate(run_tasks(work, missing, workers, ready)):
-            if isinstance(result, Crash):
-                crashes.append(f"{what}: {result.task.label}: {result.message}")
-            else:
-                store.add(result)
-                done[result.label] = result
-            progress(float(number + 1))
-    return done
+) -> dict[str, Scored]:
+    """Results by label; opened when all answers are in. What is stored is not asked for again."""
+
+    def failed(what: str) -> Callable[[Crash[Any]], None]:
+        return lambda crash: crashes.append(f"{what}: {crash.task.label}: {crash.message}")
+
+    given = resumed("answers", answers, ask_question, questions, workers, console, failed("answers"))
+    models = {question.label: question.model for question in questions}
+    answered = [Answered(c, given[c.label], models[c.label]) for c in opened() if c.label in given]
+    return resumed("scores", results, score, answered, workers, console, failed("scores"))

@@ -1,30 +1,35 @@
 """The command `discovery` of `tools/bench`."""
 
-import json
-import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from observer_rt.foundation.errors import UserError
-from tools.benchmarks.chosen import chosen_names
+from tools.benchmarks.command_line import (
+    PROCESSES,
+    JsonOption,
+    OutOption,
+    SeedOption,
+    Tier,
+    WorkersOption,
+    chosen_names,
+    messages,
+    put_out,
+    resumable,
+)
+from tools.benchmarks.discovery import run, tables
+from tools.benchmarks.discovery.asking import Asking
 from tools.benchmarks.discovery.figures import save_figures
 from tools.benchmarks.discovery.generator import HidingPlan
 from tools.benchmarks.discovery.hidden import HIDDEN
+from tools.benchmarks.discovery.real_line import run as real_run
 from tools.benchmarks.discovery.real_line import tables as real_tables
 from tools.benchmarks.discovery.real_line.cases import names_of, shared_out
 from tools.benchmarks.discovery.real_line.discrepancies import Discrepancy
+from tools.benchmarks.discovery.real_line.fitting import record_only
 from tools.benchmarks.discovery.real_line.generator import RealPlan
-from tools.benchmarks.discovery.real_line.record_only import record_only
-from tools.benchmarks.discovery.real_line.run import Asking, run_real_lines
-from tools.benchmarks.discovery.real_line.run import print_results as print_real_lines
-from tools.benchmarks.discovery.run import Plan, print_results, run_discovery
-from tools.benchmarks.discovery.tables import json_document
-from tools.benchmarks.screen import screen
-from tools.benchmarks.tier import Tier
 
 EXAMPLE = (
     "Examples: tools/bench discovery --cases 40 --effects lift_offset,seat_area --rate without; "
@@ -32,9 +37,6 @@ EXAMPLE = (
 )
 CASES, REAL_CASES = 300, 150
 RATES = {"without": (False,), "with": (True,), "both": (False, True)}
-TABLE_WIDTH = 210  # where stdout is no terminal
-INTERRUPTED = 130  # exit code
-messages = Console(stderr=True)
 
 
 def discovery(
@@ -61,51 +63,43 @@ def discovery(
     only_record: Annotated[
         bool, typer.Option("--record-only", help="Tier B: only record and fit, into --out; nothing is asked.")
     ] = False,
-    seed: Annotated[int, typer.Option(help="Master seed.")] = 1,
-    workers: Annotated[int, typer.Option(min=1, help="Processes.")] = os.cpu_count() or 1,
-    out: Annotated[
-        Path | None,
-        typer.Option(help="Folder for results (default: in build/); a run interrupted goes on."),
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="JSON on stdout.")] = False,
+    seed: SeedOption = 1,
+    workers: WorkersOption = PROCESSES,
+    out: OutOption = None,
+    as_json: JsonOption = False,
 ) -> None:
     """Whether `discover` names effects hidden in recordings of independent plants."""
     if rate not in RATES:
         raise UserError("--rate", f"is '{rate}'", f"give {', '.join(RATES)}")
-    try:
-        if tier is Tier.B:
-            plan = _real_plan(cases, healthy, effects, RATES[rate], discrepancy, seed)
-            asking = Asking(plan, workers, out or Path("build/discovery-B"))
-            if only_record:
-                record_only(plan, asking.out, messages)
-            else:
-                _on_real_lines(asking, as_json)
+    with resumable("the answers are"):
+        if tier is Tier.A:
+            chosen = chosen_names(effects, "--effects", HIDDEN, HIDDEN)
+            count = CASES if cases is None else cases
+            hiding = HidingPlan(chosen, count, count, RATES[rate], seed)
+            _on_nominal_lines(Asking(hiding, workers, out or Path("build/discovery")), as_json)
             return
-        chosen = chosen_names(effects, "--effects", HIDDEN, HIDDEN)
-        count = CASES if cases is None else cases
-        hiding = HidingPlan(chosen, count, count, RATES[rate], seed)
-        _on_nominal_lines(Plan(hiding, workers, out or Path("build/discovery")), as_json)
-    except KeyboardInterrupt:
-        messages.print("interrupted; the answers are kept, the same command goes on")
-        raise typer.Exit(INTERRUPTED) from None
+        plan = _real_plan(cases, healthy, effects, RATES[rate], discrepancy, seed)
+        asking = Asking(plan, workers, out or Path("build/discovery-B"))
+        if only_record:
+            record_only(plan, asking.out, messages)
+        else:
+            found = real_run.run_real_lines(asking, messages)
+            put_out(
+                as_json,
+                lambda: real_tables.json_document(found.results, found.adequate, found.crashes),
+                lambda console: real_run.print_results(found, console),
+            )
 
 
-def _on_nominal_lines(plan: Plan, as_json: bool) -> None:
-    found = run_discovery(plan, messages)
-    for figure in save_figures(found.results, plan.out):
+def _on_nominal_lines(asking: Asking[HidingPlan], as_json: bool) -> None:
+    found = run.run_discovery(asking, messages)
+    for figure in save_figures(found.results, asking.out):
         messages.print(f"figure: {figure}", highlight=False)
-    if as_json:
-        print(json.dumps(json_document(found.results, found.crashes), indent=2))
-    else:
-        print_results(found, screen(TABLE_WIDTH))
-
-
-def _on_real_lines(asking: Asking, as_json: bool) -> None:
-    found = run_real_lines(asking, messages)
-    if as_json:
-        print(json.dumps(real_tables.json_document(found.results, found.adequate, found.crashes), indent=2))
-    else:
-        print_real_lines(found, screen(TABLE_WIDTH))
+    put_out(
+        as_json,
+        lambda: tables.json_document(found.results, found.crashes),
+        lambda console: run.print_results(found, console),
+    )
 
 
 def _real_plan(

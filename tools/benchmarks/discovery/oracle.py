@@ -1,17 +1,20 @@
 """The oracle: the true model with any effect on recordings, by whitened innovations.
 
-It judges whether an effect could be seen at all, and whether two effects can be told apart. Imports nothing of
-`observer_rt`.
+It judges whether an effect could be seen at all, and whether two, each at its best, can be told apart. Imports
+nothing of `observer_rt`.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 
 from tools.benchmarks.discovery.cases import RATE_GAIN, RATE_NOISE, measured_rate
+from tools.benchmarks.discovery.hidden import HIDDEN, HiddenEffect
 from tools.benchmarks.discovery.oracle_equations import Sampled, follow
 from tools.benchmarks.line_gain import line_gain
 from tools.benchmarks.plant import (
@@ -31,6 +34,10 @@ LEAD, TAIL = 1e-3, 12e-3  # s before an opening and after its end that are judge
 LOST_LIFT = 1.5e-6  # m, recorded, below which the flank is extended from beyond it
 ANCHOR = 3  # samples that carry the extended flank
 LIFT_STEP = 1e-7  # m, of the rate's slope
+STARTS = 6  # of either sign, from below detection to large
+WIDER, WIDER_SHAPE = 1.5, 2.5  # than what is drawn, the size of a rival and its other parameters may be
+REFINED = 2  # of the starts
+SHAPE_STARTS = 3  # of a further parameter
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,3 +184,42 @@ def statistic(recordings: Sequence[Recorded], faults: Faults) -> float:
         _, sigma = gain_of(part, faults, float(np.median(r.rail)))
         total += 2.0 * int(np.sum(r.counted)) * math.log(sigma / LINE_NOISE)
     return total
+
+
+def best_statistic(recordings: Sequence[Recorded], effect_id: str) -> float:
+    """Smallest -2 log L of a model with this effect, its parameters free."""
+    effect = HIDDEN[effect_id]
+    if not effect.parameters:
+        return statistic(recordings, effect.faults(()))
+    starts = sorted(_starts(effect), key=lambda values: statistic(recordings, effect.faults(values)))
+    return min(_refined(recordings, effect, start) for start in starts[:REFINED])
+
+
+def _starts(effect: HiddenEffect) -> list[tuple[float, ...]]:
+    size, *shapes = effect.parameters
+    sizes = list(np.geomspace(size.lowest, size.highest, STARTS))
+    if size.most_negative < 0.0:
+        sizes += [-value for value in np.geomspace(size.lowest, -size.most_negative, STARTS)]
+    return list(
+        product(sizes, *(np.geomspace(p.lowest, WIDER_SHAPE * p.highest, SHAPE_STARTS) for p in shapes))
+    )
+
+
+def _refined(recordings: Sequence[Recorded], effect: HiddenEffect, start: tuple[float, ...]) -> float:
+    scale = np.array([math.sqrt(p.lowest * p.highest) for p in effect.parameters])
+    size, *shapes = effect.parameters
+    lowest = [WIDER * size.most_negative, *(p.lowest / WIDER_SHAPE for p in shapes)]
+    highest = [WIDER * size.highest, *(p.highest * WIDER_SHAPE for p in shapes)]
+
+    def values_at(x: NDArray[np.float64]) -> tuple[float, ...]:
+        return tuple(float(value) for value in x * scale)
+
+    found = least_squares(
+        lambda x: residuals(recordings, effect.faults(values_at(x))),
+        np.clip(np.array(start), lowest, highest) / scale,
+        bounds=(np.array(lowest) / scale - 1e-12, np.array(highest) / scale),
+        diff_step=1e-4,
+        xtol=1e-6,
+        ftol=1e-9,
+    )
+    return statistic(recordings, effect.faults(values_at(found.x)))

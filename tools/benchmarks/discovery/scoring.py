@@ -9,21 +9,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
+from observer_rt.estimation.learned import nothing_learned
+from observer_rt.estimation.predictor import NO_SLOPES, Setting, Window, follow
+from observer_rt.evidence.measurement import measurements
+from observer_rt.evidence.windows import TrueInputs
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
-from observer_rt.model.effects import VOCABULARY
+from observer_rt.model.effects import VOCABULARY, effective_model
+from observer_rt.model.line.interface import rest_line
 from observer_rt.model.parameters import InjectorParameters
+from observer_rt.model.stability import substeps_needed
+from observer_rt.recording.signals.recording import Recording
 from tools.benchmarks.discovery.answers import Answer, Claim
 from tools.benchmarks.discovery.cases import FURTHER, GIVEN, HiddenCase, benches, without_noise
 from tools.benchmarks.discovery.hidden import HEALTHY, HIDDEN, HiddenEffect, same_effect
-from tools.benchmarks.discovery.oracle import Recorded, record_all, simulated, statistic
-from tools.benchmarks.discovery.product_model import open_loop
+from tools.benchmarks.discovery.oracle import Recorded, best_statistic, record_all, simulated, statistic
 from tools.benchmarks.discovery.result import AMBIGUOUS, CaseResult, Gap, Interval, Visibility
-from tools.benchmarks.discovery.rivals import best_statistic
 from tools.benchmarks.plant import SAMPLE_RATE
 from tools.benchmarks.plant_parameters import Faults, with_faults
 from tools.benchmarks.scoring import recording_of
 from tools.benchmarks.windows import Windows, windows_of
 
+SUBSTEPS = 10  # at 100 kHz, or what is needed: of the nominal injector a fifth, at the largest orifice
 Model = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Recorded line pressure [Pa] and mass flow [kg/s] (n,) of a model or of the plant."""
 
@@ -141,3 +147,33 @@ def differences_of(model: Model, plant: Model, windows: Windows) -> Model:
 def rms(differences: Sequence[Model], signal: int) -> float:
     """Of the line pressure (0) or the masses (1)."""
     return float(np.sqrt(np.mean(np.concatenate([d[signal] for d in differences]) ** 2)))
+
+
+def open_loop(
+    injector: InjectorParameters, recording: Recording
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Line pressure as the model's sensor records it [Pa] (n,), and injected mass flow [kg/s] (n,)."""
+    model = effective_model(injector)
+    c, sensor = model.coefficients, model.sensor
+    (measurement,) = measurements([recording])
+    inputs = TrueInputs(measurement, model.inputs, c)
+    u = np.stack((inputs.rail, inputs.area), axis=1)
+    start = np.zeros(c.states + 1)
+    start[-1] = inputs.rail[0]
+    rest_line(start[:-1], start[-1], c.line)
+    window = Window(
+        inputs=u,
+        output=np.zeros(recording.samples),
+        resting=np.zeros(recording.samples, np.bool_),
+        start=start,
+        opening=recording.samples,
+    )
+    errors, rate = np.empty((2, recording.samples))
+    substeps = max(SUBSTEPS, substeps_needed(model.injector, recording.sample_rate, model.departures))
+    setting = Setting(measurement.interval, substeps, c, np.zeros(c.states), lag=sensor.lag)
+    follow(window, setting, nothing_learned(c), 0, errors, rate, None, NO_SLOPES)
+    indicated = -errors * c.pressure_scale + c.chamber_pressure + sensor.offset
+    indicated[0] = indicated[1]
+    late = sensor.delay / measurement.interval
+    sample = np.arange(recording.samples)
+    return np.interp(sample - late, sample, indicated), rate * c.density

@@ -8,6 +8,7 @@ import numpy as np
 from rich.table import Table
 
 from observer_rt.model.effects import VOCABULARY
+from tools.benchmarks.command_line import ruled
 from tools.benchmarks.discovery import summary
 from tools.benchmarks.discovery.hidden import HEALTHY
 from tools.benchmarks.discovery.result import CaseResult
@@ -17,13 +18,10 @@ NOTHING = "-"
 
 def effect_table(results: Sequence[CaseResult]) -> Table:
     """Effect by effect: what was found, from what size on, with what interval, and what is left of the gap."""
-    table = Table(title="hidden effects", title_justify="left")
-    table.add_column("effect", no_wrap=True)
-    for heading in (
+    table = ruled("hidden effects", ("effect",), (
         "cases", "above\nnoise", "right\n%", "of them\nambiguous", "found\nfrom", "intervals\nhold %",
         "gap left %\np_L median", "\np90", "\nmass median", "\np90", "seconds\nmax",
-    ):  # fmt: skip
-        table.add_column(heading, justify="right", no_wrap=True)
+    ), no_wrap=True)  # fmt: skip
     for name, cases in summary.by_effect(results).items():
         table.add_row(
             name, *_effect_row(cases), printed_size(name, summary.detection_limit(cases)), *_rest(cases)
@@ -45,8 +43,7 @@ def effect_table(results: Sequence[CaseResult]) -> Table:
 
 def confusion_table(results: Sequence[CaseResult]) -> Table:
     """What was answered to each hidden effect, above noise."""
-    table = Table(title="answers, effects above noise", title_justify="left")
-    table.add_column("hidden", no_wrap=True)
+    table = ruled("answers, effects above noise", ("hidden",), ())
     table.add_column("answered")
     for name, cases in (summary.by_effect(results) | {HEALTHY: summary.healthy(results)}).items():
         judged = cases if name == HEALTHY else summary.above_noise(cases)
@@ -58,9 +55,7 @@ def confusion_table(results: Sequence[CaseResult]) -> Table:
 
 def reliability_table(results: Sequence[CaseResult]) -> Table:
     """Confidence against share of right names."""
-    table = Table(title="confidence of all names given", title_justify="left")
-    for heading in ("names", "confidence", "right %"):
-        table.add_column(heading, justify="right")
+    table = ruled("confidence of all names given", (), ("names", "confidence", "right %"))
     for b in summary.reliability(results):
         table.add_row(str(b.names), f"{b.confidence:.3f}", f"{100.0 * b.right_share:.1f}")
     return table

@@ -6,10 +6,13 @@ import random
 import select
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from enum import StrEnum
 from multiprocessing.process import BaseProcess
 from pathlib import Path
+from typing import Any
+
+from rich.table import Table
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.service.keeping.lock import sole_writer
@@ -186,3 +189,34 @@ def _late(lost: Loss, excused: float, within: float) -> list[str]:
         for what, age in found.items()
         if age > allowed
     ]
+
+
+def kills_table(kills: Sequence[Kill], plan: Plan) -> Table:
+    """A row for each way of being killed."""
+    table = Table(
+        *("killed", "kills", "injections told", "warnings", "oldest loss: state s", "journal s", "problems"),
+        title=f"{len(kills)} kills, saved within {plan.within:g} s, or as long as the disk was full",
+    )
+    for strike in Strike:
+        of_it = [kill for kill in kills if kill.strike is strike]
+        if of_it:
+            table.add_row(
+                strike.value,
+                str(len(of_it)),
+                str(sum(kill.told for kill in of_it)),
+                str(sum(kill.warnings for kill in of_it)),
+                f"{max(kill.loss.state for kill in of_it):.3f}",
+                f"{max(kill.loss.journal for kill in of_it):.3f}",
+                str(sum(len(kill.problems) for kill in of_it)),
+            )
+    return table
+
+
+def kills_document(kills: Sequence[Kill], plan: Plan) -> dict[str, Any]:
+    """The same for programs, kill by kill."""
+    return {
+        "within_s": plan.within,
+        "seed": plan.seed,
+        "interface": plan.interface,
+        "kills": [asdict(kill) for kill in kills],
+    }

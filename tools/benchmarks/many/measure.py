@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from observer_rt.foundation.units import MICROSECOND
-from tools.benchmarks.many.files import SOURCES, Files
-from tools.benchmarks.many.run import Taken, Work, run
+from tools.benchmarks.many.run import SOURCES, Files, Taken, Work, run
 from tools.benchmarks.scoring import bench_at
 from tools.benchmarks.speed.core_alone import (
     INJECTIONS,

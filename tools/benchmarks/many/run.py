@@ -11,14 +11,58 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import psutil
+from rich.console import Console
 
+from observer_rt.evaluation.convert import convert
 from observer_rt.foundation.errors import RunError
-from tools.benchmarks.many.files import Files
-from tools.benchmarks.speed.core_alone import INJECTIONS, ONCE
+from observer_rt.recording.signals.writers import write_whole
+from tools.benchmarks.scoring import bench_at
+from tools.benchmarks.speed.core_alone import INJECTIONS, ONCE, repeated_injections
+from tools.benchmarks.speed.evaluated import CAN_LOG, MDF4, PARQUET
+from tools.benchmarks.speed.traffic import SAMPLE_RATE
 
+_STEP = 50e3  # Pa of rail pressure from file to file: what a CAN signal resolves, far from what matters
+_SUFFIXES = {PARQUET: ".parquet", MDF4: ".mf4", CAN_LOG: ".mf4"}
+SOURCES = tuple(_SUFFIXES)
 _LOOK = 0.1  # s to the next one at memory
 _KIBIBYTES = 1024  # in a MiB, as the kernel counts
 _COMMAND = (sys.executable, "-m", "observer_rt", "batch")
+
+
+@dataclass(frozen=True)
+class Files:
+    """Files of a kind; repeats: of the injections of `core_alone`, in each."""
+
+    source: str
+    number: int
+    repeats: int
+
+    def written(self, folder: Path) -> Path:
+        """Their folder, below another; those that are there are kept."""
+        place = folder / f"{self.source} {self.repeats}".replace(" ", "_")
+        chosen = place / f"first_{self.number}"
+        chosen.mkdir(parents=True, exist_ok=True)
+        for number in range(self.number):
+            path = place / f"{number}{_SUFFIXES[self.source]}"
+            if not path.exists():
+                self._write(path, number)
+            link = chosen / path.name
+            if not link.exists():
+                link.hardlink_to(path)
+        return chosen
+
+    def _write(self, path: Path, number: int) -> None:
+        recording = repeated_injections(self.repeats, number * _STEP)
+        if self.source != CAN_LOG:
+            write_whole(path, recording)
+            return
+        signals, frames = path.with_suffix(".parquet"), path.with_suffix(".blf")
+        quiet = Console(quiet=True)
+        write_whole(signals, recording)
+        convert(signals, frames, bench_at(SAMPLE_RATE), (), True, quiet)
+        convert(frames, path, None, (), True, quiet)
+        signals.unlink()
+        frames.unlink()
 
 
 @dataclass(frozen=True)

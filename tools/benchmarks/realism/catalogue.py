@@ -1,17 +1,24 @@
-"""All disturbances, and what is run of them: alone, stated in the bench file, in random pairs, those of the table."""
+"""All disturbances, what is run of them: alone, stated in the bench file, in pairs, those of the table; its cases."""
 
 import itertools
-from dataclasses import dataclass
+import zlib
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
 
+from tools.benchmarks.cases import Case, drawn_events
+from tools.benchmarks.plant import Bench, Needle
+from tools.benchmarks.plant_parameters import Faults, Injector
 from tools.benchmarks.realism import benches, channels, lifts, noises, outliers
 from tools.benchmarks.realism.disturbance import Disturbance, Stated
 from tools.benchmarks.realism.reasons import ALWAYS
+from tools.benchmarks.runs import Task
+from tools.benchmarks.wave_plant import LINES, Variant, real_part
 
 DISTURBANCES = {d.name: d for part in (noises, lifts, outliers, channels, benches) for d in part.DISTURBANCES}
 PAIRS = 40
+WEARS = (0.25, 0.0, -0.3)  # v_H
 AND, AT, STATED = " + ", " ", " stated"
 NONE = "none"
 
@@ -103,3 +110,29 @@ def _parsed(part: str) -> Sized:
     is_stated = part.endswith(STATED)
     name, _, size = part.removesuffix(STATED).partition(AT)
     return Sized(DISTURBANCES[name], float(size), is_stated)
+
+
+def make_realism_case(task: Task, is_rich: bool = False) -> Case:
+    """The case of a task, whose class is the name of an entry; is_rich: on the plant of tier B.
+
+    What a bench file states changes nothing of the recording.
+    """
+    entry = parsed(task.class_name)
+    name = name_of(tuple(replace(each, is_stated=False) for each in entry))
+    rng = np.random.default_rng([task.master_seed, zlib.crc32(name.encode()), task.number])
+    wear = WEARS[(zlib.crc32(name.encode()) + task.number) % len(WEARS)]
+    seed = int(rng.integers(2**62))
+    needle = Needle(0.80 * rng.uniform(0.85, 1.15), 0.90 * rng.uniform(0.85, 1.15))
+    schedule = drawn_events(rng, varying=rng.random() < 0.5)
+    events = tuple(replace(event, faults=Faults(orifice_area=wear)) for event in schedule)
+    bench = Bench(Injector(), needle, events, seed=seed)
+    if is_rich:
+        bench = replace(bench, injector=real_part(task.master_seed), line=LINES[Variant.PLAIN])
+    return Case(task.class_name, task.master_seed, task.number, disturbed(bench, entry, rng))
+
+
+def disturbed(bench: Bench, entry: Entry, rng: np.random.Generator) -> Bench:
+    """The bench with what disturbs it: rhythms first, for others look at when the needle opens."""
+    for each in sorted(entry, key=lambda each: not each.disturbance.rhythm):
+        bench = each.disturbance.apply(bench, each.size, rng)
+    return bench

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 from numpy.random import Generator
@@ -11,7 +10,6 @@ from scipy.signal import butter, freqs
 
 from tools.benchmarks.arrays import Array
 from tools.benchmarks.plant import Bench
-from tools.benchmarks.plant_parameters import Faults
 from tools.benchmarks.realism import reasons
 from tools.benchmarks.realism.disturbance import (
     ALL,
@@ -19,7 +17,6 @@ from tools.benchmarks.realism.disturbance import (
     KHZ,
     LIFT,
     LINE,
-    MPA,
     RAIL,
     US,
     Apply,
@@ -30,6 +27,8 @@ from tools.benchmarks.realism.disturbance import (
     after_noise,
     before_noise,
     in_order,
+    of_signal,
+    with_faults_set,
 )
 from tools.benchmarks.realism.noises import hum
 
@@ -79,18 +78,13 @@ def through(response_of: Callable[[float], Response]) -> Wave:
     return wave
 
 
-def anti_alias(order: int, *roles: str) -> Apply:
-    """Butterworth filters of `size` kHz; the noise is that of the converters behind them."""
-    return before_noise(through(lambda corner: butterworth(order, corner)), KHZ, *roles)
+def low_pass(order: int) -> Wave:
+    """A Butterworth filter: ahead of the noise, which is then the converter's, or after it, which it colours."""
+    return through(lambda corner: butterworth(order, corner))
 
 
-def with_noise_filtered(order: int, *roles: str) -> Apply:
-    """The same of sensors whose noise passes the filters, too, and is coloured by them."""
-    return after_noise(through(lambda corner: butterworth(order, corner)), KHZ, *roles)
-
-
-def stated_anti_alias(order: int, role: str) -> Callable[[float], Stated]:
-    """What the bench file says of it."""
+def stated_low_pass(order: int, role: str) -> Callable[[float], Stated]:
+    """What the bench file says of it, its corner in kHz."""
     return lambda size: {role: {DELAY: butterworth_delay(order, size * KHZ) / US}}
 
 
@@ -101,11 +95,7 @@ def late(time: Array, values: Array, size: float, rng: Generator) -> Array:
 
 def late_line(bench: Bench, size: float, rng: Generator) -> Bench:
     """The line pressure is recorded `size` us late, as exactly as the plant."""
-
-    def with_skew(faults: Faults) -> Faults:
-        return faults._replace(channel_skew=size * US)
-
-    return replace(bench, events=tuple(replace(e, faults=with_skew(e.faults)) for e in bench.events))
+    return with_faults_set(bench, channel_skew=size * US)
 
 
 def stated_delay(role: str) -> Callable[[float], Stated]:
@@ -139,100 +129,29 @@ def few_bits(role: str) -> Apply:
     return after_noise(wave, 1.0, role)
 
 
-_L, _R, _N, _A, _T = Kind.LINE, Kind.RAIL, Kind.LIFT, Kind.ALL, Kind.TIMING
-_LATE_LINE, _LATE_LIFT = reasons.LATE_LINE, reasons.LATE_LIFT
-_CORNERS = (10.0, 20.0, 40.0)
+_A, _T, _CORNERS, _S, _O = Kind.ALL, Kind.TIMING, (10.0, 20.0, 40.0), reasons.SENSOR, reasons.OFFSET
+_LATE, _LATE_LINE, _LATE_LIFT = reasons.LATE, reasons.LATE_LINE, reasons.LATE_LIFT
+_LP2, _LP4 = low_pass(2), low_pass(4)
 DISTURBANCES = (
-    Disturbance("anti_alias_2_all", _A, "kHz", _CORNERS, anti_alias(2, *ALL)),
-    Disturbance("anti_alias_4_all", _A, "kHz", _CORNERS, anti_alias(4, *ALL)),
-    Disturbance("anti_alias_2_all_with_noise", _A, "kHz", _CORNERS, with_noise_filtered(2, *ALL)),
-    Disturbance(
-        "anti_alias_2_line_with_noise", _L, "kHz", (20.0, 40.0), with_noise_filtered(2, LINE), _LATE_LINE
+    Disturbance("anti_alias_2_all", _A, "kHz", _CORNERS, before_noise(_LP2, KHZ, *ALL)),
+    Disturbance("anti_alias_4_all", _A, "kHz", _CORNERS, before_noise(_LP4, KHZ, *ALL)),
+    Disturbance("anti_alias_2_all_with_noise", _A, "kHz", _CORNERS, after_noise(_LP2, KHZ, *ALL)),
+    of_signal("anti_alias_2_line_with_noise", LINE, "kHz", (20.0, 40.0), _LP2, _LATE_LINE, after=True),
+    of_signal("anti_alias_2_lift_with_noise", LIFT, "kHz", (20.0, 40.0), _LP2, _LATE_LIFT, after=True),
+    of_signal("anti_alias_2_line", LINE, "kHz", _CORNERS, _LP2, _LATE_LINE, stated=stated_low_pass(2, LINE)),
+    of_signal(
+        "anti_alias_4_line", LINE, "kHz", (20.0, 40.0), _LP4, _LATE_LINE, stated=stated_low_pass(4, LINE)
     ),
-    Disturbance(
-        "anti_alias_2_lift_with_noise", _N, "kHz", (20.0, 40.0), with_noise_filtered(2, LIFT), _LATE_LIFT
-    ),
-    Disturbance(
-        "anti_alias_2_line",
-        _L,
-        "kHz",
-        _CORNERS,
-        anti_alias(2, LINE),
-        _LATE_LINE,
-        stated=stated_anti_alias(2, LINE),
-    ),
-    Disturbance(
-        "anti_alias_4_line",
-        _L,
-        "kHz",
-        (20.0, 40.0),
-        anti_alias(4, LINE),
-        _LATE_LINE,
-        stated=stated_anti_alias(4, LINE),
-    ),
-    Disturbance(
-        "anti_alias_2_rail",
-        _R,
-        "kHz",
-        (10.0, 20.0),
-        anti_alias(2, RAIL),
-        reasons.LATE,
-        stated=stated_anti_alias(2, RAIL),
-    ),
-    Disturbance(
-        "anti_alias_2_lift",
-        _N,
-        "kHz",
-        _CORNERS,
-        anti_alias(2, LIFT),
-        _LATE_LIFT,
-        stated=stated_anti_alias(2, LIFT),
-    ),
-    Disturbance(
-        "resonance_line",
-        _L,
-        "kHz",
-        (25.0, 40.0),
-        before_noise(through(resonance), KHZ, LINE),
-        reasons.SENSOR,
-    ),
+    of_signal("anti_alias_2_rail", RAIL, "kHz", (10.0, 20.0), _LP2, _LATE, stated=stated_low_pass(2, RAIL)),
+    of_signal("anti_alias_2_lift", LIFT, "kHz", _CORNERS, _LP2, _LATE_LIFT, stated=stated_low_pass(2, LIFT)),
+    of_signal("resonance_line", LINE, "kHz", (25.0, 40.0), through(resonance), _S),
     Disturbance("late_line", _T, "us", (10.0, 20.0), late_line, _LATE_LINE, stated=stated_delay(LINE)),
-    Disturbance(
-        "late_lift",
-        _T,
-        "us",
-        (10.0, 20.0),
-        before_noise(late, US, LIFT),
-        _LATE_LIFT,
-        stated=stated_delay(LIFT),
-    ),
-    Disturbance(
-        "late_rail",
-        _T,
-        "us",
-        (10.0, 20.0),
-        before_noise(late, US, RAIL),
-        reasons.LATE,
-        stated=stated_delay(RAIL),
-    ),
-    Disturbance("jitter", _T, "us", (0.5, 2.0), jitter, reasons.LATE),
-    Disturbance(
-        "offset_drift_line",
-        _L,
-        "MPa, 0.4 Hz",
-        (0.1, 0.3, 1.0),
-        before_noise(hum(0.4), MPA, LINE),
-        reasons.OFFSET,
-    ),
-    Disturbance(
-        "offset_drift_rail",
-        _R,
-        "MPa, 0.4 Hz",
-        (0.1, 0.3, 1.0),
-        before_noise(hum(0.4), MPA, RAIL),
-        reasons.OFFSET,
-    ),
-    Disturbance("gain_line", _L, "%", (0.5, 1.0, 2.0), before_noise(gain, 0.01, LINE), reasons.OFFSET),
-    Disturbance("gain_rail", _R, "%", (0.5, 1.0), before_noise(gain, 0.01, RAIL), reasons.OFFSET),
-    Disturbance("few_bits", _A, "bits", (12.0, 10.0), in_order(*(few_bits(role) for role in ALL))),
+    of_signal("late_lift", LIFT, "us", (10.0, 20.0), late, _LATE_LIFT, kind=_T, stated=stated_delay(LIFT)),
+    of_signal("late_rail", RAIL, "us", (10.0, 20.0), late, _LATE, kind=_T, stated=stated_delay(RAIL)),
+    Disturbance("jitter", _T, "us", (0.5, 2.0), jitter, _LATE),
+    of_signal("offset_drift_line", LINE, "MPa, 0.4 Hz", (0.1, 0.3, 1.0), hum(0.4), _O),
+    of_signal("offset_drift_rail", RAIL, "MPa, 0.4 Hz", (0.1, 0.3, 1.0), hum(0.4), _O),
+    of_signal("gain_line", LINE, "%", (0.5, 1.0, 2.0), gain, _O),
+    of_signal("gain_rail", RAIL, "%", (0.5, 1.0), gain, _O),
+    Disturbance("few_bits", _A, "bits", (12.0, 10.0), in_order(*map(few_bits, ALL))),
 )

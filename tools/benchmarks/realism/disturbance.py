@@ -1,8 +1,10 @@
 """A disturbance of a real bench: what it does to a recording, how large, and which reasons would be true of it."""
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 from numpy.random import Generator
@@ -15,6 +17,7 @@ ALL = ("rail_pressure", "needle_lift", "line_pressure")
 RAIL, LIFT, LINE = ALL
 MPA, UM, US = 1e6, 1e-6, 1e-6
 KHZ = 1e3
+SCALES = {"MPa": MPA, "um": UM, "us": US, "ms": 1e-3, "kHz": KHZ, "%": 0.01}  # by the first word of a unit
 LAG, DELAY = "lag_us", "filter_delay_us"  # keys of `[signals.<role>]`
 
 Apply = Callable[[Bench, float, Generator], Bench]
@@ -56,6 +59,24 @@ class Disturbance:
     rhythm: bool = field(default=False)
 
 
+def of_signal(
+    name: str,
+    role: str,
+    unit: str,
+    sizes: tuple[float, ...],
+    wave: Wave,
+    true_reasons: frozenset[str] = frozenset(),
+    *,
+    kind: Kind | None = None,
+    after: bool = False,
+    **more: Any,
+) -> Disturbance:
+    """A disturbance of one signal, ahead of the noise or after it; kind: another one than the signal's."""
+    scale = SCALES[re.split("[, /]", unit)[0]]
+    apply = (after_noise if after else before_noise)(wave, scale, role)
+    return Disturbance(name, kind or _KIND[role], unit, sizes, apply, true_reasons, **more)
+
+
 def before_noise(wave: Wave, scale: float, *roles: str) -> Apply:
     """A disturbance of single signals ahead of the noise, its size in units of `scale`."""
 
@@ -80,6 +101,17 @@ def with_step_before(bench: Bench, step: Step) -> Bench:
     """The bench with another step ahead of the noise."""
     around = bench.around
     return replace(bench, around=replace(around, before_noise=(*around.before_noise, step)))
+
+
+def with_faults_set(bench: Bench, **values: float) -> Bench:
+    """The bench with these faults at every event, beside its own."""
+    events = tuple(replace(event, faults=event.faults._replace(**values)) for event in bench.events)
+    return replace(bench, events=events)
+
+
+def sign(rng: Generator) -> float:
+    """Either, as often as the other."""
+    return 1.0 if rng.random() < 0.5 else -1.0
 
 
 def in_order(*parts: Apply) -> Apply:
@@ -108,3 +140,6 @@ def _step(wave: Wave, size: float, rng: Generator, roles: tuple[str, ...]) -> St
         return measured
 
     return step
+
+
+_KIND = {RAIL: Kind.RAIL, LIFT: Kind.LIFT, LINE: Kind.LINE}

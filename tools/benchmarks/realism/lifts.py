@@ -1,7 +1,6 @@
 """What lift sensors do: drift, creep, lag, crosstalk, coarse steps."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 from numpy.random import Generator
@@ -19,9 +18,10 @@ from tools.benchmarks.realism.disturbance import (
     Disturbance,
     Kind,
     Stated,
-    after_noise,
-    before_noise,
     changed,
+    of_signal,
+    sign,
+    with_faults_set,
     with_step_before,
 )
 from tools.benchmarks.realism.noises import hum
@@ -35,20 +35,20 @@ STEP_AT = 10  # event (from 0) before which the zero steps
 
 def drift(time: Array, values: Array, size: float, rng: Generator) -> Array:
     """The zero moves on, `size` a second, either way."""
-    moved: Array = values + _sign(rng) * size * time
+    moved: Array = values + sign(rng) * size * time
     return moved
 
 
 def gain_drift(time: Array, values: Array, size: float, rng: Generator) -> Array:
     """The scale moves by `size` (share) over the recording."""
-    moved: Array = values * (1.0 + _sign(rng) * size * time / time[-1])
+    moved: Array = values * (1.0 + sign(rng) * size * time / time[-1])
     return moved
 
 
 def curved(time: Array, values: Array, size: float, rng: Generator) -> Array:
     """Not straight between 0 and the stop: `size` (share of the full lift) too much or too little in the middle."""
     share = values / FULL_LIFT
-    return values + _sign(rng) * size * FULL_LIFT * 4.0 * share * (1.0 - share)
+    return values + sign(rng) * size * FULL_LIFT * 4.0 * share * (1.0 - share)
 
 
 def creep(time: Array, values: Array, size: float, rng: Generator) -> Array:
@@ -56,7 +56,7 @@ def creep(time: Array, values: Array, size: float, rng: Generator) -> Array:
     interval = float(time[1] - time[0])
     rise, decay = 1.0 - math.exp(-interval / CREEP), math.exp(-interval / CREEP_TIME)
     seen = np.asarray(lfilter([rise], [1.0, -decay], values / FULL_LIFT), np.float64)
-    return values + _sign(rng) * size * np.minimum(seen, 1.0)
+    return values + sign(rng) * size * np.minimum(seen, 1.0)
 
 
 def coarse(time: Array, values: Array, size: float, rng: Generator) -> Array:
@@ -66,7 +66,7 @@ def coarse(time: Array, values: Array, size: float, rng: Generator) -> Array:
 
 def zero_steps(bench: Bench, size: float, rng: Generator) -> Bench:
     """The zero is another one from the middle of the recording on."""
-    moment, offset = bench.starts[STEP_AT] - 2e-3, _sign(rng) * size * UM
+    moment, offset = bench.starts[STEP_AT] - 2e-3, sign(rng) * size * UM
 
     def step(measured: Measured) -> Measured:
         return changed(measured, LIFT, measured.needle_lift + np.where(measured.time >= moment, offset, 0.0))
@@ -76,11 +76,7 @@ def zero_steps(bench: Bench, size: float, rng: Generator) -> Bench:
 
 def lag(bench: Bench, size: float, rng: Generator) -> Bench:
     """A first-order filter [kHz], as exact as the plant."""
-    seconds = 1.0 / (2.0 * math.pi * size * KHZ)
-    events = tuple(
-        replace(event, faults=event.faults._replace(lift_sensor_lag=seconds)) for event in bench.events
-    )
-    return replace(bench, events=events)
+    return with_faults_set(bench, lift_sensor_lag=1.0 / (2.0 * math.pi * size * KHZ))
 
 
 def stated_lag(size: float) -> Stated:
@@ -108,24 +104,12 @@ def whole_crosstalk(bench: Bench, size: float, rng: Generator) -> Bench:
     return with_step_before(bench, step)
 
 
-def _sign(rng: Generator) -> float:
-    return 1.0 if rng.random() < 0.5 else -1.0
-
-
-_N = Kind.LIFT
+_N, _S, _ZERO = Kind.LIFT, reasons.SENSOR, reasons.LIFT_ZERO
 DISTURBANCES = (
-    Disturbance(
-        "lift_zero_sine",
-        _N,
-        "um, 1.5 Hz",
-        (1.0, 3.0, 8.0),
-        before_noise(hum(1.5), UM, LIFT),
-        reasons.LIFT_ZERO,
-        table=3.0,
-    ),
-    Disturbance("lift_zero_ramp", _N, "um/s", (2.0, 10.0), before_noise(drift, UM, LIFT), reasons.LIFT_ZERO),
-    Disturbance("lift_zero_step", _N, "um", (2.0, 6.0), zero_steps, reasons.LIFT_ZERO | reasons.CHANGE),
-    Disturbance("lift_creep", _N, "um", (1.0, 3.0), before_noise(creep, UM, LIFT), reasons.LIFT_ZERO),
+    of_signal("lift_zero_sine", LIFT, "um, 1.5 Hz", (1.0, 3.0, 8.0), hum(1.5), _ZERO, table=3.0),
+    of_signal("lift_zero_ramp", LIFT, "um/s", (2.0, 10.0), drift, _ZERO),
+    Disturbance("lift_zero_step", _N, "um", (2.0, 6.0), zero_steps, _ZERO | reasons.CHANGE),
+    of_signal("lift_creep", LIFT, "um", (1.0, 3.0), creep, _ZERO),
     Disturbance(
         "lift_filter",
         _N,
@@ -136,11 +120,9 @@ DISTURBANCES = (
         table=10.0,
         stated=stated_lag,
     ),
-    Disturbance("lift_gain_drift", _N, "%", (1.0, 3.0), before_noise(gain_drift, 0.01, LIFT), reasons.SENSOR),
-    Disturbance("lift_curved", _N, "%", (1.0, 3.0), before_noise(curved, 0.01, LIFT), reasons.SENSOR),
-    Disturbance(
-        "lift_crosstalk", _N, "um per 10 MPa", (0.5, 1.5, 3.0), crosstalk, reasons.LIFT_ZERO, table=1.5
-    ),
-    Disturbance("lift_crosstalk_whole", _N, "um per 10 MPa", (0.5, 1.5), whole_crosstalk, reasons.LIFT_ZERO),
-    Disturbance("lift_coarse", _N, "um", (1.0, 3.0), after_noise(coarse, UM, LIFT), reasons.SENSOR),
+    of_signal("lift_gain_drift", LIFT, "%", (1.0, 3.0), gain_drift, _S),
+    of_signal("lift_curved", LIFT, "%", (1.0, 3.0), curved, _S),
+    Disturbance("lift_crosstalk", _N, "um per 10 MPa", (0.5, 1.5, 3.0), crosstalk, _ZERO, table=1.5),
+    Disturbance("lift_crosstalk_whole", _N, "um per 10 MPa", (0.5, 1.5), whole_crosstalk, _ZERO),
+    of_signal("lift_coarse", LIFT, "um", (1.0, 3.0), coarse, _S, after=True),
 )

@@ -12,15 +12,14 @@ from tools.benchmarks.realism.disturbance import (
     ALL,
     LIFT,
     LINE,
-    MPA,
     RAIL,
-    UM,
     Apply,
     Disturbance,
     Kind,
     Wave,
     before_noise,
     in_order,
+    of_signal,
 )
 from tools.benchmarks.sampling import LIFT_NOISE, LINE_NOISE, RAIL_NOISE
 
@@ -76,68 +75,28 @@ def bursts(time: Array, values: Array, size: float, rng: Generator) -> Array:
     return found
 
 
-_L, _R, _N, _A = Kind.LINE, Kind.RAIL, Kind.LIFT, Kind.ALL
+_S = reasons.SENSOR
 DISTURBANCES = (
-    Disturbance("none", _A, "", (0.0,), lambda bench, size, rng: bench),
+    Disturbance("none", Kind.ALL, "", (0.0,), lambda bench, size, rng: bench),
+    of_signal("hum_50_hz_line", LINE, "MPa", (0.1, 0.2, 0.5), hum(50.0), _S, table=0.2),
+    of_signal("hum_150_hz_line", LINE, "MPa", (0.1, 0.3), hum(150.0), _S),
+    of_signal("hum_50_hz_rail", RAIL, "MPa", (0.1, 0.3), hum(50.0), _S),
+    of_signal("hum_150_hz_rail", RAIL, "MPa", (0.1, 0.3), hum(150.0), _S),
+    of_signal("hum_50_hz_lift", LIFT, "um", (1.0, 3.0), hum(50.0), _S),
+    of_signal("coloured_300_hz_line", LINE, "MPa", (0.1, 0.2), coloured(300.0), _S),
+    of_signal("coloured_3_khz_line", LINE, "MPa", (0.1, 0.2, 0.4), coloured(3e3), _S, table=0.2),
+    of_signal("coloured_10_khz_line", LINE, "MPa", (0.2, 0.4), coloured(1e4), _S),
+    of_signal("coloured_300_hz_rail", RAIL, "MPa", (0.1, 0.2), coloured(300.0), _S),
+    of_signal("coloured_3_khz_rail", RAIL, "MPa", (0.1, 0.2), coloured(3e3), _S),
+    of_signal("coloured_3_khz_lift", LIFT, "um", (0.4, 1.0), coloured(3e3), _S),
+    of_signal("pink_line", LINE, "MPa", (0.1, 0.2), pink, _S),
+    of_signal("pink_rail", RAIL, "MPa", (0.1, 0.2), pink, _S),
+    Disturbance("noise", Kind.ALL, "times", (2.0, 3.0, 5.0), in_order(*map(louder, ALL)), table=3.0),
+    Disturbance("noise_line", Kind.LINE, "times", (3.0, 6.0), louder(LINE)),
+    Disturbance("noise_rail", Kind.RAIL, "times", (3.0, 6.0), louder(RAIL)),
+    Disturbance("noise_lift", Kind.LIFT, "times", (3.0, 6.0), louder(LIFT), _S),
     Disturbance(
-        "hum_50_hz_line",
-        _L,
-        "MPa",
-        (0.1, 0.2, 0.5),
-        before_noise(hum(50.0), MPA, LINE),
-        reasons.SENSOR,
-        table=0.2,
+        "noise_from_half_way", Kind.ALL, "times", (2.0, 3.0), in_order(*(louder(r, 0.5) for r in ALL))
     ),
-    Disturbance(
-        "hum_150_hz_line", _L, "MPa", (0.1, 0.3), before_noise(hum(150.0), MPA, LINE), reasons.SENSOR
-    ),
-    Disturbance("hum_50_hz_rail", _R, "MPa", (0.1, 0.3), before_noise(hum(50.0), MPA, RAIL), reasons.SENSOR),
-    Disturbance(
-        "hum_150_hz_rail", _R, "MPa", (0.1, 0.3), before_noise(hum(150.0), MPA, RAIL), reasons.SENSOR
-    ),
-    Disturbance("hum_50_hz_lift", _N, "um", (1.0, 3.0), before_noise(hum(50.0), UM, LIFT), reasons.SENSOR),
-    Disturbance(
-        "coloured_300_hz_line",
-        _L,
-        "MPa",
-        (0.1, 0.2),
-        before_noise(coloured(300.0), MPA, LINE),
-        reasons.SENSOR,
-    ),
-    Disturbance(
-        "coloured_3_khz_line",
-        _L,
-        "MPa",
-        (0.1, 0.2, 0.4),
-        before_noise(coloured(3e3), MPA, LINE),
-        reasons.SENSOR,
-        table=0.2,
-    ),
-    Disturbance(
-        "coloured_10_khz_line", _L, "MPa", (0.2, 0.4), before_noise(coloured(1e4), MPA, LINE), reasons.SENSOR
-    ),
-    Disturbance(
-        "coloured_300_hz_rail",
-        _R,
-        "MPa",
-        (0.1, 0.2),
-        before_noise(coloured(300.0), MPA, RAIL),
-        reasons.SENSOR,
-    ),
-    Disturbance(
-        "coloured_3_khz_rail", _R, "MPa", (0.1, 0.2), before_noise(coloured(3e3), MPA, RAIL), reasons.SENSOR
-    ),
-    Disturbance(
-        "coloured_3_khz_lift", _N, "um", (0.4, 1.0), before_noise(coloured(3e3), UM, LIFT), reasons.SENSOR
-    ),
-    Disturbance("pink_line", _L, "MPa", (0.1, 0.2), before_noise(pink, MPA, LINE), reasons.SENSOR),
-    Disturbance("pink_rail", _R, "MPa", (0.1, 0.2), before_noise(pink, MPA, RAIL), reasons.SENSOR),
-    Disturbance("noise", _A, "times", (2.0, 3.0, 5.0), in_order(*(louder(r) for r in ALL)), table=3.0),
-    Disturbance("noise_line", _L, "times", (3.0, 6.0), louder(LINE)),
-    Disturbance("noise_rail", _R, "times", (3.0, 6.0), louder(RAIL)),
-    Disturbance("noise_lift", _N, "times", (3.0, 6.0), louder(LIFT), reasons.SENSOR),
-    Disturbance("noise_from_half_way", _A, "times", (2.0, 3.0), in_order(*(louder(r, 0.5) for r in ALL))),
-    Disturbance(
-        "noise_bursts_line", _L, "MPa", (0.5, 1.5), before_noise(bursts, MPA, LINE), reasons.OUTLIERS
-    ),
+    of_signal("noise_bursts_line", LINE, "MPa", (0.5, 1.5), bursts, reasons.OUTLIERS),
 )

@@ -4,24 +4,26 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.console import Console
 
+from observer_rt.config.bench import Bench
+from observer_rt.config.signals import SignalConfig
 from observer_rt.estimation.scalars import NOZZLE, SEAT
 from observer_rt.evaluation.evaluate import Evaluation, evaluate
-from tools.benchmarks.cases import Case
+from tools.benchmarks.accuracy import joined
+from tools.benchmarks.fitted_lump import FITTED_LUMP, lumps_of
 from tools.benchmarks.kalman_peers import joint_ukf
 from tools.benchmarks.peer_equations import Model
 from tools.benchmarks.peer_inputs import peer_inputs
-from tools.benchmarks.peers import TUNING, PeerScore
-from tools.benchmarks.plant import Outcome, record
-from tools.benchmarks.pool import Crash, Task
-from tools.benchmarks.realism.cases import make_realism_case
-from tools.benchmarks.realism.catalogue import Entry, name_of, parsed
+from tools.benchmarks.peers import TUNING, PeerScore, peer_score
+from tools.benchmarks.plant import record
+from tools.benchmarks.realism.catalogue import Entry, make_realism_case, name_of, parsed
+from tools.benchmarks.realism.disturbance import Stated
 from tools.benchmarks.realism.score import Interval, RunScore
-from tools.benchmarks.realism.stated import is_known, with_stated
-from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Plan, scored
+from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Crash, Plan, Store, Task, digest_of, resumed
 from tools.benchmarks.score import UKF
 from tools.benchmarks.scoring import (
     bench_for_case,
@@ -31,11 +33,9 @@ from tools.benchmarks.scoring import (
     timed_training,
     warm_up,
 )
-from tools.benchmarks.store import Store, digest_of
 from tools.benchmarks.wave_accuracy import WavePlan, fitted_model, warm_up_model
-from tools.benchmarks.wave_peers import FITTED_LUMP, lumps_of
 from tools.benchmarks.wave_plant import Variant
-from tools.benchmarks.windows import Windows, score_rate, windows_of
+from tools.benchmarks.windows import Windows, windows_of
 
 
 @dataclass(frozen=True)
@@ -70,15 +70,30 @@ def run_realism(
     sources = (PACKAGE, BENCHMARKS) if model is None else (PACKAGE, BENCHMARKS, model)
     crashes: list[Crash[Task]] = []
     store = Store(plan.out / "observer.jsonl", RunScore, digest_of(sources))
-    runs = scored("observer", store, partial(score_run, model), ready, plan.tasks, plan, console, crashes)
+    work = partial(score_run, model)
+    runs = resumed("observer", store, work, plan.tasks, plan.workers, console, crashes.append, ready)
     if plan.peers:
         peer_store = Store(plan.out / "peers.jsonl", PeerScore, digest_of((BENCHMARKS,)))
-        tasks = tuple(t for t in plan.tasks if not any(s.is_stated for s in parsed(t.class_name)))
-        work = partial(score_peer, rich)
-        peers = scored("peers", peer_store, work, ready, tasks, plan, console, crashes)
-        runs = {task: _joined(run, peers.get(task)) for task, run in runs.items()}
-    found = tuple(runs[task] for task in plan.tasks if task in runs)
+        tasks = [t for t in plan.tasks if not any(s.is_stated for s in parsed(t.class_name))]
+        peer_work = partial(score_peer, rich)
+        peers = resumed("peers", peer_store, peer_work, tasks, plan.workers, console, crashes.append, ready)
+        runs = {label: replace(run, case=joined(run.case, peers.get(label))) for label, run in runs.items()}
+    found = tuple(runs[task.label] for task in plan.tasks if task.label in runs)
     return Results(found, tuple(crashes), tuple(name for name, known in names.items() if not known))
+
+
+def is_known(stated: Stated) -> bool:
+    """Whether a bench file may say this."""
+    return all(key in SignalConfig.model_fields for keys in stated.values() for key in keys)
+
+
+def with_stated(bench: Bench, stated: Stated) -> Bench:
+    """The bench file's bench with these keys of its signals."""
+    signals = bench.injector.config.signals
+    update: dict[str, Any] = {
+        role: getattr(signals, role).model_copy(update=keys) for role, keys in stated.items()
+    }
+    return bench.with_sections(signals=signals.model_copy(update=update))
 
 
 def score_run(model: Path | None, task: Task) -> RunScore:
@@ -108,8 +123,7 @@ def score_peer(rich: Rich | None, task: Task) -> PeerScore:
     case = make_realism_case(task, is_rich=rich is not None)
     outcome = record(case.bench)
     rate = joint_ukf(peer_inputs(outcome.measured, None if rich is None else rich.lump), TUNING).rate
-    scored = score_rate(UKF, rate, outcome.truth, _windows(case, outcome), case.bench.injector.density)
-    return PeerScore(task.class_name, task.master_seed, task.number, (scored,), ())
+    return peer_score(case, outcome, {UKF: rate})
 
 
 def phantoms(evaluation: Evaluation, windows: Windows) -> int:
@@ -126,10 +140,6 @@ def phantoms(evaluation: Evaluation, windows: Windows) -> int:
     )
 
 
-def _windows(case: Case, outcome: Outcome) -> Windows:
-    return windows_of(outcome, case.bench.sample_rate)
-
-
 def _intervals(evaluation: Evaluation, windows: Windows, effect: str) -> tuple[Interval, ...]:
     """95 % interval of an indicator, by the last report of every event; only a valid one counts."""
     found: list[Interval] = []
@@ -138,12 +148,6 @@ def _intervals(evaluation: Evaluation, windows: Windows, effect: str) -> tuple[I
         said = reports[-1].indicators.get(effect) if reports and reports[-1].valid else None
         found.append(None if said is None else said.ci95)
     return tuple(found)
-
-
-def _joined(run: RunScore, peer: PeerScore | None) -> RunScore:
-    if peer is None:
-        return run
-    return replace(run, case=replace(run.case, estimators=run.case.estimators + peer.estimators))
 
 
 def _rich(wave: WavePlan, console: Console) -> Rich:

@@ -8,8 +8,8 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from tools.benchmarks.pool import Task
 from tools.benchmarks.realism.catalogue import parsed, true_reasons
+from tools.benchmarks.runs import Task
 from tools.benchmarks.score import OBSERVER, UKF, WRONG_MASS, CaseScore
 
 JUDGED = slice(7, 20)  # events 8-20

@@ -7,6 +7,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from tools.benchmarks.command_line import print_lines
 from tools.benchmarks.realism.catalogue import AND, STATED, alone, name_of
 from tools.benchmarks.realism.run import Results
 from tools.benchmarks.realism.score import RunScore, Summary, Verdict, summary
@@ -32,14 +33,10 @@ def print_realism(results: Results, console: Console) -> None:
     if results.runs:
         console.print(_entries_table(by_entry(results.runs)))
         console.print(_totals_table(_groups(results.runs)))
-    for line in missed_bars(results):
-        console.print(line, highlight=False, markup=False)
-    for name in results.not_known:
-        console.print(
-            f"{name}: not run, this observer's bench file has no such key", highlight=False, markup=False
-        )
-    for crash in results.crashes:
-        console.print(f"crash: {crash.task}: {crash.message}", highlight=False, markup=False)
+    print_lines(console, missed_bars(results))
+    no_key = "not run, this observer's bench file has no such key"
+    print_lines(console, [f"{name}: {no_key}" for name in results.not_known])
+    print_lines(console, [f"{crash.task}: {crash.message}" for crash in results.crashes], "crash: ")
 
 
 def realism_document(results: Results) -> dict[str, Any]:

@@ -10,17 +10,14 @@ import numpy as np
 
 from observer_rt.bus.frame_block import FrameBlock
 from observer_rt.bus.mapping.bus_map import map_bus
-from observer_rt.config.bench import Bench, load_injector
+from observer_rt.config.bench import Bench
 from observer_rt.foundation.units import MICROSECOND, MILLISECOND
-from observer_rt.model.effects import sized
 from observer_rt.recording.replay.device import Device
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.recording.signals.stream import HeldSignals
 from observer_rt.service.core.core import Core
-from observer_rt.simulation.measurement import NoiseLevels
-from observer_rt.simulation.schedule import Event, Schedule, Shot
-from observer_rt.simulation.simulate import simulate
-from tools.benchmarks.speed.traffic import SAMPLE_RATE
+from observer_rt.simulation.schedule import Event, Shot
+from tools.benchmarks.speed.traffic import SAMPLE_RATE, worn_recording
 
 INJECTIONS, PERIOD, ENERGIZING = 50, 40 * MILLISECOND, 1.2 * MILLISECOND  # 25 a second, of three pressures
 ONCE = INJECTIONS * PERIOD
@@ -68,9 +65,7 @@ def repeated_injections(times: int, pressure_offset: float = 0.0) -> Recording:
         Event((n + 0.5) * PERIOD, (60e6, 100e6, 140e6)[n * 3 // INJECTIONS], (Shot(ENERGIZING),))
         for n in range(INJECTIONS)
     )
-    schedule = Schedule(events, ONCE - 1.0 / SAMPLE_RATE)
-    worn = (sized("orifice_area", v_H=0.2),)
-    once = simulate(load_injector(), schedule, SAMPLE_RATE, worn, NoiseLevels(), seed=1).recording
+    once = worn_recording(events, ONCE - 1.0 / SAMPLE_RATE)
     rail, lift, line = (np.tile(values, times) for values in once.signals.values())
     return Recording(np.arange(rail.size) / SAMPLE_RATE, rail + pressure_offset, lift, line)
 

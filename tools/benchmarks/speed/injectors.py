@@ -18,9 +18,9 @@ from observer_rt.foundation.errors import RunError
 from observer_rt.foundation.units import MILLISECOND
 from observer_rt.observer.stream.state import Reason
 from tools.benchmarks.speed.observers import READY, RUN, START_TIMEOUT, Observer, observer
-from tools.benchmarks.speed.pace import Pacer, Passage
+from tools.benchmarks.speed.pace import Passage, socket_pacer
 from tools.benchmarks.speed.sustained import socket_pair
-from tools.benchmarks.speed.traffic import PERIOD, RATES, RAW_FRAME, SAMPLE_RATE, SAMPLES, Ids, Traffic
+from tools.benchmarks.speed.traffic import PERIOD, RATES, RAW_FRAME, SAMPLE_RATE, SAMPLES, Traffic
 
 NUMBERS = (1, 2, 4, 8)
 BEFORE, AFTER = 2 * MILLISECOND, 4 * MILLISECOND  # of an open needle, as a windowed source sends them
@@ -97,10 +97,9 @@ def _row(folder: Path, traffic: Traffic, number: int, seconds: float) -> Injecto
         descriptors = [pair.receiver.fileno() for pair in pairs]
         ours = stack.enter_context(observer([*RUN, bench, "--json"], descriptors))
         until_all_ready(ours, number)
-        pacers = [
-            Pacer(folder, traffic, f"fd:{each.fileno()}", Ids(), [each.fileno()], _turn(place, number))
-            for place, each in enumerate(pair.sender for pair in pairs)
-        ]
+        turns = [round(place * PERIOD / number / _FRAME) for place in range(number)]  # they inject in turn
+        senders = zip(turns, pairs, strict=True)
+        pacers = [socket_pacer(folder, traffic, pair.sender, turn) for turn, pair in senders]
         together = stack.enter_context(ThreadPoolExecutor(number))
 
         def sent(duration: float) -> list[Passage]:
@@ -125,11 +124,6 @@ def counted(number: int, cpu_share: float, lost_samples: int, said: Sequence[str
     injections, late, passed_over = (sum(column) for column in zip(*words, strict=True))
     judged = sum(Reason.NOT_JUDGED.name not in record["reasons"] for record in records)
     return InjectorsRow(number, cpu_share, lost_samples, injections, judged, injections - passed_over, late)
-
-
-def _turn(place: int, number: int) -> int:
-    """First frame of an injector, so that they inject in turn."""
-    return round(place * PERIOD / number / _FRAME)
 
 
 def socket_bench(folder: Path, sockets: Sequence[socket.socket]) -> Path:

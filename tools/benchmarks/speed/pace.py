@@ -1,5 +1,6 @@
 """Frames at a pace by the C sender, and when the answers came."""
 
+import socket
 import subprocess
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.foundation.errors import RunError
+from observer_rt.foundation.units import MICROSECOND
 from tools.benchmarks.speed import native
 from tools.benchmarks.speed.traffic import DATA_ID, RATES, SAMPLES, Ids, Traffic
 
@@ -16,6 +18,29 @@ LINGER = 0.3  # s after the last answer
 BACKLOG = (
     1.8  # s a frame may wait for room: 20,000 frames, as many as a SocketCAN receive buffer of 16 MiB holds
 )
+
+
+@dataclass(frozen=True)
+class Latency:
+    """Microseconds."""
+
+    p50: float
+    p99: float
+    p999: float
+    longest: float
+    count: int
+
+    def __str__(self) -> str:
+        return f"{self.p50:.0f} / {self.p99:.0f} / {self.p999:.0f} us ({self.count})"
+
+
+def latency_of(seconds: NDArray[np.float64]) -> Latency:
+    """Percentiles; nan of none."""
+    if not seconds.size:
+        nan = float("nan")
+        return Latency(nan, nan, nan, nan, 0)
+    p50, p99, p999, longest = (np.percentile(seconds, [50, 99, 99.9, 100]) / MICROSECOND).tolist()
+    return Latency(p50, p99, p999, longest, seconds.size)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,3 +123,8 @@ class Pacer:
         self._next += count
         self._told_until = passage.told_until(self._traffic)
         return passage
+
+
+def socket_pacer(folder: Path, traffic: Traffic, end: socket.socket, first: int = 0) -> Pacer:
+    """One that sends through an end of a pair of sockets; first: number of the first frame."""
+    return Pacer(folder, traffic, f"fd:{end.fileno()}", Ids(), [end.fileno()], first)

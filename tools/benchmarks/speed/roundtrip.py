@@ -21,9 +21,8 @@ from numpy.typing import NDArray
 from observer_rt.foundation.errors import RunError
 from observer_rt.foundation.units import MICROSECOND
 from tools.benchmarks.speed import native
-from tools.benchmarks.speed.latency import Latency, latency_of
 from tools.benchmarks.speed.observers import BUSY_RUN, RUN, Observer, observer
-from tools.benchmarks.speed.pace import Pacer, Passage
+from tools.benchmarks.speed.pace import Latency, Pacer, Passage, latency_of
 from tools.benchmarks.speed.sustained import farewell
 from tools.benchmarks.speed.traffic import Ids, Traffic, load_traffic, write_bench
 

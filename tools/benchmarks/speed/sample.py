@@ -10,18 +10,15 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from observer_rt.config.bench import load_injector
 from observer_rt.foundation.units import MICROSECOND, MILLISECOND
-from observer_rt.model.effects import sized
 from observer_rt.model.line.lump import LumpLine
 from observer_rt.model.network import ARGUMENTS, HIDDEN
 from observer_rt.observer.stream.pair import step_pair
 from observer_rt.observer.stream.state import RING, Observer
-from observer_rt.simulation.measurement import NoiseLevels
-from observer_rt.simulation.schedule import Event, Schedule, Shot
-from observer_rt.simulation.simulate import simulate
+from observer_rt.simulation.schedule import Event, Shot
 from tools.benchmarks.sample_time import SAMPLE_RATE, loaded_observer, run_samples
 from tools.benchmarks.speed import native
+from tools.benchmarks.speed.traffic import worn_recording
 
 STATES = 3
 BLOCKS = 400  # each of one injection; ours, C, and the whole step in turn
@@ -74,12 +71,8 @@ class OpenNeedle:
     def __init__(self) -> None:
         self.observer = loaded_observer()
         event = Event(20 * MILLISECOND, 100e6, (Shot(2.5 * MILLISECOND),))
-        worn = (sized("orifice_area", v_H=0.2),)
-        schedule = Schedule((event,), 30 * MILLISECOND)
-        recording = simulate(load_injector(), schedule, SAMPLE_RATE, worn, NoiseLevels(), seed=1).recording
-        self.inputs = np.column_stack(
-            [recording.rail_pressure, recording.needle_lift, recording.line_pressure]
-        )
+        recorded = worn_recording((event,), 30 * MILLISECOND, SAMPLE_RATE)
+        self.inputs = np.column_stack([recorded.rail_pressure, recorded.needle_lift, recorded.line_pressure])
         run_samples(self.observer, self.inputs, 0)
         area = self.observer.ring["seat_area"][: int(self.observer.memory["processed"][0])]
         is_open = np.flatnonzero(area > 0.0)

@@ -10,18 +10,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from observer_rt.bus.mapping.bus_map import map_bus
-from observer_rt.config.bench import Bench, load_injector
+from observer_rt.config.bench import Bench
 from observer_rt.foundation.units import MICROSECOND, MILLISECOND
-from observer_rt.model.effects import sized
 from observer_rt.recording.replay.framing import Framer, whole
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.compiled.constants import bench_constants
 from observer_rt.service.core.core import Core
-from observer_rt.simulation.measurement import NoiseLevels
-from observer_rt.simulation.schedule import Event, Schedule, Shot
-from observer_rt.simulation.simulate import simulate
+from observer_rt.simulation.schedule import Event, Shot
 from tools.benchmarks.scoring import bench_at
-from tools.benchmarks.speed.traffic import SAMPLE_RATE
+from tools.benchmarks.speed.traffic import SAMPLE_RATE, worn_recording
 
 SECONDS = (0.25, 0.5, 1.0, 2.0)
 RATES = (200e3, 100e3, 50e3, 20e3)  # Hz
@@ -68,9 +65,7 @@ def _recording(rate: float, seconds: float) -> Recording:
         Event(10 * MILLISECOND + n * PERIOD, 100e6, (Shot(1.2 * MILLISECOND),))
         for n in range(round(seconds / PERIOD))
     )
-    schedule = Schedule(events, seconds)
-    worn = (sized("orifice_area", v_H=0.2),)
-    return simulate(load_injector(), schedule, rate, worn, NoiseLevels(), seed=1).recording
+    return worn_recording(events, seconds, rate)
 
 
 def _in_blocks(block: int) -> Bench:

@@ -1,7 +1,6 @@
 """Our daemon for as long as one likes, at full rate and with its Python disturbed: what grows, what is lost?"""
 
 from collections.abc import Sequence
-from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -9,11 +8,10 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from tools.benchmarks.speed.latency import Latency, latency_of
-from tools.benchmarks.speed.observers import PAUSED_RUN, Observer, observer
-from tools.benchmarks.speed.pace import Pacer
-from tools.benchmarks.speed.sustained import farewell, socket_pair
-from tools.benchmarks.speed.traffic import RATES, SAMPLE_RATE, SAMPLES, Ids, make_traffic, write_bench
+from tools.benchmarks.speed.observers import PAUSED_RUN, Observer
+from tools.benchmarks.speed.pace import Latency, latency_of, socket_pacer
+from tools.benchmarks.speed.sustained import daemon_on_sockets, farewell
+from tools.benchmarks.speed.traffic import RATES, SAMPLE_RATE, SAMPLES, make_traffic
 
 STRETCH = 10.0  # s
 SETTLED = 0.2  # of the soak, after which nothing should grow any more
@@ -85,12 +83,8 @@ def run_soak(folder: Path, minutes: float) -> Soak:
     """Stretch after stretch to one daemon that learns, until the time is over. Raises RunError."""
     traffic = make_traffic(folder)
     found: list[Stretch] = []
-    with ExitStack() as stack:
-        pair = socket_pair(stack)
-        descriptor = pair.receiver.fileno()
-        bench = write_bench(folder / "soak", "descriptor", str(descriptor), Ids())
-        ours = stack.enter_context(observer([*PAUSED_RUN, bench], [descriptor]))
-        pacer = Pacer(folder, traffic, f"fd:{pair.sender.fileno()}", Ids(), [pair.sender.fileno()])
+    with daemon_on_sockets(folder / "soak", PAUSED_RUN) as (ours, sender):
+        pacer = socket_pacer(folder, traffic, sender)
         frames = round(STRETCH * SAMPLE_RATE / SAMPLES)
         for number in range(max(1, round(minutes * 60.0 / STRETCH))):
             before = ours.cpu_time()

@@ -1,13 +1,10 @@
 """How long `observer-rt run` takes until it says that it is ready, and how much memory it then has."""
 
 import tempfile
-from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
-from tools.benchmarks.speed.observers import RUN, observer
-from tools.benchmarks.speed.sustained import socket_pair
-from tools.benchmarks.speed.traffic import Ids, write_bench
+from tools.benchmarks.speed.sustained import daemon_on_sockets
 
 WARM_STARTS = 3
 
@@ -54,9 +51,5 @@ def measure_startup(folder: Path, *, cold: bool) -> Startup:
 
 
 def _start(folder: Path, environment: dict[str, str] | None = None) -> _Start:
-    with ExitStack() as stack:
-        pair = socket_pair(stack)
-        descriptor = pair.receiver.fileno()
-        bench = write_bench(folder / "startup", "descriptor", str(descriptor), Ids())
-        started = stack.enter_context(observer([*RUN, bench], [descriptor], environment))
+    with daemon_on_sockets(folder / "startup", environment=environment) as (started, _):
         return _Start(started.ready_after, started.spoke_after, started.cpu_time(), started.memory())

@@ -1,7 +1,8 @@
 """How much our daemon takes without a loss, on a socket pair that carries raw frames: no bus, no other kernel."""
 
 import socket
-from contextlib import ExitStack
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -9,9 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tools.benchmarks.speed.latency import Latency, latency_of
 from tools.benchmarks.speed.observers import RUN, Observer, observer
-from tools.benchmarks.speed.pace import Pacer
+from tools.benchmarks.speed.pace import Latency, latency_of, socket_pacer
 from tools.benchmarks.speed.traffic import RATES, SAMPLE_RATE, SAMPLES, Ids, Traffic, write_bench
 
 BUFFER_BYTES = 16 << 20  # as the daemon asks of a CAN socket
@@ -59,14 +59,22 @@ def socket_pair(stack: ExitStack) -> Pair:
     return Pair(sender, receiver)
 
 
-def measure_sustained(folder: Path, traffic: Traffic, seconds: float, rate: float = SAMPLE_RATE) -> Sustained:
-    """Send samples at `rate` [Hz] for so long."""
+@contextmanager
+def daemon_on_sockets(
+    folder: Path, command: Sequence[str] = RUN, environment: dict[str, str] | None = None
+) -> Iterator[tuple[Observer, socket.socket]]:
+    """A daemon that is ready, and the socket to send to it by; its bench file goes into the folder."""
     with ExitStack() as stack:
         pair = socket_pair(stack)
-        ids = Ids()
-        bench = write_bench(folder / "sustained", "descriptor", str(pair.receiver.fileno()), ids)
-        ours = stack.enter_context(observer([*RUN, bench], [pair.receiver.fileno()]))
-        pacer = Pacer(folder, traffic, f"fd:{pair.sender.fileno()}", ids, [pair.sender.fileno()])
+        descriptor = pair.receiver.fileno()
+        bench = write_bench(folder, "descriptor", str(descriptor), Ids())
+        yield stack.enter_context(observer([*command, bench], [descriptor], environment)), pair.sender
+
+
+def measure_sustained(folder: Path, traffic: Traffic, seconds: float, rate: float = SAMPLE_RATE) -> Sustained:
+    """Send samples at `rate` [Hz] for so long."""
+    with daemon_on_sockets(folder / "sustained") as (ours, sender):
+        pacer = socket_pacer(folder, traffic, sender)
         period = SAMPLES / rate
         pacer.send(round(1.0 / period), period)  # meets what is met for the first time
         before, by_thread = ours.cpu_time(), ours.cpu_time_by_thread()

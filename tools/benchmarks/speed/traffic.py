@@ -13,6 +13,7 @@ from observer_rt.config.bench import EXAMPLE_BENCH, PACKAGE_DATA, load_injector
 from observer_rt.foundation.units import MILLISECOND
 from observer_rt.model.effects import sized
 from observer_rt.recording.replay.framing import Framer, whole
+from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.core.core import Core
 from observer_rt.simulation.measurement import NoiseLevels
 from observer_rt.simulation.schedule import Event, Schedule, Shot
@@ -79,15 +80,19 @@ class Ids:
         return RATE_ID + self.shift
 
 
+def worn_recording(events: tuple[Event, ...], end: float, rate: float = SAMPLE_RATE) -> Recording:
+    """What the sensors record of a worn injector until an end [s] at a rate [Hz]."""
+    worn = (sized("orifice_area", v_H=_WEAR),)
+    return simulate(load_injector(), Schedule(events, end), rate, worn, NoiseLevels(), seed=1).recording
+
+
 def make_traffic(folder: Path, period: float = PERIOD, count: int = _EVENTS) -> Traffic:
     """Write a loop of `count` injections of a worn injector, which take a whole number of frames."""
     events = tuple(
         Event(_FIRST + n * period, _PRESSURES[n * len(_PRESSURES) // count], (Shot(_ENERGIZING),))
         for n in range(count)
     )
-    schedule = Schedule(events, count * period - 1.0 / SAMPLE_RATE)
-    worn = (sized("orifice_area", v_H=_WEAR),)
-    recording = simulate(load_injector(), schedule, SAMPLE_RATE, worn, NoiseLevels(), seed=1).recording
+    recording = worn_recording(events, count * period - 1.0 / SAMPLE_RATE)
     bus = map_bus(bench_at(SAMPLE_RATE))
     payloads = [frame.payload for frame in Framer(bus).frames(recording, whole(recording))]
     raw = np.zeros(len(payloads), RAW_FRAME)

@@ -13,6 +13,7 @@ from numpy.random import Generator
 from tools.benchmarks.discovery.real_line.rail import MovingRail, drawn_rail
 from tools.benchmarks.plant_parameters import Injector
 from tools.benchmarks.realism.channels import filtered, resonance
+from tools.benchmarks.realism.disturbance import sign
 from tools.benchmarks.sampling import Measured, Step
 from tools.benchmarks.wave_plant import LINES, Variant, WaveLine, real_part
 
@@ -64,9 +65,9 @@ def plant_of(discrepancy: Discrepancy, seed: int) -> Plant:
         case Discrepancy.PLAIN:
             return plant
         case Discrepancy.LENGTH:
-            return replace(plant, part=_of_length(part, 1.0 + LENGTH_CHANGE * _sign(rng)))
+            return replace(plant, part=_of_length(part, 1.0 + LENGTH_CHANGE * sign(rng)))
         case Discrepancy.TAPER:
-            return replace(plant, line=plant.line._replace(taper=_sign(rng) * rng.uniform(*TAPERS)))
+            return replace(plant, line=plant.line._replace(taper=sign(rng) * rng.uniform(*TAPERS)))
         case Discrepancy.END_VOLUMES:
             return replace(plant, line=_with_ends(plant.line, rng))
         case Discrepancy.FRICTION:
@@ -105,7 +106,3 @@ def _with_ends(line: WaveLine, rng: Generator) -> WaveLine:
         inlet_ratio=rng.uniform(*INLET_RATIOS),
         inlet_loss=rng.uniform(*INLET_LOSSES),
     )
-
-
-def _sign(rng: Generator) -> float:
-    return 1.0 if rng.random() < 0.5 else -1.0

@@ -9,8 +9,16 @@ from pathlib import Path
 from rich.console import Console
 
 from observer_rt.foundation.errors import RunError
-from tools.benchmarks.discovery.answers import OUR_PROGRAM, Answer, ask
-from tools.benchmarks.discovery.asking import ask_and_keep, worked_through
+from tools.benchmarks.command_line import print_lines
+from tools.benchmarks.discovery.answers import Answer, ask
+from tools.benchmarks.discovery.asking import (
+    WARM_UP_RECORDINGS,
+    Answered,
+    Asking,
+    Question,
+    ask_and_keep,
+    ask_and_score,
+)
 from tools.benchmarks.discovery.real_line.cases import RealCase, Rig
 from tools.benchmarks.discovery.real_line.fitting import (
     HEALTHY,
@@ -23,31 +31,8 @@ from tools.benchmarks.discovery.real_line.generator import RealPlan, labels_of, 
 from tools.benchmarks.discovery.real_line.result import RealResult
 from tools.benchmarks.discovery.real_line.scoring import score_case
 from tools.benchmarks.discovery.real_line.summary import violations
-from tools.benchmarks.discovery.real_line.tables import (
-    discrepancy_table,
-    effect_table,
-    kind_lines,
-    misses,
-)
-from tools.benchmarks.discovery.run import BENCHMARKS, PACKAGE
-from tools.benchmarks.store import Store, digest_of
-
-WARM_UP_RECORDINGS = 2
-
-
-@dataclass(frozen=True)
-class Asking:
-    """A plan, whom to ask (a program with the verbs `fit` and `discover`), on how many processes, where all goes."""
-
-    plan: RealPlan
-    workers: int
-    out: Path
-    program: tuple[str, ...] = OUR_PROGRAM
-
-    @property
-    def sealed(self) -> Path:
-        """Folder of what is sealed, and of recordings while they are asked about."""
-        return self.out / "hidden"
+from tools.benchmarks.discovery.real_line.tables import discrepancy_table, effect_table, kind_lines, misses
+from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Store, digest_of
 
 
 @dataclass(frozen=True)
@@ -59,44 +44,21 @@ class RealResults:
     crashes: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class Question:
-    """A case to ask about: its label and the fitted model are all that is known of it."""
-
-    label: str
-    model: Path
-    asking: Asking
-
-
-@dataclass(frozen=True)
-class Answered:
-    """A case, opened, its answer and the model that was given."""
-
-    label: str
-    case: RealCase
-    answer: Answer
-    model: Path
-
-
-def run_real_lines(asking: Asking, console: Console) -> RealResults:
+def run_real_lines(asking: Asking[RealPlan], console: Console) -> RealResults:
     """Fit, and ask about the cases not yet asked about with this state of the code; progress goes to `console`."""
-    seal_cases(asking.plan, asking.sealed)
-    labels = labels_of(asking.sealed)
-    crashes: list[str] = []
+    hidden, crashes = asking.hidden, list[str]()
+    seal_cases(asking.plan, hidden)
+    labels = labels_of(hidden)
     answers = Store(asking.out / "answers.jsonl", Answer, state_of_the_code())
+    results = Store(asking.out / "results.jsonl", RealResult, digest_of((PACKAGE, BENCHMARKS)))
     missing = {label.label for label in labels} - {answer.label for answer in answers.load()}
     wanted = {label.rig for label in labels if label.label in missing}
     models = _models({label.rig for label in labels}, wanted, asking, console, crashes)
-    questions = [Question(one.label, models[one.rig], asking) for one in labels if one.rig in models]
-    given = worked_through("answers", answers, ask_question, questions, asking.workers, console, crashes)
-
-    results = Store(asking.out / "results.jsonl", RealResult, digest_of((PACKAGE, BENCHMARKS)))
-    answered = [
-        Answered(case.label, case, given[case.label], models[case.rig])
-        for case in opened(asking.sealed)
-        if case.label in given
-    ]
-    scored = worked_through("scores", results, score_answered, answered, asking.workers, console, crashes)
+    questions = [Question(one.label, asking, models[one.rig]) for one in labels if one.rig in models]
+    scored = ask_and_score(
+        questions, ask_question, answers, lambda: opened(hidden),
+        score_answered, results, asking.workers, console, crashes,
+    )  # fmt: skip
     found = tuple(scored[one.label] for one in labels if one.label in scored)
     adequate = {rig.open_name: _adequate(model) for rig, model in models.items()}
     return RealResults(found, adequate, tuple(crashes))
@@ -108,36 +70,32 @@ def print_results(found: RealResults, console: Console) -> None:
     console.print(effect_table(found.results))
     for line in kind_lines(found.results):
         console.print(line, highlight=False)
-    for title, lines in (
-        ("missed", misses(found.results)),
-        ("bar missed", violations(found.results, len(found.crashes))),
-        ("crash", found.crashes),
-    ):
-        for line in lines:
-            console.print(f"{title}: {line}", highlight=False, markup=False)
+    print_lines(console, misses(found.results), "missed: ")
+    print_lines(console, violations(found.results, len(found.crashes)), "bar missed: ")
+    print_lines(console, found.crashes, "crash: ")
 
 
 def ask_question(question: Question) -> Answer:
     """Work of one process: have a case recorded, and ask. Its findings stay in `out`, nothing else."""
-    label, asking = question.label, question.asking
-    files = generate("record", asking.sealed, label, str(asking.sealed / label))
-    return ask_and_keep(asking.program, label, files, asking.out, question.model, choose=False)
+    label, hidden = question.label, question.asking.hidden
+    files = generate("record", hidden, label, str(hidden / label))
+    return ask_and_keep(question, files, choose=False)
 
 
-def score_answered(answered: Answered) -> RealResult:
+def score_answered(answered: Answered[RealCase]) -> RealResult:
     """Work of one process: score an opened case."""
     return score_case(answered.case, answered.answer, answered.model)
 
 
 def _models(
-    rigs: set[Rig], wanted: set[Rig], asking: Asking, console: Console, crashes: list[str]
+    rigs: set[Rig], wanted: set[Rig], asking: Asking[RealPlan], console: Console, crashes: list[str]
 ) -> dict[Rig, Path]:
     """The fitted model of every rig; those wanted are asked with once, which compiles."""
     models: dict[Rig, Path] = {}
     for number, rig in enumerate(sorted(rigs, key=lambda rig: rig.name), start=1):
         folder = asking.out / "rigs" / rig.name
         try:
-            models[rig] = fitted_model(rig, asking.sealed, folder, asking.program)
+            models[rig] = fitted_model(rig, asking.hidden, folder, asking.program)
         except RunError as error:
             crashes.append(f"fit: rig {rig.name}: {error}")
             continue

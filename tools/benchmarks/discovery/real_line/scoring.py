@@ -10,13 +10,12 @@ from observer_rt.model.effects import VOCABULARY
 from observer_rt.model.parameters import EffectInForce, EffectValue, InjectorParameters
 from tools.benchmarks.discovery.answers import Answer
 from tools.benchmarks.discovery.hidden import same_effect
-from tools.benchmarks.discovery.product_model import open_loop
 from tools.benchmarks.discovery.real_line.cases import Parts, RealCase, further_benches
 from tools.benchmarks.discovery.real_line.discrepancies import plant_of
 from tools.benchmarks.discovery.real_line.hidden import known
 from tools.benchmarks.discovery.real_line.result import RealGap, RealResult
 from tools.benchmarks.discovery.result import NAMED, Interval
-from tools.benchmarks.discovery.scoring import Model, differences_of, injector_of, intervals, rms
+from tools.benchmarks.discovery.scoring import Model, differences_of, injector_of, intervals, open_loop, rms
 from tools.benchmarks.plant import SAMPLE_RATE, record
 from tools.benchmarks.plant_parameters import with_faults
 from tools.benchmarks.scoring import recording_of

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
+from tools.benchmarks.command_line import ruled
 from tools.benchmarks.discovery.real_line import summary
 from tools.benchmarks.discovery.real_line.cases import Kind, hidden_text
 from tools.benchmarks.discovery.real_line.discrepancies import Discrepancy
@@ -20,13 +21,10 @@ KINDS = (Kind.HEALTHY, Kind.SINGLE, Kind.PAIR, Kind.OUTSIDE)
 
 def discrepancy_table(results: Sequence[RealResult], adequate: dict[str, bool]) -> Table:
     """Discrepancy by discrepancy: right of counted, by kind; adequate: what `fit` says, by the rig's open name."""
-    table = Table(title="plants, right of those counted", title_justify="left")
-    table.add_column("discrepancy", no_wrap=True)
-    for heading in (
+    table = ruled("plants, right of those counted", ("discrepancy",), (
         "fit\nadequate", "healthy", "singles", "pairs", "outside", "wrong\nand sure", "gap\nlarger",
         "seconds\nmedian", "\nmax", "of core\nmax",
-    ):  # fmt: skip
-        table.add_column(heading, justify="right", no_wrap=True)
+    ), no_wrap=True)  # fmt: skip
     for discrepancy in Discrepancy:
         if cases := [r for r in results if r.discrepancy == discrepancy]:
             fits = [good for name, good in adequate.items() if name.startswith(discrepancy)]
@@ -38,13 +36,10 @@ def discrepancy_table(results: Sequence[RealResult], adequate: dict[str, bool]) 
 
 def effect_table(results: Sequence[RealResult]) -> Table:
     """Effect by effect, single cases: those counted, and below them what became of smaller ones."""
-    table = Table(title="single effects", title_justify="left")
-    table.add_column("effect", no_wrap=True)
-    for heading in (
+    table = ruled("single effects", ("effect",), (
         "right of\ncounted", "of them\nambiguous", "smaller,\nright", "\nwrong", "smallest visible,\nstated",
         "smallest\nnamed", "intervals\nhold",
-    ):  # fmt: skip
-        table.add_column(heading, justify="right", no_wrap=True)
+    ), no_wrap=True)  # fmt: skip
     for name, cases in summary.by_effect(results).items():
         judged, smaller = [r for r in cases if r.counted], [r for r in cases if not r.counted]
         covered = summary.coverage(cases)

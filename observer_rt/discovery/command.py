@@ -9,6 +9,7 @@ from rich.console import Console
 
 from observer_rt.config.bench import load_injector
 from observer_rt.config.effects import effect_named
+from observer_rt.config.injector_file import InjectorFile
 from observer_rt.discovery.answer import AskObserver, Question, answer, refuse_incomparable
 from observer_rt.discovery.folder import (
     AMENDED,
@@ -17,7 +18,6 @@ from observer_rt.discovery.folder import (
     FINDINGS,
     FITS,
     REPORT,
-    InjectorFile,
     fits_in,
     make_folder,
     write_answer,

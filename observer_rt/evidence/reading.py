@@ -1,7 +1,7 @@
 """Recordings from files, all that is refused before any work begins."""
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -49,3 +49,8 @@ def hashes(paths: Sequence[Path]) -> dict[str, str]:
     """SHA-256 of recordings by file name, by path where two have one name."""
     names = Counter(path.name for path in paths)
     return {path.name if names[path.name] == 1 else str(path): file_hash(path) for path in paths}
+
+
+def shortened(hashes: Mapping[str, str]) -> list[str]:
+    """Recordings by name and the first digits of their SHA-256: what a file keeps of where its numbers are from."""
+    return [f"{name} sha256 {digest[:12]}" for name, digest in hashes.items()]

@@ -9,13 +9,14 @@ from pathlib import Path
 from rich.console import Console
 
 from observer_rt.config.bench import load_injector
+from observer_rt.config.injector_file import InjectorFile
 from observer_rt.evidence.coverage import coverage
 from observer_rt.evidence.excerpts import MOST_SAMPLES
 from observer_rt.evidence.plausible import refuse_rates_missing
 from observer_rt.evidence.reading import hashes, read_measured
 from observer_rt.fit.calibrate import calibrate
 from observer_rt.fit.document import as_json
-from observer_rt.fit.fitted_file import baseline_of, read_document, write_fitted
+from observer_rt.fit.fitted_file import baseline_of, write_fitted
 from observer_rt.fit.masses import read_masses
 from observer_rt.fit.suitability import refuse_clipped, warnings
 from observer_rt.fit.text import print_fit
@@ -54,7 +55,7 @@ def fit_files(
     interrupted.
     """
     file = load_injector(options.model)
-    document = read_document(options.model)
+    source = InjectorFile.read(options.model)
     _check_destinations(options)
     most = MOST_SAMPLES if options.mass is None else sys.maxsize  # whole: masses go by the injection's number
     found = read_measured(paths, read, console, most, stated)
@@ -72,7 +73,7 @@ def fit_files(
             raise RunError("interrupted; nothing was written") from None
     baseline = baseline_of(done, hashes(paths))
     with file_errors(options.output):
-        write_fitted(options.output, document, done, baseline)
+        write_fitted(options.output, source, done, baseline)
     if options.plot is not None:
         from observer_rt.fit.figure import draw_fit
 

@@ -12,6 +12,7 @@ from observer_rt.estimation.phases import Phase
 from observer_rt.evidence.measurement import Measurement
 from observer_rt.fit.choice import Choice, choose
 from observer_rt.fit.held_out import Unexplained
+from observer_rt.fit.identifiability import interval
 from observer_rt.fit.parts import Part, Weighed, parts_of
 from observer_rt.fit.residuals import Comparison, compared
 from observer_rt.fit.search import ROUGH_ITERATIONS, Failed, Fitted, fine, fitted, rough, settled
@@ -33,6 +34,17 @@ class Level(StrEnum):
     FILE = "file"
     RATE = "measured_rate"
     MASS = "measured_mass"
+
+
+@dataclass(frozen=True)
+class FittedNumber:
+    """A parameter with its 95 % interval, in its printed unit. file: what the file had, None: nothing."""
+
+    symbol: str
+    value: float
+    ci95: tuple[float, float]
+    file: float | None
+    unit: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +72,18 @@ class Calibrated:
     def offsets(self) -> NDArray[np.float64]:
         """Of the line-pressure sensor in each part [MPa]."""
         return self.fitted.minimum.at.theta[len(self.fitted.calibration.free) :]
+
+    @property
+    def sizes(self) -> dict[str, FittedNumber]:
+        """The parameters fitted, by name."""
+        sizes = {}
+        for one, sigma in zip(self.fitted.calibration.free, self.fitted.certainty.sigmas, strict=True):
+            value, before = one.of(self.injector), one.stated(self.file)
+            low, high = interval(value, float(sigma))
+            file = None if before is None else before / one.si
+            ci95 = (low / one.si, high / one.si)
+            sizes[one.name] = FittedNumber(one.symbol, value / one.si, ci95, file, one.unit)
+        return sizes
 
     @property
     def left(self) -> Unexplained:

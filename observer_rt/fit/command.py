@@ -15,11 +15,10 @@ from observer_rt.evidence.excerpts import MOST_SAMPLES
 from observer_rt.evidence.plausible import refuse_rates_missing
 from observer_rt.evidence.reading import hashes, read_measured
 from observer_rt.fit.calibrate import calibrate
-from observer_rt.fit.document import as_json
 from observer_rt.fit.fitted_file import baseline_of, write_fitted
 from observer_rt.fit.masses import read_masses
+from observer_rt.fit.report import as_json, print_fit
 from observer_rt.fit.suitability import refuse_clipped, warnings
-from observer_rt.fit.text import print_fit
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.file_errors import file_errors
 from observer_rt.model.effect import SizedEffect

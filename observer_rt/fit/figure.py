@@ -10,7 +10,6 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter, ScalarFormatter
 
 from observer_rt.evidence.operating_points import point_name
-from observer_rt.evidence.pooled import Signal
 from observer_rt.fit.calibrate import GATE, Calibrated
 from observer_rt.fit.residuals import Overlay
 from observer_rt.fit.words import phase_name, verdict_words
@@ -91,7 +90,6 @@ def _phases(axes: Axes, done: Calibrated) -> None:
     axes.set_ylim(_LEAST, 1.5 * float(np.nanmax([*before, *after, GATE])))
     axes.yaxis.set_major_formatter(ScalarFormatter())
     axes.yaxis.set_minor_formatter(NullFormatter())
-    names = {Signal.LINE_PRESSURE: "line pressure", Signal.INJECTION_RATE: "injection rate"}
-    axes.set_xticks(places, [f"{phase_name(one.phase)}\n{names[one.signal]}" for one in residuals])
+    axes.set_xticks(places, [f"{phase_name(one.phase)}\n{one.signal.words}" for one in residuals])
     axes.set_ylabel("chi2 (1: noise alone)")
     axes.legend(frameon=False, fontsize=8, loc="upper right")

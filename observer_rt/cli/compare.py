@@ -19,7 +19,6 @@ def compare(
 ) -> None:
     """Put runs of `discover` side by side: verdicts, sizes, gaps; what changed from the first to the last."""
     from observer_rt.discovery import runs as comparison
-    from observer_rt.discovery.report.run_table import change_lines, run_table
     from observer_rt.terminal.console import results, say
 
     if len(runs) < 2:
@@ -29,6 +28,6 @@ def compare(
         print(json.dumps(comparison.as_json(found), indent=2))
         return
     console = results()
-    console.print(run_table(found))
-    for line in change_lines(found):
+    console.print(comparison.run_table(found))
+    for line in comparison.change_lines(found):
         say(console, line)

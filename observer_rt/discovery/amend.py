@@ -26,7 +26,7 @@ from observer_rt.foundation.errors import RunError
 from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.cells import in_stable_cells
 from observer_rt.model.effects import effective_model, sized_in_force
-from observer_rt.model.parameters import EffectInForce, EffectValue, InjectorParameters
+from observer_rt.model.parameters import EffectInForce, InjectorParameters
 
 ORIGIN = "observer-rt discover"
 
@@ -113,10 +113,9 @@ def _totals(
 
 def _in_force(effect: FittedEffect, fitted: Sequence[FittedParameter], evidence: str) -> EffectInForce:
     """A fitted effect as the injector file has it."""
-    values = [printed(effect.id, parameter) for parameter in fitted]
     return EffectInForce(
         id=effect.id,
-        parameters={v.name: EffectValue(value=v.value, ci95=v.ci95, unit=v.unit) for v in values},
+        parameters=printed(effect.id, fitted),
         origin=ORIGIN,
         evidence=evidence,
         date=date.today().isoformat(),

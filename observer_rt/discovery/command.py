@@ -66,7 +66,8 @@ def discover_files(
     """
     begin = time.monotonic()
     parameters = load_injector(options.model)
-    chosen = _chosen(options.chosen)
+    ids = options.chosen.split("+") if options.chosen else ()
+    chosen = tuple(effect_named("--choose", name.strip()).id for name in ids)
     _refuse_replacing(options)
     injector = InjectorFile.read(options.model)
     measured = read_measured([*paths, *options.healthy], read, console, stated=stated)
@@ -97,11 +98,6 @@ def discover_files(
             name for name, is_there in ((AMENDED, bool(found.in_force)), (DATA, options.data)) if is_there
         ]
         say(console, f"{options.out}: {', '.join([REPORT, FINDINGS, *more])}")
-
-
-def _chosen(text: str) -> tuple[str, ...]:
-    """Ids of the effects chosen. Raises `UserError` for one that is none."""
-    return tuple(effect_named("--choose", name.strip()).id for name in text.split("+")) if text else ()
 
 
 def _refuse_replacing(options: DiscoverOptions) -> None:

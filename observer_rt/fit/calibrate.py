@@ -142,7 +142,9 @@ def calibrate(
         raise RunError(f"no structure can be fitted to these recordings\n  {reasons}")
     best, kept = settled(choice.best, file, fine(parts))
     progress((len(structures) + 1) / steps)
-    return Calibrated(file, found, choice, best, kept, level, _comparison(file, best))
+    offsets = best.minimum.at.theta[len(best.calibration.free) :]
+    comparison = compared(file, best.injector, offsets, best.calibration.parts)
+    return Calibrated(file, found, choice, best, kept, level, comparison)
 
 
 def _tried(
@@ -153,18 +155,8 @@ def _tried(
     parts: Sequence[Part],
 ) -> Fitted | Failed:
     """A structure fitted roughly, from the numbers of the file, or from those of one it is a refinement of."""
-    free = _free(structure, level)
+    free = structure.free if level is Level.FILE else (*structure.free, INERTANCE)
     simpler = [one for one in earlier if isinstance(one, Fitted) and structure.refines(one.structure)]
     if simpler:
         return fitted(structure, simpler[-1].injector, free, parts, ROUGH_ITERATIONS)
     return searched(structure, file, free, parts, ROUGH_ITERATIONS, any(map(explains, earlier)))
-
-
-def _free(structure: Structure, level: Level) -> tuple[FreeParameter, ...]:
-    return structure.free if level is Level.FILE else (*structure.free, INERTANCE)
-
-
-def _comparison(file: InjectorParameters, best: Fitted) -> Comparison:
-    calibration = best.calibration
-    offsets = best.minimum.at.theta[len(calibration.free) :]
-    return compared(file, best.injector, offsets, calibration.parts)

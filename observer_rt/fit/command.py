@@ -12,8 +12,7 @@ from observer_rt.config.bench import load_injector
 from observer_rt.config.injector_file import InjectorFile
 from observer_rt.evidence.coverage import coverage
 from observer_rt.evidence.excerpts import MOST_SAMPLES
-from observer_rt.evidence.plausible import refuse_rates_missing
-from observer_rt.evidence.reading import hashes, read_measured
+from observer_rt.evidence.reading import hashes, read_measured, refuse_rates_missing
 from observer_rt.fit.calibrate import calibrate
 from observer_rt.fit.fitted_file import baseline_of, write_fitted
 from observer_rt.fit.masses import read_masses

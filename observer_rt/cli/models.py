@@ -25,6 +25,7 @@ from observer_rt.cli.options import (
 )
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.config.effects import effect_named
+from observer_rt.config.injector_file import InjectorFile
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.file_errors import file_errors
 from observer_rt.terminal.compiling import show_compiling
@@ -66,18 +67,17 @@ def fit(
     from observer_rt.evaluation.sources import open_source, without_truths
     from observer_rt.evidence.coverage import coverage
     from observer_rt.evidence.excerpts import MOST_SAMPLES
-    from observer_rt.evidence.plausible import refuse_rates_missing
-    from observer_rt.evidence.reading import hashes, read_measured
+    from observer_rt.evidence.reading import hashes, read_measured, refuse_rates_missing
     from observer_rt.fit.calibrate import calibrate
-    from observer_rt.fit.document import as_json as document_of
-    from observer_rt.fit.fitted_file import baseline_of, read_document, write_fitted
+    from observer_rt.fit.fitted_file import baseline_of, write_fitted
     from observer_rt.fit.masses import read_masses
+    from observer_rt.fit.report import as_json as document_of
+    from observer_rt.fit.report import print_fit
     from observer_rt.fit.suitability import refuse_clipped, warnings
-    from observer_rt.fit.text import print_fit
 
     decoder = decoder_of(bench, injector, lenient, model)
     paths = without_truths(recordings, messages)
-    start, document = load_injector(model), read_document(model)
+    start, source = load_injector(model), InjectorFile.read(model)
     if output.resolve() == model.resolve():
         raise UserError(
             f"--output {output}", "is the model that is fitted", "name another file, to compare the two"
@@ -104,7 +104,7 @@ def fit(
             raise RunError("interrupted; nothing was written") from None
     baseline = baseline_of(done, hashes(paths))
     with file_errors(output):
-        write_fitted(output, document, done, baseline)
+        write_fitted(output, source, done, baseline)
     if plot is not None:
         from observer_rt.fit.figure import draw_fit
 
@@ -168,7 +168,6 @@ def discover(
         FINDINGS,
         FITS,
         REPORT,
-        InjectorFile,
         fits_in,
         make_folder,
         refuse_replacing,
@@ -228,7 +227,6 @@ def compare(
 ) -> None:
     """Put runs of `discover` side by side: verdicts, sizes, gaps; what changed from the first to the last."""
     from observer_rt.discovery import runs as comparison
-    from observer_rt.discovery.report.run_table import change_lines, run_table
 
     if len(runs) < 2:
         raise UserError("DIR", "is one run", "name two folders or more")
@@ -237,8 +235,8 @@ def compare(
         print(json.dumps(comparison.as_json(found), indent=2))
         return
     console = results()
-    console.print(run_table(found))
-    for line in change_lines(found):
+    console.print(comparison.run_table(found))
+    for line in comparison.change_lines(found):
         say(console, line)
 
 

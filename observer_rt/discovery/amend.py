@@ -4,9 +4,12 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import date
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from observer_rt.config.injector_file import InjectorFile, effect_tables
 from observer_rt.discovery.report.printed_units import printed
 from observer_rt.discovery.search.hypothesis import Sizing, minimum_from
 from observer_rt.discovery.search.result import (
@@ -18,14 +21,14 @@ from observer_rt.discovery.search.result import (
 from observer_rt.evidence.bounded_fit import NORMAL_975
 from observer_rt.evidence.likelihood import evidence_of
 from observer_rt.evidence.measurement import Measurement
+from observer_rt.evidence.reading import shortened
 from observer_rt.foundation.errors import RunError
 from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.cells import in_stable_cells
 from observer_rt.model.effects import effective_model, sized_in_force
-from observer_rt.model.parameters import EffectInForce, EffectValue, InjectorParameters
+from observer_rt.model.parameters import EffectInForce, InjectorParameters
 
 ORIGIN = "observer-rt discover"
-_SHOWN_HASH = 12  # digits of a recording's hash
 
 
 def amended_effects(
@@ -69,6 +72,21 @@ def stable_cells(
     return stable.injector.line.cells
 
 
+def write_amended(
+    path: Path, file: InjectorFile, effects: Sequence[EffectInForce], cells: int | None = None
+) -> None:
+    """Write the file given with these effects in force, and no others. cells: its line's, None: as they are.
+
+    Raises `RunError` when it would not be taken back.
+    """
+    with file.changed(path) as document:
+        content: Any = document
+        content.pop("effects", None)
+        content["effects"] = effect_tables(effects)
+        if cells is not None:
+            content["line"]["cells"] = cells
+
+
 def _totals(
     rest: InjectorParameters,
     again: Mapping[str, tuple[float, ...]],
@@ -95,10 +113,9 @@ def _totals(
 
 def _in_force(effect: FittedEffect, fitted: Sequence[FittedParameter], evidence: str) -> EffectInForce:
     """A fitted effect as the injector file has it."""
-    values = [printed(effect.id, parameter) for parameter in fitted]
     return EffectInForce(
         id=effect.id,
-        parameters={v.name: EffectValue(value=v.value, ci95=v.ci95, unit=v.unit) for v in values},
+        parameters=printed(effect.id, fitted),
         origin=ORIGIN,
         evidence=evidence,
         date=date.today().isoformat(),
@@ -107,12 +124,11 @@ def _in_force(effect: FittedEffect, fitted: Sequence[FittedParameter], evidence:
 
 def _reason(found: Discovery, effect: FittedEffect, recordings: Mapping[str, str]) -> str:
     """Why an effect is believed in, in a line."""
-    files = ", ".join(f"{name} sha256 {digest[:_SHOWN_HASH]}" for name, digest in recordings.items())
     or_else = ", ".join(effect.indistinguishable_from)
     doubt = f"; cannot be told from {or_else}" if or_else else ""
     if found.verdict is Verdict.AMBIGUOUS:
         doubt += ", chosen by --choose"
     return (
         f"verdict {found.verdict.value}, confidence {found.confidence:.2f}{doubt}; "
-        f"-2 log L falls by {effect.gain:.0f} (threshold {found.threshold:.0f}); {files}"
+        f"-2 log L falls by {effect.gain:.0f} (threshold {found.threshold:.0f}); {', '.join(shortened(recordings))}"
     )

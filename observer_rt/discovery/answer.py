@@ -23,7 +23,7 @@ from observer_rt.evidence.coverage import chosen_words
 from observer_rt.evidence.likelihood import evidence_of
 from observer_rt.evidence.measurement import Measurement
 from observer_rt.evidence.operating_points import by_operating_point
-from observer_rt.evidence.plausible import refuse_rates_missing
+from observer_rt.evidence.reading import refuse_rates_missing
 from observer_rt.foundation.errors import ObserverError
 from observer_rt.model.cells import refuse_unstable_cells
 from observer_rt.model.effective import EffectiveModel
@@ -123,7 +123,7 @@ def answer(
     gaps = gaps_of(found, measured, nominal, baseline.shape)
     progress(_SHOWN)
     evidence = evidence_of(measured, nominal, baseline.shape)
-    files = tuple(question.hashes)
+    files, in_part = tuple(question.hashes), map(chosen_words, question.measured)
     several = Counter(point.file for point in points)
     names = tuple(
         files[point.file] if several[point.file] == 1 else f"{files[point.file]}, {point.name}"
@@ -147,7 +147,7 @@ def answer(
         in_force=in_force,
         overlays=typical_overlays(found, gaps, measured, nominal),
         files=files,
-        in_part=_in_part(files, question.measured),
+        in_part=tuple(f"{name}: {chosen}" for name, chosen in zip(files, in_part, strict=True) if chosen),
         points=names,
         fitted_on=tuple(names[i] for i in gaps.fitted_on),
         held_out=tuple(names[i] for i in gaps.held_out),
@@ -185,11 +185,6 @@ def _judged_by_healthy(
         f"On the healthy recordings discovery says '{headline(found)}': the model itself is not that of this "
         f"injector, and what is named here may be its error. {_FIRST[found.verdict]}"
     )
-
-
-def _in_part(files: Sequence[str], measured: Sequence[Measurement]) -> tuple[str, ...]:
-    words = zip(files, map(chosen_words, measured), strict=True)
-    return tuple(f"{name}: {chosen}" for name, chosen in words if chosen)
 
 
 def _opinion(ask_observer: AskObserver, question: Question) -> Opinion | None:

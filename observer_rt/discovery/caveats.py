@@ -1,7 +1,8 @@
 """What must be kept in mind with an answer: told wherever the answer is, on the screen, in the file, on the page."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from observer_rt.discovery.search.result import Discovery, Verdict
 from observer_rt.discovery.search.search import indistinguishable
@@ -10,6 +11,9 @@ from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import VOCABULARY
 from observer_rt.observer.learning.doubts.adequacy import looks_like_inertance
+
+if TYPE_CHECKING:
+    from observer_rt.discovery.findings import Findings
 
 LEAST_MASS = 0.01 * MILLIGRAM  # kg, below which a change or gap is not worth a number
 RECORD_MORE = "record at least three rail pressures and two durations"
@@ -24,34 +28,10 @@ class Caveat:
     sentence: str
 
 
-@dataclass(frozen=True)
-class Circumstances:
-    """What besides the discovery itself gives rise to a reservation.
-
-    held_apart: whether the gap was taken where nothing was fitted; rate_measured: whether an injection rate was;
-    like_inertance: the change found is one that another inertance of the line would make as well; level_measured:
-    whether the model was fitted to a measured rate or mass, which told the inertance; against: where the
-    learning observer says otherwise; healthy_warning: what healthy recordings say against the model, empty when
-    nothing.
-    """
-
-    held_apart: bool
-    rate_measured: bool
-    like_inertance: bool
-    level_measured: bool
-    against: Sequence[str]
-    healthy_warning: str
-
-
-def caveats_of(found: Discovery, circumstances: Circumstances) -> tuple[Caveat, ...]:
+def caveats_of(findings: "Findings") -> tuple[Caveat, ...]:
     """The reservations an answer is given with, the gravest first."""
-    return (
-        *_of_opponents(circumstances),
-        *_of_bench(found),
-        *_of_coverage(found, circumstances),
-        *_of_names(found),
-        *_of_level(found, circumstances),
-    )
+    every = (_of_opponents, _of_bench, _of_coverage, _of_names, _of_level)
+    return tuple(caveat for arising in every for caveat in arising(findings))
 
 
 def remedies(found: Discovery) -> tuple[str, ...]:
@@ -73,22 +53,22 @@ def is_like_inertance(nominal: EffectiveModel, amended: EffectiveModel) -> bool:
     return looks_like_inertance(nozzle - 1.0, stiffness[1] / stiffness[0] - 1.0)
 
 
-def _of_opponents(circumstances: Circumstances) -> Iterator[Caveat]:
-    if circumstances.healthy_warning:
+def _of_opponents(findings: "Findings") -> Iterator[Caveat]:
+    if findings.healthy_warning:
         yield Caveat(
-            "healthy_recordings", "what is named may be the model's own error", circumstances.healthy_warning
+            "healthy_recordings", "what is named may be the model's own error", findings.healthy_warning
         )
-    if circumstances.against:
+    if findings.contradictions:
         yield Caveat(
             "observer",
             "the learning observer does not agree",
-            f"The learning observer does not agree: {'; '.join(circumstances.against)}. Do not act before this is "
+            f"The learning observer does not agree: {'; '.join(findings.contradictions)}. Do not act before this is "
             "understood.",
         )
 
 
-def _of_bench(found: Discovery) -> Iterator[Caveat]:
-    for remedy in remedies(found):
+def _of_bench(findings: "Findings") -> Iterator[Caveat]:
+    for remedy in remedies(findings.discovery):
         yield Caveat(
             "bench_file",
             remedy,
@@ -97,15 +77,15 @@ def _of_bench(found: Discovery) -> Iterator[Caveat]:
         )
 
 
-def _of_coverage(found: Discovery, circumstances: Circumstances) -> Iterator[Caveat]:
-    if not circumstances.held_apart:
+def _of_coverage(findings: "Findings") -> Iterator[Caveat]:
+    if not findings.held_apart:
         yield Caveat(
             "one_operating_point",
             "one operating point, nothing held out",
             "All this rests on one operating point: nothing could be held out, and what shows at another rail "
             f"pressure or duration only cannot be told; {RECORD_MORE}.",
         )
-    elif distinct({cell.rail_pressure for cell in found.before}) == 1:
+    elif distinct({cell.rail_pressure for cell in findings.discovery.before}) == 1:
         yield Caveat(
             "one_rail_pressure",
             "one rail pressure",
@@ -114,8 +94,8 @@ def _of_coverage(found: Discovery, circumstances: Circumstances) -> Iterator[Cav
         )
 
 
-def _of_names(found: Discovery) -> Iterator[Caveat]:
-    for effect in found.effects:
+def _of_names(findings: "Findings") -> Iterator[Caveat]:
+    for effect in findings.discovery.effects:
         others = " or ".join(indistinguishable(VOCABULARY[effect.id]))
         if others:
             yield Caveat(
@@ -125,20 +105,21 @@ def _of_names(found: Discovery) -> Iterator[Caveat]:
             )
 
 
-def _of_level(found: Discovery, circumstances: Circumstances) -> Iterator[Caveat]:
+def _of_level(findings: "Findings") -> Iterator[Caveat]:
     """Without a measured rate, now or when the model was fitted, the level of all flows is the line's inertance."""
-    if circumstances.rate_measured or found.verdict is Verdict.UNKNOWN:
+    found = findings.discovery
+    if findings.gaps.injection_rate is not None or found.verdict is Verdict.UNKNOWN:
         return
-    if circumstances.like_inertance:
+    if findings.like_inertance:
         settled = " (right when the model was fitted: another fuel since then, say)"
         yield Caveat(
             "line_inertance",
             "another line inertance would look the same",
             "Flow and stiffness of the line changed together as they would for another inertance of the line "
-            f"(density, length and diameter in the model){settled if circumstances.level_measured else ''}; the "
+            f"(density, length and diameter in the model){settled if findings.level_measured else ''}; the "
             "injection rate measured tells them apart.",
         )
-    elif not circumstances.level_measured and (
+    elif not findings.level_measured and (
         not found.effects or any(abs(effect.moves.mass) >= LEAST_MASS for effect in found.effects)
     ):
         yield Caveat(

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
 
-from observer_rt.discovery.caveats import Caveat, Circumstances, caveats_of
+from observer_rt.discovery.caveats import Caveat, caveats_of
 from observer_rt.discovery.comparison.disagreement import Disagreement
 from observer_rt.discovery.comparison.gaps import Gaps
 from observer_rt.discovery.comparison.overlays import Overlay
@@ -63,15 +63,7 @@ class Findings:
     @property
     def caveats(self) -> tuple[Caveat, ...]:
         """What must be kept in mind with the answer, the gravest first."""
-        circumstances = Circumstances(
-            self.held_apart,
-            self.gaps.injection_rate is not None,
-            self.like_inertance,
-            self.level_measured,
-            self.contradictions,
-            self.healthy_warning,
-        )
-        return caveats_of(self.discovery, circumstances)
+        return caveats_of(self)
 
     @property
     def is_open(self) -> bool:

@@ -3,41 +3,25 @@
 import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
-from observer_rt.discovery.amend import stable_cells
+from observer_rt.config.injector_file import InjectorFile
+from observer_rt.discovery.amend import stable_cells, write_amended
 from observer_rt.discovery.answer import Question
 from observer_rt.discovery.findings import Findings, Sources
-from observer_rt.discovery.injector_text import InjectorText, write_amended
 from observer_rt.discovery.report.data import remove_data, write_data
 from observer_rt.discovery.report.document import as_json
 from observer_rt.discovery.report.report import report
 from observer_rt.discovery.search.fit_store import FitStore, problem_key
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.file_errors import file_errors
-from observer_rt.foundation.file_hash import file_hash
 from observer_rt.model.effect import SizedEffect
 from observer_rt.terminal.destinations import check_folder
 
 FINDINGS, AMENDED, REPORT, FITS = "findings.json", "amended.toml", "report.html", "fits.jsonl"
 DATA = "data"
 ANSWER = (REPORT, FINDINGS, AMENDED, DATA)
-
-
-@dataclass(frozen=True)
-class InjectorFile:
-    """The injector file of a question: its name, SHA-256 and text."""
-
-    name: str
-    sha256: str
-    text: InjectorText
-
-    @classmethod
-    def read(cls, path: Path) -> "InjectorFile":
-        """Raises `UserError` for a file to which no effect can be added."""
-        return cls(path.name, file_hash(path), InjectorText(path))
 
 
 def refuse_replacing(folder: Path, model: Path, force: bool) -> None:
@@ -108,7 +92,7 @@ def write_answer(
             write_data(folder / DATA, found)
         if found.in_force:
             cells = stable_cells(question.parameters, found.in_force, question.measured)
-            write_amended(folder / AMENDED, injector.text, found.in_force, cells)
+            write_amended(folder / AMENDED, injector, found.in_force, cells)
         else:
             (folder / AMENDED).unlink(missing_ok=True)
     return document

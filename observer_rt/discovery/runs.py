@@ -1,32 +1,32 @@
 """Runs of `discover` side by side: verdicts, sizes and gaps, and what changed from the first to the last."""
 
-import json
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from rich.table import Table
+from rich.text import Text
 
+from observer_rt.discovery.report.printed_units import Size, shown, significant
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.file_errors import file_errors
 
 FINDINGS = "findings.json"
 SCHEMA = 1
+_GAPS = (
+    ("line_pressure", "MPa", "line pressure off, rms"),
+    ("injection_rate", "mm3_per_ms", "injection rate off, rms"),
+    ("injected_mass", "mg", "injected mass off, rms"),
+)
+_DIGITS = 12  # of a hash
 _REMEDY = "name a folder that `observer-rt discover --out` of this version wrote"
 
 
 class _Part(BaseModel):
     model_config = ConfigDict(frozen=True, allow_inf_nan=False)
-
-
-class Size(_Part):
-    """A parameter with its 95 % interval, in its printed unit."""
-
-    value: float
-    ci95: tuple[float, float]
-    unit: str
 
 
 class NamedEffect(_Part):
@@ -53,7 +53,7 @@ class Model(_Part):
 class Document(_Part):
     """What is compared of a findings.json."""
 
-    schema_: Literal[1]
+    schema_: Literal[1] = Field(alias="schema")
     verdict: str
     confidence: float
     caveats: tuple[CaveatWords, ...]
@@ -78,11 +78,12 @@ class Run:
         with file_errors(file):
             text = file.read_bytes()
         try:
-            content = json.loads(text)
-            content = {**content, "schema_": content.get("schema")}
-            return cls(str(path), Document.model_validate(content))
-        except (ValueError, RecursionError, AttributeError, TypeError) as error:
-            raise UserError(str(file), f"is no findings of a run: {_reason(error)}", _REMEDY) from None
+            return cls(str(path), Document.model_validate_json(text))
+        except ValidationError as error:
+            first = error.errors()[0]
+            key = ".".join(map(str, first["loc"])) or "file"
+            problem = f"is no findings of a run: {key}: {first['msg'].lower()}"
+            raise UserError(str(file), problem, _REMEDY) from None
 
     def sizes(self) -> dict[tuple[str, str], Size]:
         """Sizes by effect and parameter."""
@@ -149,9 +150,68 @@ def _half(size: Size) -> float:
     return max(size.value - low, high - size.value)
 
 
-def _reason(error: Exception) -> str:
-    if isinstance(error, ValidationError):
-        first = error.errors()[0]
-        key = ".".join(map(str, first["loc"])).replace("schema_", "schema")
-        return f"{key}: {str(first['msg']).lower()}"
-    return str(error)
+def run_table(runs: Sequence[Run]) -> Table:
+    """A column a run: verdict, reservations, sizes, gaps before and after, what it was made from."""
+    table = Table(box=None, padding=(0, 3, 0, 0), pad_edge=False)
+    for heading in ("", *(run.name for run in runs)):
+        table.add_column(Text(heading), overflow="fold")
+    documents = [run.document for run in runs]
+    for name, cells in _rows(runs, documents):
+        table.add_row(Text(name, style="bold"), *map(Text, cells))
+    return table
+
+
+def change_lines(runs: Sequence[Run]) -> list[str]:
+    """What changed from the first run to the last, in words."""
+    first, last = runs[0].document.model, runs[-1].document.model
+    if first.sha256 != last.sha256:
+        return [
+            "the runs began with different models: a size is what was missing there; in force already: "
+            f"{', '.join(first.in_force) or 'nothing'}, and {', '.join(last.in_force) or 'nothing'}"
+        ]
+    return [_in_words(change) for change in changes(runs[0], runs[-1])]
+
+
+def _in_words(one: Change) -> str:
+    step = significant(one.half)
+    unit = "" if one.unit == "-" else f" {one.unit}"
+    verdict = "changed" if one.is_significant else "no change that shows"
+    moved = f"{'+' if one.change >= 0.0 else ''}{shown(one.change, step)} ± {shown(one.half, step)}{unit}"
+    return f"{one.effect} {one.parameter}: {moved} (95 %), {verdict}"
+
+
+def _rows(runs: Sequence[Run], documents: Sequence[Document]) -> Iterator[tuple[str, list[str]]]:
+    yield "verdict", [document.verdict for document in documents]
+    yield "confidence", [f"{document.confidence:.2f}" for document in documents]
+    yield "but", ["; ".join(caveat.words for caveat in document.caveats) or "-" for document in documents]
+    if any(document.rivals for document in documents):
+        yield "or", [", ".join("+".join(ids) for ids in document.rivals) or "-" for document in documents]
+    for key in dict.fromkeys(key for run in runs for key in run.sizes()):
+        yield " ".join(key), [size_text(run.sizes().get(key)) for run in runs]
+    switches = dict.fromkeys(e.id for document in documents for e in document.effects if not e.parameters)
+    for effect in switches:
+        yield effect, ["found" if effect in [e.id for e in d.effects] else "-" for d in documents]
+    for signal, unit, words in _GAPS:
+        cells = [_gap(document, signal, unit) for document in documents]
+        if any(cell != "-" for cell in cells):
+            yield f"{words} [{unit.replace('_per_', '/')}]", cells
+    yield "model", [f"{document.model.file} {document.model.sha256[:_DIGITS]}" for document in documents]
+    yield "recordings", ["\n".join(document.recordings) for document in documents]
+
+
+def size_text(size: Size | None) -> str:
+    """A size with its 95 % interval, digits as that deserves; a dash for none."""
+    if size is None:
+        return "-"
+    value, low, high = size.digits
+    return f"{value} ({low} to {high})" + ("" if size.unit == "-" else f" {size.unit}")
+
+
+def _gap(document: Document, key: str, unit: str) -> str:
+    gap = document.gap.get(key)
+    if gap is None or gap.get(f"before_{unit}") is None:
+        return "-"
+    before, after = gap[f"before_{unit}"], gap.get(f"after_{unit}")
+    if not gap.get("measured", True):
+        return f"{before:.2g} if the amended model is right" if document.effects else "-"
+    return f"{before:.2g} -> {after:.2g}" if document.effects and after is not None else f"{before:.2g}"

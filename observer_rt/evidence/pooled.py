@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from observer_rt.estimation.phases import PhaseStatistics, no_statistics, phase_statistics
 from observer_rt.evidence.likelihood import Evidence, Judged, Trial
+from observer_rt.foundation.units import MEGAPASCAL, MM3_PER_MS
 
 
 class Signal(StrEnum):
@@ -15,6 +16,21 @@ class Signal(StrEnum):
 
     LINE_PRESSURE = "line_pressure"
     INJECTION_RATE = "injection_rate"
+
+    @property
+    def unit(self) -> str:
+        """It is printed in."""
+        return "MPa" if self is Signal.LINE_PRESSURE else "mm3/ms"
+
+    @property
+    def si(self) -> float:
+        """What one of that unit is in SI."""
+        return MEGAPASCAL if self is Signal.LINE_PRESSURE else MM3_PER_MS
+
+    @property
+    def words(self) -> str:
+        """For people."""
+        return self.value.replace("_", " ")
 
 
 Pool = Mapping[Signal, PhaseStatistics]

@@ -1,7 +1,7 @@
 """Recordings from files, all that is refused before any work begins."""
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,13 +9,15 @@ from rich.console import Console
 
 from observer_rt.evidence.excerpts import MOST_SAMPLES, measured
 from observer_rt.evidence.measurement import Measurement
-from observer_rt.evidence.plausible import refuse_sample_rates
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.file_hash import file_hash
 from observer_rt.model.effect import SizedEffect
 from observer_rt.recording.signals.plausible import refuse_implausible
+from observer_rt.recording.signals.recording import Recording, Sampled
 from observer_rt.recording.signals.stream import SignalStream
 from observer_rt.terminal.console import progress_bar
+
+_RATE_TOLERANCE = 1e-6  # relative
 
 
 def read_measured(
@@ -45,7 +47,37 @@ def read_measured(
     return tuple(found)
 
 
+def refuse_sample_rates(recordings: Sequence[Sampled]) -> None:
+    """Refuse recordings of different sample rates."""
+    first = recordings[0]
+    for other in recordings[1:]:
+        if abs(other.sample_rate - first.sample_rate) > _RATE_TOLERANCE * first.sample_rate:
+            raise UserError(
+                str(other.path),
+                f"is sampled at {other.sample_rate:g} Hz, {first.path} at {first.sample_rate:g} Hz",
+                "give recordings of one sample rate: sort them into several calls, or resample them",
+            )
+
+
+def refuse_rates_missing(recordings: Sequence[Recording]) -> None:
+    """Refuse a measured injection rate that some recordings have and others have not."""
+    first = recordings[0]
+    for other in recordings[1:]:
+        if (other.injection_rate is None) != (first.injection_rate is None):
+            without = other if other.injection_rate is None else first
+            raise UserError(
+                str(without.path),
+                "has no measured injection rate, other recordings have one",
+                "leave the column out of all recordings, or give only those that have it",
+            )
+
+
 def hashes(paths: Sequence[Path]) -> dict[str, str]:
     """SHA-256 of recordings by file name, by path where two have one name."""
     names = Counter(path.name for path in paths)
     return {path.name if names[path.name] == 1 else str(path): file_hash(path) for path in paths}
+
+
+def shortened(hashes: Mapping[str, str]) -> list[str]:
+    """Recordings by name and the first digits of their SHA-256: what a file keeps of where its numbers are from."""
+    return [f"{name} sha256 {digest[:12]}" for name, digest in hashes.items()]

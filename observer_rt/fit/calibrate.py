@@ -12,6 +12,7 @@ from observer_rt.estimation.phases import Phase
 from observer_rt.evidence.measurement import Measurement
 from observer_rt.fit.choice import Choice, choose
 from observer_rt.fit.held_out import Unexplained
+from observer_rt.fit.identifiability import interval
 from observer_rt.fit.parts import Part, Weighed, parts_of
 from observer_rt.fit.residuals import Comparison, compared
 from observer_rt.fit.search import ROUGH_ITERATIONS, Failed, Fitted, fine, fitted, rough, settled
@@ -33,6 +34,17 @@ class Level(StrEnum):
     FILE = "file"
     RATE = "measured_rate"
     MASS = "measured_mass"
+
+
+@dataclass(frozen=True)
+class FittedNumber:
+    """A parameter with its 95 % interval, in its printed unit. file: what the file had, None: nothing."""
+
+    symbol: str
+    value: float
+    ci95: tuple[float, float]
+    file: float | None
+    unit: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +72,18 @@ class Calibrated:
     def offsets(self) -> NDArray[np.float64]:
         """Of the line-pressure sensor in each part [MPa]."""
         return self.fitted.minimum.at.theta[len(self.fitted.calibration.free) :]
+
+    @property
+    def sizes(self) -> dict[str, FittedNumber]:
+        """The parameters fitted, by name."""
+        sizes = {}
+        for one, sigma in zip(self.fitted.calibration.free, self.fitted.certainty.sigmas, strict=True):
+            value, before = one.of(self.injector), one.stated(self.file)
+            low, high = interval(value, float(sigma))
+            file = None if before is None else before / one.si
+            ci95 = (low / one.si, high / one.si)
+            sizes[one.name] = FittedNumber(one.symbol, value / one.si, ci95, file, one.unit)
+        return sizes
 
     @property
     def left(self) -> Unexplained:
@@ -118,7 +142,9 @@ def calibrate(
         raise RunError(f"no structure can be fitted to these recordings\n  {reasons}")
     best, kept = settled(choice.best, file, fine(parts))
     progress((len(structures) + 1) / steps)
-    return Calibrated(file, found, choice, best, kept, level, _comparison(file, best))
+    offsets = best.minimum.at.theta[len(best.calibration.free) :]
+    comparison = compared(file, best.injector, offsets, best.calibration.parts)
+    return Calibrated(file, found, choice, best, kept, level, comparison)
 
 
 def _tried(
@@ -129,18 +155,8 @@ def _tried(
     parts: Sequence[Part],
 ) -> Fitted | Failed:
     """A structure fitted roughly, from the numbers of the file, or from those of one it is a refinement of."""
-    free = _free(structure, level)
+    free = structure.free if level is Level.FILE else (*structure.free, INERTANCE)
     simpler = [one for one in earlier if isinstance(one, Fitted) and structure.refines(one.structure)]
     if simpler:
         return fitted(structure, simpler[-1].injector, free, parts, ROUGH_ITERATIONS)
     return searched(structure, file, free, parts, ROUGH_ITERATIONS, any(map(explains, earlier)))
-
-
-def _free(structure: Structure, level: Level) -> tuple[FreeParameter, ...]:
-    return structure.free if level is Level.FILE else (*structure.free, INERTANCE)
-
-
-def _comparison(file: InjectorParameters, best: Fitted) -> Comparison:
-    calibration = best.calibration
-    offsets = best.minimum.at.theta[len(calibration.free) :]
-    return compared(file, best.injector, offsets, calibration.parts)

@@ -1,6 +1,5 @@
 """The figure of a fit: measured and modelled line pressure, and what is left by phase."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import matplotlib as mpl
@@ -9,22 +8,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter, ScalarFormatter
 
+from observer_rt.evidence.figure_look import FOUND, GIVEN, LOOK, MEASURED
 from observer_rt.evidence.operating_points import point_name
-from observer_rt.evidence.pooled import Signal
 from observer_rt.fit.calibrate import GATE, Calibrated
+from observer_rt.fit.parts import spread
 from observer_rt.fit.residuals import Overlay
 from observer_rt.fit.words import phase_name, verdict_words
 from observer_rt.foundation.file_errors import file_errors
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
 
-_MEASURED, _FILE, _FITTED = "#1b1f24", "#c0392b", "#1f77b4"
-_STYLE = {
-    "font.size": 9,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.color": "#e3e7eb",
-}
 _MOST = 6  # overlays
 _COLUMNS = 3
 _SHOWN = 4e-3  # s after the opening
@@ -33,9 +25,9 @@ _LEAST = 0.1  # of a chi2 on the axis
 
 def draw_fit(path: Path, done: Calibrated) -> None:
     """Write the figure; its kind is that of the suffix."""
-    overlays = list(_chosen(done))
+    overlays = spread(done.comparison.overlays, _MOST)
     rows = -(-len(overlays) // _COLUMNS)
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(LOOK):
         figure = Figure(figsize=(12.0, 2.9 * rows + 3.6), layout="constrained")
         grid = figure.add_gridspec(rows + 1, _COLUMNS, height_ratios=[1.0] * rows + [1.15])
         for number, overlay in enumerate(overlays):
@@ -47,26 +39,17 @@ def draw_fit(path: Path, done: Calibrated) -> None:
             figure.savefig(path, dpi=110)
 
 
-def _chosen(done: Calibrated) -> Iterator[Overlay]:
-    """Spread evenly where there are many."""
-    all_of_them = done.comparison.overlays
-    for place in np.unique(
-        np.linspace(0, len(all_of_them) - 1, min(_MOST, len(all_of_them))).round().astype(int)
-    ):
-        yield all_of_them[place]
-
-
 def _overlay(axes: Axes, overlay: Overlay, legend: bool) -> None:
     """The first injection of a part."""
     measurement, one = overlay.part.measurement, overlay.after[0]
     recording, interval = measurement.recording, measurement.interval
     shown = one.samples[: round(_SHOWN / interval)]
     since = (shown - shown[0]) * interval / MILLISECOND
-    axes.plot(since, recording.line_pressure[shown] / MEGAPASCAL, color=_MEASURED, lw=0.8, label="measured")
+    axes.plot(since, recording.line_pressure[shown] / MEGAPASCAL, color=MEASURED, lw=0.8, label="measured")
     if overlay.before:
         before = overlay.before[0].line_pressure[: shown.size]
-        axes.plot(since, before / MEGAPASCAL, color=_FILE, lw=1.0, ls="--", label="file")
-    axes.plot(since, one.line_pressure[: shown.size] / MEGAPASCAL, color=_FITTED, lw=1.0, label="fitted")
+        axes.plot(since, before / MEGAPASCAL, color=GIVEN, lw=1.0, ls="--", label="file")
+    axes.plot(since, one.line_pressure[: shown.size] / MEGAPASCAL, color=FOUND, lw=1.0, label="fitted")
     axes.set_title(point_name(measurement.rail_pressure, measurement.duration), fontsize=9)
     axes.set_xlabel("time since opening [ms]")
     axes.set_ylabel("line pressure [MPa]")
@@ -81,8 +64,8 @@ def _phases(axes: Axes, done: Calibrated) -> None:
     before, after = ([one.chi2[which] for one in residuals] for which in (0, 1))
     both = bool(np.isfinite(before).any())
     if both:
-        axes.bar(places - 0.2, before, 0.38, color=_FILE, label="file")
-    axes.bar(places + 0.2 * both, after, 0.38, color=_FITTED, label="fitted")
+        axes.bar(places - 0.2, before, 0.38, color=GIVEN, label="file")
+    axes.bar(places + 0.2 * both, after, 0.38, color=FOUND, label="fitted")
     axes.axhline(GATE, color="#59636e", lw=1.0, ls=":")
     axes.text(len(residuals) - 0.55, GATE, "limit", va="bottom", ha="right", fontsize=8, color="#59636e")
     axes.axhline(1.0, color="#59636e", lw=0.6)
@@ -91,7 +74,6 @@ def _phases(axes: Axes, done: Calibrated) -> None:
     axes.set_ylim(_LEAST, 1.5 * float(np.nanmax([*before, *after, GATE])))
     axes.yaxis.set_major_formatter(ScalarFormatter())
     axes.yaxis.set_minor_formatter(NullFormatter())
-    names = {Signal.LINE_PRESSURE: "line pressure", Signal.INJECTION_RATE: "injection rate"}
-    axes.set_xticks(places, [f"{phase_name(one.phase)}\n{names[one.signal]}" for one in residuals])
+    axes.set_xticks(places, [f"{phase_name(one.phase)}\n{one.signal.words}" for one in residuals])
     axes.set_ylabel("chi2 (1: noise alone)")
     axes.legend(frameon=False, fontsize=8, loc="upper right")

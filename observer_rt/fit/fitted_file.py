@@ -1,76 +1,57 @@
 """The fitted injector file: the file given, its comments and layout kept, with the fitted numbers and [baseline]."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import date
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import tomlkit
-from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import Float, Trivia
 
-from observer_rt.config.bench import load_injector
+from observer_rt.config.injector_file import InjectorFile, inline
 from observer_rt.evidence.appearance import healthy_remainder
 from observer_rt.evidence.likelihood import evidence_of
 from observer_rt.evidence.measurement import rail_pressure_before
+from observer_rt.evidence.reading import shortened
 from observer_rt.fit.calibrate import Calibrated
 from observer_rt.fit.held_out import worst_parts
 from observer_rt.fit.identifiability import interval
-from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 from observer_rt.model.baseline import Baseline, HealthyRemainder, NoiseFigures, PhaseFigures
 from observer_rt.model.effects import BUILT_IN, effective_model
 from observer_rt.model.parameters import Line
 
 ORIGIN = "observer-rt fit"
-BASELINE, HEALTHY = "baseline", "healthy"
+BASELINE = "baseline"
 _DIGITS = 7
-_SHOWN_HASH = 12  # digits of a recording's hash
+_PAIR = 2
 
 
-def read_document(path: Path) -> tomlkit.TOMLDocument:
-    """An injector file to be changed. Raises `UserError` for what cannot be changed as text."""
-    try:
-        return tomlkit.parse(path.read_text(encoding="utf-8"))
-    except TOMLKitError as error:
-        raise UserError(str(path), f"is not valid TOML: {error}", "mend the line named") from None
-
-
-def write_fitted(path: Path, document: tomlkit.TOMLDocument, done: Calibrated, baseline: Baseline) -> None:
-    """Write the fitted file and see that it loads. Raises `RunError` when it would not be taken back."""
-    fitted = done.fitted
+def write_fitted(path: Path, file: InjectorFile, done: Calibrated, baseline: Baseline) -> None:
+    """Write the file given with the fitted numbers. Raises `RunError` when it would not be taken back."""
     injector = done.injector
-    if injector.line_outflow != done.file.line_outflow:
-        document["line_outflow"] = injector.line_outflow.value
-    _state_line(_section(document, "line"), done.file.line, injector.line)
-    for parameter in fitted.calibration.free:
-        value = parameter.of(injector)
-        _section(document, parameter.section)[parameter.key] = Float(value, Trivia(), f"{value:.{_DIGITS}g}")
-    document.pop(BASELINE, None)
-    table = tomlkit.table()
-    for key, entry in baseline.model_dump(mode="json", exclude_none=True).items():
-        if key != HEALTHY:
-            table[key] = _inline(entry) if isinstance(entry, dict) else entry
-    if baseline.healthy is not None:
-        table[HEALTHY] = _healthy_table(baseline.healthy)
-    document[BASELINE] = table
-    path.write_text(tomlkit.dumps(document), encoding="utf-8")
-    try:
-        load_injector(path)
-    except UserError as error:
-        raise RunError(f"{path}: the fitted model would not load: {error.problem}") from None
+    with file.changed(path) as document:
+        content: Any = document  # its sections are there, for the file was loaded
+        if injector.line_outflow != done.file.line_outflow:
+            content["line_outflow"] = injector.line_outflow.value
+        _state_line(content["line"], done.file.line, injector.line)
+        for parameter in done.fitted.calibration.free:
+            value = parameter.of(injector)
+            number = Float(value, Trivia(), f"{value:.{_DIGITS}g}")
+            content[parameter.section][parameter.key] = number
+        content.pop(BASELINE, None)
+        content[BASELINE] = _tables(baseline.model_dump(mode="json", exclude_none=True))
 
 
-def _healthy_table(healthy: HealthyRemainder) -> Any:
+def _tables(entry: Mapping[str, Any]) -> Any:
+    """A section; what holds numbers or pairs stands in one line of it, what holds more is a section below."""
     table = tomlkit.table()
-    for key, entry in healthy.model_dump(mode="json").items():
-        if key == "appears":
-            table[key] = tomlkit.table()
-            for effect, appearance in entry.items():
-                table[key][effect] = _inline(appearance)
-        else:
-            table[key] = _inline(entry) if key in ("variance", "colour") else entry
+    for key, value in entry.items():
+        is_section = isinstance(value, dict) and any(
+            isinstance(one, dict) or (isinstance(one, list) and len(one) > _PAIR) for one in value.values()
+        )
+        table[key] = _tables(value) if is_section else inline(value) if isinstance(value, dict) else value
     return table
 
 
@@ -112,7 +93,7 @@ def baseline_of(done: Calibrated, hashes: dict[str, str]) -> Baseline:
             for one, sigma in zip(done.fitted.calibration.free, sigmas, strict=True)
         },
         healthy=_remainder(done),
-        recordings=tuple(f"{name} sha256 {digest[:_SHOWN_HASH]}" for name, digest in hashes.items()),
+        recordings=tuple(shortened(hashes)),
         origin=ORIGIN,
         date=date.today().isoformat(),
     )
@@ -138,14 +119,3 @@ def _rounded_pair(pair: tuple[float, float]) -> tuple[float, float]:
 
 def _mean(values: Sequence[float]) -> float:
     return rounded(sum(values) / len(values))
-
-
-def _section(document: tomlkit.TOMLDocument, name: str) -> Any:
-    """A section of the file; it is there, for the file was loaded."""
-    return document[name]
-
-
-def _inline(entry: dict[str, Any]) -> Any:
-    table = tomlkit.inline_table()
-    table.update(entry)
-    return table

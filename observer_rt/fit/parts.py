@@ -3,12 +3,15 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.evidence.measurement import COUNTED_LEAD, JudgedEvent, Measurement
+from observer_rt.evidence.measurement import COUNTED_LEAD, Measurement
 from observer_rt.evidence.operating_points import events_by_point
+
+T = TypeVar("T")
 
 RING_DOWN = 5e-3  # s after the last closing that count: the line forgets within less
 
@@ -76,7 +79,9 @@ def parts_of(found: Sequence[Measurement], weighed: Mapping[int, Weighed]) -> tu
 def thinned(part: Part, most: int) -> Part:
     """At most so many events of each operating point, spread evenly."""
     kept = [
-        (event, share) for point in events_by_point(part.measurement) for event, share in _spread(point, most)
+        (event, len(point) / min(most, len(point)))
+        for point in events_by_point(part.measurement)
+        for event in spread(point, most)
     ]
     kept.sort(key=lambda item: item[0].start)
     events = tuple(event for event, _ in kept)
@@ -87,9 +92,9 @@ def thinned(part: Part, most: int) -> Part:
     )
 
 
-def _spread(events: Sequence[JudgedEvent], most: int) -> list[tuple[JudgedEvent, float]]:
-    places = np.unique(np.linspace(0, len(events) - 1, min(most, len(events))).round().astype(int))
-    return [(events[place], len(events) / len(places)) for place in places]
+def spread(items: Sequence[T], most: int) -> list[T]:
+    """At most so many items, spread evenly."""
+    return [items[n] for n in np.linspace(0, len(items) - 1, min(most, len(items))).round().astype(int)]
 
 
 def standstill_offset(part: Part) -> float:

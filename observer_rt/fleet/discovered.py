@@ -14,8 +14,7 @@ import pyarrow as pa
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from observer_rt.discovery.folder import AMENDED, REPORT
-from observer_rt.discovery.report.run_table import size_text
-from observer_rt.discovery.runs import Document, Run
+from observer_rt.discovery.runs import Document, Run, size_text
 from observer_rt.evaluation.replacing import replacing
 from observer_rt.fleet.dataset import write_table
 from observer_rt.fleet.groups import Group

@@ -11,7 +11,7 @@ import pyarrow as pa
 
 from observer_rt.config.bench import Bench
 from observer_rt.config.channels import effects_on_one_raster
-from observer_rt.discovery.folder import InjectorFile
+from observer_rt.config.injector_file import InjectorFile
 from observer_rt.discovery.search.fit_store import problem_key
 from observer_rt.fleet.names import InjectorNames
 from observer_rt.foundation.errors import UserError

@@ -15,8 +15,7 @@ from observer_rt.evaluation.second_opinion import second_opinion
 from observer_rt.evaluation.sources import open_source
 from observer_rt.evidence.excerpts import MOST_SAMPLES
 from observer_rt.evidence.measurement import Measurement
-from observer_rt.evidence.plausible import refuse_rates_missing, refuse_sample_rates
-from observer_rt.evidence.reading import hashes, read_measured
+from observer_rt.evidence.reading import hashes, read_measured, refuse_rates_missing, refuse_sample_rates
 from observer_rt.fleet.groups import Group
 from observer_rt.fleet.job import NO_MEMORY, Failed
 from observer_rt.fleet.vocabulary import OwnEffects

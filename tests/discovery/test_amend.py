@@ -4,16 +4,15 @@ import tomllib
 from datetime import date
 from pathlib import Path
 
-import pytest
+import tomlkit
 from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
-from observer_rt.discovery.amend import amended_effects, stable_cells
-from observer_rt.discovery.injector_text import InjectorText, write_amended
+from observer_rt.config.injector_file import InjectorFile, effect_tables
+from observer_rt.discovery.amend import amended_effects, stable_cells, write_amended
 from observer_rt.discovery.search.verdict import SearchOptions, name_effects
 from observer_rt.evidence.measurement import measurements
-from observer_rt.foundation.errors import UserError
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.parameters import EffectInForce, EffectValue
 from tests.discovery.conftest import WEAR, Worn
@@ -29,14 +28,14 @@ LEAK = EffectInForce(
 
 def _file(folder: Path, *effects: EffectInForce) -> Path:
     path = folder / "injector.toml"
-    path.write_text(InjectorText(NOMINAL_INJECTOR).with_effects(effects), encoding="utf-8")
+    write_amended(path, InjectorFile.read(NOMINAL_INJECTOR), effects)
     return path
 
 
 def test_every_line_of_the_file_is_kept(tmp_path: Path) -> None:
     given_text = NOMINAL_INJECTOR.read_text(encoding="utf-8")
     amended = tmp_path / "amended.toml"
-    write_amended(amended, InjectorText(NOMINAL_INJECTOR), [WORN])
+    write_amended(amended, InjectorFile.read(NOMINAL_INJECTOR), [WORN])
     assert amended.read_text(encoding="utf-8").startswith(given_text)
     loaded = load_injector(amended)
     assert loaded.effects == (WORN,)
@@ -48,7 +47,8 @@ def test_effects_in_force_are_replaced_and_comments_stay(tmp_path: Path) -> None
     tables = '[[effects]]\nid = "seat_area"\n[effects.parameters.v_S]\nvalue = 0.1\nunit = "-"\n'
     path.write_text(path.read_text(encoding="utf-8") + tables, encoding="utf-8")
     assert len(load_injector(path).effects) == 3
-    text = InjectorText(path).with_effects([LEAK])
+    write_amended(path, InjectorFile.read(path), [LEAK])
+    text = path.read_text(encoding="utf-8")
     assert tomllib.loads(text)["effects"] == [
         {
             "id": "guide_leakage",
@@ -59,13 +59,12 @@ def test_effects_in_force_are_replaced_and_comments_stay(tmp_path: Path) -> None
     assert "# A_S(x_N) = pi * x_N" in text
 
 
-def test_effects_written_otherwise_are_refused(tmp_path: Path) -> None:
+def test_effects_written_otherwise_are_replaced_too(tmp_path: Path) -> None:
     path = tmp_path / "inline.toml"
     path.write_text('effects = [{ id = "seat_outflow" }]\n' + NOMINAL_INJECTOR.read_text(), encoding="utf-8")
     assert load_injector(path).effects
-    with pytest.raises(UserError, match=r"\[\[effects\]\]") as error:
-        InjectorText(path)
-    assert "inline.toml" in str(error.value)
+    write_amended(path, InjectorFile.read(path), [WORN])
+    assert load_injector(path).effects == (WORN,)
 
 
 @given(origin=st.text(), evidence=st.text(), value=st.floats(allow_nan=False, allow_infinity=False, width=64))
@@ -76,7 +75,7 @@ def test_any_text_and_number_comes_back(origin: str, evidence: str, value: float
         origin=origin.encode(errors="ignore").decode(),
         evidence=evidence.encode(errors="ignore").decode(),
     )
-    text = InjectorText(NOMINAL_INJECTOR).with_effects([effect])
+    text = tomlkit.dumps({"effects": effect_tables([effect])})
     (read,) = tomllib.loads(text)["effects"]
     assert EffectInForce.model_validate(read) == effect
 
@@ -121,7 +120,7 @@ def test_a_line_whose_waves_get_faster_states_fewer_cells(tmp_path: Path) -> Non
     assert cells < wave.line.cells
     assert stable_cells(wave, [WORN], measured) is None
     amended = tmp_path / "amended.toml"
-    write_amended(amended, InjectorText(path), [stiffer], cells)
+    write_amended(amended, InjectorFile.read(path), [stiffer], cells)
     loaded = load_injector(amended)
     assert loaded.line.cells == cells
     assert effective_model(loaded).coefficients.line.strain(1e-5) < 1.0

@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.discovery.report.document import as_json as document_of
-from observer_rt.discovery.report.run_table import change_lines
-from observer_rt.discovery.runs import Run, as_json, changes
+from observer_rt.discovery.runs import Run, as_json, change_lines, changes
 from observer_rt.foundation.errors import UserError
 from tests.discovery.conftest import SOURCES, WEAR, Worn
 

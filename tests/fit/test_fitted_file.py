@@ -6,9 +6,10 @@ import pytest
 import tomlkit
 
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
+from observer_rt.config.injector_file import InjectorFile
 from observer_rt.evidence.measurement import measurements
 from observer_rt.fit.calibrate import Calibrated, calibrate
-from observer_rt.fit.fitted_file import baseline_of, read_document, rounded, write_fitted
+from observer_rt.fit.fitted_file import baseline_of, rounded, write_fitted
 from observer_rt.fit.structures import STRUCTURES
 from observer_rt.foundation.errors import UserError
 from tests.fit.healthy import NOMINAL, off_by_ten_percent, simulations
@@ -26,7 +27,7 @@ def done(request: pytest.FixtureRequest) -> Calibrated:
 
 
 def _written(done: Calibrated, source: Path, path: Path) -> None:
-    write_fitted(path, read_document(source), done, baseline_of(done, HASHES))
+    write_fitted(path, InjectorFile.read(source), done, baseline_of(done, HASHES))
 
 
 def test_the_file_is_taken_back_as_it_was_fitted(done: Calibrated, tmp_path: Path) -> None:
@@ -73,7 +74,7 @@ def test_a_file_that_is_no_toml_is_named(tmp_path: Path) -> None:
     path = tmp_path / "broken.toml"
     path.write_text("[line\n")
     with pytest.raises(UserError, match=r"broken\.toml"):
-        read_document(path)
+        InjectorFile.read(path)
 
 
 def test_numbers_are_rounded_to_what_a_file_needs() -> None:

@@ -20,6 +20,7 @@ from observer_rt.evidence.open_loop import (
     simulated,
 )
 from observer_rt.evidence.windows import in_mass_window
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS
 from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.effective import EffectiveModel
 
@@ -36,28 +37,44 @@ class Gap:
 
 
 @dataclass(frozen=True)
-class PointGap:
-    """The gaps of one held-out recording."""
+class SignalGaps:
+    """The gap of every signal; of the injection rate None where it is not measured."""
 
-    recording: int
     line_pressure: Gap
     injection_rate: Gap | None
     mass: Gap
     injected: float  # kg, mean of an event
 
+    @property
+    def printed(self) -> dict[str, tuple[str, Gap]]:
+        """Unit and gap in it, by the name of the signal."""
+        known = (
+            ("line_pressure", "MPa", MEGAPASCAL, self.line_pressure),
+            ("injection_rate", "mm3/ms", MM3_PER_MS, self.injection_rate),
+            ("injected_mass", "mg", MILLIGRAM, self.mass),
+        )
+        return {
+            name: (unit, Gap(gap.before / si, gap.after / si, gap.noise_floor / si))
+            for name, unit, si, gap in known
+            if gap is not None
+        }
+
 
 @dataclass(frozen=True)
-class Gaps:
+class PointGap(SignalGaps):
+    """The gaps of one held-out recording."""
+
+    recording: int
+
+
+@dataclass(frozen=True)
+class Gaps(SignalGaps):
     """Over all held-out recordings, and for each.
 
     Mass is compared with the measured one; where no rate is measured, with that of the amended model fitted to all
     recordings: before is then what the nominal model is wrong if the amended one is right.
     """
 
-    line_pressure: Gap
-    injection_rate: Gap | None
-    mass: Gap
-    injected: float  # kg, mean of an event
     refitted: EffectiveModel  # the winner, fitted to `fitted_on`
     points: tuple[PointGap, ...]
     fitted_on: tuple[int, ...]
@@ -120,7 +137,7 @@ def _point(
     )
     models = nominal, refitted, amended
     mass_gap, injected = _mass_gap(measurement, models, (before, after, reference), noisy)
-    return PointGap(number, pressure, _rate_gap(measurement, before, after, noisy), mass_gap, injected)
+    return PointGap(pressure, _rate_gap(measurement, before, after, noisy), mass_gap, injected, number)
 
 
 def _rate_gap(

@@ -6,14 +6,12 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from observer_rt.discovery.comparison.disagreement import PHASE_NAMES
-from observer_rt.discovery.comparison.gaps import Gap
 from observer_rt.discovery.comparison.overlays import Overlay
 from observer_rt.discovery.findings import Findings
 from observer_rt.discovery.report.figures import overlay_figure
 from observer_rt.discovery.report.printed_units import printed
 from observer_rt.discovery.report.views import held_out_figure, with_words
 from observer_rt.discovery.search.result import Cell
-from observer_rt.evidence.pooled import Signal
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MILLISECOND, MM3_PER_MS
 
 _TABLES = ("effects.csv", "candidates.csv", "disagreement.csv", "gaps.csv", "standstill.csv")
@@ -65,8 +63,8 @@ def _effects(findings: Findings) -> Iterator[Row]:
     yield "candidate", "effect", "parameter", "unit", "value", "ci95_low", "ci95_high"
     for candidate in findings.discovery.ranking:
         for effect_id, parameters in zip(candidate.ids, candidate.parameters, strict=True):
-            for one in (printed(effect_id, parameter) for parameter in parameters):
-                yield "+".join(candidate.ids), effect_id, one.name, one.unit, one.value, *one.ci95
+            for name, one in printed(effect_id, parameters).items():
+                yield "+".join(candidate.ids), effect_id, name, one.unit, one.value, *one.ci95
 
 
 def _candidates(findings: Findings) -> Iterator[Row]:
@@ -102,19 +100,15 @@ def _disagreement(findings: Findings) -> Iterator[Row]:
             cell.rail_pressure / MEGAPASCAL,
             cell.duration / MILLISECOND,
             cell.signal.value,
-            _unit(cell)[1],
+            cell.signal.unit,
             PHASE_NAMES[cell.phase],
             *_figures(cell),
             *_figures(item.after),
         )
 
 
-def _unit(cell: Cell) -> tuple[float, str]:
-    return (MEGAPASCAL, "MPa") if cell.signal is Signal.LINE_PRESSURE else (MM3_PER_MS, "mm3/ms")
-
-
 def _figures(cell: Cell) -> Row:
-    return math.sqrt(cell.variance), math.sqrt(cell.colour), cell.excess, cell.rms / _unit(cell)[0]
+    return math.sqrt(cell.variance), math.sqrt(cell.colour), cell.excess, cell.rms / cell.signal.si
 
 
 def _gaps(findings: Findings) -> Iterator[Row]:
@@ -122,16 +116,9 @@ def _gaps(findings: Findings) -> Iterator[Row]:
     after = bool(findings.discovery.effects)
     yield "operating_point", "signal", "unit", "before", "after", "noise_alone"
     for point in findings.gaps.points:
-        signals: list[tuple[str, str, float, Gap | None]] = [
-            ("line_pressure", "MPa", MEGAPASCAL, point.line_pressure),
-            ("injection_rate", "mm3/ms", MM3_PER_MS, point.injection_rate),
-            ("injected_mass", "mg", MILLIGRAM, point.mass),
-        ]
-        for signal, unit, si, gap in signals:
-            if gap is not None:
-                left = gap.after / si if after else None
-                name = findings.points[point.recording]
-                yield name, signal, unit, gap.before / si, left, gap.noise_floor / si
+        for signal, (unit, gap) in point.printed.items():
+            left = gap.after if after else None
+            yield findings.points[point.recording], signal, unit, gap.before, left, gap.noise_floor
 
 
 def _standstill(findings: Findings) -> Iterator[Row]:

@@ -12,25 +12,10 @@ from matplotlib.figure import Figure
 
 from observer_rt.discovery.comparison.gaps import Gap
 from observer_rt.discovery.comparison.overlays import Overlay
+from observer_rt.evidence.figure_look import FOUND, GIVEN, LOOK, MEASURED
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLISECOND, MM3_PER_MS
 
-MEASURED, NOMINAL, AMENDED = "#1b1f24", "#c0392b", "#1f77b4"
-_STYLE = {
-    "font.size": 9.5,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.edgecolor": "#59636e",
-    "axes.labelcolor": "#1b1f24",
-    "xtick.color": "#59636e",
-    "ytick.color": "#59636e",
-    "axes.grid": True,
-    "grid.color": "#e3e7eb",
-    "axes.axisbelow": True,
-    "svg.fonttype": "none",
-    "svg.hashsalt": "observer_rt",
-    "path.simplify_threshold": 0.3,
-}
-
+_SETTINGS = LOOK | {"svg.fonttype": "none", "svg.hashsalt": "observer_rt", "path.simplify_threshold": 0.3}
 _FEWEST_PLACES = 3  # beside each other, for which there is room
 _NO_METADATA = dict.fromkeys(("Date", "Creator", "Type", "Format"))
 
@@ -75,38 +60,37 @@ def _draw_overlay(axes: Sequence[Axes], one: Overlay, amended: str) -> None:
     axes[0].fill_between(time, one.lift / MICROMETRE, color="#dfe5ea", lw=0)
     axes[0].plot(time, one.lift / MICROMETRE, color="#59636e", lw=0.9)
     axes[1].plot(time, one.line_pressure / MEGAPASCAL, color=MEASURED, lw=1.5, alpha=0.75, label="measured")
-    axes[1].plot(time, one.nominal_pressure / MEGAPASCAL, color=NOMINAL, lw=1.1, label="model as given")
+    axes[1].plot(time, one.nominal_pressure / MEGAPASCAL, color=GIVEN, lw=1.1, label="model as given")
     floor = 2.0 * one.noise_floor / MEGAPASCAL
     axes[2].axhspan(-floor, floor, color="#e8ecef", lw=0)
     missed = one.nominal_pressure - one.line_pressure
-    axes[2].plot(time, missed / MEGAPASCAL, color=NOMINAL, lw=0.8)
+    axes[2].plot(time, missed / MEGAPASCAL, color=GIVEN, lw=0.8)
     if one.measured_rate is not None:
         axes[3].plot(time, one.measured_rate / MM3_PER_MS, color=MEASURED, lw=1.5, alpha=0.75)
-    axes[3].plot(time, one.nominal_rate / MM3_PER_MS, color=NOMINAL, lw=1.1)
+    axes[3].plot(time, one.nominal_rate / MM3_PER_MS, color=GIVEN, lw=1.1)
     if one.amended_pressure is not None and one.amended_rate is not None:
         axes[1].plot(
             time,
             one.amended_pressure / MEGAPASCAL,
-            color=AMENDED,
+            color=FOUND,
             lw=1.1,
             ls=(0, (5, 1.5)),
             label=amended,
         )
         missed = one.amended_pressure - one.line_pressure
-        axes[2].plot(time, missed / MEGAPASCAL, color=AMENDED, lw=0.8)
-        axes[3].plot(time, one.amended_rate / MM3_PER_MS, color=AMENDED, lw=1.1, ls=(0, (5, 1.5)))
+        axes[2].plot(time, missed / MEGAPASCAL, color=FOUND, lw=0.8)
+        axes[3].plot(time, one.amended_rate / MM3_PER_MS, color=FOUND, lw=1.1, ls=(0, (5, 1.5)))
 
 
 @dataclass(frozen=True)
 class Bars:
-    """Gaps of one quantity at several operating points, in a printed unit whose SI factor is `si`.
+    """Gaps of one quantity at several operating points, in its printed unit.
 
     amended: what the legend calls the amended model, None where there is nothing to show of it.
     """
 
     title: str
     unit: str
-    si: float
     gaps: tuple[Gap, ...]
     amended: str | None
 
@@ -126,14 +110,12 @@ def gap_figure(labels: Sequence[str], groups: Sequence[Bars]) -> str:
 def _draw_bars(axes: Axes, labels: Sequence[str], bars: Bars) -> None:
     places = np.arange(len(labels))
     width = 0.5 if bars.amended is None else 0.36
-    series = [
-        ("model as given", [g.before for g in bars.gaps], NOMINAL, 0.0 if bars.amended is None else -0.2)
-    ]
+    series = [("model as given", [g.before for g in bars.gaps], GIVEN, 0.0 if bars.amended is None else -0.2)]
     if bars.amended is not None:
-        series.append((bars.amended, [g.after for g in bars.gaps], AMENDED, 0.2))
-    floors = np.array([g.noise_floor for g in bars.gaps]) / bars.si
+        series.append((bars.amended, [g.after for g in bars.gaps], FOUND, 0.2))
+    floors = np.array([g.noise_floor for g in bars.gaps])
     for label, values, colour, shift in series:
-        heights = np.array(values) / bars.si
+        heights = np.array(values)
         axes.bar(places + shift, heights, width, color=colour, label=label)
         tops = np.maximum(heights, floors)  # where the line does not strike the number through
         for place, top, height in zip(places + shift, tops, heights, strict=True):
@@ -158,12 +140,12 @@ def _two_digits(value: float) -> str:
 @contextmanager
 def _figure(width: float, height: float) -> Iterator[tuple[Figure, Callable[[], str]]]:
     """A figure to draw on, inches, and what makes an <svg> element of it."""
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(_SETTINGS):
         figure = Figure(figsize=(width, height), layout="constrained")
 
         def svg() -> str:
             text = io.StringIO()
-            with mpl.rc_context(_STYLE):
+            with mpl.rc_context(_SETTINGS):
                 figure.savefig(text, format="svg", metadata=_NO_METADATA)
             return text.getvalue()[text.getvalue().index("<svg") :]
 

@@ -1,11 +1,12 @@
-"""Fitted parameters in the units people read."""
+"""Fitted parameters and other figures in the units people read, with as many digits as they deserve."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 from observer_rt.discovery.search.result import FittedParameter
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MM3_PER_MS
 from observer_rt.model.effect import EffectParameter
 from observer_rt.model.effects import VOCABULARY
+from observer_rt.model.parameters import EffectValue, Finite
 
 _SIGNS = {"um": "µm", "us": "µs", "mm3/ms": "mm³/ms", "m3/(s Pa)": "m³/(s Pa)", "-": ""}
 """How people write the units that are written otherwise in files."""
@@ -14,38 +15,26 @@ UNITS = {"MPa": MEGAPASCAL, "mm³/ms": MM3_PER_MS, "mg": MILLIGRAM, "µm": MICRO
 _DIGITS = 8  # of printed values: far below any interval, free of conversion noise
 
 
-@dataclass(frozen=True)
-class Printed:
-    """A parameter with its 95 % interval in its printed unit."""
+class Size(EffectValue):
+    """A fitted parameter with its 95 % interval, in its printed unit: as files have it."""
 
-    name: str
-    value: float
-    ci95: tuple[float, float]
-    unit: str
+    ci95: tuple[Finite, Finite]
+
+    @property
+    def digits(self) -> tuple[str, str, str]:
+        """The value and the ends of its interval, digits as the interval deserves."""
+        step = significant(max(self.ci95[1] - self.value, self.value - self.ci95[0]))
+        return shown(self.value, step), shown(self.ci95[0], step), shown(self.ci95[1], step)
 
     @property
     def value_text(self) -> str:
-        """Such as `v_H = 0.301`, with the unit, digits as the interval deserves."""
-        return f"{self.name} = {shown(self.value, self._step)}{self._unit}"
+        """Such as `0.301`, with the unit."""
+        return f"{self.digits[0]} {sign(self.unit)}".rstrip()
 
     @property
     def interval_text(self) -> str:
         """Such as `0.295 to 0.307`, with the unit."""
-        low, high = (shown(bound, self._step) for bound in self.ci95)
-        return f"{low} to {high}{self._unit}"
-
-    @property
-    def text(self) -> str:
-        """Such as `v_H = 0.301 (95 %: 0.295 to 0.307)`."""
-        return f"{self.value_text} (95 %: {self.interval_text})"
-
-    @property
-    def _unit(self) -> str:
-        return f" {sign(self.unit)}" if sign(self.unit) else ""
-
-    @property
-    def _step(self) -> float:
-        return significant(max(self.ci95[1] - self.value, self.value - self.ci95[0]))
+        return f"{self.digits[1]} to {self.digits[2]} {sign(self.unit)}".rstrip()
 
 
 def sign(unit: str) -> str:
@@ -53,11 +42,14 @@ def sign(unit: str) -> str:
     return _SIGNS.get(unit, unit)
 
 
-def printed(effect_id: str, parameter: FittedParameter) -> Printed:
-    """A fitted parameter of an effect, printed."""
-    unit = definition(effect_id, parameter.name)
-    low, high = (_rounded(bound / unit.si) for bound in parameter.ci95)
-    return Printed(parameter.name, _rounded(parameter.value / unit.si), (low, high), unit.unit)
+def printed(effect_id: str, parameters: Sequence[FittedParameter]) -> dict[str, Size]:
+    """The fitted parameters of an effect, printed, by name."""
+    sizes = {}
+    for one in parameters:
+        known = definition(effect_id, one.name)
+        value, low, high = (float(f"{si / known.si:.{_DIGITS}g}") for si in (one.value, *one.ci95))
+        sizes[one.name] = Size(value=value, ci95=(low, high), unit=known.unit)
+    return sizes
 
 
 def definition(effect_id: str, name: str) -> EffectParameter:
@@ -79,7 +71,3 @@ def shown(value: float, step: float) -> str:
         return f"{round(value, decimals):.{max(decimals, 0)}f}"
     digits = 1 + max(0, int(f"{abs(value) or step:.0e}".split("e")[1]) + decimals)
     return f"{value:.{digits}g}"
-
-
-def _rounded(value: float) -> float:
-    return float(f"{value:.{_DIGITS}g}")

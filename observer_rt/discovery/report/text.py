@@ -1,20 +1,18 @@
 """The answer in words: for the screen, and the first lines of the report."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from observer_rt.discovery.caveats import Caveat
 from observer_rt.discovery.findings import Findings, gap_share
-from observer_rt.discovery.report.printed_units import definition, printed, sign
+from observer_rt.discovery.report.printed_units import Size, definition, printed, sign
 from observer_rt.discovery.search.result import (
     Candidate,
     Discovery,
     FittedEffect,
-    FittedParameter,
     SmallestVisible,
     Verdict,
 )
 from observer_rt.estimation.phases import Phase
-from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS
 from observer_rt.model.effect import Equation
 from observer_rt.model.effects import VOCABULARY
 
@@ -119,19 +117,18 @@ def where_words(found: Discovery) -> str:
 def candidate_words(candidate: Candidate) -> str:
     """The effects of a candidate with their sizes and intervals, for a title."""
     return " and ".join(
-        ", ".join((effect_id.replace("_", " "), *(_size_words(effect_id, one) for one in parameters)))
+        ", ".join((effect_id.replace("_", " "), *_size_words(printed(effect_id, parameters), "")))
         for effect_id, parameters in zip(candidate.ids, candidate.parameters, strict=True)
     )
 
 
-def _size_words(effect_id: str, fitted: FittedParameter) -> str:
-    shown = printed(effect_id, fitted)
-    return f"{shown.value_text} ({shown.interval_text})"
+def _size_words(sizes: Mapping[str, Size], level: str) -> list[str]:
+    return [f"{name} = {one.value_text} ({level}{one.interval_text})" for name, one in sizes.items()]
 
 
 def effect_text(effect: FittedEffect) -> str:
     """An effect with its sizes."""
-    sizes = ", ".join(printed(effect.id, parameter).text for parameter in effect.parameters)
+    sizes = ", ".join(_size_words(printed(effect.id, effect.parameters), "95 %: "))
     others = f" [or {', '.join(effect.indistinguishable_from)}]" if effect.indistinguishable_from else ""
     return f"{effect.id}{others}: {sizes or VOCABULARY[effect.id].sentence}"
 
@@ -141,17 +138,13 @@ def gap_lines(findings: Findings) -> list[str]:
     gaps = findings.gaps
     apart = findings.held_apart and findings.discovery.effects
     where = "on operating points held out" if apart else "on the recordings"
-    parts = [("line pressure", gaps.line_pressure, MEGAPASCAL, "MPa")]
-    if gaps.injection_rate is not None:
-        parts.append(("injection rate", gaps.injection_rate, MM3_PER_MS, "mm3/ms"))
-        parts.append(("injected mass", gaps.mass, MILLIGRAM, "mg"))
     lines = []
-    for name, gap, si, unit in parts:
-        after = f" before, {gap.after / si:.3g} after" if findings.discovery.effects else ""
-        alone = f"(noise alone {gap.noise_floor / si:.2g})"
-        lines.append(f"  {name} {where}: {gap.before / si:.3g} {unit} off{after} {alone}")
-    if gaps.injection_rate is None and findings.discovery.effects:
-        lines.append(
-            f"  injected mass: the model given is {gaps.mass.before / MILLIGRAM:.2g} mg off, if this is right"
-        )
+    for name, (unit, gap) in gaps.printed.items():
+        words = name.replace("_", " ")
+        if name != "injected_mass" or gaps.injection_rate is not None:
+            after = f" before, {gap.after:.3g} after" if findings.discovery.effects else ""
+            alone = f"(noise alone {gap.noise_floor:.2g})"
+            lines.append(f"  {words} {where}: {gap.before:.3g} {unit} off{after} {alone}")
+        elif findings.discovery.effects:
+            lines.append(f"  {words}: the model given is {gap.before:.2g} {unit} off, if this is right")
     return lines

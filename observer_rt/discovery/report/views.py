@@ -1,46 +1,24 @@
 """What the templates of the page show of the findings, as numbers in printed units and words."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from observer_rt.discovery.caveats import LEAST_MASS
-from observer_rt.discovery.comparison.gaps import Gap, Gaps
+from observer_rt.discovery.comparison.gaps import Gaps
 from observer_rt.discovery.comparison.standstill import StandstillFigure
 from observer_rt.discovery.findings import Findings, explained_share
 from observer_rt.discovery.opinion import Indicator
 from observer_rt.discovery.report.figures import Bars, gap_figure
-from observer_rt.discovery.report.printed_units import UNITS, Printed, printed, shown, sign, significant
+from observer_rt.discovery.report.printed_units import UNITS, Size, printed, shown, sign, significant
 from observer_rt.discovery.report.text import candidate_words, visible_words, where_words
 from observer_rt.discovery.search import search
-from observer_rt.discovery.search.result import Candidate, Consequence, Discovery, FittedParameter, Verdict
+from observer_rt.discovery.search.result import Candidate, Consequence, Discovery, Verdict
 from observer_rt.evidence.operating_points import point_name
-from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
 from observer_rt.model.effect import Apparent
 from observer_rt.model.effects import VOCABULARY
 
-FOR_TEMPLATES = (
-    "apparent_sizes",
-    "bar",
-    "explained_ids",
-    "found_size",
-    "gained",
-    "held_out_figure",
-    "indistinguishable",
-    "learned",
-    "mass_words",
-    "moved_mass",
-    "moved_pressure",
-    "printed_parameters",
-    "role",
-    "sizes",
-    "standing",
-    "standstill_columns",
-    "tiles",
-    "title",
-    "visible_rows",
-    "with_words",
-)
 _LONGEST_BAR = 120  # px
 _STANDSTILL = {
     "rail_line_offset": "line − rail pressure",
@@ -50,7 +28,6 @@ _STANDSTILL = {
     "needle_lift_noise": "noise, lift",
     "injection_rate_noise": "noise, rate",
 }
-_MODEL_MINUS_MEASURED = "model minus measured, rms"
 
 
 @dataclass(frozen=True)
@@ -108,19 +85,15 @@ def tiles(findings: Findings) -> list[Tile]:
         sure = "confidence, with the reservations above"
     result = [Tile(f"{found.confidence:.0%}", "", sure)]
 
-    def add(gap: Gap, unit: str, name: str) -> None:
-        after = f" → {gap.after / UNITS[unit]:.2g}" if found.effects else ""
-        value = f"{gap.before / UNITS[unit]:.2g}{after}"
-        result.append(Tile(value, unit, f"{name}, {_MODEL_MINUS_MEASURED}"))
-
-    add(gaps.line_pressure, "MPa", "line pressure")
-    if gaps.injection_rate is not None:
-        add(gaps.injection_rate, "mm³/ms", "injection rate")
-        add(gaps.mass, "mg", "injected mass")
-    elif found.effects:
-        wrong = gaps.mass.before
-        value = f"{wrong / MILLIGRAM:.2g}" if wrong >= LEAST_MASS else f"< {LEAST_MASS / MILLIGRAM:g}"
-        result.append(Tile(value, "mg", "injected mass, what the model given is wrong"))
+    for name, (unit, gap) in gaps.printed.items():
+        words = name.replace("_", " ")
+        if name != "injected_mass" or gaps.injection_rate is not None:
+            value = f"{gap.before:.2g}" + (f" → {gap.after:.2g}" if found.effects else "")
+            result.append(Tile(value, sign(unit), f"{words}, model minus measured, rms"))
+        elif found.effects:
+            least = LEAST_MASS / MILLIGRAM
+            value = f"{gap.before:.2g}" if gaps.mass.before >= LEAST_MASS else f"< {least:g}"
+            result.append(Tile(value, unit, f"{words}, what the model given is wrong"))
     if found.effects and len(result) < 4:
         result.append(Tile(f"{explained_share(found):.0%}", "", "of the disagreement explained"))
     return result
@@ -131,16 +104,16 @@ def held_out_figure(findings: Findings) -> str:
     gaps, amended = findings.gaps, bool(findings.discovery.effects)
     places = {i.before.recording: (i.before.rail_pressure, i.before.duration) for i in findings.where}
     labels = [point_name(*places[point.recording]).replace(", ", "\n") for point in gaps.points]
-    pressures = tuple(point.line_pressure for point in gaps.points)
     label = with_words(findings.discovery) if amended else None
-    groups = [Bars("line pressure", "MPa", MEGAPASCAL, pressures, label)]
-    rates = tuple(point.injection_rate for point in gaps.points if point.injection_rate is not None)
-    masses = tuple(point.mass for point in gaps.points)
-    if rates:
-        groups.append(Bars("injection rate", "mm³/ms", MM3_PER_MS, rates, label))
-        groups.append(Bars("injected mass", "mg", MILLIGRAM, masses, label))
-    elif amended:
-        groups.append(Bars("injected mass, if this is right", "mg", MILLIGRAM, masses, None))
+    of_points = [point.printed for point in gaps.points]
+    groups = []
+    for name, (unit, _) in gaps.printed.items():
+        words = name.replace("_", " ")
+        every = tuple(printed[name][1] for printed in of_points if name in printed)
+        if name != "injected_mass" or gaps.injection_rate is not None:
+            groups.append(Bars(words, sign(unit), every, label))
+        elif amended:
+            groups.append(Bars(f"{words}, if this is right", unit, every, None))
     return gap_figure(labels, groups)
 
 
@@ -154,15 +127,15 @@ def whole(text: str) -> str:
     return text.replace(" ", "\u00a0")
 
 
-def printed_parameters(effect_id: str, parameters: Sequence[FittedParameter]) -> list[Printed]:
-    """The parameters of an effect in the units people read."""
-    return [printed(effect_id, parameter) for parameter in parameters]
+def size_words(sizes: Mapping[str, Size]) -> list[str]:
+    """Such as `v_H = 0.301`."""
+    return [f"{name} = {size.value_text}" for name, size in sizes.items()]
 
 
 def sizes(candidate: Candidate) -> list[str]:
-    """All sizes of a candidate, such as `v_H = 0.301`."""
+    """All sizes of a candidate."""
     every = zip(candidate.ids, candidate.parameters, strict=True)
-    return [one.value_text for effect_id, fitted in every for one in printed_parameters(effect_id, fitted)]
+    return [words for effect_id, fitted in every for words in size_words(printed(effect_id, fitted))]
 
 
 def standing(candidate: Candidate, found: Discovery) -> str:
@@ -282,5 +255,5 @@ def visible_rows(findings: Findings) -> list[VisibleRow]:
 
 def found_size(found: Discovery, effect_id: str) -> str:
     """What discovery says of an effect."""
-    sized = [printed(effect_id, e.parameters[0]).value_text for e in found.effects if e.id == effect_id]
-    return sized[0] if sized else "–"
+    sized = [size_words(printed(e.id, e.parameters[:1])) for e in found.effects if e.id == effect_id]
+    return sized[0][0] if sized else "–"

@@ -24,7 +24,8 @@ def test_digits_are_those_the_interval_deserves(
     effect: str, value: float, ci95: tuple[float, float], text: str
 ) -> None:
     name = text.split(" ", 1)[0]
-    assert printed(effect, FittedParameter(name, value, ci95)).text == text
+    size = printed(effect, [FittedParameter(name, value, ci95)])[name]
+    assert f"{name} = {size.value_text} (95 %: {size.interval_text})" == text
 
 
 def test_an_exact_value_is_shown_as_it_is() -> None:
@@ -32,5 +33,5 @@ def test_an_exact_value_is_shown_as_it_is() -> None:
 
 
 def test_values_are_in_the_unit_of_the_vocabulary() -> None:
-    found = printed("line_pressure_sensor_lag", FittedParameter("tau", 25e-6, (24e-6, 26e-6)))
+    found = printed("line_pressure_sensor_lag", [FittedParameter("tau", 25e-6, (24e-6, 26e-6))])["tau"]
     assert (found.value, found.ci95, found.unit) == (25.0, (24.0, 26.0), "us")

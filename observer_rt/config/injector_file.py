@@ -1,0 +1,68 @@
+"""Injector files that are changed and written again, their comments and layout kept."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+import tomlkit
+from tomlkit.exceptions import TOMLKitError
+from tomlkit.items import AoT, InlineTable
+
+from observer_rt.config.bench import load_injector
+from observer_rt.foundation.errors import RunError, UserError
+from observer_rt.foundation.file_hash import file_hash
+from observer_rt.model.parameters import EffectInForce
+
+
+@dataclass(frozen=True)
+class InjectorFile:
+    """An injector file that another is made of: its name, SHA-256 and text."""
+
+    name: str
+    sha256: str
+    text: str
+
+    @classmethod
+    def read(cls, path: Path) -> Self:
+        """Raises `UserError` for what cannot be changed as text."""
+        text = path.read_text(encoding="utf-8")
+        try:
+            tomlkit.parse(text)
+        except TOMLKitError as error:
+            raise UserError(str(path), f"is not valid TOML: {error}", "mend the line named") from None
+        return cls(path.name, file_hash(path), text)
+
+    @contextmanager
+    def changed(self, path: Path) -> Iterator[tomlkit.TOMLDocument]:
+        """The content to be changed, which is then written to another file, as a file that loads.
+
+        Raises `RunError` when it would not be taken back.
+        """
+        document = tomlkit.parse(self.text)
+        yield document
+        path.write_text(tomlkit.dumps(document), encoding="utf-8")
+        try:
+            load_injector(path)
+        except UserError as error:
+            raise RunError(f"{path}: what was written would not load: {error.problem}") from None
+
+
+def inline(entry: Mapping[str, Any]) -> InlineTable:
+    """Content in one line."""
+    table = tomlkit.inline_table()
+    for key, value in entry.items():
+        table.append(key, inline(value) if isinstance(value, Mapping) else value)
+    return table
+
+
+def effect_tables(effects: Sequence[EffectInForce]) -> AoT:
+    """Effects in force as [[effects]] tables."""
+    tables = tomlkit.aot()
+    for effect in effects:
+        table = tomlkit.table()
+        for key, value in effect.model_dump(mode="json", exclude_none=True, exclude_defaults=True).items():
+            table[key] = inline(value) if isinstance(value, Mapping) else value
+        tables.append(table)
+    return tables

@@ -1,0 +1,172 @@
+"""What a fit says, on a terminal and as a JSON document, in printed units."""
+
+import json
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from pydantic_core import to_json
+from rich.console import Console
+from rich.table import Table
+
+from observer_rt.estimation.phases import Phase
+from observer_rt.fit.calibrate import GATE, Calibrated
+from observer_rt.fit.choice import judged_by
+from observer_rt.fit.search import Failed, Fitted
+from observer_rt.fit.words import kept_words, level_words, oddities, phase_name, verdict_words
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
+from observer_rt.model.baseline import Baseline
+from observer_rt.terminal.console import say
+
+SCHEMA = 1
+
+
+def as_json(done: Calibrated, baseline: Baseline, warnings: Sequence[str]) -> dict[str, Any]:
+    """The fit as a document. Numbers that are not there are null."""
+    structure = done.fitted.structure
+    names = [str(one.recording.path or number) for number, one in enumerate(done.found)]
+    parts = zip(done.fitted.calibration.parts, done.offsets.tolist(), strict=True)
+    document = {
+        "schema": SCHEMA,
+        "verdict": "inadequate" if done.inadequate else "adequate",
+        "verdict_words": verdict_words(done),
+        "gate_chi2": GATE,
+        "inadequate_phases": [phase_name(phase) for phase in done.inadequate],
+        "structure": {
+            "name": structure.name,
+            "line_outflow": structure.outflow,
+            "line_model": structure.line,
+            "reason": done.choice.reason,
+        },
+        "structures": [_structure(one) for one in done.choice.tried],
+        "parameters": done.sizes,
+        "kept": {one.name: {"value": one.of(done.injector) / one.si, "unit": one.unit} for one in done.kept},
+        "directions": [
+            {"sigma": one.sigma, "share": dict(one.share)} for one in done.fitted.certainty.directions
+        ],
+        "level": {"from": done.level, "words": level_words(done)},
+        "residuals": [
+            {
+                "signal": one.signal,
+                "phase": phase_name(one.phase),
+                "rms": _pair(one.rms, one.signal.si),
+                "unit": one.signal.unit,
+                "chi2": _pair(one.chi2),
+            }
+            for one in done.comparison.residuals
+        ],
+        "open_loop_rms_MPa": _pair(done.comparison.open_loop, MEGAPASCAL),
+        "injections": [
+            {
+                "recording": names[one.recording],
+                "time_s": one.time,
+                "rail_pressure_MPa": one.rail_pressure / MEGAPASCAL,
+                "mass_mg": one.after / MILLIGRAM,
+                "file_mass_mg": one.before / MILLIGRAM,
+                "measured_mass_mg": one.measured / MILLIGRAM,
+            }
+            for one in done.comparison.masses
+        ],
+        "mass_share": done.mass_share,
+        "line_pressure_offsets_MPa": {names[part.recording]: offset for part, offset in parts},
+        "baseline": baseline,
+        "warnings": [*warnings, *oddities(done)],
+    }
+    content: dict[str, Any] = json.loads(to_json(document, inf_nan_mode="null"))
+    return content
+
+
+def _structure(one: Fitted | Failed) -> dict[str, Any]:
+    if isinstance(one, Failed):
+        return {"name": one.structure.name, "failed": one.reason}
+    return {
+        "name": one.structure.name,
+        "held_out": one.held_out is not None,
+        "chi2": {phase_name(phase): judged_by(one).chi2[phase] for phase in Phase},
+        "chi2_mean": judged_by(one).mean,
+        "free": [parameter.name for parameter in one.calibration.free],
+        "converged": one.minimum.converged,
+    }
+
+
+def _pair(values: Sequence[float], si: float = 1.0) -> dict[str, float]:
+    return {"file": values[0] / si, "fitted": values[1] / si}
+
+
+def print_fit(done: Calibrated, console: Console) -> None:
+    """Structures, parameters, residuals, level and verdict."""
+    say(console, "structures, by chi2 on recordings left out (1: noise alone)")
+    structures = _table(("structure", *map(phase_name, Phase), "free", ""), left=(0, 7), folded=0)
+    for one in done.choice.tried:
+        if isinstance(one, Fitted):
+            chi2, free = judged_by(one).chi2, str(len(one.calibration.free))
+            chosen = "chosen" if one is done.choice.best else ""
+            structures.add_row(one.structure.name, *(_figure(chi2[phase]) for phase in Phase), free, chosen)
+    console.print(structures)
+    for failed in (one for one in done.choice.tried if isinstance(one, Failed)):
+        say(console, f"not fitted: {failed.structure.name}: it {failed.reason}")
+    say(console, f"chosen: {done.choice.reason}\n")
+    say(console, "parameters")
+    parameters = _table(("parameter", "", "file", "fitted", "95 % interval", "unit"), left=(0, 1, 5))
+    for name, size in done.sizes.items():
+        before = "" if size.file is None else f"{size.file:.5g}"
+        interval = "{:.5g} .. {:.5g}".format(*size.ci95)
+        parameters.add_row(name, size.symbol, before, f"{size.value:.5g}", interval, size.unit)
+    console.print(parameters)
+    for line in (*kept_words(done), *_together(done), *oddities(done)):
+        say(console, line)
+    say(console, "\nresiduals, file -> fitted (rms one sample ahead; chi2 of means of 8 samples)")
+    residuals = _table(("signal", "phase", "rms", "", "", "unit", "chi2", "", ""), left=(0, 1, 5))
+    for left in done.comparison.residuals:
+        rms = _arrow(left.rms, left.signal.si)
+        phase = phase_name(left.phase)
+        residuals.add_row(left.signal.value, phase, *rms, left.signal.unit, *_arrow(left.chi2))
+    console.print(residuals)
+    open_loop = " ".join(_arrow(done.comparison.open_loop, MEGAPASCAL))
+    say(console, f"line pressure with nothing corrected from the opening on: rms {open_loop} MPa")
+    for line in _masses(done):
+        say(console, line)
+    say(console, f"\nabsolute level: {level_words(done)}")
+    say(console, f"verdict: {verdict_words(done)}")
+
+
+def _together(done: Calibrated) -> Iterable[str]:
+    """The combination of parameters that is told worst."""
+    if len(done.fitted.calibration.free) > 1:
+        worst = done.fitted.certainty.directions[-1]
+        yield f"told worst: {worst.words}, to {worst.sigma:.2%} (1 sigma)"
+
+
+def _masses(done: Calibrated) -> Iterable[str]:
+    masses = done.comparison.masses
+    after = np.array([one.after for one in masses])
+    measured = np.array([one.measured for one in masses])
+    if np.isfinite(measured).any():
+        share = (after / measured - 1.0)[np.isfinite(measured)]
+        worst = share[np.argmax(np.abs(share))]
+        yield f"mass beside the measured: {np.mean(share):+.2%} in the mean, {worst:+.2%} at worst"
+    before = np.array([one.before for one in masses])
+    if np.isfinite(before).all():
+        yield f"mass of an injection, mean: {np.mean(before) / MILLIGRAM:.2f} -> {np.mean(after) / MILLIGRAM:.2f} mg"
+    because = "what a recording left out changes, structures that do as well, slow instants, a level measured"
+    yield f"mass uncertain by the model: {done.mass_share:.2%} (1 sigma; {because})"
+
+
+def _arrow(values: Sequence[float], si: float = 1.0) -> tuple[str, str, str]:
+    before, after = (_figure(value / si) for value in values)
+    return before, "->", after
+
+
+def _figure(value: float) -> str:
+    if math.isnan(value):
+        return "-"
+    return f"{value:.3g}" if value < 1000.0 else f"{value:.0f}"
+
+
+def _table(names: Sequence[str], left: Sequence[int], folded: int | None = None) -> Table:
+    """folded: the column that a narrow terminal breaks into lines; none else is."""
+    table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False)
+    for place, name in enumerate(names):
+        table.add_column(name, justify="left" if place in left else "right", no_wrap=place != folded)
+    return table

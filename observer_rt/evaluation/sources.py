@@ -10,8 +10,8 @@ from observer_rt.config.bench import Bench
 from observer_rt.evaluation.logged import LoggedSignals
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.formats import is_log, open_recording
-from observer_rt.recording.signals.csv_file import TRUTH_SUFFIX
 from observer_rt.recording.signals.plausible import refuse_implausible
+from observer_rt.recording.signals.recording import TRUTH_SUFFIX
 from observer_rt.recording.signals.stream import SignalStream
 from observer_rt.terminal.compiling import show_compiling
 from observer_rt.terminal.console import progress_bar, say

@@ -26,7 +26,7 @@ from observer_rt.model.effects import effective_model
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.recording.canlog.can_log import NANOSECONDS
 from observer_rt.recording.formats import is_log, open_log
-from observer_rt.recording.signals.checked import OtherRateError
+from observer_rt.recording.signals.mapped.even_signals import OtherRateError
 from observer_rt.recording.signals.plausible import refuse_implausible
 from observer_rt.recording.signals.stream import SignalStream
 from observer_rt.service.reports.injection_record import Output, row_of

@@ -8,7 +8,7 @@ from pathlib import Path
 from observer_rt.config.bench import Bench
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.formats import formats, suffixes_of
-from observer_rt.recording.signals.csv_file import TRUTH_SUFFIX
+from observer_rt.recording.signals.recording import TRUTH_SUFFIX
 from observer_rt.terminal.destinations import suffix_of
 
 _PATTERN = re.compile(r"[*?\[]")

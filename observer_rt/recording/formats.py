@@ -24,9 +24,10 @@ from observer_rt.recording.canlog.log_format import LogFormat
 from observer_rt.recording.canlog.trc import TRC
 from observer_rt.recording.mdf4 import MDF4_LOG
 from observer_rt.recording.signals.formats import CSV, MDF4_SIGNALS, PARQUET
+from observer_rt.recording.signals.mapped.even_signals import EvenSignals
 from observer_rt.recording.signals.mapped.signals import MappedSignals
 from observer_rt.recording.signals.recording import Recording
-from observer_rt.recording.signals.signal_format import SignalFormat
+from observer_rt.recording.signals.signal_format import OwnLayout, SignalFormat
 from observer_rt.recording.signals.stream import HeldSignals, SignalStream
 from observer_rt.recording.signals.writers import CollectingWriter, PartsWriter, RecordingWriter
 from observer_rt.terminal.destinations import PACKED, check_suffix, suffix_of
@@ -119,20 +120,19 @@ def open_recording(
 ) -> SignalStream:
     """Look through a recording, which is then read in parts; one in a layout of the user's own by `[recording]`.
 
-    in_one_go: as of `GridSignals`, where the format can; else it is looked through all the same.
+    in_one_go: as of `EvenSignals`, of our own layouts; else it is looked through all the same.
     Raises `UserError` for an unknown suffix, a file that cannot be opened or whose content is wrong.
     """
-    found = _of(path, signal_formats())
-    layouts = found.layouts
+    reader = _of(path, signal_formats()).reader
     mapping = injector.config.recording if injector is not None else None
     with file_errors(path):
         stream: SignalStream
-        if layouts is None:
-            stream = HeldSignals(found.reader(path))
-        elif injector is None or mapping is None or layouts.is_own(path, mapping):
-            stream = (layouts.in_one_go if in_one_go and layouts.in_one_go else layouts.stream)(path)
+        if not isinstance(reader, OwnLayout):
+            stream = HeldSignals(reader(path))
+        elif injector is None or mapping is None or reader.is_of(path, mapping):
+            stream = EvenSignals(reader.table(path, reader.mapping, is_own=True), in_one_go)
         else:
-            stream = MappedSignals(layouts.table(path, mapping), injector.config.sampling.rate_hz)
+            stream = MappedSignals(reader.table(path, mapping), injector.config.sampling.rate_hz)
     if injector is not None:
         stated = mapping.meaning if mapping is not None else None
         stream.meaning = stated or injector.config.sampling.meaning
@@ -166,7 +166,9 @@ def open_parts(path: Path, has_rate: bool) -> PartsWriter:
     """A recording to be written part by part. Raises `UserError` for a suffix that cannot be written."""
     found = _of(path, written(signal_formats()))
     assert found.writer is not None
-    return CollectingWriter(path, found.writer) if found.layouts is None else RecordingWriter(path, has_rate)
+    if isinstance(found.reader, OwnLayout):
+        return RecordingWriter(path, has_rate)
+    return CollectingWriter(path, found.writer)
 
 
 def _of(path: Path, known: Sequence[F]) -> F:

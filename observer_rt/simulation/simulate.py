@@ -13,16 +13,15 @@ from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import InjectorParameters
-from observer_rt.recording.signals.csv_file import (
+from observer_rt.recording.signals.recording import TRUTH_SUFFIX, Recording
+from observer_rt.recording.signals.writers import (
     INJECTION_RATE,
     LINE_PRESSURE,
     NEEDLE_LIFT,
     TIME,
-    TRUTH_SUFFIX,
     Column,
     write_columns,
 )
-from observer_rt.recording.signals.recording import Recording
 from observer_rt.simulation.measurement import LIFT, PRESSURE, NoiseLevels
 from observer_rt.simulation.needle import strokes
 from observer_rt.simulation.plant import Progress, Truth, run_plant

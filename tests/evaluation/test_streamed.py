@@ -20,7 +20,7 @@ from observer_rt.evaluation.trace_file import write_trace
 from observer_rt.model.effects import effective_model
 from observer_rt.recording.formats import open_recording, write_recording
 from observer_rt.recording.replay.framing import Framer, whole
-from observer_rt.recording.signals import csv_file
+from observer_rt.recording.signals.mapped import csv_table
 from observer_rt.recording.signals.recording import Chunk, Recording
 from observer_rt.recording.signals.stream import HeldSignals, SignalStream, Stretch
 from tests.device import frames_of, later, simulated
@@ -80,7 +80,7 @@ def test_a_file_read_in_parts_as_in_one_piece(tmp_path: Path, monkeypatch: pytes
     path = tmp_path / "worn.csv"
     write_recording(path, worn())
     (known,), _ = evaluate_stream(BENCH, [open_recording(path)])
-    monkeypatch.setattr(csv_file, "SAMPLES_AT_ONCE", 777)
+    monkeypatch.setattr(csv_table, "SAMPLES_AT_ONCE", 777)
     (found,), _ = evaluate_stream(BENCH, [open_recording(path)])
     assert recording_json(found, C) == recording_json(known, C)
 

@@ -1,35 +1,27 @@
-"""Signals in MDF4, ASAM's measurement file, by asammdf: one channel per signal, units read from the channel."""
+"""Signals in MDF4, ASAM's measurement file, by asammdf; to be run apart, for it trusts what stands in a file."""
 
 import gc
 import logging
 import struct
 import sys
 import traceback
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from asammdf import MDF, Signal
 from asammdf.blocks.utils import MdfException
 from asammdf.blocks.v4_blocks import FileHistory
-from numpy.typing import NDArray
 
+from observer_rt.config.recording import ColumnConfig
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.misspelt import hint
-from observer_rt.foundation.units import LENGTH_UNITS, PRESSURE_UNITS
 from observer_rt.recording.mdf4_apart import READABLE
 from observer_rt.recording.mdf4_blocks import Counted, refuse_other_files
-from observer_rt.recording.signals.units import RATE_UNITS
+from observer_rt.recording.signals.mapped.table import Part, Values, present
 
-UNITS = {
-    "rail_pressure": PRESSURE_UNITS,
-    "needle_lift": LENGTH_UNITS,
-    "line_pressure": PRESSURE_UNITS,
-    "injection_rate": RATE_UNITS,
-}
-REQUIRED = ("rail_pressure", "needle_lift", "line_pressure")
 DAMAGE = (  # the ways in which asammdf fails on a damaged file
     MdfException,
     struct.error,
@@ -43,43 +35,76 @@ DAMAGE = (  # the ways in which asammdf fails on a damaged file
     AttributeError,
 )
 logging.getLogger("asammdf").setLevel(logging.CRITICAL)  # its complaints come as errors, too
-LARGEST = 1e30  # in SI: no measurement, but what can be written in any unit
+LARGEST = 1e30  # no measurement, but what can be written in any unit
 NO_DATE = datetime.fromtimestamp(0, UTC)
+Place = tuple[int, int]
+"""Group and index of a channel."""
 
 
-def parts(
-    path: Path, counted: Counted, at_once: int
-) -> Iterator[tuple[str, ...] | dict[str, NDArray[np.float64]]]:
-    """What is odd about the number of samples, then time [s] and signals in SI units by the names of their channels.
+class Found(NamedTuple):
+    """The mapped channels of a file, their places and units, units of all channels; what is odd about the file."""
 
-    So many samples at once, as many as there are in the file, whatever its heading says; to be run apart.
-    Channels beyond the recording's own are ignored. The samples that a channel marks as invalid become NaN. Raises
-    `UserError` for a file that is not MDF, a missing channel, an unknown unit and channels on different time stamps.
-    """
-    with opened(path) as file:
-        places = _places(file, path)
-        groups = {group for group, _ in places.values()}
-        samples = max(readable(file, group, counted) for group in groups)
-        yield remarks(file, groups, counted)
-        for first in range(0, samples, at_once):
-            with damage_told(path):
-                signals = {name: part_of(file, *place, first, at_once) for name, place in places.items()}
-            time = signals["rail_pressure"].timestamps.astype(np.float64)
-            for name, signal in signals.items():
-                if not np.array_equal(signal.timestamps, time):
-                    raise UserError(
-                        f"{path}, channel {name}",
-                        "its time stamps differ from those of rail_pressure",
-                        "record the channels in one group, resample them on one time grid, or describe them in "
-                        "[recording] of a bench file, which resamples",
-                    )
-            yield {"time": time, **{name: _to_si(signal, path) for name, signal in signals.items()}}
+    mapped: dict[str, ColumnConfig]
+    places: dict[str, Place]
+    units: dict[str, str]
+    columns: dict[str, str]
+    remarks: tuple[str, ...]
 
 
 def names(path: Path) -> Iterator[list[str]]:
-    """Of the channels, to be run apart."""
+    """Of the channels."""
     with opened(path) as file:
         yield list(file.channels_db)
+
+
+def found_and_parts(
+    path: Path, wanted: Mapping[str, ColumnConfig], is_own: bool, counted: Counted, at_once: int
+) -> Iterator[Found | Part]:
+    """What a file has of the channels wanted, then the parts of the first group with some of them.
+
+    Raises `UserError` where a channel is missing or in doubt.
+    """
+    with opened(path) as file:
+        mapped = present(path, wanted, file.channels_db, is_own, "channel")
+        places = {name: _place(file, path, column) for name, column in mapped.items()}
+        groups = sorted({group for group, _ in places.values()})
+        for group in groups:
+            refuse_outside(file, group)
+        columns = {name: _unit(file, *places[0]) for name, places in file.channels_db.items()}
+        units = {name: unit for name, place in places.items() if (unit := _unit(file, *place))}
+        headings = [file.groups[group].channel_group.address for group in groups]
+        odd = (*counted.remarks, *counted.contradictions(headings, "samples"))
+        yield Found(mapped, places, units, columns, odd)
+        yield from _parts(file, path, groups[0], places, counted, at_once)
+
+
+def parts(
+    path: Path, group: int, places: Mapping[str, Place], counted: Counted, at_once: int
+) -> Iterator[Part]:
+    """The channels of one group, so many samples at once, as many as there are, whatever its heading says."""
+    with opened(path) as file:
+        yield from _parts(file, path, group, places, counted, at_once)
+
+
+def _parts(
+    file: MDF, path: Path, group: int, places: Mapping[str, Place], counted: Counted, at_once: int
+) -> Iterator[Part]:
+    heading = file.groups[group].channel_group
+    for first in range(0, counted.readable(heading.address, heading.cycles_nr), at_once):
+        with damage_told(path):
+            signals = {
+                name: file.get(
+                    group=group,
+                    index=index,
+                    ignore_invalidation_bits=True,
+                    record_offset=first,
+                    record_count=at_once,
+                )
+                for name, (wanted, index) in places.items()
+                if wanted == group
+            }
+        time = next(iter(signals.values())).timestamps.astype(np.float64)
+        yield Part(time, {name: _numbers(signal, path, first) for name, signal in signals.items()})
 
 
 @contextmanager
@@ -132,68 +157,43 @@ def refuse_outside(file: MDF, group: int) -> None:
             raise ValueError(f"{channel.name} reaches to byte {end} of records of {record}")
 
 
-def part_of(file: MDF, group: int, index: int, first: int, count: int) -> Signal:
-    """At most `count` samples of a channel from one on."""
-    return file.get(
-        group=group,
-        index=index,
-        ignore_invalidation_bits=True,
-        record_offset=first,
-        record_count=count,
-    )
-
-
-def readable(file: MDF, group: int, counted: Counted) -> int:
-    """How many samples of a group can be read."""
-    heading = file.groups[group].channel_group
-    return counted.readable(heading.address, heading.cycles_nr)
-
-
-def remarks(file: MDF, groups: Iterable[int], counted: Counted) -> tuple[str, ...]:
-    """What is odd about the number of samples."""
-    places = [file.groups[group].channel_group.address for group in groups]
-    return (*counted.remarks, *counted.contradictions(places, "samples"))
-
-
-def _places(file: MDF, path: Path) -> dict[str, tuple[int, int]]:
-    """Group and index of the channels by the signals they hold."""
-    found = {}
-    for name in UNITS:
-        places = file.channels_db.get(name, ())
-        if len(places) > 1:
-            raise UserError(
-                f"{path}, channel {name}", f"appears {len(places)} times", "keep one channel of this name"
-            )
-        if places:
-            refuse_outside(file, places[0][0])
-            found[name] = places[0]
-        elif name in REQUIRED:
-            raise UserError(
-                str(path),
-                f"channel '{name}' is missing{hint(name, file.channels_db)}",
-                f"name the channels {', '.join(UNITS)} (the last optional), or say in [recording] of a bench file "
-                "which is which",
-            )
-    return found
-
-
-def _to_si(signal: Signal, path: Path) -> NDArray[np.float64]:
-    units = UNITS[signal.name]
-    unit = signal.unit.strip()
-    if unit not in units:
+def _place(file: MDF, path: Path, column: ColumnConfig) -> Place:
+    """Group and index of a channel that is there."""
+    places = file.channels_db[column.name]
+    chosen = [place for place in places if column.group in (None, place[0])]
+    if len(chosen) != 1:
+        groups = ", ".join(str(group) for group, _ in places)
+        times = f"appears {len(places)} times: it " if len(places) > 1 else ""
         raise UserError(
-            f"{path}, channel {signal.name}",
-            f"unit '{unit}' is not known" if unit else "has no unit",
-            f"known units: {', '.join(units)}",
+            f"{path}, channel {column.name}",
+            f"{times}is in the groups {groups}"
+            + (f", not in {column.group}" if column.group is not None else ""),
+            f"say which in [recording] of the bench file, group = {places[0][0]}, or keep one channel of this name",
         )
-    values: NDArray[np.float64] = signal.samples.astype(np.float64) * units[unit]
+    group, index = chosen[0]
+    return int(group), int(index)
+
+
+def _unit(file: MDF, group: int, index: int) -> str:
+    """Of a channel, or of its conversion."""
+    channel = file.groups[group].channels[index]
+    unit = channel.unit or (channel.conversion.unit if channel.conversion is not None else "")
+    return str(unit or "").strip()
+
+
+def _numbers(signal: Signal, path: Path, first: int) -> Values:
+    """Samples from number `first` on; those that the channel marks as invalid become NaN."""
+    place = f"{path}, channel {signal.name}"
+    if signal.samples.ndim != 1 or signal.samples.dtype.kind not in "buif":
+        raise UserError(place, "holds no plain numbers", "map a channel of numbers")
+    values: Values = signal.samples.astype(np.float64)
     if signal.invalidation_bits is not None:
         values[np.asarray(signal.invalidation_bits, dtype=bool)] = np.nan
     beyond = np.flatnonzero(np.abs(values) > LARGEST)
     if beyond.size:
         raise UserError(
-            f"{path}, channel {signal.name}",
-            f"sample {beyond[0]} is {signal.samples[beyond[0]]:g} {unit}",
+            place,
+            f"sample {first + beyond[0]} is {values[beyond[0]]:g} {signal.unit.strip()}",
             "record it again: the file is damaged, or mark such samples as invalid",
         )
     return values

@@ -13,6 +13,7 @@ from observer_rt.config.recording import Meaning
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.signals.time_grid import find_uneven_time, sample_rate_of
 
+TRUTH_SUFFIX = ".truth.csv"  # added to the name of a simulated recording: what nobody could measure
 EQUIDISTANT = (
     "a recording must be equidistant: cut it at the gap, resample it on an even grid, or describe it in [recording] "
     "of a bench file, which bridges and splits"

@@ -1,42 +1,37 @@
 """Formats of files that hold signals."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from observer_rt.config.recording import RecordingConfig
 from observer_rt.recording.file_format import FileFormat
-from observer_rt.recording.signals.mapped.table import Table
+from observer_rt.recording.signals.mapped.table import OPTIONAL, Table
 from observer_rt.recording.signals.recording import Recording
-from observer_rt.recording.signals.stream import SignalStream
 
 
 @dataclass(frozen=True)
-class Layouts:
-    """A format that is read in parts, in our own layout and in any other.
+class OwnLayout:
+    """A format that is read in parts, by any mapping. table: of its files; mapping: that of our own layout."""
 
-    own: names that a file in our own layout has; names: all of a file; stream: reads our own layout, looking through
-    it before; table: another one by its mapping; in_one_go: our own layout, as of `GridSignals`, if that can be.
-    """
+    table: type[Table]
+    mapping: RecordingConfig
 
-    own: frozenset[str]
-    names: Callable[[Path], Collection[str]]
-    stream: Callable[[Path], SignalStream]
-    table: Callable[[Path, RecordingConfig], Table]
-    in_one_go: Callable[[Path], SignalStream] | None = None
-
-    def is_own(self, path: Path, config: RecordingConfig) -> bool:
+    def is_of(self, path: Path, other: RecordingConfig) -> bool:
         """Whether a file is in our own layout although another is mapped, which it is not in."""
-        names = self.names(path)
-        return self.own <= set(names) and any(column.name not in names for _, column in config.signals)
+        names = self.table.names(path)
+        needed = [column for name, column in self.mapping.signals if name != OPTIONAL]
+        needed += [self.mapping.time] if self.mapping.time is not None else []
+        return all(column.name in names for column in needed) and any(
+            column.name not in names for _, column in other.signals
+        )
 
 
 @dataclass(frozen=True)
 class SignalFormat(FileFormat):
     """A kind of file that holds a recording's signals."""
 
-    reader: Callable[[Path], Recording]
+    reader: Callable[[Path], Recording] | OwnLayout
+    """Of a file as a whole, and in one layout; or what says how it is read in parts."""
     writer: Callable[[Path, Recording], None] | None = None
     """Replaces an existing file; None where the format is only read."""
-    layouts: Layouts | None = None
-    """None where files are read as a whole, and in one layout."""

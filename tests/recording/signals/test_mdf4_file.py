@@ -8,8 +8,7 @@ import pytest
 from asammdf import MDF, Signal
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.recording.formats import write_recording
-from observer_rt.recording.signals.mdf4_stream import read_mdf4
+from observer_rt.recording.formats import read_recording, write_recording
 from observer_rt.recording.signals.recording import Recording
 
 TIME = np.arange(10) / 1e5
@@ -31,7 +30,7 @@ def write(path: Path, *groups: list[Signal]) -> Path:
 
 def message(path: Path) -> str:
     with pytest.raises(UserError) as raised:
-        read_mdf4(path)
+        read_recording(path)
     return str(raised.value)
 
 
@@ -60,13 +59,13 @@ def test_the_same_recording_gives_the_same_bytes(tmp_path: Path, monkeypatch: py
     ],
 )
 def test_units(tmp_path: Path, name: str, unit: str, factor: float) -> None:
-    recording = read_mdf4(write(tmp_path / "x.mf4", channels({**UNITS, name: unit})))
+    recording = read_recording(write(tmp_path / "x.mf4", channels({**UNITS, name: unit})))
     np.testing.assert_allclose(recording.signals[name], VALUES * factor, rtol=1e-15)
 
 
 def test_channels_in_separate_groups_on_the_same_stamps(tmp_path: Path) -> None:
     groups = [[channel] for channel in channels({**UNITS, "speed": "1/min"})]
-    assert read_mdf4(write(tmp_path / "x.mf4", *groups)).samples == 10
+    assert read_recording(write(tmp_path / "x.mf4", *groups)).samples == 10
 
 
 def test_samples_marked_invalid_are_not_available(tmp_path: Path) -> None:
@@ -74,7 +73,7 @@ def test_samples_marked_invalid_are_not_available(tmp_path: Path) -> None:
     invalid[4] = True
     signals = channels(UNITS)
     signals[2] = Signal(VALUES, TIME, name="line_pressure", unit="MPa", invalidation_bits=invalid)
-    recording = read_mdf4(write(tmp_path / "x.mf4", signals))
+    recording = read_recording(write(tmp_path / "x.mf4", signals))
     assert np.flatnonzero(np.isnan(recording.line_pressure)).tolist() == [4]
 
 

@@ -1,1 +1,1 @@
-"""Files in a layout of the user's own: read as tables, their columns mapped to signals, put on an even grid."""
+"""Files read as tables by a mapping, our own layout or one of the user's: columns to signals, on an even grid."""

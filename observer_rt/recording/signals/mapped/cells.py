@@ -3,7 +3,11 @@
 import csv
 from collections.abc import Sequence
 
-MISSING = frozenset(("", "nan", "-nan", "na", "n/a", "null", "none", "-", "--", "---"))  # in lower case
+NO_NUMBER = ("1.#ind", "-1.#ind", "1.#qnan", "-1.#qnan")  # as Windows prints it
+MISSING = frozenset(
+    ("", "nan", "-nan", "na", "n/a", "<na>", "#n/a", "#na", "null", "none", "-", "--", "---", *NO_NUMBER)
+)
+"""In lower case."""
 
 
 def is_number(cell: str, decimal: str) -> bool:
@@ -29,6 +33,8 @@ def split_line(line: str, separator: str) -> list[str]:
     """Cells of a line without its end."""
     if separator == " ":
         return line.split()
+    if '"' not in line:
+        return line.split(separator)
     try:
         return next(csv.reader([line], delimiter=separator), [])
     except csv.Error:

@@ -1,19 +1,25 @@
-"""CSV in any dialect, read by pandas, which is there with asammdf: fast, in parts, with decimal commas and quotes."""
+"""CSV in any dialect, a block of lines at a time: by NumPy's reader, line by line where that finds no numbers."""
 
-from collections.abc import Iterator
+import re
+import warnings
+from collections import deque
+from collections.abc import Collection, Iterable, Iterator
+from contextlib import contextmanager
+from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import TextIO
 
 import numpy as np
 
 from observer_rt.config.recording import RecordingConfig
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.signals.mapped.calendar import Calendar
-from observer_rt.recording.signals.mapped.cells import MISSING, is_missing, is_number
-from observer_rt.recording.signals.mapped.dialect import find_dialect
-from observer_rt.recording.signals.mapped.table import TIME, Part, Table
+from observer_rt.recording.signals.mapped.cells import is_missing, is_number
+from observer_rt.recording.signals.mapped.dialect import find_dialect, own_dialect
+from observer_rt.recording.signals.mapped.table import TIME, Part, Table, Values
 from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE
 
+LONGEST_HEADER = 1 << 20  # characters
 _TAIL = 1 << 14  # bytes, in which the last line is
 NUMBERS = "write numbers; leave the cell empty where a value is not available"
 
@@ -21,93 +27,130 @@ NUMBERS = "write numbers; leave the cell empty where a value is not available"
 class CsvTable(Table):
     """Columns by their names, in one line of names; the lines from the first number on."""
 
-    def __init__(self, path: Path, config: RecordingConfig) -> None:
-        super().__init__(path, config)
-        columns = self.mapped_columns()
-        self._dialect = dialect = find_dialect(
-            path, config, {name: each.name for name, each in columns.items()}
-        )
+    def __init__(self, path: Path, config: RecordingConfig, is_own: bool = False) -> None:
+        super().__init__(path, config, is_own)
+        wanted = self._wanted()
+        self.is_text = is_own
+        self._dialect = dialect = (own_dialect if is_own else find_dialect)(path, config, wanted)
+        self.mapped = {name: wanted[name] for name in wanted if name in dialect.mapped}
         self.layout = dialect.as_text()
         self.columns = dict(zip(dialect.names, dialect.units, strict=True))
         self.units = {name: unit for name, place in dialect.mapped.items() if (unit := dialect.units[place])}
-        self.rasters = (tuple(name for name in columns if name != TIME),)
+        self.rasters = (tuple(name for name in self.mapped if name != TIME),)
+        self._no_value = _no_value(dialect.separator, dialect.missing)
         self._origin = 0  # ns, of a calendar: its first stamp
         if dialect.calendar is not None:
             self._origin = self._first_stamp(dialect.calendar)
             self.units[TIME] = "s"
             self.layout += f"; {dialect.calendar.as_text(self._origin)}"
-        self._is_cut = self._ends_too_soon()
+        self._is_cut = not is_own and self._ends_too_soon()
         if self._is_cut:
             self.notes.append(f"{path}: its last line is not complete and is left out")
 
+    @staticmethod
+    def names(path: Path) -> Collection[str]:
+        """Of the columns, of a file in our own layout all."""
+        with path.open(encoding="utf-8-sig", errors="replace") as file:
+            return [name.strip() for name in file.readline(LONGEST_HEADER).split(",")]
+
     def parts(self, raster: int) -> Iterator[Part]:
         """Blocks of rows."""
-        import pandas  # slow to import
-
-        dialect = self._dialect
-        places = sorted(set(dialect.mapped.values()))
-        text = [dialect.mapped[TIME]] if dialect.calendar is not None else []
-        try:
-            with pandas.read_csv(
-                self.path,
-                sep=r"\s+" if dialect.separator == " " else dialect.separator,
-                decimal=dialect.decimal,
-                comment=dialect.comment,
-                header=None,
-                names=range(len(dialect.names)),
-                index_col=False,
-                skiprows=dialect.first_row,
-                skip_blank_lines=True,
-                usecols=places,
-                dtype={place: str if place in text else np.float64 for place in places},
-                na_values=sorted(MISSING | {text.upper() for text in MISSING}),
-                encoding=dialect.encoding,
-                encoding_errors="replace",
-                skipinitialspace=True,
-                chunksize=SAMPLES_AT_ONCE,
-            ) as blocks:
-                held = None
-                for block in blocks:
-                    if held is not None:
-                        yield self._part(held)
-                    held = block
-                if held is not None and len(held) > self._is_cut:
-                    yield self._part(held[:-1] if self._is_cut else held)
-        except pandas.errors.EmptyDataError:
-            return
-        except (ValueError, OverflowError) as error:  # ParserError is one
-            self._refuse_line(error)
+        calendar, before = self._dialect.calendar, self._dialect.first_row
+        with self._opened() as file:
+            while lines := list(islice(file, SAMPLES_AT_ONCE)):
+                if self._is_cut and not lines[-1].endswith("\n"):
+                    lines.pop()
+                signals = self._numbers(lines, before)
+                time = signals.pop(TIME) if calendar is None else self._stamps(lines, before, calendar)
+                yield Part(time, signals)
+                before += SAMPLES_AT_ONCE
 
     def place(self, row: int, raster: int) -> str:
         """By its line."""
-        for index, (number, _) in enumerate(self._rows()):
-            if index == row:
+        with self._opened() as file:
+            for number, _ in islice(self._rows(file, self._dialect.first_row), row, None):
                 return f"{self.path}, line {number}"
         return str(self.path)
 
-    def _part(self, block: Any) -> Part:
-        """Rows of pandas as arrays."""
-        mapped, calendar = self._dialect.mapped, self._dialect.calendar
-        signals = {name: block[place].to_numpy(np.float64) for name, place in self._dialect.numbers.items()}
-        if calendar is None:
-            return Part(signals.pop(TIME), signals)
-        stamps = block[mapped[TIME]]
-        time = calendar.seconds(stamps, self._origin)
-        wrong = np.flatnonzero(np.isnan(time) & stamps.notna().to_numpy())
-        if wrong.size:
+    def _numbers(self, lines: list[str], before: int) -> dict[str, Values]:
+        """The columns of numbers in some lines, `before` lines down."""
+        places = self._dialect.numbers
+        decimal, text = self._dialect.decimal, "".join(lines).rstrip("\n")
+        if decimal != ".":
+            text = text.translate(
+                str.maketrans(f"{decimal}.", f".{decimal}")
+            )  # so that a point makes no number
+        table = self._at_once(text)
+        if table is None and self._dialect.separator != " ":
+            table = self._at_once(self._no_value.sub(r"\1nan", f"\n{text}\n").strip("\n"))
+        if table is not None:
+            used = sorted(set(places.values()))
+            return {name: np.ascontiguousarray(table[:, used.index(at)]) for name, at in places.items()}
+        rows = [self._row(number, cells) for number, cells in self._rows(lines, before)]
+        columns = np.array(rows, dtype=np.float64).reshape(len(rows), len(places)).T
+        return dict(zip(places, np.ascontiguousarray(columns), strict=True))
+
+    def _at_once(self, text: str) -> Values | None:
+        """Numbers (rows, columns) in order of their places; None unless every line is as the others."""
+        dialect = self._dialect
+        if '"' in text or dialect.separator == dialect.decimal:
+            return None
+        try:
+            with warnings.catch_warnings(action="ignore"):  # "no data"
+                table = np.loadtxt(
+                    text.split("\n"),
+                    delimiter=None if dialect.separator == " " else dialect.separator,
+                    comments=dialect.comment or None,
+                    usecols=None if self.is_own else sorted(set(dialect.numbers.values())),
+                    ndmin=2,
+                )
+        except (ValueError, TypeError):  # of a separator that it will not have
+            return None
+        return table if table.size and (not self.is_own or table.shape[1] == len(dialect.names)) else None
+
+    def _row(self, number: int, cells: list[str]) -> list[float]:
+        """The numbers of a line."""
+        place, columns = f"{self.path}, line {number}", len(self._dialect.names)
+        if self.is_own and len(cells) != columns:
             raise UserError(
-                self.place(int(block.index[wrong[0]]), 0),
-                f"column {self._dialect.names[mapped[TIME]]} (time): '{stamps.iloc[wrong[0]]}' is no stamp of the "
-                f"calendar as {calendar.form}",
+                place,
+                f"{len(cells)} cells, but the header has {columns} columns",
+                "complete the line, or delete it if the file was cut while being written",
+            )
+        found = []
+        for name, at in self._dialect.numbers.items():
+            cell, decimal = cells[at] if at < len(cells) else "", self._dialect.decimal
+            if cell.strip().lower() in self._dialect.missing:
+                found.append(np.nan)
+            elif is_missing(cell) or not is_number(cell, decimal):
+                raise UserError(
+                    place, f"{self.label(name)}: '{cell}' is not a number with decimal '{decimal}'", NUMBERS
+                )
+            else:
+                found.append(float(cell.replace(decimal, ".")))
+        return found
+
+    def _stamps(self, lines: list[str], before: int, calendar: Calendar) -> Values:
+        """The time [s] by the calendar."""
+        at = self._dialect.mapped[TIME]
+        rows = [(number, cells[at] if at < len(cells) else "") for number, cells in self._rows(lines, before)]
+        time = calendar.seconds([cell for _, cell in rows], self._origin)
+        for number, cell in (
+            rows[row] for row in np.flatnonzero(np.isnan(time)) if not is_missing(rows[row][1])
+        ):
+            raise UserError(
+                f"{self.path}, line {number}",
+                f"{self.label(TIME)}: '{cell}' is no stamp of the calendar as {calendar.form}",
                 "mend the line, or say how stamps are written: [recording.time] format in the bench file",
             )
-        return Part(time, signals)
+        return time
 
     def _first_stamp(self, calendar: Calendar) -> int:
         """In ns since 1970."""
-        place = self._dialect.mapped[TIME]
-        cells = (row[place] for _, row in self._rows() if place < len(row))
-        return next((int(calendar.nanoseconds([cell])[0]) for cell in cells if not is_missing(cell)), 0)
+        at = self._dialect.mapped[TIME]
+        with self._opened() as file:
+            cells = (row[at] for _, row in self._rows(file, self._dialect.first_row) if at < len(row))
+            return next((int(calendar.nanoseconds([cell])[0]) for cell in cells if not is_missing(cell)), 0)
 
     def _ends_too_soon(self) -> bool:
         """Whether the last line is shorter than it should be and has no line end: its writer was stopped."""
@@ -117,30 +160,21 @@ class CsvTable(Table):
         last = tail.splitlines()[-1:] if tail and not tail.endswith(("\n", "\r")) else []
         return any(len(self._dialect.cells(line)) <= max(self._dialect.mapped.values()) for line in last)
 
-    def _rows(self) -> Iterator[tuple[int, list[str]]]:
-        """Lines by their numbers as cells, without those that hold no row."""
-        with self.path.open(encoding=self._dialect.encoding, errors="replace", newline="") as file:
-            for number, line in enumerate(file, 1):
-                if number > self._dialect.first_row and (cells := self._dialect.cells(line)):
-                    yield number, cells
+    @contextmanager
+    def _opened(self) -> Iterator[TextIO]:
+        """The file behind the lines that hold no numbers."""
+        with self.path.open(encoding=self._dialect.encoding, errors="replace") as file:
+            deque(islice(file, self._dialect.first_row), 0)
+            yield file
 
-    def _refuse_line(self, error: Exception) -> None:
-        """Raise the error of the first line that will not do."""
-        dialect = self._dialect
-        for number, cells in self._rows():
-            for name, place in dialect.numbers.items():
-                cell = cells[place] if place < len(cells) else ""
-                if not is_number(cell, dialect.decimal):
-                    raise UserError(
-                        f"{self.path}, line {number}",
-                        f"column {dialect.names[place]} ({name}): '{cell}' is not a number with decimal "
-                        f"'{dialect.decimal}'",
-                        NUMBERS,
-                    )
-            if len(cells) > len(dialect.names) and any(cell.strip() for cell in cells[len(dialect.names) :]):
-                raise UserError(
-                    f"{self.path}, line {number}",
-                    f"{len(cells)} cells, but there are {len(dialect.names)} columns",
-                    "mend the line, or delete it",
-                )
-        raise UserError(str(self.path), f"cannot be read: {error}", "mend it, or write it anew")
+    def _rows(self, lines: Iterable[str], before: int) -> Iterator[tuple[int, list[str]]]:
+        """Lines, `before` lines down, by their numbers as cells, without those that hold no row."""
+        for number, line in enumerate(lines, before + 1):
+            if cells := self._dialect.cells(line):
+                yield number, cells
+
+
+def _no_value(separator: str, missing: Collection[str]) -> re.Pattern[str]:
+    """A cell without a value between two separators, or ends of lines."""
+    end = rf"[{re.escape(separator)}\n]"
+    return re.compile(rf"({end}) *(?:{'|'.join(map(re.escape, missing))}) *(?={end})", re.IGNORECASE)

@@ -6,14 +6,18 @@ from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
-from observer_rt.config.recording import RecordingConfig
+from observer_rt.config.recording import ColumnConfig, RecordingConfig
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.misspelt import hint
 from observer_rt.recording.signals.mapped.calendar import Calendar, calendar_of
-from observer_rt.recording.signals.mapped.cells import decimal_of, is_number, split_line
+from observer_rt.recording.signals.mapped.cells import MISSING, decimal_of, is_number, split_line
 from observer_rt.recording.signals.mapped.header import bare_unit, header_by_place, named_header
-from observer_rt.recording.signals.mapped.table import TIME
+from observer_rt.recording.signals.mapped.table import OPTIONAL, TIME
+from observer_rt.recording.signals.recording import TRUTH_SUFFIX
 
+DESCRIBED = "a file of another layout is described in [recording] of a bench file, given by --bench"
 LOOKED_AT = 200  # lines, among which the names and the first numbers must be
+OWN_MISSING = frozenset(("", "nan", "-nan"))
 _NAMES = {";": "';'", "\t": "tabulators", ",": "','", "|": "'|'", " ": "blanks"}
 
 
@@ -23,7 +27,7 @@ class Dialect:
 
     names, units: of all columns, units as far as the file says them; mapped: places of columns by signal;
     first_row: lines before the first numbers; header_line, unit_line: 1-based, 0: none; calendar: of the time, None:
-    it is a number.
+    it is a number; missing: cells without a value, in lower case; comment: what begins one, empty: nothing does.
     """
 
     encoding: str
@@ -37,6 +41,7 @@ class Dialect:
     unit_line: int
     first_row: int
     calendar: Calendar | None
+    missing: frozenset[str] = MISSING
 
     def as_text(self) -> str:
         """In a few words."""
@@ -47,7 +52,7 @@ class Dialect:
 
     def cells(self, line: str) -> list[str]:
         """Of a line; none of a blank one or a comment."""
-        text = line.split(self.comment)[0].strip("\r\n")
+        text = (line.split(self.comment)[0] if self.comment else line).strip("\r\n")
         return split_line(text, self.separator) if text.strip() else []
 
     @property
@@ -69,8 +74,41 @@ def encoding_of(path: Path) -> str:
     return "utf-8-sig"
 
 
-def find_dialect(path: Path, config: RecordingConfig, wanted: Mapping[str, str]) -> Dialect:
-    """How a file with the columns `wanted`, names by signal, is written. Raises `UserError` if it lacks one."""
+def own_dialect(path: Path, config: RecordingConfig, wanted: Mapping[str, ColumnConfig]) -> Dialect:
+    """Our own layout: the columns wanted and no others, in any order. Raises `UserError` for another header."""
+    if path.name.endswith(TRUTH_SUFFIX):
+        raise UserError(
+            str(path),
+            "is the truth behind a simulated recording, which is not for the observer",
+            "leave it out",
+        )
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        header = file.readline().strip()
+    if not header:
+        raise UserError(
+            str(path), "is empty, or begins with an empty line", "begin it with the names of the columns"
+        )
+    known = {column.name: name for name, column in wanted.items()}
+    place = f"{path}, line 1"
+    expected = f"the header is {','.join(known)} in any order, the last column optional; {DESCRIBED}"
+    if ";" in header:
+        raise UserError(place, "the columns are separated by ';'", DESCRIBED)
+    names = [name.strip() for name in header.split(",")]
+    for name in names:
+        if name not in known:
+            raise UserError(place, f"unknown column '{name}'{hint(name, known)}", expected)
+        if names.count(name) > 1:
+            raise UserError(place, f"column '{name}' appears {names.count(name)} times", expected)
+    for column, name in known.items():
+        if column not in names and name != OPTIONAL:
+            raise UserError(place, f"column '{column}' is missing", expected)
+    mapped = {known[name]: at for at, name in enumerate(names)}
+    no_units = ("",) * len(names)
+    return Dialect("utf-8-sig", ",", ".", "", tuple(names), no_units, mapped, 1, 0, 1, None, OWN_MISSING)
+
+
+def find_dialect(path: Path, config: RecordingConfig, wanted: Mapping[str, ColumnConfig]) -> Dialect:
+    """How a file with the columns `wanted`, by signal, is written. Raises `UserError` if it lacks one."""
     encoding = encoding_of(path)
     with path.open(encoding=encoding, errors="replace", newline="") as file:
         lines = [line.rstrip("\r\n") for line in islice(file, LOOKED_AT)]
@@ -79,7 +117,11 @@ def find_dialect(path: Path, config: RecordingConfig, wanted: Mapping[str, str])
             str(path), "is empty", "give a file with the names of its columns and numbers below them"
         )
     by_place = config.by_place
-    header = header_by_place(path, lines, config) if by_place else named_header(path, lines, config, wanted)
+    header = (
+        header_by_place(path, lines, config)
+        if by_place
+        else named_header(path, lines, config, {name: column.name for name, column in wanted.items()})
+    )
     below = [
         (number, split_line(text, header.separator))
         for number, line in enumerate(lines[header.begin :], header.begin)

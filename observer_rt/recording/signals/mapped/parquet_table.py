@@ -1,51 +1,103 @@
-"""Parquet with columns of any names."""
+"""Parquet with columns of any names, by pyarrow (`pip install observer-rt[parquet]`)."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from observer_rt.config.recording import RecordingConfig
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.misspelt import hint
-from observer_rt.recording.signals.mapped.table import TIME, Part, Table
-from observer_rt.recording.signals.parquet_file import batches, opened_parquet
+from observer_rt.recording.signals.mapped.table import TIME, Part, Table, Values, present
+from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE
+
+INSTALL = "pip install 'observer-rt[parquet]'"
+READABLE = "give a complete Parquet file"
 
 
 class ParquetTable(Table):
-    """Columns by their names; units from the fields' metadata `unit`. A column of calendar stamps is in seconds."""
+    """Columns by their names; units from the fields' metadata `unit`. Null is "not available".
 
-    def __init__(self, path: Path, config: RecordingConfig) -> None:
-        super().__init__(path, config)
-        mapped = self.mapped_columns()
-        with opened_parquet(path) as file:
+    A column of calendar stamps is in seconds.
+    """
+
+    def __init__(self, path: Path, config: RecordingConfig, is_own: bool = False) -> None:
+        super().__init__(path, config, is_own)
+        wanted = self._wanted()
+        with _opened(path) as file:
             schema = file.schema_arrow
-        for column in mapped.values():
-            if column.name not in schema.names:
-                raise UserError(
-                    str(path),
-                    f"column '{column.name}' is missing{hint(column.name, schema.names)}",
-                    "name the columns in [recording] of the bench file as the file does: it has "
-                    f"{', '.join(schema.names[:40])}",
-                )
-        self._names = {name: column.name for name, column in mapped.items()}
+        self.mapped = present(path, wanted, schema.names, is_own)
         self.columns = {field.name: _unit(field.metadata) for field in schema}
-        self.units = {name: unit for name, column in self._names.items() if (unit := self.columns[column])}
-        kind = str(schema.field(self._names[TIME]).type)
-        if kind.startswith(("timestamp", "duration")):
+        self.units = {name: unit for name, each in self.mapped.items() if (unit := self.columns[each.name])}
+        if str(schema.field(self.mapped[TIME].name).type).startswith(("timestamp", "duration")):
             self.units[TIME] = "s"
-        self.rasters = (tuple(name for name in mapped if name != TIME),)
+        self.rasters = (tuple(name for name in self.mapped if name != TIME),)
         self.layout = f"Parquet, {len(schema.names)} columns"
+
+    @staticmethod
+    def names(path: Path) -> Collection[str]:
+        """Of the columns."""
+        with _opened(path) as file:
+            return list(file.schema_arrow.names)
 
     def parts(self, raster: int) -> Iterator[Part]:
         """Batches of rows."""
-        for columns in batches(self.path, list(dict.fromkeys(self._names.values()))):
-            signals = {name: columns[column] for name, column in self._names.items()}
-            yield Part(signals.pop(TIME), signals)
+        names = list(dict.fromkeys(column.name for column in self.mapped.values()))
+        with _opened(self.path) as file:
+            # one thread: those of a pool would keep 25 MB, and are no faster for so few rows
+            for batch in file.iter_batches(SAMPLES_AT_ONCE, columns=names, use_threads=False):
+                columns = {
+                    name: _numbers(batch.column(name), f"{self.path}, column {name}") for name in names
+                }
+                signals = {name: columns[each.name] for name, each in self.mapped.items()}
+                yield Part(signals.pop(TIME), signals)
 
     def place(self, row: int, raster: int) -> str:
         """By its number."""
         return f"{self.path}, row {row}"
 
 
+def _numbers(column: Any, place: str) -> Values:
+    """An array of Arrow as doubles; stamps of a calendar as seconds. Raises `UserError` for what is none."""
+    import pyarrow
+
+    kind = column.type
+    if pyarrow.types.is_timestamp(kind) or pyarrow.types.is_duration(kind):
+        scale = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}[kind.unit]
+        return _doubles(column.cast(pyarrow.int64())) * scale
+    if not (
+        pyarrow.types.is_integer(kind) or pyarrow.types.is_floating(kind) or pyarrow.types.is_decimal(kind)
+    ):
+        raise UserError(place, f"holds {kind}, no numbers", "map a column of numbers")
+    return _doubles(column)
+
+
+def _doubles(column: Any) -> Values:
+    import pyarrow
+
+    return np.array(column.cast(pyarrow.float64(), safe=False).to_numpy(zero_copy_only=False), np.float64)
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    """A file to read. Raises `UserError` for a damaged one, and where pyarrow is not installed."""
+    with path.open("rb"):  # whose errors are the usual ones; pyarrow reads its own files faster
+        pass
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError:
+        raise UserError(str(path), "is read by pyarrow, which is missing", INSTALL) from None
+    try:
+        with (
+            pyarrow.OSFile(str(path)) as opened,
+            pyarrow.parquet.ParquetFile(opened, pre_buffer=False) as file,
+        ):
+            yield file
+    except (pyarrow.ArrowException, OSError, ValueError) as error:
+        raise UserError(str(path), f"a damaged Parquet file: {error}", READABLE) from None
+
+
 def _unit(metadata: dict[bytes, bytes] | None) -> str:
-    found = (metadata or {}).get(b"unit", b"")
-    return found.decode("utf-8", "replace").strip()
+    return (metadata or {}).get(b"unit", b"").decode("utf-8", "replace").strip()

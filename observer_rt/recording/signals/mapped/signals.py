@@ -1,28 +1,20 @@
 """A foreign file as a recording: columns mapped and scaled, one even grid, short gaps bridged, split at long ones."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
 
-from observer_rt.config.recording import ColumnConfig, RecordingConfig
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import LENGTH_UNITS, MILLISECOND, PRESSURE_UNITS, TIME_UNITS
+from observer_rt.foundation.units import MILLISECOND
 from observer_rt.recording.signals.mapped.axis import AxisSurvey, Cursor, Run
 from observer_rt.recording.signals.mapped.table import TIME, Part, Table, Values
-from observer_rt.recording.signals.recording import Chunk, refuse_infinite
-from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE, SignalStream, Stretch
-from observer_rt.recording.signals.units import RATE_UNITS
+from observer_rt.recording.signals.mapped.table_signals import TableSignals
+from observer_rt.recording.signals.recording import Chunk
+from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE, Stretch
 
-UNITS = {
-    TIME: TIME_UNITS,
-    "rail_pressure": PRESSURE_UNITS,
-    "needle_lift": LENGTH_UNITS,
-    "line_pressure": PRESSURE_UNITS,
-    "injection_rate": RATE_UNITS,
-}
 MOST_STRETCHES = 10_000
 SLOWEST, FASTEST = 10.0, 100.0  # how much slower and faster than the grid a file may be
 SAME_RATE = 0.01  # relative, of a file and the grid
@@ -57,7 +49,7 @@ class _Rows:
         self.signals = {name: values[rows:] for name, values in self.signals.items()}
 
 
-class MappedSignals(SignalStream):
+class MappedSignals(TableSignals):
     """A table by its `[recording]` section, on a grid of `rate` [Hz].
 
     Stamps that are the grid's but for their jitter are taken for it, others are resampled by straight lines. Raises
@@ -65,22 +57,18 @@ class MappedSignals(SignalStream):
     """
 
     def __init__(self, table: Table, rate: float) -> None:
-        super().__init__(table.path)
-        self._table = table
-        self._config: RecordingConfig = table.config
+        super().__init__(table)
         self.rate = rate
-        self.has_rate = self._config.injection_rate is not None
-        self._scales = {name: self._scale(name, column) for name, column in self._mapped()}
         self._axes = [self._axis(raster) for raster in range(len(table.rasters))]
         self._main = min(range(len(self._axes)), key=lambda raster: self._axes[raster].period)
         self._runs = self._usable_runs()
         self.stretches = tuple(Stretch(run.begin, self._samples(run)) for run in self._runs)
-        self.notes = (*table.notes, *self._notes())
-        self.names = {name: column.name for name, column in self._config.signals}
+        self.notes = (*self.notes, *self._notes())
+        self.names = {name: column.name for name, column in self._mapped.items() if name != TIME}
         self.details = self._details()
 
     def _details(self) -> tuple[str, ...]:
-        table, config = self._table, dict(self._mapped())
+        table, config = self._table, self._mapped
         others = [name for name in table.columns if name not in {column.name for column in config.values()}]
         lines = [f"{self.path}: {table.layout}"]
         for name, column in config.items():
@@ -108,7 +96,7 @@ class MappedSignals(SignalStream):
                 for raster, cursor in enumerate(cursors):
                     last = run.last if raster == self._main else None
                     signals |= self._on_grid(rows[raster], cursor, run.begin, last, grid)
-                yield self._chunk(signals, run.begin, grid, number, first)
+                yield self._chunk(run.begin + grid / self.rate, signals, number, first)
 
     def _on_grid(
         self, rows: _Rows, cursor: Cursor, begin: float, last: int | None, grid: Values
@@ -136,58 +124,8 @@ class MappedSignals(SignalStream):
     def _longest_reach(self) -> float:
         return max(axis.reach for axis in self._axes)
 
-    def _chunk(
-        self, signals: Mapping[str, Values], begin: float, grid: Values, stretch: int, first: int
-    ) -> Chunk:
-        return Chunk(
-            begin + grid / self.rate,
-            signals["rail_pressure"],
-            signals["needle_lift"],
-            signals["line_pressure"],
-            signals.get("injection_rate"),
-            self.path,
-            self.rate,
-            stretch,
-            first,
-        )
-
-    def _mapped(self) -> Iterator[tuple[str, ColumnConfig]]:
-        if self._config.time is not None and not self._table.brings_time:
-            yield TIME, self._config.time
-        yield from self._config.signals
-
-    def _unit(self, name: str, column: ColumnConfig) -> tuple[str, str]:
-        """Unit of a column, and who says so. Raises `UserError` for none and for an unknown one."""
-        found = (self._table.units.get(name, ""), "as the file says")
-        unit, said = found if column.unit is None else (column.unit, "as the bench file says")
-        if unit not in UNITS[name]:
-            raise UserError(
-                f"{self.path}, column {column.name} ({name})",
-                f"unit '{unit}' is not known" if unit else "has no unit",
-                f'state it in the bench file, [recording.{name}] unit = "...": one of {", ".join(UNITS[name])}; a '
-                "factor makes one of any other",
-            )
-        return unit, said
-
-    def _scale(self, name: str, column: ColumnConfig) -> tuple[float, float]:
-        """Factor and offset to SI."""
-        unit = UNITS[name][self._unit(name, column)[0]]
-        return column.factor * unit, column.offset * unit
-
-    def _parts(self, raster: int) -> Iterator[Part]:
-        """In SI units, none empty."""
-        for part in self._table.parts(raster):
-            if not part.time.size:
-                continue
-            time_factor, time_offset = self._scales.get(TIME, (1.0, 0.0))
-            signals = {}
-            for name, values in part.signals.items():
-                factor, offset = self._scales[name]
-                signals[name] = values * factor + offset
-            yield Part(part.time * time_factor + time_offset, signals)
-
     def _axis(self, raster: int) -> AxisSurvey:
-        axis = AxisSurvey(self.rate, self._config.bridge_ms * MILLISECOND)
+        axis = AxisSurvey(self.rate, self._table.config.bridge_ms * MILLISECOND)
         rows = 0
         for part in self._parts(raster):
             bad = np.flatnonzero(~np.isfinite(part.time))
@@ -197,11 +135,8 @@ class MappedSignals(SignalStream):
                     "the time is not a finite number",
                     "mend the line",
                 )
-            before = rows
-            refuse_infinite(part.signals, lambda row: self._table.place(before + row, raster))  # noqa: B023
+            self._look_at(part, rows, raster)
             axis.take(part.time)
-            for name, values in part.signals.items():
-                self.survey.take(name, values)
             rows += part.time.size
             if len(axis.runs) > MOST_STRETCHES:
                 raise UserError(

@@ -1,6 +1,6 @@
 """Files on an even grid are the same whatever parts a reader gives them in."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -9,34 +9,48 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
+from observer_rt.config.recording import ColumnConfig, RecordingConfig
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.formats import open_recording, write_recording
-from observer_rt.recording.signals.checked import Arrays, GridSignals
+from observer_rt.recording.signals.mapped.even_signals import EvenSignals
+from observer_rt.recording.signals.mapped.table import Part, Table
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE
 
 MAPPED = "[recording]\n" + "\n".join(
     f'[recording.{name}]\ncolumn = "{name}"' for name in ("rail_pressure", "needle_lift", "line_pressure")
 )
+COLUMNS = RecordingConfig(
+    rail_pressure=ColumnConfig(column="rail_pressure", unit="Pa"),
+    needle_lift=ColumnConfig(column="needle_lift", unit="m"),
+    line_pressure=ColumnConfig(column="line_pressure", unit="Pa"),
+)
 SIGNALS = ("rail_pressure", "needle_lift", "line_pressure")
 
 
-class InParts(GridSignals):
+class InParts(Table):
     """A file whose reader gives so many samples at once."""
 
-    def __init__(self, sizes: list[int], in_one_go: bool = False) -> None:
-        super().__init__(Path("parts"), in_one_go)
-        self._sizes = sizes
-        self._look()
+    brings_time = True
 
-    def _parts(self) -> Iterator[Arrays]:
+    def __init__(self, sizes: list[int]) -> None:
+        super().__init__(Path("parts"), COLUMNS)
+        self._sizes = sizes
+        self.mapped = dict(COLUMNS.signals)
+        self.rasters = (SIGNALS,)
+
+    @staticmethod
+    def names(path: Path) -> Collection[str]:
+        return SIGNALS
+
+    def parts(self, raster: int) -> Iterator[Part]:
         first = 0
         for size in self._sizes:
             values = np.arange(first, first + size, dtype=np.float64)
             first += size
-            yield {"time": values / 1e5, **dict.fromkeys(SIGNALS, values)}
+            yield Part(values / 1e5, dict.fromkeys(SIGNALS, values))
 
-    def _place(self, row: int) -> str:
+    def place(self, row: int, raster: int) -> str:
         return f"parts, row {row}"
 
 
@@ -45,9 +59,9 @@ def test_parts_of_any_length(sizes: list[int], in_one_go: bool) -> None:
     samples = sum(sizes)
     if samples < 2:
         with pytest.raises(UserError, match=r"holds (no sample|one sample only)"):
-            InParts(sizes, in_one_go)
+            EvenSignals(InParts(sizes), in_one_go)
         return
-    chunks = list(InParts(sizes, in_one_go).chunks())
+    chunks = list(EvenSignals(InParts(sizes), in_one_go).chunks())
     assert np.concatenate([chunk.rail_pressure for chunk in chunks]).tolist() == list(range(samples))
     assert [chunk.first for chunk in chunks] == np.cumsum([0, *(c.samples for c in chunks[:-1])]).tolist()
     assert all(chunk.samples for chunk in chunks)

@@ -9,8 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.recording.formats import write_recording
-from observer_rt.recording.signals.csv_file import read_csv
+from observer_rt.recording.formats import read_recording, write_recording
 from observer_rt.recording.signals.recording import Recording
 
 HEADER = "time_s,rail_pressure_MPa,needle_lift_mm,line_pressure_MPa"
@@ -30,14 +29,14 @@ def rows(count: int = 20) -> list[str]:
 
 def message(path: Path) -> str:
     with pytest.raises(UserError) as raised:
-        read_csv(path)
+        read_recording(path)
     return str(raised.value)
 
 
 def test_units_and_names(tmp_path: Path) -> None:
     header = HEADER + ",injection_rate_mm3_per_ms"
     path = write(tmp_path, f"{header}\n0,100.005,0.15003,99.995,53.17\n1e-5,100,0,99,-1.5\n")
-    recording = read_csv(path)
+    recording = read_recording(path)
     assert recording.rail_pressure[0] == 100_005_000.0
     assert recording.needle_lift[0] == 15003e-8
     assert recording.line_pressure[0] == 99_995_000.0
@@ -66,7 +65,7 @@ def test_columns_in_any_order(tmp_path: Path, order: list[int]) -> None:
     names = HEADER.split(",")
     cells = [["0", "100", "0.1", "90"], ["1e-5", "101", "0.2", "91"]]
     lines = [",".join(names[i] for i in order), *(",".join(row[i] for i in order) for row in cells)]
-    recording = read_csv(write(tmp_path, "\n".join(lines)))
+    recording = read_recording(write(tmp_path, "\n".join(lines)))
     assert recording.rail_pressure.tolist() == [100e6, 101e6]
     assert recording.line_pressure.tolist() == [90e6, 91e6]
 
@@ -75,7 +74,7 @@ def test_columns_in_any_order(tmp_path: Path, order: list[int]) -> None:
 def test_empty_and_nan_cells_are_not_available(tmp_path: Path, cell: str) -> None:
     lines = rows()
     lines[4] = f"0.00004,{cell},0.01,{cell}"
-    recording = read_csv(write(tmp_path, "\n".join([HEADER, *lines])))
+    recording = read_recording(write(tmp_path, "\n".join([HEADER, *lines])))
     assert np.flatnonzero(np.isnan(recording.rail_pressure)).tolist() == [4]
     assert np.flatnonzero(np.isnan(recording.line_pressure)).tolist() == [4]
     assert not np.isnan(recording.needle_lift).any()
@@ -84,7 +83,7 @@ def test_empty_and_nan_cells_are_not_available(tmp_path: Path, cell: str) -> Non
 def test_byte_order_mark_crlf_and_blank_last_lines(tmp_path: Path) -> None:
     path = tmp_path / "recording.csv"
     path.write_bytes(b"\xef\xbb\xbf" + "\r\n".join([HEADER, *rows(), "", ""]).encode())
-    assert read_csv(path).samples == 20
+    assert read_recording(path).samples == 20
 
 
 def test_unknown_column_names_the_nearest(tmp_path: Path) -> None:
@@ -170,7 +169,7 @@ def test_a_million_rows_take_seconds(tmp_path: Path) -> None:
     recording = Recording(np.arange(n) / 1e5, pressure, pressure / 1e13, pressure)
     begin = time.perf_counter()
     write_recording(tmp_path / "long.csv", recording)
-    read = read_csv(tmp_path / "long.csv")
+    read = read_recording(tmp_path / "long.csv")
     assert time.perf_counter() - begin < 20.0  # 2 s on an idle machine
     assert np.array_equal(read.rail_pressure, pressure)
 
@@ -180,5 +179,5 @@ def test_truth_of_a_simulation_is_refused_by_name(tmp_path: Path) -> None:
     path = tmp_path / "worn.csv.truth.csv"
     path.write_text("time_s,sac_pressure_MPa\n0,5\n")
     with pytest.raises(UserError, match="truth behind a simulated recording") as error:
-        read_csv(path)
+        read_recording(path)
     assert "leave it out" in str(error.value.remedy)

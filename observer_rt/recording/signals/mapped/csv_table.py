@@ -80,8 +80,9 @@ class CsvTable(Table):
             text = text.translate(
                 str.maketrans(f"{decimal}.", f".{decimal}")
             )  # so that a point makes no number
-        table = self._at_once(text)
-        if table is None and self._dialect.separator != " ":
+        has_surplus = not self.is_own and self._has_surplus(lines)
+        table = None if has_surplus else self._at_once(text)
+        if table is None and not has_surplus and self._dialect.separator != " ":
             table = self._at_once(self._no_value.sub(r"\1nan", f"\n{text}\n").strip("\n"))
         if table is not None:
             used = sorted(set(places.values()))
@@ -89,6 +90,13 @@ class CsvTable(Table):
         rows = [self._row(number, cells) for number, cells in self._rows(lines, before)]
         columns = np.array(rows, dtype=np.float64).reshape(len(rows), len(places)).T
         return dict(zip(places, np.ascontiguousarray(columns), strict=True))
+
+    def _has_surplus(self, lines: Iterable[str]) -> bool:
+        """Whether a line may have more cells than columns: a separator too many moves all values behind it."""
+        separator, columns = self._dialect.separator, len(self._dialect.names)
+        if separator == " ":
+            return any(len(line.split()) > columns for line in lines)
+        return any(line.rstrip(f"{separator} \t\r\n").count(separator) >= columns for line in lines)
 
     def _at_once(self, text: str) -> Values | None:
         """Numbers (rows, columns) in order of their places; None unless every line is as the others."""
@@ -116,6 +124,10 @@ class CsvTable(Table):
                 place,
                 f"{len(cells)} cells, but the header has {columns} columns",
                 "complete the line, or delete it if the file was cut while being written",
+            )
+        if any(cell.strip() for cell in cells[columns:]):
+            raise UserError(
+                place, f"{len(cells)} cells, but there are {columns} columns", "mend the line, or delete it"
             )
         found = []
         for name, at in self._dialect.numbers.items():

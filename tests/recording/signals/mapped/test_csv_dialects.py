@@ -173,3 +173,21 @@ def test_damage_is_told_and_never_a_traceback(tmp_path: Path, data: st.DataObjec
     path = tmp_path / "foreign.csv"
     path.write_bytes(bytes(content))
     assert tells(path, bench(tmp_path))
+
+
+@pytest.mark.parametrize(("separator", "decimal"), [(";", ","), (",", "."), (" ", "."), ("\t", ",")])
+def test_a_line_with_a_separator_too_many_is_refused(tmp_path: Path, separator: str, decimal: str) -> None:
+    rows = lines(separator=separator, decimal=decimal)
+    rows[20] += f"{separator}7"
+    path = write(tmp_path, "\n".join([separator.join(NAMES), *rows]))
+    said = message(path, tmp_path)
+    assert "line 22: 5 cells, but there are 4 columns" in said
+    assert "mend the line" in said
+
+
+def test_a_separator_behind_every_line_is_no_cell(tmp_path: Path) -> None:
+    plain = read(write(tmp_path, "\n".join([";".join(NAMES), *lines()])), bench(tmp_path))
+    trailing = read(
+        write(tmp_path, "\n".join([";".join(NAMES), *(f"{row};" for row in lines())])), bench(tmp_path)
+    )
+    np.testing.assert_array_equal(trailing.line_pressure, plain.line_pressure)

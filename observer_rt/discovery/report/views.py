@@ -247,7 +247,8 @@ def visible_rows(findings: Findings) -> list[VisibleRow]:
         known, apparent = appears.get(one.id), "–"
         if known is not None:
             step = significant(max(known.uncertainty, known.scatter))
-            words = f"{shown(known.mean, step)} ± {shown(known.scatter, step)} {sign(known.unit)}"
+            scatter = f" ± {shown(known.scatter, step)}" if known.scatter > 0.0 else ""
+            words = f"{shown(known.mean, step)}{scatter} {sign(known.unit)}"
             apparent = f"{one.parameter} = {words.rstrip()}"
         rows.append(VisibleRow(one.id, apparent, visible_words(one)))
     return rows

@@ -18,7 +18,7 @@ def is_number(cell: str, decimal: str) -> bool:
     if decimal != "." and "." in text:
         return False
     try:
-        float(text.replace(decimal, "."))
+        float(cell.replace(decimal, "."))  # not of the text: a control character beside a number is damage
     except ValueError:
         return False
     return "_" not in text

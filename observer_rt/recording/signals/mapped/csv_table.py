@@ -21,6 +21,7 @@ from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE
 
 LONGEST_HEADER = 1 << 20  # characters
 _TAIL = 1 << 14  # bytes, in which the last line is
+_NOT_AT_ONCE = '"\x1c\x1d\x1e\x1f'  # quotes, and the control characters that numpy takes for blanks
 NUMBERS = "write numbers; leave the cell empty where a value is not available"
 
 
@@ -101,7 +102,7 @@ class CsvTable(Table):
     def _at_once(self, text: str) -> Values | None:
         """Numbers (rows, columns) in order of their places; None unless every line is as the others."""
         dialect = self._dialect
-        if '"' in text or dialect.separator == dialect.decimal:
+        if dialect.separator == dialect.decimal or any(sign in text for sign in _NOT_AT_ONCE):
             return None
         try:
             with warnings.catch_warnings(action="ignore"):  # "no data"

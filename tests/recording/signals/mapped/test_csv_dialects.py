@@ -118,7 +118,7 @@ def test_a_missing_column_names_line_and_the_nearest(tmp_path: Path) -> None:
     assert "it has t, pRail, lift, p_Line" in text
 
 
-@pytest.mark.parametrize("bad", ["abc", "1.5", "12:30", "1_0"])
+@pytest.mark.parametrize("bad", ["abc", "1.5", "12:30", "1_0", "10\x1c"])
 def test_a_cell_that_is_no_number_names_line_and_column(tmp_path: Path, bad: str) -> None:
     rows = lines()
     rows[11] = f"0,11;1000;{bad};99"

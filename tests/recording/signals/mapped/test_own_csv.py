@@ -122,7 +122,7 @@ def test_too_short_files(tmp_path: Path, text: str, said: str) -> None:
     assert "cut it at the gap" not in found
 
 
-@pytest.mark.parametrize("bad", ["abc", "1.2.3", "--", "0x10"])
+@pytest.mark.parametrize("bad", ["abc", "1.2.3", "--", "0x10", "10\x1c"])
 def test_non_numeric_cell_names_line_and_column(tmp_path: Path, bad: str) -> None:
     lines = rows()
     lines[11] = f"0.00011,100,{bad},99"

@@ -91,6 +91,7 @@ def test_lift_offset_found_and_the_rate_is_right_and_valid(tmp_path: Path) -> No
     assert np.abs(after.mass_error[2:]).max() < 0.01
 
 
+@pytest.mark.slow
 def test_wear_and_friction_found_and_the_first_injection_is_right(tmp_path: Path) -> None:
     before = on_the_bus(tmp_path, None, WORN)
     assert abs(before.mass_error[0]) > 0.05

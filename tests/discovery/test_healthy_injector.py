@@ -44,6 +44,7 @@ def test_what_is_new_is_named_by_its_difference(options: SearchOptions) -> None:
     assert low - 0.01 < 0.08 < high + 0.01
 
 
+@pytest.mark.slow
 def test_a_size_is_no_surer_than_a_fitted_model_is_exact(options: SearchOptions) -> None:
     hidden = sized("bulk_modulus", r=0.1)
     (surely,), (named,) = _discover(hidden).effects, _discover(OWN, hidden, options=options).effects
@@ -54,6 +55,7 @@ def test_a_size_is_no_surer_than_a_fitted_model_is_exact(options: SearchOptions)
     assert widths[0] < 0.03 < widths[1] < 0.06
 
 
+@pytest.mark.slow
 def test_the_smallest_size_that_could_be_seen_is_seen(options: SearchOptions) -> None:
     """And half of it is not: at six standard deviations a size is told, at less than three it is not."""
     smallest = {one.id: one.size for one in _discover(OWN, options=options).smallest_visible}
@@ -65,6 +67,7 @@ def test_the_smallest_size_that_could_be_seen_is_seen(options: SearchOptions) ->
     assert _discover(*half, options=options).effects == ()
 
 
+@pytest.mark.slow
 def test_more_injections_show_smaller_effects() -> None:
     few = _discover()
     found = measurements([one for seed in range(3, 7) for one in recordings(points=POINTS, seed=seed)])

@@ -10,7 +10,7 @@ from observer_rt.config.channels import effects_after_alignment
 from observer_rt.estimation.gain import gain_schedule
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND, MILLISECOND
 from observer_rt.model.effects import effective_model
-from observer_rt.model.line.wave import steps_over
+from observer_rt.model.line.interface import own_step
 from observer_rt.model.stability import MAX_SUBSTEPS, fastest_rate
 from observer_rt.observer.learning.knowledge import no_knowledge
 from observer_rt.observer.observer import Durations, constants_for
@@ -35,8 +35,8 @@ def observer_findings(fitted: BenchInjector) -> list[Finding]:
     integration = _integration(fitted)
     is_stable = integration[0].error is None
     fuel = fuel_findings(fitted) if is_stable else []
-    staggered = effective_model(fitted.parameters).coefficients.line.staggered
-    observer = _observer(fitted) if is_stable or not staggered else []
+    steps_itself = own_step(type(effective_model(fitted.parameters).coefficients.line)) is not None
+    observer = _observer(fitted) if is_stable or not steps_itself else []
     return [*integration, *fuel, *_fitted_model(fitted), *observer]
 
 
@@ -45,19 +45,12 @@ def _integration(fitted: BenchInjector) -> Iterator[Said]:
     """How a sample is integrated, and how near the limits that is."""
     substeps = bench_constants(fitted).substeps
     model, rate = effective_model(fitted.parameters), fitted.config.sampling.rate_hz
-    line = model.coefficients.line
-    if not line.staggered:
-        fastest = fastest_rate(model.injector, model.departures)
-        yield (
-            f"{substeps} steps a sample (at most {MAX_SUBSTEPS}) at {rate:g} Hz, for a fastest rate of "
-            f"{fastest:.3g} 1/s"
-        )
+    if stepping := model.coefficients.line.stepping(1.0 / rate):
+        yield f"{substeps} steps a sample at {rate:g} Hz; {stepping}"
         return
-    steps = steps_over(1.0 / rate)
-    step = 1.0 / (rate * steps)
+    fastest = fastest_rate(model.injector, model.departures)
     yield (
-        f"{substeps} steps a sample at {rate:g} Hz; a line of {line.cells:.0f} cells, of which sound crosses "
-        f"{line.crossing * step:.2g} in its step of {step / MICROSECOND:.3g} us"
+        f"{substeps} steps a sample (at most {MAX_SUBSTEPS}) at {rate:g} Hz, for a fastest rate of {fastest:.3g} 1/s"
     )
 
 

@@ -21,9 +21,10 @@ from observer_rt.estimation.scalars import SCALARS, Scalars
 from observer_rt.foundation.small_arrays import copy_matrix
 from observer_rt.model.borrowed import borrowed, borrowed_network, borrowed_tangent
 from observer_rt.model.coefficients import Coefficients
-from observer_rt.model.integrator import advance_over, empty_sac
+from observer_rt.model.integrator import advance_over
 from observer_rt.model.network import Network
 from observer_rt.model.right_hand_side import Tangent, flow_slopes, is_at_rest, tangent_of
+from observer_rt.model.sac import empty_sac
 
 DRAINING = 0.2e-3  # s, in which the sac is certainly empty behind a shut needle
 

@@ -20,11 +20,9 @@ def refuse_unstable_cells(
     place: name of the injector file; coefficients: of the injector, with its effects.
     """
     line = coefficients.line
-    if not line.staggered:
-        return
-    step = interval / steps_over(interval)
-    strain = line.strain(step)
+    strain = line.strain(interval)
     if strain >= STABLE:
+        step = interval / steps_over(interval)
         raise UserError(
             f"{place}: line.cells",
             f"{line.cells:.0f} cells are not stable: sound crosses {line.crossing * step:.3g} of a cell in a step of "
@@ -57,4 +55,4 @@ def _strain(model: EffectiveModel, interval: float, highest_pressure: float) -> 
         return 0.0
     normalised = OVERSHOOT * highest_pressure / model.coefficients.pressure_scale
     stiffer = max(0.0, line.stiffness_slope * (normalised - line.stiffness_pressure))
-    return line.with_stiffness(stiffer).strain(interval / steps_over(interval))
+    return line.with_stiffness(stiffer).strain(interval)

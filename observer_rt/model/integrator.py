@@ -13,16 +13,15 @@ from numba.extending import overload
 from numba.np.unsafe.ndarray import to_fixed_tuple
 from numpy.typing import NDArray
 
+import observer_rt.model.leapfrog  # noqa: F401 (makes known how a line of cells is stepped)
 from observer_rt.foundation.compiled import inner, inner_separate
-from observer_rt.model.closed_end import move_end
 from observer_rt.model.coefficients import Coefficients
-from observer_rt.model.leapfrog import leapfrog, move_line
-from observer_rt.model.line.interface import line_fastest
+from observer_rt.model.line.interface import line_fastest, own_step
 from observer_rt.model.network import Network
 from observer_rt.model.right_hand_side import is_at_rest, right_hand_side, tangent_rates
+from observer_rt.model.sac import empty_if_drained
 from observer_rt.model.vectors import WIDTH, load, store
 
-EMPTY_SAC = 1e-7  # of p_0: a shut, drained sac this close to chamber pressure is at it
 LINE_STEP = (
     0.1  # radians of the line's fastest motion an RK4 step may span while nothing flows through the needle
 )
@@ -285,23 +284,6 @@ def advance(
 
 
 @njit(cache=True, nogil=True, inline="always")
-def empty_if_drained(
-    x: NDArray[np.float64], u_start: tuple[float, float], u_end: tuple[float, float], tangent: Any
-) -> None:
-    """A sac that has drained behind a shut needle is at exactly chamber pressure."""
-    if u_start[1] <= 0.0 and u_end[1] <= 0.0 and math.fabs(x[2]) < EMPTY_SAC:
-        empty_sac(x, tangent)
-
-
-@njit(cache=True, nogil=True, inline="always")
-def empty_sac(x: NDArray[np.float64], tangent: Any) -> None:
-    """p_S is at chamber pressure, whatever the parameters."""
-    x[2] = 0.0
-    if tangent is not None:
-        tangent.by[2, :] = 0.0
-
-
-@njit(cache=True, nogil=True, inline="always")
 def advance_over(
     x: NDArray[np.float64],
     interval: Interval,
@@ -324,21 +306,8 @@ def _over(x: Any, interval: Any, knot: Any, c: Any, network: Any, tangent: Any) 
 
 @overload(_over, strict=False, jit_options={"forceinline": True})
 def _over_compiled(x: Any, interval: Any, knot: Any, c: Any, network: Any, tangent: Any) -> Any:
-    line = c.types[c.fields.index("line")].instance_class
-    return _leapfrog_over.py_func if line.staggered else _runge_kutta_over.py_func
-
-
-@inner
-def _leapfrog_over(
-    x: NDArray[np.float64],
-    interval: Interval,
-    knot: tuple[float, float],
-    c: Coefficients,
-    network: Network,
-    tangent: Any,
-) -> None:
-    leapfrog(x, interval, knot, c, network, tangent)
-    empty_if_drained(x, interval.start, interval.end, tangent)
+    step = own_step(c.types[c.fields.index("line")].instance_class)
+    return (_runge_kutta_over if step is None else step.over).py_func
 
 
 @inner
@@ -393,12 +362,9 @@ def fine_step(
 def _fine_step_compiled(
     x: Any, u_start: Any, u_middle: Any, u_end: Any, step: Any, c: Any, network: Any
 ) -> Any:
-    def staggered(x: Any, u_start: Any, u_middle: Any, u_end: Any, step: Any, c: Any, network: Any) -> None:
-        move_line(x, u_start[0], step, c.line, None)
-        move_end(x, u_middle, u_end, step, c, network, None)
-
-    def ordinary(x: Any, u_start: Any, u_middle: Any, u_end: Any, step: Any, c: Any, network: Any) -> None:
+    def runge_kutta(x: Any, u_start: Any, u_middle: Any, u_end: Any, step: Any, c: Any, network: Any) -> None:
         state, system = _state(x, c.line), System(c, network)
         _store(runge_kutta_step(injector_rates, state, u_start, u_middle, u_end, step, system, None), x, 0)
 
-    return staggered if c.types[c.fields.index("line")].instance_class.staggered else ordinary
+    own = own_step(c.types[c.fields.index("line")].instance_class)
+    return runge_kutta if own is None else own.fine.py_func

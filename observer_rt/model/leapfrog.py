@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from observer_rt.foundation.compiled import inner, inner_separate
 from observer_rt.model.closed_end import add_coefficients, move_end
 from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.line.interface import OwnStep, step_by
 from observer_rt.model.line.lump import stiffness, stiffness_slopes
 from observer_rt.model.line.wave import (
     WaveLine,
@@ -25,6 +26,7 @@ from observer_rt.model.line.wave import (
     steps_over,
 )
 from observer_rt.model.network import Network
+from observer_rt.model.sac import empty_if_drained
 from observer_rt.model.wall_friction import BEFORE, drag, mean_flow, mean_flow_row
 
 
@@ -76,7 +78,7 @@ def leapfrog(
     network: Network,
     tangent: Any,
 ) -> None:
-    """`integrator.advance_over` of a staggered line."""
+    """`integrator.advance_over` of a line of cells, without what empties the sac."""
     steps = steps_over(interval.length)
     ends = max(1, interval.substeps // steps)
     step = interval.length / steps
@@ -212,6 +214,37 @@ def _pressure_row(
     for j in range(by.shape[1]):
         by[place, j] = keep * by[place, j] + fill * (by[inflow, j] - by[outflow, j])
 
+
+@inner
+def _over(
+    x: NDArray[np.float64],
+    interval: Any,
+    knot: tuple[float, float],
+    c: Coefficients,
+    network: Network,
+    tangent: Any,
+) -> None:
+    """`integrator.advance_over` of a line of cells."""
+    leapfrog(x, interval, knot, c, network, tangent)
+    empty_if_drained(x, interval.start, interval.end, tangent)
+
+
+@inner
+def _fine(
+    x: NDArray[np.float64],
+    u_start: tuple[float, float],
+    u_middle: tuple[float, float],
+    u_end: tuple[float, float],
+    step: float,
+    c: Coefficients,
+    network: Network,
+) -> None:
+    """`integrator.fine_step` of a line of cells."""
+    move_line(x, u_start[0], step, c.line, None)
+    move_end(x, u_middle, u_end, step, c, network, None)
+
+
+step_by(WaveLine, OwnStep(_over, _fine))
 
 _A3, _A3_NEAR, _A4, _B, _B_NEAR, _DAMPING, _AIR, _STIFFNESS_SLOPE = (
     WaveLine._fields.index(name)

@@ -1,10 +1,15 @@
 """The sac: its pressure (22), filled through the seat and drained through the nozzle."""
 
-from typing import NamedTuple
+import math
+from typing import Any, NamedTuple
 
+import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from observer_rt.model.parameters import InjectorParameters
+
+EMPTY_SAC = 1e-7  # of p_0: a shut, drained sac this close to chamber pressure is at it
 
 
 class Sac(NamedTuple):
@@ -24,3 +29,20 @@ def sac_of(parameters: InjectorParameters, nozzle_flow: float, seat_flow: float)
 def sac_rate(q_h: float, q_s: float, sac: Sac) -> float:
     """p_S' of (22), normalised [1/s]."""
     return sac.a5 * q_s - sac.a6 * q_h
+
+
+@njit(cache=True, nogil=True, inline="always")
+def empty_if_drained(
+    x: NDArray[np.float64], u_start: tuple[float, float], u_end: tuple[float, float], tangent: Any
+) -> None:
+    """A sac that has drained behind a shut needle is at exactly chamber pressure."""
+    if u_start[1] <= 0.0 and u_end[1] <= 0.0 and math.fabs(x[2]) < EMPTY_SAC:
+        empty_sac(x, tangent)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def empty_sac(x: NDArray[np.float64], tangent: Any) -> None:
+    """p_S is at chamber pressure, whatever the parameters."""
+    x[2] = 0.0
+    if tangent is not None:
+        tangent.by[2, :] = 0.0

@@ -13,7 +13,7 @@ from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effective import EffectiveModel, SensorTerms
 from observer_rt.model.integrator import fine_step
 from observer_rt.model.line.interface import rest_line
-from observer_rt.model.line.wave import cells_for
+from observer_rt.model.line.wave import WaveLine, cells_for
 from observer_rt.model.network import Network, constant_network
 from observer_rt.model.right_hand_side import injection_rate
 from observer_rt.model.seat import normalised_area
@@ -117,7 +117,7 @@ def run_plant(
 def _longest_step(model: EffectiveModel) -> tuple[float, EffectiveModel]:
     """The longest step [s], and the model for it: a line of cells gets more of them."""
     injector = model.injector
-    if not model.coefficients.line.staggered:
+    if not isinstance(model.coefficients.line, WaveLine):
         return min(LONGEST_STEP, STEP_TIMES_RATE / fastest_rate(injector, model.departures)), model
     line = injector.line.model_copy(update={"cells": cells_for(injector, LONGEST_WAVE_STEP)})
     return LONGEST_WAVE_STEP, replace(model, injector=injector.model_copy(update={"line": line}))

@@ -12,10 +12,11 @@ from observer_rt.estimation.predictor import Setting, Window, interval_before, k
 from observer_rt.foundation.units import MM3_PER_MS
 from observer_rt.model.borrowed import borrowed_network
 from observer_rt.model.coefficients import Coefficients
-from observer_rt.model.integrator import advance_over, empty_sac
+from observer_rt.model.integrator import advance_over
 from observer_rt.model.line.interface import rest_line
 from observer_rt.model.network import Network, constant_network
 from observer_rt.model.right_hand_side import fault_and_rate
+from observer_rt.model.sac import empty_sac
 from observer_rt.model.seat import normalised_area
 from observer_rt.observer.stream.front_end import dead_band
 from observer_rt.service.compiled.constants import bench_constants, configured_noise

@@ -40,11 +40,10 @@ class Line(Protocol):
     rates(x, p_R, q_H, q_S, line): x' [1/s] of its states, a tuple; slopes(x, p_R, q_H, q_S, line, result): the
     derivatives of `rates` into `Slopes` that hold 0, but for by_state what an earlier call may have left;
     fastest(line): the angular frequency [rad/s] its steps must follow; rest(x, pressure): the array x (n,) with the
-    line at rest. All are compiled. A staggered line has no rates, nor a fastest one:
-    `model.leapfrog` steps it.
+    line at rest. All are compiled. A line with a step of its own (`step_by`) has no
+    rates, and its fastest is 0.
     """
 
-    staggered: ClassVar[bool]  # like `line.wave`
     averaged: ClassVar[bool]  # its last state is the integral of p_L [s], see `begin_mean`
     rates: ClassVar[Callable[..., Any]]
     slopes: ClassVar[Callable[..., Any]]
@@ -87,6 +86,15 @@ class Line(Protocol):
     def transition(self, interval: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The line at rest over an interval [s]: its states' (m, m) matrix, the effect of the rail pressure (m,)."""
 
+    def substeps(self, of_sac: int, interval: float) -> int:
+        """Steps of the sac in a sample interval [s]; of_sac: those that RK4 would need for it."""
+
+    def strain(self, interval: float) -> float:
+        """What must stay below 1 for the line's own steps in an interval [s] to be stable."""
+
+    def stepping(self, interval: float) -> str:
+        """How the line's own steps resolve it, for an engineer to read; empty of one that RK4 steps."""
+
     def with_friction(self, k: float) -> "Line":
         """Loss factor times 1 + k."""
 
@@ -103,12 +111,30 @@ class Line(Protocol):
         """The same line, averaged: for samples that are means."""
 
 
+class OwnStep(NamedTuple):
+    """How a line and the sac at its end are stepped, where RK4 does not. Both compiled."""
+
+    over: Any  # as `integrator.advance_over`
+    fine: Any  # as `integrator.fine_step`
+
+
 _LINES: dict[str, type[Line]] = {}
+_OWN_STEPS: dict[type[Line], OwnStep] = {}
 
 
 def register(name: str, line: type[Any]) -> None:
     """Make a line model known under the name `line.model` chooses it by."""
     _LINES[name] = line
+
+
+def step_by(line: type[Any], step: OwnStep) -> None:
+    """Make known how a class of lines, and those derived from it, are stepped."""
+    _OWN_STEPS[line] = step
+
+
+def own_step(line: type[Any]) -> OwnStep | None:
+    """How a class of lines is stepped; None where RK4 does."""
+    return next((_OWN_STEPS[each] for each in line.__mro__ if each in _OWN_STEPS), None)
 
 
 def known_line(name: str) -> str:

@@ -127,7 +127,6 @@ class LumpLine(_LumpCoefficients):
     rates = staticmethod(rates)
     slopes = staticmethod(slopes)
     fastest = staticmethod(fastest)
-    staggered = False
     averaged = False
     rest = staticmethod(rest)
 
@@ -181,6 +180,18 @@ class LumpLine(_LumpCoefficients):
             np.array([[cosine, impedance * sine], [-sine / impedance, cosine]]),
             np.array([1.0 - cosine, sine / impedance]),
         )
+
+    def substeps(self, of_sac: int, interval: float) -> int:
+        """Those: RK4 steps both."""
+        return of_sac
+
+    def strain(self, interval: float) -> float:
+        """It has no steps of its own."""
+        return 0.0
+
+    def stepping(self, interval: float) -> str:
+        """It has no steps of its own."""
+        return ""
 
     def with_friction(self, k: float) -> "LumpLine":
         """See `interface.Line`."""

@@ -22,6 +22,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.foundation.compiled import inner
+from observer_rt.foundation.units import MICROSECOND
 from observer_rt.model.line.interface import register
 from observer_rt.model.line.lump import STIFFNESS_PRESSURE
 
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 
 NAMES = ("wave", "wave_two_part")  # of `line.model`; in two parts where their impedances differ
 STEP = 10e-6  # s, internal, whatever the sample period
+MOST_OF_A_STEP = 8  # implicit steps of the sac in one of the line's
 STABLE = 0.98  # of what a step may be: crossed^2 + 2 damping step < 1
 FEWEST_CELLS, MOST_CELLS = 4, 64
 HALF_WAY = 0.5  # of the length, where two parts meet whose file does not say
@@ -114,12 +116,17 @@ class _WaveCoefficients(NamedTuple):
     joint: float  # where the parts meet, in cells from the rail
 
 
+def _without_rk4(line: "WaveLine") -> float:
+    """No RK4 step has to follow it."""
+    return 0.0
+
+
 class WaveLine(_WaveCoefficients):
     """See `interface.Line`."""
 
     __slots__ = ()
-    staggered = True
     averaged = False
+    fastest = staticmethod(_without_rk4)
     rest = staticmethod(rest)
 
     @property
@@ -188,9 +195,24 @@ class WaveLine(_WaveCoefficients):
         result[flow_at(1, int(self.cells))] = self.a3
         return result
 
-    def strain(self, step: float) -> float:
-        """What must stay below 1 for a step [s] to be stable."""
+    def substeps(self, of_sac: int, interval: float) -> int:
+        """Implicit ones: a few in each step of the line while they resolve the sac, one where it is too fast."""
+        steps: int = steps_over(interval)
+        each = math.ceil(of_sac / steps)
+        return steps * (each if each <= MOST_OF_A_STEP else 1)
+
+    def strain(self, interval: float) -> float:
+        """See `interface.Line`."""
+        step = interval / steps_over(interval)
         return float((self.crossing * step) ** 2 + 2.0 * self.damping * step)
+
+    def stepping(self, interval: float) -> str:
+        """See `interface.Line`."""
+        step = interval / steps_over(interval)
+        return (
+            f"a line of {self.cells:.0f} cells, of which sound crosses {self.crossing * step:.2g} in its step of "
+            f"{step / MICROSECOND:.3g} us"
+        )
 
     def further_variance(self, flow: float) -> NDArray[np.float64]:
         """See `interface.Line`."""

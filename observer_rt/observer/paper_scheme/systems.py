@@ -22,10 +22,11 @@ from numpy.typing import NDArray
 from observer_rt.estimation.predictor import Window
 from observer_rt.foundation.compiled import inner
 from observer_rt.model.coefficients import Coefficients
-from observer_rt.model.integrator import between, empty_if_drained, integrate
+from observer_rt.model.integrator import between, integrate
 from observer_rt.model.network import Network
 from observer_rt.model.nozzle import nozzle_law
 from observer_rt.model.right_hand_side import right_hand_side
+from observer_rt.model.sac import empty_if_drained
 from observer_rt.observer.paper_scheme.network import FreeNetwork, free_fault
 
 

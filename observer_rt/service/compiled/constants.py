@@ -9,6 +9,7 @@ from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLISECOND
 from observer_rt.model.cells import refuse_unstable_cells
 from observer_rt.model.effects import effective_model
 from observer_rt.model.fuel import HIGHEST_TEMPERATURE, LOWEST_TEMPERATURE, at_temperature
+from observer_rt.model.line.interface import own_step
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.stability import MAX_SUBSTEPS, fastest_rate
 from observer_rt.observer.observer import Durations, constants_for
@@ -82,7 +83,7 @@ def _require_integrable(fitted: BenchInjector, injector: InjectorParameters, con
     substeps = constants.substeps
     rate = fitted.config.sampling.rate_hz
     refuse_unstable_cells(str(fitted.parameters_path), injector, constants.coefficients, constants.interval)
-    if constants.coefficients.line.staggered or substeps <= MAX_SUBSTEPS:
+    if substeps <= MAX_SUBSTEPS or own_step(type(constants.coefficients.line)) is not None:
         return
     model = effective_model(injector)
     fastest = fastest_rate(model.injector, model.departures)

@@ -2,11 +2,14 @@
 
 import sys
 
+from observer_rt.foundation.compilation import collect_seldom
+
 INTERRUPTED = 130  # exit code, as of a shell: 128 and the number of SIGINT
 
 
 def main() -> None:
     """Import the command line, which takes a while in which it may be interrupted, and run it."""
+    collect_seldom()
     try:
         from observer_rt.cli.app import main as command_line
 

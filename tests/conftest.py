@@ -12,7 +12,10 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from observer_rt.foundation.compilation import collect_seldom
 from tests.interface import OwnInterface
+
+collect_seldom()
 
 # how long an example takes says nothing on a machine that does something else, too
 examples = int(os.environ.get("OBSERVER_RT_TEST_EXAMPLES", "50"))

@@ -4,10 +4,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_lyapunov
 
+from observer_rt.foundation.compiled import compiled
 from observer_rt.foundation.small_arrays import product, propagate
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.sensor import lagged_slopes, recorded_mean
@@ -133,7 +133,7 @@ def _measurement(
     return now, before
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _riccati(
     transition: NDArray[np.float64],
     process: NDArray[np.float64],

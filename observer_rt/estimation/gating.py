@@ -5,11 +5,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.estimation.posterior import Belief
-from observer_rt.foundation.compiled import inner_separate
+from observer_rt.foundation.compiled import compiled, inner_separate
 
 ENTER = 16.0  # gain of chi2 (4 sigma) that activates a scalar
 STAY = 6.25  # and (2.5 sigma) that keeps it active
@@ -44,7 +43,7 @@ def best_subset(
     return theta, frozenset(column for i, column in enumerate(gate.columns) if subset >> i & 1)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _search(
     information: NDArray[np.float64],
     vector: NDArray[np.float64],

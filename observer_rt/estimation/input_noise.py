@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.estimation.open_loop import OpenLoop
 from observer_rt.estimation.predictor import Setting, Window
+from observer_rt.foundation.compiled import compiled
 from observer_rt.foundation.small_arrays import copy_matrix, copy_vector, product, propagate
 from observer_rt.model.seat import seat_area_slope
 from observer_rt.model.sensor import lagged_slopes
@@ -42,7 +42,7 @@ def input_variance(window: Window, run: OpenLoop, setting: Setting, noise: Noise
     return result
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _propagate(
     window: Window,
     run: OpenLoop,

@@ -4,7 +4,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.estimation.learned import by_theta, learned_of
@@ -18,6 +17,7 @@ from observer_rt.estimation.predictor import (
     knot_before,
 )
 from observer_rt.estimation.scalars import SCALARS, Scalars
+from observer_rt.foundation.compiled import compiled
 from observer_rt.foundation.small_arrays import copy_matrix
 from observer_rt.model.borrowed import borrowed, borrowed_network, borrowed_tangent
 from observer_rt.model.coefficients import Coefficients
@@ -68,7 +68,7 @@ def open_loop(
     return result
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _run(
     window: Window,
     setting: Setting,

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Window
+from observer_rt.foundation.compiled import compiled
 
 EDGE = 0.3e-3  # s after the needle leaves its seat, and before it is back on it
 AFTERGLOW = 0.05e-3  # s after it is shut that still count as closing
@@ -30,7 +30,7 @@ PHASES = len(Phase)
 _STANDSTILL, _OPENING, _OPEN, _CLOSING, _AFTER = (int(phase) for phase in Phase)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def phases_of(window: Window, edge: int, afterglow: int) -> NDArray[np.int8]:
     """`Phase` of every sample of a window; edge and afterglow in samples.
 
@@ -167,7 +167,7 @@ def phase_statistics(
     return result
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _gather(
     innovations: NDArray[np.float64],
     sigma: float,
@@ -206,7 +206,7 @@ def _gather(
         before = phase
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _excess_beyond(
     squares: NDArray[np.float64],
     samples: NDArray[np.float64],
@@ -227,19 +227,19 @@ def _excess_beyond(
     return result
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _quotient(total: float, count: float) -> float:
     return total / count if count > 0 else 1.0
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _capped(sums: NDArray[np.float64], deviate: float, count: NDArray[np.float64]) -> NDArray[np.float64]:
     """Sums of `count` squares, at most those whose `deviate` is `deviate` (but for counts below 1)."""
     variance = 2.0 / (9.0 * np.maximum(count, 1.0))
     return np.minimum(sums, count * (1.0 - variance + deviate * np.sqrt(variance)) ** 3)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def deviate(total: float, count: float) -> float:
     """Normal deviate as improbable as a sum `total` of `count` squares of standard normal numbers.
 

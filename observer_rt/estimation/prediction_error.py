@@ -4,7 +4,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.estimation.learned import learned_of
@@ -19,6 +18,7 @@ from observer_rt.estimation.predictor import (
 from observer_rt.estimation.scalars import SCALARS, Scalars
 from observer_rt.estimation.sensitivity import Parameter
 from observer_rt.estimation.whitening import Whitening
+from observer_rt.foundation.compiled import compiled
 from observer_rt.foundation.units import MEGAPASCAL
 
 HUBER = 4.0  # sigma beyond which an innovation counts linearly
@@ -26,7 +26,7 @@ OFFSET_SIGMA = 0.2 * MEGAPASCAL  # of the mean difference at rest between line a
 _OFFSET = int(Parameter.LINE_PRESSURE_OFFSET)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def robust_cost(e: NDArray[np.float64], first: int, sigma: float) -> float:
     """Huber cost of e[first:] / sigma: half the square up to HUBER, linear beyond."""
     total = 0.0
@@ -36,7 +36,7 @@ def robust_cost(e: NDArray[np.float64], first: int, sigma: float) -> float:
     return total
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def weigh(
     e: NDArray[np.float64],
     slopes: NDArray[np.float64],

@@ -3,14 +3,14 @@
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit, types
+from numba import types
 from numba.extending import overload
 from numpy.typing import NDArray
 
 from observer_rt.estimation.learned import Learned, by_theta, learned_of
 from observer_rt.estimation.scalars import SCALARS, Scalars
 from observer_rt.estimation.sensitivity import Parameter
-from observer_rt.foundation.compiled import inner, inner_separate, separate
+from observer_rt.foundation.compiled import compiled, inlined, inner, inner_separate, separate
 from observer_rt.model.borrowed import borrowed, borrowed_network, borrowed_tangent
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.integrator import Interval, advance_over
@@ -75,7 +75,7 @@ class Setting(NamedTuple):
     offset: float = 0.0
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def knot_before(window: Window, k: int) -> tuple[float, float]:
     """Where the area bends between sample k and the one before it; a share of 0 where it does not."""
     if window.knots.shape[0] == 0:
@@ -83,13 +83,13 @@ def knot_before(window: Window, k: int) -> tuple[float, float]:
     return window.knots[k - 1, 0], window.knots[k - 1, 1]
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def is_masked(window: Window, k: int) -> bool:
     """Whether y of sample k does not count."""
     return bool(k < window.masked.shape[0] and window.masked[k])
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def interval_before(window: Window, setting: Setting, k: int) -> Interval:
     """Between sample k and the one before it."""
     inputs = window.inputs
@@ -117,7 +117,7 @@ def gradient_of(
     return Gradient(tangent, lag, before, indicated, error)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def predict(
     x: NDArray[np.float64],
     indicated: float,
@@ -207,7 +207,7 @@ def _predict_gradient(
     gradient.error[_OFFSET] -= 1.0
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def correct(
     x: NDArray[np.float64], indicated: float, innovation: float, gain: NDArray[np.float64], gradient: Any
 ) -> float:
@@ -350,7 +350,7 @@ def open_loop_errors(window: Window, setting: Setting, learned: Learned) -> NDAr
     return errors
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def sum_of_squares(errors: NDArray[np.float64]) -> float:
     """In the order of the samples."""
     total = 0.0

@@ -4,8 +4,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from observer_rt.foundation.compiled import compiled
 
 LEVEL_SAMPLES = 20  # from whose mean the high pass starts: a start from 0 would ring for many samples
 NO_HIGH_PASS = -1.0
@@ -35,7 +36,7 @@ class Whitening:
         return result.reshape(values.shape)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _whiten(
     values: NDArray[np.float64],
     masked: NDArray[np.bool_],

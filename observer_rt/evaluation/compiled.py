@@ -3,9 +3,9 @@
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from observer_rt.foundation.compiled import compiled
 from observer_rt.foundation.continuity import Break
 from observer_rt.foundation.small_arrays import copy_vector
 from observer_rt.model.borrowed import borrowed
@@ -20,7 +20,7 @@ _NONE = int(Break.NONE)
 _STARTING = int(State.STARTING)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def nominal_rates(
     observer: Observer,
     nominal: Stepper,
@@ -70,7 +70,7 @@ def nominal_rates(
         copy_vector(observer.x_tilde[found & _MASK], x)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def copy_indices(ring: NDArray[np.void], position: int, last: int, index: NDArray[np.int64]) -> bool:
     """Indices (n,) of samples from a position on; whether they rise, from `last` on, the one before them."""
     rises = True
@@ -81,7 +81,7 @@ def copy_indices(ring: NDArray[np.void], position: int, last: int, index: NDArra
     return rises
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def begin_samples(held: NDArray[np.void], states: NDArray[np.void], time: NDArray[np.float64]) -> None:
     """Samples of which nothing is said yet, at times [s] (n,); held, states: as of `note_samples`."""
     for number in range(held.size):
@@ -96,7 +96,7 @@ def begin_samples(held: NDArray[np.void], states: NDArray[np.void], time: NDArra
         states[number].phi[:] = np.nan
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def note_samples(
     observer: Observer,
     position: int,
@@ -126,7 +126,7 @@ def note_samples(
             copy_vector(row.phi, states[place].phi)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def area(values: NDArray[np.float64]) -> float:
     """Under evenly spaced values (n,), by trapezoids a unit wide."""
     if values.size == 0:
@@ -137,7 +137,7 @@ def area(values: NDArray[np.float64]) -> float:
     return total
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def rms_difference(values: NDArray[np.float64], others: NDArray[np.float64]) -> float:
     """Root of the mean square of their differences; (n,), nan without any."""
     total = 0.0
@@ -146,7 +146,7 @@ def rms_difference(values: NDArray[np.float64], others: NDArray[np.float64]) -> 
     return math.sqrt(total / values.size) if values.size else math.nan
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def mean_flowing(values: NDArray[np.float64], rate: NDArray[np.float64]) -> float:
     """Mean of values (n,) where a rate (n,) is not 0; nan if it is everywhere."""
     total = 0.0

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.estimation.gain import GainSchedule, gain_schedule
@@ -27,6 +26,7 @@ from observer_rt.evidence.windows import (
     rail_on_time,
     rate_as_recorded,
 )
+from observer_rt.foundation.compiled import compiled
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.cells import in_stable_cells
@@ -40,7 +40,7 @@ GAIN_ERROR = 0.005  # standard deviation of a measured rate's gain, once a recor
 _MOST_GAINS = 4096  # kept: those round a few candidates
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def predict(
     batch: Batch,
     setting: Setting,

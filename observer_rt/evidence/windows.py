@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.estimation.phases import AFTERGLOW, EDGE, phases_of
@@ -21,7 +20,7 @@ from observer_rt.evidence.measurement import (
 )
 from observer_rt.evidence.openings import Opening
 from observer_rt.evidence.rail_pressure import true_rail_pressure
-from observer_rt.foundation.compiled import inner
+from observer_rt.foundation.compiled import compiled, inner
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effective import InputTerms
 from observer_rt.model.line.interface import rest_line
@@ -183,7 +182,7 @@ def _areas_of(
     return area
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _fill_areas(
     lift: NDArray[np.float64],
     openings: NDArray[np.int64],

@@ -9,15 +9,28 @@ from typing import Any
 from llvmlite import binding
 from numba import njit
 from numba.core import cgutils
-from numba.core.compiler import CompileResult
 from numba.core.imputils import fix_returning_optional, impl_ret_new_ref
 from numba.core.registry import CPUDispatcher
 
+import observer_rt.foundation.numba_changes  # noqa: F401 (to be made before anything is compiled)
+
+compiled = njit(cache=True, nogil=True, no_cfunc_wrapper=True)
+"""`njit` of what Python calls; without the entry from C."""
+
+addressed = njit(cache=True, nogil=True, no_cpython_wrapper=True)
+"""`njit` of what compiled code calls by address, see `foundation.bound`; without the entry from Python."""
+
+inlined = njit(cache=True, nogil=True, inline="always")
+"""`njit` of a function whose text is put where it is called."""
+
 inner = njit(cache=True, nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
-"""`njit` without the entry from Python: that takes most of the time in which a small function compiles.
+"""`compiled` without the entry from Python: that takes most of the time in which a small function compiles.
 
 Called from Python such a function crashes; tests/foundation/test_compiled.py forbids it.
 """
+
+inner_inlined = njit(cache=True, nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, forceinline=True)
+"""`inner` of a function that LLVM puts where it is called: one with branches that return, which `inlined` cannot."""
 
 
 def separate(function: Callable[..., Any]) -> Any:
@@ -26,7 +39,7 @@ def separate(function: Callable[..., Any]) -> Any:
     Numba compiles all that a function calls once more into it, so that what lies deep is compiled as often as it is
     deep. A call by symbol costs some nanoseconds, more with arguments of many leaves, and nothing is inlined.
     """
-    return _decorated(function, {})
+    return _decorated(function, {"no_cfunc_wrapper": True})
 
 
 def inner_separate(function: Callable[..., Any]) -> Any:
@@ -66,19 +79,6 @@ class _Needed:
     def __call__(self) -> None:
         """Load it, or compile it; Numba calls this before it loads code that was kept."""
         getattr(importlib.import_module(self.module), self.name).compile(self.types)
-
-
-_rebuild = CompileResult._rebuild
-
-
-def _rebuilt(*kept: Any) -> Any:
-    """Numba's own, and the library is told what it needs: else a caller compiled later, that holds it, is not."""
-    found = _rebuild(*kept)
-    found.library._reload_init.update(found.reload_init)
-    return found
-
-
-CompileResult._rebuild = _rebuilt
 
 
 def _call_by_symbol(needed: _Needed, description: Any) -> Any:

@@ -14,7 +14,7 @@ from functools import cache
 from typing import Any, TypeVar
 
 import numpy as np
-from numba import njit, typeof, types
+from numba import typeof, types
 from numba.core import cgutils
 from numba.core.datamodel import models
 from numba.core.imputils import lower_getattr_generic
@@ -28,6 +28,8 @@ from numba.extending import (
     unbox,
 )
 from numpy.typing import NDArray
+
+from observer_rt.foundation.compiled import compiled
 
 _Kind = TypeVar("_Kind", bound=type)
 _hidden_in: dict[type, tuple[str, ...]] = {}
@@ -121,7 +123,7 @@ def _entry(kind: Reference) -> Callable[[Any], NDArray[np.uint8]]:
     return entry
 
 
-@njit(cache=True)
+@compiled
 def _leaves(value: Any) -> NDArray[np.uint8]:
     found = np.empty(_size(value), np.uint8)
     _write(found, value)

@@ -1,20 +1,19 @@
 """Vectors and matrices of a few numbers, for compiled code: the libraries' take longer to begin, and to compile."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from observer_rt.foundation.compiled import inner
+from observer_rt.foundation.compiled import compiled, inlined, inner
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def copy_vector(source: NDArray[np.float64], target: NDArray[np.float64]) -> None:
     """All numbers of one (n,) into the other."""
     for i in range(target.shape[0]):
         target[i] = source[i]
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def copy_matrix(source: NDArray[np.float64], target: NDArray[np.float64]) -> None:
     """All numbers of one (n, m) into the other."""
     for i in range(target.shape[0]):
@@ -22,7 +21,7 @@ def copy_matrix(source: NDArray[np.float64], target: NDArray[np.float64]) -> Non
             target[i, j] = source[i, j]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def ascending(values: NDArray[np.float64]) -> NDArray[np.int64]:
     """Places of a few values (n,) in ascending order, equal ones as they come."""
     order = np.arange(values.shape[0])

@@ -8,11 +8,10 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numba.extending import overload
 from numpy.typing import NDArray
 
-from observer_rt.foundation.compiled import inner
+from observer_rt.foundation.compiled import inlined, inner
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.line.lump import stiffness, stiffness_slopes
 from observer_rt.model.line.wave import WaveLine
@@ -199,7 +198,7 @@ def _end_rows(
         by[2, j] = (pp * of_sac - sp * of_line) / whole
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def _add_flow(
     line_row: NDArray[np.float64],
     sac_row: NDArray[np.float64],

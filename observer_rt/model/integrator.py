@@ -8,13 +8,12 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numba.extending import overload
 from numba.np.unsafe.ndarray import to_fixed_tuple
 from numpy.typing import NDArray
 
 import observer_rt.model.leapfrog  # noqa: F401 (makes known how a line of cells is stepped)
-from observer_rt.foundation.compiled import inner, inner_separate
+from observer_rt.foundation.compiled import inlined, inner, inner_separate
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.line.interface import line_fastest, own_step
 from observer_rt.model.network import Network
@@ -27,7 +26,7 @@ LINE_STEP = (
 )
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def between(u_start: tuple[float, float], u_end: tuple[float, float], share: float) -> tuple[float, float]:
     """Inputs at a share (0..1) of the way between two samples.
 
@@ -49,7 +48,7 @@ def _along_compiled(x: Any, step: Any, rate: Any) -> Any:
     return lambda x, step, rate: (x[0] + step * rate[0],) + _along(x[1:], step, rate[1:])  # noqa: RUF005
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def runge_kutta_step(
     rates: Callable[..., Any],
     x: Any,
@@ -76,13 +75,13 @@ def runge_kutta_step(
     return _along(x, step / 6.0, total)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def _along_the_step(stage: int) -> float:
     """Where a stage's rates are taken, as a share of the step, along those of the stage before."""
     return 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def _with_stage(total: Any, before: Any, rate: Any, stage: int) -> Any:
     """k1 + 2 (k2 + k3) + k4, of tuples, as far as a stage: 0, 1, 2, 3; before: the rates of the one before it."""
     if stage == 1:
@@ -177,7 +176,7 @@ def _combined_compiled(total: Any, columns: Any, by_state: Any, stage: Any, row:
     return add if len(columns) else lambda total, columns, by_state, stage, row, place: total
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def integrate(
     rates: Callable[..., Any],
     inputs_at: Callable[..., Any],
@@ -245,7 +244,7 @@ class System(NamedTuple):
     network: Network
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def injector_rates(x: Any, u: tuple[float, float], system: System, tangent: Any, stage: int) -> Any:
     """(25)-(26), with their derivatives where a tangent is carried."""
     if tangent is None:
@@ -254,7 +253,7 @@ def injector_rates(x: Any, u: tuple[float, float], system: System, tangent: Any,
     return tangent_rates(x, u, system.coefficients, system.network, tangent, by_state, by_number)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def _steps_in(x: Any, interval: Interval, c: Coefficients) -> int:
     """RK4 steps an interval needs: `substeps` for the sac, far fewer while only the line moves."""
     if is_at_rest(x, interval.start) and interval.end[1] <= 0.0:
@@ -274,7 +273,7 @@ def runge_kutta(
     )
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def advance(
     x: NDArray[np.float64], interval: Interval, c: Coefficients, network: Network, tangent: Any
 ) -> None:
@@ -283,7 +282,7 @@ def advance(
     empty_if_drained(x, interval.start, interval.end, tangent)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def advance_over(
     x: NDArray[np.float64],
     interval: Interval,

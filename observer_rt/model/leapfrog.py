@@ -7,10 +7,9 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from observer_rt.foundation.compiled import inner, inner_separate
+from observer_rt.foundation.compiled import inlined, inner, inner_separate
 from observer_rt.model.closed_end import add_coefficients, move_end
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.line.interface import OwnStep, step_by
@@ -58,7 +57,7 @@ def _bent(start: float, knot: tuple[float, float], end: float, share: float) -> 
     return knot[1] + (share - knot[0]) / (1.0 - knot[0]) * (end - knot[1])
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def _mean_of_open(first: float, last: float) -> float:
     """Mean of max(area, 0) where the area goes straight from one to the other."""
     if first >= 0.0 and last >= 0.0:

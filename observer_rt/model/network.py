@@ -3,8 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from observer_rt.foundation.compiled import inlined
 
 HIDDEN = 5  # q, hidden neurons
 ARGUMENTS = 6  # z = [x1 x2 x3 u1 u2 1]
@@ -50,7 +51,7 @@ def constant_network(nozzle: float = 0.0, seat: float = 0.0) -> Network:
     return Network(np.zeros((0, ARGUMENTS)), np.zeros((OUTPUTS, 0)), np.array([nozzle, seat]), np.zeros(2))
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def fast_tanh(argument: float) -> float:
     """tanh to within 1e-12, several times faster than the C library's: half of the loop's time would go there.
 
@@ -66,7 +67,7 @@ def fast_tanh(argument: float) -> float:
     return result
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def activation(
     x: tuple[float, float, float], u: tuple[float, float], hidden: NDArray[np.float64], neuron: int
 ) -> float:
@@ -82,14 +83,14 @@ def activation(
     return sigma
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def back_pressure_at(u_2: float, network: Network) -> float:
     """Rise of p_C at a seat area, in units of p_0."""
     rise: float = network.back_pressure[0] + network.back_pressure[1] * u_2
     return rise
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def flow_changes(
     x: tuple[float, float, float], u: tuple[float, float], network: Network
 ) -> tuple[float, float]:
@@ -103,7 +104,7 @@ def flow_changes(
     return nozzle, seat
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def flow_changes_by_sac(
     x: tuple[float, float, float], u: tuple[float, float], network: Network
 ) -> tuple[float, float, float, float]:

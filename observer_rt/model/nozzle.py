@@ -3,8 +3,7 @@
 import math
 from typing import NamedTuple
 
-from numba import njit
-
+from observer_rt.foundation.compiled import compiled, inlined
 from observer_rt.model.departures import Departures
 from observer_rt.model.orifice import TRANSITION_PRESSURE, jet_velocity, root, root_slope
 from observer_rt.model.parameters import InjectorParameters
@@ -39,7 +38,7 @@ def nozzle_of(parameters: InjectorParameters, departures: Departures) -> Nozzle:
     )
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def nozzle_law(x_3: float, u_2: float, back_pressure: float, nozzle: Nozzle) -> float:
     """Normalised nozzle flow q_H of (23), against a chamber pressure that rises while the needle is open (u_2 > 0).
 
@@ -58,7 +57,7 @@ def nozzle_law(x_3: float, u_2: float, back_pressure: float, nozzle: Nozzle) -> 
     return flow
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def nozzle_law_slopes(x_3: float, u_2: float, back_pressure: float, nozzle: Nozzle) -> tuple[float, float]:
     """Derivatives of `nozzle_law` with respect to x_3 and to the back-pressure.
 

@@ -2,8 +2,7 @@
 
 import math
 
-from numba import njit
-
+from observer_rt.foundation.compiled import compiled, inlined
 from observer_rt.model.parameters import InjectorParameters
 
 TRANSITION_PRESSURE = 0.5e6  # Pa, below which the orifice laws turn linear
@@ -14,7 +13,7 @@ def jet_velocity(parameters: InjectorParameters) -> float:
     return math.sqrt(2 * parameters.scaling.pressure / parameters.fluid.density_nozzle)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def root(difference: float, transition: float) -> float:
     """Signed square root of a pressure difference, smooth through zero.
 
@@ -24,7 +23,7 @@ def root(difference: float, transition: float) -> float:
     return difference / math.sqrt(math.sqrt(difference * difference + transition * transition))
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def root_slope(difference: float, transition: float) -> float:
     """Derivative of `root` with respect to the pressure difference."""
     square = difference * difference

@@ -3,10 +3,9 @@
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from observer_rt.foundation.compiled import inner
+from observer_rt.foundation.compiled import compiled, inlined, inner, inner_inlined
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.line.interface import Slopes, line_rates, line_slopes, no_slopes
 from observer_rt.model.network import Network, activation, back_pressure_at, flow_changes
@@ -16,13 +15,13 @@ from observer_rt.model.seat import seat_law, seat_law_slopes
 from observer_rt.model.vectors import whole_vectors
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def model_flows(x: Any, u: tuple[float, float], c: Coefficients) -> tuple[float, float]:
     """Normalised flows of the model alone: q_H of (23) through the nozzle, q_S of (21) through the seat."""
     return nozzle_law(x[2], u[1], 0.0, c.nozzle), seat_law(x[0], x[2], u[1], c.seat)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def changed_flows(x: Any, u: tuple[float, float], c: Coefficients, network: Network) -> tuple[float, float]:
     """Normalised flows with phi: q_H through the nozzle, q_S through the seat."""
     nozzle_change, seat_change = flow_changes(x, u, network)
@@ -31,13 +30,13 @@ def changed_flows(x: Any, u: tuple[float, float], c: Coefficients, network: Netw
     return q_h, q_s
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def is_at_rest(x: Any, u: tuple[float, float]) -> bool:
     """Needle shut and sac at chamber pressure: no flow, so phi vanishes whatever the network says."""
     return u[1] <= 0.0 and x[2] == 0.0
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def right_hand_side(x: Any, u: tuple[float, float], c: Coefficients, network: Network) -> Any:
     """x' = f(x, u) + phi(x, u) of (25)-(26) [1/s], a tuple as x is.
 
@@ -51,7 +50,7 @@ def right_hand_side(x: Any, u: tuple[float, float], c: Coefficients, network: Ne
     return (line[0], line[1], sac_rate(q_h, q_s, c.sac)) + line[2:]  # noqa: RUF005 - compiled code cannot unpack
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def fault_and_rate(
     x: Any, u: tuple[float, float], c: Coefficients, network: Network
 ) -> tuple[tuple[float, float, float], float]:
@@ -72,7 +71,7 @@ def fault_and_rate(
     return phi, float(c.nozzle.flow * q_h)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def injection_rate(x: Any, u: tuple[float, float], c: Coefficients, network: Network) -> float:
     """Q_H^ of `fault_and_rate` [m3/s]."""
     if is_at_rest(x, u):
@@ -95,7 +94,7 @@ class FlowSlopes(NamedTuple):
     h_back_pressure: float
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@inner_inlined
 def flow_slopes(
     x: Any, u: tuple[float, float], c: Coefficients, network: Network, sigmas: NDArray[np.float64]
 ) -> FlowSlopes:
@@ -185,7 +184,7 @@ def tangent_of(c: Coefficients, network: Network, theta: ByTheta, columns: int) 
     )
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@inner_inlined
 def tangent_rates(
     x: Any,
     u: tuple[float, float],

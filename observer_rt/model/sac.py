@@ -4,9 +4,9 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from observer_rt.foundation.compiled import inlined
 from observer_rt.model.parameters import InjectorParameters
 
 EMPTY_SAC = 1e-7  # of p_0: a shut, drained sac this close to chamber pressure is at it
@@ -25,13 +25,13 @@ def sac_of(parameters: InjectorParameters, nozzle_flow: float, seat_flow: float)
     return Sac(stiffness * seat_flow, stiffness * nozzle_flow)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def sac_rate(q_h: float, q_s: float, sac: Sac) -> float:
     """p_S' of (22), normalised [1/s]."""
     return sac.a5 * q_s - sac.a6 * q_h
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def empty_if_drained(
     x: NDArray[np.float64], u_start: tuple[float, float], u_end: tuple[float, float], tangent: Any
 ) -> None:
@@ -40,7 +40,7 @@ def empty_if_drained(
         empty_sac(x, tangent)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def empty_sac(x: NDArray[np.float64], tangent: Any) -> None:
     """p_S is at chamber pressure, whatever the parameters."""
     x[2] = 0.0

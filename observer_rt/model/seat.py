@@ -3,8 +3,7 @@
 import math
 from typing import NamedTuple
 
-from numba import njit
-
+from observer_rt.foundation.compiled import compiled, inlined
 from observer_rt.model.departures import Departures
 from observer_rt.model.orifice import TRANSITION_PRESSURE, jet_velocity, root, root_slope
 from observer_rt.model.parameters import InjectorParameters
@@ -44,21 +43,21 @@ def full_lift_area(parameters: InjectorParameters) -> float:
     return float(seat_area(seat.max_lift, seat.diameter, math.radians(seat.cone_angle / 2)))
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def seat_law(x_1: float, x_3: float, u_2: float, seat: Seat) -> float:
     """Normalised seat flow q_S of (21)."""
     flow: float = u_2 * root(x_1 - x_3, seat.transition)
     return flow
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def seat_law_slopes(x_1: float, x_3: float, u_2: float, seat: Seat) -> tuple[float, float]:
     """Derivatives of `seat_law` with respect to the pressure difference x_1 - x_3 and to u_2."""
     difference = x_1 - x_3
     return u_2 * root_slope(difference, seat.transition), root(difference, seat.transition)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def seat_area(lift: float, seat_diameter: float, half_cone_angle: float) -> float:
     """Flow area of the needle seat A_S(x_N) [m2]; 0 for a closed needle.
 
@@ -74,7 +73,7 @@ def seat_area(lift: float, seat_diameter: float, half_cone_angle: float) -> floa
     )
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def seat_area_slope(u_2: float, seat: Seat) -> float:
     """Derivative dA_S/dx_N [m] of `seat_area` at the lift that opens u_2 = A_S/A_0; 0 for a closed needle."""
     if u_2 <= 0.0:
@@ -84,7 +83,7 @@ def seat_area_slope(u_2: float, seat: Seat) -> float:
     return whole * math.sqrt(max(square, 0.0))
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def normalised_area(lift: float, seat: Seat) -> float:
     """u_2 = A_S(x_N)/A_0 of a lift [m]; a flow coefficient that depends on the lift is part of it."""
     area: float = seat_area(lift, seat.diameter, seat.half_cone_angle) / seat.area_scale

@@ -3,9 +3,7 @@
 import math
 from typing import NamedTuple
 
-from numba import njit
-
-from observer_rt.foundation.compiled import inner
+from observer_rt.foundation.compiled import compiled, inner
 from observer_rt.model.effective import SensorTerms
 
 LAG_UNIT = 1e-4  # s, in which the lag is counted, so that all parameters are of order one
@@ -37,7 +35,7 @@ def recorded(indicated_before: float, indicated: float, fraction: float) -> floa
     return indicated - fraction * (indicated - indicated_before)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def recorded_mean(
     indicated_before: float, indicated: float, pressure_mean: float, lag_share: float, fraction: float
 ) -> float:
@@ -52,7 +50,7 @@ def recorded_mean(
     return mean - fraction * rise + fraction * fraction * bend
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def lagged(
     indicated: float, pressure_start: float, pressure_end: float, interval: float, lag: float
 ) -> float:
@@ -64,7 +62,7 @@ def lagged(
     return decay * indicated + (1.0 - decay) * pressure_start + ramp * (pressure_end - pressure_start)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def lagged_slopes(
     indicated: float, pressure_start: float, pressure_end: float, interval: float, lag: float
 ) -> tuple[float, float, float, float]:

@@ -8,10 +8,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from observer_rt.foundation.compiled import inner
+from observer_rt.foundation.compiled import compiled, inner
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.file_errors import file_errors
 from observer_rt.recording.mdf4_apart import READABLE
@@ -264,7 +263,7 @@ class _VariableData:
         return 0 if self._used is None else int(self._used.size - np.count_nonzero(self._used))
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _walk(
     data: NDArray[np.uint8],
     position: int,
@@ -306,7 +305,7 @@ def _number(data: NDArray[np.uint8], place: int, size: int) -> np.uint64:
     return number
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _numbers(data: NDArray[np.uint8], places: NDArray[np.int64], size: int) -> NDArray[np.uint64]:
     """Those at some places."""
     result = np.empty(places.size, np.uint64)

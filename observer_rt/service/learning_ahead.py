@@ -17,7 +17,7 @@ import numpy as np
 
 from observer_rt.config.bench import BenchInjector
 from observer_rt.estimation.predictor import Window
-from observer_rt.foundation.compilation import is_complete, note_complete
+from observer_rt.foundation.compilation import collect_seldom, is_complete, note_complete
 from observer_rt.model.line.interface import rest_line
 from observer_rt.model.seat import normalised_area
 from observer_rt.observer.learning.knowledge import OverheardLearner, no_knowledge
@@ -87,6 +87,7 @@ def awaited(learner_of: LearnerFactory, wait: Callable[[], object]) -> LearnerFa
 
 def serve() -> None:
     """The other process: learn from injections of the injector on its standard input."""
+    collect_seldom()
     fitted: BenchInjector = pickle.load(sys.stdin.buffer)
     recording = own_injections(fitted)
     constants, noise = bench_constants(fitted), configured_noise(fitted)

@@ -7,9 +7,7 @@ speed. Its corners are rounded by the mean over a window of `CORNER_ROUNDING`, i
 from itertools import pairwise
 from typing import NamedTuple
 
-from numba import njit
-
-from observer_rt.foundation.compiled import inner
+from observer_rt.foundation.compiled import compiled, inner
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MILLISECOND
 from observer_rt.model.parameters import InjectorParameters
@@ -92,7 +90,7 @@ def _area_under_stroke(time: float, s: Stroke) -> float:
     return s.opening_speed * rise - s.closing_speed * fall
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def lift_of_stroke(time: float, s: Stroke) -> float:
     """Lift [m] at `time` [s] with rounded corners; exactly 0 outside the stroke."""
     half = 0.5 * CORNER_ROUNDING

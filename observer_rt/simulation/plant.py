@@ -5,10 +5,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from observer_rt.foundation.compiled import inner
+from observer_rt.foundation.compiled import compiled, inner
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effective import EffectiveModel, SensorTerms
 from observer_rt.model.integrator import fine_step
@@ -137,7 +136,7 @@ def _stroke(strokes: NDArray[np.float64], number: int) -> Stroke:
     return Stroke(row[0], row[1], row[2], row[3], row[4], row[5])
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _run(
     x: NDArray[np.float64],
     number: int,

@@ -3,12 +3,12 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import BenchInjector
 from observer_rt.estimation.learned import Learned
 from observer_rt.estimation.predictor import Setting, Window, interval_before, knot_before
+from observer_rt.foundation.compiled import compiled
 from observer_rt.foundation.units import MM3_PER_MS
 from observer_rt.model.borrowed import borrowed_network
 from observer_rt.model.coefficients import Coefficients
@@ -72,7 +72,7 @@ class InjectionModel:
         return Modelled(result.rate / MM3_PER_MS, result.phi)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _walk(
     window: Window,
     setting: Setting,

@@ -15,9 +15,18 @@ from numba import njit
 from observer_rt.foundation.compiled import separate
 
 ROOT = Path(__file__).parents[2]
-WITHOUT_ENTRY = ("inner", "inner_separate")
+WITHOUT_ENTRY = ("inner", "inner_inlined", "inner_separate", "addressed")
 SEPARATE = ("separate", "inner_separate")
-COMPILED = ("njit", "inner", *SEPARATE, "overload", "intrinsic", "register_jitable")
+COMPILED = (
+    "njit",
+    "compiled",
+    "inlined",
+    *WITHOUT_ENTRY,
+    *SEPARATE,
+    "overload",
+    "intrinsic",
+    "register_jitable",
+)
 SOURCES = {
     path: ast.parse(path.read_text("utf-8"))
     for folder in ("observer_rt", "tests", "tools")

@@ -3,11 +3,13 @@ reversed flow, pressures next to equal, cavitation, a chamber pressure that rise
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
@@ -161,7 +163,7 @@ def test_flows_by_state_and_area(
 ) -> None:
     network = learned_of(theta, c).network
     away_from_kinks(x, u, c, float(network.back_pressure @ (1.0, u[1])))
-    found = flow_slopes(x, u, c, network, np.zeros(5))
+    found = slopes_at(x, u, c, network, np.zeros(5))
 
     def by_state(place: int, d: float) -> Sequence[float]:
         return changed_flows_at(beside(x, place, d), u, c, network)
@@ -172,6 +174,18 @@ def test_flows_by_state_and_area(
     if u[1] > 0.0:  # a seat opens to one side only
         numeric = difference(lambda d: changed_flows_at(x, (u[0], u[1] + d), c, network))
         np.testing.assert_allclose((found.h_area, found.s_area), numeric, rtol=1e-6, atol=1e-6)
+
+
+@njit
+def slopes_at(x: Any, u: Any, c: Any, network: Any, sigmas: Any) -> Any:
+    return flow_slopes(x, u, c, network, sigmas)
+
+
+@njit
+def tangent_rates_at(
+    x: Any, u: Any, c: Any, network: Any, tangent: Any, by_state: Any, by_number: Any
+) -> Any:
+    return tangent_rates(x, u, c, network, tangent, by_state, by_number)
 
 
 def changed_flows_at(
@@ -193,7 +207,7 @@ def test_right_hand_side_by_state_and_theta(
     assume(changed.line.air > 1e-3)
     tangent = tangent_of(changed, network, by_theta(theta, c), PARAMETERS)
     by_state, by_number = np.full((3, 3), np.nan), np.zeros((3, tangent.by.shape[1]))
-    value = tangent_rates(x, u, changed, network, tangent, by_state, by_number)
+    value = tangent_rates_at(x, u, changed, network, tangent, by_state, by_number)
     assert value == right_hand_side(x, u, changed, network)
 
     def of_state(place: int, d: float) -> Sequence[float]:

@@ -10,10 +10,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from observer_rt.foundation.compiled import inner, inner_separate, separate
+from observer_rt.foundation.compiled import compiled, inner, inner_separate, separate
 from observer_rt.foundation.small_arrays import ascending
 
 POINTS = 16  # windows whose lowest stamps the line goes by
@@ -89,7 +88,7 @@ def make_clock(interval: float, samples: int, shortest: float) -> NDArray[np.voi
     return clock
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def forget(clock) -> None:  # type: ignore[no-untyped-def]
     """Begin anew: the index or the stamps no longer continue those before."""
     clock.begun = False
@@ -157,14 +156,14 @@ def take_stamp(clock, index: int, stamp: int) -> bool:  # type: ignore[no-untype
     return True
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def time_of(clock, index: float, epoch: int) -> float:  # type: ignore[no-untyped-def]
     """Time [ns after the stamp `epoch`] at which the frame that ends in sample `index` came, had it no jitter."""
     place = index - clock.first_index
     return float((clock.first_stamp - epoch) + clock.offset + place * (clock.interval + clock.drift))
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def index_at(clock, time: float, epoch: int) -> float:  # type: ignore[no-untyped-def]
     """The inverse of `time_of`: the sample, with its fraction, at a time [ns after the stamp `epoch`]."""
     since = time - (clock.first_stamp - epoch) - clock.offset

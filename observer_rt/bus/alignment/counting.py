@@ -10,11 +10,10 @@ import math
 from enum import IntEnum
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.bus.alignment.clock import ENOUGH_POINTS, delay_of
-from observer_rt.foundation.compiled import inner, separate
+from observer_rt.foundation.compiled import compiled, inner, separate
 
 SURE = 0.75  # cycles short of a whole turn of the counter, up to which a delay is surely no loss
 DECIDED = 0.5  # the same, from which on frames are lost
@@ -89,7 +88,7 @@ def sees_losses(counting, clock) -> bool:  # type: ignore[no-untyped-def]
     return bool(clock.points >= ENOUGH_POINTS and clock.spread < (counting.modulus - SURE) * cycle)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def is_sure(counting, clock) -> bool:  # type: ignore[no-untyped-def]
     """Whether the frames of this window and the last are numbered without doubt."""
     cycle = clock.samples * clock.interval
@@ -101,7 +100,7 @@ def is_sure(counting, clock) -> bool:  # type: ignore[no-untyped-def]
     )
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def has_slipped(clock) -> bool:  # type: ignore[no-untyped-def]
     """Whether the window just ended shows that frames were lost before it, unseen among their delays."""
     return bool(clock.raised > SLIPPED * clock.samples * clock.interval + clock.residual)

@@ -4,7 +4,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.bus.alignment.clock import (
@@ -25,7 +24,7 @@ from observer_rt.bus.alignment.counting import (
     make_counting,
 )
 from observer_rt.bus.mapping.timing import Joining, Numbering
-from observer_rt.foundation.compiled import inner, inner_separate
+from observer_rt.foundation.compiled import compiled, inner, inner_separate
 from observer_rt.foundation.continuity import Doubt
 from observer_rt.foundation.referenced import referenced
 
@@ -133,7 +132,7 @@ def place_of(keeping: Timekeeping, message: int, index: int) -> float:
     return float(index_at(grid, sampled + 1e9 * keeping.timing[leading].delay, grid.first_stamp))
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def place_at(keeping: Timekeeping, time: int) -> float:
     """Where on the grid a sample lies that was taken at `time` [ns], by the clock of the stamps; nan: not known."""
     leading = keeping.memory[0].leading
@@ -145,7 +144,7 @@ def place_at(keeping: Timekeeping, time: int) -> float:
     )
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def is_prompt(keeping: Timekeeping, tolerance: float) -> bool:
     """Whether the frames of the grid came when its clock says, to `tolerance` [s], as far as was seen lately."""
     grid = keeping.clocks[keeping.memory[0].leading]

@@ -18,11 +18,10 @@ from collections.abc import Sequence
 
 import numpy as np
 from cantools.database.can import Message, Signal
-from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.bus.database.lookup import error_code, find_signal, not_available_code
-from observer_rt.foundation.compiled import inner, separate
+from observer_rt.foundation.compiled import compiled, inner, separate
 from observer_rt.foundation.errors import UserError
 
 # How the bits of a field are to be read.
@@ -229,7 +228,7 @@ def field_bits(payload, signal):  # type: ignore[no-untyped-def]
     return bits & signal.mask
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def put_bits(payload, signal, bits):  # type: ignore[no-untyped-def]
     """Write the low bits of `bits` into a signal's field, in place."""
     bits &= signal.mask
@@ -244,7 +243,7 @@ def put_bits(payload, signal, bits):  # type: ignore[no-untyped-def]
         low_bits += np.uint64(8)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _raw_value(bits, signal):  # type: ignore[no-untyped-def]
     """The number a field holds, before scale and offset."""
     if signal.kind == UNSIGNED:

@@ -10,10 +10,9 @@ byte 1 to the end of the frame. Byte 1, low four bits: counter 0 to 14; the high
 from enum import IntEnum
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from observer_rt.foundation.compiled import inner, separate
+from observer_rt.foundation.compiled import compiled, inner, separate
 
 UNPROTECTED = 0
 PROFILE_1 = 1
@@ -54,7 +53,7 @@ CRC16_TABLE = _crc16_table()
 CRC8_TABLE = _crc8_table()
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def crc16(payload: NDArray[np.uint8], length: int, data_id: int) -> int:
     """CRC of profile 5 over the first `length` bytes of `payload` (at least 3) and the 16-bit `data_id`."""
     crc = np.uint32(0xFFFF)
@@ -75,13 +74,13 @@ def crc8(payload: NDArray[np.uint8], length: int, data_id: int) -> int:
     return int(crc)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def counter_values(profile: int) -> int:
     """How many values the counter of a profile takes before it begins again at 0."""
     return 15 if profile == PROFILE_1 else 256
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def shortest_frame(profile: int) -> int:
     """Bytes that CRC and counter of a profile take."""
     return 2 if profile == PROFILE_1 else 3
@@ -104,7 +103,7 @@ def protect(payload: NDArray[np.uint8], length: int, profile: int, data_id: int,
         payload[1] = crc >> 8
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def check(payload: NDArray[np.uint8], length: int, profile: int, data_id: int) -> bool:
     """Whether the CRC in the frame is that of its contents and `data_id`.
 
@@ -122,7 +121,7 @@ def check(payload: NDArray[np.uint8], length: int, profile: int, data_id: int) -
     return bool(payload[0] == crc & 0xFF and payload[1] == crc >> 8)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def frame_counter(payload: NDArray[np.uint8], profile: int) -> int:
     """Counter of a frame whose length was checked; 0 for an unprotected message."""
     if profile == PROFILE_1:
@@ -130,7 +129,7 @@ def frame_counter(payload: NDArray[np.uint8], profile: int) -> int:
     return int(payload[_COUNTER_BYTE]) if profile == PROFILE_5 else 0
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def classify(counter: int, last_counter: int, seen: bool, max_delta: int, profile: int) -> E2EStatus:
     """Status of a frame with a good CRC, by its counter.
 

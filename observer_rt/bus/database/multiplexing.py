@@ -10,11 +10,11 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from cantools.database.can import Message, Signal
-from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.bus.database.codec import field_bits, put_bits, signal_table
 from observer_rt.bus.database.lookup import find_signal
+from observer_rt.foundation.compiled import compiled
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.referenced import referenced
 
@@ -139,7 +139,7 @@ def compile_conditions(message: Message, conditions: Conditions) -> Selection:
     )
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def is_selected(payload: NDArray[np.uint8], selection: Selection, first: int, count: int) -> bool:
     """Whether a frame meets the conditions in rows [first, first + count) of `selection`."""
     row, end = first, first + count

@@ -4,10 +4,9 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from observer_rt.foundation.compiled import inner
+from observer_rt.foundation.compiled import compiled, inlined, inner
 from observer_rt.model.line.interface import Slopes, no_slopes, register
 
 if TYPE_CHECKING:
@@ -19,7 +18,7 @@ LOWEST_PRESSURE = 0.01  # of p_0, at which entrained air is taken to soften the 
 LOWEST_STIFFNESS = 0.05  # of K_L, below which a pressure-dependent bulk modulus does not fall
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def _fuel_stiffness(x_1: float, line: "LumpLine") -> float:
     """K(p_L)/K_L of the fuel without air."""
     if line.stiffness_slope == 0.0:
@@ -27,7 +26,7 @@ def _fuel_stiffness(x_1: float, line: "LumpLine") -> float:
     return max(1.0 + line.stiffness_slope * (x_1 - line.stiffness_pressure), LOWEST_STIFFNESS)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def stiffness(x_1: float, line: "LumpLine") -> float:
     """K_eff/K_L at the normalised pressure x_1: 1/K_eff = 1/K(p_L) + g/p_L."""
     fuel: float = _fuel_stiffness(x_1, line)
@@ -53,7 +52,7 @@ def stiffness_slopes(x_1: float, line: "LumpLine") -> tuple[float, float, float]
     )
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def rates(
     x: tuple[float, float, float], rail: float, q_h: float, q_s: float, line: "LumpLine"
 ) -> tuple[float, float]:
@@ -65,7 +64,7 @@ def rates(
     )
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def slopes(
     x: tuple[float, float, float], rail: float, q_h: float, q_s: float, line: "LumpLine", result: Slopes
 ) -> None:
@@ -90,13 +89,13 @@ def slopes(
     result.by_coefficient[1, _A4] = -x[1] * math.fabs(x[1])
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def fastest(line: "LumpLine") -> float:
     """Of inertia against compliance [rad/s]."""
     return math.sqrt(line.a1 * line.a3)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def rest(x: NDArray[np.float64], pressure: float) -> None:
     """No flow, p_L = pressure."""
     x[0], x[1] = pressure, 0.0
@@ -220,7 +219,7 @@ class LumpLine(_LumpCoefficients):
         return MeanLumpLine(*self)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def mean_rates(
     x: tuple[float, float, float, float], rail: float, q_h: float, q_s: float, line: "MeanLumpLine"
 ) -> tuple[float, float, float]:
@@ -229,7 +228,7 @@ def mean_rates(
     return of_line[0], of_line[1], x[0]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def mean_slopes(
     x: tuple[float, float, float, float],
     rail: float,

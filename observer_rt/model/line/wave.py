@@ -18,10 +18,9 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from observer_rt.foundation.compiled import inner
+from observer_rt.foundation.compiled import compiled, inlined, inner
 from observer_rt.foundation.units import MICROSECOND
 from observer_rt.model.line.interface import register
 from observer_rt.model.line.lump import STIFFNESS_PRESSURE
@@ -44,44 +43,44 @@ MEMORIES = len(FORGETTING)
 FASTER = 3.3e-3  # s^1/2, the integral of what that leaves below .01 ms: it adds to the inertance
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def steps_over(interval: float) -> int:
     """Steps of about `STEP` in an interval [s]."""
     return max(1, round(interval / STEP))
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def cells_of(x: NDArray[np.float64]) -> int:
     """n of a state."""
     cells: int = (x.shape[0] - MEMORIES) // 2 - 1  # of an averaged line, too
     return cells
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def before_at(cells: int) -> int:
     """Place in x of p_n a step before."""
     return 2 * cells + 1
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def memory_at(number: int, cells: int) -> int:
     """Place in x of w_(number + 1)."""
     return 2 * cells + 2 + number
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def pressure_at(cell: int, cells: int) -> int:
     """Place in x of p_i, i = 1 .. n."""
     return 0 if cell == cells else 2 + cell
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def flow_at(face: int, cells: int) -> int:
     """Place in x of q_i, i = 1 .. n."""
     return 1 if face == cells else 1 + cells + face
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def rest(x: NDArray[np.float64], pressure: float) -> None:
     """No flow, one pressure; p_S is left."""
     cells = cells_of(x)
@@ -298,14 +297,14 @@ class WaveLine(_WaveCoefficients):
         return MeanWaveLine(*self)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def fading(number: int, step: float) -> tuple[float, float]:
     """What a step [s] keeps of w_(number + 1), and what it takes of a change of the mean flow."""
     half = 0.5 * step * FORGETTING[number]
     return (1.0 - half) / (1.0 + half), 1.0 / (1.0 + half)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def pull_in_middle(number: int, step: float, memory: float) -> tuple[float, float]:
     """Pull [1/s] in the middle of a step [s] by w_(number + 1) before it, and by the change of flow in it."""
     keep, take = fading(number, step)
@@ -345,7 +344,7 @@ class MeanWaveLine(WaveLine):
         return matrix, moved[order, size - 1]
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def across_joint(share: float, far: float, near: float) -> float:
     """Inertia of a face or compliance of a cell, of which a share (0 to 1) is on the far side of the joint.
 

@@ -5,12 +5,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.estimation.learned import network_of
 from observer_rt.estimation.scalars import NOZZLE, SCALARS, SEAT, Scalars
 from observer_rt.estimation.sensitivity import Parameter
+from observer_rt.foundation.compiled import compiled
 from observer_rt.model.network import HIDDEN, Network, activation, back_pressure_at, flow_changes
 
 LEAST_SAC_PRESSURE = 0.05  # of p_0, below which a change of the nozzle flow is not spoken of
@@ -77,7 +77,7 @@ def nozzle_change(
     return float(_nozzle_change(network_of(theta), x, u, slopes)), slopes
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _nozzle_change(
     network: Network, x: tuple[float, float, float], u: tuple[float, float], slopes: NDArray[np.float64]
 ) -> float:

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
-from numba import njit
 from numba.extending import overload, register_jitable
 from numpy.typing import NDArray
+
+from observer_rt.foundation.compiled import compiled
 
 SUFFICIENT_DECREASE = 1e-4  # rho of (18)
 MOST_TRIALS = 40  # so many that a first inverse far too large still gives a step
@@ -94,7 +95,7 @@ def _search(
     return theta, value, gradient, max_iterations, float(gradient @ (inverse @ gradient)), False
 
 
-_compiled_search = njit(cache=True, nogil=True)(_search)
+_compiled_search = compiled(_search)
 
 
 @register_jitable

@@ -4,9 +4,9 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from observer_rt.foundation.compiled import compiled, inlined
 from observer_rt.model.network import ARGUMENTS, HIDDEN, activation, fast_tanh
 from observer_rt.model.vectors import WIDTH, filled, load, store, sum_of, whole_vectors
 
@@ -63,7 +63,7 @@ def no_fault() -> NDArray[np.float64]:
     return np.zeros(WEIGHTS)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def free_fault(
     x: tuple[float, float, float], u: tuple[float, float], network: FreeNetwork
 ) -> tuple[float, float, float]:
@@ -77,7 +77,7 @@ def free_fault(
     return network.unit * first, network.unit * second, network.unit * third
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _value(cost: "FaultCost", p: NDArray[np.float64]) -> float:
     """J of (10); leaves activations and errors behind. inf where it is not finite."""
     z, sigmas, errors, n = cost.z, cost.sigmas, cost.errors, cost.counts.shape[0]
@@ -99,7 +99,7 @@ def _value(cost: "FaultCost", p: NDArray[np.float64]) -> float:
     return result if math.isfinite(result) else math.inf
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _find_gradient(cost: "FaultCost", p: NDArray[np.float64], gradient: NDArray[np.float64]) -> None:
     """The gradient (13) at the p that J was asked for last, in the order of `free_network`.
 
@@ -123,7 +123,7 @@ def _find_gradient(cost: "FaultCost", p: NDArray[np.float64], gradient: NDArray[
         gradient[i] = -sum_of(load(sums, i * WIDTH))
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def _add(sums: NDArray[np.float64], place: int, more: Any) -> None:
     store(sums, place * WIDTH, load(sums, place * WIDTH) + more)
 

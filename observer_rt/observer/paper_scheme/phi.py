@@ -3,10 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from observer_rt.foundation.compiled import inner
+from observer_rt.foundation.compiled import compiled, inner
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.integrator import Interval
 from observer_rt.model.network import Network
@@ -44,7 +43,7 @@ def _network(phi: FreePhi) -> FreeNetwork:
     return FreeNetwork(phi.hidden, phi.output, phi.bias, phi.unit[0])
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _advance_free(
     phi: FreePhi,
     x: NDArray[np.float64],
@@ -57,7 +56,7 @@ def _advance_free(
     observe(x, interval.start, interval.end, setting, _network(phi))
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _read_free(
     phi: FreePhi,
     x: NDArray[np.float64],
@@ -69,7 +68,7 @@ def _read_free(
     return rows, balanced_rate(x[2], u[1], rows[0], c)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _put_free(phi: FreePhi, posted: FreePhi, slot: int) -> None:
     phi.hidden[:] = posted.hidden[slot]
     phi.output[:] = posted.output[slot]

@@ -16,11 +16,10 @@ nozzle flow lacks is missed by line and sac in this ratio (27).
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Window
-from observer_rt.foundation.compiled import inner
+from observer_rt.foundation.compiled import compiled, inlined, inner
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.integrator import between, integrate
 from observer_rt.model.network import Network
@@ -68,7 +67,7 @@ class _Driven(NamedTuple):
     network: FreeNetwork
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def _measured_between(
     u_start: tuple[float, float, float], u_end: tuple[float, float, float], share: float
 ) -> tuple[float, float, float]:
@@ -77,7 +76,7 @@ def _measured_between(
     return rail, area, u_start[2] + share * (u_end[2] - u_start[2])
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def _identification_rate(
     x: Any, u: tuple[float, float, float], setting: PaperSetting, tangent: None, stage: int
 ) -> Any:
@@ -86,7 +85,7 @@ def _identification_rate(
     return (f[0] + setting.gain * (u[2] - x[0]),) + f[1:]  # noqa: RUF005 - compiled code cannot unpack
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def _observer_rate(x: Any, u: tuple[float, float], driven: _Driven, tangent: None, stage: int) -> Any:
     """x^' of (26)."""
     f = right_hand_side(x, u, driven.setting.coefficients, driven.setting.nominal)
@@ -136,7 +135,7 @@ def observe(
     )
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def balanced_rate(x_3: float, u_2: float, phi_1: float, c: Coefficients) -> float:
     """Q_H^ [m3/s] by the nozzle balance (Q_0/a_1)(a_2 root(x^3) - phi_1): phi_1 is the flow the model lacks.
 
@@ -145,7 +144,7 @@ def balanced_rate(x_3: float, u_2: float, phi_1: float, c: Coefficients) -> floa
     return float(c.flow_scale / c.line.a1 * (c.line.a2_nozzle * nozzle_law(x_3, u_2, 0.0, c.nozzle) - phi_1))
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def sweep(window: Window, setting: PaperSetting, network: FreeNetwork, result: EventPass) -> None:
     """One pass over an event with fixed weights (10) into `result`.
 

@@ -7,9 +7,7 @@ means, for they hold only a part of a ramp.
 
 import math
 
-from numba import njit
-
-from observer_rt.foundation.compiled import inner, inner_separate
+from observer_rt.foundation.compiled import compiled, inlined, inner, inner_separate
 from observer_rt.model.effective import InputTerms
 from observer_rt.model.seat import normalised_area
 from observer_rt.observer.stream.state import RING, Observer
@@ -28,7 +26,7 @@ LOWEST = 15e-6  # m, below which a needle does not stop when it opens
 _MASK = RING - 1
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def dead_band(lift_noise: float) -> tuple[float, float]:
     """Lift [m] above which the needle is open and below which it is shut again, from the lift noise [m]."""
     opens = max(DEAD_BAND_FLOOR, DEAD_BAND_SIGMAS * lift_noise)
@@ -110,7 +108,7 @@ def _is_partial(observer: Observer, position: int) -> int:
     return int(is_first or not _opens_within(observer, position - 1, _reach(observer)))
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def _reach(observer: Observer) -> int:
     """`samples_ahead`."""
     return int(LOOK_BACK + observer.constants.timing.confirm - 1)
@@ -169,7 +167,7 @@ def _recorded_lift(observer: Observer, position: int) -> float:
     return float(inputs.lift_factor * observer.ring[position & _MASK].lift + inputs.lift_shift)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def slope_of_means(partial: float, full: float, slope: float, tolerance: float) -> float:
     """Slope [m a sample] of a straight ramp from 0, of lifts [m] that are means.
 

@@ -2,10 +2,8 @@
 
 import math
 
-from numba import njit
-
 from observer_rt.foundation.bound import call
-from observer_rt.foundation.compiled import inner, inner_separate, separate
+from observer_rt.foundation.compiled import compiled, inner, inner_separate, separate
 from observer_rt.foundation.small_arrays import copy_matrix, copy_vector
 from observer_rt.observer.stream.pair import FURTHEST_OFFSET
 from observer_rt.observer.stream.state import PENDING_EVENTS, Observer, Reason
@@ -137,7 +135,7 @@ def carry_on(observer: Observer, slot: int) -> None:
     copy_matrix(observer.verdicts.gains[slot], observer.gains)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def expect(observer: Observer, at_rest: float) -> None:
     """What innovations of a standard deviation are to be like; at_rest: mean square of coloured ones, needle shut.
 

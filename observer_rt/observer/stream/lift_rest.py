@@ -4,9 +4,7 @@ Sensors creep: after a long opening a shut needle shows some micrometres for mil
 injection would go on for as long.
 """
 
-from numba import njit
-
-from observer_rt.foundation.compiled import inner_separate
+from observer_rt.foundation.compiled import inlined, inner_separate
 from observer_rt.observer.stream.front_end import LOWEST, known
 from observer_rt.observer.stream.lift_step import shift_lifts, shift_zero
 from observer_rt.observer.stream.state import RING, Observer
@@ -16,7 +14,7 @@ BEYOND_SEAT = LOWEST  # m, from which the needle must have come down
 _MASK = RING - 1
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def lingers(observer: Observer, position: int) -> bool:
     """Whether an open needle that is not recorded as shut may be at rest from shortly before `position` on."""
     memory = observer.memory[0]

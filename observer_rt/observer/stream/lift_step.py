@@ -5,9 +5,7 @@ shortly before an opening is gone when the needle sinks. At the lifts in between
 little.
 """
 
-from numba import njit
-
-from observer_rt.foundation.compiled import inner
+from observer_rt.foundation.compiled import inlined, inner
 from observer_rt.observer.stream.front_end import LOWEST
 from observer_rt.observer.stream.state import RING, Observer
 
@@ -27,7 +25,7 @@ LONG_PAST = -RING  # position of a step that there was not
 _MASK = RING - 1
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def follow_step(observer: Observer, position: int, share: float) -> None:
     """At a sample of a needle at rest: look for a step of its lift, and have the zero follow it at once.
 
@@ -84,13 +82,13 @@ def _take_step(observer: Observer, position: int) -> None:
     shift_lifts(observer, position + 1, step)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def since_step(observer: Observer, position: int) -> float:
     """Share of a sample in a mean over those since the last step of the zero."""
     return float(1.0 / (1.0 + _samples(observer) + 0.5 * (position - observer.memory[0].stepped)))
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def forget_step(observer: Observer, position: int) -> None:
     """At a sample with the needle open: once it sinks, the zero is that from before the current."""
     memory = observer.memory[0]

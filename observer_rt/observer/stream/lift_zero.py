@@ -2,9 +2,7 @@
 
 import math
 
-from numba import njit
-
-from observer_rt.foundation.compiled import inner, inner_separate
+from observer_rt.foundation.compiled import inlined, inner, inner_separate
 from observer_rt.foundation.continuity import Break
 from observer_rt.observer.stream.events import forget_opening
 from observer_rt.observer.stream.front_end import dead_band, known
@@ -52,7 +50,7 @@ _MASK = RING - 1
 _START = int(Break.START)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def take_out_zero(observer: Observer, position: int) -> None:
     """Work out the lift of all samples known at `position`: the recorded one without what a shut needle shows.
 
@@ -70,7 +68,7 @@ def take_out_zero(observer: Observer, position: int) -> None:
     memory.lifted = end
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def is_beyond_limit(observer: Observer) -> bool:
     """Whether the zero has gone further than drift does: the needle may not be shut at all."""
     return bool(abs(observer.memory[0].zero) >= LIMIT)
@@ -126,7 +124,7 @@ def follow_lift(observer: Observer, position: int) -> None:
         _find_crosstalk(observer)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def _follow(observer: Observer, position: int, lift: float, share: float) -> None:
     """The zero after a shut needle's lift [m], taken into its mean by a share: the mean, or where it moves to."""
     memory = observer.memory[0]
@@ -149,7 +147,7 @@ def _follow(observer: Observer, position: int, lift: float, share: float) -> Non
     memory.zero = min(max(memory.zero, -LIMIT), LIMIT)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def _move_on(observer: Observer, position: int) -> None:
     """The zero at a sample that does not show it."""
     memory = observer.memory[0]
@@ -157,7 +155,7 @@ def _move_on(observer: Observer, position: int) -> None:
         shift_zero(observer, memory.zero_slope)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def _swing(observer: Observer, line_pressure: float) -> float:
     """Line pressure about its running mean, which begins anew after a jump."""
     memory = observer.memory[0]

@@ -7,9 +7,8 @@ without correction, and what is learned leaves it out; a rail pressure or lift i
 import math
 
 import numpy as np
-from numba import njit
 
-from observer_rt.foundation.compiled import inner, inner_separate
+from observer_rt.foundation.compiled import inlined, inner, inner_separate
 from observer_rt.foundation.continuity import Doubt
 from observer_rt.observer.stream.state import LIFT, LINE, RAIL, RING, Observer
 
@@ -44,7 +43,7 @@ _RAIL, _LIFT, _LINE = np.int64(RAIL), np.int64(LIFT), np.int64(LINE)  # no liter
 _NONE, _FROZEN, _CLIPPED = int(Doubt.NONE), int(Doubt.FROZEN), int(Doubt.CLIPPED)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def inspect(observer: Observer, position: int) -> int:
     """Look at a sample after those before it, and again at those; why it is not to be trusted (`Doubt`)."""
     channels = observer.memory[0].channels
@@ -62,7 +61,7 @@ def inspect(observer: Observer, position: int) -> int:
     return doubt
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def _is_odd(channel, position: int, value: float, restless: float) -> bool:  # type: ignore[no-untyped-def]
     """Take in a value of a channel; whether there is more to be done than for most of them, and for the next.
 
@@ -88,7 +87,7 @@ def _is_odd(channel, position: int, value: float, restless: float) -> bool:  # t
     return bool(position < channel.until)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def accepted(memory, longest: int, innovation: float) -> bool:  # type: ignore[no-untyped-def]
     """Whether an innovation of x~ [p_0] may correct it: not where it leaps, for `longest` samples at most."""
     leap = innovation - memory.accepted_innovation
@@ -167,14 +166,14 @@ def _was_let_go(observer: Observer, position: int) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def _lowest(observer: Observer, position: int) -> float:
     """Of the recorded lifts [m] at a position and the one after it."""
     ring = observer.ring
     return float(min(ring[position & _MASK].needle_lift, ring[(position + 1) & _MASK].needle_lift))
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def _lift_over(observer: Observer, begin: int, end: int) -> float:
     """Recorded lift [m] at a position over that at another one."""
     return float(observer.ring[end & _MASK].needle_lift - observer.ring[begin & _MASK].needle_lift)

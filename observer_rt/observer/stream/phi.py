@@ -4,10 +4,10 @@ from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from numba import njit
 from numba.extending import overload
 from numpy.typing import NDArray
 
+from observer_rt.foundation.compiled import compiled
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.integrator import Interval, advance_over
 from observer_rt.model.network import Network
@@ -67,7 +67,7 @@ def carry(kind: type, advance: Callable[..., Any], read: Callable[..., Any], put
     overload(put_into, strict=False)(chosen(put))
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _advance_structured(
     phi: StructuredPhi,
     x: NDArray[np.float64],
@@ -79,7 +79,7 @@ def _advance_structured(
     advance_over(x, interval, knot, c, network, None)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _read_structured(
     phi: StructuredPhi,
     x: NDArray[np.float64],
@@ -91,7 +91,7 @@ def _read_structured(
     return rows, rate
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _put_structured(phi: StructuredPhi, posted: StructuredPhi, slot: int) -> None:
     """Theta says it."""
 

@@ -1,9 +1,8 @@
 """The observer over its stream of samples: what happens, in which order, at every sample."""
 
 import numpy as np
-from numba import njit
 
-from observer_rt.foundation.compiled import inner, inner_separate, separate
+from observer_rt.foundation.compiled import inlined, inner, inner_separate, separate
 from observer_rt.foundation.continuity import Break, Doubt
 from observer_rt.observer.stream.events import (
     begin_injection,
@@ -128,7 +127,7 @@ def _give_on(observer: Observer, end: int) -> None:
     memory.given_on = max(memory.given_on, end)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def _append(
     observer: Observer,
     index: int,
@@ -194,7 +193,7 @@ def advance_stream(observer: Observer) -> bool:
     return bool(memory.waiting)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def _inspect_ahead(observer: Observer, position: int) -> None:
     """Look for outliers among the samples that must be known at `position`.
 

@@ -5,11 +5,10 @@ from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import correct, predict
-from observer_rt.foundation.compiled import inner, inner_separate
+from observer_rt.foundation.compiled import addressed, inner, inner_separate
 from observer_rt.foundation.referenced import referenced
 from observer_rt.foundation.small_arrays import copy_vector
 from observer_rt.model.borrowed import borrowed
@@ -53,7 +52,7 @@ class Stepper(NamedTuple):
     posted: Phi
 
 
-@njit(cache=True, nogil=True)
+@addressed
 def step(stepper: Stepper, what: int, position: int) -> float:
     """One of `Stepping`; 0 where that says nothing of a result.
 

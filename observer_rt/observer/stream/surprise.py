@@ -1,7 +1,6 @@
 """Whether the innovations have left what noise can do: at every sample, between the judgements of events."""
 
-from numba import njit
-
+from observer_rt.foundation.compiled import compiled, inlined
 from observer_rt.foundation.continuity import Doubt
 from observer_rt.observer.stream.state import Observer
 
@@ -12,7 +11,7 @@ CALM = 2.5  # of the mean square: noise, four standard deviations at most
 _NO_DOUBT = int(Doubt.NONE)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def watch(observer: Observer, innovation: float, doubt: int) -> None:
     """Take in an innovation of x~ [p_0]; what contradicts the model stays so until an event after it has passed.
 
@@ -30,7 +29,7 @@ def watch(observer: Observer, innovation: float, doubt: int) -> None:
         memory.contradicted_in = memory.event_number if memory.in_event else memory.event_number + 1
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def end_contradiction(observer: Observer, is_resting: bool, is_new: bool) -> None:
     """A contradiction that came with the needle long shut is a channel's, and over when that is well again.
 

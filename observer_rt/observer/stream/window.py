@@ -1,15 +1,15 @@
 """Samples of an event, copied out of the ring. Compiled."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from observer_rt.foundation.compiled import compiled
 from observer_rt.observer.stream.state import LINE, RING
 
 _MASK = RING - 1
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def copy_window(
     ring: NDArray[np.void],
     start: int,

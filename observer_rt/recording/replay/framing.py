@@ -7,7 +7,6 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.bus.database.codec import encode_column
@@ -17,7 +16,7 @@ from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.input_tables import MAX_INPUTS, ROLES
 from observer_rt.bus.mapping.timing import Numbering
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench
-from observer_rt.foundation.compiled import inner
+from observer_rt.foundation.compiled import compiled, inner
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.small_arrays import copy_vector
 from observer_rt.foundation.units import MICROMETRE, MILLISECOND
@@ -240,7 +239,7 @@ def _merged(messages: Sequence[Framed]) -> Framed:
     return Framed(numbers[order], due[order], starts, data)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _payloads(values, index, inputs, number, counter):  # type: ignore[no-untyped-def]
     """Frames (n, length) of one input message for samples (m, MAX_INPUTS) [SI] from `index` on."""
     message = inputs.messages[number]

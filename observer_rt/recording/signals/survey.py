@@ -4,8 +4,9 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from observer_rt.foundation.compiled import compiled
 
 
 @dataclass
@@ -78,7 +79,7 @@ class Survey:
             self.openings.take(values)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _summed(values: NDArray[np.float64]) -> tuple[float, float, float, float, int]:
     """Lowest, highest and sum of what is not NaN, the sum of its changes without their signs, and how many."""
     lowest, highest, total, change = math.inf, -math.inf, 0.0, 0.0
@@ -96,7 +97,7 @@ def _summed(values: NDArray[np.float64]) -> tuple[float, float, float, float, in
     return lowest, highest, total, change, count
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _count_rises(
     lift: NDArray[np.float64], last: float, levels: NDArray[np.float64], counts: NDArray[np.int64]
 ) -> float:

@@ -3,8 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from observer_rt.foundation.compiled import compiled
 
 STEP_TOLERANCE = 0.2
 """Largest deviation of one step from the median step, as a share of it: stamps are often printed with few
@@ -147,7 +148,7 @@ def _uneven_step(time: NDArray[np.float64], before: float, period: float) -> Une
     return UnevenTime(row, _describe_step(float(time[row - 1]) if row else before, float(time[row]), period))
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _first_uneven(time: NDArray[np.float64], before: float, period: float) -> int:
     """The first stamp that is not a period [s] after the one before it, which is `before` for row 0; -1: none."""
     for row in range(time.size):
@@ -158,7 +159,7 @@ def _first_uneven(time: NDArray[np.float64], before: float, period: float) -> in
     return -1
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _residuals(time: NDArray[np.float64], begin: float, period: float, row: int) -> tuple[float, float]:
     """Lowest and highest distance [s] of stamps, those from `row` on, from a grid that begins at row 0."""
     lowest, highest = np.inf, -np.inf

@@ -9,13 +9,14 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numba import njit, typeof, types
+from numba import typeof, types
 from numba.core.cgutils import create_struct_proxy
 from numba.experimental import structref
 from numba.extending import intrinsic, overload_attribute
 from numpy.typing import NDArray
 
 from observer_rt.bus.frame_block import FrameBlock
+from observer_rt.foundation.compiled import compiled
 from observer_rt.foundation.referenced import Reference, reference_to
 from observer_rt.observer.observer import with_constants
 from observer_rt.observer.stream.state import Constants, Observer
@@ -37,7 +38,7 @@ class _Held(structref.StructRefProxy):
 structref.define_proxy(_Held, _HeldType, ["leaves"])
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _hold(pipeline):  # type: ignore[no-untyped-def]
     return _Held(pipeline)
 
@@ -58,22 +59,22 @@ def _pipeline(held):  # type: ignore[no-untyped-def]
     return lambda held: _pipeline_in(held)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _handle(held, key, payload, stamp):  # type: ignore[no-untyped-def]
     return handle(held.pipeline, key, payload, stamp)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _listen(held, key, payload, stamp):  # type: ignore[no-untyped-def]
     listen(held.pipeline, key, payload, stamp)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _take_many(held, block, first):  # type: ignore[no-untyped-def]
     return take_many(held.pipeline, block, first)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _proceed(held):  # type: ignore[no-untyped-def]
     return proceed(held.pipeline)
 

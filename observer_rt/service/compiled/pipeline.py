@@ -4,7 +4,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.bus.alignment.alignment import decide, store
@@ -28,7 +27,7 @@ from observer_rt.bus.database.multiplexing import is_selected
 from observer_rt.bus.mapping.input_tables import MAX_INPUTS, MAX_SIGNALS, ROLES, Inputs
 from observer_rt.bus.mapping.timing import Joining, Numbering
 from observer_rt.config.signals import Role
-from observer_rt.foundation.compiled import inner, inner_separate
+from observer_rt.foundation.compiled import inlined, inner, inner_separate
 from observer_rt.foundation.referenced import referenced
 from observer_rt.observer.stream.state import Observer
 from observer_rt.observer.stream.step import advance_stream, push
@@ -75,7 +74,7 @@ class Pipeline(NamedTuple):
     publisher: Publisher
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def handle(pipeline: Pipeline, key: int, payload: NDArray[np.uint8], stamp: int) -> bool:
     """Take one frame, received at `stamp` [ns]; `key` as by `frame_key.frame_key`.
 

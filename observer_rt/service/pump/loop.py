@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numba import njit, typeof, types
+from numba import typeof, types
 from numpy.typing import NDArray
 
 from observer_rt.bus.can_frame import (
@@ -24,7 +24,7 @@ from observer_rt.bus.database.frame_key import BUS as BUS_KEY
 from observer_rt.bus.database.frame_key import EXTENDED as EXTENDED_KEY
 from observer_rt.bus.links.socketcan import SO_RXQ_OVFL
 from observer_rt.bus.links.stamps import SO_TIMESTAMPING, SO_TIMESTAMPNS
-from observer_rt.foundation.compiled import inner
+from observer_rt.foundation.compiled import compiled, inner
 from observer_rt.observer.stream.state import Observer
 from observer_rt.service.compiled.pipeline import Pipeline, handle, proceed
 from observer_rt.service.compiled.publisher import Publisher
@@ -45,7 +45,7 @@ def compiled_for(pump: Pump, held: Any) -> Callable[..., bool]:
     return entry
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def run(pump: Pump, held: Any, wake: int) -> bool:
     """Pump until told to stop, or until Python must do something first: True. Call it again then.
 

@@ -1,9 +1,9 @@
 """Stretches in which the line pressure is far noisier than at rest: a neighbour that is switched, a loose contact."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from observer_rt.foundation.compiled import compiled
 from observer_rt.observer.learning.disturbances.held import Stretch
 
 DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])  # what the level of the noise is measured by at rest
@@ -24,7 +24,7 @@ def bursts_of(y: NDArray[np.float64], noise: float) -> list[Stretch]:
     return [Stretch(int(start), int(end), float(np.mean(y[start:end])), False) for start, end in spans]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _find_loud(y: NDArray[np.float64], noise: float, loud: NDArray[np.bool_]) -> int:
     """Which samples (n,) have a loud mean square round them, and how many."""
     n, before = y.shape[0], LENGTH // 2

@@ -10,10 +10,10 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Window
+from observer_rt.foundation.compiled import compiled
 from observer_rt.observer.learning.disturbances.levels import Sigmas, mask_of, median
 
 SMOOTHED = 5  # samples whose mean tells how far the line pressure goes
@@ -124,7 +124,7 @@ def _pile(
     return Pile(level, changing - constant if is_flat else 0.0)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _reach(means: NDArray[np.float64], masked: NDArray[np.bool_], first: int) -> tuple[float, float]:
     """The highest and the lowest of what is not masked, from sample `first` on."""
     highest, lowest = -np.inf, np.inf
@@ -134,7 +134,7 @@ def _reach(means: NDArray[np.float64], masked: NDArray[np.bool_], first: int) ->
     return highest, lowest
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _gather(
     y: NDArray[np.float64],
     means: NDArray[np.float64],

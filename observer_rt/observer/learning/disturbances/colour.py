@@ -5,12 +5,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.estimation.phases import BLOCKS, deviate
 from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.whitening import Whitening, forgetting_of
+from observer_rt.foundation.compiled import compiled
 from observer_rt.observer.learning.disturbances.levels import mask_of
 from observer_rt.observer.stream.standstill import Standstill
 
@@ -195,7 +195,7 @@ class RestingNoise:
         return -np.linalg.solve(products[1 : order + 1, 1 : order + 1], products[1 : order + 1, 0])
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _take_in(values: NDArray[np.float64], products: NDArray[np.float64], by_lag: NDArray[np.float64]) -> None:
     """Add what values (n,) have in common with those before them.
 

@@ -7,10 +7,10 @@ events it stands out of the noise. While it lasts, it would be taken for wear.
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Window
+from observer_rt.foundation.compiled import compiled
 
 LONGEST_DELAY = 0.45e-3  # s, from the start of energizing to the opening
 SHORTEST_DELAY = 0.12e-3
@@ -75,7 +75,7 @@ class EdgeSearch:
         return Edge(float(products[before] / squares[before]), before)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _compare(
     innovations: NDArray[np.float64],
     shape: NDArray[np.float64],

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Window
+from observer_rt.foundation.compiled import compiled
 from observer_rt.observer.learning.disturbances.levels import Sigmas, mask_of
 
 SHORTEST, LONGEST = 8, 64  # samples of a stretch
@@ -76,7 +76,7 @@ def frozen_stretches(
     return found
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _find_ends(
     y: NDArray[np.float64],
     innovations: NDArray[np.float64],

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Window
 from observer_rt.foundation.bound import Bound, bind
-from observer_rt.foundation.continuity import Break
+from observer_rt.foundation.continuity import Break, make_recorded
 from observer_rt.foundation.units import MILLISECOND
 from observer_rt.model.coefficients import averaged
 from observer_rt.model.effect import SizedEffect
@@ -127,6 +127,7 @@ def make_observer(
         Observer(
             constants,
             np.zeros(1, observer_dtype(knowledge.in_force.size)),
+            make_recorded(),
             np.zeros(RING, SAMPLE),
             np.zeros((RING, constants.coefficients.states)),
             np.zeros((RING, constants.coefficients.states)),

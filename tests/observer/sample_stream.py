@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
 from observer_rt.estimation.gain import NoiseLevels
-from observer_rt.foundation.continuity import Break
+from observer_rt.foundation.continuity import RECORDED, RECORDED_RING, Break
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.observer.judge import judge
@@ -24,8 +24,9 @@ from observer_rt.observer.observer import (
     samples_at,
 )
 from observer_rt.observer.stream.standstill import Standstill, standstill_of
-from observer_rt.observer.stream.state import INJECTIONS, RING, Observer, sample_dtype
-from observer_rt.observer.stream.step import advance_stream, push
+from observer_rt.observer.stream.state import INJECTIONS, LIFT, RING, Observer, sample_dtype
+from observer_rt.observer.stream.state import RAIL as RAIL_CHANNEL
+from observer_rt.observer.stream.step import advance_stream, take_recorded
 
 NOISE = NoiseLevels(rail_pressure=0.1e6, line_pressure=0.15e6, needle_lift=0.4e-6)
 NOMINAL = load_injector()
@@ -33,11 +34,31 @@ RAIL = 100e6  # Pa
 PIECE = 1000  # samples fed between two looks
 
 
+def _push_all(
+    observer: Observer,
+    index: int,
+    rail: NDArray[np.float64],
+    lift: NDArray[np.float64],
+    line: NDArray[np.float64],
+    broken: int,
+    between: tuple[float, float],
+) -> None:
+    """Samples from an index on into the ring of recorded ones, and taken in; between: shares of lift and rail."""
+    recorded = int(observer.memory[0]["recorded"])
+    places = np.arange(recorded, recorded + rail.size) % RECORDED_RING
+    rows = np.zeros(rail.size, RECORDED)
+    rows["index"] = index + np.arange(rail.size)
+    rows["values"] = np.stack([rail, lift, line], axis=1)
+    rows["shares"][:, LIFT], rows["shares"][:, RAIL_CHANNEL] = between
+    if rail.size:
+        rows["broken"][0] = broken
+    observer.recorded[places] = rows
+    _take(observer, recorded + rail.size)
+
+
 @njit(cache=True, nogil=True)
-def _push_all(observer, index, rail, lift, line, broken, between):  # type: ignore[no-untyped-def]
-    for k in range(rail.size):
-        begins = broken if k == 0 else 0
-        push(observer, index + k, rail[k], lift[k], line[k], False, begins, 0, between[0], between[1])
+def _take(observer, end):  # type: ignore[no-untyped-def]
+    take_recorded(observer, end, 0)
 
 
 @dataclass

@@ -8,14 +8,14 @@ from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.estimation.sensitivity import Parameter
-from observer_rt.foundation.continuity import Break
+from observer_rt.foundation.continuity import RECORDED_RING, Break
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND
 from observer_rt.model.sensor import LAG_UNIT
 from observer_rt.observer.learning.knowledge import no_knowledge
 from observer_rt.observer.learning.learner import Learner
 from observer_rt.observer.observer import make_observer
 from observer_rt.observer.stream.state import Observer
-from observer_rt.observer.stream.step import advance_stream, push
+from observer_rt.observer.stream.step import advance_stream, take_recorded
 from observer_rt.service.compiled.constants import bench_constants, configured_noise
 from tools.benchmarks.score import SampleTime
 from tools.benchmarks.scoring import bench_at
@@ -37,6 +37,7 @@ LEARNED = {
     Parameter.BACK_PRESSURE: 0.02,
 }
 """In force while timed: everything the observer can have learned."""
+_MASK = RECORDED_RING - 1
 _START, _NONE = int(Break.START), int(Break.NONE)
 
 
@@ -44,8 +45,13 @@ _START, _NONE = int(Break.START), int(Break.NONE)
 def run_samples(observer: Observer, inputs: NDArray[np.float64], first_index: int) -> None:
     """Samples (n, 3) of rail pressure [Pa], needle lift [m] and line pressure [Pa], one by one through the step."""
     for k in range(inputs.shape[0]):
-        broken = _START if first_index + k == 0 else _NONE
-        push(observer, first_index + k, inputs[k, 0], inputs[k, 1], inputs[k, 2], False, broken)
+        number = observer.memory[0].recorded
+        row = observer.recorded[number & _MASK]
+        row.index = first_index + k
+        for channel in range(3):
+            row.values[channel] = inputs[k, channel]
+        row.broken = _START if first_index + k == 0 else _NONE
+        take_recorded(observer, number + 1, 0)
         advance_stream(observer)
 
 

@@ -13,13 +13,14 @@ from observer_rt.bus.mapping.input_tables import MAX_INPUTS, ROLES
 from observer_rt.bus.mapping.timing import MAX_INTERPOLATED, SLOTS
 from observer_rt.config.signals import Role
 from observer_rt.foundation.compiled import inner, inner_separate, separate
-from observer_rt.foundation.continuity import Break
+from observer_rt.foundation.continuity import RECORDED_RING, Break
 
 # What no sensor of an injector can mean [Pa, m, Pa]: a value beyond it, or none at all, is missing.
 IMPOSSIBLE = np.array([1e-2 if role is Role.NEEDLE_LIFT else 1e9 for role in ROLES])
 PATIENCE = SLOTS // 2  # samples that wait for a message before it counts as stale
 NO_FRONTIER = np.iinfo(np.int64).max
 _MASK = SLOTS - 1
+_RECORDED_MASK = RECORDED_RING - 1
 NEEDLE_LIFT = ROLES.index(Role.NEEDLE_LIFT)
 
 
@@ -53,7 +54,7 @@ def is_stale(alignment: Alignment) -> bool:
 
 @separate
 def decide(alignment: Alignment) -> None:
-    """Queue every sample that all messages have passed; a follower that stays away is not waited for long."""
+    """Write to the ring what all messages have passed; a follower that stays away is not waited for long."""
     memory = alignment.memory[0]
     frontier = NO_FRONTIER
     for m in range(memory.stream_count):
@@ -71,7 +72,7 @@ def decide(alignment: Alignment) -> None:
 
 @inner_separate
 def decide_until(alignment: Alignment, frontier: int) -> None:
-    """Queue the complete samples before `frontier`; the others are missing."""
+    """Write the complete samples before `frontier`; the others are missing."""
     memory = alignment.memory[0]
     complete = (1 << MAX_INPUTS) - 1
     if not memory.begun and not _begin(alignment):
@@ -131,7 +132,7 @@ def _frontier_of(alignment: Alignment, follower, others: int) -> int:  # type: i
 
 @inner_separate
 def _pass_on(alignment: Alignment, slot):  # type: ignore[no-untyped-def]
-    """Queue a complete sample, with what its distance from the last one means."""
+    """Write a complete sample to the ring, with what its distance from the last one means."""
     memory = alignment.memory[0]
     gap = slot.index - memory.last_index - 1
     broken = Break.NONE.value
@@ -167,8 +168,8 @@ def _pass_on(alignment: Alignment, slot):  # type: ignore[no-untyped-def]
 @inner
 def _append(alignment: Alignment, index: int):  # type: ignore[no-untyped-def]
     memory = alignment.memory[0]
-    row = alignment.queue[memory.ready]
-    memory.ready += 1
+    row = alignment.recorded[memory.decided & _RECORDED_MASK]
+    memory.decided += 1
     row.index = index
     row.interpolated = False
     row.broken = Break.NONE

@@ -1,4 +1,4 @@
-"""What the alignment remembers: streams of messages, samples that wait, samples decided."""
+"""What the alignment remembers: streams of messages and samples that wait."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -63,17 +63,6 @@ SLOT = np.dtype(
     align=True,
 )
 
-ALIGNED = np.dtype(
-    [
-        ("index", np.int64),
-        ("values", np.float64, (MAX_INPUTS,)),  # SI, in the order of ROLES
-        ("shares", np.float64, (MAX_INPUTS,)),
-        ("interpolated", np.bool_),
-        ("broken", np.int8),  # Break
-    ],
-    align=True,
-)
-
 ALIGNMENT = np.dtype(
     [
         ("streams", STREAM, (MAX_INPUTS,)),
@@ -86,7 +75,7 @@ ALIGNMENT = np.dtype(
         ("last_index", np.int64),  # of the last sample passed on
         ("last_values", np.float64, (MAX_INPUTS,)),
         ("closed_lift", np.float64),  # m, at or below which the needle is closed
-        ("ready", np.int64),  # samples in the queue
+        ("decided", np.int64),  # samples written to the ring
         # counters
         ("lost", np.int64),  # samples
         ("repeated", np.int64),  # blocks
@@ -100,19 +89,21 @@ ALIGNMENT = np.dtype(
 
 @referenced()
 class Alignment(NamedTuple):
-    """Alignment as compiled functions see it; `queue` holds `memory[0].ready` decided samples for the caller."""
+    """Alignment as compiled functions see it; `memory[0].decided` samples were written to `recorded`."""
 
     memory: NDArray[np.void]  # (1,) ALIGNMENT
     slots: NDArray[np.void]  # (SLOTS,) SLOT
-    queue: NDArray[np.void]  # (2 SLOTS,) ALIGNED
+    recorded: NDArray[np.void]  # (RECORDED_RING,) RECORDED
 
 
-def make_alignment(following: Sequence[Following | None], closed_lift: float) -> Alignment:
+def make_alignment(
+    following: Sequence[Following | None], closed_lift: float, recorded: NDArray[np.void]
+) -> Alignment:
     """Empty alignment of messages on the grid (None, or in part) and others that follow it.
 
-    `closed_lift` [m] bounds the lift of a closed needle.
+    `closed_lift` [m] bounds the lift of a closed needle; `recorded`: the ring it writes to.
     """
-    alignment = Alignment(np.zeros(1, ALIGNMENT), np.zeros(SLOTS, SLOT), np.zeros(2 * SLOTS, ALIGNED))
+    alignment = Alignment(np.zeros(1, ALIGNMENT), np.zeros(SLOTS, SLOT), recorded)
     memory = alignment.memory[0]
     memory["stream_count"] = len(following)
     for number, follows in enumerate(following):

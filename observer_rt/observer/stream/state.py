@@ -19,7 +19,6 @@ from observer_rt.observer.stream.verdict import Verdicts, carried
 RING = 1 << 15  # samples remembered: 0.33 s at 100 kHz
 MAX_EVENT = RING // 2  # samples; a longer event is not learned
 RAIL, LIFT, LINE = range(3)  # numbers of the channels
-WAITING = 1 << 11  # samples, with those before them, while the delay of a channel is undone
 PENDING_EVENTS = 512  # closed, not yet judged: the longest learning delay over the shortest event gap
 INJECTIONS = 1024  # finished, not yet reported; of more, the oldest are forgotten
 
@@ -163,26 +162,10 @@ INJECTION = np.dtype(
     align=True,
 )
 
-RECORDED = np.dtype(
-    [
-        ("index", np.int64),
-        ("rail_pressure", np.float64),  # Pa, m, Pa
-        ("needle_lift", np.float64),
-        ("line_pressure", np.float64),
-        ("lift_after", np.float64),  # see `_SAMPLE`
-        ("rail_share", np.float64),
-        ("interpolated", np.bool_),
-        ("broken", np.int64),
-        ("doubt", np.int64),
-    ],
-    align=True,
-)
-
 _OBSERVER = [
-    # samples as recorded, where something of the channels is undone: recorded >= given_on
-    ("waiting_samples", RECORDED, (WAITING,)),
-    ("recorded", np.int64),
-    ("given_on", np.int64),
+    # numbers of recorded samples: recorded >= given_on
+    ("recorded", np.int64),  # taken in
+    ("given_on", np.int64),  # what is stated of their channels is undone
     ("unbroken_since", np.int64),  # number of the first sample since the last break
     # positions in the stream of samples: received >= inspected >= processed
     ("received", np.int64),
@@ -363,6 +346,7 @@ class Observer(NamedTuple):
 
     constants: Constants
     memory: NDArray[np.void]  # (1,) `observer_dtype`
+    recorded: NDArray[np.void]  # (RECORDED_RING,) `RECORDED`
     ring: NDArray[np.void]  # (RING,) `SAMPLE`
     x_tilde: NDArray[np.float64]  # (RING, states) of the samples in the ring
     x_hat: NDArray[np.float64]

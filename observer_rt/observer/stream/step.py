@@ -1,9 +1,11 @@
 """The observer over its stream of samples: what happens, in which order, at every sample."""
 
+from typing import Any
+
 import numpy as np
 
 from observer_rt.foundation.compiled import inlined, inner, inner_separate, separate
-from observer_rt.foundation.continuity import Break, Doubt
+from observer_rt.foundation.continuity import RECORDED_RING, Break, Doubt
 from observer_rt.observer.stream.events import (
     begin_injection,
     break_event,
@@ -30,11 +32,11 @@ from observer_rt.observer.stream.lift_zero import follow_lift, is_beyond_limit, 
 from observer_rt.observer.stream.outliers import inspect
 from observer_rt.observer.stream.pair import start_pair, step_pair
 from observer_rt.observer.stream.standstill import gather
-from observer_rt.observer.stream.state import LINE, MAX_EVENT, RAIL, RING, WAITING, Observer, Reason, State
-from observer_rt.observer.stream.undoing import keep_waiting, true_lift, true_rail_pressure
+from observer_rt.observer.stream.state import LIFT, LINE, MAX_EVENT, RAIL, RING, Observer, Reason, State
+from observer_rt.observer.stream.undoing import true_lift, true_rail_pressure
 
 _MASK = RING - 1
-_WAITING_MASK = WAITING - 1
+_RECORDED_MASK = RECORDED_RING - 1
 _RESTLESS = MAX_EVENT + RING // 8  # samples without standstill; a needle that is open as long is stuck
 _NONE = int(Break.NONE)
 _JUMP = int(Break.JUMP)
@@ -57,113 +59,64 @@ _DEGRADED = int(State.DEGRADED)
 
 
 @inner_separate
-def push(
-    observer: Observer,
-    index: int,
-    rail_pressure: float,
-    needle_lift: float,
-    line_pressure: float,
-    interpolated: bool,
-    broken: int,
-    doubt: int = 0,
-    lift_after: float = 0.0,
-    rail_share: float = 0.0,
-) -> None:
-    """Append a sample in SI units to the stream.
-
-    `broken` (Break) says why it does not follow the last one, `doubt` (Doubt) why it is not to be trusted,
-    `lift_after` by which share of an interval (0..1) its lift was taken later than the rest of it, `rail_share` that
-    its rail pressure lies between two neighbours and which share (0..1) the later one has in it.
-    """
-    if not observer.constants.undoing.stated:
-        _append(
-            observer,
-            index,
-            rail_pressure,
-            needle_lift,
-            line_pressure,
-            interpolated,
-            broken,
-            doubt,
-            lift_after,
-            rail_share,
-        )
-        return
-    if broken != _NONE:
-        _give_on(observer, observer.memory[0].recorded)  # nothing follows what waits
-    keep_waiting(
-        observer,
-        index,
-        rail_pressure,
-        needle_lift,
-        line_pressure,
-        interpolated,
-        broken,
-        doubt,
-        lift_after,
-        rail_share,
-    )
-    _give_on(observer, observer.memory[0].recorded - observer.constants.undoing.ahead)
+def take_recorded(observer: Observer, end: int, doubt: int) -> None:
+    """Take in the recorded samples up to the number `end`; `doubt` (Doubt) says why they are not to be trusted."""
+    memory = observer.memory[0]
+    ahead = observer.constants.undoing.ahead
+    while memory.recorded < end:
+        number = memory.recorded
+        if observer.recorded[number & _RECORDED_MASK].broken != _NONE:
+            _give_on(observer, number)  # nothing follows what waits
+            memory.unbroken_since = number
+        observer.recorded[number & _RECORDED_MASK].doubt = doubt
+        memory.recorded += 1
+        if doubt != _NO_DOUBT:
+            for earlier in range(memory.given_on, number):
+                observer.recorded[earlier & _RECORDED_MASK].doubt = doubt
+        _give_on(observer, memory.recorded - ahead)
 
 
 @inner_separate
 def _give_on(observer: Observer, end: int) -> None:
-    """Append the samples that wait, up to the number `end`, with what is stated of their channels undone."""
+    """Append the recorded samples up to the number `end`, with what is stated of their channels undone."""
     memory = observer.memory[0]
-    for number in range(memory.given_on, end):
-        row = memory.waiting_samples[number & _WAITING_MASK]
-        _append(
-            observer,
-            row.index,
-            true_rail_pressure(observer, number),
-            true_lift(observer, number),
-            row.line_pressure,
-            row.interpolated,
-            row.broken,
-            row.doubt,
-            row.lift_after,
-            row.rail_share,
-        )
-    memory.given_on = max(memory.given_on, end)
+    is_stated = observer.constants.undoing.stated
+    while memory.given_on < end:
+        number = memory.given_on
+        sample = observer.recorded[number & _RECORDED_MASK]
+        rail_pressure = true_rail_pressure(observer, number) if is_stated else sample.values[RAIL]
+        lift = true_lift(observer, number) if is_stated else sample.values[LIFT]
+        _append(observer, sample, rail_pressure, lift)
+        memory.given_on += 1
 
 
 @inlined
-def _append(
-    observer: Observer,
-    index: int,
-    rail_pressure: float,
-    needle_lift: float,
-    line_pressure: float,
-    interpolated: bool,
-    broken: int,
-    doubt: int,
-    lift_after: float,
-    rail_share: float,
-) -> None:
-    """Into the ring, normalised; arguments as of `push`."""
+def _append(observer: Observer, sample: Any, rail_pressure: float, needle_lift: float) -> None:
+    """Into the ring, normalised."""
     c = observer.constants.coefficients
     inputs = observer.constants.inputs
     memory = observer.memory[0]
     row = observer.ring[memory.received & _MASK]
-    row.index = index
+    row.index = sample.index
     at_rail = inputs.rail_factor * rail_pressure + inputs.rail_shift
     row.rail_pressure = (at_rail - c.chamber_pressure) / c.pressure_scale
     row.needle_lift = needle_lift
-    row.line_pressure = (line_pressure - c.chamber_pressure) / c.pressure_scale
-    row.lift_after = lift_after
-    row.rail_share = rail_share
-    row.interpolated = interpolated
-    row.broken = broken
+    row.line_pressure = (sample.values[LINE] - c.chamber_pressure) / c.pressure_scale
+    row.lift_after = sample.shares[LIFT]
+    row.rail_share = sample.shares[RAIL]
+    row.interpolated = sample.interpolated
+    row.broken = sample.broken
     row.bridged = 0
-    row.doubt = doubt
+    row.doubt = sample.doubt
+    doubt = sample.doubt
     if doubt != _NO_DOUBT:  # it may have begun with samples that still wait for their look-ahead
         first = max(memory.processed, memory.received - observer.constants.timing.lookahead)
         for position in range(first, memory.received):
             observer.ring[position & _MASK].doubt = doubt
-    if broken != _NONE:
+    if sample.broken != _NONE:
         memory.newest_break = memory.received
     memory.received += 1
-    if interpolated:
+    if sample.interpolated:
         memory.interpolated += 1
 
 

@@ -8,11 +8,11 @@ take from one sample beside a corner they give to the next.
 import math
 
 from observer_rt.foundation.compiled import inner
+from observer_rt.foundation.continuity import RECORDED_RING
 from observer_rt.model.effective import InputTerms
-from observer_rt.observer.stream.state import WAITING, Observer, Undoing
+from observer_rt.observer.stream.state import LIFT, RAIL, Observer, Undoing
 
-_MASK = WAITING - 1
-_NO_DOUBT = 0
+_MASK = RECORDED_RING - 1
 
 
 def undoing_of(inputs: InputTerms, interval: float) -> Undoing:
@@ -30,39 +30,6 @@ def louder(lag: float) -> float:
 
 
 @inner
-def keep_waiting(
-    observer: Observer,
-    index: int,
-    rail_pressure: float,
-    needle_lift: float,
-    line_pressure: float,
-    interpolated: bool,
-    broken: int,
-    doubt: int,
-    lift_after: float,
-    rail_share: float,
-) -> None:
-    """Take a sample in, until those after it are known; a doubt is one in all that wait."""
-    memory = observer.memory[0]
-    if broken != 0:
-        memory.unbroken_since = memory.recorded
-    row = memory.waiting_samples[memory.recorded & _MASK]
-    row.index = index
-    row.rail_pressure = rail_pressure
-    row.needle_lift = needle_lift
-    row.line_pressure = line_pressure
-    row.lift_after = lift_after
-    row.rail_share = rail_share
-    row.interpolated = interpolated
-    row.broken = broken
-    row.doubt = doubt
-    memory.recorded += 1
-    if doubt != _NO_DOUBT:
-        for number in range(memory.given_on, memory.recorded):
-            memory.waiting_samples[number & _MASK].doubt = doubt
-
-
-@inner
 def true_rail_pressure(observer: Observer, number: int) -> float:
     """Of the `number`-th sample [Pa]; at the ends of a stretch that of its first or last sample."""
     memory = observer.memory[0]
@@ -70,8 +37,8 @@ def true_rail_pressure(observer: Observer, number: int) -> float:
     last = memory.recorded - 1
     earlier = min(max(number + undoing.rail_late, memory.unbroken_since), last)
     later = min(max(number + undoing.rail_late + 1, memory.unbroken_since), last)
-    start = memory.waiting_samples[earlier & _MASK].rail_pressure
-    end = memory.waiting_samples[later & _MASK].rail_pressure
+    start = observer.recorded[earlier & _MASK].values[RAIL]
+    end = observer.recorded[later & _MASK].values[RAIL]
     return float(start + undoing.rail_fraction * (end - start))
 
 
@@ -81,10 +48,8 @@ def true_lift(observer: Observer, number: int) -> float:
     memory = observer.memory[0]
     before = max(number - 1, memory.unbroken_since)
     after = min(number + 1, memory.recorded - 1)
-    lift = memory.waiting_samples[number & _MASK].needle_lift
+    lift = observer.recorded[number & _MASK].values[LIFT]
     if after == before:
         return float(lift)
-    rise = (
-        memory.waiting_samples[after & _MASK].needle_lift - memory.waiting_samples[before & _MASK].needle_lift
-    )
+    rise = observer.recorded[after & _MASK].values[LIFT] - observer.recorded[before & _MASK].values[LIFT]
     return float(lift + observer.constants.undoing.lift_lag * rise / (after - before))

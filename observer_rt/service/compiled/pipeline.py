@@ -24,20 +24,16 @@ from observer_rt.bus.database import e2e
 from observer_rt.bus.database.codec import decode
 from observer_rt.bus.database.e2e import E2EStatus
 from observer_rt.bus.database.multiplexing import is_selected
-from observer_rt.bus.mapping.input_tables import MAX_INPUTS, MAX_SIGNALS, ROLES, Inputs
+from observer_rt.bus.mapping.input_tables import MAX_INPUTS, MAX_SIGNALS, Inputs
 from observer_rt.bus.mapping.timing import Joining, Numbering
-from observer_rt.config.signals import Role
 from observer_rt.foundation.compiled import inlined, inner, inner_separate
 from observer_rt.foundation.referenced import referenced
 from observer_rt.observer.stream.state import Observer
-from observer_rt.observer.stream.step import advance_stream, push
+from observer_rt.observer.stream.step import advance_stream, take_recorded
 from observer_rt.service.compiled.input_memory import InputMemory, take_inputs
 from observer_rt.service.compiled.publisher import Publisher, publish
 
 MAX_COUNTER_STEP = 15  # larger steps of the E2E counter are a wrong sequence, not a few lost frames
-_RAIL = ROLES.index(Role.RAIL_PRESSURE)
-_LIFT = ROLES.index(Role.NEEDLE_LIFT)
-_LINE = ROLES.index(Role.LINE_PRESSURE)
 
 RECEIVER = np.dtype(
     [
@@ -158,7 +154,9 @@ def _take(pipeline: Pipeline, number: int, payload: NDArray[np.uint8], stamp: in
         receiver.sequence_errors += 1
     receiver.last_counter[number] = counter
     decide(pipeline.alignment)
-    _feed(pipeline)
+    decided = pipeline.alignment.memory[0].decided
+    if decided > pipeline.observer.memory[0].recorded:
+        take_recorded(pipeline.observer, decided, doubt_of(pipeline.keeping))
 
 
 @inner_separate
@@ -236,25 +234,3 @@ def _store(pipeline: Pipeline, group, start):  # type: ignore[no-untyped-def]
         if follower.roles != 0:
             place = float(start + k) if on_grid else place_of(pipeline.keeping, group.stream, start + k)
             follow(pipeline.alignment, group.stream, place - follower.early, receiver.sample)
-
-
-@inner_separate
-def _feed(pipeline: Pipeline) -> None:
-    """Hand the aligned samples to the observer."""
-    alignment = pipeline.alignment.memory[0]
-    doubt = doubt_of(pipeline.keeping)
-    for k in range(alignment.ready):
-        row = pipeline.alignment.queue[k]
-        push(
-            pipeline.observer,
-            row.index,
-            row.values[_RAIL],
-            row.values[_LIFT],
-            row.values[_LINE],
-            row.interpolated,
-            row.broken,
-            doubt,
-            row.shares[_LIFT],
-            row.shares[_RAIL],
-        )
-    alignment.ready = 0

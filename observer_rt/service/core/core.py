@@ -75,6 +75,7 @@ class Core:
         healthy = healthy_injector(fitted)
         may_learn = healthy.adequate and (config.learning.enabled if learning is None else learning)
         assumed = fuel_temperature if config.signals.fuel_temperature else None
+        observer = make_observer(constants, start, learner, healthy)
         self.compiled = CompiledPipeline(
             Pipeline(
                 bus.inputs,
@@ -83,8 +84,8 @@ class Core:
                 make_timekeeping(
                     bus.inputs.timing, bus.inputs.streams["samples"], stream_of(bus, Role.LINE_PRESSURE)
                 ),
-                make_alignment(bus.following, dead_band(noise.needle_lift)[0]),
-                make_observer(constants, start, learner, healthy),
+                make_alignment(bus.following, dead_band(noise.needle_lift)[0], observer.recorded),
+                observer,
                 make_publisher(bus.rate, may_learn),
             )
         )

@@ -10,7 +10,7 @@ from observer_rt.bus.alignment.memory import make_alignment
 from observer_rt.bus.alignment.placing import Placing, place_block
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.config.signals import Role
-from observer_rt.foundation.continuity import Break
+from observer_rt.foundation.continuity import RECORDED_RING, Break, make_recorded
 
 CLOSED_LIFT = 2e-6  # m
 LIFT = ROLES.index(Role.NEEDLE_LIFT)
@@ -65,7 +65,8 @@ class Aligner:
     role_of: Callable[[int], int] = lambda role: role
 
     def __post_init__(self) -> None:
-        self._alignment = make_alignment([None] * len(self.roles), CLOSED_LIFT)
+        self._alignment = make_alignment([None] * len(self.roles), CLOSED_LIFT, make_recorded())
+        self._taken = 0
 
     def take(self, block: Block) -> Placing:
         raw = block.index % WRAP
@@ -79,8 +80,8 @@ class Aligner:
                     number = self.bad.get((role, block.index + k), number)
                     store(self._alignment, self.place_at(start + k), self.role_of(role), number)
             decide(self._alignment)
-        memory = self._alignment.memory
-        for row in self._alignment.queue[: int(memory["ready"][0])]:
+        decided = int(self._alignment.memory["decided"][0])
+        for row in self._alignment.recorded[np.arange(self._taken, decided) % RECORDED_RING]:
             self.rows.append(
                 Row(
                     int(row["index"]),
@@ -89,7 +90,7 @@ class Aligner:
                     Break(int(row["broken"])),
                 )
             )
-        memory["ready"] = 0
+        self._taken = decided
         return Placing(placing)
 
     def take_all(self, blocks: Iterable[Block]) -> "Aligner":

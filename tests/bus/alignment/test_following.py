@@ -17,7 +17,7 @@ from observer_rt.bus.alignment.placing import place_block
 from observer_rt.bus.mapping.input_tables import MAX_INPUTS, ROLES
 from observer_rt.bus.mapping.timing import SLOTS, Following
 from observer_rt.config.signals import Role
-from observer_rt.foundation.continuity import Break
+from observer_rt.foundation.continuity import RECORDED_RING, Break, make_recorded
 from tests.bus.alignment.alignment_driver import CLOSED_LIFT, Row
 
 RAIL = ROLES.index(Role.RAIL_PRESSURE)
@@ -37,7 +37,8 @@ class Joined:
     """Line pressure and lift on the grid, the rail pressure beside it."""
 
     def __init__(self, following: Following) -> None:
-        self._alignment = make_alignment([None, following], CLOSED_LIFT)
+        self._alignment = make_alignment([None, following], CLOSED_LIFT, make_recorded())
+        self._taken = 0
         self._roles = following.roles
         self.rows: list[Row] = []
         self.lift_after: list[float] = []
@@ -72,14 +73,14 @@ class Joined:
 
     def _take(self) -> None:
         decide(self._alignment)
-        memory = self._alignment.memory
-        for row in self._alignment.queue[: int(memory["ready"][0])]:
+        decided = int(self._alignment.memory["decided"][0])
+        for row in self._alignment.recorded[np.arange(self._taken, decided) % RECORDED_RING]:
             values = tuple(float(v) for v in row["values"])
             self.lift_after.append(float(row["shares"][LIFT]))
             self.rows.append(
                 Row(int(row["index"]), values, bool(row["interpolated"]), Break(int(row["broken"])))
             )
-        memory["ready"] = 0
+        self._taken = decided
 
     @property
     def indices(self) -> list[int]:
@@ -231,9 +232,10 @@ def test_lift_that_misses_samples_is_bridged_and_marked() -> None:
 
 def test_means_on_the_grid_count_half_a_sample_before() -> None:
     """Rail pressure and lift of one message with the line pressure, whose samples are means."""
-    alignment = make_alignment([Following(1 << RAIL | 1 << LIFT, 1.0, 3.0, False, 0.5, True)], CLOSED_LIFT)
+    alignment = make_alignment(
+        [Following(1 << RAIL | 1 << LIFT, 1.0, 3.0, False, 0.5, True)], CLOSED_LIFT, make_recorded()
+    )
     values = np.zeros(MAX_INPUTS)
-    rows = []
     for start in range(0, 60, 5):
         place_block(alignment, 0, start, 5, True)
         for index in range(start, start + 5):
@@ -241,8 +243,7 @@ def test_means_on_the_grid_count_half_a_sample_before() -> None:
             values[RAIL], values[LIFT] = line(index - 0.5), 1e-6 * index
             follow(alignment, 0, index - 0.5, values)
         decide(alignment)
-        rows += [row.copy() for row in alignment.queue[: int(alignment.memory[0]["ready"])]]
-        alignment.memory[0]["ready"] = 0
+    rows = alignment.recorded[: int(alignment.memory[0]["decided"])]
     assert [row["index"] for row in rows] == list(range(59))  # the last one waits for the next
     for row in rows:
         index = int(row["index"])
@@ -256,7 +257,7 @@ def test_means_on_the_grid_count_half_a_sample_before() -> None:
 
 
 def test_samples_that_wait_for_a_message_of_the_grid_are_told() -> None:
-    alignment = make_alignment([None, None], CLOSED_LIFT)
+    alignment = make_alignment([None, None], CLOSED_LIFT, make_recorded())
     place_block(alignment, 0, 0, 1, True)
     place_block(alignment, 1, 0, 1, True)
     decide(alignment)

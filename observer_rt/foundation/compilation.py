@@ -75,7 +75,7 @@ def collect_seldom() -> None:
 
     Starting and compiling make millions that stay: a tenth of the time goes by looking through them again and again.
     """
-    gc.set_threshold(50_000, 20, 20)
+    gc.set_threshold(50_000, 5, 2)
 
 
 def unit_of(file: str) -> str:

@@ -37,7 +37,6 @@ from tools.benchmarks.damage import damage_document, damage_table, run_damage
 from tools.benchmarks.discovery import command as discovery_command
 from tools.benchmarks.figures import save_figures
 from tools.benchmarks.formats import formats_document, formats_table, measure_formats
-from tools.benchmarks.frame_time import frame_lines, measure_frame_times
 from tools.benchmarks.kalman_peers import joint_ekf, joint_ukf
 from tools.benchmarks.kills.campaign import Plan as KillPlan
 from tools.benchmarks.kills.campaign import kills_document, kills_table, run_campaign
@@ -162,14 +161,6 @@ def damage(
         messages.print(f"{fault.task}: {fault.said}", markup=False, highlight=False, soft_wrap=True)
     if campaign.faults:
         raise typer.Exit(1)
-
-
-@app.command(epilog="Example: tools/bench frame")
-def frame(as_json: JsonOption = False) -> None:
-    """What a frame of nine samples costs, and what of it the way into compiled code."""
-    times = measure_frame_times()
-    document = {name: time._asdict() for name, time in times._asdict().items()}
-    put_out(as_json, lambda: document, lambda _: print(frame_lines(times)))
 
 
 @app.command(epilog="Example: tools/bench surgery")

@@ -21,7 +21,7 @@ from observer_rt.foundation.referenced import Reference, reference_to
 from observer_rt.observer.observer import with_constants
 from observer_rt.observer.stream.state import Constants, Observer
 from observer_rt.service.compiled.many import take_many
-from observer_rt.service.compiled.pipeline import Pipeline, handle, listen, proceed
+from observer_rt.service.compiled.pipeline import Pipeline, listen, proceed
 
 
 @structref.register
@@ -60,11 +60,6 @@ def _pipeline(held):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _handle(held, key, payload, stamp):  # type: ignore[no-untyped-def]
-    return handle(held.pipeline, key, payload, stamp)
-
-
-@compiled
 def _listen(held, key, payload, stamp):  # type: ignore[no-untyped-def]
     listen(held.pipeline, key, payload, stamp)
 
@@ -92,17 +87,9 @@ class CompiledPipeline:
         return held
 
     @cached_property
-    def _handle(self) -> Any:
-        return _handle.compile(self._of_a_frame)
-
-    @cached_property
     def _listen(self) -> Any:
-        return _listen.compile(self._of_a_frame)
-
-    @property
-    def _of_a_frame(self) -> tuple[types.Type, ...]:
-        """Types of what comes with a frame; its payload is written by nobody."""
-        return typeof(self._held), types.int64, types.Array(types.uint8, 1, "C"), types.int64
+        payload = types.Array(types.uint8, 1, "C")
+        return _listen.compile((typeof(self._held), types.int64, payload, types.int64))
 
     @cached_property
     def _take_many(self) -> Any:
@@ -128,10 +115,6 @@ class CompiledPipeline:
     def observer(self) -> Observer:
         """The pipeline's observer now; not to be kept."""
         return self._pipeline.observer
-
-    def handle(self, key: int, payload: NDArray[np.uint8], stamp: int) -> bool:
-        """Take one frame: see `pipeline.handle`."""
-        return bool(self._handle(self._held, key, payload, stamp))
 
     def listen(self, key: int, payload: NDArray[np.uint8], stamp: int) -> None:
         """Take the samples of one frame without observing them: see `pipeline.listen`."""

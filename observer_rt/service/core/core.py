@@ -11,8 +11,8 @@ from observer_rt.bus.alignment.alignment import is_stale
 from observer_rt.bus.alignment.memory import make_alignment, progress
 from observer_rt.bus.alignment.message_timing import MessageTiming, timing_of
 from observer_rt.bus.alignment.timekeeping import make_timekeeping
-from observer_rt.bus.database.frame_key import frame_key
-from observer_rt.bus.frame_block import FrameBlock
+from observer_rt.bus.frame_block import FrameBlock, block_of
+from observer_rt.bus.links.link import BusFrame, Frame
 from observer_rt.bus.mapping.bus_map import BusMap, stream_of
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.signals import Role
@@ -106,9 +106,7 @@ class Core:
         stamp_ns: when it was received, in nanoseconds on a clock that is the same for all frames of all
         buses. Where all messages of one time base carry an index, it changes no result.
         """
-        key = frame_key(frame_id, is_extended, bus)
-        self._go_on(self.compiled.handle(key, np.frombuffer(payload, np.uint8), stamp_ns))
-        return self._results.taken()
+        return self.handle_many(block_of([BusFrame(bus, Frame(frame_id, payload, stamp_ns, is_extended))]))
 
     def handle_many(self, block: FrameBlock) -> list[OutputFrame]:
         """The same of many frames in arrays, at the speed of compiled code."""

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from observer_rt.bus.database.frame_key import frame_key
+from observer_rt.bus.frame_block import block_of
+from observer_rt.bus.links.link import BusFrame, Frame
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.recording.replay.framing import TimedFrame
@@ -283,9 +284,13 @@ def test_it_changes_no_result(tmp_path: Path, kind: tuple[str, Source]) -> None:
 def test_of_more_commands_than_wait_for_python_the_oldest_are_lost(tmp_path: Path) -> None:
     loaded = load_bench(pulse_bench(tmp_path, Told.SAFE))
     core = Core(loaded.injector, map_bus(loaded))
-    for frame in safe_durations((1e-3 * n, 0.5e-3) for n in range(READINGS + 5)):
-        key = frame_key(frame.frame_id, frame.is_extended, frame.bus)
-        core.compiled.handle(key, np.frombuffer(frame.payload, np.uint8), frame.stamp_ns)
+    commands = safe_durations((1e-3 * n, 0.5e-3) for n in range(READINGS + 5))
+    block, number = (
+        block_of([BusFrame(one.bus, Frame(one.frame_id, one.payload, one.stamp_ns)) for one in commands]),
+        0,
+    )
+    while number < block.frames:
+        number, _ = core.compiled.take_many(block, number)
     core.attend()
     assert core.energizing is not None
     assert core.energizing.commands == READINGS

@@ -22,7 +22,7 @@ from observer_rt.service.view import View
 from tests.device import EPOCH, frames_of, merged
 from tests.evaluation.documents import recording_json
 from tests.recording.canlog.log_cases import sent_log, write_log
-from tests.service.participants import ScriptedLink, assert_warm_up_takes_all, serving, until
+from tests.service.participants import BLOCK_ID, ScriptedLink, assert_warm_up_takes_all, serving, until
 from tests.service.pulse_bench import BED, Told, pulse_bench, triple_bench
 from tests.service.pulse_frames import commands, durations, injected, misfired, samples
 
@@ -175,11 +175,12 @@ def test_view_and_status(tmp_path: Path) -> None:
     bench = load_bench(path)
     view = View("title", bench.injector)
     notes = Notes()
-    link = ScriptedLink(traffic())
+    frames = traffic()
+    link = ScriptedLink(frames)
     daemon = Daemon(bench, map_bus(bench), [link], listeners=[view.hear, notes])
     view.watch(daemon)
     with serving(daemon) as stop:
-        until(link.empty.is_set)
+        until(lambda: daemon.core.frames_taken == sum(frame.frame_id == BLOCK_ID for frame in frames))
         stop.set()
     screen = io.StringIO()
     Console(file=screen, width=80, color_system=None).print(view.render(time.monotonic_ns(), 80, 24))

@@ -15,17 +15,31 @@ COMMANDS = [command.callback.__name__ for command in REGISTERED if command.callb
 HEADINGS = list(dict.fromkeys(str(command.rich_help_panel) for command in REGISTERED))
 
 
+EACH_HELP = """
+import sys
+from observer_rt.__main__ import main
+for arguments in sys.argv[1:]:
+    print(end=chr(12), flush=True)
+    sys.argv = ["observer-rt", *arguments.split()]
+    try:
+        main()
+    except SystemExit:
+        pass
+"""
+
+
 @cache
-def said(*arguments: str) -> str:
-    """What the program prints to these arguments, on a narrow terminal."""
+def helps() -> dict[str, str]:
+    """What the program prints to the arguments that ask for help, on a narrow terminal."""
+    asked = [f"{command} {option}".strip() for command in ("", *COMMANDS) for option in ("-h", "--help")]
     done = subprocess.run(
-        [sys.executable, "-m", "observer_rt", *arguments], capture_output=True, text=True, check=True
+        [sys.executable, "-c", EACH_HELP, *asked], capture_output=True, text=True, check=True
     )
-    return done.stdout
+    return dict(zip(asked, done.stdout.split("\f")[1:], strict=True))
 
 
 def test_the_list_of_commands_cuts_no_sentence() -> None:
-    listed = said("-h").split(f"\n{HEADINGS[0]}:\n")[1].split("\n\n  Every command")[0]
+    listed = helps()["-h"].split(f"\n{HEADINGS[0]}:\n")[1].split("\n\n  Every command")[0]
     assert re.findall(r"^  (\w+)", listed, re.MULTILINE) == COMMANDS
     assert re.findall(r"^(\w[\w ]*):$", listed, re.MULTILINE) == HEADINGS[1:]
     sentences = re.split(r"^  \w+ +", re.sub(r"\n\n.*:\n", "\n", listed), flags=re.MULTILINE)[1:]
@@ -50,20 +64,19 @@ def test_the_page_of_commands_lists_every_one_as_the_program_does() -> None:
 def test_the_page_of_commands_names_options_that_several_have() -> None:
     """As the help of a command that has the option does, without its name."""
     listed = re.findall(r"^\| `(--[\w-]+)`", Page("docs/commands.md").text, re.MULTILINE)
-    helps = [said(command, "-h") for command in COMMANDS]
     assert len(listed) > 5
     for option in listed:
-        assert sum(f"{option} " in text for text in helps) > 1, option
+        assert sum(f"{option} " in helps()[f"{command} -h"] for command in COMMANDS) > 1, option
 
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_help_names_no_types_and_has_an_example(command: str) -> None:
-    text = said(command, "-h")
-    assert text == said(command, "--help")
+    text = helps()[f"{command} -h"]
+    assert text == helps()[f"{command} --help"]
     assert not re.search(r"<\w+(\[\w+\])?( range)?>", text)
     assert f"Example: observer-rt {command}" in text
     assert EXIT_CODES in " ".join(text.split())
 
 
 def test_completion_can_be_installed() -> None:
-    assert "--install-completion" in said("--help")
+    assert "--install-completion" in helps()["--help"]

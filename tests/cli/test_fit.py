@@ -59,6 +59,7 @@ def test_a_fit_writes_the_file_the_figure_and_says_what_it_is_worth(
     assert evaluated.code == 0
 
 
+@pytest.mark.slow
 def test_json_holds_all_of_it(
     command: Command, healthy: tuple[Path, ...], wrong: Path, tmp_path: Path
 ) -> None:

@@ -12,7 +12,7 @@ from observer_rt.estimation.sensitivity import PARAMETERS
 from observer_rt.model.coefficients import Coefficients, averaged, coefficients
 from observer_rt.model.integrator import Interval, advance_over
 from observer_rt.model.line.interface import rest_line
-from observer_rt.model.line.wave import steps_over
+from observer_rt.model.line.wave import WaveLine, steps_over
 from observer_rt.model.network import constant_network
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.right_hand_side import tangent_of
@@ -53,7 +53,7 @@ def test_the_integral_is_that_of_the_pressure_and_changes_nothing_else(line: dic
     plain = coefficients(parameters)
     fine = 10e-6
     # of a wave one implicit step each: the sac takes part of it, and the pressure has a middle only
-    at_once, each = (steps_over(length) if plain.line.staggered else 40 for length in (PERIOD, fine))
+    at_once, each = (steps_over(length) if isinstance(plain.line, WaveLine) else 40 for length in (PERIOD, fine))
     once, often = at_rest(averaged(plain)), at_rest(plain)
     differences = []
     for k in range(60):

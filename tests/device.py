@@ -31,7 +31,7 @@ from observer_rt.service.core.core import Core
 from observer_rt.service.core.messages import OutputFrame
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import Notes
-from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
 from tests.benches import SAMPLE_RATE
@@ -59,7 +59,7 @@ def simulated(
     """
     schedule = make_schedule(list(pressures), injections, 0.05, [1.1e-3])
     effects = (sized("orifice_area", v_H=v_h),)
-    return simulate(load_injector(), schedule, rate, effects, NoiseLevels(), measured_rate, seed).recording
+    return simulate(load_injector(), schedule, rate, effects, SimulatedNoise(), measured_rate, seed).recording
 
 
 def worn_recording(injections: int = 4, v_h: float = 0.3) -> Recording:

@@ -3,7 +3,7 @@
 import math
 
 from observer_rt.bus.mapping.bus_map import BusMap
-from observer_rt.bus.mapping.energizing import Energizing
+from observer_rt.bus.mapping.energizing import EnergizingLayout
 from observer_rt.bus.mapping.optional_inputs import SlowSignal
 from observer_rt.check.findings import Finding, Level, graded
 from observer_rt.config.bench import BenchInjector
@@ -89,7 +89,7 @@ def _energizing(fitted: BenchInjector, bus: BusMap) -> list[Finding]:
     return findings
 
 
-def _accuracy(fitted: BenchInjector, energizing: Energizing) -> Finding:
+def _accuracy(fitted: BenchInjector, energizing: EnergizingLayout) -> Finding:
     sample = 1.0 / fitted.config.sampling.rate_hz
     name = f"{energizing.layout.name}: opening delays"
     between = 0.0

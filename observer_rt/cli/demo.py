@@ -32,10 +32,10 @@ from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import Notes
-from observer_rt.service.screen.shown import Reference
+from observer_rt.service.screen.shown import ComparedRate
 from observer_rt.service.view import View
 from observer_rt.service.warm_up import warm_up
-from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
 from observer_rt.terminal.stop import stop_on_signals
@@ -95,7 +95,7 @@ class Demo:
         parameters = self.bench.injector.parameters
         rate = self.bench.injector.config.sampling.rate_hz
         worn = (sized("orifice_area", v_H=wear),)
-        simulation = simulate(parameters, schedule, rate, worn, NoiseLevels(), seed=seed)
+        simulation = simulate(parameters, schedule, rate, worn, SimulatedNoise(), seed=seed)
         self.recording: Recording = simulation.recording
         self._true_rate = simulation.truth.injection_rate
         # the model without the wear, at the same lift and rail pressure
@@ -105,11 +105,11 @@ class Demo:
 
     def references(
         self, report: InjectionReport, _rows: NDArray[np.void] | None = None
-    ) -> Sequence[Reference]:
+    ) -> Sequence[ComparedRate]:
         """True and nominal rate and mass of an injection."""
         window = slice(report.start_index, report.end_index + 1)
         return [
-            Reference(name, rate[window], self._mass(rate[window]))
+            ComparedRate(name, rate[window], self._mass(rate[window]))
             for name, rate in (("true", self._true_rate), ("nominal", self._nominal_rate))
         ]
 

@@ -176,7 +176,7 @@ def record(
         ]
         say(messages, f"recording {', '.join(f'{bus.config.interface} {bus.label}' for bus in buses)}")
         further = list(zip(links[1:], names[1:], strict=True))
-        statistics = record_links(links[0], names[0], out, limits, stop, _Line(live, messages), further)
+        statistics = record_links(links[0], names[0], out, limits, stop, _FrameCount(live, messages), further)
     print(json.dumps(statistics.as_json(), indent=2) if as_json else statistics.as_text())
 
 
@@ -221,7 +221,7 @@ def _with_links(bench: Bench, interfaces: list[str] | None, channels: list[str] 
     return replace(bench, config=config)
 
 
-class _Line:
+class _FrameCount:
     """Frames so far, and how many came in a second of late; on a terminal only."""
 
     def __init__(self, live: Live, console: Console) -> None:

@@ -230,7 +230,7 @@ def compare(
 
     if len(runs) < 2:
         raise UserError("DIR", "is one run", "name two folders or more")
-    found = [comparison.Run.read(path) for path in runs]
+    found = [comparison.DiscoveryRun.read(path) for path in runs]
     if as_json:
         print(json.dumps(comparison.as_json(found), indent=2))
         return

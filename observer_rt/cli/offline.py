@@ -77,7 +77,7 @@ def simulate(
     """Simulate a healthy or worn injector; the truth goes to FILE.truth.csv, which the observer never reads."""
     from observer_rt.recording.formats import signal_formats, suffixes_of, write_recording, written
     from observer_rt.simulation.effects import parse_effects, sizes_of
-    from observer_rt.simulation.measurement import NoiseLevels
+    from observer_rt.simulation.measurement import SimulatedNoise
     from observer_rt.simulation.schedule import (
         make_schedule,
         parse_energizing_times,
@@ -112,7 +112,7 @@ def simulate(
     if fuel_temperature is not None:
         parameters = at_temperature(parameters, temperature_of("--fuel-temperature", fuel_temperature))
     deviations = parse_effects(effect or ())
-    levels = NoiseLevels() if noise == "on" else None
+    levels = SimulatedNoise() if noise == "on" else None
     show_compiling(messages)
     with progress_bar(messages, "simulating", 1.0) as progress:
         simulation = simulated(

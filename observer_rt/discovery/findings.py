@@ -6,7 +6,7 @@ from datetime import datetime
 
 from observer_rt.discovery.caveats import Caveat, caveats_of
 from observer_rt.discovery.comparison.disagreement import Disagreement
-from observer_rt.discovery.comparison.gaps import Gaps
+from observer_rt.discovery.comparison.gaps import ModelGaps
 from observer_rt.discovery.comparison.overlays import Overlay
 from observer_rt.discovery.comparison.standstill import StandstillFigure
 from observer_rt.discovery.opinion import Opinion, contradictions
@@ -32,7 +32,7 @@ class Findings:
 
     discovery: Discovery
     where: tuple[Disagreement, ...]
-    gaps: Gaps
+    gaps: ModelGaps
     checks: tuple[StandstillFigure, ...]
     opinion: Opinion | None
     healthy_warning: str

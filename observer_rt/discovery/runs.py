@@ -65,7 +65,7 @@ class Document(_Part):
 
 
 @dataclass(frozen=True)
-class Run:
+class DiscoveryRun:
     """An answer, by the name of its folder as the user gave it."""
 
     name: str
@@ -107,7 +107,7 @@ class Change:
         return abs(self.change) > self.half
 
 
-def changes(before: Run, after: Run) -> tuple[Change, ...]:
+def changes(before: DiscoveryRun, after: DiscoveryRun) -> tuple[Change, ...]:
     """Of every size that both runs found, with one meaning: they began with the same model."""
     if before.document.model.sha256 != after.document.model.sha256:
         return ()
@@ -124,7 +124,7 @@ def changes(before: Run, after: Run) -> tuple[Change, ...]:
     )
 
 
-def as_json(runs: Sequence[Run]) -> dict[str, Any]:
+def as_json(runs: Sequence[DiscoveryRun]) -> dict[str, Any]:
     """The comparison as a document: every run, and the changes from the first to the last."""
     return {
         "schema": SCHEMA,
@@ -150,7 +150,7 @@ def _half(size: Size) -> float:
     return max(size.value - low, high - size.value)
 
 
-def run_table(runs: Sequence[Run]) -> Table:
+def run_table(runs: Sequence[DiscoveryRun]) -> Table:
     """A column a run: verdict, reservations, sizes, gaps before and after, what it was made from."""
     table = Table(box=None, padding=(0, 3, 0, 0), pad_edge=False)
     for heading in ("", *(run.name for run in runs)):
@@ -161,7 +161,7 @@ def run_table(runs: Sequence[Run]) -> Table:
     return table
 
 
-def change_lines(runs: Sequence[Run]) -> list[str]:
+def change_lines(runs: Sequence[DiscoveryRun]) -> list[str]:
     """What changed from the first run to the last, in words."""
     first, last = runs[0].document.model, runs[-1].document.model
     if first.sha256 != last.sha256:
@@ -180,7 +180,7 @@ def _in_words(one: Change) -> str:
     return f"{one.effect} {one.parameter}: {moved} (95 %), {verdict}"
 
 
-def _rows(runs: Sequence[Run], documents: Sequence[Document]) -> Iterator[tuple[str, list[str]]]:
+def _rows(runs: Sequence[DiscoveryRun], documents: Sequence[Document]) -> Iterator[tuple[str, list[str]]]:
     yield "verdict", [document.verdict for document in documents]
     yield "confidence", [f"{document.confidence:.2f}" for document in documents]
     yield "but", ["; ".join(caveat.words for caveat in document.caveats) or "-" for document in documents]

@@ -24,7 +24,7 @@ NOZZLE, SEAT, OFFSET = "orifice_area", "seat_area", "line_pressure_sensor_offset
 """Indicators that have a place of their own in tables and frames."""
 
 
-class Counted(Enum):
+class ScalarUnit(Enum):
     """What the numbers of a row are given in."""
 
     AS_IT_IS = "-"
@@ -33,11 +33,13 @@ class Counted(Enum):
 
     def unit(self, pressure_scale: float) -> float:
         """What theta = 1 is; pressure_scale p_0 [Pa]."""
-        return {Counted.AS_IT_IS: 1.0, Counted.PRESSURE: pressure_scale, Counted.TIME: LAG_UNIT}[self]
+        return {ScalarUnit.AS_IT_IS: 1.0, ScalarUnit.PRESSURE: pressure_scale, ScalarUnit.TIME: LAG_UNIT}[
+            self
+        ]
 
 
 @dataclass(frozen=True)
-class Shown:
+class ShownIndicator:
     """How a parameter is shown as an indicator. si: what theta = 1 is in SI.
 
     effect: that it stands for, and its name among indicators; key: in JSON, unless that is the effect; label: on the
@@ -74,10 +76,10 @@ class Scalar:
     drift: float
     longest_step: float
     bounds: tuple[float, float]
-    counted: Counted = Counted.AS_IT_IS
+    counted: ScalarUnit = ScalarUnit.AS_IT_IS
     gated_from: float | None = None
     columns: int = 1
-    shown: Shown | None = None
+    shown: ShownIndicator | None = None
     change: Callable[[Any, Any], Any] | None = None
     turn: int = 1
 
@@ -127,7 +129,7 @@ class Scalars:
         ]
         return Gate(tuple(column for column, _ in gated), tuple(lowest for _, lowest in gated))
 
-    def shown(self) -> Iterator[tuple[int, Shown]]:
+    def shown(self) -> Iterator[tuple[int, ShownIndicator]]:
         """Column and appearance of what is shown."""
         return ((row.column, row.shown) for row in self.rows if row.shown is not None)
 
@@ -141,32 +143,32 @@ class Scalars:
 # fmt: off
 SCALARS = Scalars((
     Scalar("nozzle_bias", Parameter.NOZZLE_BIAS, prior=0.45, drift=5e-4, longest_step=0.3, bounds=(-0.8, 1.5),
-           shown=Shown(NOZZLE, key="nozzle_v_H")),
+           shown=ShownIndicator(NOZZLE, key="nozzle_v_H")),
     Scalar("nozzle_weight", Parameter.NOZZLE_WEIGHT, prior=0.05, drift=3e-4, longest_step=1.0, bounds=(-1.0, 1.0),
            columns=HIDDEN),
     Scalar("seat_bias", Parameter.SEAT_BIAS, prior=0.4, drift=5e-4, longest_step=0.3, bounds=(-0.8, 1.5),
-           shown=Shown(SEAT, key="seat_v_S")),
+           shown=ShownIndicator(SEAT, key="seat_v_S")),
     Scalar("friction", Parameter.LINE_FRICTION, prior=1.75, drift=2e-3, longest_step=1.2, bounds=(-0.95, 10.0),
-           gated_from=-0.95, shown=Shown("line_friction", label="line friction k"),
+           gated_from=-0.95, shown=ShownIndicator("line_friction", label="line friction k"),
            change=lambda line, k: line.with_friction(k)),
     Scalar("leakage", Parameter.GUIDE_LEAKAGE, prior=0.09, drift=3.3e-4, longest_step=1.0, bounds=(0.0, 1.0),
-           gated_from=0.0, shown=Shown("guide_leakage", lambda c: c.flow_scale / c.pressure_scale,
+           gated_from=0.0, shown=ShownIndicator("guide_leakage", lambda c: c.flow_scale / c.pressure_scale,
                                        label="guide leakage c", unit=("m3/(s Pa)", 1.0)),
            change=lambda line, c: line.with_leakage(c)),
     Scalar("offset", Parameter.LINE_PRESSURE_OFFSET, prior=2.5e6, drift=2e3, longest_step=10e6, bounds=(-10e6, 10e6),
-           counted=Counted.PRESSURE, shown=Shown(OFFSET, lambda c: c.pressure_scale,
+           counted=ScalarUnit.PRESSURE, shown=ShownIndicator(OFFSET, lambda c: c.pressure_scale,
                                                  label="line pressure sensor offset", unit=("MPa", MEGAPASCAL))),
     Scalar("lag", Parameter.SENSOR_LAG, prior=35e-6, drift=0.1e-6, longest_step=25e-6, bounds=(0.0, 0.5e-3),
-           counted=Counted.TIME, gated_from=0.0,
-           shown=Shown("line_pressure_sensor_lag", lambda _: LAG_UNIT, label="line pressure sensor lag",
+           counted=ScalarUnit.TIME, gated_from=0.0,
+           shown=ShownIndicator("line_pressure_sensor_lag", lambda _: LAG_UNIT, label="line pressure sensor lag",
                        unit=("s", 1.0), screen_unit=("us", MICROSECOND))),
     Scalar("stiffness", Parameter.BULK_MODULUS, prior=0.18, drift=2e-4, longest_step=0.12, bounds=(-0.6, 1.0),
-           gated_from=-0.6, shown=Shown("bulk_modulus", label="bulk modulus r"),
+           gated_from=-0.6, shown=ShownIndicator("bulk_modulus", label="bulk modulus r"),
            change=lambda line, r: line.with_stiffness(r), turn=0),
     Scalar("air", Parameter.ENTRAINED_AIR, prior=0.05, drift=1e-4, longest_step=0.04, bounds=(0.0, 0.5),
-           gated_from=0.0, shown=Shown("entrained_air", lambda c: c.compression, label="entrained air g"),
+           gated_from=0.0, shown=ShownIndicator("entrained_air", lambda c: c.compression, label="entrained air g"),
            change=lambda line, g: line.with_air(g)),
     Scalar("back_pressure", Parameter.BACK_PRESSURE, prior=5e6, drift=20e3, longest_step=30e6, bounds=(-30e6, 30e6),
-           counted=Counted.PRESSURE, gated_from=0.0, columns=2),
+           counted=ScalarUnit.PRESSURE, gated_from=0.0, columns=2),
 ))
 # fmt: on

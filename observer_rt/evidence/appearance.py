@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from observer_rt.estimation.phases import Phase, phase_statistics
 from observer_rt.evidence.healthy_shape import ShapeFit, expected, together
-from observer_rt.evidence.likelihood import Evidence, Judged
+from observer_rt.evidence.likelihood import Evidence, JudgedModel
 from observer_rt.evidence.measurement import Measurement
 from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.model.baseline import Appearance, HealthyRemainder, PhaseFigures
@@ -45,9 +45,9 @@ class Signature:
 def signatures(
     evidence: Evidence,
     model: EffectiveModel,
-    judged: Sequence[Judged],
+    judged: Sequence[JudgedModel],
     effects: Sequence[Effect],
-    remaining: Sequence[Judged] | None = None,
+    remaining: Sequence[JudgedModel] | None = None,
 ) -> list[Signature]:
     """Of all effects that have a size, beside a model that was `judged`.
 
@@ -64,8 +64,8 @@ def signatures(
 def _signature(
     evidence: Evidence,
     model: EffectiveModel,
-    judged: Sequence[Judged],
-    remaining: Sequence[Judged],
+    judged: Sequence[JudgedModel],
+    remaining: Sequence[JudgedModel],
     effect: Effect,
 ) -> Signature | None:
     """At the smallest probe that is visible; None where no size has a solution or changes anything."""
@@ -87,7 +87,7 @@ def _signature(
     return found
 
 
-def _residuals(one: Judged) -> NDArray[np.float64]:
+def _residuals(one: JudgedModel) -> NDArray[np.float64]:
     return np.concatenate([one.z, one.rate_z])
 
 
@@ -159,22 +159,22 @@ def with_healthy_offset(measured: Measurement, known: HealthyRemainder | None) -
 
 
 @dataclass(frozen=True)
-class Reference:
+class HealthyAppearance:
     """The size an effect has on the healthy injector as seen by other recordings [SI]: mean, standard deviation."""
 
     mean: float
     sigma: float
 
 
-def reference(appears: Mapping[str, Appearance], signature: Signature) -> Reference:
+def reference(appears: Mapping[str, Appearance], signature: Signature) -> HealthyAppearance:
     """For recordings in which the effect has this signature; 0 and sure where nothing is known of it."""
     known = appears.get(signature.effect.id)
     if known is None:
-        return Reference(0.0, 0.0)
+        return HealthyAppearance(0.0, 0.0)
     weights = signature.information
     by_recordings = float(weights @ weights) / float(np.sum(weights)) ** 2
     si = signature.effect.parameters[0].si
-    return Reference(
+    return HealthyAppearance(
         known.mean * si, si * math.hypot(known.uncertainty, known.scatter * math.sqrt(by_recordings))
     )
 

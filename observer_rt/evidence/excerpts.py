@@ -9,12 +9,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from observer_rt.evidence.gaps import Gaps
+from observer_rt.evidence.gaps import MissingSamples
 from observer_rt.evidence.measurement import (
     COUNTED_LEAD,
     LEAD,
     MARGIN,
-    Found,
+    FoundInjections,
     JudgedEvent,
     LeftOut,
     Measurement,
@@ -105,7 +105,7 @@ def measured(
     if source.grid_samples <= most:
         return measurements([source.collected()])[0]
     refuse_slow(source)
-    chosen, gaps = _Chosen(most), Gaps()
+    chosen, gaps = _Chosen(most), MissingSamples()
     complete = 0
     left_out: list[LeftOut] = []
     for block in _blocks(source.on_one_grid()):
@@ -119,7 +119,7 @@ def measured(
         for event in events:
             chosen.take(_excerpt(block, event, starts))
         progress(block.first + block.samples)
-    return _joined(source, chosen.excerpts(), Found(gaps, complete, tuple(left_out)))
+    return _joined(source, chosen.excerpts(), FoundInjections(gaps, complete, tuple(left_out)))
 
 
 def _blocks(chunks: Iterator[Chunk]) -> Iterator[Chunk]:
@@ -164,7 +164,7 @@ def _excerpt(block: Chunk, event: JudgedEvent, starts: Sequence[int]) -> _Excerp
     return _Excerpt(copied(cut(block, begin, end)), event.moved(-begin))
 
 
-def _joined(source: SignalStream, excerpts: Sequence[_Excerpt], found: Found) -> Measurement:
+def _joined(source: SignalStream, excerpts: Sequence[_Excerpt], found: FoundInjections) -> Measurement:
     """One recording of excerpts, nothing being available between them."""
     events, begin = [], 0
     for excerpt in excerpts:

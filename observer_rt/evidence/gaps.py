@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-class Gaps:
+class MissingSamples:
     """Counts samples, those that are missing, and the gaps these make, while a recording is read."""
 
     def __init__(self) -> None:

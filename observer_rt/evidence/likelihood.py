@@ -66,7 +66,7 @@ def predict(
 
 
 @dataclass(frozen=True, eq=False)
-class Judged:
+class JudgedModel:
     """A model on one recording: normalised innovations (n,) where counted, log of their standard deviation, and
     normalised residuals of the measured rate (m,), the gain error taken out and appended; (0,) without a rate.
     rate_log_sigma: of their standard deviation, beyond that without a lag of the lift; masses: injected in every
@@ -115,7 +115,7 @@ class Trial:
             self._rate_by_lift = self._rate_noise_by_lift(nominal)
             self._rate_sigma = self._rate_sigma_at(0.0)
 
-    def judge(self, model: EffectiveModel) -> Judged | None:
+    def judge(self, model: EffectiveModel) -> JudgedModel | None:
         """Compare with a model; None where its solution is not finite or cannot be had."""
         stable = self._stable(model)
         if stable is None:
@@ -138,7 +138,7 @@ class Trial:
             log_sigma += 0.5 * float(np.mean(np.log(variance)))
         rate_z, rate_log_sigma = self._judged_rate(rate[self._rows.rate_rows + late], model.inputs.lift_lag)
         masses = model.coefficients.density * self._rows.volumes(rate)
-        return Judged(z, log_sigma, rate_z, rate_log_sigma, masses)
+        return JudgedModel(z, log_sigma, rate_z, rate_log_sigma, masses)
 
     def lift_and_rate(
         self, model: EffectiveModel, at_line: bool
@@ -276,7 +276,7 @@ class Evidence:
     def __init__(self, trials: Sequence[Trial]) -> None:
         self.trials = tuple(trials)
 
-    def judge(self, model: EffectiveModel) -> list[Judged] | None:
+    def judge(self, model: EffectiveModel) -> list[JudgedModel] | None:
         """The model on every recording; None where its solution is not finite."""
         judged = [trial.judge(model) for trial in self.trials]
         complete = [one for one in judged if one is not None]
@@ -288,7 +288,7 @@ class Evidence:
         return None if judged is None else residuals_of(judged)
 
 
-def residuals_of(judged: Sequence[Judged]) -> Residuals:
+def residuals_of(judged: Sequence[JudgedModel]) -> Residuals:
     """Residuals of all recordings as one."""
     parts = [part for one in judged for part in (one.z, one.rate_z)]
     return Residuals(

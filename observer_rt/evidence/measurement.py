@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from observer_rt.config.recording import Meaning
 from observer_rt.estimation.gain import NoiseLevels
-from observer_rt.evidence.gaps import Gaps
+from observer_rt.evidence.gaps import MissingSamples
 from observer_rt.evidence.noise import white_noise
 from observer_rt.evidence.openings import Opening, find_openings, ramp_samples
 from observer_rt.foundation.errors import UserError
@@ -66,10 +66,10 @@ class LeftOut:
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundInjections:
     """What there was in a recording. complete: injections that can be judged; left_out: others."""
 
-    gaps: Gaps
+    gaps: MissingSamples
     complete: int
     left_out: tuple[LeftOut, ...]
 
@@ -89,7 +89,7 @@ class Measurement:
     events: tuple[JudgedEvent, ...]
     rail_pressure: float
     duration: float
-    found: Found
+    found: FoundInjections
     stated: tuple[SizedEffect, ...] = ()
 
     @property
@@ -128,9 +128,9 @@ def _whole(recording: Recording) -> Measurement:
     refuse_slow(recording)
     openings = openings_of(recording)
     events, left_out = events_of(recording, openings)
-    gaps = Gaps()
+    gaps = MissingSamples()
     gaps.take(missing_samples(recording))
-    return measurement_of(recording, openings, events, Found(gaps, len(events), left_out))
+    return measurement_of(recording, openings, events, FoundInjections(gaps, len(events), left_out))
 
 
 def refuse_slow(recording: Sampled) -> None:
@@ -144,7 +144,7 @@ def refuse_slow(recording: Sampled) -> None:
 
 
 def measurement_of(
-    recording: Recording, openings: Sequence[Opening], events: tuple[JudgedEvent, ...], found: Found
+    recording: Recording, openings: Sequence[Opening], events: tuple[JudgedEvent, ...], found: FoundInjections
 ) -> Measurement:
     """A recording with its events, of all openings in it, and its noise. Errors as of `measurements`."""
     if not events:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.phases import PhaseStatistics, no_statistics, phase_statistics
-from observer_rt.evidence.likelihood import Evidence, Judged, Trial
+from observer_rt.evidence.likelihood import Evidence, JudgedModel, Trial
 from observer_rt.foundation.units import MEGAPASCAL, MM3_PER_MS
 
 
@@ -37,7 +37,7 @@ Pool = Mapping[Signal, PhaseStatistics]
 """Statistics of each signal, pooled over recordings."""
 
 
-def normalised(one: Judged) -> dict[Signal, NDArray[np.float64]]:
+def normalised(one: JudgedModel) -> dict[Signal, NDArray[np.float64]]:
     """Normalised residuals by signal, without the rate's gain error at the end."""
     parts = {Signal.LINE_PRESSURE: one.z}
     if one.rate_z.size:
@@ -49,7 +49,7 @@ def phases_by_signal(trial: Trial) -> dict[Signal, NDArray[np.int8]]:
     return {Signal.LINE_PRESSURE: trial.phases, Signal.INJECTION_RATE: trial.rate_phases}
 
 
-def pool_of(evidence: Evidence, judged: Sequence[Judged]) -> Pool:
+def pool_of(evidence: Evidence, judged: Sequence[JudgedModel]) -> Pool:
     """Statistics of all recordings together."""
     pool: dict[Signal, PhaseStatistics] = {}
     for trial, one in zip(evidence.trials, judged, strict=True):

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from observer_rt.estimation.phases import Phase
 from observer_rt.evidence.measurement import Measurement
 from observer_rt.fit.choice import Choice, choose
-from observer_rt.fit.held_out import Unexplained
+from observer_rt.fit.held_out import UnexplainedSignal
 from observer_rt.fit.identifiability import interval
 from observer_rt.fit.parts import Part, Weighed, parts_of
 from observer_rt.fit.residuals import Comparison, compared
-from observer_rt.fit.search import ROUGH_ITERATIONS, Failed, Fitted, fine, fitted, rough, settled
+from observer_rt.fit.search import ROUGH_ITERATIONS, FailedStructure, Fitted, fine, fitted, rough, settled
 from observer_rt.fit.starts import explains, searched
 from observer_rt.fit.structures import INERTANCE, STRUCTURES, FreeParameter, Structure
 from observer_rt.fit.suitability import share_between_samples
@@ -28,7 +28,7 @@ LEAST_MASS_SHARE = (
 )
 
 
-class Level(StrEnum):
+class FlowLevel(StrEnum):
     """What the absolute level of flow rests on."""
 
     FILE = "file"
@@ -60,7 +60,7 @@ class Calibrated:
     choice: Choice
     fitted: Fitted
     kept: tuple[FreeParameter, ...]
-    level: Level
+    level: FlowLevel
     comparison: Comparison
 
     @property
@@ -86,7 +86,7 @@ class Calibrated:
         return sizes
 
     @property
-    def left(self) -> Unexplained:
+    def left(self) -> UnexplainedSignal:
         """Of the line pressure."""
         return self.comparison.after
 
@@ -111,11 +111,11 @@ class Calibrated:
         return math.hypot(LEAST_MASS_SHARE, left_out, self.choice.mass_spread, level, between)
 
 
-def level_of(found: Sequence[Measurement], weighed: Mapping[int, Weighed]) -> Level:
+def level_of(found: Sequence[Measurement], weighed: Mapping[int, Weighed]) -> FlowLevel:
     """What tells the level: a rate does so at every sample."""
     if any(one.recording.injection_rate is not None for one in found):
-        return Level.RATE
-    return Level.MASS if weighed else Level.FILE
+        return FlowLevel.RATE
+    return FlowLevel.MASS if weighed else FlowLevel.FILE
 
 
 def calibrate(
@@ -132,13 +132,15 @@ def calibrate(
     level = level_of(found, weighed)
     parts = parts_of(found, weighed)
     coarse, steps = rough(parts), len(structures) + 2
-    tried: list[Fitted | Failed] = []
+    tried: list[Fitted | FailedStructure] = []
     for structure in structures:
         tried.append(_tried(structure, tried, file, level, coarse))
         progress(len(tried) / steps)
     choice = choose(tried)
     if choice is None:
-        reasons = "; ".join(f"{one.structure.name}: {one.reason}" for one in tried if isinstance(one, Failed))
+        reasons = "; ".join(
+            f"{one.structure.name}: {one.reason}" for one in tried if isinstance(one, FailedStructure)
+        )
         raise RunError(f"no structure can be fitted to these recordings\n  {reasons}")
     best, kept = settled(choice.best, file, fine(parts))
     progress((len(structures) + 1) / steps)
@@ -149,13 +151,13 @@ def calibrate(
 
 def _tried(
     structure: Structure,
-    earlier: Sequence[Fitted | Failed],
+    earlier: Sequence[Fitted | FailedStructure],
     file: InjectorParameters,
-    level: Level,
+    level: FlowLevel,
     parts: Sequence[Part],
-) -> Fitted | Failed:
+) -> Fitted | FailedStructure:
     """A structure fitted roughly, from the numbers of the file, or from those of one it is a refinement of."""
-    free = structure.free if level is Level.FILE else (*structure.free, INERTANCE)
+    free = structure.free if level is FlowLevel.FILE else (*structure.free, INERTANCE)
     simpler = [one for one in earlier if isinstance(one, Fitted) and structure.refines(one.structure)]
     if simpler:
         return fitted(structure, simpler[-1].injector, free, parts, ROUGH_ITERATIONS)

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from observer_rt.estimation.phases import Phase
-from observer_rt.fit.held_out import Unexplained
-from observer_rt.fit.search import Failed, Fitted
+from observer_rt.fit.held_out import UnexplainedSignal
+from observer_rt.fit.search import FailedStructure, Fitted
 from observer_rt.model.parameters import LineOutflow
 
 MARGIN, WORST_MARGIN = (
@@ -25,7 +25,7 @@ class Choice:
     """
 
     best: Fitted
-    tried: Sequence[Fitted | Failed]
+    tried: Sequence[Fitted | FailedStructure]
     as_good: Sequence[Fitted]
     reason: str
 
@@ -36,12 +36,12 @@ class Choice:
         return max(abs(_mass(one) / mass - 1.0) for one in self.as_good)
 
 
-def judged_by(one: Fitted) -> Unexplained:
+def judged_by(one: Fitted) -> UnexplainedSignal:
     """What a structure leaves of recordings it was not fitted to; of all, where none could be left out."""
     return one.left if one.held_out is None else one.held_out.unexplained
 
 
-def choose(tried: Sequence[Fitted | Failed]) -> Choice | None:
+def choose(tried: Sequence[Fitted | FailedStructure]) -> Choice | None:
     """None where no structure could be fitted. Of equally good and simple ones that which conserves mass."""
     candidates = [one for one in tried if isinstance(one, Fitted)]
     if not candidates:
@@ -59,7 +59,7 @@ def choose(tried: Sequence[Fitted | Failed]) -> Choice | None:
     return Choice(best, tried, as_good, _reason(best, lowest, candidates, as_good))
 
 
-def _is_as_good(one: Unexplained, best: Unexplained) -> bool:
+def _is_as_good(one: UnexplainedSignal, best: UnexplainedSignal) -> bool:
     return one.mean <= MARGIN * best.mean + NOISE and all(
         not np.isfinite(best.chi2[phase]) or one.chi2[phase] <= WORST_MARGIN * max(best.chi2[phase], 1.0)
         for phase in Phase

@@ -12,7 +12,7 @@ from observer_rt.evidence.figure_look import FOUND, GIVEN, LOOK, MEASURED
 from observer_rt.evidence.operating_points import point_name
 from observer_rt.fit.calibrate import GATE, Calibrated
 from observer_rt.fit.parts import spread
-from observer_rt.fit.residuals import Overlay
+from observer_rt.fit.residuals import PartOverlay
 from observer_rt.fit.words import phase_name, verdict_words
 from observer_rt.foundation.file_errors import file_errors
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
@@ -39,7 +39,7 @@ def draw_fit(path: Path, done: Calibrated) -> None:
             figure.savefig(path, dpi=110)
 
 
-def _overlay(axes: Axes, overlay: Overlay, legend: bool) -> None:
+def _overlay(axes: Axes, overlay: PartOverlay, legend: bool) -> None:
     """The first injection of a part."""
     measurement, one = overlay.part.measurement, overlay.after[0]
     recording, interval = measurement.recording, measurement.interval

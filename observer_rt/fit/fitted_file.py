@@ -20,7 +20,7 @@ from observer_rt.fit.identifiability import interval
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 from observer_rt.model.baseline import Baseline, HealthyRemainder, NoiseFigures, PhaseFigures
 from observer_rt.model.effects import BUILT_IN, effective_model
-from observer_rt.model.parameters import Line
+from observer_rt.model.parameters import LineParameters
 
 ORIGIN = "observer-rt fit"
 BASELINE = "baseline"
@@ -55,7 +55,7 @@ def _tables(entry: Mapping[str, Any]) -> Any:
     return table
 
 
-def _state_line(section: Any, before: Line, after: Line) -> None:
+def _state_line(section: Any, before: LineParameters, after: LineParameters) -> None:
     """What a structure changes in [line]."""
     for key in ("model", "cells", "wall_viscosity", "inlet_loss_factor", "impedance_ratio", "impedance_step"):
         value = getattr(after, key)

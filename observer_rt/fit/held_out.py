@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from observer_rt.estimation.phases import Phase, PhaseStatistics, no_statistics, phase_statistics
 from observer_rt.evidence.bounded_fit import Quadratic, linearise
-from observer_rt.evidence.likelihood import Judged, Trial
+from observer_rt.evidence.likelihood import JudgedModel, Trial
 from observer_rt.fit.problem import Calibration
 
 
 @dataclass(frozen=True)
-class Unexplained:
+class UnexplainedSignal:
     """What a model leaves of a signal: mean squares by phase, 1 where it leaves noise alone; nan without samples.
 
     chi2: of means of 8 samples, which coloured residuals fill (of samples where a phase is shorter); variance: of
@@ -36,11 +36,11 @@ class Unexplained:
         return max(self.chi2, key=lambda phase: np.nan_to_num(self.chi2[phase]))
 
 
-def unexplained(statistics: PhaseStatistics) -> Unexplained:
+def unexplained(statistics: PhaseStatistics) -> UnexplainedSignal:
     """In figures."""
     seen = [phase for phase in Phase if statistics.samples[phase] > 0]
     nothing = dict.fromkeys(Phase, math.nan)
-    return Unexplained(
+    return UnexplainedSignal(
         nothing | {phase: _chi2(statistics, phase) for phase in seen},
         nothing | {phase: statistics.variance(phase) for phase in seen},
         nothing | {phase: statistics.colour(phase) for phase in seen},
@@ -52,12 +52,12 @@ def _chi2(statistics: PhaseStatistics, phase: Phase) -> float:
     return float(statistics.block_squares[phase, 0] / blocks) if blocks else statistics.variance(phase)
 
 
-def line_statistics(trial: Trial, one: Judged) -> PhaseStatistics:
+def line_statistics(trial: Trial, one: JudgedModel) -> PhaseStatistics:
     """Of the line pressure of a part."""
     return phase_statistics(one.z, 1.0, trial.phases, 0)
 
 
-def pooled(calibration: Calibration, judged: Sequence[Judged]) -> Unexplained:
+def pooled(calibration: Calibration, judged: Sequence[JudgedModel]) -> UnexplainedSignal:
     """Of the line pressure of all parts together."""
     total = no_statistics()
     for trial, one in zip(calibration.trials, judged, strict=True):
@@ -65,7 +65,7 @@ def pooled(calibration: Calibration, judged: Sequence[Judged]) -> Unexplained:
     return unexplained(total)
 
 
-def worst_parts(calibration: Calibration, judged: Sequence[Judged]) -> Unexplained:
+def worst_parts(calibration: Calibration, judged: Sequence[JudgedModel]) -> UnexplainedSignal:
     """In each phase that of the part with the most left: what the model gets wrong goes with the operating point."""
     of_parts = [
         unexplained(line_statistics(trial, one))
@@ -75,7 +75,7 @@ def worst_parts(calibration: Calibration, judged: Sequence[Judged]) -> Unexplain
     def largest(figures: Sequence[Mapping[Phase, float]]) -> dict[Phase, float]:
         return {phase: float(np.fmax.reduce([one[phase] for one in figures])) for phase in Phase}
 
-    return Unexplained(
+    return UnexplainedSignal(
         largest([one.chi2 for one in of_parts]),
         largest([one.variance for one in of_parts]),
         largest([one.colour for one in of_parts]),
@@ -90,7 +90,7 @@ class HeldOut:
     out (parts,), which is how sure masses are at operating points nobody fitted.
     """
 
-    unexplained: Unexplained
+    unexplained: UnexplainedSignal
     mass_shift: NDArray[np.float64]
 
 

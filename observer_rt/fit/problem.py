@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.evidence.bounded_fit import Range, Residuals
-from observer_rt.evidence.likelihood import Judged, Trial
+from observer_rt.evidence.likelihood import JudgedModel, Trial
 from observer_rt.fit.parts import Part, standstill_offset
 from observer_rt.fit.structures import FreeParameter, values_of, with_values
 from observer_rt.foundation.units import MEGAPASCAL
@@ -37,7 +37,7 @@ class Calibration:
         self.parts = tuple(parts)
         self._injector = start
         self._trials = [Trial(part.measurement, effective_model(start)) for part in parts]
-        self._kept: list[dict[tuple[float, ...], Judged | None]] = [{} for _ in parts]
+        self._kept: list[dict[tuple[float, ...], JudgedModel | None]] = [{} for _ in parts]
         self.centre = np.concatenate(
             [np.log(values_of(start, free)), [standstill_offset(part) / MEGAPASCAL for part in parts]]
         )
@@ -72,7 +72,7 @@ class Calibration:
         offset = float(theta[len(self.free) + number]) * MEGAPASCAL
         return model.with_terms("sensor", offset=model.sensor.offset + offset)
 
-    def judge(self, theta: NDArray[np.float64], number: int) -> Judged | None:
+    def judge(self, theta: NDArray[np.float64], number: int) -> JudgedModel | None:
         """A part at theta; None where the model has no solution."""
         p = len(self.free)
         key = (*theta[:p].tolist(), float(theta[p + number]))
@@ -84,7 +84,7 @@ class Calibration:
             kept[key] = self._trials[number].judge(model) if _is_stable(model) else None
         return kept[key]
 
-    def judge_all(self, theta: NDArray[np.float64]) -> list[Judged] | None:
+    def judge_all(self, theta: NDArray[np.float64]) -> list[JudgedModel] | None:
         """All parts at theta; None where the model has no solution."""
         judged = [self.judge(theta, number) for number in range(len(self.parts))]
         complete = [one for one in judged if one is not None]
@@ -103,7 +103,7 @@ class Calibration:
         groups.append(((theta - self.centre) / self.prior_sigmas, 0.0))
         return _joined(groups)
 
-    def _groups(self, number: int, one: Judged) -> list[tuple[NDArray[np.float64], float]]:
+    def _groups(self, number: int, one: JudgedModel) -> list[tuple[NDArray[np.float64], float]]:
         part = self.parts[number]
         samples = max(1, round(AVERAGED / part.measurement.interval))
         pressure = _averaged(one.z, samples)

@@ -13,7 +13,7 @@ from rich.table import Table
 from observer_rt.estimation.phases import Phase
 from observer_rt.fit.calibrate import GATE, Calibrated
 from observer_rt.fit.choice import judged_by
-from observer_rt.fit.search import Failed, Fitted
+from observer_rt.fit.search import FailedStructure, Fitted
 from observer_rt.fit.words import kept_words, level_words, oddities, phase_name, verdict_words
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
 from observer_rt.model.baseline import Baseline
@@ -77,8 +77,8 @@ def as_json(done: Calibrated, baseline: Baseline, warnings: Sequence[str]) -> di
     return content
 
 
-def _structure(one: Fitted | Failed) -> dict[str, Any]:
-    if isinstance(one, Failed):
+def _structure(one: Fitted | FailedStructure) -> dict[str, Any]:
+    if isinstance(one, FailedStructure):
         return {"name": one.structure.name, "failed": one.reason}
     return {
         "name": one.structure.name,
@@ -104,7 +104,7 @@ def print_fit(done: Calibrated, console: Console) -> None:
             chosen = "chosen" if one is done.choice.best else ""
             structures.add_row(one.structure.name, *(_figure(chi2[phase]) for phase in Phase), free, chosen)
     console.print(structures)
-    for failed in (one for one in done.choice.tried if isinstance(one, Failed)):
+    for failed in (one for one in done.choice.tried if isinstance(one, FailedStructure)):
         say(console, f"not fitted: {failed.structure.name}: it {failed.reason}")
     say(console, f"chosen: {done.choice.reason}\n")
     say(console, "parameters")

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from observer_rt.estimation.phases import Phase
 from observer_rt.evidence.coverage import is_chosen
-from observer_rt.evidence.likelihood import Evidence, Judged
+from observer_rt.evidence.likelihood import Evidence, JudgedModel
 from observer_rt.evidence.open_loop import Simulated, mass, measured_mass, simulated
 from observer_rt.evidence.pooled import Pool, Signal, pool_of
-from observer_rt.fit.held_out import Unexplained, unexplained
+from observer_rt.fit.held_out import UnexplainedSignal, unexplained
 from observer_rt.fit.parts import Part
 from observer_rt.fit.problem import Calibration
 from observer_rt.foundation.errors import UserError
@@ -49,7 +49,7 @@ class InjectedMass:
 
 
 @dataclass(frozen=True, eq=False)
-class Overlay:
+class PartOverlay:
     """A part with the models run open loop from the opening on; before: empty where the file's has no solution."""
 
     part: Part
@@ -66,18 +66,18 @@ class Comparison:
     """
 
     residuals: Sequence[Residual]
-    after: Unexplained
+    after: UnexplainedSignal
     open_loop: tuple[float, float]
     masses: Sequence[InjectedMass]
-    overlays: Sequence[Overlay]
+    overlays: Sequence[PartOverlay]
 
 
 @dataclass(frozen=True, eq=False)
-class _Seen:
+class _ModelOnParts:
     """A model on all parts."""
 
     pool: Pool
-    judged: Sequence[Judged]
+    judged: Sequence[JudgedModel]
     models: Sequence[EffectiveModel]
     simulated: Sequence[Sequence[Simulated]]
 
@@ -109,27 +109,29 @@ def compared(
         (_open_loop(before, parts), _open_loop(after, parts)),
         _masses(before, after, parts),
         [
-            Overlay(part, () if before is None else before.simulated[i], after.simulated[i])
+            PartOverlay(part, () if before is None else before.simulated[i], after.simulated[i])
             for i, part in enumerate(parts)
         ],
     )
 
 
-def _seen(injector: InjectorParameters, offsets: NDArray[np.float64], parts: Sequence[Part]) -> _Seen | None:
+def _seen(
+    injector: InjectorParameters, offsets: NDArray[np.float64], parts: Sequence[Part]
+) -> _ModelOnParts | None:
     calibration = Calibration(injector, (), parts)
     judged = calibration.judge_all(offsets)
     if judged is None:
         return None
     models = [calibration.model(offsets, number) for number in range(len(parts))]
     runs = [simulated(part.measurement, model) for part, model in zip(parts, models, strict=True)]
-    return _Seen(pool_of(Evidence(calibration.trials), judged), judged, models, runs)
+    return _ModelOnParts(pool_of(Evidence(calibration.trials), judged), judged, models, runs)
 
 
-def _chi2(seen: _Seen | None, signal: Signal, phase: Phase) -> float:
+def _chi2(seen: _ModelOnParts | None, signal: Signal, phase: Phase) -> float:
     return math.nan if seen is None else unexplained(seen.pool[signal]).chi2[phase]
 
 
-def _rms(seen: _Seen | None, parts: Sequence[Part], signal: Signal, phase: Phase) -> float:
+def _rms(seen: _ModelOnParts | None, parts: Sequence[Part], signal: Signal, phase: Phase) -> float:
     """In the signal's unit: normalised mean square times the standard deviation it was normalised by."""
     if seen is None:
         return math.nan
@@ -140,7 +142,7 @@ def _rms(seen: _Seen | None, parts: Sequence[Part], signal: Signal, phase: Phase
     return math.sqrt(variance) * scale * float(np.mean([math.exp(one.log_sigma) for one in seen.judged]))
 
 
-def _open_loop(seen: _Seen | None, parts: Sequence[Part]) -> float:
+def _open_loop(seen: _ModelOnParts | None, parts: Sequence[Part]) -> float:
     if seen is None:
         return math.nan
     errors = [
@@ -151,7 +153,7 @@ def _open_loop(seen: _Seen | None, parts: Sequence[Part]) -> float:
     return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
 
 
-def _masses(before: _Seen | None, after: _Seen, parts: Sequence[Part]) -> list[InjectedMass]:
+def _masses(before: _ModelOnParts | None, after: _ModelOnParts, parts: Sequence[Part]) -> list[InjectedMass]:
     result = []
     for number, part in enumerate(parts):
         measurement = part.measurement

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from observer_rt.evidence.bounded_fit import Minimum, fit
-from observer_rt.evidence.likelihood import Judged
-from observer_rt.fit.held_out import HeldOut, Unexplained, held_out, pooled
+from observer_rt.evidence.likelihood import JudgedModel
+from observer_rt.fit.held_out import HeldOut, UnexplainedSignal, held_out, pooled
 from observer_rt.fit.identifiability import Certainty, certainty
 from observer_rt.fit.parts import Part, thinned
 from observer_rt.fit.problem import Calibration
@@ -29,8 +29,8 @@ class Fitted:
     structure: Structure
     calibration: Calibration
     minimum: Minimum
-    judged: Sequence[Judged]
-    left: Unexplained
+    judged: Sequence[JudgedModel]
+    left: UnexplainedSignal
     held_out: HeldOut | None
 
     @property
@@ -45,7 +45,7 @@ class Fitted:
 
 
 @dataclass(frozen=True)
-class Failed:
+class FailedStructure:
     """A structure that could not be fitted, with the reason."""
 
     structure: Structure
@@ -59,7 +59,7 @@ def fitted(
     parts: Sequence[Part],
     iterations: int,
     spare: float = 1.0,
-) -> Fitted | Failed:
+) -> Fitted | FailedStructure:
     """A structure fitted from the numbers of `start`.
 
     spare: as in `Structure.of`; a line that then has too few cells for its sound speed, or too many, is fitted again.
@@ -67,7 +67,7 @@ def fitted(
     injector = structure.of(start, spare)
     needed = substeps_needed(injector, parts[0].measurement.recording.sample_rate)
     if needed > MAX_SUBSTEPS:
-        return Failed(
+        return FailedStructure(
             structure, f"would need {needed} steps a sample, for its sac is small (at most {MAX_SUBSTEPS})"
         )
     try:
@@ -79,10 +79,10 @@ def fitted(
             injector = again
             calibration, found = _fit(injector, free, parts, iterations)
     except UserError as error:
-        return Failed(structure, error.problem)
+        return FailedStructure(structure, error.problem)
     judged = None if found is None else calibration.judge_all(found.at.theta)
     if found is None or judged is None:
-        return Failed(
+        return FailedStructure(
             structure, "has no finite solution on these recordings from the numbers it was started with"
         )
     left = pooled(calibration, judged)
@@ -120,7 +120,7 @@ def settled(
     while True:
         numbers = _numbers_of(now.injector, best.structure.of(start), left_out)
         again = fitted(best.structure, numbers, free, parts, FINE_ITERATIONS)
-        if isinstance(again, Failed):
+        if isinstance(again, FailedStructure):
             return now, tuple(left_out)
         now = again
         untold = now.certainty.untold

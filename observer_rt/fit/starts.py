@@ -11,7 +11,7 @@ import numpy as np
 
 from observer_rt.fit.parts import Part, thinned
 from observer_rt.fit.problem import Calibration
-from observer_rt.fit.search import Failed, Fitted, fitted
+from observer_rt.fit.search import FailedStructure, Fitted, fitted
 from observer_rt.fit.structures import STIFFNESS, WAVE_DAMPING, FreeParameter, Structure, with_values
 from observer_rt.model.parameters import InjectorParameters
 
@@ -28,7 +28,7 @@ def searched(
     parts: Sequence[Part],
     iterations: int,
     explained: bool,
-) -> Fitted | Failed:
+) -> Fitted | FailedStructure:
     """A structure fitted from the numbers of the file, the line's stiffness and damping being sought first.
 
     A line in one lump has no travelling waves: the file's numbers do. Where a search ends with much unexplained
@@ -38,7 +38,7 @@ def searched(
         return fitted(structure, file, free, parts, iterations)
     few = tuple(thinned(part, 1) for part in parts)
     found = fitted(structure, _best(structure, _around(file), free, few), free, parts, iterations, SPARE)
-    if explained or isinstance(found, Failed) or explains(found):
+    if explained or isinstance(found, FailedStructure) or explains(found):
         return found
     here = found.injector
     again = _best(structure, [here, *_around(here)], free, few)
@@ -48,7 +48,7 @@ def searched(
     return other if isinstance(other, Fitted) and other.minimum.statistic < found.minimum.statistic else found
 
 
-def explains(one: Fitted | Failed) -> bool:
+def explains(one: Fitted | FailedStructure) -> bool:
     """Whether a structure leaves little more than noise."""
     return isinstance(one, Fitted) and one.left.mean < EXPLAINED
 

@@ -1,7 +1,7 @@
 """What a fit says in sentences: level, verdict, what to try."""
 
 from observer_rt.estimation.phases import Phase
-from observer_rt.fit.calibrate import GATE, Calibrated, Level
+from observer_rt.fit.calibrate import GATE, Calibrated, FlowLevel
 from observer_rt.fit.suitability import WORTH_A_WORD, share_between_samples
 
 _SEAT = "check the lift's calibration and the seat's geometry, and run `discover` on these recordings"
@@ -33,9 +33,9 @@ def phase_name(phase: Phase) -> str:
 
 def level_words(done: Calibrated) -> str:
     """What the absolute level of flow rests on."""
-    if done.level is Level.RATE:
+    if done.level is FlowLevel.RATE:
         return f"fixed by the measured injection rate{_FITTED}"
-    if done.level is Level.MASS:
+    if done.level is FlowLevel.MASS:
         return f"fixed by the measured masses{_FITTED}"
     return (
         "rests one to one on A_L/(rho_L L_L) of the file (line.diameter, line.length, fluid.density_line): pressures "

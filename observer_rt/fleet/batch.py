@@ -14,7 +14,7 @@ from observer_rt import __version__
 from observer_rt.config.bench import Bench
 from observer_rt.fleet.cluster import Broken, Jobs
 from observer_rt.fleet.dataset import Dataset
-from observer_rt.fleet.job import Failed, Task, evaluated, hashed
+from observer_rt.fleet.job import FailedFile, Task, evaluated, hashed
 from observer_rt.fleet.vocabulary import OwnEffects
 from observer_rt.fleet.work import Work
 from observer_rt.foundation.compilation import is_complete, note_complete
@@ -24,7 +24,7 @@ from observer_rt.service.state_file import model_hash
 from observer_rt.terminal.console import progress_bar, results, say
 
 if TYPE_CHECKING:
-    from observer_rt.fleet.discovering import Found
+    from observer_rt.fleet.discovering import FoundAnswers
 
 _WAITING = 4  # files at a worker, so that it need not wait for the next
 _COMPILED = "batch"  # in the cache: all code that evaluating a file needs
@@ -45,7 +45,7 @@ class Evaluated:
         return self.done + self.skipped
 
 
-_Outcome = tuple[Path, str, pa.Table | Failed | None]
+_Outcome = tuple[Path, str, pa.Table | FailedFile | None]
 """A file, its hash, and its rows; None: they were there before."""
 
 
@@ -82,7 +82,7 @@ def _outcomes(work: Work, task: Task, paths: Sequence[Path], dataset: Dataset) -
                 begun.add(result)
                 jobs.begin((path, result), evaluated, task, path, result)
             elif isinstance(result, Broken):
-                yield path, sha256, Failed(path, sha256, f"{path}: {result}")
+                yield path, sha256, FailedFile(path, sha256, f"{path}: {result}")
             else:
                 if not compiled and isinstance(result, pa.Table) and result.num_rows:
                     note_complete(_COMPILED)
@@ -92,9 +92,9 @@ def _outcomes(work: Work, task: Task, paths: Sequence[Path], dataset: Dataset) -
 
 
 def _take(
-    dataset: Dataset, counts: Evaluated, path: Path, sha256: str, rows: pa.Table | Failed | None
+    dataset: Dataset, counts: Evaluated, path: Path, sha256: str, rows: pa.Table | FailedFile | None
 ) -> None:
-    if isinstance(rows, Failed):
+    if isinstance(rows, FailedFile):
         dataset.take_failure(rows)
         counts.failed += 1
         return
@@ -122,7 +122,9 @@ def settings_of(
     }
 
 
-def tell(dataset: Dataset, counts: Evaluated, found: "Found | None", as_json: bool, console: Console) -> None:
+def tell(
+    dataset: Dataset, counts: Evaluated, found: "FoundAnswers | None", as_json: bool, console: Console
+) -> None:
     """What came of it: files, and answers if asked for, in words or JSON; those that failed."""
     for failed in dataset.failed:
         say(console, f"left out: {failed.problem}")

@@ -20,7 +20,7 @@ import pyarrow.parquet as pq
 
 from observer_rt.evaluation.replacing import replacing
 from observer_rt.fleet.columns import OLD_NAMES, SCHEMA
-from observer_rt.fleet.job import Failed
+from observer_rt.fleet.job import FailedFile
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.file_errors import file_errors
 
@@ -44,7 +44,7 @@ class Dataset:
             (folder / INJECTIONS).mkdir(parents=True, exist_ok=True)
             self._refuse_other({**settings, "columns": SCHEMA.names})
             self._done = self._read_done()
-        self._failed: list[Failed] = []
+        self._failed: list[FailedFile] = []
         self.injections = 0
         """Rows written since it was opened."""
 
@@ -53,7 +53,7 @@ class Dataset:
         return sha256 in self._done
 
     @property
-    def failed(self) -> tuple[Failed, ...]:
+    def failed(self) -> tuple[FailedFile, ...]:
         """Files without rows."""
         return tuple(self._failed)
 
@@ -68,7 +68,7 @@ class Dataset:
         self._done.add(sha256)
         self.injections += rows.num_rows
 
-    def take_failure(self, failed: Failed) -> None:
+    def take_failure(self, failed: FailedFile) -> None:
         """A file without rows, or one that discovery could not take."""
         self._failed.append(failed)
         with file_errors(self.folder), (self.folder / _ERRORS_SO_FAR).open("a", encoding="utf-8") as errors:
@@ -122,7 +122,7 @@ def write_table(path: Path, table: pa.Table) -> None:
         pq.write_table(table, part)
 
 
-def _row(failed: Failed) -> dict[str, str | None]:
+def _row(failed: FailedFile) -> dict[str, str | None]:
     return {
         "file": None if failed.path is None else str(failed.path),
         "sha256": failed.sha256,

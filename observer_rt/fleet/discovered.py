@@ -14,12 +14,12 @@ import pyarrow as pa
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from observer_rt.discovery.folder import AMENDED, REPORT
-from observer_rt.discovery.runs import Document, Run, size_text
+from observer_rt.discovery.runs import DiscoveryRun, Document, size_text
 from observer_rt.evaluation.replacing import replacing
 from observer_rt.fleet.dataset import write_table
 from observer_rt.fleet.groups import Group
 from observer_rt.fleet.inquiry import Ended
-from observer_rt.fleet.job import Failed
+from observer_rt.fleet.job import FailedFile
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.file_errors import file_errors
 
@@ -82,12 +82,14 @@ class Answers:
         with file_errors(self.place):
             self.place.mkdir(exist_ok=True)
 
-    def left_out(self, group: Group, key: str) -> tuple[Failed, ...] | None:
+    def left_out(self, group: Group, key: str) -> tuple[FailedFile, ...] | None:
         """The recordings that could not be taken, where the group's answer is there; None: it is not."""
         note = _read(self.place / group.folder)
         if note is None or note.problem or note.key != key:
             return None
-        return tuple(Failed(Path(one.file), one.sha256, one.problem, group.injector) for one in note.left_out)
+        return tuple(
+            FailedFile(Path(one.file), one.sha256, one.problem, group.injector) for one in note.left_out
+        )
 
     def take(self, group: Group, key: str, ended: Ended) -> None:
         """The answer is written, or there is none."""
@@ -128,7 +130,7 @@ class Answers:
         if note.problem:
             return row | {"problem": note.problem}
         try:
-            document = Run.read(place).document
+            document = DiscoveryRun.read(place).document
         except UserError as error:
             return row | {"problem": str(error)}
         files: dict[str, str | None] = {

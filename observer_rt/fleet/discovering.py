@@ -15,9 +15,9 @@ from observer_rt.fleet.answer_table import answer_table
 from observer_rt.fleet.cluster import Broken, Jobs
 from observer_rt.fleet.dataset import Dataset, read_injections
 from observer_rt.fleet.discovered import FOLDER, SCHEMA, Answers
-from observer_rt.fleet.groups import NEEDED, Group, Kind, groups_of, kinds_of
+from observer_rt.fleet.groups import NEEDED, Group, ModelGroup, groups_of, kinds_of
 from observer_rt.fleet.inquiry import Ended, Inquiry, discovered
-from observer_rt.fleet.job import Failed
+from observer_rt.fleet.job import FailedFile
 from observer_rt.fleet.vocabulary import OwnEffects
 from observer_rt.fleet.work import Work
 from observer_rt.foundation.file_errors import file_errors
@@ -31,7 +31,7 @@ _WAITING = 2  # groups at a worker, so that it need not wait for the next
 class Discovering:
     """What is asked of every injector. healthy: recordings the model is judged against, by path, with SHA-256."""
 
-    kinds: tuple[Kind, ...]
+    kinds: tuple[ModelGroup, ...]
     healthy: Mapping[Path, str]
     effects: OwnEffects
 
@@ -46,12 +46,12 @@ class Discovering:
                 hashes[path.absolute()] = file_hash(path)
         return cls(kinds_of(bench, pattern), hashes, effects)
 
-    def of_groups(self, work: Work, files: Mapping[str, Path], dataset: Dataset) -> "Found":
+    def of_groups(self, work: Work, files: Mapping[str, Path], dataset: Dataset) -> "FoundAnswers":
         """Have the workers look for what is missing in every injector. files: those of this run by SHA-256.
 
         Raises `RunError` when it is interrupted.
         """
-        answers, found = Answers(dataset.folder), Found(SCHEMA.empty_table())
+        answers, found = Answers(dataset.folder), FoundAnswers(SCHEMA.empty_table())
         groups = groups_of(read_injections(dataset.folder, NEEDED), files, self.kinds)
         keys = {group.injector: group.key(tuple(self.healthy.values())) for group in groups}
         waiting: list[Group] = []
@@ -77,7 +77,7 @@ class Discovering:
 
 
 @dataclass
-class Found:
+class FoundAnswers:
     """How many injectors have an answer, from this run or an earlier one, or none; answers: all there are."""
 
     answers: pa.Table
@@ -131,10 +131,10 @@ def _outcomes(
     jobs.cancel()
 
 
-def _failed(group: Group, ended: Ended) -> Failed:
-    return Failed(None, "", f"injector {group.injector}: {ended.problem}", group.injector)
+def _failed(group: Group, ended: Ended) -> FailedFile:
+    return FailedFile(None, "", f"injector {group.injector}: {ended.problem}", group.injector)
 
 
-def _note(dataset: Dataset, left_out: Sequence[Failed]) -> None:
+def _note(dataset: Dataset, left_out: Sequence[FailedFile]) -> None:
     for failed in left_out:
         dataset.take_failure(failed)

@@ -23,7 +23,7 @@ NEEDED = ("injector", "sha256", "time")
 
 
 @dataclass(frozen=True)
-class Kind:
+class ModelGroup:
     """Injectors of one model. alone: the bench with this injector only; file: its model, which is to be amended."""
 
     alone: Bench
@@ -35,7 +35,7 @@ class Group:
     """Recordings of an injector, by path and SHA-256, the latest first; recordings: how many there are in all."""
 
     injector: str
-    kind: Kind
+    kind: ModelGroup
     files: tuple[tuple[Path, str], ...]
     recordings: int
 
@@ -57,7 +57,7 @@ class Group:
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
 
-def kinds_of(bench: Bench, pattern: str | None) -> tuple[Kind, ...]:
+def kinds_of(bench: Bench, pattern: str | None) -> tuple[ModelGroup, ...]:
     """The injectors of a bench, as discovery needs them.
 
     Raises `UserError` for a bench file or an injector file discovery cannot use, and for names by a pattern where
@@ -73,11 +73,12 @@ def kinds_of(bench: Bench, pattern: str | None) -> tuple[Kind, ...]:
     for injector in bench.injectors:
         effects_on_one_raster(injector)
     return tuple(
-        Kind(alone, InjectorFile.read(alone.injector.parameters_path.absolute())) for alone in bench.each
+        ModelGroup(alone, InjectorFile.read(alone.injector.parameters_path.absolute()))
+        for alone in bench.each
     )
 
 
-def groups_of(rows: pa.Table, files: Mapping[str, Path], kinds: Sequence[Kind]) -> list[Group]:
+def groups_of(rows: pa.Table, files: Mapping[str, Path], kinds: Sequence[ModelGroup]) -> list[Group]:
     """A group for every injector that has injections in the rows of a batch (columns `NEEDED`), by name.
 
     files: paths by SHA-256; rows of other files are left out. kinds: one, or those of a bench by their own names.

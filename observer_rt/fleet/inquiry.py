@@ -17,7 +17,7 @@ from observer_rt.evidence.excerpts import MOST_SAMPLES
 from observer_rt.evidence.measurement import Measurement
 from observer_rt.evidence.reading import hashes, read_measured, refuse_rates_missing, refuse_sample_rates
 from observer_rt.fleet.groups import Group
-from observer_rt.fleet.job import NO_MEMORY, Failed
+from observer_rt.fleet.job import NO_MEMORY, FailedFile
 from observer_rt.fleet.vocabulary import OwnEffects
 from observer_rt.foundation.errors import ObserverError, UserError
 
@@ -44,7 +44,7 @@ class Inquiry:
 class Ended:
     """How it ended. left_out: recordings that could not be taken; problem: why there is no answer, else empty."""
 
-    left_out: tuple[Failed, ...] = ()
+    left_out: tuple[FailedFile, ...] = ()
     problem: str = ""
 
 
@@ -72,7 +72,7 @@ class _Discovery:
         self._parameters = injector.parameters
         self._stated = effects_on_one_raster(injector)
         self._signals = injector.config.signals
-        self.left_out: list[Failed] = []
+        self.left_out: list[FailedFile] = []
 
     def write(self) -> None:
         begin = time.monotonic()
@@ -102,7 +102,7 @@ class _Discovery:
                 refuse_sample_rates(with_first)
                 refuse_rates_missing(with_first)
             except ObserverError as error:
-                self.left_out.append(Failed(name, sha256, str(error), self._group.injector))
+                self.left_out.append(FailedFile(name, sha256, str(error), self._group.injector))
             else:
                 paths.append(path)
                 measured.append(one)

@@ -52,7 +52,7 @@ class Task:
 
 
 @dataclass(frozen=True)
-class Failed:
+class FailedFile:
     """Why a file has no rows, or no part in the discovery of an injector; sha256: empty where it could not be read.
 
     path: None where it is the discovery that failed.
@@ -64,24 +64,24 @@ class Failed:
     injector: str = ""
 
 
-def hashed(path: Path) -> str | Failed:
+def hashed(path: Path) -> str | FailedFile:
     """SHA-256 of a file."""
     try:
         return file_hash(path)
     except OSError as error:
-        return Failed(path, "", f"{path}: {error.strerror}")
+        return FailedFile(path, "", f"{path}: {error.strerror}")
 
 
-def evaluated(task: Task, path: Path, sha256: str) -> pa.Table | Failed:
+def evaluated(task: Task, path: Path, sha256: str) -> pa.Table | FailedFile:
     """The file's injections as rows of `SCHEMA`, of every injector of the bench."""
     try:
         task.effects.use()
         rows = (row for alone in task.bench.each for row in _rows(task, path, sha256, alone))
         return _table(rows)
     except ObserverError as error:
-        return Failed(path, sha256, str(error))
+        return FailedFile(path, sha256, str(error))
     except MemoryError:
-        return Failed(path, sha256, NO_MEMORY)
+        return FailedFile(path, sha256, NO_MEMORY)
     finally:
         gc.collect()  # observer and listener hold each other: without it the next files find their memory taken
 

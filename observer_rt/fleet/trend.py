@@ -42,7 +42,7 @@ class Course:
 
 
 @dataclass(frozen=True, eq=False)
-class Trend:
+class InjectorTrend:
     """An injector's wear: when its recordings were made, and relative changes of flow by indicator.
 
     recordings: all of them, those without a valid estimate included.
@@ -62,7 +62,7 @@ class Trend:
         )
 
 
-def trends(rows: pa.Table) -> list[Trend]:
+def trends(rows: pa.Table) -> list[InjectorTrend]:
     """Of every injector in the rows of a batch (columns `NEEDED`), the most worn first."""
     found = [
         _trend(name, rows.filter(pa.compute.equal(rows["injector"], name)))
@@ -71,7 +71,7 @@ def trends(rows: pa.Table) -> list[Trend]:
     return sorted(found, key=lambda trend: (-trend.wear, trend.injector))
 
 
-def _trend(injector: str, rows: pa.Table) -> Trend:
+def _trend(injector: str, rows: pa.Table) -> InjectorTrend:
     table = rows.to_pandas().sort_values(["time", "number"])
     known = table[table["valid"]].dropna(subset=[value for value, _, _ in _COLUMNS.values()])
     last = known.groupby("sha256", sort=False).tail(1)
@@ -79,7 +79,7 @@ def _trend(injector: str, rows: pa.Table) -> Trend:
     for name, columns in _COLUMNS.items():
         value, low, high = (last[column].to_numpy(float) for column in columns)
         courses[name] = smoothed(value, 0.5 * (high - low) / SURE)
-    return Trend(
+    return InjectorTrend(
         injector,
         tuple(each.to_pydatetime() for each in last["time"]),
         courses,
@@ -134,7 +134,7 @@ def _smoothed(value: Signal, sigma: Signal, drift: float) -> _Smoothed:
     return _Smoothed(level, variance, surprise)
 
 
-def as_json(found: Sequence[Trend]) -> list[dict[str, object]]:
+def as_json(found: Sequence[InjectorTrend]) -> list[dict[str, object]]:
     """For programs: relative changes of flow at the last recordings."""
     return [
         {

@@ -11,7 +11,7 @@ from matplotlib.dates import date2num
 from matplotlib.figure import Figure
 
 from observer_rt import __version__
-from observer_rt.fleet.trend import SURE, Trend
+from observer_rt.fleet.trend import SURE, InjectorTrend
 from observer_rt.foundation.file_errors import file_errors
 from observer_rt.foundation.pages import templates_of
 
@@ -20,7 +20,7 @@ _SIDE_BY_SIDE = 3
 _PAGES = templates_of(__package__)
 
 
-def write_page(path: Path, found: Sequence[Trend], source: Path) -> None:
+def write_page(path: Path, found: Sequence[InjectorTrend], source: Path) -> None:
     """One self-contained HTML page."""
     pictures = [Markup(_svg(trend)) for trend in found]
     page = _PAGES.get_template("trend.html.j2").render(
@@ -30,7 +30,7 @@ def write_page(path: Path, found: Sequence[Trend], source: Path) -> None:
         path.write_text(page, encoding="utf-8")
 
 
-def write_picture(path: Path, found: Sequence[Trend]) -> None:
+def write_picture(path: Path, found: Sequence[InjectorTrend]) -> None:
     """All injectors in one picture; format by suffix."""
     columns = min(_SIDE_BY_SIDE, len(found))
     rows = -(-len(found) // columns)
@@ -48,7 +48,7 @@ def write_picture(path: Path, found: Sequence[Trend]) -> None:
     plt.close(figure)
 
 
-def _svg(trend: Trend) -> str:
+def _svg(trend: InjectorTrend) -> str:
     figure = Figure(figsize=(9.0, 3.0), layout="constrained")
     _draw(figure.add_subplot(), trend)
     text = io.StringIO()
@@ -56,7 +56,7 @@ def _svg(trend: Trend) -> str:
     return text.getvalue().partition("<svg")[1] + text.getvalue().partition("<svg")[2]
 
 
-def _draw(axes: Axes, trend: Trend) -> None:
+def _draw(axes: Axes, trend: InjectorTrend) -> None:
     times = date2num(trend.times)
     axes.xaxis_date()
     for name, course in trend.courses.items():

@@ -11,11 +11,11 @@ Share = Annotated[float, Field(ge=0, le=1)]
 Quotient = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
-class _Section(BaseModel):
+class _BaselineSection(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
-class PhaseFigures(_Section):
+class PhaseFigures(_BaselineSection):
     """A mean square of normalised innovations in each phase of an event, 1 for noise alone; None: not seen."""
 
     standstill: Quotient | None = None
@@ -35,7 +35,7 @@ class PhaseFigures(_Section):
         return 1.0 if value is None else float(value)
 
 
-class NoiseFigures(_Section):
+class NoiseFigures(_BaselineSection):
     """Standard deviation of a sample's white noise at `sample_rate_Hz` of the baseline."""
 
     rail_pressure_MPa: Annotated[float, Field(gt=0)]  # noqa: N815 - units as on screens
@@ -43,7 +43,7 @@ class NoiseFigures(_Section):
     needle_lift_um: Annotated[float, Field(gt=0)]
 
 
-class Appearance(_Section):
+class Appearance(_BaselineSection):
     """What an effect appears to be on the healthy injector, in its unit.
 
     mean: over the recordings; uncertainty: standard deviation of that; scatter: by how much it differs between
@@ -56,7 +56,7 @@ class Appearance(_Section):
     unit: str
 
 
-class HealthyShape(_Section):
+class HealthyShape(_BaselineSection):
     """Mean innovation of the healthy injector [MPa] at the knots of `evidence.healthy_shape`.
 
     After the needle leaves its seat, and after it is back on it; slopes: its change for each 40 MPa of rail pressure
@@ -69,7 +69,7 @@ class HealthyShape(_Section):
     closing_slope: tuple[float, ...]
 
 
-class HealthyRemainder(_Section):
+class HealthyRemainder(_BaselineSection):
     """What `discover` compares with: what the model leaves of the healthy injector.
 
     line_pressure_offset_MPa: mean offset of the line-pressure sensor against the rail's; variance, colour: what is
@@ -83,7 +83,7 @@ class HealthyRemainder(_Section):
     shape: HealthyShape
 
 
-class Baseline(_Section):
+class Baseline(_BaselineSection):
     """What the fitted model leaves unexplained on recordings of the healthy injector.
 
     variance, chi2, colour: of the innovations of the line pressure, of samples, of means of 8, and the larger of

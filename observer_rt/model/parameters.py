@@ -43,7 +43,7 @@ class Fluid(_Section):
     bulk_modulus_slope: Annotated[float, Field(ge=-30e6, le=0)] = -7e6  # dK/dT, Pa/K
 
 
-class Line(_Section):
+class LineParameters(_Section):
     length: Positive  # L_L, m
     diameter: Positive  # m
     volume: Positive  # V_L, m3
@@ -68,14 +68,14 @@ class Line(_Section):
         return math.pi / 4 * self.diameter**2
 
 
-class Seat(_Section):
+class SeatParameters(_Section):
     flow_coefficient: Positive  # alpha_S, -
     diameter: Positive  # d_S, m
     cone_angle: Annotated[float, Field(gt=0, lt=180)]  # full angle, deg
     max_lift: Positive  # m
 
 
-class Nozzle(_Section):
+class NozzleParameters(_Section):
     flow_coefficient: Positive  # alpha_H, -
     holes: Annotated[int, Field(ge=1)]
     hole_diameter: Positive  # m
@@ -140,9 +140,9 @@ class InjectorParameters(_Section):
     line_outflow: LineOutflow = LineOutflow.NOZZLE
     effects: tuple[EffectInForce, ...] = ()
     fluid: Fluid
-    line: Line
-    seat: Seat
-    nozzle: Nozzle
+    line: LineParameters
+    seat: SeatParameters
+    nozzle: NozzleParameters
     chamber: Chamber
     scaling: Scaling = Scaling()
     needle: Needle

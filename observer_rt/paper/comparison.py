@@ -22,7 +22,7 @@ class Estimator(StrEnum):
 
 
 @dataclass(frozen=True)
-class Curves:
+class EstimatorCurves:
     """One injection as an estimator sees it, n samples: x3, phi (n, 3) [1/s], rate [m3/s]."""
 
     x_3: NDArray[np.float64]
@@ -39,8 +39,8 @@ class WearCase:
 
     nozzle_wear: float
     time: NDArray[np.float64]
-    truth: Curves
-    estimates: dict[Estimator, Curves]
+    truth: EstimatorCurves
+    estimates: dict[Estimator, EstimatorCurves]
     law_rate: NDArray[np.float64]
     rejected: int
     """Trainings of `Estimator.PAPER_TESTED` that the adoption test refused."""

@@ -23,7 +23,7 @@ from observer_rt.observer.paper_scheme.training import (
     train,
 )
 from observer_rt.observer.stream.standstill import Standstill
-from observer_rt.paper.comparison import Curves, Estimator, GainCase, Study, WearCase
+from observer_rt.paper.comparison import Estimator, EstimatorCurves, GainCase, Study, WearCase
 from observer_rt.paper.event import (
     InjectionWindow,
     injection_windows,
@@ -88,7 +88,7 @@ def _wear_case(bench: Bench, sample_rate: float, gain: float, wear: float) -> We
     return WearCase(
         nozzle_wear=wear,
         time=single.truth.time[span] - FIRST_EVENT,
-        truth=Curves(x[:, 2], true_fault(x, u, c, wear), single.truth.injection_rate[span]),
+        truth=EstimatorCurves(x[:, 2], true_fault(x, u, c, wear), single.truth.injection_rate[span]),
         estimates={
             Estimator.MODEL: scheme.estimate(scheme.trained(0)),
             Estimator.PAPER: paper,
@@ -102,12 +102,14 @@ def _wear_case(bench: Bench, sample_rate: float, gain: float, wear: float) -> We
     )
 
 
-def _ours(bench: Bench, learned_from: Simulation, seen: Simulation, injection: InjectionWindow) -> Curves:
+def _ours(
+    bench: Bench, learned_from: Simulation, seen: Simulation, injection: InjectionWindow
+) -> EstimatorCurves:
     """What our observer, having learned from one recording, says of an injection of another, or the same."""
     knowledge = evaluate(bench, [learned_from.recording]).knowledge
     (evaluation,) = evaluate(bench, [seen.recording], knowledge, learning=False).evaluations
     trace, span = evaluation.trace, injection.span
-    return Curves(trace.x[span, 2], trace.phi[span], trace.injection_rate[span])
+    return EstimatorCurves(trace.x[span, 2], trace.phi[span], trace.injection_rate[span])
 
 
 def _gain_case(bench: Bench, sample_rate: float, gain: float) -> GainCase:
@@ -160,7 +162,7 @@ class _Scheme:
             rejected += outcome.adoption is not Adoption.ADOPTED
         return learner.network, rejected
 
-    def estimate(self, network: FreeNetwork) -> Curves:
+    def estimate(self, network: FreeNetwork) -> EstimatorCurves:
         """The observer with this network over the injection."""
         seen = swept(self._window, self._setting, network)
-        return Curves(seen.x[self._span, 2], seen.phi[self._span], seen.rate[self._span])
+        return EstimatorCurves(seen.x[self._span, 2], seen.phi[self._span], seen.rate[self._span])

@@ -38,7 +38,7 @@ _AT_ONCE = 1 << 25  # bytes
 
 
 @dataclass(frozen=True)
-class Reference:
+class DataReference:
     """A field of a record that says where its data begin, among those of the group at a place."""
 
     byte: int
@@ -54,7 +54,7 @@ class ChannelGroup:
     record_id: int
     length: int | None
     stated: int
-    references: tuple[Reference, ...] = ()
+    references: tuple[DataReference, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ class GroupCount(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Counted:
+class CountedRecords:
     """Records of a file, and what is odd about them. groups: by place, those that are not as stated, for it is sent
     from process to process."""
 
@@ -238,7 +238,7 @@ class Blocks:
             for group, first in zip(found, first_channels, strict=True)
         ]
 
-    def _references(self, place: int) -> Iterator[Reference]:
+    def _references(self, place: int) -> Iterator[DataReference]:
         """To data of variable length, of the channels from a place on and those they are made of."""
         waiting = [place]
         while waiting:
@@ -252,7 +252,7 @@ class Blocks:
                 continue
             kind, bit, byte, bits = _CHANNEL.unpack_from(block.content)
             if kind == _VARIABLE_CHANNEL and bit == 0 and bits in (8, 16, 32, 64):
-                yield Reference(byte, bits // 8, block.links[5])
+                yield DataReference(byte, bits // 8, block.links[5])
             waiting += block.links[:2]
 
     def _pieces(self, place: int) -> Iterator[Piece]:

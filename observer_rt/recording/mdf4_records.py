@@ -19,10 +19,10 @@ from observer_rt.recording.mdf4_blocks import (
     DAMAGE,
     Blocks,
     ChannelGroup,
-    Counted,
+    CountedRecords,
     DataGroup,
+    DataReference,
     GroupCount,
-    Reference,
     refuse_other_files,
 )
 
@@ -35,7 +35,7 @@ _UNKNOWN_ID = -1
 _VARIABLE = -1  # length of records that say their own
 
 
-def count_records(path: Path) -> Counted:
+def count_records(path: Path) -> CountedRecords:
     """Raises `UserError` for a file that is none of MDF 4, or damaged: at the byte where no record can follow."""
     with file_errors(path):
         refuse_other_files(path)
@@ -43,14 +43,14 @@ def count_records(path: Path) -> Counted:
             with path.open("rb") as file:
                 blocks = Blocks(file, path.stat().st_size)
                 if not blocks.has_lists:
-                    return Counted({}, (UNFINISHED_LIST,))
+                    return CountedRecords({}, (UNFINISHED_LIST,))
                 groups: dict[int, GroupCount] = {}
                 remarks: list[str] = []
                 for group in blocks.data_groups():
                     counts, said = (_of_several if group.id_size else _of_one)(blocks, group)
                     groups |= {place: count for place, count in counts.items() if not count.is_as_stated}
                     remarks += said
-                return Counted(groups, tuple(remarks))
+                return CountedRecords(groups, tuple(remarks))
         except DAMAGE as error:
             remedy = error.remedy if isinstance(error, _RecordError) else READABLE
             raise UserError(str(path), f"a damaged MDF file: {error}", remedy) from None
@@ -220,7 +220,7 @@ class _Field:
     """A reference of the records of a group, and where each of them leads."""
 
     group: ChannelGroup
-    reference: Reference
+    reference: DataReference
     offsets: list[NDArray[np.uint64]] = field(default_factory=list)
 
     def __post_init__(self) -> None:

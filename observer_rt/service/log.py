@@ -41,7 +41,7 @@ class ServiceLog:
 
         quiet: leave to the view what it shows. Raises `OSError` when the file cannot be opened.
         """
-        line = _JournalLine() if is_journal(console.file, environment) else _Line()
+        line = _JournalLine() if is_journal(console.file, environment) else _LogLine()
         shown = _Shown(console, line)
         if quiet:
             shown.addFilter(lambda record: record.__dict__["topic"] not in QUIET_TOPICS)
@@ -49,7 +49,7 @@ class ServiceLog:
         self._outlets = [screen]
         if file is not None:
             written = WatchedFileHandler(file, encoding="utf-8")
-            written.setFormatter(_Line())
+            written.setFormatter(_LogLine())
             self._outlets.append(_Outlet(written, partial(_tell_loss, screen, f"lines for {file}")))
         self._records: _Outlet | None = None
         if stream is not None:
@@ -134,7 +134,7 @@ def _now() -> datetime:
     return datetime.now(UTC).astimezone()
 
 
-class _Line(logging.Formatter):
+class _LogLine(logging.Formatter):
     """`2026-03-01T12:00:00.000+01:00 WARNING input: text`."""
 
     def format(self, record: logging.LogRecord) -> str:

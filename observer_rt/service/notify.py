@@ -49,7 +49,7 @@ class Notifier:
             self._socket.sendto(message.encode(), self._address)
 
 
-class Pulse:
+class WatchdogPulse:
     """Feeds the watchdog for several loops: when all that run have gone round, and not while one hangs."""
 
     def __init__(self, notifier: Notifier, loops: int) -> None:

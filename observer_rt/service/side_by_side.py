@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from observer_rt.foundation.errors import CombinedError, ObserverError
 from observer_rt.service.injector_service import InjectorService
 from observer_rt.service.learning_queue import LearningQueue
-from observer_rt.service.notify import Notifier, Pulse
+from observer_rt.service.notify import Notifier, WatchdogPulse
 
 
 def serve_side_by_side(
@@ -45,7 +45,7 @@ class _Together:
     ) -> None:
         self._services = services
         self._stop = stop
-        self._pulse = Pulse(notifier, len(services))
+        self._pulse = WatchdogPulse(notifier, len(services))
         self._learning = LearningQueue()
         self._lock = threading.Lock()
         self._running = len(services)

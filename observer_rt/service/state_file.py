@@ -20,7 +20,7 @@ from observer_rt.estimation.whitening import Whitening
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.model.parameters import InjectorParameters, Scaling
 from observer_rt.observer.learning.disturbances.colour import Colour
-from observer_rt.observer.learning.familiarity import OperatingPoint
+from observer_rt.observer.learning.familiarity import EventPoint
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.service.plausible_knowledge import problem_of
 
@@ -76,7 +76,7 @@ class _Content(BaseModel, strict=True):
     noise: _Noise
     colour: _Colour | None = None  # of files without it, the noise is taken for white until an event tells
     learned_at: list[
-        OperatingPoint
+        EventPoint
     ] = []  # of files without it, every operating point counts as new until learned at
 
 

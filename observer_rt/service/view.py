@@ -13,7 +13,7 @@ from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import MeasuredMass, News
 from observer_rt.service.screen.curves import LOWEST, curves
 from observer_rt.service.screen.injections import HEADING, injections, last_injection
-from observer_rt.service.screen.shown import NominalModel, References, Shown
+from observer_rt.service.screen.shown import NominalInjection, References, ShownInjection
 from observer_rt.service.screen.status import heading, lines
 from observer_rt.service.words import is_good
 
@@ -30,13 +30,13 @@ class View:
 
     def __init__(self, title: str, fitted: BenchInjector, references: References | None = None) -> None:
         """references: worked out when drawn, not on the loop's time; None: the model as given."""
-        nominal = NominalModel(fitted)
+        nominal = NominalInjection(fitted)
         self._title = title
         self._name = fitted.name
         self._sample_rate = fitted.config.sampling.rate_hz
         self._coefficients = nominal.coefficients
         self._references: References = references or nominal
-        self._shown: deque[Shown] = deque(maxlen=REMEMBERED)
+        self._shown: deque[ShownInjection] = deque(maxlen=REMEMBERED)
         self._daemon: Daemon | None = None
         self._noise_text, self._noise_due = "", 0
 
@@ -47,7 +47,7 @@ class View:
     def hear(self, news: News) -> None:
         """Take in an injection, and later its measured mass; a listener."""
         if isinstance(news, InjectionReport) and self._daemon is not None:
-            self._shown.append(Shown(news, self._daemon.core.rows(news.start, news.end + 1)))
+            self._shown.append(ShownInjection(news, self._daemon.core.rows(news.start, news.end + 1)))
         elif isinstance(news, MeasuredMass):
             for shown in self._shown:
                 if shown.report is news.report:

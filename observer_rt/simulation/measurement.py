@@ -29,7 +29,7 @@ LIFT = Quantisation(lowest=-5000, multiple=1.0, divisor=1e8)
 
 
 @dataclass(frozen=True)
-class NoiseLevels:
+class SimulatedNoise:
     """Standard deviations of white noise per sample, whatever the sample rate."""
 
     rail_pressure: float = 0.1e6

@@ -22,7 +22,7 @@ from observer_rt.recording.signals.writers import (
     Column,
     write_columns,
 )
-from observer_rt.simulation.measurement import LIFT, PRESSURE, NoiseLevels
+from observer_rt.simulation.measurement import LIFT, PRESSURE, SimulatedNoise
 from observer_rt.simulation.needle import strokes
 from observer_rt.simulation.plant import Progress, Truth, run_plant
 from observer_rt.simulation.schedule import Schedule
@@ -48,7 +48,7 @@ def simulate(
     schedule: Schedule,
     sample_rate: float,
     effects: Sequence[SizedEffect] = (),
-    noise: NoiseLevels | None = None,
+    noise: SimulatedNoise | None = None,
     measured_rate: bool = False,
     seed: int = 0,
     progress: Progress | None = None,
@@ -93,7 +93,7 @@ def write_truth(path: Path, truth: Truth) -> None:
 
 
 def _measure(
-    truth: Truth, model: EffectiveModel, noise: NoiseLevels | None, measured_rate: bool, seed: int
+    truth: Truth, model: EffectiveModel, noise: SimulatedNoise | None, measured_rate: bool, seed: int
 ) -> Recording:
     terms = model.inputs
     shown = np.interp(truth.time - terms.rail_delay, truth.time, truth.rail_pressure)

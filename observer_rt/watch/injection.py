@@ -11,7 +11,7 @@ Signal = NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
-class Curves:
+class SampleCurves:
     """Its samples, (n,): time since the first [ms]; nan where nothing came.
 
     rail_pressure, line_pressure [MPa]; needle_lift [um]; rate [mm3/ms] as published, nominal by the model as given;
@@ -36,7 +36,7 @@ class SeenInjection:
 
     summary: SummaryValues
     moment: int
-    curves: Curves
+    curves: SampleCurves
     nominal_mass: float
 
     @property

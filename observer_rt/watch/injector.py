@@ -15,7 +15,7 @@ from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MILL
 from observer_rt.service.watch.arrivals import Arrivals
 from observer_rt.watch.counted import CountShift, best_place
 from observer_rt.watch.faults import Fault, FaultWatch
-from observer_rt.watch.injection import Curves, SeenInjection
+from observer_rt.watch.injection import SampleCurves, SeenInjection
 from observer_rt.watch.modelled import InjectionModel
 from observer_rt.watch.results import Rates, ResultReader
 from observer_rt.watch.samples import InputSamples, PublishedRates
@@ -118,7 +118,7 @@ class WatchedInjector:
         def in_mpa(values: NDArray[np.float64]) -> NDArray[np.float32]:
             return ((values * c.pressure_scale + c.chamber_pressure) / MEGAPASCAL).astype(np.float32)
 
-        curves = Curves(
+        curves = SampleCurves(
             time=(place / self.rate_hz / MILLISECOND).astype(np.float32),
             rail_pressure=in_mpa(rail),
             needle_lift=(lift / MICROMETRE).astype(np.float32),
@@ -153,6 +153,6 @@ def _wear(summary: SummaryValues) -> tuple[float, float]:
     return nozzle, seat
 
 
-def _no_curves() -> Curves:
+def _no_curves() -> SampleCurves:
     nothing = np.empty(0, np.float32)
-    return Curves(nothing, nothing, nothing, nothing, nothing, nothing, np.empty((3, 0), np.float32))
+    return SampleCurves(nothing, nothing, nothing, nothing, nothing, nothing, np.empty((3, 0), np.float32))

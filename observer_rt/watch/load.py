@@ -10,7 +10,7 @@ from observer_rt.config.links import LinkConfig
 OVER = 1_000_000_000  # ns
 
 
-class BusLoad:
+class BusLoadMeter:
     """The share of the last second that frames took on a bus, at the bit rates the bench file states."""
 
     def __init__(self, link: LinkConfig) -> None:

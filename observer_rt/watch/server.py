@@ -12,13 +12,15 @@ from observer_rt.config.bench import Bench
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.terminal.console import say
 from observer_rt.terminal.stop import stop_on_signals
-from observer_rt.watch.watching import Source, Watching
+from observer_rt.watch.watching import FrameSource, Watching
 
 _STOP_EVERY = 100  # ms between two looks at the stop signal
 _TURN = 0.0002  # s that the listening thread may go on while the page waits to be served
 
 
-def serve_page(bench: Bench, source: Source, address: str, port: int, folder: Path, console: Console) -> None:
+def serve_page(
+    bench: Bench, source: FrameSource, address: str, port: int, folder: Path, console: Console
+) -> None:
     """Listen to a source and serve its page until SIGINT or SIGTERM; port 0: one that is free; folder: of `Save`.
 
     Raises `UserError` without Bokeh or for a log that will not do, `RunError` for a port that is taken.

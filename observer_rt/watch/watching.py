@@ -12,10 +12,10 @@ from observer_rt.bus.links.link import BusFrame
 from observer_rt.config.bench import Bench
 from observer_rt.watch.injector import Key, Seen, WatchedInjector
 from observer_rt.watch.listening import Taker, used_buses
-from observer_rt.watch.load import BusLoad
+from observer_rt.watch.load import BusLoadMeter
 
 
-class Source(Protocol):
+class FrameSource(Protocol):
     """Gives frames until told to stop."""
 
     @property
@@ -46,11 +46,11 @@ class BusSeen:
 class Watching:
     """Listens beside; what it knows may be asked for by any thread."""
 
-    def __init__(self, bench: Bench, source: Source) -> None:
+    def __init__(self, bench: Bench, source: FrameSource) -> None:
         self._source = source
         used = used_buses(bench)
         self._labels = {bus: link.label for bus, link in enumerate(bench.config.buses) if bus in used}
-        self._loads = [BusLoad(link.config) for link in bench.config.buses]
+        self._loads = [BusLoadMeter(link.config) for link in bench.config.buses]
         self._injectors = [WatchedInjector(alone) for alone in bench.each]
         self._takers = {
             key: [each for each in self._injectors if key in each.keys]

@@ -10,7 +10,7 @@ import pytest
 
 from observer_rt.config.bench import load_injector
 from observer_rt.recording.formats import write_recording
-from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
 from tests.pages import Page
@@ -30,7 +30,7 @@ def printed(program: str, folder: Path) -> list[str]:
 @pytest.mark.slow
 def test_programs_do_what_the_page_says(tmp_path: Path) -> None:
     recorded, framed = PROGRAMS
-    made = simulate(load_injector(), make_schedule([100e6], 3, 0.05, [1.1e-3]), 100e3, noise=NoiseLevels())
+    made = simulate(load_injector(), make_schedule([100e6], 3, 0.05, [1.1e-3]), 100e3, noise=SimulatedNoise())
     write_recording(tmp_path / "worn.csv", made.recording)
     lines = printed(recorded, tmp_path)
     assert [re.sub(r"\d+\.\d mg", "x mg", line) for line in lines] == [

@@ -6,7 +6,7 @@ from observer_rt.config.bench import load_injector
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.recording.signals.recording import Recording
-from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
 
@@ -19,7 +19,7 @@ def recordings(
     measured_rate: bool = False,
     parameters: InjectorParameters = NOMINAL,
     points: Sequence[tuple[float, float]] = POINTS,
-    noise: NoiseLevels | None = NoiseLevels(),  # noqa: B008
+    noise: SimulatedNoise | None = SimulatedNoise(),  # noqa: B008
     seed: int = 1,
 ) -> list[Recording]:
     """One recording an operating point (rail pressure [Pa], energizing [s]), two injections in each."""

@@ -13,7 +13,7 @@ from observer_rt.model.coefficients import coefficients
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import sized
 from observer_rt.recording.formats import write_recording
-from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
 from tests.device import frames_of
@@ -42,7 +42,7 @@ def amended_model(folder: Path, effects: tuple[SizedEffect, ...]) -> Path:
     for number, pressure in enumerate(RAIL_PRESSURES):
         for duration in ENERGIZING_TIMES:
             schedule = make_schedule([pressure], 2, 0.06, [duration])
-            made = simulate(load_injector(), schedule, RATE_HZ, effects, NoiseLevels(), seed=len(files))
+            made = simulate(load_injector(), schedule, RATE_HZ, effects, SimulatedNoise(), seed=len(files))
             files.append(folder / f"{number}_{duration * 1e6:.0f}.csv")
             write_recording(files[-1], made.recording)
     done = subprocess.run(
@@ -55,7 +55,7 @@ def amended_model(folder: Path, effects: tuple[SizedEffect, ...]) -> Path:
 def on_the_bus(folder: Path, model: Path | None, effects: tuple[SizedEffect, ...]) -> Published:
     """Six injections of the injector with hidden effects, through a daemon started anew with `model`."""
     schedule = make_schedule(RAIL_PRESSURES, 6, 0.06, [1.2e-3])
-    made = simulate(load_injector(), schedule, RATE_HZ, effects, NoiseLevels(), seed=77)
+    made = simulate(load_injector(), schedule, RATE_HZ, effects, SimulatedNoise(), seed=77)
     bench = write_bench(folder, "virtual", folder.name, RATE_HZ)
     if model is not None:
         text = bench.read_text()

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.discovery.report.document import as_json as document_of
-from observer_rt.discovery.runs import Run, as_json, change_lines, changes
+from observer_rt.discovery.runs import DiscoveryRun, as_json, change_lines, changes
 from observer_rt.foundation.errors import UserError
 from tests.discovery.conftest import SOURCES, WEAR, Worn
 
@@ -20,10 +20,10 @@ def document(worn: Worn) -> dict[str, Any]:
     return parsed
 
 
-def _run(folder: Path, name: str, document: dict[str, Any]) -> Run:
+def _run(folder: Path, name: str, document: dict[str, Any]) -> DiscoveryRun:
     (folder / name).mkdir()
     (folder / name / "findings.json").write_text(json.dumps(document))
-    return Run.read(folder / name)
+    return DiscoveryRun.read(folder / name)
 
 
 def _worn_by(document: dict[str, Any], more: float) -> dict[str, Any]:
@@ -80,4 +80,4 @@ def test_no_document_is_more_than_refused(tmp_path_factory: pytest.TempPathFacto
     path = tmp_path_factory.mktemp("run") / "findings.json"
     path.write_text(json.dumps(content))
     with pytest.raises(UserError, match="is no findings of a run"):
-        Run.read(path)
+        DiscoveryRun.read(path)

@@ -9,7 +9,7 @@ import pytest
 from observer_rt.config.bench import load_bench, load_injector
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.model.effects import sized
-from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
 
@@ -22,7 +22,7 @@ NOMINAL_ERRORS = {0.3: -0.21, -0.3: 0.38, 0.0: 0.0}  # of the model that knows n
 def test_mass_and_rate(v_h: float) -> None:
     schedule = make_schedule([100e6], 10, 0.06, [1.9e-3])
     made = simulate(
-        load_injector(), schedule, SAMPLE_RATE, (sized("orifice_area", v_H=v_h),), NoiseLevels(), seed=7
+        load_injector(), schedule, SAMPLE_RATE, (sized("orifice_area", v_H=v_h),), SimulatedNoise(), seed=7
     )
     (found,) = evaluate(load_bench(), [made.recording]).evaluations
     density = load_injector().fluid.density_nozzle

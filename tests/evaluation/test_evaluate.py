@@ -14,7 +14,7 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.model.coefficients import coefficients
 from observer_rt.model.effects import sized
 from observer_rt.observer.stream.state import State
-from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import Shot, make_schedule
 from observer_rt.simulation.simulate import Simulation, simulate
 from tests.evaluation.documents import recording_json
@@ -29,7 +29,7 @@ def worn() -> Simulation:
     """Four events of 100 MPa at 50 kHz, v_H = 0.3, with noise and a measured rate."""
     schedule = make_schedule([100e6], 4, 0.05, [1.1e-3])
     effects = (sized("orifice_area", v_H=0.3),)
-    return simulate(NOMINAL, schedule, 50e3, effects, NoiseLevels(), measured_rate=True, seed=2)
+    return simulate(NOMINAL, schedule, 50e3, effects, SimulatedNoise(), measured_rate=True, seed=2)
 
 
 @cache
@@ -158,7 +158,7 @@ def test_document_has_every_key_of_its_schema() -> None:
 
 
 def test_without_a_measurement_nothing_is_compared_with_it() -> None:
-    made = simulate(NOMINAL, make_schedule([100e6], 2, 0.05, [1.1e-3]), 20e3, noise=NoiseLevels())
+    made = simulate(NOMINAL, make_schedule([100e6], 2, 0.05, [1.1e-3]), 20e3, noise=SimulatedNoise())
     (found,) = evaluate(BENCH, [made.recording]).evaluations
     for result in recording_json(found, C)["injections"]:
         assert result["measured_mass_mg"] is None
@@ -169,7 +169,7 @@ def test_without_a_measurement_nothing_is_compared_with_it() -> None:
 @pytest.mark.parametrize(("offset", "passed"), [(0.0, True), (1e6, True), (3e6, False), (-3e6, False)])
 def test_standstill_check_of_the_offset(offset: float, passed: bool) -> None:
     effects = (sized("line_pressure_sensor_offset", o=offset),)
-    made = simulate(NOMINAL, make_schedule([100e6], 1, 0.05, [1.1e-3]), 20e3, effects, NoiseLevels())
+    made = simulate(NOMINAL, make_schedule([100e6], 1, 0.05, [1.1e-3]), 20e3, effects, SimulatedNoise())
     (found,) = evaluate(BENCH, [made.recording], learning=False).evaluations
     checks = {check["id"]: check for check in recording_json(found, C)["checks"]}
     assert checks["rail_line_offset"]["value"] == pytest.approx(offset / 1e6, abs=0.02)

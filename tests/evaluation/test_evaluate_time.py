@@ -8,7 +8,7 @@ import pytest
 from observer_rt.config.bench import load_bench, load_injector
 from observer_rt.evaluation.evaluate import Evaluation, evaluate
 from observer_rt.recording.signals.recording import Recording
-from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import Simulation, simulate
 from tests.service.time_frames import write_time_bench
@@ -21,7 +21,7 @@ LOCKED = round(1.05 * RATE)  # samples until clocks are known
 @pytest.fixture(scope="module")
 def made() -> Simulation:
     schedule = make_schedule([100e6], 24, 0.05, [1.1e-3])
-    return simulate(load_injector(), schedule, RATE, (), NoiseLevels(), seed=4)
+    return simulate(load_injector(), schedule, RATE, (), SimulatedNoise(), seed=4)
 
 
 @pytest.fixture(scope="module")

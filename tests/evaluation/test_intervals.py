@@ -16,7 +16,7 @@ from observer_rt.model.effects import sized
 from observer_rt.recording.replay.framing import bench_for
 from observer_rt.recording.signals.stream import HeldSignals
 from observer_rt.service.reports.injection_report import InjectionReport
-from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.plant import Truth
 from observer_rt.simulation.schedule import Shot, make_schedule
 from observer_rt.simulation.simulate import simulate
@@ -56,9 +56,9 @@ def run(seed: int, v_h: float, v_s: float = 0.0, twice: bool = False, learning: 
     """Six events, pilot and main, at three pressures."""
     schedule = make_schedule([60e6, 100e6, 140e6], 6, 0.05, shots=SHOTS)
     effects = (sized("orifice_area", v_H=v_h), sized("seat_area", v_S=v_s))
-    noise, bench = NoiseLevels(), BENCH
+    noise, bench = SimulatedNoise(), BENCH
     if twice:
-        noise = NoiseLevels(**{name: 2 * sigma for name, sigma in vars(noise).items()})
+        noise = SimulatedNoise(**{name: 2 * sigma for name, sigma in vars(noise).items()})
         stated = BENCH.injector.config.noise
         expected = {name: 2 * sigma for name, sigma in stated.model_dump().items()}
         bench = BENCH.with_sections(noise=stated.model_copy(update=expected))

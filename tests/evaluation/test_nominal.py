@@ -7,7 +7,7 @@ from observer_rt.config.bench import EXAMPLE_BENCH, load_bench, load_injector
 from observer_rt.evaluation.evaluate import Evaluation, evaluate
 from observer_rt.model.effects import sized
 from observer_rt.recording.signals.recording import Recording
-from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import Shot, make_schedule
 from observer_rt.simulation.simulate import simulate
 
@@ -17,7 +17,7 @@ def worn() -> Recording:
     """Pilot and main injections, the second before the line is at rest."""
     schedule = make_schedule([100e6, 60e6], 5, 0.05, shots=(Shot(0.3e-3, -1.5e-3), Shot(1.0e-3)))
     effects = (sized("orifice_area", v_H=0.2),)
-    return simulate(load_injector(), schedule, 50e3, effects, NoiseLevels(), seed=2).recording
+    return simulate(load_injector(), schedule, 50e3, effects, SimulatedNoise(), seed=2).recording
 
 
 def evaluated(recording: Recording, learning: bool) -> Evaluation:

@@ -14,7 +14,7 @@ from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import VOCABULARY, effective_model, sized
 from observer_rt.model.line.wave import STABLE, with_cells
 from observer_rt.model.parameters import InjectorParameters
-from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
 from tests.discovery.hidden import NOMINAL
@@ -34,7 +34,7 @@ MODELS = {"lump": effective_model(NOMINAL), "wave": effective_model(_wave())}
 def _evidence(rate: float, line: str) -> Evidence:
     """One injection at the highest usual pressure, where waves are fastest."""
     schedule = make_schedule([150e6], 1, 0.06, [0.8e-3])
-    recording = simulate(NOMINAL, schedule, rate, (), NoiseLevels()).recording
+    recording = simulate(NOMINAL, schedule, rate, (), SimulatedNoise()).recording
     return evidence_of(measurements([recording]), MODELS[line])
 
 

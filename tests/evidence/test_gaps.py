@@ -6,12 +6,12 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from observer_rt.evidence.gaps import Gaps
+from observer_rt.evidence.gaps import MissingSamples
 
 
 @given(missing=st.lists(st.booleans(), max_size=40), cuts=st.sets(st.integers(0, 40)))
 def test_parts_are_counted_as_the_whole(missing: list[bool], cuts: set[int]) -> None:
-    gaps = Gaps()
+    gaps = MissingSamples()
     for start, end in pairwise([0, *sorted(min(cut, len(missing)) for cut in cuts), len(missing)]):
         gaps.take(np.array(missing[start:end], np.bool_))
     lengths = [len(list(run)) for is_gap, run in groupby(missing) if is_gap]

@@ -9,11 +9,11 @@ from observer_rt.evidence.lift_noise import GRID, LiftNoise
 from observer_rt.evidence.likelihood import evidence_of
 from observer_rt.evidence.measurement import Measurement, measurements
 from observer_rt.model.effects import effective_model, sized
-from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.measurement import SimulatedNoise
 from tests.discovery.hidden import NOMINAL, recordings
 
 MODEL = effective_model(NOMINAL)
-LOUD = NoiseLevels(line_pressure=2e4, needle_lift=1.5e-6)
+LOUD = SimulatedNoise(line_pressure=2e4, needle_lift=1.5e-6)
 
 
 def test_what_is_found_is_the_variance_beyond_that_without_a_lag() -> None:

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.config.recording import Meaning
-from observer_rt.evidence.likelihood import Judged, evidence_of
+from observer_rt.evidence.likelihood import JudgedModel, evidence_of
 from observer_rt.evidence.measurement import Measurement, measurements
 from observer_rt.evidence.open_loop import mass, simulated
 from observer_rt.evidence.windows import TrueInputs
@@ -49,7 +49,7 @@ def measured(
     return measurements([means(one, meaning) for one in recordings(hidden, measured_rate=rate)])
 
 
-def judged(meaning: Meaning | None, rate: bool = False) -> list[Judged]:
+def judged(meaning: Meaning | None, rate: bool = False) -> list[JudgedModel]:
     found = evidence_of(measured(meaning, rate=rate), MODEL).judge(MODEL)
     assert found is not None
     return found

@@ -13,7 +13,7 @@ from observer_rt.evidence.measurement import (
     measurements,
 )
 from observer_rt.foundation.errors import UserError
-from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.measurement import SimulatedNoise
 from tests.discovery.hidden import recordings
 
 POINT = ((100e6, 1.0e-3),)
@@ -21,7 +21,7 @@ POINT = ((100e6, 1.0e-3),)
 
 def test_noise_events_and_operating_point_are_found() -> None:
     (found,) = measurements(recordings(points=POINT, measured_rate=True))
-    expected = NoiseLevels()
+    expected = SimulatedNoise()
     assert found.noise.rail_pressure == pytest.approx(expected.rail_pressure, rel=0.03)
     assert found.noise.line_pressure == pytest.approx(expected.line_pressure, rel=0.03)
     assert found.noise.needle_lift == pytest.approx(expected.needle_lift, rel=0.15)

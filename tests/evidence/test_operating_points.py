@@ -8,7 +8,7 @@ from observer_rt.evidence.measurement import measurements
 from observer_rt.evidence.operating_points import by_operating_point
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.recording.signals.recording import Recording
-from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
 from tests.discovery.hidden import NOMINAL, recordings
@@ -16,7 +16,7 @@ from tests.discovery.hidden import NOMINAL, recordings
 
 def _history(measured_rate: bool = False) -> list[Recording]:
     schedule = make_schedule([60e6, 140e6, 100e6], 6, 0.06, [0.6e-3, 1.9e-3])
-    return [simulate(NOMINAL, schedule, 100e3, (), NoiseLevels(), measured_rate, seed=7).recording]
+    return [simulate(NOMINAL, schedule, 100e3, (), SimulatedNoise(), measured_rate, seed=7).recording]
 
 
 def test_every_pressure_and_duration_is_a_point() -> None:

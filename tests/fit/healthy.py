@@ -8,7 +8,7 @@ from observer_rt.config.bench import load_injector
 from observer_rt.fit.structures import LOSS, NOZZLE, SEAT, STIFFNESS, with_values
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.recording.signals.recording import Recording
-from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import Simulation, simulate
 from tools.benchmarks import plant
@@ -39,7 +39,7 @@ def simulations(
             make_schedule([pressure], injections, 0.05, [duration]),
             100e3,
             (),
-            NoiseLevels(),
+            SimulatedNoise(),
             measured_rate,
             seed=100 * seed + number,
         )

@@ -9,7 +9,7 @@ import pytest
 from observer_rt.evidence.bounded_fit import linearise
 from observer_rt.evidence.measurement import Measurement, measurements
 from observer_rt.evidence.open_loop import mass, simulated
-from observer_rt.fit.calibrate import Calibrated, Level, calibrate
+from observer_rt.fit.calibrate import Calibrated, FlowLevel, calibrate
 from observer_rt.fit.identifiability import certainty
 from observer_rt.fit.parts import Weighed, parts_of
 from observer_rt.fit.problem import Calibration
@@ -89,7 +89,7 @@ def test_residuals_fall_to_noise(by_pressures: Calibrated) -> None:
 
 
 def test_the_level_rests_on_the_inertance_of_the_file(by_pressures: Calibrated) -> None:
-    assert by_pressures.level is Level.FILE
+    assert by_pressures.level is FlowLevel.FILE
     assert "one to one on A_L/(rho_L L_L)" in level_words(by_pressures)
 
 
@@ -146,7 +146,7 @@ def _wrong_inertance() -> InjectorParameters:
 
 def test_a_measured_rate_fixes_the_level_of_a_wrong_inertance() -> None:
     done = _fit(_found(simulations(measured_rate=True)), _wrong_inertance())
-    assert done.level is Level.RATE
+    assert done.level is FlowLevel.RATE
     assert abs(_mass_error(done.injector)) < 0.005  # the rate's gain errors are 0.5 % a recording
     assert abs(_deviations(done, NOMINAL)["d_L"]) < 3.0
 
@@ -155,7 +155,7 @@ def test_one_measured_mass_fixes_the_level_of_a_wrong_inertance() -> None:
     made = simulations()
     true = np.mean([one.after for one in _fit(_found(made), NOMINAL).comparison.masses[:3]])
     done = _fit(_found(made), _wrong_inertance(), n0=Weighed({}, (float(true), 0.003 * float(true))))
-    assert done.level is Level.MASS
+    assert done.level is FlowLevel.MASS
     assert abs(_mass_error(done.injector)) < 0.005
 
 

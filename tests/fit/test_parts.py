@@ -7,7 +7,7 @@ import pytest
 
 from observer_rt.evidence.measurement import measurements
 from observer_rt.fit.parts import Weighed, parts_of, standstill_offset, thinned
-from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
 from tests.fit.healthy import NOMINAL, simulations
@@ -17,7 +17,7 @@ TWO = measurements([one.recording for one in simulations([(60e6, 0.6e-3), (100e6
 
 def test_a_recording_of_two_operating_points_falls_into_them() -> None:
     schedule = make_schedule([60e6, 100e6], 4, 0.06, [0.6e-3])
-    mixed = simulate(NOMINAL, schedule, 100e3, (), NoiseLevels()).recording
+    mixed = simulate(NOMINAL, schedule, 100e3, (), SimulatedNoise()).recording
     parts = parts_of(measurements([mixed]), {})
     assert [len(part.measurement.events) for part in parts] == [2, 2]
     assert {part.recording for part in parts} == {0}

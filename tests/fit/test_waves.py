@@ -8,7 +8,7 @@ import pytest
 from observer_rt.evidence.measurement import measurements
 from observer_rt.fit.calibrate import Calibrated, calibrate
 from observer_rt.fit.choice import judged_by
-from observer_rt.fit.search import Failed
+from observer_rt.fit.search import FailedStructure
 from observer_rt.fit.structures import SAC, STIFFNESS, STRUCTURES, Structure, values_of, with_values
 from observer_rt.model.coefficients import coefficients
 from observer_rt.model.line.wave import STEP
@@ -80,7 +80,7 @@ def test_a_lump_that_cannot_be_stepped_is_left_out_with_the_reason(travelling: C
     lumps = [one for one in travelling.choice.tried if one.structure.line == "lump"]
     assert len(lumps) == 2
     for one in lumps:
-        assert isinstance(one, Failed)
+        assert isinstance(one, FailedStructure)
         assert "steps a sample" in one.reason
 
 

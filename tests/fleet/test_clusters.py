@@ -14,7 +14,7 @@ from observer_rt.evaluation.streamed import evaluate_stream
 from observer_rt.fleet.dataset import read_injections
 from observer_rt.model.effects import sized
 from observer_rt.recording.formats import open_recording, write_recording
-from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
 from tests.fleet.running import ended, started
@@ -69,7 +69,7 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Desk:
         use_effects([folder / "my_effects.py"])
         schedule = make_schedule([60e6, 140e6], 2, 0.05, [0.6e-3])
         hidden = (sized("sac_volume", r=2.0),)
-        made = simulate(load_injector(), schedule, 100e3, hidden, NoiseLevels(), seed=3)
+        made = simulate(load_injector(), schedule, 100e3, hidden, SimulatedNoise(), seed=3)
     finally:
         use_effects([])
     write_recording(folder / "injector_a.csv", made.recording)

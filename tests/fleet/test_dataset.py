@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from observer_rt.fleet.columns import OLD_NAMES, SCHEMA
 from observer_rt.fleet.dataset import Dataset, read_injections
-from observer_rt.fleet.job import Failed
+from observer_rt.fleet.job import FailedFile
 from observer_rt.foundation.errors import UserError
 from tests.fleet.rows import rows
 
@@ -49,8 +49,8 @@ def test_another_model_needs_another_folder(tmp_path: Path) -> None:
 
 def test_failures_are_a_table_of_the_last_run(tmp_path: Path) -> None:
     with Dataset(tmp_path, SETTINGS) as dataset:
-        dataset.take_failure(Failed(Path("bad.csv"), "cc", "bad.csv: is empty"))
-        dataset.take_failure(Failed(None, "", "no answer", "left"))
+        dataset.take_failure(FailedFile(Path("bad.csv"), "cc", "bad.csv: is empty"))
+        dataset.take_failure(FailedFile(None, "", "no answer", "left"))
     table = pq.read_table(tmp_path / "errors.parquet").to_pylist()
     assert table == [
         {"file": "bad.csv", "sha256": "cc", "injector": None, "problem": "bad.csv: is empty"},
@@ -66,7 +66,7 @@ def test_failures_are_there_while_a_batch_runs_and_when_it_is_interrupted(tmp_pa
     def run() -> None:
         with Dataset(tmp_path, SETTINGS) as dataset:
             for name in ("a", "b"):
-                dataset.take_failure(Failed(Path(name), "", f"{name}: is empty"))
+                dataset.take_failure(FailedFile(Path(name), "", f"{name}: is empty"))
             lines = (tmp_path / "errors.jsonl").read_text().splitlines()
             assert [json.loads(line)["file"] for line in lines] == ["a", "b"]
             raise KeyboardInterrupt
@@ -81,7 +81,7 @@ def test_a_failure_costs_the_same_however_many_there_were(tmp_path: Path) -> Non
     with Dataset(tmp_path, SETTINGS) as dataset:
         for number in range(200):
             before = {path: path.stat().st_size for path in tmp_path.iterdir()}
-            dataset.take_failure(Failed(Path(f"{number:03}.csv"), "", "is empty"))
+            dataset.take_failure(FailedFile(Path(f"{number:03}.csv"), "", "is empty"))
             written.append(sum(path.stat().st_size - before.get(path, 0) for path in tmp_path.iterdir()))
             assert all(path.stat().st_size >= size for path, size in before.items())
     assert len(set(written)) == 1

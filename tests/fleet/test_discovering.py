@@ -16,7 +16,7 @@ from observer_rt.fleet.discovered import TABLE
 from observer_rt.model.effects import sized
 from observer_rt.recording.formats import write_recording
 from observer_rt.recording.signals.recording import Recording
-from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
 from tests.fleet.running import ended, started, wait_until, workers_of
@@ -35,7 +35,7 @@ def made(injector: str, pressure: float, duration: float, sample_rate: float = 1
     schedule = make_schedule([pressure], 2, 0.06, [duration])
     seed = ord(injector[0]) + round(pressure / 1e6)
     return simulate(
-        load_injector(), schedule, sample_rate, HIDDEN.get(injector, ()), NoiseLevels(), seed=seed
+        load_injector(), schedule, sample_rate, HIDDEN.get(injector, ()), SimulatedNoise(), seed=seed
     ).recording
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from observer_rt.config.bench import load_bench
 from observer_rt.evaluation.streamed import evaluate_stream
-from observer_rt.fleet.job import Failed, Task, evaluated
+from observer_rt.fleet.job import FailedFile, Task, evaluated
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.formats import open_recording, write_recording
 from observer_rt.recording.signals.plausible import refuse_implausible
@@ -24,7 +24,7 @@ def worn() -> Recording:
     return worn_recording(24, 0.2)
 
 
-def result_of(path: Path) -> pa.Table | Failed:
+def result_of(path: Path) -> pa.Table | FailedFile:
     return evaluated(Task(load_bench(), path.parent, learning=False), Path(path.name), "hash")
 
 
@@ -63,7 +63,7 @@ def test_what_is_no_injector_has_no_rows(tmp_path: Path) -> None:
     with pytest.raises(UserError) as refused:
         refuse_implausible(path, source.survey)
     failed = result_of(path)
-    assert isinstance(failed, Failed)
+    assert isinstance(failed, FailedFile)
     assert failed.problem == str(refused.value)
 
 

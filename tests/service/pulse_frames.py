@@ -10,7 +10,7 @@ import numpy as np
 from observer_rt.config.bench import load_injector
 from observer_rt.recording.replay.framing import Span, TimedFrame
 from observer_rt.recording.signals.recording import Recording
-from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import Schedule, Shot, make_schedule
 from observer_rt.simulation.simulate import simulate
 from tests.benches import SAMPLE_RATE
@@ -22,7 +22,7 @@ from tests.service.pulse_bench import BED, DATA_ID, LEVELS
 def injected(injections: int, shots: tuple[Shot, ...] = (Shot(1.1e-3),)) -> tuple[Schedule, Recording]:
     """Events every 50 ms, the first 0.15 s in, of a healthy injector, with noise."""
     schedule = make_schedule([100e6], injections, 0.05, shots=shots)
-    return schedule, simulate(load_injector(), schedule, SAMPLE_RATE, (), NoiseLevels(), seed=8).recording
+    return schedule, simulate(load_injector(), schedule, SAMPLE_RATE, (), SimulatedNoise(), seed=8).recording
 
 
 def commands(schedule: Schedule) -> list[tuple[float, float]]:
@@ -118,7 +118,7 @@ def watch(bench: Path, *sources: Iterable[TimedFrame]) -> Result:
 def misfired(recording: Recording, *spans: tuple[float, float]) -> Recording:
     """The needle stays shut in spans of time [s]; its sensor is as noisy as ever, or it would be a dropout."""
     lift = recording.needle_lift.copy()
-    shut = np.random.default_rng(1).normal(size=lift.size) * NoiseLevels().needle_lift
+    shut = np.random.default_rng(1).normal(size=lift.size) * SimulatedNoise().needle_lift
     for begin, end in spans:
         span = slice(round(begin * SAMPLE_RATE), round(end * SAMPLE_RATE))
         lift[span] = shut[span]

@@ -28,7 +28,7 @@ from observer_rt.service.core.messages import OutputFrame
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.warm_up import warm_up
-from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
 from tests.benches import sample_bench
@@ -251,7 +251,7 @@ def test_our_classic_layout(tmp_path: Path) -> None:
     """
     schedule = make_schedule([100e6], 10, 0.2, [1.1e-3])
     effects = (sized("orifice_area", v_H=0.2),)
-    data = simulate(load_injector(), schedule, 10e3, effects, NoiseLevels(), seed=8).recording
+    data = simulate(load_injector(), schedule, 10e3, effects, SimulatedNoise(), seed=8).recording
     frames = frames_of(classic_layout(tmp_path, 10e3), data)
     for number, frame in enumerate(frames):
         assert e2e.p01.e2e_p01_check(bytearray(frame.payload), 256, length=8)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.service.notify import Notifier, Pulse
+from observer_rt.service.notify import Notifier, WatchdogPulse
 
 
 @pytest.fixture
@@ -73,7 +73,7 @@ def test_without_a_manager_nothing_happens(settings: dict[str, str]) -> None:
 
 def test_a_loop_that_hangs_is_not_hidden_by_the_others(manager: socket.socket) -> None:
     notifier = Notifier(environment(manager, WATCHDOG_USEC="3", WATCHDOG_PID=str(os.getpid())))
-    pulse = Pulse(notifier, 2)
+    pulse = WatchdogPulse(notifier, 2)
     with pulse.beating(0) as first:
         with pulse.beating(1) as second:
             first()

@@ -17,7 +17,7 @@ from observer_rt.evaluation.evaluate import History, evaluate
 from observer_rt.model.effects import sized
 from observer_rt.observer.stream.state import Reason, State
 from observer_rt.recording.formats import read_recording, write_recording
-from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
 from tests.service.end_to_end import (
@@ -55,7 +55,7 @@ def over_vcan(
     speed: float,
     v_h: float,
     injections: int,
-    noise: NoiseLevels | None,
+    noise: SimulatedNoise | None,
 ) -> Run:
     schedule = make_schedule([RAIL_PRESSURE], injections, PERIOD, [ENERGIZING_TIME])
     simulation = simulate(
@@ -89,7 +89,7 @@ def test_healthy_noise_free_recording_comes_back_as_the_true_rate(tmp_path: Path
 @pytest.mark.vcan
 def test_worn_nozzle_is_learned_on_the_bus(tmp_path: Path, vcan: str) -> None:
     """Over events 4-10 of 10; other wear gives the same frames as `evaluate`, which is judged by its own tests."""
-    run = over_vcan(tmp_path, vcan, 50e3, 0.1, 0.3, 10, NoiseLevels())
+    run = over_vcan(tmp_path, vcan, 50e3, 0.1, 0.3, 10, SimulatedNoise())
     assert_published_once(run)
     assert_equal_to_evaluation(run)
     summaries = [decoded(SUMMARY, payload) for payload in run.heard.summaries]
@@ -128,7 +128,7 @@ def another_sender(channel: str, payload: bytes) -> Iterator[None]:
 def test_a_second_sender_makes_nothing_valid(tmp_path: Path, vcan: str) -> None:
     """The same in rates, summaries, status and journal."""
     schedule = make_schedule([RAIL_PRESSURE], 4, PERIOD, [ENERGIZING_TIME])
-    recording = simulate(load_injector(), schedule, 50e3, (), NoiseLevels(), seed=7).recording
+    recording = simulate(load_injector(), schedule, 50e3, (), SimulatedNoise(), seed=7).recording
     path, journal, foreign = tmp_path / "recording.csv", tmp_path / "journal.sqlite", bytes(64)
     write_recording(path, recording)
     bench = write_bench(tmp_path, "socketcan", vcan, 50e3)

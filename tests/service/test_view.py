@@ -15,7 +15,7 @@ from observer_rt.service.core.core import Core
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import Notes
-from observer_rt.service.screen.shown import NominalModel, Reference
+from observer_rt.service.screen.shown import ComparedRate, NominalInjection
 from observer_rt.service.view import View
 from tests.device import frames_of, hand, worn_recording
 from tests.service.participants import ScriptedLink, bench_file, serving, until
@@ -39,8 +39,8 @@ def view(path: Path) -> View:
     """After twelve injections, compared with a reference."""
     recording = worn_recording(injections=12)
 
-    def references(report: InjectionReport, rows: NDArray[np.void]) -> list[Reference]:
-        return [Reference("bought", np.full(len(rows), 50e-6), 123.45e-6)]
+    def references(report: InjectionReport, rows: NDArray[np.void]) -> list[ComparedRate]:
+        return [ComparedRate("bought", np.full(len(rows), 50e-6), 123.45e-6)]
 
     bench = load_bench(path)
     view = View("title of the view", bench.injector, references)
@@ -99,7 +99,7 @@ def test_the_line_pressure_where_there_is_room(view: View) -> None:
 def test_the_nominal_model_is_what_an_injector_that_learned_nothing_shows(path: Path) -> None:
     """Without wear and learning both are the same; the view's runs on its own, from the inputs."""
     bench = load_bench(path)
-    nominal = NominalModel(bench.injector)
+    nominal = NominalInjection(bench.injector)
     found: list[tuple[float, float]] = []
     notes = Notes()
     core = Core(bench.injector, map_bus(bench), learning=False, listeners=[notes])

@@ -18,7 +18,7 @@ from observer_rt.observer.stream.state import Reason, State
 from observer_rt.service.core.core import Core
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import Notes
-from observer_rt.simulation.measurement import LIFT, PRESSURE, NoiseLevels, Quantisation
+from observer_rt.simulation.measurement import LIFT, PRESSURE, Quantisation, SimulatedNoise
 from observer_rt.simulation.needle import strokes
 from observer_rt.simulation.plant import Truth, run_plant
 from observer_rt.simulation.schedule import make_schedule
@@ -155,7 +155,7 @@ def send(
     _, truth = plant(wear)
     taken = clock.times(end)
     random = np.random.default_rng(MESSAGES[name].frame_id)
-    noise = NoiseLevels()
+    noise = SimulatedNoise()
 
     def measured(
         signal: NDArray[np.float64], sigma: float, codes: Quantisation, unit: float

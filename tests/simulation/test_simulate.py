@@ -15,7 +15,7 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.recording.formats import write_recording
-from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.needle import Stroke, lift_of_stroke, strokes
 from observer_rt.simulation.plant import Truth, run_plant
 from observer_rt.simulation.schedule import Schedule, Shot, make_schedule
@@ -24,7 +24,7 @@ from observer_rt.simulation.simulate import simulate, truth_path, write_truth
 NOMINAL = load_injector()
 DENSITY = NOMINAL.fluid.density_nozzle
 ONE = make_schedule([100e6], 1, 0.05, [1.1e-3])
-NOISE = NoiseLevels()
+NOISE = SimulatedNoise()
 
 
 def mass(truth: Truth) -> float:
@@ -192,7 +192,7 @@ def test_measured_rate_has_one_gain_error_per_recording() -> None:
     gains = []
     for seed in range(40):
         made = simulate(
-            NOMINAL, ONE, 20e3, noise=NoiseLevels(injection_rate=0.0), measured_rate=True, seed=seed
+            NOMINAL, ONE, 20e3, noise=SimulatedNoise(injection_rate=0.0), measured_rate=True, seed=seed
         )
         assert made.recording.injection_rate is not None
         running = made.truth.injection_rate > 1e-6

@@ -5,11 +5,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from observer_rt.bus.mapping.output_messages import SummaryValues
-from observer_rt.watch.injection import Curves, SeenInjection
+from observer_rt.watch.injection import SampleCurves, SeenInjection
 from observer_rt.watch.page.history import history_panels
 
 _NOTHING = np.empty(0, np.float32)
-_NO_CURVES = Curves(_NOTHING, _NOTHING, _NOTHING, _NOTHING, _NOTHING, _NOTHING, np.empty((3, 0), np.float32))
+_NO_CURVES = SampleCurves(
+    _NOTHING, _NOTHING, _NOTHING, _NOTHING, _NOTHING, _NOTHING, np.empty((3, 0), np.float32)
+)
 
 
 def seen(number: int, valid: bool = True) -> SeenInjection:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from observer_rt.bus.mapping.output_messages import SummaryValues
-from observer_rt.watch.injection import Curves, SeenInjection
+from observer_rt.watch.injection import SampleCurves, SeenInjection
 from observer_rt.watch.saving import save_injection
 
 
@@ -15,7 +15,7 @@ def test_what_is_not_known_is_null_and_not_a_number_no_json_has(tmp_path: Path) 
     values = [math.nan] * len(SummaryValues._fields)
     values[SummaryValues._fields.index("injection_number")] = 7.0
     line = np.zeros(3, np.float32)
-    curves = Curves(line, line, line, line, line, line, np.zeros((3, 3), np.float32))
+    curves = SampleCurves(line, line, line, line, line, line, np.zeros((3, 3), np.float32))
     path = save_injection(SeenInjection(SummaryValues._make(values), 5, curves, math.nan), tmp_path, "left")
 
     assert path == tmp_path / "injection_left_7.csv"

@@ -22,7 +22,7 @@ from observer_rt.recording.replay.framing import Framer, whole
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.core.core import Core
 from observer_rt.service.reports.news import Notes
-from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.plant import Truth
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
@@ -204,7 +204,7 @@ def _injections(wear: float) -> tuple[Recording, Truth]:
     )
     effects = (sized("orifice_area", v_H=wear),) if wear else ()
     made = simulate(
-        bench_at(SAMPLE_RATE).injector.parameters, schedule, SAMPLE_RATE, effects, NoiseLevels(), seed=5
+        bench_at(SAMPLE_RATE).injector.parameters, schedule, SAMPLE_RATE, effects, SimulatedNoise(), seed=5
     )
     return made.recording, made.truth
 

@@ -22,7 +22,7 @@ class BusDownError(LinkDownError):
         super().__init__(str(error))
 
 
-class Reading(ABC):
+class LinkReceiver(ABC):
     """Receives from several links; bus numbers are their places."""
 
     @abstractmethod
@@ -47,7 +47,7 @@ class Reading(ABC):
         """End what runs beside; the links stay open."""
 
 
-def reading(links: Sequence[Link]) -> Reading:
+def reading(links: Sequence[Link]) -> LinkReceiver:
     """What reads these links: a single one without detour, several at once by `poll` where all have a descriptor."""
     if len(links) == 1:
         return _Single(links[0])
@@ -56,7 +56,7 @@ def reading(links: Sequence[Link]) -> Reading:
     return _Polled(links)
 
 
-class _Single(Reading):
+class _Single(LinkReceiver):
     def __init__(self, link: Link) -> None:
         self._link = link
         self._is_down = False
@@ -81,7 +81,7 @@ class _Single(Reading):
         pass
 
 
-class _Polled(Reading):
+class _Polled(LinkReceiver):
     """One system call looks at all sockets. Of frames that wait the earliest comes first, so that a backlog of all
     buses is worked off side by side."""
 
@@ -125,7 +125,7 @@ class _Polled(Reading):
         pass
 
 
-class _Threaded(Reading):
+class _Threaded(LinkReceiver):
     """A thread for each link, for drivers that cannot be waited for together: frames come in the order read."""
 
     def __init__(self, links: Sequence[Link]) -> None:

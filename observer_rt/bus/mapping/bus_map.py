@@ -14,7 +14,7 @@ from observer_rt.bus.can_frame import STANDARD_MASK
 from observer_rt.bus.database.catalogue import BenchDatabases, BusMessage, named
 from observer_rt.bus.database.lookup import MessageLayout, signal_names
 from observer_rt.bus.database.signal_unit import from_unit
-from observer_rt.bus.mapping.energizing import Energizing
+from observer_rt.bus.mapping.energizing import EnergizingLayout
 from observer_rt.bus.mapping.input_tables import INPUT_GROUP, ROLES, Inputs, InputTables, frame_row
 from observer_rt.bus.mapping.optional_inputs import SlowMessage, map_optional, say_nothing
 from observer_rt.bus.mapping.output_messages import (
@@ -64,7 +64,7 @@ class BusMap:
     """What messages to the user call the buses."""
 
     @property
-    def energizing(self) -> Energizing | None:
+    def energizing(self) -> EnergizingLayout | None:
         """Where it is among them."""
         return next((slow.energizing for slow in self.slow if slow.energizing), None)
 

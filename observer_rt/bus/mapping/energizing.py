@@ -29,7 +29,7 @@ NANOSECONDS = 1e9
 
 
 @dataclass(frozen=True, eq=False)
-class Energizing:
+class EnergizingLayout:
     """Where the energizing is on the bus, compiled."""
 
     layout: MessageLayout
@@ -55,9 +55,9 @@ class Energizing:
         """Whether it is a level; else a duration."""
         return self.factor is None
 
-    def reading(self, values: NDArray[np.float64], stamp: int, follows: bool) -> "Reading":
-        """What a frame received at `stamp` [ns] says; values: by the table, in SI; follows: as of `Reading`."""
-        return Reading(
+    def reading(self, values: NDArray[np.float64], stamp: int, follows: bool) -> "EnergizingSignal":
+        """What a frame received at `stamp` [ns] says; values: by the table, SI; follows: as of `EnergizingSignal`."""
+        return EnergizingSignal(
             None if self.index is None else int(values[0]),
             stamp - round(self.delay * NANOSECONDS),
             values[-len(self.names) :],
@@ -65,7 +65,7 @@ class Energizing:
         )
 
 
-class Reading(NamedTuple):
+class EnergizingSignal(NamedTuple):
     """What a frame says of the energizing, sample by sample."""
 
     first: int | None
@@ -80,7 +80,7 @@ class Reading(NamedTuple):
 
 def map_energizing(
     fitted: BenchInjector, link: LinkConfig, message: Message, layout: MessageLayout, grid: np.void
-) -> Energizing:
+) -> EnergizingLayout:
     """Compile the mapping; link: its bus; grid: `timing.TIMING` of the line pressure's message.
 
     Raises `UserError` naming bench file and key.
@@ -109,7 +109,7 @@ def map_energizing(
         raise UserError(place, problem, "name as many, or one")
     delay = config.delay_us
     on_bus = time_on_bus(layout, link)
-    return Energizing(
+    return EnergizingLayout(
         layout=layout,
         names=names,
         table=signal_table(message, names if index is None else (index, *names)),

@@ -14,7 +14,7 @@ from observer_rt.bus.database.frame_key import frame_key
 from observer_rt.bus.database.lookup import MessageLayout, find_signal
 from observer_rt.bus.database.multiplexing import Selection, compile_conditions, conditions_of, is_selected
 from observer_rt.bus.database.signal_unit import from_unit, stated_unit, unknown_unit
-from observer_rt.bus.mapping.energizing import Energizing, map_energizing
+from observer_rt.bus.mapping.energizing import EnergizingLayout, map_energizing
 from observer_rt.bus.mapping.input_tables import (
     ENERGIZING,
     OPTIONAL_INPUT,
@@ -76,7 +76,7 @@ class SlowMessage:
 
     layout: MessageLayout
     signals: tuple[SlowSignal, ...]
-    energizing: Energizing | None
+    energizing: EnergizingLayout | None
 
 
 def slow_timeout(configured_ms: float | None, cycle_time_ns: int | None) -> float:

@@ -68,7 +68,7 @@ class PointGap(SignalGaps):
 
 
 @dataclass(frozen=True)
-class Gaps(SignalGaps):
+class ModelGaps(SignalGaps):
     """Over all held-out recordings, and for each.
 
     Mass is compared with the measured one; where no rate is measured, with that of the amended model fitted to all
@@ -86,7 +86,7 @@ def gaps_of(
     measured: Sequence[Measurement],
     nominal: EffectiveModel,
     healthy: HealthyShape | None = None,
-) -> Gaps:
+) -> ModelGaps:
     """The gaps: with the winner refitted to every second operating point, on the others.
 
     With one operating point there is nothing to hold out: it is fitted and shown. healthy: what is taken out when the
@@ -98,7 +98,7 @@ def gaps_of(
     refitted = _refitted(found.named, [measured[i] for i in fitted_on], nominal, healthy)
     points = tuple(_point(number, measured[number], nominal, refitted, amended) for number in held_out)
     rates = [point.injection_rate for point in points if point.injection_rate is not None]
-    return Gaps(
+    return ModelGaps(
         _together([point.line_pressure for point in points]),
         _together(rates) if rates else None,
         _together([point.mass for point in points]),

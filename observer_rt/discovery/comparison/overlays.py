@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.discovery.comparison.gaps import Gaps, PointGap
+from observer_rt.discovery.comparison.gaps import ModelGaps, PointGap
 from observer_rt.discovery.search.result import Discovery
 from observer_rt.evidence.measurement import Measurement
 from observer_rt.evidence.open_loop import Simulated, simulated
@@ -36,7 +36,7 @@ class Overlay:
 
 
 def typical_overlays(
-    found: Discovery, gaps: Gaps, measured: Sequence[Measurement], nominal: EffectiveModel
+    found: Discovery, gaps: ModelGaps, measured: Sequence[Measurement], nominal: EffectiveModel
 ) -> tuple[Overlay, ...]:
     """First injections of two held-out operating points: the one in the middle by its gap, and the one worst off."""
     ranked = sorted(gaps.points, key=lambda point: point.line_pressure.before)

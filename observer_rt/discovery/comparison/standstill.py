@@ -90,7 +90,7 @@ def _of_recording(number: int, measurement: Measurement, c: Coefficients) -> lis
 
 
 @dataclass(frozen=True, eq=False)
-class _Blocks:
+class _PeriodMeans:
     """Means over whole periods of the line, in which its ringing cancels: (b,), SI; runs: stretch of standstill."""
 
     times: NDArray[np.float64]
@@ -99,7 +99,7 @@ class _Blocks:
     runs: NDArray[np.int64]
 
 
-def _blocks(measurement: Measurement, period: float) -> _Blocks | None:
+def _blocks(measurement: Measurement, period: float) -> _PeriodMeans | None:
     recording = measurement.recording
     size = max(1, round(period * recording.sample_rate))
     starts, runs = [], []
@@ -112,7 +112,7 @@ def _blocks(measurement: Measurement, period: float) -> _Blocks | None:
         return None
     rows = np.array(starts)[:, None] + np.arange(size)
     line, rail = recording.line_pressure[rows].mean(axis=1), recording.rail_pressure[rows].mean(axis=1)
-    return _Blocks(recording.time[rows].mean(axis=1), line - rail, line, np.array(runs))
+    return _PeriodMeans(recording.time[rows].mean(axis=1), line - rail, line, np.array(runs))
 
 
 def _calm(measurement: Measurement) -> NDArray[np.bool_]:
@@ -129,7 +129,7 @@ def _error_of_mean(values: NDArray[np.float64]) -> float:
     return float(np.std(values, ddof=1)) / math.sqrt(values.size)
 
 
-def _slope(blocks: _Blocks) -> tuple[float, float]:
+def _slope(blocks: _PeriodMeans) -> tuple[float, float]:
     """Slope of the line pressure within the stretches of standstill, and its standard deviation [Pa/s]."""
     times, lines = blocks.times.copy(), blocks.lines.copy()
     runs = np.unique(blocks.runs)

@@ -7,7 +7,7 @@ from typing import Any
 from pydantic_core import to_json
 
 from observer_rt.discovery.comparison.disagreement import PHASE_NAMES, Disagreement
-from observer_rt.discovery.comparison.gaps import Gaps
+from observer_rt.discovery.comparison.gaps import ModelGaps
 from observer_rt.discovery.findings import Findings, Sources, gap_share
 from observer_rt.discovery.opinion import Opinion
 from observer_rt.discovery.report.printed_units import definition, printed
@@ -145,7 +145,7 @@ def _opinion(opinion: Opinion, against: tuple[str, ...]) -> dict[str, Any]:
     }
 
 
-def _gaps(gaps: Gaps) -> dict[str, Any]:
+def _gaps(gaps: ModelGaps) -> dict[str, Any]:
     result: dict[str, Any] = {"line_pressure": None, "injection_rate": None}
     for name, (unit, gap) in gaps.printed.items():
         result[name] = {f"{when}_{_key(unit)}": value for when, value in vars(gap).items()}

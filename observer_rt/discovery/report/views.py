@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from observer_rt.discovery.caveats import LEAST_MASS
-from observer_rt.discovery.comparison.gaps import Gaps
+from observer_rt.discovery.comparison.gaps import ModelGaps
 from observer_rt.discovery.comparison.standstill import StandstillFigure
 from observer_rt.discovery.findings import Findings, explained_share
 from observer_rt.discovery.opinion import Indicator
@@ -67,7 +67,7 @@ def title(findings: Findings) -> str:
     return f"Missing: {words}"
 
 
-def mass_words(gaps: Gaps) -> str:
+def mass_words(gaps: ModelGaps) -> str:
     """The gap in mass, absolute and as a share, where it is one to speak of."""
     gap = gaps.mass.before
     if gap < LEAST_MASS:

@@ -7,7 +7,7 @@ import numpy as np
 
 from observer_rt.discovery.search.result import Cell
 from observer_rt.estimation.phases import Phase, phase_statistics
-from observer_rt.evidence.likelihood import Evidence, Judged
+from observer_rt.evidence.likelihood import Evidence, JudgedModel
 from observer_rt.evidence.pooled import Pool, Signal, normalised, phases_by_signal
 from observer_rt.model.baseline import Appearance, Baseline, HealthyRemainder, HealthyShape, PhaseFigures
 from observer_rt.model.effective import EffectiveModel
@@ -44,7 +44,7 @@ class HealthyBaseline:
 NO_BASELINE = HealthyBaseline({}, {})
 
 
-def cells_of(evidence: Evidence, judged: Sequence[Judged], model: EffectiveModel) -> tuple[Cell, ...]:
+def cells_of(evidence: Evidence, judged: Sequence[JudgedModel], model: EffectiveModel) -> tuple[Cell, ...]:
     """Every signal in every phase of every recording."""
     result = []
     for number, (trial, one) in enumerate(zip(evidence.trials, judged, strict=True)):

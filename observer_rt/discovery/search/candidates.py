@@ -12,7 +12,13 @@ from numpy.typing import NDArray
 
 from observer_rt.discovery.search.hypothesis import Hypothesis, Sizing, minimum_from
 from observer_rt.discovery.search.result import Candidate
-from observer_rt.evidence.appearance import Reference, Signature, reference, signatures, smallest_visible
+from observer_rt.evidence.appearance import (
+    HealthyAppearance,
+    Signature,
+    reference,
+    signatures,
+    smallest_visible,
+)
 from observer_rt.evidence.bounded_fit import MAX_ITERATIONS, Minimum, Residuals, linearise
 from observer_rt.evidence.likelihood import Evidence
 from observer_rt.model.baseline import Appearance
@@ -96,10 +102,10 @@ class Fitter:
         """Of the effects measured."""
         return tuple(self._signatures.values())
 
-    def reference(self, effect: Effect) -> Reference:
+    def reference(self, effect: Effect) -> HealthyAppearance:
         """The size an effect appears to have on the healthy injector, as these recordings see it."""
         signature = self._signatures.get(effect.id)
-        return Reference(0.0, 0.0) if signature is None else reference(self._appears, signature)
+        return HealthyAppearance(0.0, 0.0) if signature is None else reference(self._appears, signature)
 
     def smallest_visible(self, signature: Signature) -> float:
         """Size [SI] from which on an effect would have been told from noise and from the healthy injector."""

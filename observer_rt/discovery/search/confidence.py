@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 
 from observer_rt.discovery.search.result import Candidate
-from observer_rt.discovery.search.search import Outcome, price
+from observer_rt.discovery.search.search import SearchOutcome, price
 
 METHOD = (
     "share of exp(-X/(2 T)) among candidates of the same size that might be right, X = -2 log L + 10 a parameter, "
@@ -15,7 +15,7 @@ HIGHEST = 0.99
 WITH_A_WRONG_MODEL = 0.8  # at most, when discovery names something on healthy recordings
 
 
-def confidence_of(found: Outcome) -> float:
+def confidence_of(found: SearchOutcome) -> float:
     """Probability that the winner is right; of the nominal model, that nothing is missing."""
     if not found.adequate:
         return HIGHEST * (1.0 - 0.5 / found.ratio)

@@ -11,7 +11,7 @@ from observer_rt.discovery.search.hypothesis import Sizing
 from observer_rt.discovery.search.result import Candidate
 from observer_rt.estimation.prediction_error import robust_cost
 from observer_rt.evidence.bounded_fit import fit
-from observer_rt.evidence.likelihood import Evidence, Judged, Trial
+from observer_rt.evidence.likelihood import Evidence, JudgedModel, Trial
 from observer_rt.evidence.measurement import Measurement, every_second_point
 from observer_rt.evidence.open_loop import simulated
 from observer_rt.model.effective import EffectiveModel
@@ -94,7 +94,7 @@ def _gap_by_event(measurement: Measurement, model: EffectiveModel) -> NDArray[np
     return np.array([float(np.mean((one.line_pressure - line[one.samples]) ** 2)) for one in runs])
 
 
-def _by_event(trial: Trial, one: Judged) -> NDArray[np.float64]:
+def _by_event(trial: Trial, one: JudgedModel) -> NDArray[np.float64]:
     """-2 log L of the events of a recording (events,); its measured rate is shared out evenly."""
     events: Sequence[int] = [event.end - event.counted for event in trial.measurement.events]
     ends = np.cumsum(events)

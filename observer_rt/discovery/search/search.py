@@ -23,7 +23,7 @@ PARAMETER_PRICE = 10.0  # of -2 log L for each parameter more, log(n): which of 
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome:
+class SearchOutcome:
     """How the search ended. winner: the nominal model when nothing is accepted; rivals: as many effects, as good.
 
     ratio: of the winner's worst phase to its limit, above 1 when the winner does not explain the recordings;
@@ -45,7 +45,7 @@ class Outcome:
         """Whether the winner explains the recordings, or would with an effect too small to matter."""
         return self.ratio <= 1.0 or self.too_small
 
-    def led_by(self, ids: Collection[str]) -> "Outcome":
+    def led_by(self, ids: Collection[str]) -> "SearchOutcome":
         """The same with another of those that explain the recordings as well as the winner.
 
         Raises ValueError when these effects together are none of them.
@@ -91,8 +91,8 @@ class Search:
         self._least_gain = least_gain(baseline.appears)
         self.held_out = HeldOutPoints(fitter.evidence, fitter.nominal)
 
-    def run(self) -> Outcome:
-        """Fit candidates until nothing more is worth adding; see `Outcome`."""
+    def run(self) -> SearchOutcome:
+        """Fit candidates until nothing more is worth adding; see `SearchOutcome`."""
         nominal = self._fitter.nothing()
         singles = sorted(self._fitter.singles(self._effects, nominal), key=price)
         best, threshold, ratio = nominal, self._threshold(nominal), self._ratio(nominal)
@@ -108,7 +108,7 @@ class Search:
         fitted = (nominal, *singles, *pairs)
         too_small = ratio > 1.0 and best is nominal and self._is_too_small(singles[0])
         contenders = self._contenders(best, fitted, threshold)
-        return Outcome(
+        return SearchOutcome(
             nominal, best, self._rivals(best, fitted), contenders, fitted, threshold, ratio, too_small
         )
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from observer_rt.discovery.search.adequacy import SIGNIFICANT, Worst
 from observer_rt.discovery.search.result import Candidate, Unexplained
-from observer_rt.evidence.likelihood import Evidence, Judged
+from observer_rt.evidence.likelihood import Evidence, JudgedModel
 from observer_rt.evidence.pooled import Signal
 from observer_rt.model.effect import Equation
 from observer_rt.model.effective import EffectiveModel
@@ -30,7 +30,7 @@ NAMES = ("rail pressure", "needle lift", "injection rate", "duration")
 
 def unexplained(
     evidence: Evidence,
-    judged: Sequence[Judged],
+    judged: Sequence[JudgedModel],
     nominal: EffectiveModel,
     place: Worst,
     fitted: Sequence[Candidate],
@@ -57,7 +57,9 @@ def _equation(fitted: Sequence[Candidate]) -> Equation:
     return best.hypothesis.effects[0].equation
 
 
-def _blocks(evidence: Evidence, judged: Sequence[Judged], nominal: EffectiveModel, place: Worst) -> _Blocks:
+def _blocks(
+    evidence: Evidence, judged: Sequence[JudgedModel], nominal: EffectiveModel, place: Worst
+) -> _Blocks:
     means, regressors = [], []
     for trial, one in zip(evidence.trials, judged, strict=True):
         at_line = place.signal is Signal.LINE_PRESSURE

@@ -27,7 +27,7 @@ from observer_rt.discovery.search.result import (
     Unexplained,
     Verdict,
 )
-from observer_rt.discovery.search.search import Outcome, Search, indistinguishable, representatives
+from observer_rt.discovery.search.search import Search, SearchOutcome, indistinguishable, representatives
 from observer_rt.discovery.search.unexplained import unexplained
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.evidence.appearance import healthy_remainder
@@ -97,7 +97,7 @@ def name_effects(
     return result
 
 
-def _led_by(found: Outcome, chosen: Sequence[str]) -> Outcome:
+def _led_by(found: SearchOutcome, chosen: Sequence[str]) -> SearchOutcome:
     """The outcome led by what the user chose. Raises `UserError` when the recordings do not leave it open."""
     try:
         if not found.adequate:
@@ -136,7 +136,7 @@ class _Verdict:
     """The result of a search in the words of a `Discovery`."""
 
     def __init__(
-        self, fitter: Fitter, found: Outcome, baseline: HealthyBaseline, held_out: HeldOutPoints
+        self, fitter: Fitter, found: SearchOutcome, baseline: HealthyBaseline, held_out: HeldOutPoints
     ) -> None:
         self._fitter = fitter
         self._held_out = held_out

@@ -28,7 +28,7 @@ from observer_rt.model.line.lump import STIFFNESS_PRESSURE
 if TYPE_CHECKING:
     from observer_rt.model.departures import Departures
     from observer_rt.model.parameters import InjectorParameters
-    from observer_rt.model.parameters import Line as LineParameters
+    from observer_rt.model.parameters import LineParameters as LineParameters
 
 NAMES = ("wave", "wave_two_part")  # of `line.model`; in two parts where their impedances differ
 STEP = 10e-6  # s, internal, whatever the sample period

@@ -16,7 +16,7 @@ EVENT_SHARE = 0.3  # variance, of what one event tells of its own point, over th
 UNSEEN = 2e-3  # of a rate: standard deviation of what a learned model still gets wrong at a point far from all seen
 
 
-class OperatingPoint(NamedTuple):
+class EventPoint(NamedTuple):
     """An event's: rail pressure [p_0] at its opening, logarithm of the time [s] open, widest normalised area."""
 
     rail_pressure: float
@@ -24,16 +24,16 @@ class OperatingPoint(NamedTuple):
     area: float
 
 
-def operating_point(window: Window, interval: float) -> OperatingPoint:
+def operating_point(window: Window, interval: float) -> EventPoint:
     """That of an event; interval of its samples [s]."""
     area = window.inputs[:, 1]
     samples = max(int(np.count_nonzero(area > 0.0)), 1)
-    return OperatingPoint(
+    return EventPoint(
         float(window.inputs[window.opening, 0]), math.log(samples * interval), float(np.max(area))
     )
 
 
-def unfamiliarity(point: OperatingPoint, learned_at: Sequence[OperatingPoint]) -> float:
+def unfamiliarity(point: EventPoint, learned_at: Sequence[EventPoint]) -> float:
     """Share 0 .. 1 of a model's error at a point that events elsewhere leave open, 1 with none.
 
     By a Gaussian process of unit variance, whose covariance falls off with the squared distance over `REACH`:
@@ -48,6 +48,6 @@ def unfamiliarity(point: OperatingPoint, learned_at: Sequence[OperatingPoint]) -
     return math.sqrt(max(1.0 - float(told), 0.0))
 
 
-def remembered(learned_at: Sequence[OperatingPoint], point: OperatingPoint) -> tuple[OperatingPoint, ...]:
+def remembered(learned_at: Sequence[EventPoint], point: EventPoint) -> tuple[EventPoint, ...]:
     """The points with one more, the newest last."""
     return (*learned_at, point)[-REMEMBERED:]

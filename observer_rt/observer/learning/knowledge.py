@@ -16,7 +16,7 @@ from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.scalars import SCALARS, Scalars, Theta
 from observer_rt.observer.learning.disturbances.colour import Colour
 from observer_rt.observer.learning.doubts.adequacy import Objection
-from observer_rt.observer.learning.familiarity import OperatingPoint
+from observer_rt.observer.learning.familiarity import EventPoint
 from observer_rt.observer.learning.healthy import SAME_RATE
 from observer_rt.observer.learning.interval import Resimulated
 from observer_rt.observer.stream.phi import Phi, StructuredPhi
@@ -51,7 +51,7 @@ class Knowledge:
     events: int = 0  # learned from
     statistics: PhaseStatistics = field(default_factory=no_statistics)
     colour: Colour | None = None
-    learned_at: tuple[OperatingPoint, ...] = ()
+    learned_at: tuple[EventPoint, ...] = ()
     scalars: Scalars = field(default=SCALARS, repr=False, compare=False)
 
     def colour_at(self, interval: float) -> Colour | None:

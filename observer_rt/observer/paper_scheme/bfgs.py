@@ -35,7 +35,7 @@ class Objective(Protocol):
 
 
 @dataclass(frozen=True)
-class Minimum:
+class BfgsMinimum:
     """Where the search ended. `decrement` is g' H^-1 g there: about twice what J could still fall."""
 
     theta: NDArray[np.float64]
@@ -52,14 +52,14 @@ def minimise(
     inverse_hessian: NDArray[np.float64],
     tolerance: float,
     max_iterations: int,
-) -> Minimum:
+) -> BfgsMinimum:
     """Minimise from `start` (m,) with a first inverse Hessian (m, m), until the decrement is below `tolerance`.
 
     The update is skipped unless d'v > 0, and the inverse is reset to the first one when its direction does not
     lead downhill.
     """
     search = _compiled_search if isinstance(objective, tuple) else _search
-    return Minimum(*search(objective, start, inverse_hessian, tolerance, max_iterations))
+    return BfgsMinimum(*search(objective, start, inverse_hessian, tolerance, max_iterations))
 
 
 def _search(
@@ -69,7 +69,7 @@ def _search(
     tolerance: float,
     max_iterations: int,
 ) -> tuple[NDArray[np.float64], float, NDArray[np.float64], int, float, bool]:
-    """The fields of a `Minimum`."""
+    """The fields of a `BfgsMinimum`."""
     theta, inverse, gradient = start.copy(), inverse_hessian.copy(), np.empty_like(start)
     value = _value(objective, theta)
     _find_gradient(objective, theta, gradient)

@@ -12,7 +12,7 @@ _NANOSECOND = 1e-9  # s
 
 
 @dataclass(frozen=True)
-class Lateness:
+class ReplayLateness:
     """Median, 99th percentile and maximum [s], and the share of frames later than `LATE`; nan without frames."""
 
     median: float
@@ -38,11 +38,11 @@ class LatenessCounter:
         self._late += nanoseconds > LATE / _NANOSECOND
         self._maximum = max(self._maximum, nanoseconds)
 
-    def result(self) -> Lateness:
+    def result(self) -> ReplayLateness:
         """The figures of all frames counted; median and percentile to within 1.6 %."""
         if not self._frames:
-            return Lateness(math.nan, math.nan, math.nan, math.nan)
-        return Lateness(
+            return ReplayLateness(math.nan, math.nan, math.nan, math.nan)
+        return ReplayLateness(
             self._quantile(0.5), self._quantile(0.99), self._maximum * _NANOSECOND, self._late / self._frames
         )
 

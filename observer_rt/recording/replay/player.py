@@ -11,7 +11,7 @@ from observer_rt.bus.links.link import FdFlags, Link, LinkDownError
 from observer_rt.bus.links.outage import RECONNECT_PERIOD
 from observer_rt.foundation.units import MICROSECOND, MILLISECOND
 from observer_rt.recording.replay.framing import TimedFrame
-from observer_rt.recording.replay.lateness import LATE, Lateness, LatenessCounter
+from observer_rt.recording.replay.lateness import LATE, LatenessCounter, ReplayLateness
 
 NANOSECONDS = 1_000_000_000  # in a second
 SLEEP_MARGIN = 1_000_000  # ns before a frame is due, from which on the sleep is exact and not interruptible
@@ -28,7 +28,7 @@ class PlayStatistics:
 
     frames: int
     duration: float
-    lateness: Lateness
+    lateness: ReplayLateness
     paused: float = 0.0
 
     def as_text(self) -> str:

@@ -19,8 +19,8 @@ from asammdf.blocks.v4_blocks import FileHistory
 from observer_rt.config.recording import ColumnConfig
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.mdf4_apart import READABLE
-from observer_rt.recording.mdf4_blocks import Counted, refuse_other_files
-from observer_rt.recording.signals.mapped.table import Part, Values, present
+from observer_rt.recording.mdf4_blocks import CountedRecords, refuse_other_files
+from observer_rt.recording.signals.mapped.table import TablePart, Values, present
 
 DAMAGE = (  # the ways in which asammdf fails on a damaged file
     MdfException,
@@ -41,7 +41,7 @@ Place = tuple[int, int]
 """Group and index of a channel."""
 
 
-class Found(NamedTuple):
+class FoundChannels(NamedTuple):
     """The mapped channels of a file, their places and units, units of all channels; what is odd about the file."""
 
     mapped: dict[str, ColumnConfig]
@@ -58,8 +58,8 @@ def names(path: Path) -> Iterator[list[str]]:
 
 
 def found_and_parts(
-    path: Path, wanted: Mapping[str, ColumnConfig], is_own: bool, counted: Counted, at_once: int
-) -> Iterator[Found | Part]:
+    path: Path, wanted: Mapping[str, ColumnConfig], is_own: bool, counted: CountedRecords, at_once: int
+) -> Iterator[FoundChannels | TablePart]:
     """What a file has of the channels wanted, then the parts of the first group with some of them.
 
     Raises `UserError` where a channel is missing or in doubt.
@@ -74,21 +74,21 @@ def found_and_parts(
         units = {name: unit for name, place in places.items() if (unit := _unit(file, *place))}
         headings = [file.groups[group].channel_group.address for group in groups]
         odd = (*counted.remarks, *counted.contradictions(headings, "samples"))
-        yield Found(mapped, places, units, columns, odd)
+        yield FoundChannels(mapped, places, units, columns, odd)
         yield from _parts(file, path, groups[0], places, counted, at_once)
 
 
 def parts(
-    path: Path, group: int, places: Mapping[str, Place], counted: Counted, at_once: int
-) -> Iterator[Part]:
+    path: Path, group: int, places: Mapping[str, Place], counted: CountedRecords, at_once: int
+) -> Iterator[TablePart]:
     """The channels of one group, so many samples at once, as many as there are, whatever its heading says."""
     with opened(path) as file:
         yield from _parts(file, path, group, places, counted, at_once)
 
 
 def _parts(
-    file: MDF, path: Path, group: int, places: Mapping[str, Place], counted: Counted, at_once: int
-) -> Iterator[Part]:
+    file: MDF, path: Path, group: int, places: Mapping[str, Place], counted: CountedRecords, at_once: int
+) -> Iterator[TablePart]:
     heading = file.groups[group].channel_group
     for first in range(0, counted.readable(heading.address, heading.cycles_nr), at_once):
         with damage_told(path):
@@ -104,7 +104,7 @@ def _parts(
                 if wanted == group
             }
         time = next(iter(signals.values())).timestamps.astype(np.float64)
-        yield Part(time, {name: _numbers(signal, path, first) for name, signal in signals.items()})
+        yield TablePart(time, {name: _numbers(signal, path, first) for name, signal in signals.items()})
 
 
 @contextmanager

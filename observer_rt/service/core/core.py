@@ -36,7 +36,7 @@ from observer_rt.service.core.noise import slow_noise_of
 from observer_rt.service.inputs.energizing import EnergizingFigures
 from observer_rt.service.inputs.optional_inputs import OptionalInputs
 from observer_rt.service.reports.injection_report import report_of
-from observer_rt.service.reports.judging import InlineExecutor, Judged, Judging
+from observer_rt.service.reports.judging import EventRecord, InlineExecutor, Judging
 from observer_rt.service.reports.news import Listener, to_all
 
 
@@ -278,7 +278,7 @@ class Core:
         for judged in self._judging.follow(self.learning, self.fuel_temperature):
             self._report(judged)
 
-    def _report(self, judged: Judged) -> None:
+    def _report(self, judged: EventRecord) -> None:
         """Say of the injections of a judged event what was found, with what came before it was."""
         self._inputs.read()
         for injection in self._judging.injections(judged):

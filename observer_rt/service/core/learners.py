@@ -49,14 +49,14 @@ def healthy_injector(fitted: BenchInjector) -> Healthy:
     )
 
 
-class Doubt(NamedTuple):
+class FitDoubt(NamedTuple):
     """Why a fitted model is not what it should be, and what to do."""
 
     text: str
     remedy: str
 
 
-def doubt_about_fit(fitted: BenchInjector) -> Doubt | None:
+def doubt_about_fit(fitted: BenchInjector) -> FitDoubt | None:
     """What speaks against an injector's fitted model on this bench; None where nothing does or it was not fitted."""
     baseline, rate = fitted.parameters.baseline, fitted.config.sampling.rate_hz
     name = fitted.parameters_path.name
@@ -69,12 +69,12 @@ def doubt_about_fit(fitted: BenchInjector) -> Doubt | None:
             if trusted
             else "nothing is learned, and no injection is valid (MODEL_INADEQUATE)"
         )
-        return Doubt(
+        return FitDoubt(
             f"{name} was found inadequate by its own fit: {so}",
             "see what `observer-rt fit` says to try, and docs/own-injector.md",
         )
     if not holds_at(baseline, rate):
-        return Doubt(
+        return FitDoubt(
             f"{name} was fitted at {baseline.sample_rate_Hz:g} Hz and is not comparable at {rate:g} Hz: what its fit "
             "left unexplained is not allowed for",
             f"fit it to recordings at {rate:g} Hz",

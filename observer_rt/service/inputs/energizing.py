@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.bus.alignment.timekeeping import is_prompt, place_at
-from observer_rt.bus.mapping.energizing import Energizing
+from observer_rt.bus.mapping.energizing import EnergizingLayout
 from observer_rt.foundation.units import MICROSECOND, MILLISECOND
 from observer_rt.observer.observer import was_shut
 from observer_rt.observer.stream.state import INJECTIONS, RING
@@ -45,7 +45,7 @@ class EnergizingFigures:
 
 
 @dataclass(eq=False)
-class _Waiting:
+class _WaitingCommand:
     """A command whose opening is not decided; came: samples processed when it did; was_shut: None while under way."""
 
     command: Command
@@ -64,7 +64,7 @@ class EnergizingWatch:
 
     def __init__(
         self,
-        energizing: Energizing,
+        energizing: EnergizingLayout,
         compiled: CompiledPipeline,
         on_mismatch: Callable[[Mismatch], None],
     ) -> None:
@@ -78,7 +78,7 @@ class EnergizingWatch:
         self._keeping = compiled.pipeline.keeping
         self._compiled = compiled
         self._on_mismatch = on_mismatch
-        self._waiting: deque[_Waiting] = deque(maxlen=REMEMBERED)
+        self._waiting: deque[_WaitingCommand] = deque(maxlen=REMEMBERED)
         # indices of openings without a command, and samples processed when they were reported
         self._unasked: deque[tuple[int, int]] = deque(maxlen=REMEMBERED)
         self._delays: deque[float] = deque(maxlen=RECENT)
@@ -88,11 +88,11 @@ class EnergizingWatch:
         place_at(self._keeping, 0)  # compiled before the first command comes
 
     def take(self, values: NDArray[np.float64], stamp: int, follows: bool, processed: int) -> None:
-        """Take what a frame says, as of `Energizing.reading`; processed: samples when it came."""
+        """Take what a frame says, as of `EnergizingLayout.reading`; processed: samples when it came."""
         for command in self._reader.read(self._energizing.reading(values, stamp, follows)):
             if command.is_certain:
                 self._number(command)
-            self._waiting.append(_Waiting(command, processed))
+            self._waiting.append(_WaitingCommand(command, processed))
 
     @property
     def looks_at_each(self) -> bool:
@@ -219,7 +219,7 @@ class EnergizingWatch:
         begin = samples_between(self._newest, self._place(command.start)) + self._newest - command.margin
         return was_shut(self._compiled.observer, begin, begin + 2 * command.margin + self._window)
 
-    def _judge(self, waiting: _Waiting) -> None:
+    def _judge(self, waiting: _WaitingCommand) -> None:
         """The window of a command is over and its openings are decided."""
         command = waiting.command
         if command.has_opened or not command.is_certain or not waiting.was_shut:

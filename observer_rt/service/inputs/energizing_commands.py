@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from observer_rt.bus.mapping.energizing import NANOSECONDS, Energizing, Reading
+from observer_rt.bus.mapping.energizing import NANOSECONDS, EnergizingLayout, EnergizingSignal
 from observer_rt.bus.mapping.timing import SLOTS
 from observer_rt.foundation.units import MILLISECOND
 
@@ -38,7 +38,7 @@ class Command:
 class CommandReader:
     """Finds the commands in what the frames say; `by_index`: moments are sample indices."""
 
-    def __init__(self, energizing: Energizing, sample_rate: float) -> None:
+    def __init__(self, energizing: EnergizingLayout, sample_rate: float) -> None:
         """sample_rate: of the grid [Hz]."""
         self.by_index = energizing.index is not None
         self._is_level = energizing.is_level
@@ -67,7 +67,7 @@ class CommandReader:
             return None
         return self._last + round(self._longest * self._units)
 
-    def read(self, reading: Reading) -> list[Command]:
+    def read(self, reading: EnergizingSignal) -> list[Command]:
         """Commands that start in a frame."""
         if reading.first is not None:
             first = reading.first
@@ -94,7 +94,7 @@ class CommandReader:
                 commands.append(command)
         return commands
 
-    def _tells_loss(self, reading: Reading, since: float) -> bool:
+    def _tells_loss(self, reading: EnergizingSignal, since: float) -> bool:
         """Whether frames were lost before this one; since [samples]: from the last moment known."""
         if since > self._longest:
             is_pause = reading.follows and self._level is False and reading.values[0] == 0.0

@@ -9,7 +9,7 @@ from functools import cached_property
 from itertools import chain
 from typing import Any, Generic, TypeVar
 
-from observer_rt.estimation.scalars import NOZZLE, SCALARS, SEAT, Shown
+from observer_rt.estimation.scalars import NOZZLE, SCALARS, SEAT, ShownIndicator
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, MM3_PER_MS, ZERO_CELSIUS
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.service.reports.injection_report import InjectionReport
@@ -82,7 +82,7 @@ class IndicatorFields:
         return (*self.value.columns, *self.ci95.columns)
 
 
-def _indicator(shown: Shown) -> IndicatorFields:
+def _indicator(shown: ShownIndicator) -> IndicatorFields:
     name, unit = shown.key or shown.effect, shown.unit[0]
     suffix = "" if unit == "-" else "_" + re.sub(r"\W+", "_", unit.replace("/", " per ")).strip("_")
 

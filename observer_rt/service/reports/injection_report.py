@@ -12,7 +12,7 @@ from observer_rt.observer.learning.indicators import Estimate, Indicators, indic
 from observer_rt.observer.learning.interval import is_revised, rate_sigma, volume_interval
 from observer_rt.observer.stream.state import Reason, State
 from observer_rt.service.contest import contested
-from observer_rt.service.reports.judging import Judged
+from observer_rt.service.reports.judging import EventRecord
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class InjectionReport:
 
 
 def report_of(
-    injection: np.void, judged: Judged, commanded: CommandedOpening | None, is_contested: bool = False
+    injection: np.void, judged: EventRecord, commanded: CommandedOpening | None, is_contested: bool = False
 ) -> InjectionReport:
     """What to say of an injection (row of dtype `stream.state.INJECTION`).
 

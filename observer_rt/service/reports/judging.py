@@ -64,7 +64,7 @@ class _Closed:
 
 
 @dataclass(frozen=True, eq=False)
-class Judged:
+class EventRecord:
     """An event, `stream.state.EVENT`, that was judged.
 
     objections: what speaks against it; outcome: what was learned from it, None when nothing was; in_force: theta (m,)
@@ -145,7 +145,7 @@ class Judging:
         """Whether no closed event waits to be judged."""
         return not self._waiting
 
-    def follow(self, learning: bool, fuel_temperature: float | None) -> Iterator[Judged]:
+    def follow(self, learning: bool, fuel_temperature: float | None) -> Iterator[EventRecord]:
         """What the stream did since the last call: events that were judged, after handing over those that closed.
 
         learning: whether they are learned from.
@@ -255,7 +255,7 @@ class Judging:
         is_coloured = outcome.knowledge.colour is not None
         post_learned(self._compiled.observer, closed.number, outcome, is_coloured)
 
-    def _judged(self) -> Judged:
+    def _judged(self) -> EventRecord:
         """The next event that the stream took, with the verdict that it found."""
         closed = self._waiting.popleft()
         closed.is_taken = True
@@ -278,7 +278,9 @@ class Judging:
             self._late = closed.earlier
         if outcome is None and closed.learning is not None:
             self._note_late(closed, closed.learning)
-        return Judged(event, objections, outcome, self._carried, self._compiled.observer.phi, closed.fuel)
+        return EventRecord(
+            event, objections, outcome, self._carried, self._compiled.observer.phi, closed.fuel
+        )
 
     def _note_late(self, closed: _Closed, learning: Future[Outcome]) -> None:
         """An event was taken before what is learned from it was known, or just before that was posted."""
@@ -299,7 +301,7 @@ class Judging:
         event: np.void = self._events[number % PENDING_EVENTS]
         return event
 
-    def injections(self, judged: Judged) -> Iterator[np.void]:
+    def injections(self, judged: EventRecord) -> Iterator[np.void]:
         """The injections, `stream.state.INJECTION`, to be reported with an event."""
         memory = self._compiled.observer.memory[0]
         while memory["injections_reported"] < judged.event["injections"]:

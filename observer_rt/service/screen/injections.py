@@ -10,7 +10,7 @@ from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.service.reports.injection_record import NAMED
 from observer_rt.service.reports.injection_report import InjectionReport
-from observer_rt.service.screen.shown import Shown
+from observer_rt.service.screen.shown import ShownInjection
 from observer_rt.service.words import REASONS
 
 WITH_WORDS = 110  # columns, from which all columns have room, and reasons are put into words
@@ -19,7 +19,7 @@ _FIRST = [NAMED[name] for name in ("number", "rail_pressure_MPa", "mass_mg", "ma
 _COMMAND = [NAMED["command"], NAMED["opening_delay_us"]]
 
 
-def injections(shown: Sequence[Shown], width: int, c: Coefficients) -> Table:
+def injections(shown: Sequence[ShownInjection], width: int, c: Coefficients) -> Table:
     """A row for each, the last one at the bottom; in 76 columns no figure is cut. c: of the nominal model."""
     is_measured = any(item.measured for item in shown)
     is_commanded = any(item.report.commanded for item in shown)
@@ -49,7 +49,7 @@ def injections(shown: Sequence[Shown], width: int, c: Coefficients) -> Table:
     return table
 
 
-def last_injection(item: Shown, c: Coefficients) -> tuple[Text, ...]:
+def last_injection(item: ShownInjection, c: Coefficients) -> tuple[Text, ...]:
     """Number, mass [mg], its interval, wear of the nozzle and verdict: cells of a row."""
     report = item.report
     verdict = Text("yes", "green") if report.valid else Text(_names(report), "yellow")
@@ -74,7 +74,7 @@ def _names(report: InjectionReport) -> str:
     return ", ".join(reason.name for reason in report.reasons)
 
 
-def _measured(shown: Shown) -> tuple[str, str]:
+def _measured(shown: ShownInjection) -> tuple[str, str]:
     """Measured mass, and the error of the estimate."""
     if shown.measured is None:
         return "-", "-"

@@ -17,7 +17,7 @@ from observer_rt.service.reports.news import MeasuredMass
 
 
 @dataclass(frozen=True)
-class Reference:
+class ComparedRate:
     """What an injection can be compared with: its rate [m3/s] over the injection's samples, and its mass [kg]."""
 
     name: str
@@ -25,21 +25,21 @@ class Reference:
     mass: float
 
 
-References = Callable[[InjectionReport, NDArray[np.void]], Sequence[Reference]]
+References = Callable[[InjectionReport, NDArray[np.void]], Sequence[ComparedRate]]
 """Of an injection and its samples, dtype `stream.state.SAMPLE`."""
 
 
 @dataclass
-class Shown:
+class ShownInjection:
     """An injection, its samples, what it is compared with (None: not worked out yet), its measured mass."""
 
     report: InjectionReport
     rows: NDArray[np.void]
-    references: Sequence[Reference] | None = None
+    references: Sequence[ComparedRate] | None = None
     measured: MeasuredMass | None = None
 
 
-class NominalModel:
+class NominalInjection:
     """The model as given, run over an injection's own inputs."""
 
     def __init__(self, fitted: BenchInjector) -> None:
@@ -53,7 +53,7 @@ class NominalModel:
         )
         self._nothing_learned = np.zeros(SCALARS.width)
 
-    def __call__(self, report: InjectionReport, rows: NDArray[np.void]) -> Sequence[Reference]:
+    def __call__(self, report: InjectionReport, rows: NDArray[np.void]) -> Sequence[ComparedRate]:
         """Its rate and mass; none where the needle was open from the start."""
         is_open = rows["seat_area"] > 0.0
         if not is_open.any() or is_open[0]:
@@ -68,4 +68,4 @@ class NominalModel:
         )
         rate = open_loop(window, self._setting, self._nothing_learned).rate
         mass = float(np.trapezoid(rate)) * self._setting.interval * report.density
-        return [Reference("nominal", rate, mass)]
+        return [ComparedRate("nominal", rate, mass)]

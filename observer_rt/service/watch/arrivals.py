@@ -14,7 +14,7 @@ STALE = 0.5  # s without a frame of a message that carries samples
 
 
 @dataclass(frozen=True)
-class Source:
+class WatchedMessage:
     """An input message: what it carries, and after which time without a frame it counts as stale [s]."""
 
     layout: MessageLayout
@@ -67,7 +67,7 @@ class Arrivals:
         heard = self._heard[_key(layout)]
         heard.frames, heard.last = frames, last
 
-    def heard_of(self, source: Source) -> Heard:
+    def heard_of(self, source: WatchedMessage) -> Heard:
         """What came of an input message."""
         return self._heard[_key(source.layout)]
 
@@ -76,12 +76,12 @@ class Arrivals:
         """Of all input messages."""
         return sum(heard.frames for _, heard in self._inputs)
 
-    def age(self, source: Source, now: int) -> float:
+    def age(self, source: WatchedMessage, now: int) -> float:
         """Time since its last frame [s]; nan: none came yet."""
         heard = self.heard_of(source)
         return (now - heard.last) / SECOND if heard.frames else math.nan
 
-    def silence(self, source: Source, now: int) -> float:
+    def silence(self, source: WatchedMessage, now: int) -> float:
         """Time since its last frame, or since the begin [s]."""
         return (now - max(self.heard_of(source).last, self._begin)) / SECOND
 
@@ -89,7 +89,7 @@ class Arrivals:
         """Time since the last frame with a role [s]; nan: none came yet."""
         return self.age(next(source for source in self.sources if role.value in source.roles), now)
 
-    def stale(self, now: int) -> list[Source]:
+    def stale(self, now: int) -> list[WatchedMessage]:
         """Messages with samples that stay away."""
         return [s for s in self.sources if s.streams and self.silence(s, now) > s.patience]
 
@@ -127,7 +127,7 @@ def age_text(age: float) -> str:
     return f"{age * 1e3:.0f} ms ago" if age < 1.0 else f"{age:.1f} s ago"
 
 
-def sources_of(bus: BusMap) -> tuple[Source, ...]:
+def sources_of(bus: BusMap) -> tuple[WatchedMessage, ...]:
     """All input messages of a bench with what they carry."""
     carried: dict[MessageLayout, list[str]] = {layout: [] for layout in bus.received}
     streams: dict[MessageLayout, list[int]] = {layout: [] for layout in bus.received}
@@ -148,7 +148,7 @@ def sources_of(bus: BusMap) -> tuple[Source, ...]:
         if bus.energizing.cycle is not None:
             patience[layout] = min(patience[layout], slow_timeout(None, round(bus.energizing.cycle * SECOND)))
     return tuple(
-        Source(
+        WatchedMessage(
             layout,
             f"{message_text(bus, layout)} ({', '.join(roles)})",
             tuple(roles),

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Finding:
+class WatchFinding:
     """What is wrong, with a remedy where there is one; `is_over`: it is well again."""
 
     text: str

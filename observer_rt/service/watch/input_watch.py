@@ -10,7 +10,7 @@ from observer_rt.service.compiled.constants import configured_noise
 from observer_rt.service.core.core import Core
 from observer_rt.service.reports.news import Notice
 from observer_rt.service.watch.arrivals import Arrivals
-from observer_rt.service.watch.finding import Finding
+from observer_rt.service.watch.finding import WatchFinding
 from observer_rt.service.watch.lift_watch import LiftWatch
 from observer_rt.service.watch.senders import SenderWatch
 from observer_rt.service.watch.silence import SilenceWatch
@@ -56,5 +56,5 @@ class InputWatch:
         return samples
 
 
-def _notices(topic: Topic, findings: list[Finding]) -> list[Notice]:
+def _notices(topic: Topic, findings: list[WatchFinding]) -> list[Notice]:
     return [Notice(topic, found.text, found.is_over) for found in findings]

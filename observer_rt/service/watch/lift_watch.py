@@ -2,7 +2,7 @@
 
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 from observer_rt.observer.stream.lift_figures import LiftFigures
-from observer_rt.service.watch.finding import Finding
+from observer_rt.service.watch.finding import WatchFinding
 
 _PER = 10 * MEGAPASCAL
 
@@ -14,13 +14,13 @@ class LiftWatch:
         self._pressed = False
         self._to_scale = True
 
-    def look(self, figures: LiftFigures) -> list[Finding]:
+    def look(self, figures: LiftFigures) -> list[WatchFinding]:
         """News."""
         told = []
         pressed = figures.crosstalk != 0.0
         if pressed != self._pressed:
             self._pressed = pressed
-            told.append(_crosstalk(figures) if pressed else Finding(_NO_CROSSTALK, is_over=True))
+            told.append(_crosstalk(figures) if pressed else WatchFinding(_NO_CROSSTALK, is_over=True))
         if figures.is_to_scale != self._to_scale:
             self._to_scale = figures.is_to_scale
             told.append(_scale(figures))
@@ -30,19 +30,19 @@ class LiftWatch:
 _NO_CROSSTALK = "needle_lift: the line pressure shows in it no more"
 
 
-def _crosstalk(figures: LiftFigures) -> Finding:
+def _crosstalk(figures: LiftFigures) -> WatchFinding:
     size = figures.crosstalk * _PER / MICROMETRE
-    return Finding(
+    return WatchFinding(
         f"needle_lift: the line pressure shows in it, {size:.2g} um per 10 MPa, which is taken out\n"
         "  remedy: none is needed; see to mounting, cable and ground of the needle-lift sensor"
     )
 
 
-def _scale(figures: LiftFigures) -> Finding:
+def _scale(figures: LiftFigures) -> WatchFinding:
     found = f"needle_lift: long openings stay at {figures.at_stop / MICROMETRE:.0f} um"
     if figures.is_to_scale:
-        return Finding(f"{found}, as the injector file says", is_over=True)
-    return Finding(
+        return WatchFinding(f"{found}, as the injector file says", is_over=True)
+    return WatchFinding(
         f"{found}, not at seat.max_lift = {figures.stop / MICROMETRE:.0f} um of the injector file\n"
         "  remedy: calibrate the needle-lift sensor (or correct its factor), or correct seat.max_lift"
     )

@@ -2,7 +2,7 @@
 
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.service.watch.arrivals import SECOND, Arrivals, message_text
-from observer_rt.service.watch.finding import Finding
+from observer_rt.service.watch.finding import WatchFinding
 
 REMEDY = "stop the other daemon or replay; two on one bus need messages of their own in [outputs]"
 PERIOD = 30.0  # s between two tellings of the same
@@ -18,15 +18,15 @@ class SenderWatch:
         self._next = 0
         self._is_contested = False
 
-    def look(self, now: int) -> list[Finding]:
+    def look(self, now: int) -> list[WatchFinding]:
         """News at a time [ns]."""
         frames = self._arrivals.foreign_frames
         if self._is_contested and not self._arrivals.is_contested(now):
             self._is_contested = False
-            return [Finding(f"the other sender is silent after {frames} frames", is_over=True)]
+            return [WatchFinding(f"the other sender is silent after {frames} frames", is_over=True)]
         if frames == self._told or now < self._next:
             return []
         self._is_contested = True
         self._told, self._next = frames, now + round(PERIOD * SECOND)
         names = ", ".join(message_text(self._bus, layout) for layout, _ in self._arrivals.foreign)
-        return [Finding(f"another node sends {names}: {frames} frames so far\n  remedy: {REMEDY}")]
+        return [WatchFinding(f"another node sends {names}: {frames} frames so far\n  remedy: {REMEDY}")]

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from observer_rt.service.watch.arrivals import SECOND, Arrivals, Source
-from observer_rt.service.watch.finding import Finding
+from observer_rt.service.watch.arrivals import SECOND, Arrivals, WatchedMessage
+from observer_rt.service.watch.finding import WatchFinding
 
 TOLD = 2.0  # s without a frame, or with useless ones only, after which it is told
 _USELESS = 10  # frames
@@ -24,16 +24,16 @@ class SilenceWatch:
 
     def __init__(self, arrivals: Arrivals) -> None:
         self._arrivals = arrivals
-        self._silent: dict[Source, int] = {}  # told, and when their last frame came
-        self._together: set[Source] = set()  # told as all inputs, of these
+        self._silent: dict[WatchedMessage, int] = {}  # told, and when their last frame came
+        self._together: set[WatchedMessage] = set()  # told as all inputs, of these
         self._back_at = 0  # when the first of these came again
         self._uses = {source: _Use((), 0, 0) for source in arrivals.sources if source.streams}
 
-    def look(self, now: int, progress: list[int]) -> list[Finding]:
+    def look(self, now: int, progress: list[int]) -> list[WatchFinding]:
         """News at a time [ns]; progress: the sample index every stream got to, as `alignment.memory.progress`."""
         return [*self._back(now), *self._silences(now), *self._useless(now, progress)]
 
-    def _silences(self, now: int) -> list[Finding]:
+    def _silences(self, now: int) -> list[WatchFinding]:
         arrivals = self._arrivals
         new = [
             source
@@ -54,51 +54,51 @@ class SilenceWatch:
             names = ", ".join(source.text for source in new)
             shortest = min(arrivals.silence(source, now) for source in new)
             return [
-                Finding(
+                WatchFinding(
                     f"no frame of any input for {shortest:.1f} s: {names}\n"
                     "  remedy: check that the measuring devices are on, the cable, and the bit rate"
                 )
             ]
         return [
-            Finding(
+            WatchFinding(
                 f"{source.text}: no frame {self._since(source, now)}\n"
                 "  remedy: check the device that sends it, its cable and identifier; other inputs come"
             )
             for source in new
         ]
 
-    def _since(self, source: Source, now: int) -> str:
+    def _since(self, source: WatchedMessage, now: int) -> str:
         silence = self._arrivals.silence(source, now)
         if self._arrivals.heard_of(source).frames:
             return f"for {silence:.1f} s"
         return f"since the start {silence:.1f} s ago"
 
-    def _back(self, now: int) -> list[Finding]:
+    def _back(self, now: int) -> list[WatchFinding]:
         over = []
         for source, last in list(self._silent.items()):
             if self._arrivals.heard_of(source).last > last:
                 gone = (self._arrivals.heard_of(source).last - last) / SECOND
                 text = f"comes again after {gone:.1f} s" if last else "comes now"
-                over.append(Finding(f"{source.text}: {text}", is_over=True))
+                over.append(WatchFinding(f"{source.text}: {text}", is_over=True))
                 del self._silent[source]
                 if source in self._together:
                     self._together.discard(source)
                     self._back_at = self._back_at or now
         return over
 
-    def _useless(self, now: int, progress: list[int]) -> list[Finding]:
+    def _useless(self, now: int, progress: list[int]) -> list[WatchFinding]:
         told = []
         for source, use in self._uses.items():
             got = tuple(progress[stream] for stream in source.streams)
             frames = self._arrivals.heard_of(source).frames
             if got != use.progress or frames == use.frames:
                 if use.is_told and got != use.progress:
-                    told.append(Finding(f"{source.text}: its frames can be used again", is_over=True))
+                    told.append(WatchFinding(f"{source.text}: its frames can be used again", is_over=True))
                 self._uses[source] = _Use(got, frames, now, use.is_told and got == use.progress)
             elif not use.is_told and frames - use.frames > _USELESS and now - use.since > TOLD * SECOND:
                 use.is_told = True
                 told.append(
-                    Finding(
+                    WatchFinding(
                         f"{source.text}: {frames - use.frames} frames came, and none could be used\n"
                         "  remedy: compare its length, E2EProfile and E2EDataId with the database; is its index or "
                         "counter stuck?"

@@ -13,8 +13,8 @@ from observer_rt.bus.mapping.signal_range import RoleRange, role_range, role_res
 from observer_rt.config.signals import Role
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
-from observer_rt.service.watch.arrivals import Source, sources_of
-from observer_rt.service.watch.finding import Finding
+from observer_rt.service.watch.arrivals import WatchedMessage, sources_of
+from observer_rt.service.watch.finding import WatchFinding
 
 LOOKS = 5  # in a row that find the same, before it is told
 RAIL_LOOKS = 30  # of a rail pressure that does not change: it may be steady and coarse
@@ -35,7 +35,7 @@ _UNITS = {
 class _Watched:
     """One role: limits, and what the last looks found."""
 
-    source: Source
+    source: WatchedMessage
     limits: RoleRange
     step: float
     noise: float
@@ -59,7 +59,7 @@ class ValueWatch:
             step = role_resolution(bus, role, limits.highest)
             self._roles[role] = _Watched(sources[role.value], limits, step, getattr(noise, role.value))
 
-    def look(self, newest: NDArray[np.float64], samples: Samples) -> list[Finding]:
+    def look(self, newest: NDArray[np.float64], samples: Samples) -> list[WatchFinding]:
         """News; newest (3,) [SI]: last value received of every role, whether it could be used or not.
 
         Without a value in it is only what has none while there are no samples: the last frame of a window may be
@@ -74,22 +74,22 @@ class ValueWatch:
             told += self._constancy(samples)
         return told
 
-    def _reading(self, role: Role, watched: _Watched, reading: str) -> list[Finding]:
+    def _reading(self, role: Role, watched: _Watched, reading: str) -> list[WatchFinding]:
         watched.looks = watched.looks + 1 if reading == watched.reading else 1
         watched.reading = reading
         if watched.looks < LOOKS or reading == watched.told:
             return []
         watched.told = reading
         if not reading:
-            return [Finding(f"{watched.source.text}: {role} has values again", is_over=True)]
+            return [WatchFinding(f"{watched.source.text}: {role} has values again", is_over=True)]
         return [
-            Finding(
+            WatchFinding(
                 f"{watched.source.text}: {role} {reading}\n"
                 "  remedy: check the sensor, its cable and amplifier; unit and range in the database"
             )
         ]
 
-    def _constancy(self, samples: Samples) -> list[Finding]:
+    def _constancy(self, samples: Samples) -> list[WatchFinding]:
         told = []
         lift_moves = bool(np.ptp(samples[Role.NEEDLE_LIFT]) > LIFT_MOVED)
         across = samples[Role.LINE_PRESSURE] - samples[Role.RAIL_PRESSURE]
@@ -99,7 +99,7 @@ class ValueWatch:
             first = float(values[0])
             if np.ptp(values) > 0.0 or (watched.constant and first != watched.held):
                 if watched.frozen:
-                    told.append(Finding(f"{watched.source.text}: {role} moves again", is_over=True))
+                    told.append(WatchFinding(f"{watched.source.text}: {role} moves again", is_over=True))
                 watched.constant, watched.moved, watched.frozen = 0, 0, False
                 continue
             watched.held = first
@@ -111,7 +111,7 @@ class ValueWatch:
                 watched.frozen = True
                 other = "line pressure moves" if role is Role.NEEDLE_LIFT else "needle opens"
                 told.append(
-                    Finding(
+                    WatchFinding(
                         f"{watched.source.text}: {role} is frozen: the same value all the time while the {other}\n"
                         "  remedy: check the sensor, its cable and amplifier, and the device that sends it"
                     )

@@ -7,7 +7,7 @@ import numpy as np
 from observer_rt.watch.injection import SeenInjection, Signal
 from observer_rt.watch.page.limits import Axis, Limits
 from observer_rt.watch.page.look import NOMINAL, NOT_VALID, OBSERVER, SECOND
-from observer_rt.watch.page.panel import Axes, Columns, Kind, Mark, Panel
+from observer_rt.watch.page.panel import Axes, Columns, Mark, MarkKind, Panel
 
 _SURE = 1.96  # standard deviations of a 95 % interval
 _WEAR = (("nozzle", OBSERVER), ("seat", SECOND))
@@ -22,11 +22,11 @@ def history_panels() -> list[Panel]:
 
 def _mass_panel() -> Panel:
     marks = (
-        Mark(Kind.BARS, "number", ("valid_low", "valid_high"), OBSERVER, alpha=0.5),
-        Mark(Kind.BARS, "number", ("refused_low", "refused_high"), NOT_VALID, alpha=0.5),
-        Mark(Kind.DASHES, "number", ("nominal",), NOMINAL, label="nominal"),
-        Mark(Kind.DOTS, "number", ("valid",), OBSERVER, label="observer"),
-        Mark(Kind.DOTS, "number", ("refused",), NOT_VALID, label="not valid"),
+        Mark(MarkKind.BARS, "number", ("valid_low", "valid_high"), OBSERVER, alpha=0.5),
+        Mark(MarkKind.BARS, "number", ("refused_low", "refused_high"), NOT_VALID, alpha=0.5),
+        Mark(MarkKind.DASHES, "number", ("nominal",), NOMINAL, label="nominal"),
+        Mark(MarkKind.DOTS, "number", ("valid",), OBSERVER, label="observer"),
+        Mark(MarkKind.DOTS, "number", ("refused",), NOT_VALID, label="not valid"),
     )
     scale = Axis(("nominal", "valid_low", "valid_high", "refused_low", "refused_high"), _LEAST_MASS).limits
     axes = Axes("Mass of each injection", "injection", "mg", _numbers, scale)
@@ -38,8 +38,8 @@ def _wear_panel() -> Panel:
         mark
         for name, colour in _WEAR
         for mark in (
-            Mark(Kind.BAND, "number", (f"{name}_low", f"{name}_high"), colour, alpha=0.2),
-            Mark(Kind.LINE, "number", (name,), colour, 3.0, label=name),
+            Mark(MarkKind.BAND, "number", (f"{name}_low", f"{name}_high"), colour, alpha=0.2),
+            Mark(MarkKind.LINE, "number", (name,), colour, 3.0, label=name),
         )
     ]
     shown = [f"{name}_{end}" for name, _ in _WEAR for end in ("low", "high")]

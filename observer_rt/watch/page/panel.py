@@ -17,7 +17,7 @@ Scale: TypeAlias = Callable[[Columns], Limits]
 _TEXT = "17px"  # to be read from two metres
 
 
-class Kind(StrEnum):
+class MarkKind(StrEnum):
     """How a mark is drawn: the pens of page.js."""
 
     LINE = "line"
@@ -31,7 +31,7 @@ class Kind(StrEnum):
 class Mark:
     """Columns that are drawn one way; y: of a band or bars low and high; width, dash [px]; label: in the legend."""
 
-    kind: Kind
+    kind: MarkKind
     x: str
     y: tuple[str, ...]
     colour: str

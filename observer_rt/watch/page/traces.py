@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from observer_rt.watch.injection import SeenInjection, Signal
 from observer_rt.watch.page.limits import Axis
 from observer_rt.watch.page.look import BAND, NOMINAL, OBSERVER, PAST, SECOND, THIRD
-from observer_rt.watch.page.panel import Axes, Columns, Kind, Mark, Panel, Scale
+from observer_rt.watch.page.panel import Axes, Columns, Mark, MarkKind, Panel, Scale
 
 _OVERLAID = 8  # injections, the one shown included
 _POINTS = 300  # of a curve, at the most: a screen shows no more
@@ -29,9 +29,9 @@ def rate_panel(name: str, injector: str) -> Panel:
     """
     marks = (
         _before("rate"),
-        Mark(Kind.BAND, "time", ("low", "high"), BAND, alpha=0.6, label="95 %"),
-        Mark(Kind.LINE, "time", ("nominal",), NOMINAL, 4.0, (6, 6), label="nominal"),
-        Mark(Kind.LINE, "time", ("rate",), OBSERVER, 4.0, label="observer"),
+        Mark(MarkKind.BAND, "time", ("low", "high"), BAND, alpha=0.6, label="95 %"),
+        Mark(MarkKind.LINE, "time", ("nominal",), NOMINAL, 4.0, (6, 6), label="nominal"),
+        Mark(MarkKind.LINE, "time", ("rate",), OBSERVER, 4.0, label="observer"),
     )
     scale = Axis(("past_rate", "rate", "nominal", "low", "high"), 10.0).limits
     axes = Axes(f"Injection rate {injector}".strip(), _TIME, "mm³/ms", _time(), scale, 310)
@@ -48,13 +48,13 @@ def _detail_panel(name: str, title: str, unit: str, span: float) -> Panel:
         return _overlaid(injections, name)
 
     axes = Axes(title, _TIME, unit, _time(), Axis((f"past_{name}", name), span).limits)
-    return Panel(name, axes, (_before(name), Mark(Kind.LINE, "time", (name,), OBSERVER, 3.0)), columns)
+    return Panel(name, axes, (_before(name), Mark(MarkKind.LINE, "time", (name,), OBSERVER, 3.0)), columns)
 
 
 def _phi_panel() -> Panel:
     colours = zip(_PHI, (OBSERVER, SECOND, THIRD), strict=True)
     marks = [
-        Mark(Kind.LINE, "time", (name,), colour, 3.0, label=name.replace("_", " "))
+        Mark(MarkKind.LINE, "time", (name,), colour, 3.0, label=name.replace("_", " "))
         for name, colour in colours
     ]
     axes = Axes("Correction phi", _TIME, "1/s", _time(), Axis(_PHI, 10.0).limits)
@@ -62,7 +62,7 @@ def _phi_panel() -> Panel:
 
 
 def _before(name: str) -> Mark:
-    return Mark(Kind.LINE, "past_time", (f"past_{name}",), PAST, 1.5, alpha=0.45)
+    return Mark(MarkKind.LINE, "past_time", (f"past_{name}",), PAST, 1.5, alpha=0.45)
 
 
 def _time() -> Scale:

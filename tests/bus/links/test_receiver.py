@@ -12,7 +12,7 @@ import pytest
 
 from observer_rt.bus.links.link import BusFrame, Frame, LinkDownError
 from observer_rt.bus.links.open import open_link
-from observer_rt.bus.links.receiver import BusDownError, Reading, reading
+from observer_rt.bus.links.receiver import BusDownError, LinkReceiver, reading
 from observer_rt.foundation.errors import RunError
 from tests.links import FakeLink
 
@@ -62,7 +62,7 @@ class PipeLink(FakeLink):
 
 
 @contextmanager
-def links_and_reading(*have_descriptors: bool) -> Iterator[tuple[list[PipeLink], Reading]]:
+def links_and_reading(*have_descriptors: bool) -> Iterator[tuple[list[PipeLink], LinkReceiver]]:
     with ExitStack() as stack:
         links = [stack.enter_context(PipeLink(has)) for has in have_descriptors]
         reader = reading(links)
@@ -72,7 +72,7 @@ def links_and_reading(*have_descriptors: bool) -> Iterator[tuple[list[PipeLink],
             reader.close()
 
 
-def received(reader: Reading, count: int) -> list[BusFrame]:
+def received(reader: LinkReceiver, count: int) -> list[BusFrame]:
     found: list[BusFrame] = []
     end = time.monotonic() + PATIENCE
     while len(found) < count:

@@ -29,7 +29,7 @@ from observer_rt.observer.learning.learner import Learner
 from observer_rt.observer.observer import Durations, constants_for, in_force, make_observer
 from observer_rt.observer.stream.standstill import Standstill
 from observer_rt.observer.stream.state import Constants
-from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.plant import Truth
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
@@ -98,7 +98,7 @@ def run(name: str, scalars: Scalars = SCALARS) -> Run:
         return Learner(constants, no_knowledge(knowledge.noise, scale, scalars), scalars)
 
     schedule = make_schedule([60e6, 100e6, 140e6], EVENTS, 0.05, [0.8e-3, 1.9e-3])
-    made = simulate(NOMINAL, schedule, SAMPLE_RATE, CASES[name].effects, NoiseLevels(), seed=len(name))
+    made = simulate(NOMINAL, schedule, SAMPLE_RATE, CASES[name].effects, SimulatedNoise(), seed=len(name))
     return Run(made.truth, evaluate(BENCH, [made.recording], learner_of=learner_of))
 
 

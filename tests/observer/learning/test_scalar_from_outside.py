@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from observer_rt.estimation.predictor import Window
-from observer_rt.estimation.scalars import SCALARS, Scalar, Scalars, Shown
+from observer_rt.estimation.scalars import SCALARS, Scalar, Scalars, ShownIndicator
 from observer_rt.model.integrator import Interval, advance
 from observer_rt.model.network import zero_network
 from observer_rt.observer.judge import judge
@@ -23,7 +23,7 @@ INERTANCE = Scalar(
     longest_step=0.2,
     bounds=(-0.6, 1.0),
     gated_from=-0.6,
-    shown=Shown("line_inertance"),
+    shown=ShownIndicator("line_inertance"),
     change=lambda line, i: line._replace(a3=line.a3 * (1.0 + i)),
 )
 WIDER = Scalars((*SCALARS.rows, INERTANCE))

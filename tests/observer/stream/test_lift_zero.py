@@ -117,7 +117,7 @@ def test_band_follows_noise_that_grows() -> None:
 @cache
 def ringing() -> Simulation:
     schedule = make_schedule([RAIL], 12, 0.05, [1.4e-3, 0.8e-3])
-    return simulate(NOMINAL, schedule, 100e3, noise=measurement.NoiseLevels(), seed=4)
+    return simulate(NOMINAL, schedule, 100e3, noise=measurement.SimulatedNoise(), seed=4)
 
 
 def observed(crosstalk: float) -> Stream:

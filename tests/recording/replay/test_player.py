@@ -14,7 +14,7 @@ from observer_rt.bus.links.link import Frame, LinkDownError
 from observer_rt.bus.links.open import open_link
 from observer_rt.foundation.errors import RunError
 from observer_rt.recording.replay.framing import TimedFrame
-from observer_rt.recording.replay.lateness import Lateness, LatenessCounter
+from observer_rt.recording.replay.lateness import LatenessCounter, ReplayLateness
 from observer_rt.recording.replay.player import PlayStatistics, play
 from tests.links import FakeLink
 
@@ -196,4 +196,4 @@ def test_waiting_can_be_stopped() -> None:
 
 @pytest.mark.parametrize(("share", "said"), [(1.0, "; 100 % by"), (0.996, "; 99.6 % by"), (0.0, "; 0 % by")])
 def test_shares_are_percentages_without_exponents(share: float, said: str) -> None:
-    assert said in PlayStatistics(10, 1.0, Lateness(1e-3, 2e-3, 3e-3, share)).as_text()
+    assert said in PlayStatistics(10, 1.0, ReplayLateness(1e-3, 2e-3, 3e-3, share)).as_text()

@@ -14,7 +14,7 @@ from observer_rt.model.effects import sized
 from observer_rt.recording.signals.plausible import implausible, refuse_implausible
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.recording.signals.stream import HeldSignals
-from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
 
@@ -22,7 +22,7 @@ from observer_rt.simulation.simulate import simulate
 @cache
 def recorded(pressure: float = 100e6, noise: bool = True) -> Recording:
     schedule = make_schedule([pressure], 2, 0.03, [1.1e-3])
-    levels = NoiseLevels() if noise else None
+    levels = SimulatedNoise() if noise else None
     return simulate(load_injector(), schedule, 50e3, (sized("orifice_area", v_H=0.3),), levels).recording
 
 

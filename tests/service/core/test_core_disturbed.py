@@ -9,7 +9,7 @@ import pytest
 from observer_rt.estimation.scalars import NOZZLE
 from observer_rt.observer.stream.state import Reason, State
 from observer_rt.recording.replay.framing import Span, TimedFrame
-from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.measurement import SimulatedNoise
 from tests.benches import ONE_MESSAGE, SAMPLE_RATE, THREE_MESSAGES, bench_text, sample_bench
 from tests.device import Device, Result, damaged, later, protected, recoded, run, simulated
 
@@ -189,7 +189,7 @@ def test_needle_signal_that_chatters_is_survived(bench: Path) -> None:
     """A lift sensor gone mad: thousands of openings in one event, each reported once or forgotten, in order."""
     good = simulated()
     lift = good.needle_lift.copy()
-    shut = np.random.default_rng(1).normal(size=10_000) * NoiseLevels().needle_lift
+    shut = np.random.default_rng(1).normal(size=10_000) * SimulatedNoise().needle_lift
     lift[1000:11_000] = shut + np.where(np.arange(10_000) % 8 < 2, 50e-6, 0.0)
     mad = type(good)(good.time, good.rail_pressure, lift, good.line_pressure)
     result = run(bench, Device(bench).send(mad))

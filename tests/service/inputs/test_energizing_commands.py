@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from observer_rt.bus.mapping.bus_map import map_bus
-from observer_rt.bus.mapping.energizing import Energizing, Reading
+from observer_rt.bus.mapping.energizing import EnergizingLayout, EnergizingSignal
 from observer_rt.config.bench import load_bench
 from observer_rt.service.inputs.energizing_commands import Command, CommandReader
 from tests.benches import SAMPLE_RATE
@@ -21,11 +21,11 @@ STRETCHES = st.lists(st.integers(1, 45), min_size=1, max_size=10)
 
 
 @pytest.fixture(scope="module")
-def in_blocks(tmp_path_factory: pytest.TempPathFactory) -> Energizing:
+def in_blocks(tmp_path_factory: pytest.TempPathFactory) -> EnergizingLayout:
     return energizing(tmp_path_factory.mktemp("blocks"), Told.LEVELS_IN_BLOCK)
 
 
-def energizing(folder: Path, lines: str) -> Energizing:
+def energizing(folder: Path, lines: str) -> EnergizingLayout:
     mapped = map_bus(load_bench(pulse_bench(folder, lines))).energizing
     assert mapped is not None
     return mapped
@@ -51,18 +51,22 @@ def pulses(stretches: list[int]) -> Pulses:
     return Pulses(levels.tolist(), starts, [end - start for start, end in zip(starts, ends, strict=False)])
 
 
-def read(mapped: Energizing, told: Pulses, first: int, lost: set[int]) -> tuple[CommandReader, list[Command]]:
+def read(
+    mapped: EnergizingLayout, told: Pulses, first: int, lost: set[int]
+) -> tuple[CommandReader, list[Command]]:
     reader = CommandReader(mapped, SAMPLE_RATE)
     found: list[Command] = []
     for number in range(len(told.levels) // LEVELS):
         if number not in lost:
             values = np.array(told.levels[number * LEVELS : (number + 1) * LEVELS], float)
-            found += reader.read(Reading((first + number * LEVELS) % INDICES, 0, values, None))
+            found += reader.read(EnergizingSignal((first + number * LEVELS) % INDICES, 0, values, None))
     return reader, found
 
 
 @given(STRETCHES, FIRST)
-def test_every_rising_edge_is_a_command(in_blocks: Energizing, stretches: list[int], first: int) -> None:
+def test_every_rising_edge_is_a_command(
+    in_blocks: EnergizingLayout, stretches: list[int], first: int
+) -> None:
     told = pulses(stretches)
     _, found = read(in_blocks, told, first, set())
     assert [(one.start - first) % INDICES for one in found] == told.starts
@@ -73,7 +77,7 @@ def test_every_rising_edge_is_a_command(in_blocks: Energizing, stretches: list[i
 @settings(max_examples=300)
 @given(STRETCHES, FIRST, st.sets(st.integers(0, 10)))
 def test_what_is_lost_is_known_to_be(
-    in_blocks: Energizing, stretches: list[int], first: int, lost: set[int]
+    in_blocks: EnergizingLayout, stretches: list[int], first: int, lost: set[int]
 ) -> None:
     """Certain commands are true ones; a true one that is not found lies in a span said to be lost."""
     told = pulses(stretches)
@@ -94,7 +98,7 @@ def test_a_cyclic_level_changed_in_the_middle_between_two_frames(tmp_path: Path)
     reader = CommandReader(energizing(tmp_path, Told.CYCLIC), SAMPLE_RATE)
     found = []
     for millisecond, level in enumerate((0, 0, 1, 1, 0)):
-        found += reader.read(Reading(None, millisecond * 10**6, np.array([level], float), None))
+        found += reader.read(EnergizingSignal(None, millisecond * 10**6, np.array([level], float), None))
     [command] = found
     assert command.start == 1_500_000
     assert command.margin == 0.5e-3 * SAMPLE_RATE
@@ -104,4 +108,4 @@ def test_a_cyclic_level_changed_in_the_middle_between_two_frames(tmp_path: Path)
 @pytest.mark.parametrize("nothing", [0.0, -1e-3, np.nan, np.inf])
 def test_no_duration_is_no_command(tmp_path: Path, nothing: float) -> None:
     reader = CommandReader(energizing(tmp_path, Told.TIME), SAMPLE_RATE)
-    assert reader.read(Reading(100, 0, np.array([nothing]), None)) == []
+    assert reader.read(EnergizingSignal(100, 0, np.array([nothing]), None)) == []

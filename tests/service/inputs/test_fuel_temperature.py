@@ -25,7 +25,7 @@ from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.service.core.core import Core
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.view import View
-from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import Simulation, simulate
 from tests.benches import SAMPLE_RATE, sample_bench
@@ -58,7 +58,9 @@ def fuel_at(celsius: float, injections: int = INJECTIONS) -> Simulation:
     }
     injector = NOMINAL.model_copy(update={"fluid": NOMINAL.fluid.model_copy(update=changes)})
     schedule = make_schedule([100e6], injections, 0.05, [1.1e-3])
-    return simulate(injector, schedule, SAMPLE_RATE, (sized("orifice_area", v_H=0.2),), NoiseLevels(), seed=3)
+    return simulate(
+        injector, schedule, SAMPLE_RATE, (sized("orifice_area", v_H=0.2),), SimulatedNoise(), seed=3
+    )
 
 
 @cache

@@ -25,7 +25,7 @@ from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
 from observer_rt.recording.replay.player import play
 from observer_rt.service.run import RunOptions, serve
 from observer_rt.service.warm_up import warm_up
-from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
 from observer_rt.terminal.console import say
@@ -68,7 +68,7 @@ def make_scene(folder: Path, interface: str, channel: str, within: float) -> Sce
     bench = replace(bench, config=bench.config.model_copy(update={"link": link}))
     schedule = make_schedule([60e6, 120e6], INJECTIONS, 0.05, [1.1e-3])
     worn = (sized("orifice_area", v_H=0.3),)
-    recording = simulate(load_injector(), schedule, SAMPLE_RATE, worn, NoiseLevels(), seed=3).recording
+    recording = simulate(load_injector(), schedule, SAMPLE_RATE, worn, SimulatedNoise(), seed=3).recording
     bus = map_bus(bench)
     warm_up(bench, bus)
     frames = list(Framer(bus).frames(recording, whole(recording)))

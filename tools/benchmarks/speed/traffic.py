@@ -15,7 +15,7 @@ from observer_rt.model.effects import sized
 from observer_rt.recording.replay.framing import Framer, whole
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.core.core import Core
-from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import Event, Schedule, Shot
 from observer_rt.simulation.simulate import simulate
 from tools.benchmarks.scoring import bench_at
@@ -83,7 +83,7 @@ class Ids:
 def worn_recording(events: tuple[Event, ...], end: float, rate: float = SAMPLE_RATE) -> Recording:
     """What the sensors record of a worn injector until an end [s] at a rate [Hz]."""
     worn = (sized("orifice_area", v_H=_WEAR),)
-    return simulate(load_injector(), Schedule(events, end), rate, worn, NoiseLevels(), seed=1).recording
+    return simulate(load_injector(), Schedule(events, end), rate, worn, SimulatedNoise(), seed=1).recording
 
 
 def make_traffic(folder: Path, period: float = PERIOD, count: int = _EVENTS) -> Traffic:

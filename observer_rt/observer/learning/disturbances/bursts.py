@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.foundation.compiled import compiled
-from observer_rt.observer.learning.disturbances.held import Stretch
+from observer_rt.observer.learning.disturbances.held import HeldStretch
 
 DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])  # what the level of the noise is measured by at rest
 LENGTH = 48  # samples over which a loudness is told
@@ -13,7 +13,7 @@ MOST_OF_ONE = 9.0  # times that variance, that a sample counts for: a spike is n
 MOST = 0.35  # share of an event, beyond which its noise is just not known
 
 
-def bursts_of(y: NDArray[np.float64], noise: float) -> list[Stretch]:
+def bursts_of(y: NDArray[np.float64], noise: float) -> list[HeldStretch]:
     """Stretches of y (n,) louder than its noise (standard deviation); fourth differences hide what is slow."""
     loud = np.empty(y.size, np.bool_)
     count = _find_loud(y, noise, loud)
@@ -21,7 +21,7 @@ def bursts_of(y: NDArray[np.float64], noise: float) -> list[Stretch]:
         return []
     changes = np.flatnonzero(np.diff(loud, prepend=False, append=False))
     spans = zip(changes[::2], changes[1::2], strict=True)
-    return [Stretch(int(start), int(end), float(np.mean(y[start:end])), False) for start, end in spans]
+    return [HeldStretch(int(start), int(end), float(np.mean(y[start:end])), False) for start, end in spans]
 
 
 @compiled

@@ -27,7 +27,7 @@ Innovations = Callable[[Window], NDArray[np.float64]]
 
 
 @dataclass(frozen=True)
-class Pulse:
+class CoilPulse:
     """Of a height [p_0], from so many samples before every opening until so many before its closing."""
 
     height: float
@@ -53,7 +53,7 @@ class CoilCurrent:
         self._ends = np.arange(latest, earliest, max(step, 1))
         # of innovations and of a pulse of 1, all else fitted: their products, and its squares
         self._products, self._squares = np.zeros(self._ends.size), np.zeros(self._ends.size)
-        self.pulse: Pulse | None = None
+        self.pulse: CoilPulse | None = None
         """What is taken out, None: nothing."""
         self.covariance: NDArray[np.float64] | float = 0.0
         """Of theta (m, m), by what is not known of the pulse that is taken out."""
@@ -83,7 +83,7 @@ class CoilCurrent:
         pull = np.linalg.solve(information, slopes.T @ left)
         taken = np.empty((self._ends.size, prior.size))  # for a pulse of 1
         for i, end in enumerate(self._ends):
-            without = innovations(Pulse(edge.height, edge.before, int(end)).taken_out(window))
+            without = innovations(CoilPulse(edge.height, edge.before, int(end)).taken_out(window))
             shape = (whole - without) / edge.height
             by_theta = slopes.T @ shape
             taken[i] = np.linalg.solve(information, by_theta)
@@ -100,7 +100,7 @@ class CoilCurrent:
         if self.pulse is None:
             self._products *= BEFORE_KNOWN
             self._squares *= BEFORE_KNOWN
-        self.pulse = Pulse(height, edge.before, int(self._ends[best]))
+        self.pulse = CoilPulse(height, edge.before, int(self._ends[best]))
         variance = 1.0 / self._squares[best] + (SHAPE * height) ** 2
         self.covariance = variance * np.outer(taken[best], taken[best])
 

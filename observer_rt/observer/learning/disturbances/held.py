@@ -25,7 +25,7 @@ BEYOND = 3.0  # standard deviations, within which a value counts as the highest 
 
 
 @dataclass(frozen=True)
-class Stretch:
+class HeldStretch:
     """Samples [start, end) of a window at which y stays at a level [p_0]; is_extreme: none goes beyond it."""
 
     start: int
@@ -36,7 +36,7 @@ class Stretch:
 
 def frozen_stretches(
     window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int
-) -> Sequence[Stretch]:
+) -> Sequence[HeldStretch]:
     """Where a constant explains y much better than the model does by its innovations (n,), and y then jumps.
 
     Or where it does so very much better for long: y may by chance be let go where it would have been.
@@ -54,7 +54,7 @@ def frozen_stretches(
         return np.asarray((squares[ends] - squares[starts] - mean_square) / sigmas.noise**2, np.float64)
 
     lowest, highest = (float(v) for v in np.partition(y, (2, -3))[[2, -3]])
-    found: list[Stretch] = []
+    found: list[HeldStretch] = []
     for end in (int(end) for end in np.flatnonzero(is_leap | is_last)):
         begin = found[-1].end + RECOVERY if found else first
         lengths = np.arange(SHORTEST, min(LONGEST, end - begin) + 1)
@@ -72,7 +72,7 @@ def frozen_stretches(
         if better[best] < BETTER or not is_let_go or mask[start:end].any():
             continue
         beyond = BEYOND * sigmas.noise
-        found.append(Stretch(start, end, level, not lowest + beyond < level < highest - beyond))
+        found.append(HeldStretch(start, end, level, not lowest + beyond < level < highest - beyond))
     return found
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Window
 from observer_rt.observer.learning.disturbances.bursts import LENGTH, bursts_of
-from observer_rt.observer.learning.disturbances.held import BETTER, Stretch, frozen_stretches
+from observer_rt.observer.learning.disturbances.held import BETTER, HeldStretch, frozen_stretches
 from observer_rt.observer.learning.disturbances.levels import Sigmas, loudness, mask_of
 from observer_rt.observer.learning.disturbances.spikes import MOST_SPIKES, sharp_spikes_of, spikes_of
 
@@ -99,13 +99,13 @@ class OutlierSearch:
         is_general = max(alike) - min(alike) > OTHER_POINT * sigmas.noise
         return len(alike) >= RECURS and (end.is_flat or is_general)
 
-    def _is_true(self, window: Window, stretch: Stretch, sigmas: Sigmas) -> bool:
+    def _is_true(self, window: Window, stretch: HeldStretch, sigmas: Sigmas) -> bool:
         """Whether a stretch is no outlier, but what is there or all that the sensor can show."""
         place = stretch.start - window.opening
         alike = sum(any(abs(place - there) <= SAME_PLACE for there, _ in event) for event in self._stretches)
         return alike + 1 >= RECURS or (stretch.is_extreme and self._recurs_at(stretch.level, sigmas))
 
-    def _is_usual(self, burst: Stretch, opening: int) -> bool:
+    def _is_usual(self, burst: HeldStretch, opening: int) -> bool:
         """Whether there is a burst in event after event: then it is what the injector does, or its sensor."""
         place = _middle(burst) - opening
         alike = sum(any(abs(place - there) <= LENGTH for there in event) for event in self._bursts)
@@ -116,7 +116,7 @@ class OutlierSearch:
         return any(abs(level - other) <= close for event in self._stretches for _, other in event)
 
 
-def _middle(stretch: Stretch) -> int:
+def _middle(stretch: HeldStretch) -> int:
     return (stretch.start + stretch.end) // 2
 
 

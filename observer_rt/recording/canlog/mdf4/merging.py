@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 def in_order_of_time(groups: list[Iterator[NDArray[np.void]]]) -> Iterator[NDArray[np.void]]:
     """The records of all groups by time, those of each group in its own order."""
-    waiting = [_Waiting(records) for records in groups]
+    waiting = [_WaitingRecords(records) for records in groups]
     while waiting := [each for each in waiting if each.fill()]:
         horizon = min(each.latest for each in waiting)
         parts = [each.taken_to(horizon) for each in waiting]
@@ -16,7 +16,7 @@ def in_order_of_time(groups: list[Iterator[NDArray[np.void]]]) -> Iterator[NDArr
         yield np.concatenate([part for _, part in parts])[np.argsort(times, kind="stable")]
 
 
-class _Waiting:
+class _WaitingRecords:
     """Records of one group that are not given on yet; their time is the latest up to each."""
 
     def __init__(self, coming: Iterator[NDArray[np.void]]) -> None:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from observer_rt.bus.can_frame import CLASSIC_LENGTH, EXTENDED_MASK, FD_LENGTHS, length_of
 from observer_rt.recording.canlog.can_log import NANOSECONDS
 from observer_rt.recording.canlog.mdf4.merging import in_order_of_time
-from observer_rt.recording.mdf4_blocks import Counted
+from observer_rt.recording.mdf4_blocks import CountedRecords
 from observer_rt.recording.signals.mdf4_file import opened, refuse_outside
 
 DATA, ERROR, REMOTE = KINDS = ("CAN_DataFrame", "CAN_ErrorFrame", "CAN_RemoteFrame")
@@ -72,7 +72,7 @@ def is_log(path: Path) -> Iterator[bool]:
         yield bool(frames or (buses and not others))
 
 
-def records(path: Path, counted: Counted) -> Iterator[Totals | NDArray[np.void]]:
+def records(path: Path, counted: CountedRecords) -> Iterator[Totals | NDArray[np.void]]:
     """How many frames a file has, then its data frames in arrays of dtype `RECORD`.
 
     Frames of several groups are put in order of time; what steps back within one group stays as it is. counted: as
@@ -89,7 +89,7 @@ def records(path: Path, counted: Counted) -> Iterator[Totals | NDArray[np.void]]
         yield from in_order_of_time([_group_records(file, number, counts[number]) for number in groups])
 
 
-def _totals(file: MDF, counted: Counted, counts: dict[int, int]) -> Totals:
+def _totals(file: MDF, counted: CountedRecords, counts: dict[int, int]) -> Totals:
     data, error, remote = (sum(counts[number] for number in _groups(file, kind)) for kind in KINDS)
     places = [file.groups[number].channel_group.address for number in _groups(file, DATA)]
     remarks = (*counted.remarks, *counted.contradictions(places, "frames"))

@@ -13,7 +13,7 @@ LOST = 1.5  # periods from stamp to stamp, beyond which samples are missing
 
 
 @dataclass
-class Run:
+class RowRun:
     """Rows without a gap that is not bridged. begin, end: their first and last stamp [s]; rows [first, last]."""
 
     first: int
@@ -30,7 +30,7 @@ class AxisSurvey:
         self._rate, self._bridge = rate, bridge
         self.period = 0.0
         """Of the stamps [s], their median in the first part."""
-        self.runs: list[Run] = []
+        self.runs: list[RowRun] = []
         self.bridged = 0
         """Gaps that are closed by a straight line."""
         self.longest_bridge = 0.0  # s
@@ -72,7 +72,7 @@ class AxisSurvey:
         self._row += time.size
 
     def _begin(self, stamp: float, row: int, is_restart: bool) -> None:
-        self.runs.append(Run(row, row, stamp, stamp, is_restart))
+        self.runs.append(RowRun(row, row, stamp, stamp, is_restart))
 
     def _go_on(self, time: Values, last: int) -> None:
         run = self.runs[-1]

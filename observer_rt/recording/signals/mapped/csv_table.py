@@ -16,7 +16,7 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.recording.signals.mapped.calendar import Calendar
 from observer_rt.recording.signals.mapped.cells import is_missing, is_number
 from observer_rt.recording.signals.mapped.dialect import find_dialect, own_dialect
-from observer_rt.recording.signals.mapped.table import TIME, Part, Table, Values
+from observer_rt.recording.signals.mapped.table import TIME, Table, TablePart, Values
 from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE
 
 LONGEST_HEADER = 1 << 20  # characters
@@ -54,7 +54,7 @@ class CsvTable(Table):
         with path.open(encoding="utf-8-sig", errors="replace") as file:
             return [name.strip() for name in file.readline(LONGEST_HEADER).split(",")]
 
-    def parts(self, raster: int) -> Iterator[Part]:
+    def parts(self, raster: int) -> Iterator[TablePart]:
         """Blocks of rows."""
         calendar, before = self._dialect.calendar, self._dialect.first_row
         with self._opened() as file:
@@ -63,7 +63,7 @@ class CsvTable(Table):
                     lines.pop()
                 signals = self._numbers(lines, before)
                 time = signals.pop(TIME) if calendar is None else self._stamps(lines, before, calendar)
-                yield Part(time, signals)
+                yield TablePart(time, signals)
                 before += SAMPLES_AT_ONCE
 
     def place(self, row: int, raster: int) -> str:

@@ -7,7 +7,7 @@ from itertools import chain, islice, zip_longest
 import numpy as np
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.recording.signals.mapped.table import Part, Table
+from observer_rt.recording.signals.mapped.table import Table, TablePart
 from observer_rt.recording.signals.mapped.table_signals import TableSignals
 from observer_rt.recording.signals.recording import EQUIDISTANT, Chunk
 from observer_rt.recording.signals.stream import Stretch
@@ -45,7 +45,7 @@ class EvenSignals(TableSignals):
             yield self._chunk(part.time, part.signals, 0, first)
             first += part.time.size
 
-    def _checked_parts(self, grid: GridCheck) -> Iterator[Part]:
+    def _checked_parts(self, grid: GridCheck) -> Iterator[TablePart]:
         """All parts, each checked before it is given."""
         start = 0.0
         for part in self._filled_parts():
@@ -63,9 +63,9 @@ class EvenSignals(TableSignals):
         if self._in_one_go and self.rate != expected:
             raise OtherRateError
 
-    def _filled_parts(self) -> Iterator[Part]:
+    def _filled_parts(self) -> Iterator[TablePart]:
         """All parts, joined so that none but the last is a single sample, which has no rate."""
-        waiting: Part | None = None
+        waiting: TablePart | None = None
         for part in self._all_columns():
             if waiting is not None:
                 before = waiting
@@ -73,14 +73,14 @@ class EvenSignals(TableSignals):
                     name: np.concatenate((before.signals[name], values))
                     for name, values in part.signals.items()
                 }
-                part = Part(np.concatenate((before.time, part.time)), signals)
+                part = TablePart(np.concatenate((before.time, part.time)), signals)
             waiting = part if part.time.size < 2 else None
             if waiting is None:
                 yield part
         if waiting is not None:
             yield waiting
 
-    def _all_columns(self) -> Iterator[Part]:
+    def _all_columns(self) -> Iterator[TablePart]:
         """The parts of all time axes, which must have the same stamps."""
         names = self._table.rasters
         for first, *others in zip_longest(*(self._parts(raster) for raster in range(len(names)))):
@@ -92,7 +92,7 @@ class EvenSignals(TableSignals):
                         "record the channels in one group, resample them on one time grid, or describe them in "
                         "[recording] of a bench file, which resamples",
                     )
-            yield Part(
+            yield TablePart(
                 first.time, {name: each for part in (first, *others) for name, each in part.signals.items()}
             )
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from observer_rt.config.recording import RecordingConfig
 from observer_rt.recording.mdf4_apart import mdf4_apart
 from observer_rt.recording.mdf4_records import count_records
-from observer_rt.recording.signals.mapped.table import Part, Table
+from observer_rt.recording.signals.mapped.table import Table, TablePart
 from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE
 
 FILE = "observer_rt.recording.signals.mdf4_file"  # what touches the file runs apart
@@ -26,7 +26,7 @@ class Mdf4Table(Table):
         wanted = dict(config.signals)
         begun = mdf4_apart(FILE, "found_and_parts", path, wanted, is_own, self._counted, SAMPLES_AT_ONCE)
         found = next(begun)
-        self._begun: Iterator[Part] | None = begun
+        self._begun: Iterator[TablePart] | None = begun
         self.notes += [f"{path}: {remark}" for remark in found.remarks]
         self.mapped, self._places = found.mapped, found.places
         self.units, self.columns = found.units, found.columns
@@ -44,7 +44,7 @@ class Mdf4Table(Table):
         (names,) = mdf4_apart(FILE, "names", path)
         return list(names)
 
-    def parts(self, raster: int) -> Iterator[Part]:
+    def parts(self, raster: int) -> Iterator[TablePart]:
         """Of a group; those of the first one are already on their way when they are asked for first."""
         begun = self._begun
         if raster == 0 and begun is not None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from observer_rt.config.recording import RecordingConfig
 from observer_rt.foundation.errors import UserError
-from observer_rt.recording.signals.mapped.table import TIME, Part, Table, Values, present
+from observer_rt.recording.signals.mapped.table import TIME, Table, TablePart, Values, present
 from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE
 
 INSTALL = "pip install 'observer-rt[parquet]'"
@@ -41,7 +41,7 @@ class ParquetTable(Table):
         with _opened(path) as file:
             return list(file.schema_arrow.names)
 
-    def parts(self, raster: int) -> Iterator[Part]:
+    def parts(self, raster: int) -> Iterator[TablePart]:
         """Batches of rows."""
         names = list(dict.fromkeys(column.name for column in self.mapped.values()))
         with _opened(self.path) as file:
@@ -51,7 +51,7 @@ class ParquetTable(Table):
                     name: _numbers(batch.column(name), f"{self.path}, column {name}") for name in names
                 }
                 signals = {name: columns[each.name] for name, each in self.mapped.items()}
-                yield Part(signals.pop(TIME), signals)
+                yield TablePart(signals.pop(TIME), signals)
 
     def place(self, row: int, raster: int) -> str:
         """By its number."""

@@ -9,8 +9,8 @@ import numpy as np
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MILLISECOND
-from observer_rt.recording.signals.mapped.axis import AxisSurvey, Cursor, Run
-from observer_rt.recording.signals.mapped.table import TIME, Part, Table, Values
+from observer_rt.recording.signals.mapped.axis import AxisSurvey, Cursor, RowRun
+from observer_rt.recording.signals.mapped.table import TIME, Table, TablePart, Values
 from observer_rt.recording.signals.mapped.table_signals import TableSignals
 from observer_rt.recording.signals.recording import Chunk
 from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE, Stretch
@@ -25,7 +25,7 @@ _SHOWN = 5  # places where a file is split
 class _Rows:
     """Rows of an axis that were read and are still needed. first: number of the first one."""
 
-    parts: Iterator[Part]
+    parts: Iterator[TablePart]
     first: int = 0
     time: Values = field(default_factory=lambda: np.empty(0))
     signals: dict[str, Values] = field(default_factory=dict)
@@ -152,7 +152,7 @@ class MappedSignals(TableSignals):
             )
         return axis
 
-    def _usable_runs(self) -> list[Run]:
+    def _usable_runs(self) -> list[RowRun]:
         axis = self._axes[self._main]
         found = 1.0 / axis.period
         if not self.rate / SLOWEST <= found <= self.rate * FASTEST:
@@ -182,7 +182,7 @@ class MappedSignals(TableSignals):
         axis = self._axes[self._main]
         return not axis.is_on_grid or abs(1.0 / axis.period / self.rate - 1.0) > SAME_RATE
 
-    def _samples(self, run: Run) -> int:
+    def _samples(self, run: RowRun) -> int:
         """Of the grid within a run."""
         span = (run.end - run.begin) * self.rate
         is_on_grid = self._axes[self._main].is_on_grid

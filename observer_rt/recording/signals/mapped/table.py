@@ -19,7 +19,7 @@ Values = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class TablePart:
     """Rows that follow one another: time and signals by name as printed in the file, each (n,)."""
 
     time: Values
@@ -61,7 +61,7 @@ class Table(ABC):
         """Of the columns, of a file in our own layout all."""
 
     @abstractmethod
-    def parts(self, raster: int) -> Iterator[Part]:
+    def parts(self, raster: int) -> Iterator[TablePart]:
         """The rows of a time axis in order, read anew."""
 
     @abstractmethod

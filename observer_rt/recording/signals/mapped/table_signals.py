@@ -14,7 +14,7 @@ from observer_rt.foundation.units import (
     PRESSURE_UNITS,
     TIME_UNITS,
 )
-from observer_rt.recording.signals.mapped.table import TIME, Part, Table, Values
+from observer_rt.recording.signals.mapped.table import TIME, Table, TablePart, Values
 from observer_rt.recording.signals.recording import Chunk, refuse_infinite
 from observer_rt.recording.signals.stream import SignalStream
 
@@ -62,13 +62,13 @@ class TableSignals(SignalStream):
         self.has_rate = "injection_rate" in self._mapped
         self.notes = tuple(table.notes)
 
-    def _parts(self, raster: int) -> Iterator[Part]:
+    def _parts(self, raster: int) -> Iterator[TablePart]:
         """Rows of a time axis in SI units, none empty, read anew."""
         time_scale = self._scales.get(TIME, _Scale(1.0, 0.0, False))
         for part in self._table.parts(raster):
             if part.time.size:
                 signals = {name: self._scales[name].to_si(values) for name, values in part.signals.items()}
-                yield Part(time_scale.to_si(part.time), signals)
+                yield TablePart(time_scale.to_si(part.time), signals)
 
     def _chunk(self, time: Values, signals: Mapping[str, Values], stretch: int, first: int) -> Chunk:
         return Chunk(
@@ -83,7 +83,7 @@ class TableSignals(SignalStream):
             first,
         )
 
-    def _look_at(self, part: Part, row: int, raster: int) -> None:
+    def _look_at(self, part: TablePart, row: int, raster: int) -> None:
         """Note the ranges of a part that begins at a row. Raises `UserError` for an infinite value."""
         refuse_infinite(part.signals, lambda inside: self._table.place(row + inside, raster))
         for name, values in part.signals.items():

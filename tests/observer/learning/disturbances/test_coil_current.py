@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from observer_rt.estimation.predictor import Window
-from observer_rt.observer.learning.disturbances.coil_current import CoilCurrent, Pulse
+from observer_rt.observer.learning.disturbances.coil_current import CoilCurrent, CoilPulse
 from observer_rt.observer.learning.disturbances.edges import Edge
 
 INTERVAL = 1e-5  # s
@@ -40,7 +40,7 @@ def after(events: int, height: float, until: int = UNTIL) -> CoilCurrent:
     current = CoilCurrent(INTERVAL)
     for seed in range(events):
         noise = window(SIGMA * np.random.default_rng(seed).normal(size=COUNT))
-        recorded = Pulse(-height * SIGMA, BEFORE, until).taken_out(noise)
+        recorded = CoilPulse(-height * SIGMA, BEFORE, until).taken_out(noise)
         current.take_in(recorded, Edge(height * SIGMA, BEFORE), as_seen, slopes(), PRIOR)
     return current
 

@@ -17,7 +17,7 @@ from observer_rt.model.sensor import LAG_UNIT
 from observer_rt.observer.learning.doubts.lateness import RELEVANT_RATE, LagDoubt, Lateness, lag_score
 from observer_rt.observer.learning.fitting import EventFitter, theta_limits
 from observer_rt.observer.stream.state import Reason
-from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
 from tests.estimation.conftest import event_inputs, make_case, simulated_event, worn_theta
@@ -26,13 +26,13 @@ from tests.observer.sample_stream import NOMINAL
 LAGGING = sized("line_pressure_sensor_lag", tau=40e-6)
 LATE = sized("channel_skew", d=30e-6)
 SHORT = sized("channel_skew", d=12e-6)
-NOISE = NoiseLevels()
-QUIET = NoiseLevels(rail_pressure=0.05e6, line_pressure=0.03e6)
+NOISE = SimulatedNoise()
+QUIET = SimulatedNoise(rail_pressure=0.05e6, line_pressure=0.03e6)
 EVENTS = 12
 
 
 @cache
-def reasons(effect: SizedEffect, noise: NoiseLevels = NOISE) -> tuple[Reason, ...]:
+def reasons(effect: SizedEffect, noise: SimulatedNoise = NOISE) -> tuple[Reason, ...]:
     """Why each of twelve injections at three pressures and two durations is not valid."""
     schedule = make_schedule([60e6, 100e6, 140e6], EVENTS, 0.05, [0.8e-3, 1.9e-3])
     recording = simulate(NOMINAL, schedule, 100e3, (effect,), noise, seed=5).recording

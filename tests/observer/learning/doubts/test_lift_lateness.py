@@ -15,7 +15,7 @@ from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import sized
 from observer_rt.observer.learning.doubts.lift_lateness import LiftLag, LiftLagSearch, lift_lag_of
 from observer_rt.observer.stream.state import Reason
-from observer_rt.simulation.measurement import NoiseLevels
+from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import simulate
 from tests.estimation.conftest import event_inputs, make_case, simulated_event, worn_theta
@@ -32,7 +32,7 @@ STILL_WRONG = LiftLag(60e-6, without=9000.0, left=2000.0, samples=1200)
 def reasons(*effects: SizedEffect) -> tuple[Reason, ...]:
     """Why each of twelve injections at three pressures and two durations is not valid."""
     schedule = make_schedule([60e6, 100e6, 140e6], EVENTS, 0.05, [0.8e-3, 1.9e-3])
-    recording = simulate(NOMINAL, schedule, 100e3, effects, NoiseLevels(), seed=5).recording
+    recording = simulate(NOMINAL, schedule, 100e3, effects, SimulatedNoise(), seed=5).recording
     reports = evaluate(load_bench(), [recording]).evaluations[0].reports
     return tuple(report.reason for report in reports)
 

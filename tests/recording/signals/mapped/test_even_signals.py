@@ -13,7 +13,7 @@ from observer_rt.config.recording import ColumnConfig, RecordingConfig
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.formats import open_recording, write_recording
 from observer_rt.recording.signals.mapped.even_signals import EvenSignals
-from observer_rt.recording.signals.mapped.table import Part, Table
+from observer_rt.recording.signals.mapped.table import Table, TablePart
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE
 
@@ -43,12 +43,12 @@ class InParts(Table):
     def names(path: Path) -> Collection[str]:
         return SIGNALS
 
-    def parts(self, raster: int) -> Iterator[Part]:
+    def parts(self, raster: int) -> Iterator[TablePart]:
         first = 0
         for size in self._sizes:
             values = np.arange(first, first + size, dtype=np.float64)
             first += size
-            yield Part(values / 1e5, dict.fromkeys(SIGNALS, values))
+            yield TablePart(values / 1e5, dict.fromkeys(SIGNALS, values))
 
     def place(self, row: int, raster: int) -> str:
         return f"parts, row {row}"

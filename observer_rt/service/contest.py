@@ -3,21 +3,6 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.observer.stream.state import Reason, State
-
-_PASSING = frozenset({Reason.STARTING, Reason.JUMPED, Reason.TOO_FEW_EVENTS, Reason.REVISED})
-"""What is over by itself, which a second sender is not."""
-
-
-def contested(state: State, reason: Reason) -> tuple[State, tuple[Reason, ...]]:
-    """State and reasons, the most severe first, where a second sender adds to what is the matter by itself."""
-    state = state if state is State.WAITING_FOR_DATA else State.DEGRADED
-    if reason is Reason.NONE:
-        return state, (Reason.SECOND_SENDER,)
-    if reason in _PASSING:
-        return state, (Reason.SECOND_SENDER, reason)
-    return state, (reason, Reason.SECOND_SENDER)
-
 
 class Contest:
     """Whether there is a second sender now, and the samples between which there was one last."""

@@ -13,7 +13,7 @@ from observer_rt.config.bench import Bench
 from observer_rt.config.signals import Role
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.observer.stream.state import Reason, State
-from observer_rt.service.contest import contested
+from observer_rt.observer.stream.validity import Surroundings, contested, state_of_service
 from observer_rt.service.core.core import Core
 from observer_rt.service.core.messages import FrameWriter, OutputFrame
 from observer_rt.service.core.status import OutsideFigures, status_values
@@ -184,22 +184,18 @@ class Daemon:
 
     def standing(self, now: int) -> tuple[State, tuple[Reason, ...]]:
         """State and all its reasons, the most severe first, at a monotonic time [ns]."""
-        state, reason = self._own_state(now)
+        state, reason = state_of_service(self.core.newest_state, self._surroundings(now))
         if self.arrivals.is_contested(now):
             return contested(state, reason)
         return state, (reason,) if reason else ()
 
-    def _own_state(self, now: int) -> tuple[State, Reason]:
-        """Whoever else sends: state and reason, inputs that stay away included."""
-        if self._frames_seen == 0:
-            return State.WAITING_FOR_DATA, Reason.STARTING
-        if any(self.ports[bus].has_inputs for bus in self._down):
-            return State.WAITING_FOR_DATA, Reason.INPUT_TIMEOUT
-        if now - self._last_input > INPUT_TIMEOUT * 1e9:
-            return State.WAITING_FOR_DATA, Reason.INPUT_TIMEOUT
-        if self.arrivals.stale(now):
-            return State.DEGRADED, Reason.INPUT_STALE
-        return self.core.state
+    def _surroundings(self, now: int) -> Surroundings:
+        is_down = any(self.ports[bus].has_inputs for bus in self._down)
+        return Surroundings(
+            has_frames=self._frames_seen > 0,
+            is_cut_off=is_down or now - self._last_input > INPUT_TIMEOUT * 1e9,
+            is_stale=bool(self.arrivals.stale(now)) or self.core.is_stale,
+        )
 
     @property
     def dropped(self) -> int:

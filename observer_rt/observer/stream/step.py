@@ -32,8 +32,9 @@ from observer_rt.observer.stream.lift_zero import follow_lift, is_beyond_limit, 
 from observer_rt.observer.stream.outliers import inspect
 from observer_rt.observer.stream.pair import start_pair, step_pair
 from observer_rt.observer.stream.standstill import gather
-from observer_rt.observer.stream.state import LIFT, LINE, MAX_EVENT, RAIL, RING, Observer, Reason, State
+from observer_rt.observer.stream.state import LIFT, LINE, MAX_EVENT, RAIL, RING, Observer, Reason
 from observer_rt.observer.stream.undoing import true_lift, true_rail_pressure
+from observer_rt.observer.stream.validity import SampleFacts, reason_of_sample, state_of_sample
 
 _MASK = RING - 1
 _RECORDED_MASK = RECORDED_RING - 1
@@ -43,19 +44,11 @@ _JUMP = int(Break.JUMP)
 _RESTART = int(Break.RESTART)
 _NO_DOUBT = int(Doubt.NONE)
 _NO_REASON = int(Reason.NONE)
-_BEFORE_START = int(Reason.STARTING)
-_JUMPED = int(Reason.JUMPED)
 _NUMERICAL = int(Reason.NUMERICAL)
-_CONTRADICTED = int(Reason.CONTRADICTED)
 _NEEDLE_STUCK = int(Reason.NEEDLE_STUCK)
 _NO_STANDSTILL = int(Reason.NO_STANDSTILL)
 _LIFT_ZERO = int(Reason.LIFT_ZERO)
-_TOO_FEW_EVENTS = int(Reason.TOO_FEW_EVENTS)
 _FROZEN = int(Doubt.FROZEN)
-_STARTING = int(State.STARTING)
-_NOMINAL = int(State.RUNNING_NOMINAL)
-_ADAPTED = int(State.ADAPTED)
-_DEGRADED = int(State.DEGRADED)
 
 
 @inner_separate
@@ -318,39 +311,27 @@ def _mark(observer: Observer, position: int) -> None:
     """Validity, reason and state of the processed sample; its rate is not available while not synchronised."""
     memory = observer.memory[0]
     row = observer.ring[position & _MASK]
-    row.reason = memory.unsynchronised_by
+    facts = SampleFacts(
+        memory.unsynchronised_by,
+        memory.synchronised,
+        row.doubt,
+        memory.doubted,
+        is_beyond_limit(observer),
+        memory.events_judged - memory.doubtful_events,
+        observer.constants.events_required,
+        memory.judgement,
+        memory.contradicted,
+        memory.phi_version > 0,
+    )
+    row.reason = reason_of_sample(facts)
+    row.valid = row.reason == _NO_REASON
+    row.state = state_of_sample(facts, row.reason)
     if not memory.synchronised:
         row.injection_rate = np.nan
-    elif row.doubt != _NO_DOUBT:
-        row.reason = row.doubt
-        if not _is_only_rest_held(observer, position):
-            memory.event_learnable = False
-            memory.event_doubtful = row.reason
-    elif memory.doubted != _NO_REASON:
-        row.reason = memory.doubted
+        return
+    is_doubted = row.doubt == _NO_DOUBT and memory.doubted != _NO_REASON
+    if is_doubted or (row.doubt != _NO_DOUBT and not _is_only_rest_held(observer, position)):
         memory.event_learnable = False
         memory.event_doubtful = row.reason
-    elif is_beyond_limit(observer):
-        row.reason = _LIFT_ZERO
+    elif row.reason == _LIFT_ZERO:
         memory.event_doubtful = row.reason
-    elif memory.events_judged - memory.doubtful_events < observer.constants.events_required:
-        row.reason = _TOO_FEW_EVENTS
-    elif memory.judgement != _NO_REASON:
-        row.reason = memory.judgement
-    elif memory.contradicted:
-        row.reason = _CONTRADICTED
-    row.valid = row.reason == _NO_REASON
-    if memory.unsynchronised_by == _BEFORE_START:
-        row.state = _STARTING
-    elif (
-        memory.unsynchronised_by not in (_NO_REASON, _JUMPED)
-        or row.doubt != _NO_DOUBT
-        or memory.doubted != _NO_REASON
-        or memory.judgement != _NO_REASON
-        or row.reason in (_CONTRADICTED, _LIFT_ZERO)
-    ):
-        row.state = _DEGRADED
-    elif memory.phi_version > 0:
-        row.state = _ADAPTED
-    else:
-        row.state = _NOMINAL

@@ -23,6 +23,7 @@ from observer_rt.observer.stream.front_end import dead_band
 from observer_rt.observer.stream.lift_figures import LiftFigures, lift_figures
 from observer_rt.observer.stream.standstill import Standstill, standstill_of
 from observer_rt.observer.stream.state import RING, Reason, State
+from observer_rt.observer.stream.validity import Surroundings, state_of_service
 from observer_rt.service.compiled.by_reference import CompiledPipeline
 from observer_rt.service.compiled.constants import bench_constants, configured_noise
 from observer_rt.service.compiled.input_memory import make_input_memory
@@ -189,13 +190,21 @@ class Core:
 
     @property
     def state(self) -> tuple[State, Reason]:
-        """State and reason of the last processed sample."""
+        """State and reason by what came, whatever the links."""
+        return state_of_service(self.newest_state, Surroundings(is_stale=self.is_stale))
+
+    @property
+    def newest_state(self) -> tuple[State, Reason] | None:
+        """State and reason of the last processed sample; None before the first."""
         if self.processed == 0:
-            return State.STARTING, Reason.STARTING
-        if is_stale(self.compiled.pipeline.alignment):
-            return State.DEGRADED, Reason.INPUT_STALE
+            return None
         row = self.compiled.observer.ring[(self.processed - 1) % RING]
         return State(int(row["state"])), Reason(int(row["reason"]))
+
+    @property
+    def is_stale(self) -> bool:
+        """Whether samples wait for a message that stays away."""
+        return self.processed > 0 and is_stale(self.compiled.pipeline.alignment)
 
     @property
     def learning(self) -> bool:

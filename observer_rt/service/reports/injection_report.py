@@ -11,7 +11,7 @@ from observer_rt.foundation.units import MICROSECOND
 from observer_rt.observer.learning.indicators import Estimate, Indicators, indicators_of
 from observer_rt.observer.learning.interval import is_revised, rate_sigma, volume_interval
 from observer_rt.observer.stream.state import Reason, State
-from observer_rt.service.contest import contested
+from observer_rt.observer.stream.validity import InjectionFacts, contested, reason_of_injection
 from observer_rt.service.reports.judging import EventRecord
 
 
@@ -83,14 +83,6 @@ def report_of(
     """
     event, outcome = judged.event, judged.outcome
     c = judged.fuel.constants.coefficients
-    judgement = judged.objections[0].reason if judged.objections else Reason.NONE
-    reason = Reason(int(injection["reason"]))
-    if reason in (Reason.NONE, Reason.CONTRADICTED):  # the judgement may know why
-        was_outlier = outcome is not None and outcome.outliers > 0 and not judged.objections
-        reason = Reason.NONE if was_outlier else judgement or reason
-    doubt = Reason(int(event["doubtful"]))
-    if doubt and reason in (Reason.NOT_JUDGED, Reason.TOO_FEW_EVENTS):  # it is why
-        reason = doubt
     middle = injection["middle_x"], injection["middle_u"]
     estimate = (judged.in_force, None) if outcome is None else (outcome.estimate, outcome.covariance)
     scalars = SCALARS if outcome is None else outcome.knowledge.scalars
@@ -99,15 +91,24 @@ def report_of(
     if wear is not None:
         indicators = {**indicators, NOZZLE: Estimate(wear)}
     volume = float(injection["volume"])
-    interval, sigma = None, None
+    interval, sigma, revised = None, None, False
     belongs = injection["event"] == event["number"]
     if belongs and outcome is not None and outcome.resimulated is not None:
         first = int(event["window_start"])
         window = slice(int(injection["start"]) - first, int(injection["end"]) - first + 1)
         interval = volume_interval(outcome.resimulated, window)
         sigma = rate_sigma(outcome.resimulated, window)
-        if reason is Reason.NONE and is_revised(outcome.resimulated, window, volume):
-            reason = Reason.REVISED
+        revised = is_revised(outcome.resimulated, window, volume)
+    passed = not judged.objections
+    reason = reason_of_injection(
+        InjectionFacts(
+            of_samples=Reason(int(injection["reason"])),
+            of_event=Reason.NONE if passed else judged.objections[0].reason,
+            of_inputs=Reason(int(event["doubtful"])),
+            was_outlier=passed and outcome is not None and outcome.outliers > 0,
+            is_revised=revised,
+        )
+    )
     state = State(int(injection["state"]))
     reasons: tuple[Reason, ...] = (reason,)
     if is_contested:

@@ -9,8 +9,8 @@ import pytest
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.observer.stream.state import Reason, State
+from observer_rt.observer.stream.validity import contested
 from observer_rt.recording.replay.framing import TimedFrame
-from observer_rt.service.contest import contested
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.reports.injection_record import FIELDS, Output, row_of
 from observer_rt.service.reports.news import Notes

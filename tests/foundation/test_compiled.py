@@ -17,6 +17,7 @@ from observer_rt.foundation.compiled import separate
 ROOT = Path(__file__).parents[2]
 WITHOUT_ENTRY = ("inner", "inner_inlined", "inner_separate", "addressed")
 SEPARATE = ("separate", "inner_separate")
+HANDED_ON = ("bind", "OwnStep")  # they take functions that compiled code calls
 COMPILED = (
     "njit",
     "compiled",
@@ -106,7 +107,9 @@ def names_in_python(path: Path, tree: ast.Module) -> Iterator[str]:
     waiting: list[ast.AST] = list(tree.body)
     while waiting:
         node = waiting.pop()
-        if is_decorated(node, COMPILED):
+        if is_decorated(node, COMPILED) or (
+            isinstance(node, ast.Call) and ast.unparse(node.func) in HANDED_ON
+        ):
             continue
         waiting += ast.iter_child_nodes(node)
         if isinstance(node, ast.Name):

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter, ScalarFormatter
 
 from observer_rt.evidence.figure_look import FOUND, GIVEN, LOOK, MEASURED
+from observer_rt.evidence.measurement import open_time, rail_pressure_before
 from observer_rt.evidence.operating_points import point_name
 from observer_rt.fit.calibrate import GATE, Calibrated
 from observer_rt.fit.parts import spread
@@ -50,7 +51,8 @@ def _overlay(axes: Axes, overlay: PartOverlay, legend: bool) -> None:
         before = overlay.before[0].line_pressure[: shown.size]
         axes.plot(since, before / MEGAPASCAL, color=GIVEN, lw=1.0, ls="--", label="file")
     axes.plot(since, one.line_pressure[: shown.size] / MEGAPASCAL, color=FOUND, lw=1.0, label="fitted")
-    axes.set_title(point_name(measurement.rail_pressure, measurement.duration), fontsize=9)
+    point = point_name(rail_pressure_before(one.event, recording), open_time(one.event, recording))
+    axes.set_title(point, fontsize=9)
     axes.set_xlabel("time since opening [ms]")
     axes.set_ylabel("line pressure [MPa]")
     if legend:

@@ -2,14 +2,13 @@
 
 import io
 import json
-import logging
 import re
 
 import cantools.database
 import pytest
 from rich.console import Console
 
-from observer_rt.bus.mapping.output_messages import StatusValues, signals_of
+from observer_rt.bus.mapping.output_messages import StatusValues
 from observer_rt.config.bench import PACKAGE_DATA, load_injector
 from observer_rt.model.effects import effective_model
 from observer_rt.observer.stream.state import Reason, State
@@ -20,6 +19,7 @@ from observer_rt.service.reports.telling import Teller
 from observer_rt.service.words import COUNTERS, REASONS, STATES, TOPICS, Topic, named
 from tests.pages import Page
 from tests.service.keeping.report_samples import some_report
+from tools.lib.word_tables import DATABASES, database_with_words, page_with_words
 
 PAGE = Page("docs/operating.md")
 NO_COUNTERS = {  # of the status; the rest counts something
@@ -29,13 +29,6 @@ NO_COUNTERS = {  # of the status; the rest counts something
 }
 
 
-def table(heading: str) -> list[tuple[str, ...]]:
-    """Cells of the rows of the page's table below a heading."""
-    section = PAGE.text.split(f"\n## {heading}\n")[1].split("\n## ")[0]
-    rows = re.findall(r"^\| `(.*?)` \| (.*) \|$", section, re.MULTILINE)
-    return [(name, *rest.split(" | ")) for name, rest in rows]
-
-
 def test_every_state_and_reason_has_words() -> None:
     assert set(STATES) == set(State)
     assert set(REASONS) == set(Reason)
@@ -43,22 +36,18 @@ def test_every_state_and_reason_has_words() -> None:
     assert set(COUNTERS) == set(StatusValues._fields) - NO_COUNTERS
 
 
-def test_the_page_says_the_same_of_states() -> None:
-    assert table("States") == [(s.name, w.what, w.remedy) for s, w in STATES.items()]
+def test_page_and_databases_are_up_to_date() -> None:
+    """Else: tools/words."""
+    assert page_with_words(PAGE.text) == PAGE.text
+    for path in DATABASES:
+        text = path.read_text("utf-8")
+        assert database_with_words(text) == text
 
 
-def test_the_page_says_the_same_of_reasons() -> None:
-    assert table("Reasons") == [(r.name, str(int(r)), w.what, w.remedy) for r, w in REASONS.items()]
-
-
-def test_the_page_says_the_same_of_counters() -> None:
-    signals = dict(zip(StatusValues._fields, signals_of(StatusValues), strict=True))
-    assert table("Counters") == [(signals[name], w.what, w.remedy) for name, w in COUNTERS.items()]
-
-
-def test_the_page_says_the_same_of_log_lines() -> None:
-    expected = [(str(t), logging.getLevelName(w.level), w.what, w.remedy) for t, w in TOPICS.items()]
-    assert table("The log") == expected
+def test_a_table_of_the_page_is_written_anew() -> None:
+    spoilt = PAGE.text.replace("| `JUMPED` | 2 |", "| `JUMPT` | 3 |")
+    assert spoilt != PAGE.text
+    assert page_with_words(spoilt) == PAGE.text
 
 
 def test_the_page_names_every_key_of_the_records() -> None:

@@ -8,10 +8,10 @@ from typing import Any
 
 import pyarrow as pa
 from rich.table import Table
+from rich.text import Text
 
 from observer_rt.config.bench import Bench
 from observer_rt.discovery.folder import REPORT
-from observer_rt.fleet.answer_table import answer_table
 from observer_rt.fleet.cluster import Broken, Jobs
 from observer_rt.fleet.dataset import Dataset, read_injections
 from observer_rt.fleet.discovered import FOLDER, SCHEMA, Answers
@@ -25,6 +25,7 @@ from observer_rt.foundation.file_hash import file_hash
 from observer_rt.terminal.console import progress_bar
 
 _WAITING = 2  # groups at a worker, so that it need not wait for the next
+_HEADINGS = ("injector", "verdict", "what is missing", "line pressure off [MPa]", "recordings", "but")
 
 
 @dataclass(frozen=True)
@@ -138,3 +139,38 @@ def _failed(group: Group, ended: Ended) -> FailedFile:
 def _note(dataset: Dataset, left_out: Sequence[FailedFile]) -> None:
     for failed in left_out:
         dataset.take_failure(failed)
+
+
+def answer_table(answers: pa.Table) -> Table:
+    """A row an injector, in the order of the table (columns of `discovered.SCHEMA`)."""
+    table = Table(box=None, padding=(0, 3, 0, 0), pad_edge=False)
+    for heading in _HEADINGS:
+        table.add_column(Text(heading, style="bold"), overflow="fold")
+    for row in answers.to_pylist():
+        table.add_row(*map(Text, (row["injector"], *_cells(row))))
+    return table
+
+
+def _cells(row: dict[str, Any]) -> tuple[str, str, str, str, str]:
+    if row["verdict"] is None:
+        return "-", "-", "-", str(row["recordings"]), row["problem"].splitlines()[0]
+    missing = f"{row['effects']}: {row['sizes']}" if row["sizes"] else row["effects"] or "-"
+    if row["rivals"]:
+        missing += f", or {row['rivals']}"
+    but = [row["caveats"]] * bool(row["caveats"])
+    if row["left_out"]:
+        but.append(f"{row['left_out']} recordings left out")
+    return (
+        f"{row['verdict']} ({row['confidence']:.2f})",
+        missing,
+        _off(row),
+        f"{row['judged']} of {row['recordings']}",
+        "; ".join(but) or "-",
+    )
+
+
+def _off(row: dict[str, Any]) -> str:
+    before, after = (row[f"line_pressure_{when}_MPa"] for when in ("before", "after"))
+    if before is None:
+        return "-"
+    return f"{before:.2g} -> {after:.2g}" if row["effects"] and after is not None else f"{before:.2g}"

@@ -5,7 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
+from observer_rt.foundation.compiled import compiled
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.file_errors import file_errors
 from observer_rt.foundation.units import MEGAPASCAL, MM3_PER_MS
@@ -13,6 +15,7 @@ from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import InjectorParameters
+from observer_rt.model.sensor import lagged
 from observer_rt.recording.signals.recording import TRUTH_SUFFIX, Recording
 from observer_rt.recording.signals.writers import (
     INJECTION_RATE,
@@ -26,7 +29,6 @@ from observer_rt.simulation.measurement import LIFT, PRESSURE, SimulatedNoise
 from observer_rt.simulation.needle import strokes
 from observer_rt.simulation.plant import Progress, Truth, run_plant
 from observer_rt.simulation.schedule import Schedule
-from observer_rt.simulation.slow_sensor import shown_slowly
 
 MIN_SAMPLE_RATE = 1e3  # Hz, below which an injection falls between two samples
 MAX_SAMPLE_RATE = 1e6  # Hz
@@ -126,3 +128,12 @@ def _measure(
         line_pressure=PRESSURE.apply(line_pressure + line.normal(0.0, noise.line_pressure, n)),
         injection_rate=injection_rate,
     )
+
+
+@compiled
+def shown_slowly(values: NDArray[np.float64], interval: float, lag: float) -> NDArray[np.float64]:
+    """Values (n,) at every interval [s], at rest before, as a sensor of this lag [s] shows them."""
+    shown = values.copy()
+    for k in range(1, values.size):
+        shown[k] = lagged(shown[k - 1], values[k - 1], values[k], interval, lag)
+    return shown

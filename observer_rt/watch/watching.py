@@ -2,17 +2,22 @@
 
 import threading
 import time
+from collections import deque
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Protocol
 
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.j1939 import ParameterGroups
-from observer_rt.bus.links.link import BusFrame
+from observer_rt.bus.links.link import BusFrame, Frame
+from observer_rt.bus.mapping.load import frame_time
 from observer_rt.config.bench import Bench
+from observer_rt.config.links import LinkConfig
 from observer_rt.watch.injector import Key, Seen, WatchedInjector
 from observer_rt.watch.listening import Taker, used_buses
-from observer_rt.watch.load import BusLoadMeter
+
+OVER = 1_000_000_000  # ns
 
 
 class FrameSource(Protocol):
@@ -142,3 +147,29 @@ class Watching:
         if not came.frame.is_extended or (own := self._groups[came.bus].own(identifier)) == identifier:
             return came
         return BusFrame(came.bus, came.frame._replace(frame_id=own))
+
+
+class BusLoadMeter:
+    """The share of the last second that frames took on a bus, at the bit rates the bench file states."""
+
+    def __init__(self, link: LinkConfig) -> None:
+        self._frame_time = cache(
+            lambda length, is_fd, is_extended: frame_time(
+                length, is_fd, link.bit_rate, link.data_bit_rate, is_extended
+            )
+        )
+        self._parts: deque[tuple[int, float]] = deque()  # of a tenth of a second each: begin [ns], busy [s]
+
+    def note(self, frame: Frame, now: int) -> None:
+        """A frame came at a time [ns]."""
+        busy = self._frame_time(len(frame.payload), frame.is_fd, frame.is_extended)
+        if not self._parts or now - self._parts[-1][0] >= OVER // 10:
+            self._parts.append((now, 0.0))
+        begin, sum_before = self._parts[-1]
+        self._parts[-1] = begin, sum_before + busy
+
+    def share(self, now: int) -> float:
+        """0 to 1, and beyond what the bus could carry."""
+        while self._parts and now - self._parts[0][0] > OVER:
+            self._parts.popleft()
+        return sum(busy for _, busy in self._parts) * 1e9 / OVER

@@ -12,7 +12,7 @@ from observer_rt.evidence.openings import find_openings
 from observer_rt.evidence.windows import TrueInputs
 from observer_rt.model.effective import InputTerms
 from observer_rt.model.effects import effective_model, sized
-from observer_rt.simulation.slow_sensor import shown_slowly
+from observer_rt.simulation.simulate import shown_slowly
 from tests.discovery.hidden import NOMINAL, recordings
 
 RATE, NOISE = 100e3, 0.4e-6

@@ -1,5 +1,6 @@
 """Which effect is missing: from recordings to the verdict."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -13,8 +14,6 @@ from observer_rt.discovery.search.adequacy import (
     worst,
 )
 from observer_rt.discovery.search.candidates import FitMemory, Fitter
-from observer_rt.discovery.search.confidence import METHOD, WITH_A_WRONG_MODEL, confidence_of
-from observer_rt.discovery.search.consequences import consequence
 from observer_rt.discovery.search.decisive import decide_by
 from observer_rt.discovery.search.held_out import HeldOutPoints
 from observer_rt.discovery.search.result import (
@@ -27,13 +26,20 @@ from observer_rt.discovery.search.result import (
     Unexplained,
     Verdict,
 )
-from observer_rt.discovery.search.search import Search, SearchOutcome, indistinguishable, representatives
+from observer_rt.discovery.search.search import (
+    Search,
+    SearchOutcome,
+    indistinguishable,
+    price,
+    representatives,
+)
 from observer_rt.discovery.search.unexplained import unexplained
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.evidence.appearance import healthy_remainder
 from observer_rt.evidence.bounded_fit import NORMAL_975
 from observer_rt.evidence.likelihood import evidence_of
 from observer_rt.evidence.measurement import Measurement
+from observer_rt.evidence.open_loop import mass, simulated
 from observer_rt.evidence.pooled import pool_of
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.model.effective import EffectiveModel
@@ -49,6 +55,14 @@ _EXPECTED_MORE = 10  # fits of a usual search after the first of every effect, f
 
 Progress = Callable[[float], None]
 """Called with the share done, 0 to 1."""
+
+METHOD = (
+    "share of exp(-X/(2 T)) among candidates of the same size that might be right, X = -2 log L + 10 a parameter, "
+    "T = 2 for what no model knows of noise and line; at most 0.99"
+)
+TEMPER = 2.0
+HIGHEST = 0.99
+WITH_A_WRONG_MODEL = 0.8  # at most, when discovery names something on healthy recordings
 
 
 @dataclass(frozen=True)
@@ -271,3 +285,36 @@ class _Verdict:
             return None
         place = worst(pool_of(self._evidence, judged), self._baseline)
         return unexplained(self._evidence, judged, self._nominal, place, found.fitted)
+
+
+def confidence_of(found: SearchOutcome) -> float:
+    """Probability that the winner is right; of the nominal model, that nothing is missing."""
+    if not found.adequate:
+        return HIGHEST * (1.0 - 0.5 / found.ratio)
+    handicap = 0.0 if found.winner.hypothesis.effects else found.threshold  # of those who would be accepted
+    return HIGHEST * _share(found.winner, [*found.contenders, found.nominal], handicap)
+
+
+def _share(winner: Candidate, others: Sequence[Candidate], handicap: float) -> float:
+    weights = [
+        math.exp(min(0.0, -(price(one) + handicap - price(winner)) / (2.0 * TEMPER)))
+        for one in others
+        if one is not winner
+    ]
+    return 1.0 / (1.0 + sum(weights))
+
+
+def consequence(
+    measured: Sequence[Measurement], before: EffectiveModel, after: EffectiveModel
+) -> Consequence:
+    """By how much line pressure and mass move from one model to another."""
+    pressures, masses = [], []
+    for measurement in measured:
+        for old, new in zip(simulated(measurement, before), simulated(measurement, after), strict=True):
+            pressures.append(new.line_pressure - old.line_pressure)
+            masses.append(
+                mass(measurement, new, after.coefficients.density)
+                - mass(measurement, old, before.coefficients.density)
+            )
+    squares = np.concatenate(pressures) ** 2
+    return Consequence(float(np.sqrt(np.mean(squares))), float(np.mean(masses)))

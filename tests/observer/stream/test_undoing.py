@@ -16,7 +16,7 @@ from observer_rt.observer.stream.front_end import dead_band
 from observer_rt.simulation.needle import strokes
 from observer_rt.simulation.plant import Truth, run_plant
 from observer_rt.simulation.schedule import make_schedule
-from observer_rt.simulation.slow_sensor import shown_slowly
+from observer_rt.simulation.simulate import shown_slowly
 from tests.observer.sample_stream import NOISE, NOMINAL, RAIL, Stream
 
 RATE, FINE = 100e3, 500e3

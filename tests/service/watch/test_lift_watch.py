@@ -1,7 +1,7 @@
 """What the lift sensor adds is told once, with its size and what to do, and again when it is over."""
 
 from observer_rt.observer.stream.lift_figures import LiftFigures
-from observer_rt.service.watch.lift_watch import LiftWatch
+from observer_rt.service.watch.input_watch import LiftWatch
 
 FINE = LiftFigures(at_stop=0.3e-3, stop=0.3e-3)
 

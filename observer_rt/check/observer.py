@@ -15,9 +15,9 @@ from observer_rt.model.stability import MAX_SUBSTEPS, fastest_rate
 from observer_rt.observer.learning.knowledge import no_knowledge
 from observer_rt.observer.observer import Durations, constants_for
 from observer_rt.observer.paper_scheme.gain import doubts_about_gain
+from observer_rt.observer.stream.channel_compensation import noise_gain
 from observer_rt.observer.stream.front_end import dead_band
 from observer_rt.observer.stream.state import MAX_EVENT
-from observer_rt.observer.stream.undoing import louder
 from observer_rt.service.compiled.constants import bench_constants, configured_noise, rail_every
 from observer_rt.service.core.learners import doubt_about_fit, make_learner
 
@@ -80,7 +80,7 @@ def _observer(fitted: BenchInjector) -> list[Finding]:
     schedule = gain_schedule(constants.coefficients, noise, rate, sensor.lag, sensor.fraction, every)
     c = constants.coefficients
     line_mode = c.line.mode / (2 * math.pi)
-    opens, shuts = dead_band(noise.needle_lift * louder(constants.undoing.lift_lag))
+    opens, shuts = dead_band(noise.needle_lift * noise_gain(constants.undoing.lift_lag))
     return [
         graded(
             "line mode",

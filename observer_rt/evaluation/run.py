@@ -14,7 +14,7 @@ from observer_rt.config.bench import Bench
 from observer_rt.evaluation.compiled import copy_indices
 from observer_rt.evaluation.nominal import NominalModel
 from observer_rt.evaluation.passage import Hearer, Passage
-from observer_rt.foundation.ahead import ahead
+from observer_rt.foundation.prefetch import ahead
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.observer.stream.standstill import Standstill
 from observer_rt.observer.stream.state import RING

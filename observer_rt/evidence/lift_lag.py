@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.evidence.openings import Opening, find_openings, opening_between, ramp_samples
-from observer_rt.observer.stream.undoing import louder
+from observer_rt.observer.stream.channel_compensation import noise_gain
 
 GRID = 2e-6  # s of lag, at whose multiples openings are looked for: between them nothing jumps
 
@@ -29,7 +29,9 @@ def openings_without_lag(
     result = []
     for multiple, share in ((below, 1.0 + below - lag / GRID), (below + 1, lag / GRID - below)):
         near = multiple * GRID
-        found = find_openings(without_lag(lift, sample_rate, near), noise * louder(near * sample_rate), ramp)
+        found = find_openings(
+            without_lag(lift, sample_rate, near), noise * noise_gain(near * sample_rate), ramp
+        )
         kept = [one for one in found if any(_overlap(one, other) for other in recorded)]
         result.append((share, [opening_between(restored, one.first, one.last, ramp) for one in kept]))
     return result

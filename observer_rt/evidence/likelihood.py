@@ -34,7 +34,7 @@ from observer_rt.model.effective import EffectiveModel, InputTerms
 from observer_rt.model.line.interface import Line
 from observer_rt.model.seat import Seat
 from observer_rt.model.stability import MAX_SUBSTEPS, substeps_needed
-from observer_rt.observer.stream.undoing import louder
+from observer_rt.observer.stream.channel_compensation import noise_gain
 
 GAIN_ERROR = 0.005  # standard deviation of a measured rate's gain, once a recording
 _MOST_GAINS = 4096  # kept: those round a few candidates
@@ -232,7 +232,7 @@ class Trial:
 
     def _rate_sigma_at(self, lift_lag: float) -> NDArray[np.float64]:
         """Standard deviation of measured minus modelled rate (m,): its own noise and that of the restored lift."""
-        by_lift = louder(lift_lag / self.measurement.interval) * self._rate_by_lift
+        by_lift = noise_gain(lift_lag / self.measurement.interval) * self._rate_by_lift
         return np.asarray(np.hypot(self.measurement.rate_noise, by_lift), np.float64)
 
     def _judged_rate(self, rate: NDArray[np.float64], lift_lag: float) -> tuple[NDArray[np.float64], float]:

@@ -19,10 +19,11 @@ from observer_rt.model.network import zero_network
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.sensor import sensor_of
 from observer_rt.model.stability import substeps_needed
-from observer_rt.observer.judge import begin_with
 from observer_rt.observer.learning.doubts.adequacy import Innovations
 from observer_rt.observer.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.observer.learning.knowledge import EventLearner, Knowledge
+from observer_rt.observer.mailbox import begin_with
+from observer_rt.observer.stream.channel_compensation import noise_gain, undoing_of
 from observer_rt.observer.stream.front_end import (
     confirming_samples,
     dead_band,
@@ -44,7 +45,6 @@ from observer_rt.observer.stream.state import (
     sample_dtype,
 )
 from observer_rt.observer.stream.stepper import Stepper, step
-from observer_rt.observer.stream.undoing import louder, undoing_of
 from observer_rt.observer.stream.verdict import no_verdicts
 from observer_rt.observer.stream.window import copy_window
 
@@ -147,7 +147,9 @@ def make_observer(
     scale = constants.coefficients.pressure_scale
     noise = knowledge.noise
     memory["stated_noise"] = noise.rail_pressure / scale, noise.line_pressure / scale, noise.needle_lift
-    memory["lift_on"], memory["lift_off"] = dead_band(noise.needle_lift * louder(constants.undoing.lift_lag))
+    memory["lift_on"], memory["lift_off"] = dead_band(
+        noise.needle_lift * noise_gain(constants.undoing.lift_lag)
+    )
     memory["offset_moves"] = knowledge.colour is None
     memory["stepped"] = LONG_PAST
     memory["waits_for_verdicts"] = True

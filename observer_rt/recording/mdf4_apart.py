@@ -4,9 +4,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from observer_rt.foundation.apart import WorkerError, run_apart
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.file_errors import file_errors
+from observer_rt.foundation.sandbox import WorkerError, run_apart
 
 READABLE = "give a complete MDF 4 measurement"
 

@@ -12,7 +12,7 @@ from observer_rt.config.bench_file import NAME_PLACE
 from observer_rt.foundation.errors import UserError
 from observer_rt.service.notify import Notifier
 from observer_rt.service.opening import buses_of, connected, wanted_on
-from observer_rt.service.reports.once import Once
+from observer_rt.service.reports.deduplication import Once
 
 OPENED_OFTEN = ("socketcan", "virtual")  # interfaces whose channels can be opened several times
 

@@ -20,8 +20,8 @@ from observer_rt.estimation.whitening import Whitening
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.model.parameters import InjectorParameters, Scaling
 from observer_rt.observer.learning.disturbances.colour import Colour
-from observer_rt.observer.learning.familiarity import EventPoint
 from observer_rt.observer.learning.knowledge import Knowledge
+from observer_rt.observer.learning.operating_range import EventPoint
 from observer_rt.service.plausible_knowledge import problem_of
 
 VERSION = 3

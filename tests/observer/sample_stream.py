@@ -11,9 +11,9 @@ from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.foundation.continuity import RECORDED, RECORDED_RING, Break
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.parameters import InjectorParameters
-from observer_rt.observer.judge import judge
 from observer_rt.observer.learning.knowledge import Outcome, no_knowledge
 from observer_rt.observer.learning.learner import Learner
+from observer_rt.observer.mailbox import judge
 from observer_rt.observer.observer import (
     Durations,
     constants_for,

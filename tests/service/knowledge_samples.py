@@ -12,8 +12,8 @@ from observer_rt.estimation.scalars import SCALARS
 from observer_rt.estimation.sensitivity import PARAMETERS
 from observer_rt.estimation.whitening import Whitening
 from observer_rt.observer.learning.disturbances.colour import ORDERS, Colour
-from observer_rt.observer.learning.familiarity import EventPoint
 from observer_rt.observer.learning.knowledge import Knowledge
+from observer_rt.observer.learning.operating_range import EventPoint
 
 PRESSURE_SCALE = 1e8  # Pa
 

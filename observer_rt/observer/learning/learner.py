@@ -32,11 +32,10 @@ from observer_rt.observer.learning.doubts.adequacy import (
     of_standstill,
     pooled,
 )
+from observer_rt.observer.learning.doubts.fallback import Freezer, Mistrust
 from observer_rt.observer.learning.doubts.lateness import LagDoubt, lag_score, lateness_of
 from observer_rt.observer.learning.doubts.lift_lateness import LiftLag, LiftLagSearch, lift_lag_of
-from observer_rt.observer.learning.doubts.mistrust import Freezer, Mistrust
 from observer_rt.observer.learning.explained import Believed, EventReader, Explained
-from observer_rt.observer.learning.familiarity import UNSEEN, operating_point, remembered, unfamiliarity
 from observer_rt.observer.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.observer.learning.indicators import nozzle_change
 from observer_rt.observer.learning.interval import Resimulated, resimulated
@@ -46,6 +45,7 @@ from observer_rt.observer.learning.knowledge import (
     Outcome,
     no_knowledge,
 )
+from observer_rt.observer.learning.operating_range import UNSEEN, operating_point, remembered, unfamiliarity
 from observer_rt.observer.stream.phi import StructuredPhi
 from observer_rt.observer.stream.standstill import Standstill
 from observer_rt.observer.stream.state import Constants, Reason

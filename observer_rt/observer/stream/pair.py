@@ -6,10 +6,10 @@ from observer_rt.foundation.bound import call
 from observer_rt.foundation.compiled import inner, inner_separate
 from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.observer.stream.front_end import known
+from observer_rt.observer.stream.innovation_monitor import end_contradiction, watch
 from observer_rt.observer.stream.outliers import accepted
 from observer_rt.observer.stream.state import LINE, RING, Observer
 from observer_rt.observer.stream.stepper import Stepping
-from observer_rt.observer.stream.surprise import end_contradiction, watch
 
 SHORT = (
     2  # times what an opening takes to be one: leaps of the innovation that last longer contradict the model

@@ -6,6 +6,7 @@ import numpy as np
 
 from observer_rt.foundation.compiled import inlined, inner, inner_separate, separate
 from observer_rt.foundation.continuity import RECORDED_RING, Break, Doubt
+from observer_rt.observer.stream.channel_compensation import true_lift, true_rail_pressure
 from observer_rt.observer.stream.events import (
     begin_injection,
     break_event,
@@ -33,7 +34,6 @@ from observer_rt.observer.stream.outliers import inspect
 from observer_rt.observer.stream.pair import start_pair, step_pair
 from observer_rt.observer.stream.standstill import gather
 from observer_rt.observer.stream.state import LIFT, LINE, MAX_EVENT, RAIL, RING, Observer, Reason
-from observer_rt.observer.stream.undoing import true_lift, true_rail_pressure
 from observer_rt.observer.stream.validity import SampleFacts, reason_of_sample, state_of_sample
 
 _MASK = RING - 1

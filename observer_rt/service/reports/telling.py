@@ -5,10 +5,10 @@ from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, ZERO_CELSIUS
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.service.log import Voice
 from observer_rt.service.notify import Notifier
+from observer_rt.service.reports.deduplication import Once
 from observer_rt.service.reports.injection_record import injection_record
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import MeasuredMass, Mismatch, News, Notice
-from observer_rt.service.reports.once import Once
 from observer_rt.service.words import Topic, named
 
 

@@ -19,13 +19,13 @@ from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import sized
 from observer_rt.model.integrator import Interval, advance
 from observer_rt.model.network import flow_changes
-from observer_rt.observer.judge import judge
 from observer_rt.observer.learning.knowledge import (
     Adoption,
     Knowledge,
     no_knowledge,
 )
 from observer_rt.observer.learning.learner import Learner
+from observer_rt.observer.mailbox import judge
 from observer_rt.observer.observer import Durations, constants_for, in_force, make_observer
 from observer_rt.observer.stream.standstill import Standstill
 from observer_rt.observer.stream.state import Constants

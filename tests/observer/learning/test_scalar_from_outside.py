@@ -7,10 +7,10 @@ from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.scalars import SCALARS, Scalar, Scalars, ShownIndicator
 from observer_rt.model.integrator import Interval, advance
 from observer_rt.model.network import zero_network
-from observer_rt.observer.judge import judge
 from observer_rt.observer.learning.indicators import indicators_of
 from observer_rt.observer.learning.knowledge import Adoption, Outcome, no_knowledge
 from observer_rt.observer.learning.learner import Learner
+from observer_rt.observer.mailbox import judge
 from observer_rt.observer.observer import Durations, constants_for, in_force, make_observer
 from observer_rt.observer.stream.standstill import Standstill
 from tests.observer.sample_stream import NOISE, NOMINAL

@@ -1,4 +1,4 @@
-"""Posting verdicts on closed events, and what is known at the start, to where the stream takes them."""
+"""Posts verdicts on closed events, and what is known at the start, into slots from which the stream takes them."""
 
 from collections.abc import Sequence
 

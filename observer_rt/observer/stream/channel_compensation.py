@@ -1,4 +1,4 @@
-"""Samples as they are recorded, on their way to the observer: what is stated of their channels is undone.
+"""Compensates the stated delay of the rail pressure and the stated lag of the lift sensor, sample by sample.
 
 A rail pressure that is late is taken from later samples, on a straight line between two. A lift y whose sensor has
 the time constant tau is y + tau y', by central differences: they leave ramps as straight as they are, and what they
@@ -24,7 +24,7 @@ def undoing_of(inputs: InputTerms, interval: float) -> Undoing:
     return Undoing(stated, whole, late - whole, inputs.lift_lag / interval, ahead)
 
 
-def louder(lag: float) -> float:
+def noise_gain(lag: float) -> float:
     """By what the white noise of a lift is multiplied where a lag of its sensor [samples] is undone."""
     return math.sqrt(1.0 + 0.5 * lag**2)  # of central differences
 

@@ -1,4 +1,4 @@
-"""What is made beside whoever uses it."""
+"""Prefetches from an iterator in a thread beside whoever uses it."""
 
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor

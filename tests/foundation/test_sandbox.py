@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from observer_rt.foundation.apart import WorkerError, run_apart
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.sandbox import WorkerError, run_apart
 
 
 def apart(function: str, path: Path = Path("nothing")) -> Iterator[Any]:
@@ -64,7 +64,7 @@ def test_memory_is_bounded() -> None:
 
 
 def test_time_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("observer_rt.foundation.apart.CPU_SECONDS", 1)
+    monkeypatch.setattr("observer_rt.foundation.sandbox.CPU_SECONDS", 1)
     with pytest.raises(WorkerError, match="crashed, or did not come to an end"):
         list(apart("endless"))
 

@@ -1,4 +1,4 @@
-"""Whether the innovations have left what noise can do: at every sample, between the judgements of events."""
+"""Watches the running mean of normalised innovations squared (NIS) against a limit, at every sample."""
 
 from observer_rt.foundation.compiled import compiled, inlined
 from observer_rt.foundation.continuity import Doubt

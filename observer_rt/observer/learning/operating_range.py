@@ -1,4 +1,4 @@
-"""How far an event's operating point is from those learned at: what was learned there holds less here."""
+"""Adds variance away from the operating points learned at, by a Gaussian process."""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""What several injectors find out about a bus they share is said once."""
+"""Leaves out what another injector on the same bus has said already."""
 
 import math
 import threading

@@ -1,4 +1,4 @@
-"""When what was learned is set aside, and when learning stops."""
+"""Falls back to the nominal model after events that are not explained, and stops learning at a wrong standstill."""
 
 from collections.abc import Collection
 

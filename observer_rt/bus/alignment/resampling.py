@@ -1,4 +1,4 @@
-"""Samples that lie between those of the grid, or further apart.
+"""Resamples what lies between the samples of the grid, or further apart.
 
 A rail pressure of another time base, or a slower one, has on the grid the value that lies between its two neighbours.
 Neighbours too far apart are not joined: what lies between them is missing.

@@ -2,7 +2,7 @@
 
 from observer_rt.estimation.phases import Phase
 from observer_rt.observer.learning.doubts.adequacy import Objection
-from observer_rt.observer.learning.doubts.mistrust import Freezer, Mistrust
+from observer_rt.observer.learning.doubts.fallback import Freezer, Mistrust
 from observer_rt.observer.stream.state import Reason
 from tests.observer.learning.doubts.test_adequacy import statistics_of
 

@@ -1,4 +1,4 @@
-"""Work that may crash, in processes of its own: nothing it meets ends the caller or reaches the caller's screen.
+"""Runs work that may crash in a process of its own: nothing it meets ends the caller or reaches its screen.
 
 For libraries that read what others wrote with code that trusts it. One server process imports what the work needs,
 once, and forks a worker for every piece of work. What a worker leaves behind is deleted with its folder.

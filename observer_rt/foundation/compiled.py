@@ -1,4 +1,4 @@
-"""The decorators of compiled functions that have no entry from Python, or are compiled apart from their callers."""
+"""The decorators of compiled functions: by whom one is called, and whether callers hold its code."""
 
 import hashlib
 import importlib
@@ -30,7 +30,7 @@ Called from Python such a function crashes; tests/foundation/test_compiled.py fo
 """
 
 inner_inlined = njit(cache=True, nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, forceinline=True)
-"""`inner` of a function that LLVM puts where it is called: one with branches that return, which `inlined` cannot."""
+"""`inner` of a function whose code LLVM puts where it is called."""
 
 
 def separate(function: Callable[..., Any]) -> Any:

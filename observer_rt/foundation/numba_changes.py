@@ -27,10 +27,13 @@ def _equals(self: Any, other: object) -> Any:
     return self._values == other._values or self.values() == other.values()
 
 
+def _hashed(self: Any) -> int:
+    """Numba's own sorts the names of all options, for the same."""
+    return hash(type(self))
+
+
 CompileResult._rebuild = _rebuilt
 TargetConfig.__eq__ = _equals
-TargetConfig.__hash__ = lambda self: hash(
-    type(self)
-)  # Numba's own sorts the names of all options for the same
+TargetConfig.__hash__ = _hashed
 for _callbacks in tuple(getattr(ffi.lib._lock, "_cblist", ())):  # they time what nobody reads
     ffi.unregister_lock_callback(*_callbacks)

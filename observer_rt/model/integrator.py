@@ -305,8 +305,16 @@ def _over(x: Any, interval: Any, knot: Any, c: Any, network: Any, tangent: Any) 
 
 @overload(_over, strict=False, jit_options={"forceinline": True})
 def _over_compiled(x: Any, interval: Any, knot: Any, c: Any, network: Any, tangent: Any) -> Any:
-    step = own_step(c.types[c.fields.index("line")].instance_class)
-    return (_runge_kutta_over if step is None else step.over).py_func
+    own = own_step(c.types[c.fields.index("line")].instance_class)
+    if own is None:
+        return _runge_kutta_over.py_func
+    over = own.over
+
+    def step(x: Any, interval: Any, knot: Any, c: Any, network: Any, tangent: Any) -> None:
+        over(x, interval, knot, c, network, tangent)
+        empty_if_drained(x, interval.start, interval.end, tangent)
+
+    return step
 
 
 @inner

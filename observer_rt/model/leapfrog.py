@@ -25,7 +25,6 @@ from observer_rt.model.line.wave import (
     steps_over,
 )
 from observer_rt.model.network import Network
-from observer_rt.model.sac import empty_if_drained
 from observer_rt.model.wall_friction import BEFORE, drag, mean_flow, mean_flow_row
 
 
@@ -77,7 +76,7 @@ def leapfrog(
     network: Network,
     tangent: Any,
 ) -> None:
-    """`integrator.advance_over` of a line of cells, without what empties the sac."""
+    """`integrator.advance_over` of a line of cells."""
     steps = steps_over(interval.length)
     ends = max(1, interval.substeps // steps)
     step = interval.length / steps
@@ -215,20 +214,6 @@ def _pressure_row(
 
 
 @inner
-def _over(
-    x: NDArray[np.float64],
-    interval: Any,
-    knot: tuple[float, float],
-    c: Coefficients,
-    network: Network,
-    tangent: Any,
-) -> None:
-    """`integrator.advance_over` of a line of cells."""
-    leapfrog(x, interval, knot, c, network, tangent)
-    empty_if_drained(x, interval.start, interval.end, tangent)
-
-
-@inner
 def _fine(
     x: NDArray[np.float64],
     u_start: tuple[float, float],
@@ -243,7 +228,7 @@ def _fine(
     move_end(x, u_middle, u_end, step, c, network, None)
 
 
-step_by(WaveLine, OwnStep(_over, _fine))
+step_by(WaveLine, OwnStep(leapfrog, _fine))
 
 _A3, _A3_NEAR, _A4, _B, _B_NEAR, _DAMPING, _AIR, _STIFFNESS_SLOPE = (
     WaveLine._fields.index(name)

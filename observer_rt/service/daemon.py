@@ -184,7 +184,7 @@ class Daemon:
 
     def standing(self, now: int) -> tuple[State, tuple[Reason, ...]]:
         """State and all its reasons, the most severe first, at a monotonic time [ns]."""
-        state, reason = state_of_service(self.core.newest_state, self._surroundings(now))
+        state, reason = state_of_service(self.core.state, self._surroundings(now))
         if self.arrivals.is_contested(now):
             return contested(state, reason)
         return state, (reason,) if reason else ()
@@ -194,7 +194,7 @@ class Daemon:
         return Surroundings(
             has_frames=self._frames_seen > 0,
             is_cut_off=is_down or now - self._last_input > INPUT_TIMEOUT * 1e9,
-            is_stale=bool(self.arrivals.stale(now)) or self.core.is_stale,
+            is_stale=bool(self.arrivals.stale(now)),
         )
 
     @property

@@ -34,7 +34,7 @@ def package(tmp_path: Path) -> Path:
         (folder / name).mkdir(parents=True)
         (folder / name / "__init__.py").write_text("")
     for path in Path(compilation.__file__).parent.glob("*.py"):
-        if path.stem in ("compilation", "compiled", "numba_changes", "unit_cache"):
+        if path.stem in ("compilation", "compiled", "unit_cache"):
             text = path.read_text().replace(" observer_rt.", " package.")
             (folder / "foundation" / path.name).write_text(text)
     entry = "from package.foundation.compilation import use_own_cache\nuse_own_cache()\n"

@@ -114,7 +114,7 @@ class Line(Protocol):
 class OwnStep(NamedTuple):
     """How a line and the sac at its end are stepped, where RK4 does not. Both compiled."""
 
-    over: Any  # as `integrator.advance_over`
+    over: Any  # as `integrator.advance_over`, which empties a drained sac after it
     fine: Any  # as `integrator.fine_step`
 
 

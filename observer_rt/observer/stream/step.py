@@ -58,10 +58,11 @@ def take_recorded(observer: Observer, end: int, doubt: int) -> None:
     ahead = observer.constants.undoing.ahead
     while memory.recorded < end:
         number = memory.recorded
-        if observer.recorded[number & _RECORDED_MASK].broken != _NONE:
+        sample = observer.recorded[number & _RECORDED_MASK]
+        if sample.broken != _NONE:
             _give_on(observer, number)  # nothing follows what waits
             memory.unbroken_since = number
-        observer.recorded[number & _RECORDED_MASK].doubt = doubt
+        sample.doubt = doubt
         memory.recorded += 1
         if doubt != _NO_DOUBT:
             for earlier in range(memory.given_on, number):
@@ -101,11 +102,10 @@ def _append(observer: Observer, sample: Any, rail_pressure: float, needle_lift: 
     row.broken = sample.broken
     row.bridged = 0
     row.doubt = sample.doubt
-    doubt = sample.doubt
-    if doubt != _NO_DOUBT:  # it may have begun with samples that still wait for their look-ahead
+    if sample.doubt != _NO_DOUBT:  # it may have begun with samples that still wait for their look-ahead
         first = max(memory.processed, memory.received - observer.constants.timing.lookahead)
         for position in range(first, memory.received):
-            observer.ring[position & _MASK].doubt = doubt
+            observer.ring[position & _MASK].doubt = sample.doubt
     if sample.broken != _NONE:
         memory.newest_break = memory.received
     memory.received += 1

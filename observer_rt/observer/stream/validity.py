@@ -107,7 +107,7 @@ class Surroundings:
 
 
 def state_of_service(newest: tuple[State, Reason] | None, surroundings: Surroundings) -> tuple[State, Reason]:
-    """State and reason of the service; newest: those of the last processed sample, None before the first."""
+    """State and reason of the service; newest: those of the samples, None before the first."""
     if not surroundings.has_frames:
         return State.WAITING_FOR_DATA, Reason.STARTING
     if surroundings.is_cut_off:

@@ -191,20 +191,11 @@ class Core:
     @property
     def state(self) -> tuple[State, Reason]:
         """State and reason by what came, whatever the links."""
-        return state_of_service(self.newest_state, Surroundings(is_stale=self.is_stale))
-
-    @property
-    def newest_state(self) -> tuple[State, Reason] | None:
-        """State and reason of the last processed sample; None before the first."""
         if self.processed == 0:
-            return None
+            return state_of_service(None, Surroundings())
         row = self.compiled.observer.ring[(self.processed - 1) % RING]
-        return State(int(row["state"])), Reason(int(row["reason"]))
-
-    @property
-    def is_stale(self) -> bool:
-        """Whether samples wait for a message that stays away."""
-        return self.processed > 0 and is_stale(self.compiled.pipeline.alignment)
+        newest = State(int(row["state"])), Reason(int(row["reason"]))
+        return state_of_service(newest, Surroundings(is_stale=is_stale(self.compiled.pipeline.alignment)))
 
     @property
     def learning(self) -> bool:

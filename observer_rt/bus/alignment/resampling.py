@@ -59,7 +59,8 @@ def follow(alignment: Alignment, message: int, position: float, values: NDArray[
             _follow_lift(alignment, follower, position, values[NEEDLE_LIFT], first)
     follower.stale = False
     follower.position = position
-    follower.values[:] = values
+    for role in range(MAX_INPUTS):  # a copy of slices takes 4 s to compile: Numba words the error of their lengths
+        follower.values[role] = values[role]
 
 
 @inner

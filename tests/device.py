@@ -31,9 +31,8 @@ from observer_rt.service.core.core import Core
 from observer_rt.service.core.messages import OutputFrame
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import Notes
-from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import make_schedule
-from observer_rt.simulation.simulate import simulate
+from observer_rt.simulation.simulate import SimulatedNoise, simulate
 from tests.benches import SAMPLE_RATE
 from tests.service.end_to_end import DATABASE, RATE, SUMMARY
 

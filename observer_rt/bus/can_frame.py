@@ -1,4 +1,4 @@
-"""What a CAN frame can hold, classic and FD, and how Linux counts it."""
+"""CAN frames, classic and FD: what one can hold, how Linux counts it, and one number that names it on all buses."""
 
 from bisect import bisect_left
 
@@ -35,3 +35,13 @@ def length_code(length: int) -> int:
 def length_of(code: int) -> int:
     """Bytes in a CAN FD frame of a data length code."""
     return FD_LENGTHS[min(code, len(FD_LENGTHS) - 1)]
+
+
+# Added to the id of a frame.
+EXTENDED = 1 << 32
+BUS = 1 << 33  # for each bus before its own
+
+
+def frame_key(frame_id: int, is_extended: bool, bus: int = 0) -> int:
+    """One number for id and format of a frame on a bus."""
+    return frame_id + (EXTENDED if is_extended else 0) + BUS * bus

@@ -5,11 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from observer_rt.bus.database.frame_key import frame_key
+from observer_rt.bus.can_frame import frame_key
 from observer_rt.bus.database.lookup import MessageLayout
-from observer_rt.bus.mapping.bench_map import BenchMap, in_common, map_bench
-from observer_rt.bus.mapping.bus_map import BusMap
-from observer_rt.bus.mapping.load import frame_time
+from observer_rt.bus.mapping.bus_map import BenchMap, BusMap, in_common, map_bench
+from observer_rt.bus.mapping.output_messages import frame_time
 from observer_rt.bus.mapping.timing import Joining, Numbering
 from observer_rt.check.findings import Finding, Said, ruled
 from observer_rt.config.bench import Bench

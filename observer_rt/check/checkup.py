@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from observer_rt.bus.database.lookup import database_hash
-from observer_rt.bus.mapping.bench_map import map_bench
+from observer_rt.bus.mapping.bus_map import map_bench
 from observer_rt.check.buses import buses_findings
 from observer_rt.check.findings import Finding, Level, Said, as_json_document, as_table, failed, ruled
 from observer_rt.check.machine import (
@@ -20,11 +20,11 @@ from observer_rt.check.observer import observer_findings
 from observer_rt.config.bench import Bench, BenchInjector
 from observer_rt.foundation.compilation import compiled_code
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.file_hash import file_hash
+from observer_rt.foundation.files import file_hash
 from observer_rt.foundation.units import CUBIC_MILLIMETRE, MILLIMETRE
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.service.core.learners import refuse_state
-from observer_rt.service.state_file import StateDoesNotFitError, load_knowledge, model_hash
+from observer_rt.service.keeping.state_file import StateDoesNotFitError, load_knowledge, model_hash
 
 __all__ = ["Finding", "Level", "as_json_document", "as_table", "checkup", "of_each"]
 

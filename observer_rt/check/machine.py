@@ -12,8 +12,7 @@ from observer_rt.bus.can_frame import ARPHRD_CAN, FD_MTU
 from observer_rt.check.findings import Said, ruled
 from observer_rt.config.links import LinkConfig
 from observer_rt.foundation.compilation import CompiledCode
-from observer_rt.service.processors import REMEDY, Processors, processors
-from observer_rt.service.rights import PRIORITY, Rights, rights
+from observer_rt.service.rights import PRIORITY, REMEDY, Processors, Rights, processors, rights
 
 PROCESSORS = 2  # one for the loop, one for learning
 SHORTEST_QUEUE = 100  # frames

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator
 
 from observer_rt.check.findings import Finding, Level, Said, graded, ruled
-from observer_rt.check.optional_inputs import fuel_findings
+from observer_rt.check.mapping import fuel_findings
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.channels import effects_after_alignment
 from observer_rt.estimation.gain import gain_schedule
@@ -14,7 +14,7 @@ from observer_rt.model.line.interface import own_step
 from observer_rt.model.stability import MAX_SUBSTEPS, fastest_rate
 from observer_rt.observer.learning.knowledge import no_knowledge
 from observer_rt.observer.observer import Durations, constants_for
-from observer_rt.observer.paper_scheme.gain import doubts_about_gain
+from observer_rt.observer.paper_scheme.systems import doubts_about_gain
 from observer_rt.observer.stream.channel_compensation import noise_gain
 from observer_rt.observer.stream.front_end import dead_band
 from observer_rt.observer.stream.state import MAX_EVENT

@@ -9,13 +9,13 @@ from observer_rt.check.findings import Finding, Level, Said, failed, ruled
 from observer_rt.config.bench import Bench
 from observer_rt.evaluation.logged import LoggedSignals
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.file_errors import file_errors
+from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS
 from observer_rt.recording.formats import is_log, open_recording
 from observer_rt.recording.replay.framing import bench_for
 from observer_rt.recording.signals.plausible import implausible
 from observer_rt.recording.signals.stream import SignalStream
-from observer_rt.service.core.noise import SIGNALS
+from observer_rt.service.core.learners import SIGNALS
 
 _SHOWN = 10  # stretches
 _UNITS = {

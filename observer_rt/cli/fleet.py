@@ -21,8 +21,7 @@ from observer_rt.cli.options import (
 from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
 from observer_rt.foundation.errors import UserError
 from observer_rt.terminal.compiling import show_compiling
-from observer_rt.terminal.console import say
-from observer_rt.terminal.destinations import FIGURE_SUFFIXES, check_destination, check_folder
+from observer_rt.terminal.console import FIGURE_SUFFIXES, check_destination, check_folder, say
 
 messages = Console(stderr=True)
 
@@ -85,15 +84,13 @@ def batch(
 ) -> None:
     """Evaluate thousands of recordings side by side: an injection a row of Parquet, resumed where it stopped."""
     from observer_rt.fleet.batch import evaluate_all, settings_of, tell
-    from observer_rt.fleet.cluster import connected
+    from observer_rt.fleet.cluster import Work, connected
     from observer_rt.fleet.dataset import Dataset
+    from observer_rt.fleet.groups import InjectorNames, recordings_in
     from observer_rt.fleet.job import Task
-    from observer_rt.fleet.names import InjectorNames, recordings_in
     from observer_rt.fleet.vocabulary import OwnEffects
-    from observer_rt.fleet.work import Work
-    from observer_rt.service.restoring import restored_knowledge
-    from observer_rt.service.state_file import model_hash
-    from observer_rt.terminal.stop import stop_on_signals
+    from observer_rt.service.keeping.state_file import model_hash, restored_knowledge
+    from observer_rt.terminal.console import stop_on_signals
 
     if healthy and not discover:
         raise UserError("--healthy", "is for discovery", "add --discover, or leave it out")
@@ -142,9 +139,8 @@ def trend(
 ) -> None:
     """Show the wear of every injector over its recordings, the most worn first, with 95 % bands."""
     from observer_rt.fleet.dataset import read_injections
-    from observer_rt.fleet.trend import NEEDED, trends
+    from observer_rt.fleet.trend import NEEDED, trends, write_page, write_picture
     from observer_rt.fleet.trend import as_json as document
-    from observer_rt.fleet.trend_page import write_page, write_picture
 
     page = out or folder / "trend.html"
     check_destination("--out", page, (".html",))

@@ -20,10 +20,9 @@ from observer_rt.cli.options import (
 )
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.file_errors import file_errors
+from observer_rt.foundation.files import file_errors
 from observer_rt.terminal.compiling import show_compiling
-from observer_rt.terminal.console import results, say
-from observer_rt.terminal.destinations import FIGURE_SUFFIXES, check_destination
+from observer_rt.terminal.console import FIGURE_SUFFIXES, check_destination, results, say
 
 messages = Console(stderr=True)
 SHOWN = 10  # injections of a journal in a table
@@ -42,7 +41,7 @@ def demo(
 ) -> None:
     """Watch a worn injector being learned: simulated, sent as CAN FD frames, estimated by the daemon."""
     from observer_rt.cli.demo import Demo, mass_table, wait, write_figure
-    from observer_rt.service.show import draw
+    from observer_rt.service.screen.view import draw
 
     check_destination("--figure", figure, FIGURE_SUFFIXES)
     show_compiling(messages)

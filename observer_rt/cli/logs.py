@@ -32,12 +32,10 @@ from observer_rt.cli.options import (
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench
 from observer_rt.config.links import of_links, refuse_shared_channels
 from observer_rt.foundation.errors import UserError
-from observer_rt.terminal.console import progress_bar, say
-from observer_rt.terminal.destinations import check_folder
-from observer_rt.terminal.stop import stop_on_signals
+from observer_rt.terminal.console import check_folder, progress_bar, say, stop_on_signals
 
 if TYPE_CHECKING:
-    from observer_rt.recording.record.recorder import RecordStatistics
+    from observer_rt.recording.recorder import RecordStatistics
 
 ChannelOption = Annotated[
     list[str] | None,
@@ -90,17 +88,16 @@ def replay(
     effects: EffectsOption = None,
 ) -> None:
     """Send a recording onto its buses as the measuring devices would, on an absolute time grid."""
-    from observer_rt.bus.links.open import open_link
+    from observer_rt.bus.links.opening import open_link
     from observer_rt.recording.formats import is_log
-    from observer_rt.recording.replay.player import play
-    from observer_rt.recording.replay.remapping import (
+    from observer_rt.recording.replay.log_frames import (
         channel_map,
         identifier_map,
         remapped,
         remapped_identifiers,
     )
-    from observer_rt.recording.replay.sources import log_source, recording_source
-    from observer_rt.recording.replay.traffic import refuse_traffic
+    from observer_rt.recording.replay.player import play
+    from observer_rt.recording.replay.sources import log_source, recording_source, refuse_traffic
 
     chosen = _with_links(load_bench(bench, lenient=lenient).of(injector), interface, channel)
     channels, identifiers = channel_map(map_channel or ()), identifier_map(map_id or ())
@@ -148,9 +145,9 @@ def record(
     effects: EffectsOption = None,
 ) -> None:
     """Write every frame of the bench's buses into a log, until stopped; how many were lost is noted in it."""
-    from observer_rt.bus.links.open import open_link
-    from observer_rt.recording.record.recorder import RecordLimits, check_recording_path
-    from observer_rt.recording.record.recorder import record as record_links
+    from observer_rt.bus.links.opening import open_link
+    from observer_rt.recording.recorder import RecordLimits, check_recording_path
+    from observer_rt.recording.recorder import record as record_links
 
     limits = RecordLimits(
         duration, frames, None if rotate_size is None else round(rotate_size * MEGABYTE), rotate_time

@@ -27,10 +27,16 @@ from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.config.effects import effect_named
 from observer_rt.config.injector_file import InjectorFile
 from observer_rt.foundation.errors import RunError, UserError
-from observer_rt.foundation.file_errors import file_errors
+from observer_rt.foundation.files import file_errors
 from observer_rt.terminal.compiling import show_compiling
-from observer_rt.terminal.console import progress_bar, results, say
-from observer_rt.terminal.destinations import FIGURE_SUFFIXES, check_destination, refuse_existing
+from observer_rt.terminal.console import (
+    FIGURE_SUFFIXES,
+    check_destination,
+    progress_bar,
+    refuse_existing,
+    results,
+    say,
+)
 
 messages = Console(stderr=True)
 
@@ -65,15 +71,14 @@ def fit(
     """Calibrate the model, its structure included, to recordings of the healthy injector."""
     from observer_rt.config.channels import effects_on_one_raster
     from observer_rt.evaluation.sources import open_source, without_truths
-    from observer_rt.evidence.coverage import coverage
     from observer_rt.evidence.excerpts import MOST_SAMPLES
-    from observer_rt.evidence.reading import hashes, read_measured, refuse_rates_missing
+    from observer_rt.evidence.reading import coverage, hashes, read_measured, refuse_rates_missing
     from observer_rt.fit.calibrate import calibrate
     from observer_rt.fit.fitted_file import baseline_of, write_fitted
     from observer_rt.fit.masses import read_masses
+    from observer_rt.fit.parts import refuse_clipped, warnings
     from observer_rt.fit.report import as_json as document_of
     from observer_rt.fit.report import print_fit
-    from observer_rt.fit.suitability import refuse_clipped, warnings
 
     decoder = decoder_of(bench, injector, lenient, model)
     paths = without_truths(recordings, messages)
@@ -176,8 +181,7 @@ def discover(
     from observer_rt.discovery.report.text import as_text
     from observer_rt.evaluation.second_opinion import second_opinion
     from observer_rt.evaluation.sources import open_source, without_truths
-    from observer_rt.evidence.coverage import coverage
-    from observer_rt.evidence.reading import hashes, read_measured
+    from observer_rt.evidence.reading import coverage, hashes, read_measured
 
     begin = time.monotonic()
     decoder = decoder_of(bench, injector, lenient, model)

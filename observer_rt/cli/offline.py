@@ -23,12 +23,18 @@ from observer_rt.cli.options import (
 )
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench, load_injector
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.file_errors import file_errors
+from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.units import MILLISECOND
 from observer_rt.model.fuel import at_temperature, temperature_of
 from observer_rt.terminal.compiling import show_compiling
-from observer_rt.terminal.console import progress_bar, results, say
-from observer_rt.terminal.destinations import check_destination, check_folder, refuse_existing
+from observer_rt.terminal.console import (
+    check_destination,
+    check_folder,
+    progress_bar,
+    refuse_existing,
+    results,
+    say,
+)
 
 MAX_SAMPLES = 20_000_000  # of a simulation, that a machine of 4 GiB can hold with their truth
 messages = Console(stderr=True)
@@ -77,15 +83,14 @@ def simulate(
     """Simulate a healthy or worn injector; the truth goes to FILE.truth.csv, which the observer never reads."""
     from observer_rt.recording.formats import signal_formats, suffixes_of, write_recording, written
     from observer_rt.simulation.effects import parse_effects, sizes_of
-    from observer_rt.simulation.measurement import SimulatedNoise
     from observer_rt.simulation.schedule import (
         make_schedule,
         parse_energizing_times,
         parse_rail_pressures,
         parse_shots,
     )
+    from observer_rt.simulation.simulate import SimulatedNoise, truth_path, write_truth
     from observer_rt.simulation.simulate import simulate as simulated
-    from observer_rt.simulation.simulate import truth_path, write_truth
 
     if noise not in ("on", "off"):
         raise UserError("--noise", f"is {noise!r}", "give on or off")

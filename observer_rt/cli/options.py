@@ -8,7 +8,7 @@ from typer.models import OptionInfo
 
 from observer_rt.config.bench import Bench, load_bench
 from observer_rt.foundation.errors import UserError
-from observer_rt.recording.canlog.log_format import LogFormat
+from observer_rt.recording.canlog.can_log import LogFormat
 from observer_rt.recording.formats import BUILT_IN, formats, suffixes_of
 from observer_rt.recording.signals.signal_format import SignalFormat
 

@@ -19,8 +19,7 @@ from observer_rt.config.effects import check_effects
 from observer_rt.config.injector import InjectorConfig
 from observer_rt.config.links import LinkName, refuse_shared_channels, require_link
 from observer_rt.config.toml_file import Section, place_in, read_toml, validated
-from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.misspelt import did_you_mean
+from observer_rt.foundation.errors import UserError, did_you_mean
 from observer_rt.model.line.wave import with_cells
 from observer_rt.model.parameters import InjectorParameters
 

@@ -2,8 +2,7 @@
 
 from collections.abc import Sequence
 
-from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.misspelt import hint
+from observer_rt.foundation.errors import UserError, hint
 from observer_rt.model.effect import Effect, EffectParameter
 from observer_rt.model.effects import VOCABULARY
 from observer_rt.model.parameters import EffectInForce

@@ -12,7 +12,7 @@ from tomlkit.items import AoT, InlineTable
 
 from observer_rt.config.bench import load_injector
 from observer_rt.foundation.errors import RunError, UserError
-from observer_rt.foundation.file_hash import file_hash
+from observer_rt.foundation.files import file_hash
 from observer_rt.model.parameters import EffectInForce
 
 

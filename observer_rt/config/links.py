@@ -7,8 +7,7 @@ from typing import Annotated
 from pydantic import Field
 
 from observer_rt.config.toml_file import Section
-from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.misspelt import did_you_mean
+from observer_rt.foundation.errors import UserError, did_you_mean
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 LinkName = Annotated[str, Field(pattern=r"^\w[\w.-]*$")]

@@ -15,12 +15,10 @@ from types import ModuleType
 from typing import Any
 
 from observer_rt.config.bench import load_injector
-from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.misspelt import hint
-from observer_rt.model.effect import Effect, EffectParameter, Place, Relation
+from observer_rt.foundation.errors import UserError, hint
+from observer_rt.model.effect import Effect, EffectParameter, Place, Relation, differs_in_bounds_only
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import BUILT_IN, add_to_vocabulary, effective_model
-from observer_rt.model.own_bounds import differs_in_bounds_only
 from observer_rt.model.parameters import InjectorParameters
 
 GROUP = "observer_rt.effects"

@@ -8,8 +8,7 @@ from typing import Any, TypeVar, Union, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.misspelt import did_you_mean
+from observer_rt.foundation.errors import UserError, did_you_mean
 
 _Model = TypeVar("_Model", bound=BaseModel)
 

@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 
 from observer_rt.config.injector_file import InjectorFile, effect_tables
-from observer_rt.discovery.report.printed_units import printed
-from observer_rt.discovery.search.hypothesis import Sizing, minimum_from
+from observer_rt.discovery.report.text import printed
 from observer_rt.discovery.search.result import (
     Discovery,
     FittedEffect,
     FittedParameter,
+    Sizing,
     Verdict,
+    minimum_from,
 )
 from observer_rt.evidence.bounded_fit import NORMAL_975
 from observer_rt.evidence.likelihood import evidence_of
@@ -24,9 +25,9 @@ from observer_rt.evidence.measurement import Measurement
 from observer_rt.evidence.reading import shortened
 from observer_rt.foundation.errors import RunError
 from observer_rt.model.baseline import HealthyShape
-from observer_rt.model.cells import in_stable_cells
 from observer_rt.model.effects import effective_model, sized_in_force
 from observer_rt.model.parameters import EffectInForce, InjectorParameters
+from observer_rt.model.stability import in_stable_cells
 
 ORIGIN = "observer-rt discover"
 

@@ -6,30 +6,26 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from observer_rt.discovery.amend import amended_effects
-from observer_rt.discovery.caveats import is_level_measured, is_like_inertance, remedies
-from observer_rt.discovery.comparison.disagreement import disagreements
-from observer_rt.discovery.comparison.gaps import gaps_of
-from observer_rt.discovery.comparison.overlays import typical_overlays
-from observer_rt.discovery.comparison.standstill import standstill_checks
-from observer_rt.discovery.findings import Findings
+from observer_rt.discovery.findings import Findings, is_level_measured, is_like_inertance, remedies
+from observer_rt.discovery.gaps import disagreements, gaps_of, typical_overlays
 from observer_rt.discovery.opinion import Opinion
 from observer_rt.discovery.report.text import headline
 from observer_rt.discovery.search.adequacy import NO_BASELINE, HealthyBaseline, baseline_of_fit
 from observer_rt.discovery.search.candidates import FitMemory
 from observer_rt.discovery.search.result import Verdict
 from observer_rt.discovery.search.verdict import SearchOptions, healthy_baseline, name_effects
+from observer_rt.discovery.standstill import standstill_checks
 from observer_rt.evidence.appearance import with_healthy_offset
-from observer_rt.evidence.coverage import chosen_words
 from observer_rt.evidence.likelihood import evidence_of
 from observer_rt.evidence.measurement import Measurement
 from observer_rt.evidence.operating_points import by_operating_point
-from observer_rt.evidence.reading import refuse_rates_missing
+from observer_rt.evidence.reading import chosen_words, refuse_rates_missing
 from observer_rt.foundation.errors import ObserverError
-from observer_rt.model.cells import refuse_unstable_cells
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import EffectInForce, InjectorParameters
-from observer_rt.observer.learning.healthy import holds_at
+from observer_rt.model.stability import refuse_unstable_cells
+from observer_rt.observer.learning.indicators import holds_at
 from observer_rt.recording.signals.recording import Recording
 
 _HEALTHY, _NAMED, _SHOWN = 0.4, 0.85, 0.9  # shares of the work done after these steps

@@ -15,9 +15,9 @@ from observer_rt.discovery.report.document import as_json
 from observer_rt.discovery.report.report import report
 from observer_rt.discovery.search.fit_store import FitStore, problem_key
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.file_errors import file_errors
+from observer_rt.foundation.files import file_errors
 from observer_rt.model.effect import SizedEffect
-from observer_rt.terminal.destinations import check_folder
+from observer_rt.terminal.console import check_folder
 
 FINDINGS, AMENDED, REPORT, FITS = "findings.json", "amended.toml", "report.html", "fits.jsonl"
 DATA = "data"

@@ -10,9 +10,9 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from rich.table import Table
 from rich.text import Text
 
-from observer_rt.discovery.report.printed_units import Size, shown, significant
+from observer_rt.discovery.report.text import Size, shown, significant
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.file_errors import file_errors
+from observer_rt.foundation.files import file_errors
 
 FINDINGS = "findings.json"
 SCHEMA = 1

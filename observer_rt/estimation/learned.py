@@ -6,8 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.estimation.scalars import SCALARS, Scalars
-from observer_rt.estimation.sensitivity import Parameter
+from observer_rt.estimation.scalars import SCALARS, Parameter, Scalars
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.network import HIDDEN, Network, constant_network, zero_network
 from observer_rt.model.right_hand_side import ByTheta

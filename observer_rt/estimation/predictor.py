@@ -8,18 +8,17 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from observer_rt.estimation.learned import Learned, by_theta, learned_of
-from observer_rt.estimation.scalars import SCALARS, Scalars
-from observer_rt.estimation.sensitivity import Parameter
+from observer_rt.estimation.scalars import SCALARS, Parameter, Scalars
 from observer_rt.foundation.compiled import compiled, inlined, inner, inner_separate, separate
+from observer_rt.foundation.small_arrays import WIDTH, load, store
 from observer_rt.model.borrowed import borrowed, borrowed_network, borrowed_tangent
 from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.hydraulics import empty_sac
 from observer_rt.model.integrator import Interval, advance_over
 from observer_rt.model.line.interface import begin_mean
 from observer_rt.model.network import Network
 from observer_rt.model.right_hand_side import Tangent, injection_rate, tangent_of
-from observer_rt.model.sac import empty_sac
 from observer_rt.model.sensor import LAG_UNIT, lagged, lagged_slopes, recorded, recorded_mean
-from observer_rt.model.vectors import WIDTH, load, store
 
 NO_RATE = np.empty(0)
 NO_SLOPES = np.empty((0, 0))

@@ -1,8 +1,8 @@
-"""What the observer learns, a row for every kind of parameter: its columns, what is assumed, how it is shown."""
+"""What the observer learns, a row for every kind of parameter: its columns in theta, its prior, how it is shown."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from enum import Enum
+from enum import Enum, IntEnum
 from functools import cached_property
 from operator import attrgetter
 from typing import Any
@@ -11,11 +11,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.gating import Gate
-from observer_rt.estimation.sensitivity import Parameter
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.network import HIDDEN
 from observer_rt.model.sensor import LAG_UNIT
+
+
+class Parameter(IntEnum):
+    """Columns by name."""
+
+    NOZZLE_BIAS = 0  # b_H
+    NOZZLE_WEIGHT = 1  # w_1; w_2 .. w_q follow
+    SEAT_BIAS = 1 + HIDDEN  # b_S
+    LINE_PRESSURE_OFFSET = 2 + HIDDEN  # o, in units of p_0; acts in the sensor only
+    LINE_FRICTION = 3 + HIDDEN  # k
+    GUIDE_LEAKAGE = 4 + HIDDEN  # c p_0 / Q_0
+    BULK_MODULUS = 5 + HIDDEN  # r
+    SENSOR_LAG = 6 + HIDDEN  # tau, in units of LAG_UNIT; acts in the sensor only
+    ENTRAINED_AIR = 7 + HIDDEN  # K g / p_0
+    BACK_PRESSURE = 8 + HIDDEN  # rise of p_C while injecting, in units of p_0; with the seat area follows
+
+
+PARAMETERS = 10 + HIDDEN
+
 
 Theta = NDArray[np.float64]
 """A parameter vector, as wide as its table: (m,)."""

@@ -9,10 +9,9 @@ from rich.console import Console
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.evaluation.logged import LoggedSignals
-from observer_rt.evaluation.replacing import replacing
 from observer_rt.evaluation.sources import open_source
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.file_errors import file_errors
+from observer_rt.foundation.files import file_errors, replacing
 from observer_rt.recording.canlog.can_log import LogFrame
 from observer_rt.recording.formats import (
     formats,
@@ -26,11 +25,10 @@ from observer_rt.recording.formats import (
     suffixes_of,
     written,
 )
-from observer_rt.recording.replay.device import Device
 from observer_rt.recording.replay.framing import bench_for
+from observer_rt.recording.replay.recording_frames import Device
 from observer_rt.terminal.compiling import show_compiling
-from observer_rt.terminal.console import progress_bar, say
-from observer_rt.terminal.destinations import check_destination, refuse_existing
+from observer_rt.terminal.console import check_destination, progress_bar, refuse_existing, say
 
 FIRST_FRAMES = (
     1000  # among which the earliest is looked for: drivers swap frames, channels have their own time

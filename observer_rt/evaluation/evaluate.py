@@ -6,7 +6,7 @@ from functools import cached_property
 from pathlib import Path
 
 from observer_rt.config.bench import Bench
-from observer_rt.evaluation.injections import InjectionResult, injection_result
+from observer_rt.evaluation.curves import InjectionResult, injection_result
 from observer_rt.evaluation.logged import LoggedRecording
 from observer_rt.evaluation.passage import Passage
 from observer_rt.evaluation.run import ObserverRun, Progress

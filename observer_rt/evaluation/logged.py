@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.alignment.message_timing import MessageTiming
-from observer_rt.bus.frame_block import AT_ONCE, block_of
-from observer_rt.bus.links.link import BusFrame, Frame
+from observer_rt.bus.alignment.timekeeping import MessageTiming
+from observer_rt.bus.links.link import AT_ONCE, BusFrame, Frame, block_of
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.config.channels import as_sent
@@ -20,8 +19,7 @@ from observer_rt.model.coefficients import Coefficients
 from observer_rt.observer.stream.standstill import Standstill
 from observer_rt.observer.stream.state import RING
 from observer_rt.recording.canlog.can_log import NANOSECONDS
-from observer_rt.recording.channels import chosen_channels
-from observer_rt.recording.input_frames import InputFrames
+from observer_rt.recording.channels import InputFrames, chosen_channels
 from observer_rt.recording.signals.recording import Chunk, Recording
 from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE, SignalStream, Stretch
 from observer_rt.service.compiled.constants import bench_constants

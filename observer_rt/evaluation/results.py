@@ -9,13 +9,13 @@ from typing import Any, TextIO
 
 import numpy as np
 
+from observer_rt.evaluation.curves import injection_json
 from observer_rt.evaluation.evaluate import Evaluation
-from observer_rt.evaluation.injections import injection_json
 from observer_rt.evaluation.streamed import StreamedEvaluation
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND
 from observer_rt.model.coefficients import Coefficients
-from observer_rt.observer.stream.lift_figures import LiftFigures
 from observer_rt.observer.stream.lift_zero import LIMIT
+from observer_rt.observer.stream.standstill import LiftFigures
 
 SCHEMA = 1
 PLAUSIBLE_OFFSET = 2 * MEGAPASCAL  # between line and rail pressure at standstill

@@ -1,4 +1,4 @@
-"""The observer and, beside it, the nominal model on the same samples, of one recording after another."""
+"""Runs the observer and the model as given, with nothing learned, over the same samples of many recordings."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
@@ -7,26 +7,50 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.frame_block import FrameBlock, blocks_of
-from observer_rt.bus.links.link import BusFrame
+from observer_rt.bus.links.link import BusFrame, FrameBlock, blocks_of
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus
-from observer_rt.config.bench import Bench
-from observer_rt.evaluation.compiled import copy_indices
-from observer_rt.evaluation.nominal import NominalModel
+from observer_rt.config.bench import Bench, BenchInjector
+from observer_rt.evaluation.compiled import FOLLOWED, copy_indices, nominal_rates
 from observer_rt.evaluation.passage import Hearer, Passage
+from observer_rt.evaluation.trace import Signal
 from observer_rt.foundation.prefetch import ahead
-from observer_rt.observer.learning.knowledge import Knowledge
+from observer_rt.observer.learning.knowledge import Knowledge, no_knowledge
+from observer_rt.observer.observer import make_observer, with_constants
 from observer_rt.observer.stream.standstill import Standstill
-from observer_rt.observer.stream.state import RING
-from observer_rt.recording.replay.device import Device
+from observer_rt.observer.stream.state import RING, Observer
+from observer_rt.recording.replay.recording_frames import Device
 from observer_rt.recording.signals.recording import Chunk
 from observer_rt.recording.signals.stream import SignalStream
+from observer_rt.service.compiled.constants import bench_constants, configured_noise
 from observer_rt.service.core.core import Core
 from observer_rt.service.core.counters import Counters
 from observer_rt.service.core.learners import LearnerFactory, make_learner
 from observer_rt.service.core.messages import OutputFrame
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import MeasuredMass, News
+
+
+class NominalModel:
+    """Follows an observer's samples: open loop from the state in which that found the line before an injection."""
+
+    def __init__(self, fitted: BenchInjector) -> None:
+        constants = bench_constants(fitted)
+        start = no_knowledge(configured_noise(fitted), constants.coefficients.pressure_scale)
+        self._nominal = make_observer(constants, start, make_learner(fitted, constants, start))
+        self._state = np.zeros(1, FOLLOWED)
+        self._x = np.full(constants.coefficients.states, np.nan)
+
+    def rates(self, observer: Observer, first: int, end: int) -> Signal:
+        """Rates [m3/s] at positions [first, end), processed and remembered; nan where the observer has none.
+
+        Call it without gaps.
+        """
+        rates = np.empty(end - first)
+        if self._nominal.constants is not observer.constants:  # of fuel as warm as it is
+            self._nominal = with_constants(self._nominal, observer.constants)
+        nominal_rates(observer, self._nominal.stepper, self._state, self._x, first, rates)
+        return rates
+
 
 Progress = Callable[[int], None]  # samples done
 

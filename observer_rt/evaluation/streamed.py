@@ -1,21 +1,26 @@
-"""Files through the observer part by part, in memory that does not depend on their length."""
+"""Files through the observer part by part, in memory that does not depend on their length.
 
-from collections.abc import Sequence
+Results are spooled to a temporary file.
+"""
+
+import pickle
+import tempfile
+from array import array
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Generic, TypeVar, overload
 
 from observer_rt.config.bench import Bench
-from observer_rt.evaluation.curves import RateCurves, rate_curves
-from observer_rt.evaluation.injections import InjectionResult, injection_result
+from observer_rt.evaluation.curves import InjectionResult, RateCurves, injection_result, rate_curves
 from observer_rt.evaluation.logged import LoggedSignals
 from observer_rt.evaluation.passage import Passage
 from observer_rt.evaluation.run import ObserverRun, Progress
-from observer_rt.evaluation.spool import Spool
 from observer_rt.evaluation.trace import Signal, Trace, joined
 from observer_rt.evaluation.trace_file import open_trace, trace_arrays
-from observer_rt.foundation.file_errors import file_errors
+from observer_rt.foundation.files import file_errors
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.observer.stream.standstill import Standstill
@@ -24,9 +29,56 @@ from observer_rt.recording.signals.stream import SignalStream
 from observer_rt.recording.signals.table_writers import TableWriter
 from observer_rt.service.core.counters import Counters
 from observer_rt.service.core.learners import LearnerFactory, make_learner
-from observer_rt.service.learning_ahead import awaited, learning_compiled_beside
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import MeasuredMass
+from observer_rt.service.warm_up import awaited, learning_compiled_beside
+
+T = TypeVar("T")
+
+
+class Spool(Sequence[T], Generic[T]):
+    """Things appended one after another and read back as often as wanted; gone with the process."""
+
+    def __init__(self, in_memory: int = 1) -> None:
+        """in_memory: how many are kept there before they go to the file together, and when they come back from it."""
+        self._file = tempfile.TemporaryFile()  # noqa: SIM115 - as long as the spool
+        self._starts = array("q")  # of blocks of so many
+        self._size = in_memory
+        self._newest: list[T] = []
+        self._read: tuple[int, list[T]] = -1, []  # the last block that came back
+
+    def append(self, thing: T) -> None:
+        """Keep it; it is not to change any more."""
+        self._newest.append(thing)
+        if len(self._newest) == self._size:
+            self._file.seek(0, 2)
+            self._starts.append(self._file.tell())
+            pickle.dump(self._newest, self._file, pickle.HIGHEST_PROTOCOL)
+            self._newest = []
+
+    def __len__(self) -> int:
+        return len(self._starts) * self._size + len(self._newest)
+
+    def __iter__(self) -> Iterator[T]:
+        return (self[number] for number in range(len(self)))
+
+    @overload
+    def __getitem__(self, number: int) -> T: ...
+
+    @overload
+    def __getitem__(self, number: slice) -> list[T]: ...
+
+    def __getitem__(self, number: int | slice) -> T | list[T]:
+        if isinstance(number, slice):
+            return [self[each] for each in range(len(self))[number]]
+        block, place = divmod(range(len(self))[number], self._size)
+        if block == len(self._starts):
+            return self._newest[place]
+        if block != self._read[0]:
+            self._file.seek(self._starts[block])
+            self._read = block, pickle.load(self._file)
+        return self._read[1][place]
+
 
 _IN_MEMORY = 512  # injections, some KB each
 

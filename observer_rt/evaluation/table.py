@@ -9,11 +9,11 @@ from rich.table import Table
 from rich.text import Text
 
 from observer_rt.estimation.scalars import SCALARS
-from observer_rt.evaluation.injections import RESULT_FIELDS, InjectionResult
+from observer_rt.evaluation.curves import RESULT_FIELDS, InjectionResult
 from observer_rt.evaluation.results import Evaluated, checks
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.observer.stream.state import Reason
-from observer_rt.service.reports.injection_record import WEAR, Field
+from observer_rt.service.reports.injection_report import WEAR, Field
 from observer_rt.terminal.console import say
 
 MOST_ROWS = 50  # injections beyond which only means of several are shown

@@ -7,7 +7,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from observer_rt.evaluation.evaluate import Evaluation, Trace
-from observer_rt.foundation.file_errors import file_errors
+from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.units import MM3_PER_MS
 from observer_rt.observer.stream.state import State
 from observer_rt.recording.signals.table_writers import TABLE_WRITERS, TableWriter, WrittenColumn

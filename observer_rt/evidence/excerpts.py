@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from observer_rt.evidence.gaps import MissingSamples
 from observer_rt.evidence.measurement import (
     COUNTED_LEAD,
     LEAD,
@@ -18,6 +17,7 @@ from observer_rt.evidence.measurement import (
     JudgedEvent,
     LeftOut,
     Measurement,
+    MissingSamples,
     events_of,
     measurement_of,
     measurements,
@@ -30,9 +30,8 @@ from observer_rt.evidence.measurement import (
 )
 from observer_rt.evidence.noise import white_noise
 from observer_rt.observer.stream.front_end import LOOK_BACK, dead_band
-from observer_rt.recording.signals.chunks import copied, cut, followed
 from observer_rt.recording.signals.recording import Chunk, Recording
-from observer_rt.recording.signals.stream import SignalStream
+from observer_rt.recording.signals.stream import SignalStream, copied, cut, followed
 
 MOST_SAMPLES = 1 << 19  # of a recording that are kept: 5 s at 100 kHz, some 100 injections of a longer one
 BLOCK = 1 << 18  # samples looked at together

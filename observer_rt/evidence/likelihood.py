@@ -15,7 +15,6 @@ from observer_rt.evidence.healthy_shape import expected
 from observer_rt.evidence.lift_noise import LiftNoise
 from observer_rt.evidence.measurement import Measurement
 from observer_rt.evidence.open_loop import SPARE_SUBSTEPS
-from observer_rt.evidence.rail_pressure import smoothing_of
 from observer_rt.evidence.windows import (
     Batch,
     Rows,
@@ -25,15 +24,15 @@ from observer_rt.evidence.windows import (
     phases,
     rail_on_time,
     rate_as_recorded,
+    smoothing_of,
 )
 from observer_rt.foundation.compiled import compiled
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.baseline import HealthyShape
-from observer_rt.model.cells import in_stable_cells
 from observer_rt.model.effective import EffectiveModel, InputTerms
+from observer_rt.model.hydraulics import Seat
 from observer_rt.model.line.interface import Line
-from observer_rt.model.seat import Seat
-from observer_rt.model.stability import MAX_SUBSTEPS, substeps_needed
+from observer_rt.model.stability import MAX_SUBSTEPS, in_stable_cells, substeps_needed
 from observer_rt.observer.stream.channel_compensation import noise_gain
 
 GAIN_ERROR = 0.005  # standard deviation of a measured rate's gain, once a recording

@@ -1,4 +1,4 @@
-"""Recordings as discovery sees them: noise, openings, and the stretches of samples that are judged."""
+"""Recordings as discovery sees them: noise, gaps, openings, and the stretches of samples that are judged."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from observer_rt.config.recording import Meaning
 from observer_rt.estimation.gain import NoiseLevels
-from observer_rt.evidence.gaps import MissingSamples
 from observer_rt.evidence.noise import white_noise
 from observer_rt.evidence.openings import Opening, find_openings, ramp_samples
 from observer_rt.foundation.errors import UserError
@@ -18,6 +17,38 @@ from observer_rt.model.coefficients import Coefficients, averaged
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.recording.signals.recording import Recording, Sampled
+
+
+class MissingSamples:
+    """Counts samples, those that are missing, and the gaps these make, while a recording is read."""
+
+    def __init__(self) -> None:
+        self.samples = 0
+        """Of the recording."""
+        self.missing = 0
+        """Of these."""
+        self.count = 0
+        """Of gaps."""
+        self.longest = 0
+        """[samples]"""
+        self._open = 0  # samples of a gap that may go on
+
+    def take(self, missing: NDArray[np.bool_]) -> None:
+        """Go on with further samples (n,)."""
+        edges = np.flatnonzero(np.diff(missing, prepend=False, append=False))
+        lengths = edges[1::2] - edges[::2]
+        self.samples += missing.size
+        self.missing += int(lengths.sum())
+        self.count += lengths.size
+        if self._open and missing.size:
+            if missing[0]:
+                lengths[0] += self._open
+                self.count -= 1
+            self._open = 0
+        if lengths.size:
+            self.longest = max(self.longest, int(lengths.max()))
+            self._open = int(lengths[-1]) if missing[-1] else 0
+
 
 LEAD = 3e-3  # s before an opening from which x~ runs
 COUNTED_LEAD = 1e-3  # s before an opening from which innovations count: by then x~ has forgotten its start

@@ -10,11 +10,16 @@ from observer_rt.estimation.gain import gain_schedule
 from observer_rt.estimation.learned import nothing_learned
 from observer_rt.estimation.predictor import NO_SLOPES, Setting, follow
 from observer_rt.evidence.measurement import JudgedEvent, Measurement
-from observer_rt.evidence.rail_pressure import smoothing_of
-from observer_rt.evidence.windows import Rows, TrueInputs, batch_of, in_mass_window, rate_as_recorded
-from observer_rt.model.cells import in_stable_cells
+from observer_rt.evidence.windows import (
+    Rows,
+    TrueInputs,
+    batch_of,
+    in_mass_window,
+    rate_as_recorded,
+    smoothing_of,
+)
 from observer_rt.model.effective import EffectiveModel
-from observer_rt.model.stability import substeps_needed
+from observer_rt.model.stability import in_stable_cells, substeps_needed
 
 SPARE_SUBSTEPS = 1  # so that a little wear does not change their number
 

@@ -13,9 +13,9 @@ from observer_rt.evidence.measurement import open_time, rail_pressure_before
 from observer_rt.evidence.operating_points import point_name
 from observer_rt.fit.calibrate import GATE, Calibrated
 from observer_rt.fit.parts import spread
+from observer_rt.fit.report import phase_name, verdict_words
 from observer_rt.fit.residuals import PartOverlay
-from observer_rt.fit.words import phase_name, verdict_words
-from observer_rt.foundation.file_errors import file_errors
+from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
 
 _MOST = 6  # overlays

@@ -15,8 +15,8 @@ from observer_rt.evidence.likelihood import evidence_of
 from observer_rt.evidence.measurement import rail_pressure_before
 from observer_rt.evidence.reading import shortened
 from observer_rt.fit.calibrate import Calibrated
-from observer_rt.fit.held_out import worst_parts
-from observer_rt.fit.identifiability import interval
+from observer_rt.fit.problem import interval
+from observer_rt.fit.residuals import worst_parts
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 from observer_rt.model.baseline import Baseline, HealthyRemainder, NoiseFigures, PhaseFigures
 from observer_rt.model.effects import BUILT_IN, effective_model

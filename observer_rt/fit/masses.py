@@ -10,7 +10,7 @@ import numpy as np
 from observer_rt.evidence.measurement import Measurement
 from observer_rt.fit.parts import Weighed
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.file_errors import file_errors
+from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.units import MILLIGRAM
 
 RECORDING, INJECTION, MASS, SIGMA = "recording", "injection", "mass_mg", "sigma_mg"

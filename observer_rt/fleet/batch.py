@@ -12,15 +12,14 @@ from rich.console import Console
 
 from observer_rt import __version__
 from observer_rt.config.bench import Bench
-from observer_rt.fleet.cluster import Broken, Jobs
+from observer_rt.fleet.cluster import Broken, Jobs, Work
 from observer_rt.fleet.dataset import Dataset
 from observer_rt.fleet.job import FailedFile, Task, evaluated, hashed
 from observer_rt.fleet.vocabulary import OwnEffects
-from observer_rt.fleet.work import Work
 from observer_rt.foundation.compilation import is_complete, note_complete
-from observer_rt.foundation.file_hash import file_hash
+from observer_rt.foundation.files import file_hash
 from observer_rt.model.effects import BUILT_IN
-from observer_rt.service.state_file import model_hash
+from observer_rt.service.keeping.state_file import model_hash
 from observer_rt.terminal.console import progress_bar, results, say
 
 if TYPE_CHECKING:

@@ -1,12 +1,17 @@
 """The processes that do the work: of this computer, or of a Dask cluster that is there already."""
 
+import gc
 import logging
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Generic, TypeVar
 
+from rich.console import Console
+
+import observer_rt.fleet.job  # noqa: F401 - imported for what it imports
 from observer_rt.foundation.errors import RunError, UserError
 
 CONNECT_TIMEOUT = 10.0  # s
@@ -130,3 +135,25 @@ def connected(address: str | None, workers: int | None) -> Iterator[Cluster]:
         Client(processes) as client,
     ):
         yield Cluster(client, local=True)
+
+
+def dask_setup(_worker: object) -> None:
+    """All that is imported stays: the search for garbage need not go through it again and again."""
+    gc.collect()
+    gc.freeze()
+
+
+@dataclass(frozen=True)
+class Work:
+    """Workers; stop: set when the user wants no more; console: for progress and messages."""
+
+    cluster: Cluster
+    stop: threading.Event
+    console: Console
+
+    def refuse_interrupted(self, done: int, of: int, what: str) -> None:
+        """Raise `RunError` where the user wants no more; done, of: how many of what."""
+        if self.stop.is_set():
+            raise RunError(
+                f"interrupted; {done} of {of} {what} are done\n  remedy: give the same command again to go on"
+            )

@@ -18,11 +18,9 @@ import pyarrow.compute as pc
 import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 
-from observer_rt.evaluation.replacing import replacing
-from observer_rt.fleet.columns import OLD_NAMES, SCHEMA
-from observer_rt.fleet.job import FailedFile
+from observer_rt.fleet.job import OLD_NAMES, SCHEMA, FailedFile
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.file_errors import file_errors
+from observer_rt.foundation.files import file_errors, replacing
 
 INJECTIONS = "injections"
 _DONE, _ERRORS, _SETTINGS = "done.jsonl", "errors.parquet", "batch.json"

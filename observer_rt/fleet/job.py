@@ -1,4 +1,4 @@
-"""One file through the observer: what a worker does, knowing nothing of the others."""
+"""One file through the observer: what a worker does, knowing nothing of the others, and the rows it returns."""
 
 import gc
 import struct
@@ -13,23 +13,45 @@ import pyarrow as pa
 from rich.console import Console
 
 from observer_rt.config.bench import Bench
-from observer_rt.evaluation.injections import RESULT_FIELDS
+from observer_rt.evaluation.curves import RESULT_FIELDS
 from observer_rt.evaluation.sources import open_source
 from observer_rt.evaluation.streamed import StreamedEvaluation, evaluate_stream
-from observer_rt.fleet.columns import SCHEMA
-from observer_rt.fleet.names import InjectorNames
+from observer_rt.fleet.groups import InjectorNames
 from observer_rt.fleet.vocabulary import OwnEffects
 from observer_rt.foundation.errors import ObserverError
-from observer_rt.foundation.file_errors import file_errors
-from observer_rt.foundation.file_hash import file_hash
+from observer_rt.foundation.files import file_errors, file_hash
 from observer_rt.model.effects import effective_model
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.recording.canlog.can_log import NANOSECONDS
 from observer_rt.recording.formats import is_log, open_log
-from observer_rt.recording.signals.mapped.even_signals import OtherRateError
+from observer_rt.recording.signals.mapped.table_signals import OtherRateError
 from observer_rt.recording.signals.plausible import refuse_implausible
 from observer_rt.recording.signals.stream import SignalStream
-from observer_rt.service.reports.injection_record import Output, row_of
+from observer_rt.service.reports.injection_report import INDICATORS, Output, columns_of, row_of
+
+_KINDS = {int: pa.int64(), float: pa.float64(), bool: pa.bool_(), str: pa.string()}
+SCHEMA = pa.schema(
+    [
+        ("file", pa.string()),
+        ("sha256", pa.string()),
+        ("injector", pa.string()),
+        ("time", pa.timestamp("us", tz="UTC")),
+        *((name, _KINDS[kind]) for name, kind in columns_of(RESULT_FIELDS, Output.PARQUET).items()),
+    ]
+)
+"""time: of the injection's begin."""
+OLD_NAMES = {
+    "mass_ci95_low_mg": "mass_low_mg",
+    "mass_ci95_high_mg": "mass_high_mg",
+    **{
+        column: f"{each.name}{end}"
+        for each in INDICATORS
+        for column, end in zip(each.columns, ("", "_low", "_high"), strict=True)
+        if column != each.name
+    },
+}
+"""What columns were called before they had the journal's names."""
+
 
 NO_MEMORY = "not enough memory\n  remedy: fewer --workers"
 _ROWS = 1024

@@ -1,6 +1,7 @@
-"""The two kinds of failure a user can meet, and the exit codes they become."""
+"""The two kinds of failure a user can meet, their exit codes, and what a misspelt name probably meant."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from difflib import SequenceMatcher
 
 
 class ObserverError(Exception):
@@ -37,3 +38,29 @@ class CombinedError(ObserverError):
     def __init__(self, failures: Mapping[str, ObserverError]) -> None:
         self.exit_code = min(failure.exit_code for failure in failures.values())
         super().__init__("\n".join(f"{name}: {failure}" for name, failure in failures.items()))
+
+
+CUTOFF = 0.4  # likeness below which two names have nothing to do with each other
+
+
+def nearest(name: str, known: Iterable[str]) -> str | None:
+    """The known name most like `name`, whatever its case; None when none is like it."""
+
+    def likeness(other: str) -> tuple[float, float]:
+        ignoring_case = SequenceMatcher(None, name.lower(), other.lower()).ratio()
+        return ignoring_case, SequenceMatcher(None, name, other).ratio()
+
+    best = max(known, key=likeness, default=None)
+    return best if best is not None and likeness(best)[0] >= CUTOFF else None
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """For the beginning of a remedy: `did you mean 'X'? `, or nothing when no known name is near."""
+    best = nearest(name, known)
+    return "" if best is None else f"did you mean '{best}'? "
+
+
+def hint(name: str, known: Iterable[str]) -> str:
+    """For the end of a message: `; the nearest is 'X'`, or nothing when no known name is near."""
+    best = nearest(name, known)
+    return "" if best is None else f"; the nearest is '{best}'"

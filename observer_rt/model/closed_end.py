@@ -13,12 +13,11 @@ from numpy.typing import NDArray
 
 from observer_rt.foundation.compiled import inlined, inner
 from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.hydraulics import nozzle_law, nozzle_law_slopes, seat_law, seat_law_slopes
 from observer_rt.model.line.lump import stiffness, stiffness_slopes
 from observer_rt.model.line.wave import WaveLine
 from observer_rt.model.network import Network, back_pressure_at, flow_changes_by_sac
-from observer_rt.model.nozzle import nozzle_law, nozzle_law_slopes
 from observer_rt.model.right_hand_side import Tangent, flow_slopes, is_at_rest
-from observer_rt.model.seat import seat_law, seat_law_slopes
 
 CLOSE = 1e-9  # of p_0: pressures this close solve the step at the closed end
 MOST_ITERATIONS = 40

@@ -2,12 +2,9 @@
 
 from typing import Any, NamedTuple
 
-from observer_rt.model.departures import NO_DEPARTURES, Departures
+from observer_rt.model.hydraulics import Nozzle, Sac, Seat, nozzle_of, sac_of, seat_flow_scale, seat_of
 from observer_rt.model.line.interface import line_of
-from observer_rt.model.nozzle import Nozzle, nozzle_of
-from observer_rt.model.parameters import InjectorParameters
-from observer_rt.model.sac import Sac, sac_of
-from observer_rt.model.seat import Seat, seat_flow_scale, seat_of
+from observer_rt.model.parameters import NO_DEPARTURES, Departures, InjectorParameters
 
 
 class Coefficients(NamedTuple):

@@ -1,7 +1,10 @@
-"""What an effect is: a named departure of injector, line or sensors from the nominal model."""
+"""What an effect is: a named departure of injector, line or sensors from the nominal model, and its bounds.
+
+With it: measurements that tell effects apart which rail pressure, lift and line pressure may not.
+"""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from observer_rt.model.effective import EffectiveModel
@@ -173,3 +176,51 @@ def added(terms: str, name: str) -> Law:
         return model.with_terms(terms, **{name: getattr(getattr(model, terms), name) + values[0]})
 
     return apply
+
+
+BOTH_CHANNELS = (
+    "one signal fed to both pressure channels: a skew shifts it, a lag rounds it; or a higher sample rate"
+)
+FUEL_OR_DRAWING = (
+    "a fuel sample (bulk modulus), or the volume of the line by its drawing: no signal tells them apart"
+)
+FUEL_DENSITY = "the density of a fuel sample, or the injected mass on a balance"
+LIFT_GAUGE = "the lift sensor against a gauge, at the stop and just off the seat"
+LIFT_GAUGE_OR_RATE = f"{LIFT_GAUGE}; or the injection rate measured"
+LIFT_STEP = "the lift channel's answer to a step at its amplifier's input"
+BALLISTIC_RATE = "the injection rate measured, with ballistic injections among them"
+BALLISTIC = "more injections too short for the needle to reach its stop, of several durations"
+PRESSURE_GAUGE = (
+    "standstill at several rail pressures, and both sensors vented (0 MPa) or against a reference gauge"
+)
+WITH_A_MEASURED_RATE = {LIFT_GAUGE_OR_RATE: LIFT_GAUGE, BALLISTIC_RATE: BALLISTIC}
+"""What is left to measure of these where the injection rate was measured."""
+
+
+def bounded(effect: Effect, **bounds: tuple[float, float]) -> Effect:
+    """The effect with other bounds, lowest and highest of parameters by name, in printed units.
+
+    A search begins within them. Raises KeyError for a parameter the effect does not have.
+    """
+    unknown = bounds.keys() - {parameter.name for parameter in effect.parameters}
+    if unknown:
+        raise KeyError(f"{effect.id} has no parameter {', '.join(sorted(unknown))}")
+    return replace(
+        effect,
+        parameters=tuple(_within(p, *bounds[p.name]) if p.name in bounds else p for p in effect.parameters),
+    )
+
+
+def differs_in_bounds_only(effect: Effect, other: Effect) -> bool:
+    """Whether it is the other within bounds of its own."""
+    if len(effect.parameters) != len(other.parameters) or effect == other:
+        return False
+    pairs = zip(effect.parameters, other.parameters, strict=True)
+    same = tuple(replace(p, lowest=q.lowest, highest=q.highest, starts=q.starts) for p, q in pairs)
+    return replace(effect, parameters=same) == other
+
+
+def _within(parameter: EffectParameter, lowest: float, highest: float) -> EffectParameter:
+    low, high = lowest * parameter.si, highest * parameter.si
+    inside = dict.fromkeys(min(max(start, low), high) for start in parameter.starts)
+    return replace(parameter, lowest=low, highest=high, starts=tuple(inside))

@@ -5,8 +5,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 from observer_rt.model.coefficients import Coefficients, coefficients
-from observer_rt.model.departures import NO_DEPARTURES, Departures
-from observer_rt.model.parameters import InjectorParameters
+from observer_rt.model.parameters import NO_DEPARTURES, Departures, InjectorParameters
 
 
 class InputTerms(NamedTuple):

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 import observer_rt.model.leapfrog  # noqa: F401 (makes known how a line of cells is stepped)
 from observer_rt.foundation.compiled import inlined, inner, inner_separate
+from observer_rt.foundation.small_arrays import WIDTH, load, store
 from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.hydraulics import empty_if_drained
 from observer_rt.model.line.interface import line_fastest, own_step
 from observer_rt.model.network import Network
 from observer_rt.model.right_hand_side import is_at_rest, right_hand_side, tangent_rates
-from observer_rt.model.sac import empty_if_drained
-from observer_rt.model.vectors import WIDTH, load, store
 
 LINE_STEP = (
     0.1  # radians of the line's fastest motion an RK4 step may span while nothing flows through the needle

@@ -1,12 +1,65 @@
-"""How many integration steps a sample interval needs."""
+"""How many steps and cells a line can be integrated in: steps a sample interval, cells a sound speed allows."""
 
 import math
+from dataclasses import replace
 
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import MICROSECOND
 from observer_rt.model.coefficients import Coefficients, coefficients
-from observer_rt.model.departures import NO_DEPARTURES, Departures
+from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.hydraulics import full_lift_area
 from observer_rt.model.line.interface import line_fastest
-from observer_rt.model.parameters import InjectorParameters
-from observer_rt.model.seat import full_lift_area
+from observer_rt.model.line.wave import FEWEST_CELLS, STABLE, WaveLine, cells_for, steps_over
+from observer_rt.model.parameters import NO_DEPARTURES, Departures, InjectorParameters
+
+OVERSHOOT = 1.2  # of the rail pressure, that the closed end of a line reaches when a needle shuts
+
+
+def refuse_unstable_cells(
+    place: str, injector: InjectorParameters, coefficients: Coefficients, interval: float
+) -> None:
+    """Raise `UserError` where steps of a sample interval [s] are too long for the cells.
+
+    place: name of the injector file; coefficients: of the injector, with its effects.
+    """
+    line = coefficients.line
+    strain = line.strain(interval)
+    if strain >= STABLE:
+        step = interval / steps_over(interval)
+        raise UserError(
+            f"{place}: line.cells",
+            f"{line.cells:.0f} cells are not stable: sound crosses {line.crossing * step:.3g} of a cell in a step of "
+            f"{step / MICROSECOND:.3g} us and {2.0 * line.damping * step:.2g} is left of it to damping, together "
+            f"{strain:.3g} (at most {STABLE:g})",
+            f"give {cells_for(injector, step)} cells, or leave 'cells' out",
+        )
+
+
+def in_stable_cells(model: EffectiveModel, interval: float, highest_pressure: float) -> EffectiveModel | None:
+    """The model in as many of its cells as are stable at a sample interval [s]; None where the fewest are not.
+
+    highest_pressure: of the rail [Pa], at which fuel that stiffens with pressure is stiffest; OVERSHOOT comes on top.
+    A model whose cells are stable is returned as it is.
+    """
+    while (strain := _strain(model, interval, highest_pressure)) >= STABLE:
+        cells = int(model.coefficients.line.cells)
+        if cells <= FEWEST_CELLS:
+            return None
+        fewer = max(FEWEST_CELLS, min(cells - 1, int(cells * (STABLE / strain) ** 0.5)))
+        line = model.injector.line.model_copy(update={"cells": fewer})
+        model = replace(model, injector=model.injector.model_copy(update={"line": line}))
+    return model
+
+
+def _strain(model: EffectiveModel, interval: float, highest_pressure: float) -> float:
+    """What must stay below STABLE, where pressure is highest; 0 of a line without cells."""
+    line = model.coefficients.line
+    if not isinstance(line, WaveLine):
+        return 0.0
+    normalised = OVERSHOOT * highest_pressure / model.coefficients.pressure_scale
+    stiffer = max(0.0, line.stiffness_slope * (normalised - line.stiffness_pressure))
+    return line.with_stiffness(stiffer).strain(interval)
+
 
 RK4_LIMIT = 2.6  # step * fastest rate; RK4 is stable to 2.78 on the negative real axis
 MAX_SUBSTEPS = 64  # beyond this a sample costs more than it is worth: the sample rate is too low

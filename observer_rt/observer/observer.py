@@ -1,4 +1,4 @@
-"""Making an observer, and handing over its events."""
+"""Makes an observer, and hands over its events with their samples, copied out of the ring."""
 
 import math
 from collections.abc import Sequence
@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Window
-from observer_rt.foundation.bound import Bound, bind
+from observer_rt.foundation.compiled import compiled
 from observer_rt.foundation.continuity import Break, make_recorded
+from observer_rt.foundation.referenced import Bound, bind
 from observer_rt.foundation.units import MILLISECOND
 from observer_rt.model.coefficients import averaged
 from observer_rt.model.effect import SizedEffect
@@ -19,8 +20,8 @@ from observer_rt.model.network import zero_network
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.sensor import sensor_of
 from observer_rt.model.stability import substeps_needed
-from observer_rt.observer.learning.doubts.adequacy import Innovations
-from observer_rt.observer.learning.healthy import NOT_FITTED, Healthy
+from observer_rt.observer.learning.adequacy import Innovations
+from observer_rt.observer.learning.indicators import NOT_FITTED, Healthy
 from observer_rt.observer.learning.knowledge import EventLearner, Knowledge
 from observer_rt.observer.mailbox import begin_with
 from observer_rt.observer.stream.channel_compensation import noise_gain, undoing_of
@@ -35,6 +36,7 @@ from observer_rt.observer.stream.lift_step import LONG_PAST
 from observer_rt.observer.stream.outliers import REACH, SLOWEST_FILTER
 from observer_rt.observer.stream.standstill import Standstill, standstill_of
 from observer_rt.observer.stream.state import (
+    LINE,
     PENDING_EVENTS,
     RING,
     SAMPLE,
@@ -46,7 +48,32 @@ from observer_rt.observer.stream.state import (
 )
 from observer_rt.observer.stream.stepper import Stepper, step
 from observer_rt.observer.stream.verdict import no_verdicts
-from observer_rt.observer.stream.window import copy_window
+
+_MASK = RING - 1
+
+
+@compiled
+def copy_window(
+    ring: NDArray[np.void],
+    start: int,
+    late: int,
+    inputs: NDArray[np.float64],
+    output: NDArray[np.float64],
+    resting: NDArray[np.bool_],
+    knots: NDArray[np.float64],
+    masked: NDArray[np.bool_],
+) -> None:
+    """As many samples as the arrays of a `Window` have, from a position on; late: samples y is recorded late."""
+    for number in range(output.size):
+        row, recorded = ring[(start + number) & _MASK], ring[(start + number + late) & _MASK]
+        inputs[number, 0] = row.rail_pressure
+        inputs[number, 1] = row.seat_area
+        output[number] = recorded.line_pressure
+        resting[number] = row.resting
+        knots[number, 0] = row.lift_after
+        knots[number, 1] = row.lift_area
+        masked[number] = (recorded.bridged >> LINE) & 1 != 0
+
 
 SETTLE = 3 * MILLISECOND
 GOOD = 1 * MILLISECOND

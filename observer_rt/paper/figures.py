@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MILLISECOND
-from observer_rt.paper.comparison import Estimator, Study, WearCase
+from observer_rt.paper.table import Estimator, Study, WearCase
 from observer_rt.simulation.schedule import FIRST_EVENT
 
 TRUE, MODEL, PAPER, OURS = "#222222", "#1f77b4", "#ff7f0e", "#d62728"

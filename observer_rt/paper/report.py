@@ -1,9 +1,8 @@
 """`report.md`: what was reproduced, where and why our figures differ from the paper's."""
 
 from observer_rt.observer.paper_scheme.training import BETA, EPOCHS, GAMMA
-from observer_rt.paper.comparison import Estimator, Study
 from observer_rt.paper.study import NOZZLE_WEAR, TRAININGS
-from observer_rt.paper.table import markdown
+from observer_rt.paper.table import Estimator, Study, markdown
 
 _TEMPLATE = """# The paper's Figs. 3-5, reproduced
 

@@ -1,13 +1,97 @@
-"""The table of ours beside the paper's scheme: on the screen, as CSV and as Markdown."""
+"""Ours beside the paper's scheme: what is compared, how it is scored, and the table on screen, as CSV, Markdown."""
 
 import csv
 import math
+from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
 from rich.table import Table
 from rich.text import Text
 
-from observer_rt.paper.comparison import Estimator, Study, WearCase
+from observer_rt.model.coefficients import Coefficients
+from observer_rt.simulation.plant import Truth
+
+
+class Estimator(StrEnum):
+    """What is compared; the number is that of the trainings before the injection."""
+
+    MODEL = "model"
+    PAPER = "paper, 1"
+    PAPER_TRAINED_ON = "paper, 10"
+    PAPER_TESTED = "paper, 10, tested"
+    OURS = "ours, 1"
+    OURS_TRAINED_ON = "ours, 10"
+
+
+@dataclass(frozen=True)
+class EstimatorCurves:
+    """One injection as an estimator sees it, n samples: x3, phi (n, 3) [1/s], rate [m3/s]."""
+
+    x_3: NDArray[np.float64]
+    phi: NDArray[np.float64]
+    rate: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class WearCase:
+    """One injection of a nozzle worn by v_H: the truth and every estimate of it over the injection's window.
+
+    time [s] from the start of energizing; `law_rate` [m3/s]: the orifice law at the x3 of `Estimator.PAPER`.
+    """
+
+    nozzle_wear: float
+    time: NDArray[np.float64]
+    truth: EstimatorCurves
+    estimates: dict[Estimator, EstimatorCurves]
+    law_rate: NDArray[np.float64]
+    rejected: int
+    """Trainings of `Estimator.PAPER_TESTED` that the adoption test refused."""
+
+    def mse(self, estimator: Estimator) -> float:
+        """Mean squared error of x3 (28)."""
+        return float(np.mean((self.estimates[estimator].x_3 - self.truth.x_3) ** 2))
+
+    def mse_ratio(self, estimator: Estimator) -> float:
+        """How many times smaller than the model's the MSE is; nan for the healthy nozzle, which leaves no error."""
+        return self.mse(Estimator.MODEL) / self.mse(estimator) if self.nozzle_wear else float("nan")
+
+    def mass_error(self, estimator: Estimator) -> float:
+        """Relative error of the injected mass."""
+        return self.relative_mass(self.estimates[estimator].rate)
+
+    def relative_mass(self, rate: NDArray[np.float64]) -> float:
+        """Mass of a rate [m3/s] (n,) over the true one, less 1."""
+        return float(np.trapezoid(rate) / np.trapezoid(self.truth.rate)) - 1.0
+
+
+@dataclass(frozen=True)
+class GainCase:
+    """The paper's scheme after one training at v_H = 0.3 with an identification gain [1/s]."""
+
+    gain: float
+    mse_ratio: float
+    mass_error: float
+
+
+@dataclass(frozen=True)
+class Study:
+    """Everything the figures, the table and the report are made of."""
+
+    sample_rate: float
+    gain: float
+    coefficients: Coefficients
+    healthy: tuple[Truth, ...]
+    """One injection of the model at every pressure of Fig. 3."""
+    cases: tuple[WearCase, ...]
+    gains: tuple[GainCase, ...]
+
+    def case(self, nozzle_wear: float) -> WearCase:
+        """The case of one v_H of the sweep."""
+        return next(case for case in self.cases if case.nozzle_wear == nozzle_wear)
+
 
 OBSERVERS = tuple(estimator for estimator in Estimator if estimator is not Estimator.MODEL)
 

@@ -1,7 +1,8 @@
 """The one registry of formats: what kinds of files hold recordings or CAN logs, and which of them a file is of.
 
 A further format is one entry of `BUILT_IN` or, in a distribution of its own, an entry point of the group
-`observer_rt.formats` that leads to a `LogFormat` or a `SignalFormat`.
+`observer_rt.formats` that leads to a `LogFormat` or a `SignalFormat`. MDF4's writer is imported only to write, for
+asammdf is slow to import.
 """
 
 import re
@@ -12,25 +13,64 @@ from pathlib import Path
 from typing import TypeVar
 
 from observer_rt.config.bench import BenchInjector
-from observer_rt.config.recording import Meaning
+from observer_rt.config.recording import Meaning, RecordingConfig
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.file_errors import file_errors
-from observer_rt.recording.canlog.asc.writer import ASC
-from observer_rt.recording.canlog.blf.writer import BLF
+from observer_rt.foundation.files import file_errors
+from observer_rt.recording.canlog.asc import ASC
+from observer_rt.recording.canlog.blf_writer import BLF
 from observer_rt.recording.canlog.busmaster import BUSMASTER
-from observer_rt.recording.canlog.can_log import LogReader, LogRecorder, LogWriter
+from observer_rt.recording.canlog.can_log import LogFormat, LogReader, LogRecorder, LogWriter
 from observer_rt.recording.canlog.candump import CANDUMP
-from observer_rt.recording.canlog.log_format import LogFormat
+from observer_rt.recording.canlog.mdf4 import Mdf4Log, is_bus_log
 from observer_rt.recording.canlog.trc import TRC
-from observer_rt.recording.mdf4 import MDF4_LOG
-from observer_rt.recording.signals.formats import CSV, MDF4_SIGNALS, PARQUET
-from observer_rt.recording.signals.mapped.even_signals import EvenSignals
+from observer_rt.recording.signals.mapped.csv_table import CsvTable
 from observer_rt.recording.signals.mapped.signals import MappedSignals
+from observer_rt.recording.signals.mapped.table import Mdf4Table, ParquetTable
+from observer_rt.recording.signals.mapped.table_signals import EvenSignals
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.recording.signals.signal_format import OwnLayout, SignalFormat
 from observer_rt.recording.signals.stream import HeldSignals, SignalStream
-from observer_rt.recording.signals.writers import CollectingWriter, PartsWriter, RecordingWriter
-from observer_rt.terminal.destinations import PACKED, check_suffix, suffix_of
+from observer_rt.recording.signals.table_writers import (
+    PRINTED,
+    SI,
+    CollectingWriter,
+    Column,
+    PartsWriter,
+    RecordingWriter,
+    write_whole,
+)
+from observer_rt.terminal.console import PACKED, check_suffix, suffix_of
+
+
+def _header(columns: Sequence[Column]) -> str:
+    *needed, optional = (column.header for column in columns)
+    return f"{','.join(needed)}[,{optional}]"
+
+
+def _by_header(columns: Sequence[Column]) -> RecordingConfig:
+    return RecordingConfig.model_validate(
+        {column.signal: {"column": column.header, "unit": column.unit} for column in columns}
+    )
+
+
+_CHANNELS = RecordingConfig.model_validate({column.signal: {"column": column.signal} for column in SI[1:]})
+CSV = SignalFormat((".csv",), _header(PRINTED), OwnLayout(CsvTable, _by_header(PRINTED)), write_whole)
+MDF4_SIGNALS = SignalFormat(
+    (".mf4",), "ASAM MDF4, one channel a signal, with its unit", OwnLayout(Mdf4Table, _CHANNELS), write_whole
+)
+PARQUET = SignalFormat(
+    (".parquet",), f"Parquet, {_header(SI)}", OwnLayout(ParquetTable, _by_header(SI)), write_whole
+)
+
+
+def _log_writer(path: Path, start_ns: int) -> LogWriter:
+    from observer_rt.recording.canlog.mdf4 import Mdf4LogWriter
+
+    return Mdf4LogWriter(path, start_ns)
+
+
+MDF4_LOG = LogFormat((".mf4",), "ASAM MDF4, bus logging", Mdf4Log, _log_writer, recognises=is_bus_log)
+
 
 Format = LogFormat | SignalFormat
 BUILT_IN: tuple[Format, ...] = (CSV, MDF4_SIGNALS, PARQUET, CANDUMP, BUSMASTER, BLF, ASC, TRC, MDF4_LOG)

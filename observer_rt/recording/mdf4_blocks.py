@@ -1,7 +1,8 @@
 """Blocks of MDF4 files, as far as they say where records lie, how long they are and how many there should be.
 
-asammdf reads what is in the records. What leads to them is read here, too, for asammdf passes over records that it
-cannot follow. Every link is followed once, every length is compared with the file: damage raises one of `DAMAGE`.
+asammdf reads what is in the records, in a process of its own, for it trusts what stands in a file. What leads to them
+is read here, too, for asammdf passes over records that it cannot follow. Every link is followed once, every length is
+compared with the file: damage raises one of `DAMAGE`.
 """
 
 import struct
@@ -9,13 +10,26 @@ import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.recording.mdf4_apart import READABLE
+from observer_rt.foundation.files import file_errors
+from observer_rt.foundation.sandbox import WorkerError, run_apart
+
+READABLE = "give a complete MDF 4 measurement"
+
+
+def mdf4_apart(module: str, function: str, path: Path, *arguments: Any) -> Iterator[Any]:
+    """As `run_apart`; a reader that crashes is damage of the file. Raises `UserError` naming the file."""
+    try:
+        with file_errors(path):
+            yield from run_apart(module, function, path, *arguments)
+    except WorkerError as error:
+        raise UserError(str(path), f"a damaged MDF file: {error}", READABLE) from None
+
 
 MAGICS = (b"MDF     ", b"UnFinMF ")  # complete, and as a logger leaves it
 MAJOR_VERSION = b"4."

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from observer_rt.foundation.compiled import compiled, inner
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.file_errors import file_errors
-from observer_rt.recording.mdf4_apart import READABLE
+from observer_rt.foundation.files import file_errors
 from observer_rt.recording.mdf4_blocks import (
     ALIGNMENT,
     DAMAGE,
+    READABLE,
     Blocks,
     ChannelGroup,
     CountedRecords,

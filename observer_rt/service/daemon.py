@@ -14,19 +14,16 @@ from observer_rt.config.signals import Role
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.observer.stream.state import Reason, State
 from observer_rt.observer.stream.validity import Surroundings, contested, state_of_service
-from observer_rt.service.core.core import Core
+from observer_rt.service.core.core import Core, OutsideFigures, status_values
 from observer_rt.service.core.messages import FrameWriter, OutputFrame
-from observer_rt.service.core.status import OutsideFigures, status_values
+from observer_rt.service.keeping.state_file import model_hash
 from observer_rt.service.opening import buses_of
-from observer_rt.service.outbox import RETRY
-from observer_rt.service.port import Port
+from observer_rt.service.port import RETRY, Port
 from observer_rt.service.pump.pump import FramePump
 from observer_rt.service.reports.news import Listener, to_all
 from observer_rt.service.rights import take_time
-from observer_rt.service.state_file import model_hash
 from observer_rt.service.watch.input_watch import PERIOD as LOOK_PERIOD
-from observer_rt.service.watch.input_watch import InputWatch
-from observer_rt.service.watch.state_watch import StateWatch
+from observer_rt.service.watch.input_watch import InputWatch, StateWatch
 
 RECEIVE_TIMEOUT = 0.02  # s, after which the loop looks at its clock and its stop signal
 INPUT_TIMEOUT = 0.5  # s without an input frame: waiting for data

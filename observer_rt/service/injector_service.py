@@ -12,14 +12,12 @@ from observer_rt.service.compiled.constants import bench_constants
 from observer_rt.service.core.learners import doubt_about_fit
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.keeping.keeper import Keeper
+from observer_rt.service.keeping.state_file import model_hash, restored_knowledge
 from observer_rt.service.log import Voice
 from observer_rt.service.opening import StoppedError, buses_of, open_links, tell_other_senders
-from observer_rt.service.reports.news import News
-from observer_rt.service.reports.telling import Teller
-from observer_rt.service.restoring import restored_knowledge
+from observer_rt.service.reports.news import News, Teller
+from observer_rt.service.screen.view import View
 from observer_rt.service.sharing import Shared
-from observer_rt.service.state_file import model_hash
-from observer_rt.service.view import View
 from observer_rt.service.words import Topic
 
 

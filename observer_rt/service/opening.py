@@ -5,17 +5,16 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, suppress
 from functools import partial
 
-from observer_rt.bus.links.idle import IdleLink
+from observer_rt.bus.links.descriptor import IdleLink
 from observer_rt.bus.links.link import Link, LinkDownError
-from observer_rt.bus.links.open import open_link
-from observer_rt.bus.links.shared import SharedBus
+from observer_rt.bus.links.opening import SharedBus, open_link
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench import Bench
 from observer_rt.config.links import NamedLink
-from observer_rt.recording.replay.traffic import first_heard
+from observer_rt.recording.replay.sources import first_heard
 from observer_rt.service.reports.news import Listener, Notice, of_bus
 from observer_rt.service.watch.arrivals import message_text
-from observer_rt.service.watch.senders import REMEDY
+from observer_rt.service.watch.input_watch import REMEDY
 from observer_rt.service.words import Topic
 
 RETRY = 0.25  # s between two tries to open an interface

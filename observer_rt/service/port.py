@@ -1,17 +1,118 @@
-"""One of the daemon's buses: its link, the results that wait for it, and what goes wrong on it."""
+"""One of the daemon's buses: its link, what goes wrong on it, and results that wait while its queue is full."""
 
 import time
+from collections import deque
 from collections.abc import Callable, Iterable
 from concurrent.futures import Executor
 
-from observer_rt.bus.links.controller import BusState
+from observer_rt.bus.links.controller import BusState, condition_messages
 from observer_rt.bus.links.link import Link, LinkDownError
 from observer_rt.bus.links.outage import Outage
 from observer_rt.service.core.messages import OutputFrame
-from observer_rt.service.link_watch import LinkWatch
-from observer_rt.service.outbox import Outbox
 from observer_rt.service.reports.news import Notice, of_bus
 from observer_rt.service.words import Topic
+
+CAPACITY = 512  # frames: some 0.15 s of results at 100 kHz, after which the oldest serve nobody
+RETRY = 0.5e-3  # s, about three full frames at 500k/5M
+
+
+class Outbox:
+    """Sends frames in order as the link has room; keeps `CAPACITY`, gives up the oldest of more."""
+
+    def __init__(self, link: Link) -> None:
+        self.link = link
+        """By which they are sent."""
+        self._waiting: deque[OutputFrame] = deque()
+        self.unsent = 0
+        """Frames given up."""
+
+    def __len__(self) -> int:
+        """Frames that wait for room."""
+        return len(self._waiting)
+
+    def post(self, frames: Iterable[OutputFrame]) -> None:
+        """Send frames, or let them wait. Raises what `Link.try_send` raises; nothing is sent twice then."""
+        self._waiting.extend(frames)
+        self.flush()
+        while len(self._waiting) > CAPACITY:
+            self._waiting.popleft()
+            self.unsent += 1
+
+    def flush(self) -> None:
+        """Send what waits as far as there is room. Raises as `post` does."""
+        waiting, try_send = self._waiting, self.link.try_send
+        while waiting:
+            frame = waiting[0]
+            if not try_send(frame.frame_id, frame.payload, frame.is_extended, frame.is_fd):
+                return
+            waiting.popleft()
+
+    def drain(self, patience: float) -> None:
+        """Send all that waits, for at most `patience` [s]; give up the rest. Raises as `post` does."""
+        end = time.monotonic() + patience
+        self.flush()
+        while self._waiting and time.monotonic() < end:
+            time.sleep(RETRY)
+            self.flush()
+        self.discard()
+
+    def give_up(self, frames: Iterable[OutputFrame]) -> None:
+        """Send none of the frames."""
+        self.unsent += sum(1 for _ in frames)
+
+    def discard(self) -> None:
+        """Give up all that waits."""
+        self.unsent += len(self._waiting)
+        self._waiting.clear()
+
+
+PERIOD = 1.0  # s between messages, so that a controller that comes and goes does not flood the screen
+
+
+class LinkWatch:
+    """Tells what has changed since it last told: the controller's condition, frames lost and results unsent."""
+
+    def __init__(self, channel: str, link: Link, outbox: Outbox) -> None:
+        self._channel, self._link, self._outbox = channel, link, outbox
+        self._condition, self._dropped = link.condition, link.dropped
+        self._next = 0
+        self.begin_anew()
+
+    def begin_anew(self) -> None:
+        """The link is up again: what was not sent meanwhile is no news."""
+        self._unsent = self._outbox.unsent
+
+    def look(self, now: int) -> list[Notice]:
+        """News at a monotonic time [ns]; none within `PERIOD` after the last."""
+        if now < self._next:
+            return []
+        is_well = self._link.condition.state is BusState.ACTIVE
+        told = [
+            of_bus(Topic.LINK, text, is_well)
+            for text in condition_messages(self._channel, self._condition, self._link.condition)
+        ]
+        self._condition = self._link.condition
+        if self._link.dropped > self._dropped:
+            text = (
+                f"{self._link.dropped - self._dropped} frames of {self._channel} were lost before this process could "
+                "read them\n"
+                "  remedy: give it a processor of its own (taskset) and real-time priority (chrt)"
+            )
+            told.append(Notice(Topic.LINK, text, incident=f"frames of {self._channel} lost"))
+            self._dropped = self._link.dropped
+        if self._outbox.unsent > self._unsent:
+            text = (
+                f"{self._outbox.unsent - self._unsent} results were not sent, the transmit queue of "
+                f"{self._channel} is full\n"
+                "  remedy: check that another node acknowledges, the bus load, and the length of the queue "
+                f"(SocketCAN: sudo ip link set {self._channel} txqueuelen 1000)"
+            )
+            told.append(Notice(Topic.LINK, text, incident=f"transmit queue of {self._channel} full"))
+            self._unsent = self._outbox.unsent
+        if told:
+            self._next = now + round(PERIOD * 1e9)
+        return told
+
 
 SILENCE = 10.0  # s without an outage, after which the same one is told again: some devices come and go
 

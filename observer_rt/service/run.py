@@ -1,8 +1,12 @@
-"""`observer-rt run`: the daemons of a bench with their signals, their log, their learned state and their view."""
+"""`observer-rt run`: daemons side by side with their signals, log, learned state and view.
+
+Each injector is served in a thread of its own, and its failure is its own.
+"""
 
 import gc
 import sys
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
@@ -11,25 +15,95 @@ from threading import Event
 
 from rich.console import Console
 
-from observer_rt.bus.mapping.bench_map import BenchMap, map_bench
+from observer_rt.bus.mapping.bus_map import BenchMap, map_bench
 from observer_rt.config.bench import Bench
 from observer_rt.foundation.compilation import compiled_code
-from observer_rt.foundation.file_errors import file_errors
+from observer_rt.foundation.errors import CombinedError, ObserverError
+from observer_rt.foundation.files import file_errors
 from observer_rt.service.injector_service import InjectorService
 from observer_rt.service.keeping.keeper import keeper_of
 from observer_rt.service.log import ServiceLog, Voice
-from observer_rt.service.notify import Notifier
-from observer_rt.service.overview import Overview
-from observer_rt.service.processors import REMEDY, Processors, leave_to_loops, processors
-from observer_rt.service.rights import lock_memory, rights
-from observer_rt.service.sharing import Shared, refuse_shared, shared_buses
-from observer_rt.service.show import Screen, draw
-from observer_rt.service.side_by_side import serve_side_by_side
+from observer_rt.service.notify import Notifier, WatchdogPulse
+from observer_rt.service.rights import REMEDY, Processors, leave_to_loops, lock_memory, processors, rights
+from observer_rt.service.screen.view import Overview, Screen, draw
+from observer_rt.service.sharing import LearningQueue, Shared, refuse_shared, shared_buses
 from observer_rt.service.warm_up import warm_up
 from observer_rt.service.words import Topic
 from observer_rt.terminal.compiling import tell_compiling
-from observer_rt.terminal.destinations import check_destination
-from observer_rt.terminal.stop import stop_on_signals
+from observer_rt.terminal.console import check_destination, stop_on_signals
+
+
+def serve_side_by_side(
+    services: Sequence[InjectorService],
+    notifier: Notifier,
+    stop: threading.Event,
+    meanwhile: Callable[[threading.Event], None] | None = None,
+) -> None:
+    """Serve until `stop` is set or all have ended; `meanwhile`: is done in this thread until then.
+
+    What failed is raised when all have ended: of a single injector as it is, of several as a `CombinedError`
+    that names them, but for a mistake of this program.
+    """
+    together = _Together(services, notifier, stop)
+    threads = [
+        threading.Thread(target=together.serve, args=(number,), name=f"daemon {each.name}", daemon=True)
+        for number, each in enumerate(services)
+    ]
+    for thread in threads:
+        thread.start()
+    try:
+        if meanwhile is not None:
+            meanwhile(stop)
+    finally:
+        for thread in threads:
+            thread.join()
+        together.close()
+    together.raise_failures()
+
+
+class _Together:
+    """What the services share while they run."""
+
+    def __init__(
+        self, services: Sequence[InjectorService], notifier: Notifier, stop: threading.Event
+    ) -> None:
+        self._services = services
+        self._stop = stop
+        self._pulse = WatchdogPulse(notifier, len(services))
+        self._learning = LearningQueue()
+        self._lock = threading.Lock()
+        self._running = len(services)
+        self._failures: list[tuple[InjectorService, BaseException]] = []
+
+    def serve(self, number: int) -> None:
+        """One of them, to its end."""
+        service = self._services[number]
+        failure: BaseException | None = None
+        try:
+            with self._pulse.beating(number) as on_alive:
+                service.run(self._stop, self._learning.share(), on_alive)
+        except BaseException as error:
+            failure = error
+        with self._lock:
+            self._running -= 1
+            if failure is not None:
+                self._failures.append((service, failure))
+                if self._running and not self._stop.is_set():
+                    service.tell_end(failure)
+            if not self._running:
+                self._stop.set()
+
+    def close(self) -> None:
+        self._learning.close()
+
+    def raise_failures(self) -> None:
+        failures: dict[str, ObserverError] = {}
+        for service, failure in self._failures:
+            if len(self._services) == 1 or not isinstance(failure, ObserverError):
+                raise failure
+            failures[service.name] = failure
+        if failures:
+            raise CombinedError(failures)
 
 
 @dataclass(frozen=True)

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from observer_rt.foundation.compiled import compiled, inner
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effective import EffectiveModel, SensorTerms
+from observer_rt.model.hydraulics import normalised_area
 from observer_rt.model.integrator import fine_step
 from observer_rt.model.line.interface import rest_line
 from observer_rt.model.line.wave import WaveLine, cells_for
 from observer_rt.model.network import Network, constant_network
 from observer_rt.model.right_hand_side import injection_rate
-from observer_rt.model.seat import normalised_area
 from observer_rt.model.sensor import lagged
 from observer_rt.model.stability import fastest_rate
 from observer_rt.simulation.needle import CORNER_ROUNDING, Stroke, lift_of_stroke

@@ -1,15 +1,16 @@
-"""Recordings of a healthy or worn injector, with the truth behind them."""
+"""Recordings of a healthy or worn injector, as sensors and bus show it, with the truth behind them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.foundation.compiled import compiled
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.file_errors import file_errors
+from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.units import MEGAPASCAL, MM3_PER_MS
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import EffectiveModel
@@ -17,7 +18,7 @@ from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.sensor import lagged
 from observer_rt.recording.signals.recording import TRUTH_SUFFIX, Recording
-from observer_rt.recording.signals.writers import (
+from observer_rt.recording.signals.table_writers import (
     INJECTION_RATE,
     LINE_PRESSURE,
     NEEDLE_LIFT,
@@ -25,10 +26,47 @@ from observer_rt.recording.signals.writers import (
     Column,
     write_columns,
 )
-from observer_rt.simulation.measurement import LIFT, PRESSURE, SimulatedNoise
 from observer_rt.simulation.needle import strokes
 from observer_rt.simulation.plant import Progress, Truth, run_plant
 from observer_rt.simulation.schedule import Schedule
+
+HIGHEST_CODE = 0xFFFD  # above it the bus says "error" and "not available"
+
+
+class Quantisation(NamedTuple):
+    """16-bit codes of the bus: value = (code + lowest) * multiple / divisor, exact in SI units."""
+
+    lowest: int
+    multiple: float
+    divisor: float
+
+    def apply(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Nearest values the bus can carry, clipped to its range; shape (n,)."""
+        steps = np.rint(values * (self.divisor / self.multiple))
+        return np.clip(steps, self.lowest, self.lowest + HIGHEST_CODE) * self.multiple / self.divisor
+
+
+PRESSURE = Quantisation(lowest=-2000, multiple=5000.0, divisor=1.0)
+"""0.005 MPa steps from -10 MPa."""
+LIFT = Quantisation(lowest=-5000, multiple=1.0, divisor=1e8)
+"""0.01 um steps from -50 um."""
+
+
+@dataclass(frozen=True)
+class SimulatedNoise:
+    """Standard deviations of white noise per sample, whatever the sample rate."""
+
+    rail_pressure: float = 0.1e6
+    """[Pa]"""
+    needle_lift: float = 0.4e-6
+    """[m]"""
+    line_pressure: float = 0.15e6
+    """[Pa]"""
+    injection_rate: float = 0.5e-6
+    """[m3/s]"""
+    injection_rate_gain: float = 0.005
+    """Of the measured rate's gain, once a recording [-]."""
+
 
 MIN_SAMPLE_RATE = 1e3  # Hz, below which an injection falls between two samples
 MAX_SAMPLE_RATE = 1e6  # Hz

@@ -1,11 +1,17 @@
-"""Results on stdout, progress bars and messages on stderr."""
+"""Results on stdout, progress bars and messages on stderr; bad destinations refused first; stop on request."""
 
 import contextlib
+import os
+import signal
+import tempfile
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
+from pathlib import Path
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+from observer_rt.foundation.errors import UserError
 
 
 @contextlib.contextmanager
@@ -66,3 +72,76 @@ def results() -> Console:
     """Console for tables on stdout: as wide as they are when stdout is a file or a pipe."""
     console = Console()
     return console if console.is_terminal else Console(width=160)
+
+
+PACKED = ".gz"
+FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
+
+
+def check_destination(option: str, path: Path, suffixes: Collection[str] = ()) -> None:
+    """Check that a file can be written, or replaced, at `path`; `suffixes`: the kinds known, empty for any.
+
+    Raises `UserError` that names the command line's option.
+    """
+    place = f"{option} {path}"
+    if suffixes:
+        check_suffix(place, path, suffixes)
+    if path.is_dir():
+        raise UserError(place, "is a folder", "name a file")
+    if path.exists() and not os.access(path, os.W_OK):
+        raise UserError(place, "must not be written", "check its rights, or name another file")
+    if not path.exists():
+        check_folder(option, path.parent)
+
+
+def refuse_existing(option: str, paths: Iterable[Path], force: bool) -> None:
+    """Raise `UserError` for a file that would be replaced although nobody said --force."""
+    for path in paths:
+        if path.exists() and not force:
+            raise UserError(f"{option} {path}", "exists already", "name another file, or add --force")
+
+
+def suffix_of(path: Path) -> str:
+    """What kind a file is by its name, in lower case: of a packed one with that of its content, as `.asc.gz`."""
+    suffix = path.suffix.lower()
+    return Path(path.stem).suffix.lower() + suffix if suffix == PACKED else suffix
+
+
+def check_suffix(place: str, path: Path, suffixes: Collection[str]) -> None:
+    """Raise `UserError` for a file whose suffix is not among those known."""
+    if suffix_of(path) not in suffixes:
+        raise UserError(
+            place, f"unknown kind of file '{suffix_of(path)}'", f"known suffixes: {', '.join(suffixes)}"
+        )
+
+
+def check_folder(option: str, folder: Path) -> None:
+    """Check that files can be made in an existing folder. Raises `UserError` that names the option."""
+    place = f"{option}: {folder}"
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except FileNotFoundError:
+        raise UserError(place, "no such folder", "create it first, or correct the path") from None
+    except OSError as error:
+        raise UserError(
+            place, f"no file can be made there: {error.strerror}", "check the folder, or name another"
+        ) from None
+
+
+@contextlib.contextmanager
+def stop_on_signals() -> Iterator[threading.Event]:
+    """An event that the first SIGINT or SIGTERM sets while the context lasts; a second one interrupts."""
+    stop = threading.Event()
+
+    def handle(*_: object) -> None:
+        if stop.is_set():
+            raise KeyboardInterrupt
+        stop.set()
+
+    previous = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield stop
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)

@@ -6,8 +6,8 @@ from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.output_messages import StatusValues
 from observer_rt.observer.stream.state import Reason, State
 from observer_rt.service.watch.arrivals import SECOND, Arrivals, message_text
+from observer_rt.service.watch.input_watch import LASTING
 from observer_rt.service.watch.silence import TOLD
-from observer_rt.service.watch.state_watch import LASTING
 from observer_rt.service.words import REASONS, STATES, TOPICS, Topic, is_good
 
 _NO_DAEMON = "start `observer-rt run` for this bench, or see to its bus"

@@ -13,12 +13,9 @@ from observer_rt.bus.mapping.output_messages import StatusValues, SummaryValues
 from observer_rt.config.bench import Bench
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MILLISECOND, MM3_PER_MS
 from observer_rt.service.watch.arrivals import Arrivals
-from observer_rt.watch.counted import CountShift, best_place
 from observer_rt.watch.faults import Fault, FaultWatch
-from observer_rt.watch.injection import SampleCurves, SeenInjection
-from observer_rt.watch.modelled import InjectionModel
-from observer_rt.watch.results import Rates, ResultReader
-from observer_rt.watch.samples import InputSamples, PublishedRates
+from observer_rt.watch.results import Rates, ResultReader, SampleCurves, SeenInjection
+from observer_rt.watch.samples import CountShift, InjectionModel, InputSamples, PublishedRates, best_place
 
 KEPT = 1000  # injections
 Key: TypeAlias = tuple[int, int, bool]

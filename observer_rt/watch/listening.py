@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
-from observer_rt.bus.links.enduring import EnduringReading
 from observer_rt.bus.links.link import BusFrame, Link, LinkDownError
-from observer_rt.bus.links.open import open_link
+from observer_rt.bus.links.opening import open_link
+from observer_rt.bus.links.outage import EnduringReading
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.config.links import NamedLink

@@ -1,14 +1,35 @@
-"""The samples that an observer is given, and the rates that it publishes, by their sample index."""
+"""Samples an observer is given, rates it publishes, by sample index, and what the model says of them.
+
+Inputs without an index are counted by both, each since it began to listen. What the observer publishes tells the
+difference: a rate cannot come before its samples, which bounds it to some milliseconds, and within these the rate
+that the model makes of the samples heard here fits the published one at one place only.
+"""
+
+from collections import deque
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.database.frame_key import frame_key
+from observer_rt.bus.can_frame import frame_key
 from observer_rt.bus.links.link import BusFrame
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.timing import Numbering
 from observer_rt.config.bench import BenchInjector
+from observer_rt.estimation.learned import Learned
+from observer_rt.estimation.predictor import Setting, Window, interval_before, knot_before
+from observer_rt.foundation.compiled import compiled
+from observer_rt.foundation.units import MM3_PER_MS
+from observer_rt.model.borrowed import borrowed_network
+from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.hydraulics import empty_sac, normalised_area
+from observer_rt.model.integrator import advance_over
+from observer_rt.model.line.interface import rest_line
+from observer_rt.model.network import Network, constant_network
+from observer_rt.model.right_hand_side import fault_and_rate
+from observer_rt.observer.stream.front_end import dead_band
 from observer_rt.observer.stream.state import RING
+from observer_rt.service.compiled.constants import bench_constants, configured_noise
 from observer_rt.service.core.core import Core
 from observer_rt.watch.results import Rates
 
@@ -84,3 +105,117 @@ class PublishedRates:
         sent = index & _INDEX
         place = sent % RING
         return np.where(self._index[place] == sent, self._rate[place], np.nan)
+
+
+SLOWEST = 5e-3  # s from a sample to its rate, of the promptest frames
+_FRAMES = 100  # of rates, one of which was prompt
+_ALIKE = 0.9  # share of the squares of a published rate that the model has at its place, but for a factor
+_HALF, _WHOLE = 0x80000000, 0x100000000  # indices are sent in 32 bits
+
+
+class CountShift:
+    """By how many samples the observer's count is ahead of ours."""
+
+    def __init__(self, lookahead: int, rate_hz: float) -> None:
+        """lookahead: samples the observer must know beyond one before it publishes its rate."""
+        self._reach = lookahead + round(SLOWEST * rate_hz)
+        self._ahead: deque[int] = deque(maxlen=_FRAMES)
+
+    def note(self, published: int, received: int) -> None:
+        """Rates came up to the observer's sample `published` when ours were received up to `received`."""
+        self._ahead.append((published - received + _HALF) % _WHOLE - _HALF)
+
+    @property
+    def candidates(self) -> range:
+        """The shifts that are possible; none before rates came."""
+        least = max(self._ahead, default=0)
+        return range(least, least + self._reach + 1) if self._ahead else range(0)
+
+
+def best_place(published: NDArray[np.float64], modelled: NDArray[np.float64]) -> int | None:
+    """Where in modelled rates (n,) a stretch of published ones (m,) lies, m <= n, nan where none were published.
+
+    Wear is a factor. None where nothing was injected, or no place is like it.
+    """
+    is_known = np.isfinite(published)
+    rates = np.where(is_known, published, 0.0)
+    squares = float(rates @ rates)
+    if squares == 0.0:
+        return None
+    common = np.correlate(modelled, rates, "valid")
+    own = np.correlate(modelled**2, is_known.astype(np.float64), "valid")
+    alike = np.clip(common, 0.0, None) ** 2 / (squares * np.clip(own, 1e-9 * squares, None))
+    best = int(np.argmax(alike))
+    return best if alike[best] > _ALIKE else None
+
+
+class Modelled(NamedTuple):
+    """Of n samples: rate [mm3/ms] (n,) and phi [1/s] (3, n), 0 with the needle shut."""
+
+    rate: NDArray[np.float64]
+    phi: NDArray[np.float64]
+
+
+class InjectionModel:
+    """Runs the model of an injector open loop over the samples of an injection, from standstill."""
+
+    def __init__(self, fitted: BenchInjector) -> None:
+        constants = bench_constants(fitted)
+        self.coefficients: Coefficients = constants.coefficients
+        self._dead_band = dead_band(configured_noise(fitted).needle_lift)[0]
+        self._setting = Setting(
+            constants.interval,
+            constants.substeps,
+            constants.coefficients,
+            np.zeros(constants.coefficients.states),
+        )
+
+    def __call__(
+        self,
+        rail_pressure: NDArray[np.float64],
+        needle_lift: NDArray[np.float64],
+        nozzle_wear: float = 0.0,
+        seat_wear: float = 0.0,
+    ) -> Modelled:
+        """rail_pressure (n,), normalised by (24), of which the first is the line's at rest; needle_lift (n,) [m].
+
+        nozzle_wear v_H, seat_wear v_S: relative changes of the flows, (27).
+        """
+        c, n = self.coefficients, needle_lift.size
+        lift = np.where(needle_lift < self._dead_band, 0.0, needle_lift)
+        area = np.array([normalised_area(each, c.seat) for each in lift.tolist()])
+        state = np.zeros(c.states)
+        rest_line(state, float(rail_pressure[0]), c.line)
+        window = Window(
+            inputs=np.column_stack([rail_pressure, area]),
+            output=np.zeros(n),
+            resting=np.cumsum(area) == 0.0,  # once it was open, the sac drains by itself
+            start=state,
+            opening=0,
+        )
+        learned = Learned(constant_network(nozzle_wear, seat_wear), c, 0.0, 0.0)
+        result = Modelled(np.zeros(n), np.zeros((3, n)))
+        _walk(window, self._setting, c, learned.network, state, result)
+        return Modelled(result.rate / MM3_PER_MS, result.phi)
+
+
+@compiled
+def _walk(
+    window: Window,
+    setting: Setting,
+    c: Coefficients,
+    network: Network,
+    x: NDArray[np.float64],
+    result: Modelled,
+) -> None:
+    """Fill `result`, rates in m3/s; x: the state at the first sample, which goes along."""
+    lent = borrowed_network(network)
+    for k in range(1, window.inputs.shape[0]):
+        interval = interval_before(window, setting, k)
+        advance_over(x, interval, knot_before(window, k), c, lent, None)
+        if window.resting[k]:
+            empty_sac(x, None)
+        phi, rate = fault_and_rate(x, interval.end, c, lent)
+        result.rate[k] = rate
+        for row in range(3):
+            result.phi[row, k] = phi[row]

@@ -10,8 +10,7 @@ from rich.console import Console
 
 from observer_rt.config.bench import Bench
 from observer_rt.foundation.errors import RunError, UserError
-from observer_rt.terminal.console import say
-from observer_rt.terminal.stop import stop_on_signals
+from observer_rt.terminal.console import say, stop_on_signals
 from observer_rt.watch.watching import FrameSource, Watching
 
 _STOP_EVERY = 100  # ms between two looks at the stop signal

@@ -11,7 +11,7 @@ from typing import Protocol
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.j1939 import ParameterGroups
 from observer_rt.bus.links.link import BusFrame, Frame
-from observer_rt.bus.mapping.load import frame_time
+from observer_rt.bus.mapping.output_messages import frame_time
 from observer_rt.config.bench import Bench
 from observer_rt.config.links import LinkConfig
 from observer_rt.watch.injector import Key, Seen, WatchedInjector

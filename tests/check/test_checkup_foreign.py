@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.bus.mapping.bench_map import map_bench
+from observer_rt.bus.mapping.bus_map import map_bench
 from observer_rt.check.buses import expected_load
 from observer_rt.check.checkup import Finding, Level, checkup
 from observer_rt.config.bench import load_bench

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.bus.mapping.bench_map import map_bench
-from observer_rt.bus.mapping.load import frame_time
+from observer_rt.bus.mapping.bus_map import map_bench
+from observer_rt.bus.mapping.output_messages import frame_time
 from observer_rt.check.buses import INJECTIONS_PER_SECOND, expected_load
 from observer_rt.check.checkup import Finding, Level, checkup
 from observer_rt.config.bench import load_bench

@@ -23,8 +23,7 @@ from observer_rt.check.machine import (
 )
 from observer_rt.config.links import LinkConfig
 from observer_rt.foundation.compilation import CompiledCode
-from observer_rt.service.processors import Processors
-from observer_rt.service.rights import Rights
+from observer_rt.service.rights import Processors, Rights
 
 
 @pytest.fixture

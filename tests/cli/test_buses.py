@@ -9,7 +9,7 @@ from pathlib import Path
 import can
 import pytest
 
-from observer_rt.bus.links.open import open_link
+from observer_rt.bus.links.opening import open_link
 from observer_rt.recording.formats import open_log
 from tests.benches import block_bench, twin_bench
 from tests.cli.conftest import Command

@@ -10,7 +10,7 @@ import pytest
 from observer_rt.cli.app import main
 from observer_rt.cli.demo import Demo
 from observer_rt.evaluation.evaluate import evaluate
-from observer_rt.service.view import View
+from observer_rt.service.screen.view import View
 
 SPEED = 0.5
 

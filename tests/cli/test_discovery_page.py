@@ -3,9 +3,9 @@
 import re
 from pathlib import Path
 
+import observer_rt.discovery.caveats
 import pytest
 
-import observer_rt.discovery.caveats
 from tests.cli.conftest import Command
 from tests.pages import Page, words_of
 
@@ -28,7 +28,7 @@ def test_the_commands_of_the_page(command: Command, tmp_path: Path, monkeypatch:
 
 
 def test_every_reservation_is_explained() -> None:
-    source = Path(observer_rt.discovery.caveats.__file__).read_text(encoding="utf-8")
+    source = Path(observer_rt.discovery.findings.__file__).read_text(encoding="utf-8")
     known = set(re.findall(r'Caveat\(\s*"(\w+)"', source))
     assert len(known) > 5
     assert set(re.findall(r"^\| `(\w+)` \|", PAGE.text, re.MULTILINE)) - {"id"} == known

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.recording.canlog.log_format import LogFormat
+from observer_rt.recording.canlog.can_log import LogFormat
 from observer_rt.recording.formats import BUILT_IN, formats, is_log, open_log, read_recording
 from observer_rt.recording.replay.log_frames import LogPart
 from tests.cli.conftest import Command, document
@@ -18,7 +18,7 @@ from tests.recording.canlog.log_cases import sent_log, write_log
 PAGE = Path(__file__).parents[2] / "docs" / "recordings.md"
 LOG = """
 from observer_rt.recording.canlog.candump import CandumpLog, CandumpWriter
-from observer_rt.recording.canlog.log_format import LogFormat
+from observer_rt.recording.canlog.can_log import LogFormat
 
 FORMAT = LogFormat((".hexlog",), "text of another tool", CandumpLog, CandumpWriter)
 """

@@ -10,9 +10,8 @@ import pytest
 
 from observer_rt.config.bench import load_injector
 from observer_rt.recording.formats import write_recording
-from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import make_schedule
-from observer_rt.simulation.simulate import simulate
+from observer_rt.simulation.simulate import SimulatedNoise, simulate
 from tests.pages import Page
 
 PAGE = Page("docs/library.md")

@@ -17,14 +17,14 @@ from typing import ClassVar
 import pytest
 
 from observer_rt.bus.links.link import Frame, Link, LinkDownError
-from observer_rt.bus.links.open import open_link
+from observer_rt.bus.links.opening import open_link
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench, load_injector
 from observer_rt.foundation.errors import RunError
 from observer_rt.recording.formats import read_recording
 from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.recording.replay.player import play
 from observer_rt.service import opening
-from observer_rt.service.state_file import load_knowledge, model_hash
+from observer_rt.service.keeping.state_file import load_knowledge, model_hash
 from tests.cli.conftest import Command, Outcome
 from tests.cli.injector_files import FITTED, injector
 from tests.device import frames_of

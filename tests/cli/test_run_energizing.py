@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from observer_rt.bus.links.open import open_link
+from observer_rt.bus.links.opening import open_link
 from observer_rt.config.bench import load_bench
 from observer_rt.recording.formats import read_recording
 from tests.cli.bench_engineer import bench_engineer

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.bus.links.open import open_link
+from observer_rt.bus.links.opening import open_link
 from observer_rt.config.bench import load_bench
 from observer_rt.recording.formats import read_recording
 from observer_rt.recording.replay.framing import TimedFrame

@@ -17,7 +17,7 @@ import can
 import pytest
 
 from observer_rt.bus.links.link import Frame, Link, LinkDownError
-from observer_rt.bus.links.open import open_link
+from observer_rt.bus.links.opening import open_link
 from observer_rt.config.bench import load_bench
 from observer_rt.foundation.errors import ObserverError, RunError, UserError
 from observer_rt.recording.replay.framing import TimedFrame

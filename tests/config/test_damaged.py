@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench, load_injector
 from observer_rt.foundation.errors import UserError
-from observer_rt.service.state_file import model_hash
+from observer_rt.service.keeping.state_file import model_hash
 
 Load = Callable[[Path], object]
 FILES = pytest.mark.parametrize(

@@ -9,9 +9,9 @@ import pytest
 
 from observer_rt.config.bench import load_injector
 from observer_rt.config.own_effects import use_effects
-from observer_rt.discovery.search.decisive import decide_by
 from observer_rt.discovery.search.fit_store import problem_key
 from observer_rt.discovery.search.search import indistinguishable, representatives
+from observer_rt.discovery.search.verdict import decide_by
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effects import VOCABULARY, effective_model, sized
 
@@ -162,7 +162,7 @@ def test_an_installed_package_brings_its_effects(tmp_path: Path, value: str, lis
 
 
 BOUNDED = """from observer_rt.model.effects.line_volume import EFFECT as VOLUME
-from observer_rt.model.own_bounds import bounded
+from observer_rt.model.effect import bounded
 
 """
 

@@ -6,9 +6,8 @@ from observer_rt.config.bench import load_injector
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.recording.signals.recording import Recording
-from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import make_schedule
-from observer_rt.simulation.simulate import simulate
+from observer_rt.simulation.simulate import SimulatedNoise, simulate
 
 NOMINAL = load_injector()
 POINTS = ((60e6, 1.9e-3), (140e6, 0.6e-3))

@@ -5,8 +5,7 @@ from dataclasses import replace
 import pytest
 
 from observer_rt.discovery.answer import Question, answer
-from observer_rt.discovery.caveats import Caveat, is_level_measured, is_like_inertance
-from observer_rt.discovery.findings import Findings
+from observer_rt.discovery.findings import Caveat, Findings, is_level_measured, is_like_inertance
 from observer_rt.discovery.report.document import as_json
 from observer_rt.discovery.report.text import as_text
 from observer_rt.discovery.search.candidates import NoMemory

@@ -13,9 +13,8 @@ from observer_rt.model.coefficients import coefficients
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import sized
 from observer_rt.recording.formats import write_recording
-from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import make_schedule
-from observer_rt.simulation.simulate import simulate
+from observer_rt.simulation.simulate import SimulatedNoise, simulate
 from tests.device import frames_of
 from tests.service.end_to_end import SUMMARY, Heard, command, decoded, write_bench
 from tests.service.participants import over_bus

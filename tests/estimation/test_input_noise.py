@@ -7,10 +7,9 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.estimation.gain import NoiseLevels
-from observer_rt.estimation.input_noise import input_variance
-from observer_rt.estimation.open_loop import open_loop
+from observer_rt.estimation.open_loop import input_variance, open_loop
 from observer_rt.estimation.predictor import Window
-from observer_rt.model.seat import seat_area_slope
+from observer_rt.model.hydraulics import seat_area_slope
 from tests.estimation.conftest import NOISE, Case, event_inputs, simulated_event, worn_theta
 
 DRAWS = 300

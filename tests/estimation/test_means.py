@@ -12,7 +12,7 @@ from observer_rt.config.bench import load_injector
 from observer_rt.estimation.gain import gain_schedule
 from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.predictor import Setting, Window, innovations, innovations_with_sensitivity
-from observer_rt.estimation.sensitivity import PARAMETERS
+from observer_rt.estimation.scalars import PARAMETERS
 from observer_rt.model.coefficients import Coefficients, averaged, coefficients
 from observer_rt.model.line.interface import rest_line
 from observer_rt.model.sensor import lagged, recorded_mean

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.estimation.sensitivity import PARAMETERS
+from observer_rt.estimation.scalars import PARAMETERS
 from tests.estimation.conftest import SAMPLE_RATE, Case, event_inputs, innovations_at, simulated_event
 
 HEALTHY = np.zeros(PARAMETERS)

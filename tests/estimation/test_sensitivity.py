@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Window, innovations_with_sensitivity
-from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
+from observer_rt.estimation.scalars import PARAMETERS, Parameter
 from observer_rt.model.sensor import LAG_UNIT
 from tests.estimation.conftest import Case, event_inputs, innovations_at, simulated_event, worn_theta
 

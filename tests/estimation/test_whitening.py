@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from observer_rt.estimation.whitening import LEVEL_SAMPLES, Whitening
+from observer_rt.estimation.prediction_error import LEVEL_SAMPLES, Whitening
 
 TAPS = np.array([-0.8, 0.2, 0.05])
 

@@ -9,9 +9,8 @@ import pytest
 from observer_rt.config.bench import load_bench, load_injector
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.model.effects import sized
-from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import make_schedule
-from observer_rt.simulation.simulate import simulate
+from observer_rt.simulation.simulate import SimulatedNoise, simulate
 
 SAMPLE_RATE = 50e3
 JUDGED = slice(3, 10)

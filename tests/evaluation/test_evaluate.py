@@ -14,9 +14,8 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.model.coefficients import coefficients
 from observer_rt.model.effects import sized
 from observer_rt.observer.stream.state import State
-from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import Shot, make_schedule
-from observer_rt.simulation.simulate import Simulation, simulate
+from observer_rt.simulation.simulate import SimulatedNoise, Simulation, simulate
 from tests.evaluation.documents import recording_json
 
 BENCH = load_bench()

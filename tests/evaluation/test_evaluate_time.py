@@ -8,9 +8,8 @@ import pytest
 from observer_rt.config.bench import load_bench, load_injector
 from observer_rt.evaluation.evaluate import Evaluation, evaluate
 from observer_rt.recording.signals.recording import Recording
-from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import make_schedule
-from observer_rt.simulation.simulate import Simulation, simulate
+from observer_rt.simulation.simulate import SimulatedNoise, Simulation, simulate
 from tests.service.time_frames import write_time_bench
 from tests.service.time_scenarios import NIBBLE, ONE_BASE, SLOW, STAMPS, slow
 

@@ -8,18 +8,17 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_bench, load_injector
-from observer_rt.evaluation.drawing.pictures import picture_of
 from observer_rt.evaluation.evaluate import Evaluation, evaluate
+from observer_rt.evaluation.figures import picture_of
 from observer_rt.evaluation.streamed import evaluate_stream
 from observer_rt.model.coefficients import coefficients
 from observer_rt.model.effects import sized
 from observer_rt.recording.replay.framing import bench_for
 from observer_rt.recording.signals.stream import HeldSignals
 from observer_rt.service.reports.injection_report import InjectionReport
-from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.plant import Truth
 from observer_rt.simulation.schedule import Shot, make_schedule
-from observer_rt.simulation.simulate import simulate
+from observer_rt.simulation.simulate import SimulatedNoise, simulate
 from tests.evaluation.documents import recording_json
 
 BENCH, NOMINAL = load_bench(), load_injector()

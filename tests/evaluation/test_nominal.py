@@ -7,9 +7,8 @@ from observer_rt.config.bench import EXAMPLE_BENCH, load_bench, load_injector
 from observer_rt.evaluation.evaluate import Evaluation, evaluate
 from observer_rt.model.effects import sized
 from observer_rt.recording.signals.recording import Recording
-from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import Shot, make_schedule
-from observer_rt.simulation.simulate import simulate
+from observer_rt.simulation.simulate import SimulatedNoise, simulate
 
 
 @pytest.fixture(scope="module")

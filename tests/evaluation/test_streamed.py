@@ -13,8 +13,7 @@ from observer_rt.evaluation import passage
 from observer_rt.evaluation.evaluate import evaluate, evaluate_logs
 from observer_rt.evaluation.logged import LoggedSignals, read_logged
 from observer_rt.evaluation.passage import Passage
-from observer_rt.evaluation.spool import Spool
-from observer_rt.evaluation.streamed import evaluate_stream
+from observer_rt.evaluation.streamed import Spool, evaluate_stream
 from observer_rt.evaluation.trace import Signal
 from observer_rt.evaluation.trace_file import write_trace
 from observer_rt.model.effects import effective_model

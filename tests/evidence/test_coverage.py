@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from observer_rt.evidence.coverage import coverage
 from observer_rt.evidence.measurement import measurements
+from observer_rt.evidence.reading import coverage
 from tests.discovery.hidden import recordings
 
 POINT = ((100e6, 1.0e-3),)

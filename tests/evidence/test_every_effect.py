@@ -9,14 +9,13 @@ from hypothesis import strategies as st
 
 from observer_rt.evidence.likelihood import Evidence, evidence_of
 from observer_rt.evidence.measurement import measurements
-from observer_rt.model.cells import in_stable_cells
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import VOCABULARY, effective_model, sized
 from observer_rt.model.line.wave import STABLE, with_cells
 from observer_rt.model.parameters import InjectorParameters
-from observer_rt.simulation.measurement import SimulatedNoise
+from observer_rt.model.stability import in_stable_cells
 from observer_rt.simulation.schedule import make_schedule
-from observer_rt.simulation.simulate import simulate
+from observer_rt.simulation.simulate import SimulatedNoise, simulate
 from tests.discovery.hidden import NOMINAL
 
 RATES = (20e3, 50e3, 100e3, 200e3)

@@ -7,9 +7,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from observer_rt.evidence.coverage import coverage
 from observer_rt.evidence.excerpts import BLOCK, measured
 from observer_rt.evidence.measurement import JudgedEvent, Lack, Measurement, measurements
+from observer_rt.evidence.reading import coverage
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.recording.signals.stream import HeldSignals

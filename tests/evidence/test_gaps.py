@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from observer_rt.evidence.gaps import MissingSamples
+from observer_rt.evidence.measurement import MissingSamples
 
 
 @given(missing=st.lists(st.booleans(), max_size=40), cuts=st.sets(st.integers(0, 40)))

@@ -6,9 +6,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from observer_rt.evidence.lift_lag import GRID, openings_without_lag, without_lag
 from observer_rt.evidence.measurement import Measurement, measurements
-from observer_rt.evidence.openings import find_openings
+from observer_rt.evidence.openings import GRID, find_openings, openings_without_lag, without_lag
 from observer_rt.evidence.windows import TrueInputs
 from observer_rt.model.effective import InputTerms
 from observer_rt.model.effects import effective_model, sized

@@ -9,7 +9,7 @@ from observer_rt.evidence.lift_noise import GRID, LiftNoise
 from observer_rt.evidence.likelihood import evidence_of
 from observer_rt.evidence.measurement import Measurement, measurements
 from observer_rt.model.effects import effective_model, sized
-from observer_rt.simulation.measurement import SimulatedNoise
+from observer_rt.simulation.simulate import SimulatedNoise
 from tests.discovery.hidden import NOMINAL, recordings
 
 MODEL = effective_model(NOMINAL)

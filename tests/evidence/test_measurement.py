@@ -13,7 +13,7 @@ from observer_rt.evidence.measurement import (
     measurements,
 )
 from observer_rt.foundation.errors import UserError
-from observer_rt.simulation.measurement import SimulatedNoise
+from observer_rt.simulation.simulate import SimulatedNoise
 from tests.discovery.hidden import recordings
 
 POINT = ((100e6, 1.0e-3),)

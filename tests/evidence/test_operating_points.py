@@ -8,9 +8,8 @@ from observer_rt.evidence.measurement import measurements
 from observer_rt.evidence.operating_points import by_operating_point
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.recording.signals.recording import Recording
-from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import make_schedule
-from observer_rt.simulation.simulate import simulate
+from observer_rt.simulation.simulate import SimulatedNoise, simulate
 from tests.discovery.hidden import NOMINAL, recordings
 
 

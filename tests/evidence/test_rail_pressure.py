@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from observer_rt.evidence.likelihood import evidence_of
 from observer_rt.evidence.measurement import Measurement, measurements
-from observer_rt.evidence.rail_pressure import true_rail_pressure
+from observer_rt.evidence.windows import true_rail_pressure
 from observer_rt.model.effects import effective_model, sized
 from tests.discovery.hidden import NOMINAL, recordings
 from tools.benchmarks.plant import Bench, Event, Needle, Shot, Surroundings, record

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from observer_rt.evidence.slow_noise import SlowNoise, slow_noise
+from observer_rt.evidence.noise import SlowNoise, slow_noise
 
 WHITE = 0.15  # MPa
 

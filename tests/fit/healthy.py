@@ -8,9 +8,8 @@ from observer_rt.config.bench import load_injector
 from observer_rt.fit.structures import LOSS, NOZZLE, SEAT, STIFFNESS, with_values
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.recording.signals.recording import Recording
-from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import make_schedule
-from observer_rt.simulation.simulate import Simulation, simulate
+from observer_rt.simulation.simulate import SimulatedNoise, Simulation, simulate
 from tools.benchmarks import plant
 from tools.benchmarks.plant_parameters import Faults, Injector
 

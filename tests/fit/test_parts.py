@@ -7,9 +7,8 @@ import pytest
 
 from observer_rt.evidence.measurement import measurements
 from observer_rt.fit.parts import Weighed, parts_of, standstill_offset, thinned
-from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import make_schedule
-from observer_rt.simulation.simulate import simulate
+from observer_rt.simulation.simulate import SimulatedNoise, simulate
 from tests.fit.healthy import NOMINAL, simulations
 
 TWO = measurements([one.recording for one in simulations([(60e6, 0.6e-3), (100e6, 1.9e-3)], injections=5)])

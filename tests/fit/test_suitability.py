@@ -7,7 +7,7 @@ import pytest
 
 from observer_rt.config.recording import Meaning
 from observer_rt.evidence.measurement import measurements
-from observer_rt.fit.suitability import refuse_clipped, share_between_samples, warnings
+from observer_rt.fit.parts import refuse_clipped, share_between_samples, warnings
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.signals.recording import Recording
 from tests.fit.healthy import POINTS, simulations

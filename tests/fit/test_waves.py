@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from observer_rt.evidence.measurement import measurements
-from observer_rt.fit.calibrate import Calibrated, calibrate
-from observer_rt.fit.choice import judged_by
+from observer_rt.fit.calibrate import Calibrated, calibrate, judged_by
 from observer_rt.fit.search import FailedStructure
 from observer_rt.fit.structures import SAC, STIFFNESS, STRUCTURES, Structure, values_of, with_values
 from observer_rt.model.coefficients import coefficients

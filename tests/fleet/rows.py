@@ -6,7 +6,7 @@ from typing import Any
 
 import pyarrow as pa
 
-from observer_rt.fleet.columns import SCHEMA
+from observer_rt.fleet.job import SCHEMA
 
 BEGIN = datetime(2026, 1, 1, tzinfo=UTC)
 

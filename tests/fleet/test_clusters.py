@@ -14,9 +14,8 @@ from observer_rt.evaluation.streamed import evaluate_stream
 from observer_rt.fleet.dataset import read_injections
 from observer_rt.model.effects import sized
 from observer_rt.recording.formats import open_recording, write_recording
-from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import make_schedule
-from observer_rt.simulation.simulate import simulate
+from observer_rt.simulation.simulate import SimulatedNoise, simulate
 from tests.fleet.running import ended, started
 from tests.pages import Page
 

@@ -8,9 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from observer_rt.fleet.columns import OLD_NAMES, SCHEMA
 from observer_rt.fleet.dataset import Dataset, read_injections
-from observer_rt.fleet.job import FailedFile
+from observer_rt.fleet.job import OLD_NAMES, SCHEMA, FailedFile
 from observer_rt.foundation.errors import UserError
 from tests.fleet.rows import rows
 

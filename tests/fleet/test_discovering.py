@@ -16,9 +16,8 @@ from observer_rt.fleet.discovered import TABLE
 from observer_rt.model.effects import sized
 from observer_rt.recording.formats import write_recording
 from observer_rt.recording.signals.recording import Recording
-from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import make_schedule
-from observer_rt.simulation.simulate import simulate
+from observer_rt.simulation.simulate import SimulatedNoise, simulate
 from tests.fleet.running import ended, started, wait_until, workers_of
 
 pytestmark = pytest.mark.slow

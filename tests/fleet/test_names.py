@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from observer_rt.config.bench import load_bench
-from observer_rt.fleet.names import InjectorNames, recordings_in
+from observer_rt.fleet.groups import InjectorNames, recordings_in
 from observer_rt.foundation.errors import UserError
 
 

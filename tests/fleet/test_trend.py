@@ -7,9 +7,8 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from observer_rt.fleet.columns import SCHEMA
-from observer_rt.fleet.trend import SURE, as_json, smoothed, trends
-from observer_rt.fleet.trend_page import write_page, write_picture
+from observer_rt.fleet.job import SCHEMA
+from observer_rt.fleet.trend import SURE, as_json, smoothed, trends, write_page, write_picture
 from tests.fleet.rows import rows
 
 

@@ -6,8 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from observer_rt.foundation.bound import Bound, bind, call
-from observer_rt.foundation.referenced import referenced
+from observer_rt.foundation.referenced import Bound, bind, call, referenced
 
 
 @referenced()

@@ -6,8 +6,8 @@ import pytest
 
 from observer_rt.config.bench import load_injector
 from observer_rt.model.coefficients import coefficients
+from observer_rt.model.hydraulics import full_lift_area, seat_area
 from observer_rt.model.parameters import LineOutflow
-from observer_rt.model.seat import full_lift_area, seat_area
 
 NOMINAL = load_injector()
 CONSERVING = NOMINAL.model_copy(update={"line_outflow": LineOutflow.SEAT})

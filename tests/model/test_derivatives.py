@@ -14,13 +14,20 @@ from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
 from observer_rt.estimation.learned import by_theta, learned_of
-from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
+from observer_rt.estimation.scalars import PARAMETERS, Parameter
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effects import effective_model, sized
+from observer_rt.model.hydraulics import (
+    normalised_area,
+    nozzle_law,
+    nozzle_law_slopes,
+    seat_area_slope,
+    seat_law,
+    seat_law_slopes,
+)
 from observer_rt.model.line.interface import line_rates, line_slopes, no_slopes
 from observer_rt.model.line.lump import LumpLine
 from observer_rt.model.network import Network
-from observer_rt.model.nozzle import nozzle_law, nozzle_law_slopes
 from observer_rt.model.parameters import LineOutflow
 from observer_rt.model.right_hand_side import (
     changed_flows,
@@ -29,7 +36,6 @@ from observer_rt.model.right_hand_side import (
     tangent_of,
     tangent_rates,
 )
-from observer_rt.model.seat import normalised_area, seat_area_slope, seat_law, seat_law_slopes
 from tests.model.conftest import State
 
 FULL_LIFT = 1.39  # u_2

@@ -9,9 +9,8 @@ from hypothesis import strategies as st
 from observer_rt.config.bench import load_injector
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effects import effective_model, sized
+from observer_rt.model.hydraulics import full_lift_area, normalised_area, nozzle_law
 from observer_rt.model.line.lump import stiffness
-from observer_rt.model.nozzle import nozzle_law
-from observer_rt.model.seat import full_lift_area, normalised_area
 
 NOMINAL = load_injector()
 P_0, P_C, P_V, K_L = 1e8, 5e6, 2e3, 1.6e9

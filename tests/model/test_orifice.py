@@ -6,7 +6,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from observer_rt.model.orifice import root, root_slope
+from observer_rt.model.hydraulics import root, root_slope
 
 DIFFERENCES = st.floats(-3, 3, allow_nan=False)
 TRANSITIONS = st.floats(1e-4, 1e-1)

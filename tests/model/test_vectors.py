@@ -5,7 +5,7 @@ import pytest
 from numba import njit
 from numpy.typing import NDArray
 
-from observer_rt.model.vectors import WIDTH, load, store, whole_vectors
+from observer_rt.foundation.small_arrays import WIDTH, load, store, whole_vectors
 
 Numbers = NDArray[np.float64]
 

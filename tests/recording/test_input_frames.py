@@ -10,7 +10,7 @@ from observer_rt.config.bench import load_bench
 from observer_rt.evaluation.logged import read_logged
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.canlog.can_log import LogFrame
-from observer_rt.recording.input_frames import InputFrames
+from observer_rt.recording.channels import InputFrames
 from tests.bus.j1939_bench import GROUP, write_j1939_bench
 from tests.recording.canlog.log_cases import START, write_log
 

@@ -8,12 +8,11 @@ from hypothesis import strategies as st
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.estimation.phases import PhaseStatistics, no_statistics
 from observer_rt.estimation.posterior import Belief
-from observer_rt.estimation.scalars import SCALARS
-from observer_rt.estimation.sensitivity import PARAMETERS
-from observer_rt.estimation.whitening import Whitening
+from observer_rt.estimation.prediction_error import Whitening
+from observer_rt.estimation.scalars import PARAMETERS, SCALARS
 from observer_rt.observer.learning.disturbances.colour import ORDERS, Colour
+from observer_rt.observer.learning.interval import EventPoint
 from observer_rt.observer.learning.knowledge import Knowledge
-from observer_rt.observer.learning.operating_range import EventPoint
 
 PRESSURE_SCALE = 1e8  # Pa
 

@@ -12,7 +12,7 @@ import pytest
 
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.links.link import Frame, Link
-from observer_rt.bus.links.open import open_link
+from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench, load_bench
 from observer_rt.foundation.errors import RunError

@@ -10,9 +10,8 @@ import numpy as np
 from observer_rt.config.bench import load_injector
 from observer_rt.recording.replay.framing import Span, TimedFrame
 from observer_rt.recording.signals.recording import Recording
-from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import Schedule, Shot, make_schedule
-from observer_rt.simulation.simulate import simulate
+from observer_rt.simulation.simulate import SimulatedNoise, simulate
 from tests.benches import SAMPLE_RATE
 from tests.device import INDICES, Device, Result, encoded, merged, protected, run
 from tests.service.pulse_bench import BED, DATA_ID, LEVELS

@@ -12,7 +12,7 @@ import e2e.p01
 import numpy as np
 import pytest
 
-from observer_rt.bus.links.open import open_link
+from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.bus.mapping.output_messages import StatusValues
 from observer_rt.config.bench import PACKAGE_DATA, load_bench, load_injector
@@ -28,9 +28,8 @@ from observer_rt.service.core.messages import OutputFrame
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.warm_up import warm_up
-from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import make_schedule
-from observer_rt.simulation.simulate import simulate
+from observer_rt.simulation.simulate import SimulatedNoise, simulate
 from tests.benches import sample_bench
 from tests.device import Device, frames_of, run, simulated
 from tests.service.foreign_frames import (

@@ -13,7 +13,7 @@ from rich.console import Console
 
 from observer_rt.bus.links.controller import BusCondition, BusState
 from observer_rt.bus.links.link import Frame, Link
-from observer_rt.bus.links.open import open_link
+from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.evaluation.evaluate import evaluate
@@ -22,7 +22,7 @@ from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.recording.replay.player import play
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.reports.news import Notes
-from observer_rt.service.view import View
+from observer_rt.service.screen.view import View
 from observer_rt.service.warm_up import warm_up
 from tests.benches import block_bench
 from tests.device import frames_of, worn_recording

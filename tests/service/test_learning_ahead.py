@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from observer_rt.config.bench import load_bench
-from observer_rt.service.learning_ahead import learning_compiled_beside
+from observer_rt.service.warm_up import learning_compiled_beside
 
 
 def test_it_comes_to_its_end(bench: Path) -> None:

@@ -11,15 +11,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.bus.links.open import open_link
+from observer_rt.bus.links.opening import open_link
 from observer_rt.config.bench import load_bench, load_injector
 from observer_rt.evaluation.evaluate import History, evaluate
 from observer_rt.model.effects import sized
 from observer_rt.observer.stream.state import Reason, State
 from observer_rt.recording.formats import read_recording, write_recording
-from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import make_schedule
-from observer_rt.simulation.simulate import simulate
+from observer_rt.simulation.simulate import SimulatedNoise, simulate
 from tests.service.end_to_end import (
     RATE,
     STATUS,

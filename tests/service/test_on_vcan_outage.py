@@ -7,7 +7,7 @@ from pathlib import Path
 import can
 import pytest
 
-from observer_rt.bus.links.open import open_link
+from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.recording.replay.framing import TimedFrame

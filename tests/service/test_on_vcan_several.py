@@ -11,7 +11,7 @@ from pathlib import Path
 import can
 import pytest
 
-from observer_rt.bus.links.open import open_link
+from observer_rt.bus.links.opening import open_link
 from observer_rt.recording.replay.player import play
 from tests.service.end_to_end import END_TIMEOUT, START_TIMEOUT, STATUS, decoded
 from tests.service.participants import until

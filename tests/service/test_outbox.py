@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from observer_rt.bus.links.link import Frame, LinkDownError
 from observer_rt.service.core.messages import OutputFrame
-from observer_rt.service.outbox import CAPACITY, Outbox
+from observer_rt.service.port import CAPACITY, Outbox
 from tests.links import FakeLink
 
 

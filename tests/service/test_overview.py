@@ -5,11 +5,10 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from observer_rt.bus.mapping.bench_map import map_bench
+from observer_rt.bus.mapping.bus_map import map_bench
 from observer_rt.config.bench import load_bench
 from observer_rt.service.daemon import Daemon
-from observer_rt.service.overview import TURN, Overview
-from observer_rt.service.view import View
+from observer_rt.service.screen.view import TURN, Overview, View
 from tests.device import worn_recording
 from tests.service.participants import ScriptedLink, serving, until
 from tests.three_injectors import NAMES, frames_of_all, one_alone, three_injectors

@@ -13,13 +13,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.config.bench import EXAMPLE_BENCH
-from observer_rt.service.processors import Processors, numbers_in, processors
+from observer_rt.service.rights import Processors, numbers_in, processors
 from tests.service.participants import until
 
 NOT_THERE = 8191
 USED = """
 import os, threading
-from observer_rt.service.processors import leave_to_loops, processors
+from observer_rt.service.rights import leave_to_loops, processors
 from observer_rt.service.rights import hurry
 before, go, seen = os.sched_getaffinity(0), threading.Event(), {}
 def work(processor):
@@ -78,7 +78,7 @@ def test_isolated_ones_are_taken_without_being_asked_for(
     mine = max(os.sched_getaffinity(0))
     isolated = tmp_path / "isolated"
     isolated.write_text(f"{mine},{NOT_THERE}\n")
-    monkeypatch.setattr("observer_rt.service.processors._ISOLATED", isolated)
+    monkeypatch.setattr("observer_rt.service.rights._ISOLATED", isolated)
     found = processors(None, 2)
     assert (found.own, found.refused, found.are_isolated) == ((mine,), (), True)
     assert processors([], 2).own == ()

@@ -18,10 +18,10 @@ from hypothesis import strategies as st
 
 from observer_rt.config.bench import load_injector
 from observer_rt.estimation.gain import NoiseLevels
-from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
+from observer_rt.estimation.scalars import PARAMETERS, Parameter
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.observer.learning.knowledge import Knowledge, no_knowledge
-from observer_rt.service.state_file import load_knowledge, model_hash, save_knowledge
+from observer_rt.service.keeping.state_file import load_knowledge, model_hash, save_knowledge
 from tests.service.knowledge_samples import PRESSURE_SCALE, damage, some_knowledge
 
 MODEL = model_hash(load_injector())
@@ -225,7 +225,7 @@ import os, signal, sys
 from pathlib import Path
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.observer.learning.knowledge import no_knowledge
-from observer_rt.service.state_file import save_knowledge
+from observer_rt.service.keeping.state_file import save_knowledge
 os.replace = lambda source, target: os.kill(os.getpid(), signal.SIGKILL)
 save_knowledge(Path(sys.argv[1]), no_knowledge(NoiseLevels(1e5, 1e5, 1e-6), 1e8), sys.argv[2])
 """

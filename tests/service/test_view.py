@@ -15,8 +15,8 @@ from observer_rt.service.core.core import Core
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import Notes
-from observer_rt.service.screen.shown import ComparedRate, NominalInjection
-from observer_rt.service.view import View
+from observer_rt.service.screen.curves import ComparedRate, NominalInjection
+from observer_rt.service.screen.view import View
 from tests.device import frames_of, hand, worn_recording
 from tests.service.participants import ScriptedLink, bench_file, serving, until
 

@@ -9,8 +9,7 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.foundation.errors import RunError
 from observer_rt.observer.stream.state import Reason, State
-from observer_rt.service.own_injections import INJECTIONS
-from observer_rt.service.warm_up import warm_up
+from observer_rt.service.warm_up import INJECTIONS, warm_up
 from tests.service.participants import bench_file
 
 

@@ -14,8 +14,7 @@ from observer_rt.model.effects import effective_model
 from observer_rt.observer.stream.state import Reason, State
 from observer_rt.service.log import ServiceLog, Voice
 from observer_rt.service.notify import Notifier
-from observer_rt.service.reports.deduplication import Once
-from observer_rt.service.reports.telling import Teller
+from observer_rt.service.reports.news import Once, Teller
 from observer_rt.service.words import COUNTERS, REASONS, STATES, TOPICS, Topic, named
 from tests.pages import Page
 from tests.service.keeping.report_samples import some_report

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from observer_rt.simulation.measurement import LIFT, PRESSURE, Quantisation
+from observer_rt.simulation.simulate import LIFT, PRESSURE, Quantisation
 
 DATABASE = cantools.database.load_string((files("observer_rt.data") / "observer_fd.dbc").read_text("utf-8"))
 SIGNALS = {signal.name: signal for signal in DATABASE.get_message_by_name("SampleBlock").signals}

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Setting
-from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
+from observer_rt.estimation.scalars import PARAMETERS, Parameter
 from observer_rt.service.compiled.constants import bench_constants, configured_noise
 from tools.benchmarks.ablation import (
     BATCHES,

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.foundation.file_hash import file_hash
+from observer_rt.foundation.files import file_hash
 from tools.benchmarks.many.measure import Many, line_through
 from tools.benchmarks.many.report import figures, many_document
 from tools.benchmarks.many.run import Files, Taken, Work

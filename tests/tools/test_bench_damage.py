@@ -9,7 +9,7 @@ from rich.console import Console
 
 from observer_rt.recording.canlog.can_log import LogFrame
 from observer_rt.recording.canlog.candump import CandumpLog
-from observer_rt.recording.canlog.mdf4.reader import Mdf4Log
+from observer_rt.recording.canlog.mdf4 import Mdf4Log
 from observer_rt.recording.formats import log_formats, signal_formats, suffixes_of, written
 from tools.benchmarks import damage
 from tools.benchmarks.damage import Became, Task, damage_document, damage_table, one_file, run_damage

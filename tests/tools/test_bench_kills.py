@@ -10,7 +10,7 @@ import pytest
 
 from observer_rt.config.bench import load_bench
 from observer_rt.service.keeping.journal import JournalWriter
-from observer_rt.service.state_file import model_hash, save_knowledge
+from observer_rt.service.keeping.state_file import model_hash, save_knowledge
 from tests.service.keeping.report_samples import some_report
 from tests.service.knowledge_samples import some_knowledge
 from tools.benchmarks.kills.campaign import Plan, Strike, kills_document, run_campaign

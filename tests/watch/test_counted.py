@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from observer_rt.watch.counted import CountShift, best_place
+from observer_rt.watch.samples import CountShift, best_place
 
 LENGTH, WINDOW = 1200, 300
 

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from observer_rt.watch.page.drawing import Drawing, Parts, packed
+from observer_rt.watch.page.channel import Drawing, Parts, packed
 from observer_rt.watch.page.panel import PanelPart
 from tests.watch.message import unpacked
 

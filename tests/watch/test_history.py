@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from observer_rt.bus.mapping.output_messages import SummaryValues
-from observer_rt.watch.injection import SampleCurves, SeenInjection
 from observer_rt.watch.page.history import history_panels
+from observer_rt.watch.results import SampleCurves, SeenInjection
 
 _NOTHING = np.empty(0, np.float32)
 _NO_CURVES = SampleCurves(

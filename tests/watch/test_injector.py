@@ -12,8 +12,8 @@ from observer_rt.config.bench import Bench, load_bench
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLIMETRE
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.reports.injection_report import InjectionReport
-from observer_rt.watch.injection import SeenInjection
 from observer_rt.watch.injector import Seen, WatchedInjector
+from observer_rt.watch.results import SeenInjection
 from tests.benches import SAMPLE_RATE
 from tests.device import frames_of, worn_recording
 from tests.service.participants import bench_file

@@ -3,7 +3,7 @@
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from observer_rt.watch.page.limits import round_limits
+from observer_rt.watch.page.panel import round_limits
 
 _VALUES = st.floats(-1e4, 1e4)
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from observer_rt.bus.mapping.output_messages import SummaryValues
-from observer_rt.watch.injection import SampleCurves, SeenInjection
 from observer_rt.watch.page.controls import save_injection
+from observer_rt.watch.results import SampleCurves, SeenInjection
 
 
 def test_what_is_not_known_is_null_and_not_a_number_no_json_has(tmp_path: Path) -> None:

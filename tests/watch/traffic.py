@@ -9,9 +9,8 @@ from observer_rt.config.bench import Bench
 from observer_rt.recording.canlog.can_log import LogFrame
 from observer_rt.recording.canlog.candump import CandumpWriter
 from observer_rt.recording.replay.framing import TimedFrame
-from observer_rt.service.core.core import Core
+from observer_rt.service.core.core import Core, OutsideFigures, status_values
 from observer_rt.service.core.messages import FrameWriter, OutputFrame
-from observer_rt.service.core.status import OutsideFigures, status_values
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import News
 

@@ -17,14 +17,13 @@ from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.posterior import Belief, prior_belief
 from observer_rt.estimation.prediction_error import Linearisation
 from observer_rt.estimation.predictor import Setting, Window
-from observer_rt.estimation.scalars import SCALARS
-from observer_rt.estimation.sensitivity import Parameter
+from observer_rt.estimation.scalars import SCALARS, Parameter
 from observer_rt.foundation.units import MILLISECOND
-from observer_rt.observer.learning.change import FIRST_ITERATIONS, ITERATIONS
-from observer_rt.observer.learning.doubts.adequacy import BURN_IN
+from observer_rt.observer.learning.adequacy import BURN_IN
+from observer_rt.observer.learning.explained import FIRST_ITERATIONS, ITERATIONS
 from observer_rt.observer.learning.fitting import TOLERANCE, Cost, EventFitter, Limits
 from observer_rt.observer.learning.knowledge import EventLearner, OverheardLearner
-from observer_rt.observer.paper_scheme.bfgs import minimise
+from observer_rt.observer.paper_scheme.training import minimise
 from observer_rt.observer.stream.standstill import Standstill
 from observer_rt.observer.stream.state import Constants
 

@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from observer_rt.estimation.sensitivity import Parameter
+from observer_rt.estimation.scalars import Parameter
 from observer_rt.foundation.continuity import RECORDED_RING, Break
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND
 from observer_rt.model.sensor import LAG_UNIT

@@ -22,10 +22,9 @@ from observer_rt.recording.replay.framing import Framer, whole
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.core.core import Core
 from observer_rt.service.reports.news import Notes
-from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.plant import Truth
 from observer_rt.simulation.schedule import make_schedule
-from observer_rt.simulation.simulate import simulate
+from observer_rt.simulation.simulate import SimulatedNoise, simulate
 from tools.benchmarks.scoring import bench_at
 
 SAMPLE_RATE = 50e3  # Hz

@@ -16,7 +16,7 @@ from observer_rt.config.bench import NOMINAL_INJECTOR
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
 from observer_rt.recording.formats import write_recording
-from observer_rt.recording.signals.writers import (
+from observer_rt.recording.signals.table_writers import (
     INJECTION_RATE,
     LINE_PRESSURE,
     NEEDLE_LIFT,

@@ -1,6 +1,18 @@
-"""When samples were taken: which number a frame has, where its samples lie on the grid, how well that is known."""
+"""When samples were taken: which number a frame has, where its samples lie on the grid, how well that is known.
+
+Frames without an index are counted: by a counter where they carry one, and by a loop locked on their stamps.
+
+The n-th frame of a cyclic message was sent at t0 + n x cycle; its stamp lies later by a delay that is never
+negative. So a frame that comes late is late, not one of the next cycle: frames are lost only when the delay reaches
+the time in which the counter comes round (one cycle where there is no counter) and delays like that do not occur
+otherwise.
+
+How regularly the input messages come, and how well the time of their samples is known.
+"""
 
 import math
+from dataclasses import dataclass
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -9,24 +21,120 @@ from numpy.typing import NDArray
 from observer_rt.bus.alignment.clock import (
     CLOCK,
     ENOUGH_POINTS,
+    Jitter,
+    delay_of,
     forget,
     index_at,
+    jitter_of,
     make_clock,
     take_stamp,
     time_of,
 )
-from observer_rt.bus.alignment.counting import (
-    COUNTING,
-    Count,
-    count_frame,
-    has_slipped,
-    is_sure,
-    make_counting,
-)
+from observer_rt.bus.mapping.bus_map import BusMap, layout_of
 from observer_rt.bus.mapping.timing import Joining, Numbering
-from observer_rt.foundation.compiled import compiled, inner, inner_separate
+from observer_rt.foundation.compiled import compiled, inner, inner_separate, separate
 from observer_rt.foundation.continuity import Doubt
 from observer_rt.foundation.referenced import referenced
+from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND
+
+SURE = 0.75  # cycles short of a whole turn of the counter, up to which a delay is surely no loss
+DECIDED = 0.5  # the same, from which on frames are lost
+UNUSUAL = (
+    2.0  # times the usual greatest delay, and SURE of a cycle less than one, is a delay that tells of trouble
+)
+SLIPPED = (
+    0.5  # cycles beyond what is not known, by which all delays of a window grew: frames were lost unseen
+)
+OLD_FRAMES_OF_RESTART = 3  # consecutive old frames that mean: the device began anew
+
+COUNTING = np.dtype(
+    [
+        ("modulus", np.int64),  # of the counter; 1 without one
+        ("begun", np.bool_),
+        ("number", np.int64),  # of the last frame
+        ("sequence", np.int64),  # its counter
+        ("old", np.int64),  # frames older than the last, consecutive
+    ],
+    align=True,
+)
+
+
+class Count(IntEnum):
+    """What a frame is to the ones before it."""
+
+    NEXT = 0
+    REPEATED = 1
+    OLD = 2  # overtaken by a later one
+    ANEW = 3  # it fits nothing counted so far
+
+
+def make_counting(modulus: int) -> NDArray[np.void]:
+    """Memory (1,) for one message that no frame has come of; `modulus` of its counter, 1 without one."""
+    counting = np.zeros(1, COUNTING)
+    counting["modulus"] = modulus
+    return counting
+
+
+@separate
+def count_frame(counting, clock, sequence: int, stamp: int) -> int:  # type: ignore[no-untyped-def]
+    """Give a frame its `number`; `Count`. `sequence`: its counter; the clock counts in samples."""
+    if not counting.begun:
+        _count_anew(counting, sequence)
+        return Count.NEXT
+    cycle = clock.samples * clock.interval
+    turn = counting.modulus * cycle
+    step = (sequence - counting.sequence) % counting.modulus if counting.modulus > 1 else 1
+    number = counting.number + step
+    delay = delay_of(clock, (number + 1) * clock.samples - 1, stamp)
+    if delay >= turn - DECIDED * cycle and sees_losses(counting, clock):
+        number += counting.modulus * math.floor((delay + DECIDED * cycle) / turn)
+    elif step == 0:
+        return Count.REPEATED
+    elif delay < -DECIDED * cycle - clock.residual:
+        # it cannot have come before it was sent
+        counting.old += 1
+        if counting.modulus == 1 or counting.old >= OLD_FRAMES_OF_RESTART or delay + turn < -DECIDED * cycle:
+            _count_anew(counting, sequence)
+            return Count.ANEW
+        return Count.OLD
+    counting.number = number
+    counting.sequence = sequence
+    counting.old = 0
+    return Count.NEXT
+
+
+@inner
+def sees_losses(counting, clock) -> bool:  # type: ignore[no-untyped-def]
+    """Whether delays like those of the last window leave no doubt of how many frames were lost."""
+    cycle = clock.samples * clock.interval
+    return bool(clock.points >= ENOUGH_POINTS and clock.spread < (counting.modulus - SURE) * cycle)
+
+
+@compiled
+def is_sure(counting, clock) -> bool:  # type: ignore[no-untyped-def]
+    """Whether the frames of this window and the last are numbered without doubt."""
+    cycle = clock.samples * clock.interval
+    latest = max(clock.spread, clock.latest)
+    return bool(
+        clock.residual < math.inf
+        and latest < (counting.modulus - SURE) * cycle
+        and latest < UNUSUAL * clock.usual + (1.0 - SURE) * cycle
+    )
+
+
+@compiled
+def has_slipped(clock) -> bool:  # type: ignore[no-untyped-def]
+    """Whether the window just ended shows that frames were lost before it, unseen among their delays."""
+    return bool(clock.raised > SLIPPED * clock.samples * clock.interval + clock.residual)
+
+
+@inner
+def _count_anew(counting, sequence: int) -> None:  # type: ignore[no-untyped-def]
+    counting.begun = True
+    counting.number = 0
+    counting.sequence = sequence
+    counting.old = 0
+
 
 UNSURE = 0.25  # samples from the nearest of the grid, beyond which it may be the wrong one
 
@@ -183,3 +291,65 @@ def _find_nearest(keeping: Timekeeping, message: int, last: int) -> None:
         shift.known = True
         shift.samples = math.floor(ahead + 0.5)
     shift.off = ahead - shift.samples
+
+
+LINE_SLOPE = 0.125 * MEGAPASCAL / MICROSECOND  # Pa/s, steepest of the line pressure when the needle opens
+SECOND = 1e9  # ns
+LARGEST_DRIFT = 0.01  # of a clock; beyond it a recording is played at another speed
+
+
+@dataclass(frozen=True)
+class MessageTiming:
+    """One input message: delays of its frames, drift of its clock against the receiver's [-].
+
+    unknown [s]: what its samples may lie beside their place on the grid; 0 where an index joins them, infinite
+    while the clocks are not known.
+    """
+
+    name: str
+    jitter: Jitter
+    drift: float
+    unknown: float
+    lately: float
+    """Greatest delay in the last 0.2 s [s]."""
+
+    @property
+    def pressure_error(self) -> float:
+        """Line pressure [Pa] that `unknown` is worth."""
+        return self.unknown * LINE_SLOPE
+
+    def as_text(self) -> str:
+        """One line for the screen: delays, drift, and what they do to the samples."""
+        if self.jitter.frames == 0:
+            return f"{self.name}: times not known yet"
+        return (
+            f"{self.name}: frames came late by up to {self.jitter.greatest / MICROSECOND:.0f} us, their jitter is "
+            f"{self.jitter.sigma / MICROSECOND:.1f} us, {self._drift_as_text()}; {self._placed_as_text()}"
+        )
+
+    def _placed_as_text(self) -> str:
+        """What that means for the samples."""
+        if self.unknown == 0.0:
+            return "no sample is displaced by that: they are counted"
+        if math.isinf(self.unknown):
+            return "its samples cannot be placed: its clock is not known yet"
+        return f"by its clock, its samples are placed to {self.unknown / MICROSECOND:.2g} us"
+
+    def _drift_as_text(self) -> str:
+        if abs(self.drift) < LARGEST_DRIFT:
+            return f"drift {self.drift * 1e6:+.1f} ppm"
+        return f"sent at {1.0 / (1.0 + self.drift):.3g} times its rate"
+
+
+def timing_of(bus: BusMap, keeping: Timekeeping) -> tuple[MessageTiming, ...]:
+    """What the stamps have shown so far, message by message."""
+    grid = keeping.clocks[int(keeping.memory[0]["leading"])]
+    result = []
+    for stream, (timing, clock) in enumerate(zip(keeping.timing, keeping.clocks, strict=True)):
+        unknown = 0.0
+        if timing["joining"] == Joining.CLOCK:
+            unknown = float(grid["residual"] + clock["residual"]) / SECOND
+        drift = float(clock["drift"]) / float(clock["interval"])
+        name, lately = bus.name_of(layout_of(bus, stream)), float(clock["spread"]) / SECOND
+        result.append(MessageTiming(name, jitter_of(clock), drift, unknown, lately))
+    return tuple(result)

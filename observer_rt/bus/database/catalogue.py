@@ -1,16 +1,125 @@
-"""The bus databases of a bench: which message of which file is meant, and which bus it is on."""
+"""The bus databases of a bench: which message of which file is meant, and which bus it is on.
 
+Files are read here: what cantools refuses is refused with file, line and reason, or read leniently.
+"""
+
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
-from cantools.database.can import Message
+import cantools.database
+from cantools.database.can import Database, Message
 
-from observer_rt.bus.database.dbc_file import load_database, overlooked
 from observer_rt.bus.database.lookup import find_message
 from observer_rt.config.bench import Bench
 from observer_rt.foundation.errors import UserError
+
+_KEPT = 16  # databases
+_LENIENT = "or read it all the same: lenient = true in its [[dbc]], or --lenient"
+# As cantools says it: where it stopped, an attribute, or signals and message by name.
+_AT_LINE = re.compile(r"at line (\d+)")
+_OF_PYTHON = re.compile(
+    r"object (has no|is not|does not|cannot)|positional argument|unsupported operand|invalid literal|"
+    r"not enough values|too many values|could not convert|out of range|must be (str|int|real|a )|unexpected keyword"
+)
+_UNDEFINED = re.compile(r"uses (\S+), which it does not define")
+_IN_MESSAGE = re.compile(r"signals? (\w+).* in\s+message (\w+)")
+_MESSAGE = re.compile(r"message (\w+)\W*$")
+
+
+def load_database(path: Path, lenient: bool = False) -> Database:
+    """Load a bus database (DBC, or another CAN format cantools reads).
+
+    Signals that overlap or do not fit their message are refused, unless `lenient`: see `overlooked`.
+
+    Raises:
+        UserError: no such file, not readable, not a bus database, or not correct.
+    """
+    try:
+        found = path.stat()
+        database = _load(path, lenient, found.st_mtime_ns, found.st_size)
+    except FileNotFoundError:
+        raise UserError(str(path), "no such file", "correct the path of the bus database") from None
+    except OSError as error:
+        raise UserError(str(path), f"cannot be read: {error.strerror}") from None
+    except Exception as error:  # cantools fails in many ways on what it does not expect
+        remedy = "mend the bus database"
+        if not lenient and _is_readable(path):
+            remedy = f"{remedy}, {_LENIENT}"
+        reason = _reason(error)
+        line = _line_of(path, reason)
+        raise UserError(str(path) if line is None else f"{path}:{line}", reason, remedy) from None
+    if not isinstance(database, Database):
+        raise UserError(str(path), "is a diagnostics database, not a bus database", "name a DBC file")
+    return database
+
+
+@lru_cache(maxsize=_KEPT)
+def _load(path: Path, lenient: bool, _changed_ns: int, _size: int) -> Database:
+    """A database in this state of its file: to read one takes as long as seconds of a recording."""
+    return cantools.database.load_file(path, strict=not lenient)
+
+
+def overlooked(database: Database) -> list[str]:
+    """What would have been refused in a database that was read leniently, the first of every message."""
+    complaints = []
+    for message in database.messages:
+        try:
+            message.refresh(strict=True)
+        except cantools.Error as error:
+            complaints.append(_reason(error))
+            message.refresh(strict=False)
+    return complaints
+
+
+def _is_readable(path: Path) -> bool:
+    """Whether leniency helps."""
+    try:
+        cantools.database.load_file(path, strict=False)
+    except Exception:  # see `load_database`
+        return False
+    return True
+
+
+def _reason(error: Exception) -> str:
+    """cantools' message on one line, without its format prefix and the quotes around it."""
+    text = re.sub(r'^[A-Z]+: "(.*)"$', r"\1", str(error), flags=re.DOTALL)
+    text = " ".join(text.split()).rstrip(".")
+    missing = re.fullmatch(r"'([^']*)'", text)
+    if missing:
+        return f"uses {missing.group(1)}, which it does not define"
+    if not isinstance(error, cantools.Error | ValueError) or _OF_PYTHON.search(text):
+        return f"is incomplete, or not of the kind its name says: what reads it fails ({text})"
+    return text
+
+
+def _line_of(path: Path, reason: str) -> int | None:
+    """The line of the file that a refusal speaks of, None where it cannot be told."""
+    if (stopped := _AT_LINE.search(reason)) is not None:
+        return int(stopped.group(1))
+    lines = path.read_text(encoding="cp1252", errors="replace").splitlines()
+    if (undefined := _UNDEFINED.match(reason)) is not None:
+        use = f'BA_ "{undefined.group(1)}"'
+        return next((number for number, line in enumerate(lines, 1) if line.startswith(use)), None)
+    if (found := _IN_MESSAGE.search(reason)) is not None:
+        signal, message = found.groups()
+    elif (found := _MESSAGE.search(reason)) is not None:
+        signal, message = None, found.group(1)
+    else:
+        return None
+    inside = False
+    for number, line in enumerate(lines, 1):
+        words = re.findall(r"\w+", line)
+        if words[:1] == ["BO_"]:
+            inside = words[2:3] == [message]
+            if inside and signal is None:
+                return number
+        elif inside and signal is not None and words[:2] == ["SG_", signal]:
+            return number
+    return None
 
 
 class BusMessage(NamedTuple):

@@ -1,7 +1,7 @@
-"""Bus databases: looking up messages and signals, and the layout attributes the observer needs."""
+"""Bus databases looked up: messages, signals, their units, and the layout attributes the observer needs."""
 
 import hashlib
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,8 +9,8 @@ from cantools.database.can import Database, Message, Signal
 
 from observer_rt.bus.can_frame import CLASSIC_LENGTH
 from observer_rt.bus.j1939 import GroupIdentifier
-from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.misspelt import nearest
+from observer_rt.foundation.errors import UserError, nearest
+from observer_rt.foundation.units import factor_of
 
 NANOSECONDS_PER_MILLISECOND = 1_000_000
 NOT_AVAILABLE_NAMES = ("sna", "not_available", "signal_not_available", "value_not_available")
@@ -236,3 +236,34 @@ def _nearest(name: str, known: Sequence[str]) -> str:
     if best is not None:
         return f"nearest name: {best}"
     return f"there are: {', '.join(known)}" if known else "it has none at all: give another database"
+
+
+def from_unit(
+    place: str, message: Message, signal: str, unit: str | None, units: Mapping[str, float]
+) -> float:
+    """What a signal's unit is in SI, by `unit` of the bench file, or else what the database states.
+
+    Raises `UserError` naming `place` of the bench file for a unit that is none of `units`, nor a number of one.
+    """
+    stated = stated_unit(message, signal, unit)
+    factor = factor_of(stated, units)
+    if factor is None:
+        name = next(iter(units))
+        raise unknown_unit(place, message, stated, units, f', or a number of them ("98066.5 {name}")')
+    return factor
+
+
+def stated_unit(message: Message, signal: str, unit: str | None) -> str:
+    """The unit of a signal: `unit` of the bench file, or else what the database states; empty without."""
+    return unit or find_signal(message, signal).unit or ""
+
+
+def unknown_unit(
+    place: str, message: Message, stated: str, units: Iterable[str], others: str = ""
+) -> UserError:
+    """The error for a unit that is none of `units`; others: what else there could be."""
+    return UserError(
+        place,
+        f"unit {stated!r} of {message.name} is not known" if stated else f"{message.name} states no unit",
+        f'add unit = "..." with one of {", ".join(units)}{others}',
+    )

@@ -1,12 +1,11 @@
-"""A link over a descriptor this process was given: CAN frames as a raw SocketCAN socket has them, without a bus."""
+"""A link over a descriptor this process was given, as of a raw SocketCAN socket; and a link to nothing."""
 
 import os
 import select
 import socket
 
 from observer_rt.bus.links.link import Frame, LinkDownError
-from observer_rt.bus.links.socketcan import SocketCanLink
-from observer_rt.bus.links.stamps import StampReader
+from observer_rt.bus.links.socketcan import SocketCanLink, StampReader
 from observer_rt.foundation.errors import RunError, UserError
 
 
@@ -45,3 +44,16 @@ class DescriptorLink(SocketCanLink):
         if isinstance(failure, LinkDownError):  # nothing that comes back
             return RunError(f"the other end of descriptor {self._channel} was closed")
         return failure
+
+
+class IdleLink(DescriptorLink):
+    """Never brings a frame, and never fails: one end of a pair of sockets that nobody writes to."""
+
+    def __init__(self) -> None:
+        ours, self._other_end = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with ours:
+            super().__init__(str(ours.fileno()), True, [])
+
+    def close(self) -> None:
+        super().close()
+        self._other_end.close()

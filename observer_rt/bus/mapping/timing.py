@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from observer_rt.bus.database.e2e import UNPROTECTED, counter_values
 from observer_rt.bus.database.lookup import MessageLayout, find_signal
 from observer_rt.bus.mapping.input_tables import ROLES
-from observer_rt.bus.mapping.load import frame_time
+from observer_rt.bus.mapping.output_messages import frame_time
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.channels import undone_in_alignment
 from observer_rt.config.links import LinkConfig

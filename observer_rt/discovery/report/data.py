@@ -5,11 +5,10 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
-from observer_rt.discovery.comparison.disagreement import PHASE_NAMES
-from observer_rt.discovery.comparison.overlays import Overlay
 from observer_rt.discovery.findings import Findings
+from observer_rt.discovery.gaps import PHASE_NAMES, Overlay
 from observer_rt.discovery.report.figures import overlay_figure
-from observer_rt.discovery.report.printed_units import printed
+from observer_rt.discovery.report.text import printed
 from observer_rt.discovery.report.views import held_out_figure, with_words
 from observer_rt.discovery.search.result import Cell
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MILLISECOND, MM3_PER_MS

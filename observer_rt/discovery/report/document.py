@@ -6,11 +6,10 @@ from typing import Any
 
 from pydantic_core import to_json
 
-from observer_rt.discovery.comparison.disagreement import PHASE_NAMES, Disagreement
-from observer_rt.discovery.comparison.gaps import ModelGaps
 from observer_rt.discovery.findings import Findings, Sources, gap_share
+from observer_rt.discovery.gaps import PHASE_NAMES, Disagreement, ModelGaps
 from observer_rt.discovery.opinion import Opinion
-from observer_rt.discovery.report.printed_units import definition, printed
+from observer_rt.discovery.report.text import definition, printed
 from observer_rt.discovery.search.result import Candidate, Cell, Consequence, Discovery
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
 from observer_rt.model.effects import VOCABULARY

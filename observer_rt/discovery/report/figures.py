@@ -10,8 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from observer_rt.discovery.comparison.gaps import Gap
-from observer_rt.discovery.comparison.overlays import Overlay
+from observer_rt.discovery.gaps import Gap, Overlay
 from observer_rt.evidence.figure_look import FOUND, GIVEN, LOOK, MEASURED
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLISECOND, MM3_PER_MS
 

@@ -5,12 +5,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from observer_rt import __version__
-from observer_rt.discovery.comparison.disagreement import PHASE_NAMES, Disagreement
 from observer_rt.discovery.findings import Findings, Sources
+from observer_rt.discovery.gaps import PHASE_NAMES, Disagreement
 from observer_rt.discovery.opinion import remark
 from observer_rt.discovery.report import text, views
 from observer_rt.discovery.report.figures import overlay_figure
-from observer_rt.discovery.report.printed_units import sign
+from observer_rt.discovery.report.text import sign
 from observer_rt.discovery.search.adequacy import SIGNIFICANT
 from observer_rt.discovery.search.result import Cell
 from observer_rt.estimation.phases import Phase

@@ -4,16 +4,24 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from observer_rt.discovery.caveats import LEAST_MASS
-from observer_rt.discovery.comparison.gaps import ModelGaps
-from observer_rt.discovery.comparison.standstill import StandstillFigure
-from observer_rt.discovery.findings import Findings, explained_share
+from observer_rt.discovery.findings import LEAST_MASS, Findings, explained_share
+from observer_rt.discovery.gaps import ModelGaps
 from observer_rt.discovery.opinion import Indicator
 from observer_rt.discovery.report.figures import Bars, gap_figure
-from observer_rt.discovery.report.printed_units import UNITS, Size, printed, shown, sign, significant
-from observer_rt.discovery.report.text import candidate_words, visible_words, where_words
+from observer_rt.discovery.report.text import (
+    UNITS,
+    Size,
+    candidate_words,
+    printed,
+    shown,
+    sign,
+    significant,
+    visible_words,
+    where_words,
+)
 from observer_rt.discovery.search import search
 from observer_rt.discovery.search.result import Candidate, Consequence, Discovery, Verdict
+from observer_rt.discovery.standstill import StandstillFigure
 from observer_rt.evidence.operating_points import point_name
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
 from observer_rt.model.effect import Apparent

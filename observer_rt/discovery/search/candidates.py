@@ -10,8 +10,7 @@ from typing import Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.discovery.search.hypothesis import Hypothesis, Sizing, minimum_from
-from observer_rt.discovery.search.result import Candidate
+from observer_rt.discovery.search.result import Candidate, Hypothesis, Sizing, minimum_from
 from observer_rt.evidence.appearance import (
     HealthyAppearance,
     Signature,

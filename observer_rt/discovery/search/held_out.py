@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.discovery.search.hypothesis import Sizing
-from observer_rt.discovery.search.result import Candidate
+from observer_rt.discovery.search.result import Candidate, Sizing
 from observer_rt.estimation.prediction_error import robust_cost
 from observer_rt.evidence.bounded_fit import fit
 from observer_rt.evidence.likelihood import Evidence, JudgedModel, Trial

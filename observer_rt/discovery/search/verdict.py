@@ -1,8 +1,9 @@
-"""Which effect is missing: from recordings to the verdict."""
+"""Which effect is missing: from recordings to the verdict, and to what a bench could measure to decide."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -11,15 +12,16 @@ from observer_rt.discovery.search.adequacy import (
     HealthyBaseline,
     baseline_of,
     cells_of,
+    unexplained,
     worst,
 )
 from observer_rt.discovery.search.candidates import FitMemory, Fitter
-from observer_rt.discovery.search.decisive import decide_by
 from observer_rt.discovery.search.held_out import HeldOutPoints
 from observer_rt.discovery.search.result import (
     Candidate,
     Cell,
     Consequence,
+    Decisive,
     Discovery,
     FittedEffect,
     SmallestVisible,
@@ -33,7 +35,6 @@ from observer_rt.discovery.search.search import (
     price,
     representatives,
 )
-from observer_rt.discovery.search.unexplained import unexplained
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.evidence.appearance import healthy_remainder
 from observer_rt.evidence.bounded_fit import NORMAL_975
@@ -42,7 +43,39 @@ from observer_rt.evidence.measurement import Measurement
 from observer_rt.evidence.open_loop import mass, simulated
 from observer_rt.evidence.pooled import pool_of
 from observer_rt.foundation.errors import RunError, UserError
+from observer_rt.model.effect import WITH_A_MEASURED_RATE, Effect, Place
 from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.effects import VOCABULARY
+
+_PRESSURE_SENSORS = frozenset({Place.RAIL_SENSOR, Place.LINE_SENSOR})
+
+
+def decide_by(ids: Iterable[str], rate_measured: bool = False) -> tuple[Decisive, ...]:
+    """For every two of the effects, the measurement that would tell them apart.
+
+    rate_measured: the injection rate is among what could not tell them.
+    """
+    found: dict[str, list[str]] = {}
+    for pair in combinations(dict.fromkeys(ids), 2):
+        one, other = (VOCABULARY[each] for each in pair)
+        together = found.setdefault(_measurement(one, other, rate_measured), [])
+        together.extend(each for each in pair if each not in together)
+    return tuple(Decisive(measurement, tuple(ids)) for measurement, ids in found.items())
+
+
+def _measurement(one: Effect, other: Effect, rate_measured: bool) -> str:
+    """What the effects themselves say decides, else what decides by their places."""
+    relation, places = one.relation_to(other), {one.place, other.place}
+    said = relation.decided_by if relation is not None else one.decided_by or other.decided_by
+    if said:
+        return WITH_A_MEASURED_RATE.get(said, said) if rate_measured else said
+    if places & _PRESSURE_SENSORS:
+        return "the pressure sensors against a reference gauge, and recordings at more rail pressures"
+    at_chamber = Place.CHAMBER in places or Place.NOZZLE in places
+    more = "rail pressures and at another chamber pressure" if at_chamber else "rail pressures and durations"
+    with_rate = "" if rate_measured else ", with the injection rate measured"
+    return f"recordings at more {more}{with_rate}"
+
 
 RANKED = 8  # candidates listed
 INTERVAL_MARGIN = (

@@ -1,7 +1,6 @@
 """Stiffness of the fuel in the line."""
 
-from observer_rt.model.deciding import FUEL_OR_DRAWING
-from observer_rt.model.effect import Effect, Likeness, Place, Relation, parameter, scaled
+from observer_rt.model.effect import FUEL_OR_DRAWING, Effect, Likeness, Place, Relation, parameter, scaled
 
 EFFECT = Effect(
     id="bulk_modulus",

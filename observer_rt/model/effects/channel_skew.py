@@ -1,8 +1,7 @@
 """Line pressure recorded late, or early."""
 
 from observer_rt.foundation.units import MICROSECOND
-from observer_rt.model.deciding import BOTH_CHANNELS
-from observer_rt.model.effect import Effect, Likeness, Place, Relation, added, parameter
+from observer_rt.model.effect import BOTH_CHANNELS, Effect, Likeness, Place, Relation, added, parameter
 
 EFFECT = Effect(
     id="channel_skew",

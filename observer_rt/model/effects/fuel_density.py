@@ -1,7 +1,6 @@
 """Density of the fuel."""
 
-from observer_rt.model.deciding import FUEL_DENSITY
-from observer_rt.model.effect import Effect, Place, parameter, scaled
+from observer_rt.model.effect import FUEL_DENSITY, Effect, Place, parameter, scaled
 
 EFFECT = Effect(
     id="fuel_density",

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from observer_rt.foundation.units import MICROMETRE
-from observer_rt.model.departures import NO_DEPARTURES
 from observer_rt.model.effect import Effect, Place, parameter
 from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.parameters import NO_DEPARTURES
 
 
 def _apply(model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:

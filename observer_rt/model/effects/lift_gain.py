@@ -2,8 +2,15 @@
 
 from collections.abc import Sequence
 
-from observer_rt.model.deciding import LIFT_GAUGE, LIFT_GAUGE_OR_RATE
-from observer_rt.model.effect import Effect, Likeness, Place, Relation, parameter
+from observer_rt.model.effect import (
+    LIFT_GAUGE,
+    LIFT_GAUGE_OR_RATE,
+    Effect,
+    Likeness,
+    Place,
+    Relation,
+    parameter,
+)
 from observer_rt.model.effective import EffectiveModel
 
 

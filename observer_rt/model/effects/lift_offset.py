@@ -1,8 +1,7 @@
 """Needle-lift sensor with an offset."""
 
 from observer_rt.foundation.units import MICROMETRE
-from observer_rt.model.deciding import LIFT_GAUGE_OR_RATE
-from observer_rt.model.effect import Effect, Likeness, Place, Relation, added, parameter
+from observer_rt.model.effect import LIFT_GAUGE_OR_RATE, Effect, Likeness, Place, Relation, added, parameter
 
 EFFECT = Effect(
     id="lift_offset",

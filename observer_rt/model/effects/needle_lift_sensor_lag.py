@@ -1,8 +1,7 @@
 """Slow needle-lift sensor."""
 
 from observer_rt.foundation.units import MICROSECOND
-from observer_rt.model.deciding import LIFT_STEP
-from observer_rt.model.effect import Effect, Likeness, Place, Relation, added, parameter
+from observer_rt.model.effect import LIFT_STEP, Effect, Likeness, Place, Relation, added, parameter
 
 EFFECT = Effect(
     id="needle_lift_sensor_lag",

@@ -1,7 +1,6 @@
 """Spray holes worn wider by cavitation erosion, or narrowed by coking."""
 
-from observer_rt.model.deciding import BALLISTIC_RATE
-from observer_rt.model.effect import Effect, Likeness, Place, Relation, parameter, scaled
+from observer_rt.model.effect import BALLISTIC_RATE, Effect, Likeness, Place, Relation, parameter, scaled
 
 EFFECT = Effect(
     id="orifice_area",

@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 
 from observer_rt.foundation.units import MEGAPASCAL
-from observer_rt.model.deciding import PRESSURE_GAUGE
-from observer_rt.model.effect import Effect, Likeness, Place, Relation, parameter
+from observer_rt.model.effect import PRESSURE_GAUGE, Effect, Likeness, Place, Relation, parameter
 from observer_rt.model.effective import EffectiveModel
 
 

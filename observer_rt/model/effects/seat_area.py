@@ -1,7 +1,6 @@
 """Needle seat worn wider, or with deposits."""
 
-from observer_rt.model.deciding import BALLISTIC_RATE
-from observer_rt.model.effect import Effect, Likeness, Place, Relation, parameter, scaled
+from observer_rt.model.effect import BALLISTIC_RATE, Effect, Likeness, Place, Relation, parameter, scaled
 
 EFFECT = Effect(
     id="seat_area",

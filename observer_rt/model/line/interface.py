@@ -15,8 +15,7 @@ from numba.np.unsafe.ndarray import to_fixed_tuple
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from observer_rt.model.departures import Departures
-    from observer_rt.model.parameters import InjectorParameters
+    from observer_rt.model.parameters import Departures, InjectorParameters
 
 
 class Slopes(NamedTuple):

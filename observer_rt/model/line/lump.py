@@ -10,8 +10,7 @@ from observer_rt.foundation.compiled import compiled, inlined, inner
 from observer_rt.model.line.interface import Slopes, no_slopes, register
 
 if TYPE_CHECKING:
-    from observer_rt.model.departures import Departures
-    from observer_rt.model.parameters import InjectorParameters
+    from observer_rt.model.parameters import Departures, InjectorParameters
 
 STIFFNESS_PRESSURE = 100e6  # Pa, at which a pressure-dependent bulk modulus is K_L
 LOWEST_PRESSURE = 0.01  # of p_0, at which entrained air is taken to soften the line no further

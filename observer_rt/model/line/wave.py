@@ -26,8 +26,7 @@ from observer_rt.model.line.interface import register
 from observer_rt.model.line.lump import STIFFNESS_PRESSURE
 
 if TYPE_CHECKING:
-    from observer_rt.model.departures import Departures
-    from observer_rt.model.parameters import InjectorParameters
+    from observer_rt.model.parameters import Departures, InjectorParameters
     from observer_rt.model.parameters import LineParameters as LineParameters
 
 NAMES = ("wave", "wave_two_part")  # of `line.model`; in two parts where their impedances differ

@@ -4,18 +4,17 @@ from dataclasses import dataclass
 
 from observer_rt.estimation.phases import PhaseStatistics
 from observer_rt.estimation.predictor import Window
-from observer_rt.estimation.scalars import Theta
-from observer_rt.estimation.sensitivity import Parameter
+from observer_rt.estimation.scalars import Parameter, Theta
 from observer_rt.model.sensor import LAG_UNIT
-from observer_rt.observer.learning.disturbances.colour import Colour
-from observer_rt.observer.learning.doubts.adequacy import (
+from observer_rt.observer.learning.adequacy import (
     Innovations,
     Objection,
     event_statistics,
     objections,
     pooled,
 )
-from observer_rt.observer.learning.healthy import Healthy
+from observer_rt.observer.learning.disturbances.colour import Colour
+from observer_rt.observer.learning.indicators import Healthy
 from observer_rt.observer.stream.state import Constants, Reason
 
 

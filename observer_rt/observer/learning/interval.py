@@ -1,13 +1,15 @@
-"""How well the injection rate and the injected volume are known."""
+"""How well injection rate and injected volume are known, with variance added away from learned operating points."""
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.gain import NoiseLevels
-from observer_rt.estimation.input_noise import InputVariance, input_variance
-from observer_rt.estimation.open_loop import OpenLoop, open_loop
+from observer_rt.estimation.open_loop import InputVariance, OpenLoop, input_variance, open_loop
 from observer_rt.estimation.predictor import Setting, Window
 from observer_rt.estimation.scalars import SCALARS, Scalars
 
@@ -79,3 +81,48 @@ def rate_sigma(event: Resimulated, window: slice) -> NDArray[np.float64]:
 
 def _volume(event: Resimulated, window: slice) -> float:
     return float(np.trapezoid(event.run.rate[window])) * event.interval
+
+
+REMEMBERED = 16  # points; the oldest is forgotten
+# Distances over which what is wrong with a model changes: of rail pressure [p_0], of the logarithm of the time the
+# needle is open, and of the widest seat area.
+REACH = (0.4, 0.7, 0.4)
+EVENT_SHARE = 0.3  # variance, of what one event tells of its own point, over that between distant points
+UNSEEN = 2e-3  # of a rate: standard deviation of what a learned model still gets wrong at a point far from all seen
+
+
+class EventPoint(NamedTuple):
+    """An event's: rail pressure [p_0] at its opening, logarithm of the time [s] open, widest normalised area."""
+
+    rail_pressure: float
+    open_time: float
+    area: float
+
+
+def operating_point(window: Window, interval: float) -> EventPoint:
+    """That of an event; interval of its samples [s]."""
+    area = window.inputs[:, 1]
+    samples = max(int(np.count_nonzero(area > 0.0)), 1)
+    return EventPoint(
+        float(window.inputs[window.opening, 0]), math.log(samples * interval), float(np.max(area))
+    )
+
+
+def unfamiliarity(point: EventPoint, learned_at: Sequence[EventPoint]) -> float:
+    """Share 0 .. 1 of a model's error at a point that events elsewhere leave open, 1 with none.
+
+    By a Gaussian process of unit variance, whose covariance falls off with the squared distance over `REACH`:
+    Rasmussen, Williams, Gaussian Processes for Machine Learning, equation (2.26).
+    """
+    if not learned_at:
+        return 1.0
+    points = np.array([*learned_at, point]) / REACH
+    covariance = np.exp(-0.5 * np.sum((points[:, None, :] - points[None, :, :]) ** 2, axis=2))
+    among, across = covariance[:-1, :-1], covariance[:-1, -1]
+    told = across @ np.linalg.solve(among + EVENT_SHARE * np.eye(len(learned_at)), across)
+    return math.sqrt(max(1.0 - float(told), 0.0))
+
+
+def remembered(learned_at: Sequence[EventPoint], point: EventPoint) -> tuple[EventPoint, ...]:
+    """The points with one more, the newest last."""
+    return (*learned_at, point)[-REMEMBERED:]

@@ -14,11 +14,10 @@ from observer_rt.estimation.phases import PhaseStatistics, no_statistics
 from observer_rt.estimation.posterior import Belief, prior_belief
 from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.scalars import SCALARS, Scalars, Theta
+from observer_rt.observer.learning.adequacy import Objection
 from observer_rt.observer.learning.disturbances.colour import Colour
-from observer_rt.observer.learning.doubts.adequacy import Objection
-from observer_rt.observer.learning.healthy import SAME_RATE
-from observer_rt.observer.learning.interval import Resimulated
-from observer_rt.observer.learning.operating_range import EventPoint
+from observer_rt.observer.learning.indicators import SAME_RATE
+from observer_rt.observer.learning.interval import EventPoint, Resimulated
 from observer_rt.observer.stream.phi import Phi, StructuredPhi
 from observer_rt.observer.stream.standstill import Standstill
 from observer_rt.observer.stream.state import Constants

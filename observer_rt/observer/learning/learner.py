@@ -14,15 +14,9 @@ from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.phases import Phase, no_statistics
 from observer_rt.estimation.posterior import Belief
 from observer_rt.estimation.predictor import Setting, Window
-from observer_rt.estimation.scalars import SCALARS, Scalars, Theta
-from observer_rt.estimation.sensitivity import Parameter
+from observer_rt.estimation.scalars import SCALARS, Parameter, Scalars, Theta
 from observer_rt.model.sensor import LAG_UNIT
-from observer_rt.observer.learning.adoption import Rehearsed, is_better
-from observer_rt.observer.learning.disturbances.colour import OffsetSince
-from observer_rt.observer.learning.disturbances.energizing import Energizing
-from observer_rt.observer.learning.disturbances.levels import Sigmas
-from observer_rt.observer.learning.disturbances.pressure_gains import PressureGains
-from observer_rt.observer.learning.doubts.adequacy import (
+from observer_rt.observer.learning.adequacy import (
     Innovations,
     Objection,
     event_statistics,
@@ -32,20 +26,35 @@ from observer_rt.observer.learning.doubts.adequacy import (
     of_standstill,
     pooled,
 )
-from observer_rt.observer.learning.doubts.fallback import Freezer, Mistrust
-from observer_rt.observer.learning.doubts.lateness import LagDoubt, lag_score, lateness_of
-from observer_rt.observer.learning.doubts.lift_lateness import LiftLag, LiftLagSearch, lift_lag_of
+from observer_rt.observer.learning.disturbances.coil_current import Energizing
+from observer_rt.observer.learning.disturbances.colour import OffsetSince
+from observer_rt.observer.learning.disturbances.noise_levels import Sigmas
+from observer_rt.observer.learning.disturbances.pressure_gains import PressureGains
 from observer_rt.observer.learning.explained import Believed, EventReader, Explained
-from observer_rt.observer.learning.healthy import NOT_FITTED, Healthy
-from observer_rt.observer.learning.indicators import nozzle_change
-from observer_rt.observer.learning.interval import Resimulated, resimulated
+from observer_rt.observer.learning.fallback import Freezer, Mistrust, Rehearsed, is_better
+from observer_rt.observer.learning.indicators import NOT_FITTED, Healthy, nozzle_change
+from observer_rt.observer.learning.interval import (
+    UNSEEN,
+    Resimulated,
+    operating_point,
+    remembered,
+    resimulated,
+    unfamiliarity,
+)
 from observer_rt.observer.learning.knowledge import (
     Adoption,
     Knowledge,
     Outcome,
     no_knowledge,
 )
-from observer_rt.observer.learning.operating_range import UNSEEN, operating_point, remembered, unfamiliarity
+from observer_rt.observer.learning.lateness import (
+    LagDoubt,
+    LiftLag,
+    LiftLagSearch,
+    lag_score,
+    lateness_of,
+    lift_lag_of,
+)
 from observer_rt.observer.stream.phi import StructuredPhi
 from observer_rt.observer.stream.standstill import Standstill
 from observer_rt.observer.stream.state import Constants, Reason

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.estimation.sensitivity import Parameter
+from observer_rt.estimation.scalars import Parameter
 
 WEAR = (int(Parameter.NOZZLE_BIAS), int(Parameter.SEAT_BIAS))
 REMEMBERED = 0.8  # weight of the scores before this event

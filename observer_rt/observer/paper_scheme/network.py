@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.foundation.compiled import compiled, inlined
+from observer_rt.foundation.small_arrays import WIDTH, filled, load, store, sum_of, whole_vectors
 from observer_rt.model.network import ARGUMENTS, HIDDEN, activation, fast_tanh
-from observer_rt.model.vectors import WIDTH, filled, load, store, sum_of, whole_vectors
 
 ROWS = 3  # m, one output for every state
 WEIGHTS = HIDDEN * ARGUMENTS + ROWS * HIDDEN + ROWS

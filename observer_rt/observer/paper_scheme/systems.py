@@ -11,6 +11,8 @@ a pressure rate to a difference of model rates that it does not belong to. Exact
 
 for which the gradient (13) is exact. L = [1 0 a6/a2]^T, the paper's [1 0 12]^T for the nominal injector: what the
 nozzle flow lacks is missed by line and sac in this ratio (27).
+
+The identification gain l of (5): between what the line does and what the samples show.
 """
 
 from typing import Any, NamedTuple
@@ -18,14 +20,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.estimation.predictor import Window
 from observer_rt.foundation.compiled import compiled, inlined, inner
+from observer_rt.foundation.errors import UserError
 from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.hydraulics import empty_if_drained, nozzle_law
 from observer_rt.model.integrator import between, integrate
 from observer_rt.model.network import Network
-from observer_rt.model.nozzle import nozzle_law
 from observer_rt.model.right_hand_side import right_hand_side
-from observer_rt.model.sac import empty_if_drained
 from observer_rt.observer.paper_scheme.network import FreeNetwork, free_fault
 
 
@@ -193,3 +196,45 @@ def swept(window: Window, setting: PaperSetting, network: FreeNetwork) -> EventP
     )
     sweep(window, setting, network, result)
     return result
+
+
+WELL_ABOVE = 4.0  # times the line mode, below which the target of phi is mostly the fault's derivative
+ROUNDING = 1e-9  # a sample rate may be known as the inverse of an interval
+LARGEST_NOISE = 0.1  # of the nozzle flow at p_0, the noise of one sample of the target
+
+
+def check_gain(place: str, gain: float, c: Coefficients, sample_rate: float) -> None:
+    """Refuse a gain l [1/s] that cannot identify anything at `sample_rate` [Hz].
+
+    L l e~ is the fault through l s / (s^2 + l s + w^2), w the line mode: a high pass that only a gain well above w
+    moves out of the way. Above the sample rate there is nothing between two samples for x~ to follow.
+    Raises `UserError` naming `place`.
+    """
+    lowest = WELL_ABOVE * c.line.mode
+    if gain <= c.line.mode:
+        raise UserError(
+            place,
+            f"{gain:g} 1/s is not above the line's own {c.line.mode:.0f} rad/s: x~ would follow the fault",
+            f"give {lowest:.2g} to {sample_rate:g} 1/s"
+            if lowest < sample_rate
+            else f"sample at {lowest:.2g} Hz or more, and give a gain up to that",
+        )
+    if gain > sample_rate * (1.0 + ROUNDING):
+        raise UserError(
+            place,
+            f"{gain:g} 1/s is faster than the samples, {sample_rate:g} Hz",
+            f"give at most {sample_rate:g} 1/s, or sample faster",
+        )
+
+
+def doubts_about_gain(gain: float, c: Coefficients, noise: NoiseLevels) -> str | None:
+    """What speaks against an admissible gain l [1/s], None when nothing does."""
+    if gain < WELL_ABOVE * c.line.mode:
+        return (
+            f"only {gain / c.line.mode:.2g} times the line's own {c.line.mode:.0f} rad/s: "
+            "the target of phi is mostly the derivative of the fault"
+        )
+    share = gain * noise.line_pressure / c.pressure_scale / c.line.a2_nozzle
+    if share > LARGEST_NOISE:
+        return f"a sample of the target of phi has noise of {share:.0%} of the nozzle flow"
+    return None

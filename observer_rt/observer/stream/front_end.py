@@ -9,7 +9,7 @@ import math
 
 from observer_rt.foundation.compiled import compiled, inlined, inner, inner_separate
 from observer_rt.model.effective import InputTerms
-from observer_rt.model.seat import normalised_area
+from observer_rt.model.hydraulics import normalised_area
 from observer_rt.observer.stream.state import RING, Observer
 
 LOOK_BACK = 3  # samples before the crossing of the dead band whose raw lift counts

@@ -2,8 +2,8 @@
 
 import math
 
-from observer_rt.foundation.bound import call
 from observer_rt.foundation.compiled import compiled, inner, inner_separate, separate
+from observer_rt.foundation.referenced import call
 from observer_rt.foundation.small_arrays import copy_matrix, copy_vector
 from observer_rt.observer.stream.pair import FURTHEST_OFFSET
 from observer_rt.observer.stream.state import PENDING_EVENTS, Observer, Reason

@@ -3,10 +3,15 @@
 The coil is energized some tenths of a millisecond before the needle opens, and no more when it closes: a step so
 shortly before an opening is gone when the needle sinks. At the lifts in between, which limit no flow, it matters
 little.
+
+A needle that has come down and lingers just off its seat: it is shut, and its lift's zero is there.
+
+Sensors creep: after a long opening a shut needle shows some micrometres for milliseconds. Taken for an open one, the
+injection would go on for as long.
 """
 
-from observer_rt.foundation.compiled import inlined, inner
-from observer_rt.observer.stream.front_end import LOWEST
+from observer_rt.foundation.compiled import inlined, inner, inner_separate
+from observer_rt.observer.stream.front_end import LOWEST, known
 from observer_rt.observer.stream.state import RING, Observer
 
 QUICK = 80e-6  # s, of the mean that shows a step
@@ -118,3 +123,52 @@ def shift_lifts(observer: Observer, begin: int, step: float) -> None:
     """Of the samples from `begin` on whose lift is known already, the zero was higher by a step [m]."""
     for k in range(begin, observer.memory[0].lifted):
         observer.ring[k & _MASK].lift -= step
+
+
+MOST_BANDS = 2.0  # dead bands: what stays higher than that is no creep of the zero
+BEYOND_SEAT = LOWEST  # m, from which the needle must have come down
+
+
+@inlined
+def lingers(observer: Observer, position: int) -> bool:
+    """Whether an open needle that is not recorded as shut may be at rest from shortly before `position` on."""
+    memory = observer.memory[0]
+    lift = observer.ring[position & _MASK].lift
+    return bool(0.0 < lift < MOST_BANDS * memory.lift_on and memory.summit > BEYOND_SEAT)
+
+
+@inner_separate
+def come_to_rest(observer: Observer, position: int) -> bool:
+    """Shut a needle that lingers at a lift just off its seat, and move the zero there; False if it still moves.
+
+    Flat over the look-ahead and the samples before it: the top of a bounce is too short for that.
+    """
+    memory = observer.memory[0]
+    before = observer.constants.timing.confirm
+    begin, end = position - before, position + known(observer, position) + 1
+    if begin <= memory.foot or end - position <= before:
+        return False
+    level = 0.0
+    for k in range(begin, end):
+        level += observer.ring[k & _MASK].lift / (end - begin)
+    if not memory.lift_off < level < MOST_BANDS * memory.lift_on:
+        return False
+    trend, length = 0.0, 0.0
+    for k in range(begin, end):
+        row = observer.ring[k & _MASK]
+        if not abs(row.lift - level) < memory.lift_on:
+            return False
+        along = k - 0.5 * (begin + end - 1)
+        trend += along * row.lift
+        length += along * along
+    if not abs(trend / length) * (end - begin) < memory.lift_off:
+        return False
+    for k in range(begin, position):
+        row = observer.ring[k & _MASK]
+        row.lift_area = 0.0
+        row.seat_area = 0.0
+    memory.needle_open = False
+    memory.shut_since = observer.ring[begin & _MASK].index
+    shift_zero(observer, level)
+    shift_lifts(observer, position, level)
+    return True

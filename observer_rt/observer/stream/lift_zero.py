@@ -1,4 +1,7 @@
-"""The lift a shut needle shows: its zero, followed, and what the line pressure adds to it; both are no motion."""
+"""The lift a shut needle shows: its zero, followed, and what the line pressure adds to it; both are no motion.
+
+How far the needle opens: the lift at which long openings stay, for the scale of the sensor.
+"""
 
 import math
 
@@ -16,7 +19,6 @@ from observer_rt.observer.stream.lift_step import (
     shift_zero,
     since_step,
 )
-from observer_rt.observer.stream.lift_stop import follow_opening, take_opening
 from observer_rt.observer.stream.standstill import (
     DIFFERENCE_GAIN,
     ENOUGH_SAMPLES,
@@ -24,6 +26,37 @@ from observer_rt.observer.stream.standstill import (
     square_of_difference,
 )
 from observer_rt.observer.stream.state import RING, Observer
+
+NEAR = 0.1  # share by which a lift may differ from the highest so far and be that of the same stop
+REMEMBERED = 20  # openings
+
+
+@inner
+def follow_opening(observer: Observer, position: int) -> None:
+    """At a sample with the needle open: note where it stays, the highest such lift of the opening."""
+    memory = observer.memory[0]
+    lift = observer.ring[position & _MASK].lift
+    if not abs(lift - memory.level) <= memory.lift_on:
+        memory.level, memory.level_count = lift, 1
+        return
+    memory.level_count += 1
+    memory.level += (lift - memory.level) / memory.level_count
+    if memory.level_count >= observer.constants.timing.bounce:
+        memory.highest = max(memory.highest, memory.level)
+
+
+@inner
+def take_opening(observer: Observer) -> None:
+    """The needle is shut: the highest lift at which it stayed is that of the stop, if it is not far below others."""
+    memory = observer.memory[0]
+    highest = memory.highest
+    memory.highest, memory.level_count = 0.0, 0
+    if highest > (1.0 + NEAR) * memory.stop:
+        memory.stop, memory.stop_openings = highest, 1
+    elif highest > (1.0 - NEAR) * memory.stop:
+        memory.stop_openings += 1
+        memory.stop += (highest - memory.stop) / min(memory.stop_openings, REMEMBERED)
+
 
 ZERO_RATE = 800.0  # 1/s: share of a sample in the running zero over the sample interval
 # of a zero that moves on too fast for a mean, as hum lets it: its level and slope are those of a mean and its mean

@@ -6,9 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.foundation.bound import Bound
 from observer_rt.foundation.continuity import Break, Doubt
-from observer_rt.foundation.referenced import referenced
+from observer_rt.foundation.referenced import Bound, referenced
 from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effective import InputTerms
 from observer_rt.model.network import ARGUMENTS, HIDDEN

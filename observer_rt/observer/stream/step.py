@@ -28,7 +28,7 @@ from observer_rt.observer.stream.front_end import (
     stays_low,
 )
 from observer_rt.observer.stream.judgement import given_up, judged
-from observer_rt.observer.stream.lift_rest import come_to_rest, lingers
+from observer_rt.observer.stream.lift_step import come_to_rest, lingers
 from observer_rt.observer.stream.lift_zero import follow_lift, is_beyond_limit, look_at_start, take_out_zero
 from observer_rt.observer.stream.outliers import inspect
 from observer_rt.observer.stream.pair import start_pair, step_pair

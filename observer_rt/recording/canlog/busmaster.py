@@ -5,10 +5,8 @@ from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
 
-from observer_rt.recording.canlog.can_log import NANOSECONDS, LogFrame
-from observer_rt.recording.canlog.foreign import head_of
-from observer_rt.recording.canlog.log_format import LogFormat
-from observer_rt.recording.canlog.text_log import TextLogReader
+from observer_rt.recording.canlog.can_log import NANOSECONDS, LogFormat, LogFrame
+from observer_rt.recording.canlog.text_log import TextLogReader, head_of
 
 MARK = b"***BUSMASTER"
 DAY = 24 * 3600 * NANOSECONDS

@@ -1,8 +1,9 @@
-"""CAN logs, whatever their format: the frames they hold, what they leave out, and how both are read and written."""
+"""CAN logs, whatever their format: frames they hold, what they leave out, how formats are described and written."""
 
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from typing import ClassVar, NamedTuple, NoReturn, Self
@@ -10,7 +11,8 @@ from typing import ClassVar, NamedTuple, NoReturn, Self
 from observer_rt.bus.can_frame import CLASSIC_LENGTH, EXTENDED_MASK, FD_LENGTHS, STANDARD_MASK
 from observer_rt.bus.links.link import Frame
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.file_errors import file_errors
+from observer_rt.foundation.files import file_errors
+from observer_rt.recording.file_format import FileFormat
 
 NANOSECONDS = 1_000_000_000  # in a second
 REORDERED = 1_000_000  # ns by which drivers are seen to hand over frames in the wrong order
@@ -240,3 +242,22 @@ def text_nanoseconds(text: str, digits: int = 9) -> int:
     whole, _, fraction = text.replace(",", ".").partition(".")
     factor: int = 10**digits
     return int(whole) * factor + int(fraction[:digits].ljust(digits, "0"))
+
+
+@dataclass(frozen=True)
+class LogFormat(FileFormat):
+    """A kind of file that holds CAN frames; callables take the path, those that write the time of the start [ns]."""
+
+    reader: Callable[[Path], LogReader]
+    writer: Callable[[Path, int], LogWriter] | None = None
+    """None where it is only read."""
+    recorder: Callable[[Path, int], LogRecorder] | None = None
+    """None where what was written so far could not be read after a loss of power."""
+    keeps_fd: bool = True
+    """Whether CAN FD frames can be written."""
+    stamp_step: int = 1
+    """ns to which stamps are written."""
+    is_text: bool = False
+    """Whether its reader is a `TextLogReader`, which also reads what gzip packed."""
+    recognises: Callable[[Path], bool] | None = None
+    """Whether a file is of this format, where those of another have the same suffix; None: any is."""

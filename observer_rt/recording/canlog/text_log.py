@@ -1,14 +1,63 @@
-"""Logs of text, line by line, packed by gzip or not."""
+"""Logs of text, line by line, packed or not: foreign content is named, times from start or line to line are told."""
 
+import gzip
 import zlib
 from collections.abc import Iterator
+from contextlib import suppress
 from gzip import BadGzipFile, GzipFile
 from io import TextIOWrapper
+from pathlib import Path
 from typing import BinaryIO, NoReturn, cast
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.canlog.can_log import LogReader
-from observer_rt.recording.canlog.foreign import GZIP_MARK, likeness
+
+GZIP_MARK = b"\x1f\x8b"
+_HEAD = 200  # bytes
+_READ = (  # how a file begins, whose it is, the suffix it is read by
+    (b"date ", "a log of Vector's tools", ".asc"),
+    (b"base hex", "a log of Vector's tools", ".asc"),
+    (b";$FILEVERSION", "a log of PEAK's tools", ".trc"),
+    (b";##########", "a log of PEAK's tools", ".trc"),
+    (b"***BUSMASTER", "a log of BUSMASTER", ".log"),
+    (b"LOGG", "Vector's binary log", ".blf"),
+    (b"MDF ", "an MDF file", ".mf4"),
+    (b"UnFinMF", "an MDF file", ".mf4"),
+    (b"(", "a log of candump", ".log"),
+)
+_UNREAD = (
+    (b"Time Stamp,ID,", "a log of SavvyCAN"),
+    (b"timestamp,arbitration_id", "python-can's .csv"),
+    (b"SQLite format 3", "a database, as python-can's .db"),
+    (b"CAN Record", "a log of Kvaser's tools"),
+    (b"Kvaser", "a log of Kvaser's tools"),
+    (b"\xff\xfe", "text in UTF-16"),
+    (b"PK\x03\x04", "a zip archive"),
+)
+
+
+def head_of(path: Path) -> bytes:
+    """How a file begins, that of a packed one unpacked. Raises `OSError` for a file that cannot be opened."""
+    with path.open("rb") as file:
+        head = file.read(_HEAD)
+        if head.startswith(GZIP_MARK):
+            file.seek(0)
+            with suppress(OSError, EOFError, zlib.error):
+                head = gzip.GzipFile(fileobj=file).read(_HEAD)
+    return head.removeprefix(b"\xef\xbb\xbf")
+
+
+def likeness(path: Path) -> tuple[str, str]:
+    """What a file looks like and what to do about it, for the ends of problem and remedy; empty if unknown."""
+    head = head_of(path).lstrip()
+    for mark, name, suffix in _READ:
+        if head.startswith(mark) and path.suffix.lower() != suffix:
+            return f"; it looks like {name}", f"name it so: {path.stem}{suffix}"
+    for mark, name in _UNREAD:
+        if head.startswith(mark):
+            return f"; it looks like {name}", "export it as .asc, .blf or .trc from the program that wrote it"
+    return "", ""
+
 
 _LINES_TO_KNOW = 20
 _SIZE_AT_END = 4  # bytes of a gzip file that say how long its content is
@@ -51,3 +100,35 @@ class TextLogReader(LogReader):
         """As `refuse`, saying what the file looks like instead if nothing of it could be read so far."""
         looks, rename = likeness(self.path) if number <= _LINES_TO_KNOW else ("", "")
         self.refuse(number, f"{problem}{looks}", rename or remedy)
+
+
+SURE_OF_START = 30  # times that are the largest so far
+SURE_OF_LINES = 8  # times that differ from the one before
+
+
+class Rising:
+    """Counts times that are the largest so far: of those from a start most are, though frames are swapped."""
+
+    def __init__(self) -> None:
+        self._before = 0
+        self._largest = 0
+        self._rises = 0
+        self._changes = 0
+
+    def add(self, time: int) -> None:
+        """Take the time of the next line, in any unit."""
+        self._changes += time != self._before
+        self._before = time
+        if time > self._largest:
+            self._largest = time
+            self._rises += 1
+
+    @property
+    def is_from_start(self) -> bool:
+        """Whether they surely count from a start."""
+        return self._rises >= SURE_OF_START and 2 * self._rises > self._changes
+
+    @property
+    def is_from_line_to_line(self) -> bool:
+        """Whether they surely are distances."""
+        return self._changes >= SURE_OF_LINES and 2 * self._rises < self._changes

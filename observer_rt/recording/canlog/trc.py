@@ -11,11 +11,11 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.recording.canlog.can_log import (
     NANOSECONDS,
     ChannelNumbers,
+    LogFormat,
     LogFrame,
     LogWriter,
     text_nanoseconds,
 )
-from observer_rt.recording.canlog.log_format import LogFormat
 from observer_rt.recording.canlog.text_log import TextLogReader
 
 DAY_ZERO = datetime(1899, 12, 30, tzinfo=UTC)

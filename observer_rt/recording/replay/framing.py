@@ -1,4 +1,4 @@
-"""A recording as the frames a measuring device would send, by the bench's bus map."""
+"""A recording as the frames a measuring device would send, by the bench's bus map; what they cannot hold is said."""
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
@@ -14,12 +14,15 @@ from observer_rt.bus.database.e2e import protect
 from observer_rt.bus.database.multiplexing import is_selected
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.input_tables import MAX_INPUTS, ROLES
+from observer_rt.bus.mapping.signal_range import message_of, role_range, role_resolution
 from observer_rt.bus.mapping.timing import Numbering
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench
+from observer_rt.config.signals import Role
 from observer_rt.foundation.compiled import compiled, inner
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.small_arrays import copy_vector
-from observer_rt.foundation.units import MICROMETRE, MILLISECOND
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIMETRE, MILLISECOND
+from observer_rt.recording.signals.plausible import Survey
 from observer_rt.recording.signals.recording import Recording, Sampled
 
 WINDOW_BEFORE = 2 * MILLISECOND  # of standstill before an injection, in which x~ becomes good
@@ -288,3 +291,29 @@ def _column(column, values, position, index, counter, inputs, group):  # type: i
             column[frame] = (counter[0] + frame * counter[1]) % timing.modulus
     else:
         column[:] = np.nan
+
+
+_SHOWN_UNIT = {
+    Role.RAIL_PRESSURE: ("MPa", MEGAPASCAL),
+    Role.NEEDLE_LIFT: ("mm", MILLIMETRE),
+    Role.LINE_PRESSURE: ("MPa", MEGAPASCAL),
+}
+
+
+def clamped_in(survey: Survey, bus: BusMap) -> list[str]:
+    """One line for every role with values that the bus cannot hold, which are clamped when sent."""
+    warnings = []
+    for role in ROLES:
+        found, limits = survey.signals[role.value], role_range(bus, role)
+        unit, factor = _SHOWN_UNIT[role]
+        for reached, limit, is_beyond in (
+            (found.lowest, limits.lowest, limits.lowest - found.lowest),
+            (found.highest, limits.highest, found.highest - limits.highest),
+        ):
+            if is_beyond > 0.5 * role_resolution(bus, role, limit):
+                name = bus.input_layouts[message_of(bus, role)].name
+                warnings.append(
+                    f"{role}: reaches {reached / factor:.6g} {unit}, beyond {limit / factor:.6g} {unit}, the limit "
+                    f"of {name}, and is clamped to it"
+                )
+    return warnings

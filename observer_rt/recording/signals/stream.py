@@ -1,17 +1,18 @@
-"""Recordings read in parts: as long as the disk is large, in memory that does not depend on it."""
+"""Recordings read in chunks: as long as the disk is large, in memory that does not depend on it."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.config.recording import Meaning
-from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.errors import RunError, UserError
+from observer_rt.recording.signals.plausible import Survey
 from observer_rt.recording.signals.recording import Chunk, Recording
-from observer_rt.recording.signals.survey import Survey
 
 SAMPLES_AT_ONCE = 1 << 14
 LONGEST_HOLE = 1 << 24  # samples that may lie between two stretches put into one array
@@ -166,3 +167,72 @@ class HeldSignals(SignalStream):
         """The recording."""
         whole = self._recording
         return whole if whole.meaning is self.meaning else replace(whole, meaning=self.meaning)
+
+
+class Bounds(Protocol):
+    """Samples [start, end)."""
+
+    @property
+    def start(self) -> int: ...
+
+    @property
+    def end(self) -> int: ...
+
+
+def cut(chunk: Chunk, start: int, end: int) -> Chunk:
+    """Samples [start, end) of a chunk."""
+    return replace(_each(chunk, lambda values: values[start:end]), first=chunk.first + start)
+
+
+def copied(chunk: Chunk) -> Chunk:
+    """The same samples without the larger chunk that they were cut from."""
+    return _each(chunk, lambda values: values.copy())
+
+
+def followed(before: Chunk, after: Chunk) -> Chunk:
+    """A chunk and the one that follows it, as one."""
+
+    def both(name: str) -> NDArray[np.float64]:
+        return np.concatenate((getattr(before, name), getattr(after, name)))
+
+    return replace(
+        before,
+        time=both("time"),
+        rail_pressure=both("rail_pressure"),
+        needle_lift=both("needle_lift"),
+        line_pressure=both("line_pressure"),
+        injection_rate=None if before.injection_rate is None else both("injection_rate"),
+    )
+
+
+def pieces(chunks: Iterable[Chunk], spans: Iterable[Bounds]) -> Iterator[Chunk]:
+    """The samples of spans, which rise and do not overlap, from the chunks of one stretch; the rest is passed over.
+
+    Raises `RunError` where the chunks end before the spans do.
+    """
+    waiting = iter(chunks)
+    held: Chunk | None = None
+    for span in spans:
+        while held is None or held.first + held.samples < span.end:
+            following = next(waiting, None)
+            if following is None:
+                raise RunError("the recording became shorter while it was read")
+            done = 0 if held is None else span.start - held.first
+            held = following if held is None or done >= held.samples else _rest(held, done, following)
+        yield cut(held, span.start - held.first, span.end - held.first)
+
+
+def _each(chunk: Chunk, change: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> Chunk:
+    rate = chunk.injection_rate
+    return replace(
+        chunk,
+        time=change(chunk.time),
+        rail_pressure=change(chunk.rail_pressure),
+        needle_lift=change(chunk.needle_lift),
+        line_pressure=change(chunk.line_pressure),
+        injection_rate=None if rate is None else change(rate),
+    )
+
+
+def _rest(held: Chunk, done: int, following: Chunk) -> Chunk:
+    return followed(cut(held, max(0, done), held.samples), following)

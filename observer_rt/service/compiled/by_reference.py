@@ -1,8 +1,8 @@
-"""The pipeline in the hands of compiled code: given once, then called by reference.
+"""The pipeline in the hands of compiled code: given once, then called by reference, with many frames at once.
 
 A tuple of arrays that Python gives at every call would be taken apart at every call, leaf by leaf, which takes longer
 than the samples of a frame. Here it lies in a record of compiled code, and the machine code is called without a look
-at the types of its arguments, which are always the same.
+at the types of its arguments, which are always the same. It goes on as far as Python need not be asked.
 """
 
 from functools import cached_property
@@ -15,13 +15,38 @@ from numba.experimental import structref
 from numba.extending import intrinsic, overload_attribute
 from numpy.typing import NDArray
 
-from observer_rt.bus.frame_block import FrameBlock
-from observer_rt.foundation.compiled import compiled
+from observer_rt.bus.links.link import FrameBlock
+from observer_rt.foundation.compiled import compiled, inner_separate
 from observer_rt.foundation.referenced import Reference, reference_to
 from observer_rt.observer.observer import with_constants
 from observer_rt.observer.stream.state import Constants, Observer
-from observer_rt.service.compiled.many import take_many
-from observer_rt.service.compiled.pipeline import Pipeline, listen, proceed
+from observer_rt.service.compiled.pipeline import Pipeline, handle, listen, proceed
+from observer_rt.service.compiled.publisher import FRAMES
+
+FULL = FRAMES // 4  # rate frames ready, beyond which there is room for those of one input frame only
+
+
+@inner_separate
+def take_many(pipeline: Pipeline, block: FrameBlock, first: int) -> tuple[int, bool]:
+    """Take frames of a block from `first` on: number of the next one, and whether Python must do something first.
+
+    Stops where taking them one by one would have Python do something: also when an event has closed or an input is to
+    be read, when so many rates are ready that they must be collected, and after every frame where that is asked for.
+    """
+    memory = pipeline.heard.memory[0]
+    closed = pipeline.observer.memory[0].events_closed
+    for number in range(first, block.keys.size):
+        payload = block.data[block.starts[number] : block.starts[number + 1]]
+        if handle(pipeline, block.keys[number], payload, block.stamps[number]):
+            return number + 1, True
+        if (
+            pipeline.observer.memory[0].events_closed != closed
+            or pipeline.publisher.memory[0].frames >= FULL
+            or memory.looks_at_each
+            or memory.came != memory.read
+        ):
+            return number + 1, False
+    return block.keys.size, False
 
 
 @structref.register

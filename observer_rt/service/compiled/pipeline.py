@@ -7,11 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.bus.alignment.alignment import decide, store
-from observer_rt.bus.alignment.counting import Count
 from observer_rt.bus.alignment.memory import Alignment
-from observer_rt.bus.alignment.placing import Placing, place_block
-from observer_rt.bus.alignment.resampling import follow
+from observer_rt.bus.alignment.placing import Placing, follow, place_block
 from observer_rt.bus.alignment.timekeeping import (
+    Count,
     Timekeeping,
     begin_anew,
     doubt_of,

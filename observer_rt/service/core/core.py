@@ -1,27 +1,30 @@
-"""The service without its surroundings: frames in, frames out. No socket, no clock, no file."""
+"""The service without its surroundings: frames in, frames out. No socket, no clock, no file.
+
+Where another node sends what only this service should, no receiver knows whose frame it has: none is valid.
+"""
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt import __version__
 from observer_rt.bus.alignment.alignment import is_stale
 from observer_rt.bus.alignment.memory import make_alignment, progress
-from observer_rt.bus.alignment.message_timing import MessageTiming, timing_of
-from observer_rt.bus.alignment.timekeeping import make_timekeeping
-from observer_rt.bus.frame_block import FrameBlock, block_of
-from observer_rt.bus.links.link import BusFrame, Frame
+from observer_rt.bus.alignment.timekeeping import MessageTiming, make_timekeeping, timing_of
+from observer_rt.bus.links.link import BusFrame, Frame, FrameBlock, block_of
 from observer_rt.bus.mapping.bus_map import BusMap, stream_of
+from observer_rt.bus.mapping.output_messages import StatusValues
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.signals import Role
-from observer_rt.evidence.slow_noise import SlowNoise
+from observer_rt.evidence.noise import SlowNoise
 from observer_rt.observer.learning.knowledge import Knowledge, no_knowledge
 from observer_rt.observer.observer import make_observer, samples_at
 from observer_rt.observer.stream.front_end import dead_band
-from observer_rt.observer.stream.lift_figures import LiftFigures, lift_figures
-from observer_rt.observer.stream.standstill import Standstill, standstill_of
+from observer_rt.observer.stream.standstill import LiftFigures, Standstill, lift_figures, standstill_of
 from observer_rt.observer.stream.state import RING, Reason, State
 from observer_rt.observer.stream.validity import Surroundings, state_of_service
 from observer_rt.service.compiled.by_reference import CompiledPipeline
@@ -29,16 +32,39 @@ from observer_rt.service.compiled.constants import bench_constants, configured_n
 from observer_rt.service.compiled.input_memory import make_input_memory
 from observer_rt.service.compiled.pipeline import Pipeline, make_receiver
 from observer_rt.service.compiled.publisher import flush, make_publisher
-from observer_rt.service.contest import Contest
 from observer_rt.service.core.counters import Counters, counted
-from observer_rt.service.core.learners import LearnerFactory, healthy_injector, make_learner
+from observer_rt.service.core.learners import LearnerFactory, healthy_injector, make_learner, slow_noise_of
 from observer_rt.service.core.messages import OutputFrame, ResultFrames
-from observer_rt.service.core.noise import slow_noise_of
 from observer_rt.service.inputs.energizing import EnergizingFigures
 from observer_rt.service.inputs.optional_inputs import OptionalInputs
 from observer_rt.service.reports.injection_report import report_of
 from observer_rt.service.reports.judging import EventRecord, InlineExecutor, Judging
 from observer_rt.service.reports.news import Listener, to_all
+
+
+class Contest:
+    """Whether there is a second sender now, and the samples between which there was one last."""
+
+    def __init__(self, publisher: NDArray[np.void], observer: NDArray[np.void]) -> None:
+        """publisher, observer: the memory of either; no rate that the publisher sends meanwhile is valid."""
+        self._is_contested = publisher["contested"]
+        self._processed = observer["processed"]
+        self._first = self._end = 0
+
+    def note(self, is_contested: bool) -> None:
+        """Whether there is one; the stream may go on meanwhile."""
+        if is_contested == self._is_contested[0]:
+            return
+        if is_contested:
+            self._first = int(self._processed[0])
+        self._is_contested[0] = is_contested
+        if not is_contested:
+            self._end = int(self._processed[0])
+
+    def concerns(self, injection: np.void) -> bool:
+        """Whether what is reported now of an injection, `stream.state.INJECTION`, is contested, or its rates were."""
+        was_contested = injection["end"] >= self._first and injection["start"] < self._end
+        return bool(self._is_contested[0] or was_contested)
 
 
 class Core:
@@ -292,3 +318,55 @@ class Core:
     @property
     def _pressure_scale(self) -> float:
         return self.compiled.observer.constants.coefficients.pressure_scale
+
+
+class OutsideFigures(NamedTuple):
+    """What the status says of links and files: frames lost before the loop, how often a link was in trouble, which.
+
+    troubled_bus: the first that is, counted from 1; 0: none. foreign_frames: of others under our identifiers; the
+    ages [s] of the last frames, nan: none came. failed_writes: of what the daemon keeps, and of its log.
+    """
+
+    dropped_frames: int
+    link_troubles: int
+    troubled_bus: int
+    foreign_frames: int
+    rail_pressure_age: float
+    needle_lift_age: float
+    line_pressure_age: float
+    failed_writes: int
+
+
+def software_version() -> tuple[int, int, int]:
+    """Major, minor and patch number of this software."""
+    major, minor, patch = (int(part) for part in __version__.split(".")[:3])
+    return major, minor, patch
+
+
+def status_values(
+    core: Core, state: State, reason: Reason, injector_id: int, hashes: tuple[int, int], link: OutsideFigures
+) -> StatusValues:
+    """What the status says, every counter that it has a signal for included.
+
+    hashes: of model and bus databases (first 32 bits).
+    """
+    counters = core.counters
+    major, minor, patch = software_version()
+    model_hash, database_hash = hashes
+    valid = core.processed > 0 and bool(core.rows(core.processed - 1, core.processed)["valid"][0])
+    return StatusValues(
+        sample_index=core.last_index & 0xFFFFFFFF,
+        valid=valid and state in (State.RUNNING_NOMINAL, State.ADAPTED),
+        learning=core.learning,
+        state=state,
+        reason=reason,
+        injector_id=injector_id,
+        version_major=major,
+        version_minor=minor,
+        version_patch=patch,
+        model_hash=model_hash,
+        database_hash=database_hash,
+        samples_processed=counters.samples & 0xFFFFFFFF,
+        **link._asdict(),
+        **{name: count for name, count in vars(counters).items() if name in StatusValues._fields},
+    )

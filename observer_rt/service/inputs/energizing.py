@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.bus.alignment.timekeeping import is_prompt, place_at
-from observer_rt.bus.mapping.energizing import EnergizingLayout
+from observer_rt.bus.mapping.optional_inputs import EnergizingLayout
 from observer_rt.foundation.units import MICROSECOND, MILLISECOND
 from observer_rt.observer.observer import was_shut
 from observer_rt.observer.stream.state import INJECTIONS, RING

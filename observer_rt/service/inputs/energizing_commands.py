@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from observer_rt.bus.mapping.energizing import NANOSECONDS, EnergizingLayout, EnergizingSignal
+from observer_rt.bus.mapping.optional_inputs import NANOSECONDS, EnergizingLayout, EnergizingSignal
 from observer_rt.bus.mapping.timing import SLOTS
 from observer_rt.foundation.units import MILLISECOND
 

@@ -15,10 +15,16 @@ from observer_rt.config.bench import Bench
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.model.effects import effective_model
-from observer_rt.service.reports.injection_record import FIELDS, Output, Value, columns_of, row_of
-from observer_rt.service.reports.injection_report import InjectionReport
+from observer_rt.service.keeping.state_file import model_hash
+from observer_rt.service.reports.injection_report import (
+    FIELDS,
+    InjectionReport,
+    Output,
+    Value,
+    columns_of,
+    row_of,
+)
 from observer_rt.service.reports.news import MeasuredMass, News
-from observer_rt.service.state_file import model_hash
 
 APPLICATION_ID = 0x4F425254  # "OBRT", in the file's header
 SCHEMA = 1

@@ -13,7 +13,7 @@ from rich.table import Table
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.service.keeping.journal import COLUMNS, PATIENCE, SCHEMA, make_tables, require_journal
-from observer_rt.service.reports.injection_record import NAMED, WEAR, Value
+from observer_rt.service.reports.injection_report import NAMED, WEAR, Value
 from observer_rt.terminal.console import results
 
 Row = Mapping[str, Value]

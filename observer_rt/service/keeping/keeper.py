@@ -13,9 +13,9 @@ from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.service.core.learners import refuse_state
 from observer_rt.service.keeping.journal import JournalWriter
 from observer_rt.service.keeping.lock import sole_writer
+from observer_rt.service.keeping.state_file import model_hash, save_knowledge
 from observer_rt.service.reports.news import Listener
-from observer_rt.service.state_file import model_hash, save_knowledge
-from observer_rt.terminal.destinations import check_destination, check_folder
+from observer_rt.terminal.console import check_destination, check_folder
 
 Tell = Callable[[str], None]
 """Says a message to whoever runs the daemon; called from the thread that writes."""

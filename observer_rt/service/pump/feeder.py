@@ -14,7 +14,7 @@ from observer_rt.bus.mapping.bus_map import BusMap, layout_of
 from observer_rt.bus.mapping.timing import SLOTS
 from observer_rt.service.core.core import Core
 from observer_rt.service.core.messages import OutputFrame
-from observer_rt.service.outbox import RETRY
+from observer_rt.service.port import RETRY
 
 ROOM = 1 << 14  # bytes: some twenty frames; more wait in the driver
 RESULTS_ROOM = 1 << 17  # bytes: some 170; rates of more wait in the loop, which gives up the oldest

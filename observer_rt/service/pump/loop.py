@@ -11,6 +11,7 @@ import numpy as np
 from numba import typeof, types
 from numpy.typing import NDArray
 
+from observer_rt.bus.can_frame import BUS as BUS_KEY
 from observer_rt.bus.can_frame import (
     ERROR_FLAG,
     EXTENDED_FLAG,
@@ -20,10 +21,8 @@ from observer_rt.bus.can_frame import (
     REMOTE_FLAG,
     STANDARD_MASK,
 )
-from observer_rt.bus.database.frame_key import BUS as BUS_KEY
-from observer_rt.bus.database.frame_key import EXTENDED as EXTENDED_KEY
-from observer_rt.bus.links.socketcan import SO_RXQ_OVFL
-from observer_rt.bus.links.stamps import SO_TIMESTAMPING, SO_TIMESTAMPNS
+from observer_rt.bus.can_frame import EXTENDED as EXTENDED_KEY
+from observer_rt.bus.links.socketcan import SO_RXQ_OVFL, SO_TIMESTAMPING, SO_TIMESTAMPNS
 from observer_rt.foundation.compiled import compiled, inner
 from observer_rt.observer.stream.state import Observer
 from observer_rt.service.compiled.pipeline import Pipeline, handle, proceed

@@ -6,8 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.can_frame import BIT_RATE_SWITCH, CLASSIC_MTU, EXTENDED_FLAG, FD_MTU
-from observer_rt.bus.database.frame_key import frame_key
+from observer_rt.bus.can_frame import BIT_RATE_SWITCH, CLASSIC_MTU, EXTENDED_FLAG, FD_MTU, frame_key
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.foundation.referenced import referenced
 from observer_rt.service.pump.libc import IOVEC, MMSGHDR, POLLFD, POLLIN

@@ -6,8 +6,8 @@ from datetime import UTC, datetime
 from rich.table import Table
 from rich.text import Text
 
-from observer_rt.bus.alignment.message_timing import LARGEST_DRIFT, MessageTiming
-from observer_rt.bus.links.idle import IdleLink
+from observer_rt.bus.alignment.timekeeping import LARGEST_DRIFT, MessageTiming
+from observer_rt.bus.links.descriptor import IdleLink
 from observer_rt.config.signals import Role
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLISECOND, ZERO_CELSIUS
 from observer_rt.service.daemon import Daemon

@@ -1,4 +1,4 @@
-"""All watches of a core's inputs together."""
+"""All watches of a core together: its inputs, other senders of its messages, changes of its state."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,16 +7,42 @@ from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.signals import Role
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
-from observer_rt.observer.stream.lift_figures import LiftFigures
+from observer_rt.observer.stream.standstill import LiftFigures
+from observer_rt.observer.stream.state import Reason, State
 from observer_rt.service.compiled.constants import configured_noise
 from observer_rt.service.core.core import Core
 from observer_rt.service.reports.news import Notice
-from observer_rt.service.watch.arrivals import Arrivals
-from observer_rt.service.watch.finding import WatchFinding
-from observer_rt.service.watch.senders import SenderWatch
-from observer_rt.service.watch.silence import SilenceWatch
-from observer_rt.service.watch.values import ValueWatch
-from observer_rt.service.words import Topic
+from observer_rt.service.watch.arrivals import SECOND, Arrivals, message_text
+from observer_rt.service.watch.silence import SilenceWatch, ValueWatch, WatchFinding
+from observer_rt.service.words import Topic, is_good, named
+
+REMEDY = "stop the other daemon or replay; two on one bus need messages of their own in [outputs]"
+TOLD_EVERY = 30.0  # s between two tellings of the same
+
+
+class SenderWatch:
+    """Tells of another sender when it is first heard, and again from time to time while it goes on."""
+
+    def __init__(self, bus: BusMap, arrivals: Arrivals) -> None:
+        self._bus = bus
+        self._arrivals = arrivals
+        self._told = 0  # frames
+        self._next = 0
+        self._is_contested = False
+
+    def look(self, now: int) -> list[WatchFinding]:
+        """News at a time [ns]."""
+        frames = self._arrivals.foreign_frames
+        if self._is_contested and not self._arrivals.is_contested(now):
+            self._is_contested = False
+            return [WatchFinding(f"the other sender is silent after {frames} frames", is_over=True)]
+        if frames == self._told or now < self._next:
+            return []
+        self._is_contested = True
+        self._told, self._next = frames, now + round(TOLD_EVERY * SECOND)
+        names = ", ".join(message_text(self._bus, layout) for layout, _ in self._arrivals.foreign)
+        return [WatchFinding(f"another node sends {names}: {frames} frames so far\n  remedy: {REMEDY}")]
+
 
 PERIOD = 100_000_000  # ns between two looks
 MOST_SAMPLES = 1024  # of a look, which the loop waits for
@@ -99,3 +125,30 @@ def _scale(figures: LiftFigures) -> WatchFinding:
         f"{found}, not at seat.max_lift = {figures.stop / MICROMETRE:.0f} um of the injector file\n"
         "  remedy: calibrate the needle-lift sensor (or correct its factor), or correct seat.max_lift"
     )
+
+
+LASTING = 1.0  # s that a state must last to be told: a source that sends windows changes it at each of them
+_ABOUT_INPUTS = (Reason.INPUT_TIMEOUT, Reason.INPUT_STALE, Reason.STARTING)
+
+
+class StateWatch:
+    """Tells what state the service is in, with the ages of the inputs where these are the reason."""
+
+    def __init__(self, arrivals: Arrivals) -> None:
+        self._arrivals = arrivals
+        self._now: tuple[State, tuple[Reason, ...]] | None = None
+        self._since = 0
+        self._told: tuple[State, tuple[Reason, ...]] | None = None
+
+    def look(self, now: int, state: tuple[State, tuple[Reason, ...]]) -> list[Notice]:
+        """News at a time [ns]; state: with all its reasons."""
+        if state != self._now:
+            self._now, self._since = state, now
+        if state == self._told or now - self._since < LASTING * SECOND:
+            return []
+        self._told = state
+        what, why = state
+        text = "; ".join([named(what), *map(named, why)])
+        if not is_good(what) and any(reason in _ABOUT_INPUTS for reason in why):
+            text += f"; {self._arrivals.as_text(now)}"
+        return [Notice(Topic.STATE, text, is_good(what))]

@@ -8,8 +8,8 @@ from observer_rt.bus.mapping.output_messages import StatusValues
 from observer_rt.observer.stream.state import Reason, State
 from observer_rt.service.words import REASONS, is_good
 from observer_rt.watch.faults import Fault
-from observer_rt.watch.injection import SeenInjection
 from observer_rt.watch.injector import Seen
+from observer_rt.watch.results import SeenInjection
 from observer_rt.watch.watching import Watching
 
 _LATELY = 100  # injections of which the share of valid ones is told

@@ -10,10 +10,10 @@ from bokeh.models import LayoutDOM
 from bokeh.models.widgets import Button, Div, RadioButtonGroup, Slider, Toggle
 
 from observer_rt.foundation.errors import ObserverError
-from observer_rt.foundation.file_errors import file_errors
-from observer_rt.service.reports.injection_record import known
-from observer_rt.watch.injection import SeenInjection
+from observer_rt.foundation.files import file_errors
+from observer_rt.service.reports.injection_report import known
 from observer_rt.watch.injector import Seen
+from observer_rt.watch.results import SeenInjection
 
 _HEIGHT = 46  # px: for fingers
 _HEADER = (

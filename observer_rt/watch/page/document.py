@@ -12,14 +12,14 @@ from bokeh.document import Document
 from bokeh.models import CustomJS
 from jinja2 import Template
 
-from observer_rt.watch.injection import SeenInjection
 from observer_rt.watch.injector import Seen
 from observer_rt.watch.page.banner import injector_html, top_html
+from observer_rt.watch.page.channel import Drawing, Parts
 from observer_rt.watch.page.controls import Controls
-from observer_rt.watch.page.drawing import Drawing, Parts
 from observer_rt.watch.page.history import history_panels
 from observer_rt.watch.page.panel import Panel, PanelPart
 from observer_rt.watch.page.traces import detail_panels, rate_panel
+from observer_rt.watch.results import SeenInjection
 from observer_rt.watch.watching import Watching
 
 # what nobody follows injection by injection: the rate is drawn with every one, and must not wait for much else

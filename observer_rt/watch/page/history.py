@@ -4,10 +4,20 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from observer_rt.watch.injection import SeenInjection, Signal
-from observer_rt.watch.page.limits import Axis, Limits
-from observer_rt.watch.page.look import NOMINAL, NOT_VALID, OBSERVER, SECOND
-from observer_rt.watch.page.panel import Axes, Columns, Mark, MarkKind, Panel
+from observer_rt.watch.page.panel import (
+    NOMINAL,
+    NOT_VALID,
+    OBSERVER,
+    SECOND,
+    Axes,
+    Axis,
+    Columns,
+    Limits,
+    Mark,
+    MarkKind,
+    Panel,
+)
+from observer_rt.watch.results import SeenInjection, Signal
 
 _SURE = 1.96  # standard deviations of a 95 % interval
 _WEAR = (("nozzle", OBSERVER), ("seat", SECOND))

@@ -5,10 +5,22 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.watch.injection import SeenInjection, Signal
-from observer_rt.watch.page.limits import Axis
-from observer_rt.watch.page.look import BAND, NOMINAL, OBSERVER, PAST, SECOND, THIRD
-from observer_rt.watch.page.panel import Axes, Columns, Mark, MarkKind, Panel, Scale
+from observer_rt.watch.page.panel import (
+    BAND,
+    NOMINAL,
+    OBSERVER,
+    PAST,
+    SECOND,
+    THIRD,
+    Axes,
+    Axis,
+    Columns,
+    Mark,
+    MarkKind,
+    Panel,
+    Scale,
+)
+from observer_rt.watch.results import SeenInjection, Signal
 
 _OVERLAID = 8  # injections, the one shown included
 _POINTS = 300  # of a curve, at the most: a screen shows no more

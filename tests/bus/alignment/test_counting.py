@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from observer_rt.bus.alignment.clock import forget, make_clock, take_stamp
-from observer_rt.bus.alignment.counting import Count, count_frame, has_slipped, is_sure, make_counting
+from observer_rt.bus.alignment.timekeeping import Count, count_frame, has_slipped, is_sure, make_counting
 
 EPOCH = 1_700_000_000_000_000_000  # ns
 CYCLE = 100e-6  # s

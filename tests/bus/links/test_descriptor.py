@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 
 from observer_rt.bus.links.link import Frame
-from observer_rt.bus.links.open import open_link
+from observer_rt.bus.links.opening import open_link
 from observer_rt.foundation.errors import RunError, UserError
 
 FD_FRAME = struct.Struct("=IBB2x64s")

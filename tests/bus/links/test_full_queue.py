@@ -6,12 +6,12 @@ import time
 import pytest
 
 from observer_rt.bus.links.link import Link
-from observer_rt.bus.links.open import open_link
+from observer_rt.bus.links.opening import open_link
 from observer_rt.foundation.errors import RunError
 from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.recording.replay.player import play
 from observer_rt.service.core.messages import OutputFrame
-from observer_rt.service.outbox import CAPACITY, Outbox
+from observer_rt.service.port import CAPACITY, Outbox
 from tests.bus.refusals import note_refusals
 from tests.interface import FRAME_BYTES, OwnInterface
 

@@ -10,7 +10,7 @@ import pytest
 from can.interfaces.virtual import VirtualBus
 
 from observer_rt.bus.links.link import FdFlags, Frame, Link, LinkDownError, StampSource
-from observer_rt.bus.links.open import open_link
+from observer_rt.bus.links.opening import open_link
 from observer_rt.foundation.errors import RunError, UserError
 from tests.bus.links.kinds import KINDS
 

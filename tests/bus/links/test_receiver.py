@@ -11,7 +11,7 @@ from contextlib import ExitStack, contextmanager
 import pytest
 
 from observer_rt.bus.links.link import BusFrame, Frame, LinkDownError
-from observer_rt.bus.links.open import open_link
+from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.links.receiver import BusDownError, LinkReceiver, reading
 from observer_rt.foundation.errors import RunError
 from tests.links import FakeLink

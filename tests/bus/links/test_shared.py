@@ -9,8 +9,7 @@ from uuid import uuid4
 import pytest
 
 from observer_rt.bus.links.link import Frame, Link, LinkDownError
-from observer_rt.bus.links.open import open_link
-from observer_rt.bus.links.shared import CAPACITY, SharedBus
+from observer_rt.bus.links.opening import CAPACITY, SharedBus, open_link
 from observer_rt.foundation.errors import RunError, UserError
 from tests.links import FakeLink
 

@@ -14,7 +14,7 @@ from observer_rt.bus.j1939 import GroupIdentifier
 from observer_rt.bus.links import socketcan as socketcan_link
 from observer_rt.bus.links.controller import BusCondition, BusState
 from observer_rt.bus.links.link import FdFlags, Frame, Link, StampSource
-from observer_rt.bus.links.open import open_link
+from observer_rt.bus.links.opening import open_link
 from observer_rt.foundation.errors import RunError
 from tests.bus.links.kinds import KINDS
 

@@ -7,7 +7,7 @@ import pytest
 
 from observer_rt.bus.links import socketcan as socketcan_link
 from observer_rt.bus.links.link import Frame, Link, LinkDownError
-from observer_rt.bus.links.open import open_link
+from observer_rt.bus.links.opening import open_link
 from tests.interface import OwnInterface
 
 pytestmark = pytest.mark.vcan

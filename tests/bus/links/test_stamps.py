@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from observer_rt.bus.links import stamps
-from observer_rt.bus.links.open import open_link
-from observer_rt.bus.links.stamps import ANCILLARY_BYTES, StampReader
+from observer_rt.bus.links import socketcan
+from observer_rt.bus.links.opening import open_link
+from observer_rt.bus.links.socketcan import ANCILLARY_BYTES, StampReader
 
 SECOND = 1_000_000_000
 SO_TIMESTAMPING = 37
@@ -121,7 +121,7 @@ def test_stamps_of_the_kernel_come_in_the_message_of_those_of_the_hardware(
     vcan: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A virtual interface has no clock: of the three stamps the real control message has the first only."""
-    monkeypatch.setattr(stamps, "_offers_hardware_stamps", lambda *_: True)
+    monkeypatch.setattr(socketcan, "_offers_hardware_stamps", lambda *_: True)
     kinds: set[int] = set()
     read = StampReader.read
 

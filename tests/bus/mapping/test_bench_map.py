@@ -2,8 +2,7 @@
 
 from pathlib import Path
 
-from observer_rt.bus.mapping.bench_map import Destination, map_bench
-from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.bus.mapping.bus_map import Destination, map_bench, map_bus
 from observer_rt.config.bench import load_bench
 from tests.two_injectors import one_injector, two_injectors
 

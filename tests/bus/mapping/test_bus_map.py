@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.bus.database.dbc_file import load_database
+from observer_rt.bus.can_frame import frame_key
+from observer_rt.bus.database.catalogue import load_database
 from observer_rt.bus.database.e2e import UNPROTECTED
-from observer_rt.bus.database.frame_key import frame_key
 from observer_rt.bus.database.lookup import find_message, not_available_code
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus
 from observer_rt.bus.mapping.output_messages import (

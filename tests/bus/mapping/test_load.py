@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from observer_rt.bus.mapping.load import BITS_PER_STUFF_BIT, frame_time
+from observer_rt.bus.mapping.output_messages import BITS_PER_STUFF_BIT, frame_time
 
 
 @pytest.mark.parametrize(

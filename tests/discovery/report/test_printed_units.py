@@ -2,7 +2,7 @@
 
 import pytest
 
-from observer_rt.discovery.report.printed_units import printed, shown
+from observer_rt.discovery.report.text import printed, shown
 from observer_rt.discovery.search.result import FittedParameter
 
 

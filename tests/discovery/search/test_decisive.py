@@ -4,7 +4,7 @@ from itertools import combinations
 
 import pytest
 
-from observer_rt.discovery.search.decisive import decide_by
+from observer_rt.discovery.search.verdict import decide_by
 from observer_rt.model.effects import VOCABULARY
 
 NEAR_TIES = {

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from observer_rt.discovery.search.hypothesis import Hypothesis
+from observer_rt.discovery.search.result import Hypothesis
 from observer_rt.discovery.search.search import indistinguishable, representatives
 from observer_rt.model.effects import VOCABULARY, effective_model, sized
 from tests.discovery.hidden import NOMINAL

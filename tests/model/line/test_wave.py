@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
 from observer_rt.estimation.learned import by_theta, learned_of
-from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
+from observer_rt.estimation.scalars import PARAMETERS, Parameter
 from observer_rt.model.coefficients import Coefficients, averaged
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.integrator import Interval, advance_over, fine_step

@@ -16,8 +16,7 @@ from observer_rt.model.line.interface import Slopes, register
 from observer_rt.model.line.lump import LumpLine, stiffness, stiffness_slopes
 
 if TYPE_CHECKING:
-    from observer_rt.model.departures import Departures
-    from observer_rt.model.parameters import InjectorParameters
+    from observer_rt.model.parameters import Departures, InjectorParameters
 
 SLOWEST, FASTEST = (2.0 * math.sin(k * math.pi / 14) for k in (1, 5))  # of a chain of three, in sqrt(a1 a3)
 

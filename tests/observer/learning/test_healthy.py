@@ -7,8 +7,8 @@ import pytest
 
 from observer_rt.estimation.phases import BLOCKS, PHASES, Phase, PhaseStatistics
 from observer_rt.model.baseline import Baseline
-from observer_rt.observer.learning.doubts.adequacy import Objection, inadequate_phase, objections
-from observer_rt.observer.learning.healthy import NOT_FITTED, healthy_of
+from observer_rt.observer.learning.adequacy import Objection, inadequate_phase, objections
+from observer_rt.observer.learning.indicators import NOT_FITTED, healthy_of
 from observer_rt.observer.stream.state import Reason
 
 COUNT = 4000.0  # samples of a phase

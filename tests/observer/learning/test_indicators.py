@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from observer_rt.estimation.learned import network_of
-from observer_rt.estimation.scalars import NOZZLE, SEAT
-from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
+from observer_rt.estimation.scalars import NOZZLE, PARAMETERS, SEAT, Parameter
 from observer_rt.model.coefficients import coefficients
 from observer_rt.model.network import HIDDEN, zero_network
 from observer_rt.model.right_hand_side import injection_rate

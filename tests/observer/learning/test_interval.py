@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from observer_rt.estimation.input_noise import InputVariance
-from observer_rt.estimation.open_loop import OpenLoop
+from observer_rt.estimation.open_loop import InputVariance, OpenLoop
 from observer_rt.observer.learning.interval import Resimulated, is_revised, rate_sigma, volume_interval
 
 SIZE, SAMPLES = 13, 121

@@ -12,8 +12,7 @@ from observer_rt.config.bench import BenchInjector, load_bench
 from observer_rt.estimation.learned import network_of
 from observer_rt.estimation.posterior import Belief, prior_belief
 from observer_rt.estimation.predictor import Window
-from observer_rt.estimation.scalars import NOZZLE, OFFSET, SCALARS, SEAT, Scalars
-from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
+from observer_rt.estimation.scalars import NOZZLE, OFFSET, PARAMETERS, SCALARS, SEAT, Parameter, Scalars
 from observer_rt.evaluation.evaluate import History, evaluate
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import sized
@@ -29,10 +28,9 @@ from observer_rt.observer.mailbox import judge
 from observer_rt.observer.observer import Durations, constants_for, in_force, make_observer
 from observer_rt.observer.stream.standstill import Standstill
 from observer_rt.observer.stream.state import Constants
-from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.plant import Truth
 from observer_rt.simulation.schedule import make_schedule
-from observer_rt.simulation.simulate import simulate
+from observer_rt.simulation.simulate import SimulatedNoise, simulate
 from tests.observer.sample_stream import NOISE, NOMINAL
 
 BENCH = load_bench()

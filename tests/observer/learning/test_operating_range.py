@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from observer_rt.observer.learning.operating_range import REACH, EventPoint, remembered, unfamiliarity
+from observer_rt.observer.learning.interval import REACH, EventPoint, remembered, unfamiliarity
 
 points = st.builds(EventPoint, st.floats(0.1, 2.0), st.floats(-9.0, -5.0), st.floats(0.0, 1.0))
 

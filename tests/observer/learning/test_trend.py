@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from observer_rt.estimation.scalars import SCALARS
-from observer_rt.estimation.sensitivity import PARAMETERS, Parameter
+from observer_rt.estimation.scalars import PARAMETERS, SCALARS, Parameter
 from observer_rt.observer.learning.trend import Trend
 
 USUAL = SCALARS.drift(1e8)

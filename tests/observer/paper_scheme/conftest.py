@@ -13,7 +13,7 @@ from observer_rt.model.effects import sized
 from observer_rt.model.stability import substeps_needed
 from observer_rt.observer.paper_scheme.systems import PaperSetting
 from observer_rt.observer.paper_scheme.training import paper_setting
-from observer_rt.paper.event import (
+from observer_rt.paper.study import (
     injection_windows,
     inputs,
     learning_window,

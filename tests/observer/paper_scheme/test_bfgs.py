@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.optimize import minimize, rosen, rosen_der
 
-from observer_rt.observer.paper_scheme.bfgs import BfgsMinimum, minimise
+from observer_rt.observer.paper_scheme.training import BfgsMinimum, minimise
 
 Vector = NDArray[np.float64]
 

@@ -21,7 +21,7 @@ from observer_rt.model.parameters import LineOutflow
 from observer_rt.observer.paper_scheme.systems import swept
 from observer_rt.observer.paper_scheme.training import first_weights, network_of, train
 from observer_rt.observer.stream.state import Reason
-from observer_rt.paper.event import InjectionWindow, injection_windows
+from observer_rt.paper.study import InjectionWindow, injection_windows
 from observer_rt.service.core.core import Core
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import Simulation, simulate

@@ -12,7 +12,6 @@ from observer_rt.config.bench import load_injector
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.coefficients import coefficients
-from observer_rt.observer.paper_scheme.gain import check_gain, doubts_about_gain
 from observer_rt.observer.paper_scheme.network import (
     fault_cost,
     free_fault,
@@ -20,7 +19,13 @@ from observer_rt.observer.paper_scheme.network import (
     no_fault,
     scaled_identity,
 )
-from observer_rt.observer.paper_scheme.systems import balanced_rate, design_vector, swept
+from observer_rt.observer.paper_scheme.systems import (
+    balanced_rate,
+    check_gain,
+    design_vector,
+    doubts_about_gain,
+    swept,
+)
 from observer_rt.observer.paper_scheme.training import Weights, first_weights, network_of, output_error, train
 from tests.observer.paper_scheme.conftest import Injection, make_injection
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.model.seat import seat_area
+from observer_rt.model.hydraulics import seat_area
 from observer_rt.observer.stream.front_end import LOOK_BACK, dead_band
 from tests.observer.sample_stream import NOMINAL, RAIL, Stream, stroke
 

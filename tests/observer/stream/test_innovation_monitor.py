@@ -8,13 +8,13 @@ import pytest
 from numpy.typing import ArrayLike
 
 from observer_rt.foundation.continuity import Doubt
-from observer_rt.observer.learning.doubts.adequacy import Objection
-from observer_rt.observer.learning.healthy import NOT_FITTED, Healthy
+from observer_rt.observer.learning.adequacy import Objection
+from observer_rt.observer.learning.indicators import NOT_FITTED, Healthy
 from observer_rt.observer.learning.knowledge import no_knowledge
 from observer_rt.observer.learning.learner import Learner
 from observer_rt.observer.mailbox import judge
 from observer_rt.observer.observer import Durations, constants_for, make_observer
-from observer_rt.observer.stream.innovation_monitor import end_contradiction, watch
+from observer_rt.observer.stream.pair import end_contradiction, watch
 from observer_rt.observer.stream.state import Reason
 from tests.observer.sample_stream import NOISE, NOMINAL, Stream
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from observer_rt.observer.stream.lift_figures import lift_figures
+from observer_rt.observer.stream.standstill import lift_figures
 from tests.observer.sample_stream import NOISE, RAIL, Stream, stroke
 
 STOP = 0.3e-3  # m

@@ -7,9 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.observer.stream.state import MAX_EVENT, Reason, State
-from observer_rt.simulation import measurement
 from observer_rt.simulation.schedule import make_schedule
-from observer_rt.simulation.simulate import Simulation, simulate
+from observer_rt.simulation.simulate import SimulatedNoise, Simulation, simulate
 from tests.observer.sample_stream import NOISE, NOMINAL, RAIL, Stream, stroke
 
 MS = 100  # samples at 100 kHz
@@ -117,7 +116,7 @@ def test_band_follows_noise_that_grows() -> None:
 @cache
 def ringing() -> Simulation:
     schedule = make_schedule([RAIL], 12, 0.05, [1.4e-3, 0.8e-3])
-    return simulate(NOMINAL, schedule, 100e3, noise=measurement.SimulatedNoise(), seed=4)
+    return simulate(NOMINAL, schedule, 100e3, noise=SimulatedNoise(), seed=4)
 
 
 def observed(crosstalk: float) -> Stream:

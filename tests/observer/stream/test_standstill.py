@@ -7,9 +7,8 @@ from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.model.effects import sized
 from observer_rt.observer.observer import event_standstill
 from observer_rt.observer.stream.standstill import ENOUGH_SAMPLES
-from observer_rt.simulation import measurement
 from observer_rt.simulation.schedule import make_schedule
-from observer_rt.simulation.simulate import simulate
+from observer_rt.simulation.simulate import SimulatedNoise, simulate
 from tests.observer.sample_stream import NOISE, NOMINAL, RAIL, Stream, stroke
 
 
@@ -58,7 +57,7 @@ def test_noise_of_a_rail_pressure_between_its_samples_is_that_of_its_samples(
 def test_noise_is_measured_in_a_ringing_line(sample_rate: float) -> None:
     """Between injections the line swings by megapascals at 1.28 kHz: that is no noise."""
     schedule = make_schedule([100e6, 140e6], 16, 0.05, [1.9e-3])
-    made = simulate(NOMINAL, schedule, sample_rate, noise=measurement.SimulatedNoise(), seed=4).recording
+    made = simulate(NOMINAL, schedule, sample_rate, noise=SimulatedNoise(), seed=4).recording
     stream = Stream(sample_rate=sample_rate, keep=False)
     stream.feed(made.rail_pressure, made.needle_lift, made.line_pressure)
     noise = stream.standstill.noise
@@ -72,7 +71,7 @@ def test_noise_is_measured_in_a_ringing_line(sample_rate: float) -> None:
 def test_offset_between_line_and_rail(offset: float) -> None:
     schedule = make_schedule([100e6], 2, 0.05, [1.1e-3])
     effects = (sized("line_pressure_sensor_offset", o=offset),)
-    made = simulate(NOMINAL, schedule, 50e3, effects, measurement.SimulatedNoise(), seed=5).recording
+    made = simulate(NOMINAL, schedule, 50e3, effects, SimulatedNoise(), seed=5).recording
     stream = Stream(sample_rate=50e3, keep=False)
     stream.feed(made.rail_pressure, made.needle_lift, made.line_pressure)
     assert stream.standstill.offset * 100e6 == pytest.approx(offset, abs=0.02e6)

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.recording.canlog.asc.reader import AscLog
+from observer_rt.recording.canlog.asc import AscLog
 from observer_rt.recording.canlog.can_log import LogFrame
 
 DATE = "Sam Sep 30 15:06:13.191 2017"

@@ -4,8 +4,8 @@ import numpy as np
 
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
-from observer_rt.recording.replay.clamped import clamped_in
-from observer_rt.recording.signals.survey import Survey
+from observer_rt.recording.replay.framing import clamped_in
+from observer_rt.recording.signals.plausible import Survey
 
 
 def told(**changed: float) -> list[str]:

@@ -6,8 +6,7 @@ import pytest
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.replay.framing import TimedFrame
-from observer_rt.recording.replay.log_frames import LogPart, log_frames
-from observer_rt.recording.replay.remapping import Sent
+from observer_rt.recording.replay.log_frames import LogPart, Sent, log_frames
 
 LOG = """(1700000000.000000) can0 100##1AA01
 (1700000000.250000) can0 200#0102

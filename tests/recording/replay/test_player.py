@@ -11,11 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.bus.links.link import Frame, LinkDownError
-from observer_rt.bus.links.open import open_link
+from observer_rt.bus.links.opening import open_link
 from observer_rt.foundation.errors import RunError
 from observer_rt.recording.replay.framing import TimedFrame
-from observer_rt.recording.replay.lateness import LatenessCounter, ReplayLateness
-from observer_rt.recording.replay.player import PlayStatistics, play
+from observer_rt.recording.replay.player import LatenessCounter, PlayStatistics, ReplayLateness, play
 from tests.links import FakeLink
 
 

@@ -6,9 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from observer_rt.recording.signals.chunks import cut
 from observer_rt.recording.signals.recording import Chunk, Recording
-from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE, SignalStream, Stretch
+from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE, SignalStream, Stretch, cut
 
 
 class Repeated(SignalStream):

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.foundation.errors import RunError
-from observer_rt.recording.signals.chunks import copied, cut, pieces
 from observer_rt.recording.signals.recording import Chunk
+from observer_rt.recording.signals.stream import copied, cut, pieces
 from tests.recording.signals.generated import Repeated
 
 SAMPLES = 200

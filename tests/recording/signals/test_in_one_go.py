@@ -8,7 +8,7 @@ import pytest
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.formats import open_recording, write_recording
-from observer_rt.recording.signals.mapped.even_signals import OtherRateError
+from observer_rt.recording.signals.mapped.table_signals import OtherRateError
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE, joined
 

@@ -14,9 +14,8 @@ from observer_rt.model.effects import sized
 from observer_rt.recording.signals.plausible import implausible, refuse_implausible
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.recording.signals.stream import HeldSignals
-from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import make_schedule
-from observer_rt.simulation.simulate import simulate
+from observer_rt.simulation.simulate import SimulatedNoise, simulate
 
 
 @cache

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from observer_rt.recording.signals.survey import Survey
+from observer_rt.recording.signals.plausible import Survey
 
 
 @given(

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from observer_rt.recording.signals.time_grid import find_uneven_time, sample_rate_of
+from observer_rt.recording.signals.recording import find_uneven_time, sample_rate_of
 
 
 def printed(rate: float, samples: int, decimals: int, start: float = 0.0) -> NDArray[np.float64]:

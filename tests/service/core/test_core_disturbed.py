@@ -9,7 +9,7 @@ import pytest
 from observer_rt.estimation.scalars import NOZZLE
 from observer_rt.observer.stream.state import Reason, State
 from observer_rt.recording.replay.framing import Span, TimedFrame
-from observer_rt.simulation.measurement import SimulatedNoise
+from observer_rt.simulation.simulate import SimulatedNoise
 from tests.benches import ONE_MESSAGE, SAMPLE_RATE, THREE_MESSAGES, bench_text, sample_bench
 from tests.device import Device, Result, damaged, later, protected, recoded, run, simulated
 

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from observer_rt.bus.frame_block import block_of
-from observer_rt.bus.links.link import BusFrame, Frame
+from observer_rt.bus.links.link import BusFrame, Frame, block_of
 from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.service.core.core import Core
 from observer_rt.service.core.messages import OutputFrame

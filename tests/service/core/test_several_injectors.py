@@ -3,8 +3,8 @@
 from dataclasses import replace
 from pathlib import Path
 
-from observer_rt.bus.database.frame_key import frame_key
-from observer_rt.bus.mapping.bench_map import map_bench
+from observer_rt.bus.can_frame import frame_key
+from observer_rt.bus.mapping.bus_map import map_bench
 from observer_rt.config.bench import load_bench
 from observer_rt.service.core.core import Core
 from observer_rt.service.core.messages import OutputFrame

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from observer_rt.bus.frame_block import block_of
-from observer_rt.bus.links.link import BusFrame, Frame
+from observer_rt.bus.links.link import BusFrame, Frame, block_of
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.recording.replay.framing import TimedFrame

@@ -18,7 +18,7 @@ from observer_rt.model.effects import effective_model
 from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.reports.news import Notes
-from observer_rt.service.view import View
+from observer_rt.service.screen.view import View
 from tests.device import EPOCH, frames_of, merged
 from tests.evaluation.documents import recording_json
 from tests.recording.canlog.log_cases import sent_log, write_log

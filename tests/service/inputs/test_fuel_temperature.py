@@ -24,10 +24,9 @@ from observer_rt.observer.stream.state import Observer, Reason, State
 from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.service.core.core import Core
 from observer_rt.service.daemon import Daemon
-from observer_rt.service.view import View
-from observer_rt.simulation.measurement import SimulatedNoise
+from observer_rt.service.screen.view import View
 from observer_rt.simulation.schedule import make_schedule
-from observer_rt.simulation.simulate import Simulation, simulate
+from observer_rt.simulation.simulate import SimulatedNoise, Simulation, simulate
 from tests.benches import SAMPLE_RATE, sample_bench
 from tests.device import Device, Result, encoded, hand, inserted, recoded, run
 from tests.evaluation.documents import recording_json

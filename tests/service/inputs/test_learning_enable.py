@@ -15,7 +15,7 @@ from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.service.daemon import Daemon
-from observer_rt.service.view import View
+from observer_rt.service.screen.view import View
 from tests.benches import sample_bench
 from tests.check.test_checkup import worst
 from tests.device import Result, damaged, hand, inserted, run, simulated

@@ -17,9 +17,9 @@ from observer_rt.observer.stream.state import Reason
 from observer_rt.service.keeping.journal import COLUMNS, MOST_WAITING, JournalWriter
 from observer_rt.service.keeping.journal_reading import Row, reading_journal
 from observer_rt.service.keeping.keeper import keeper_of
-from observer_rt.service.reports.injection_record import INDICATORS
+from observer_rt.service.keeping.state_file import model_hash
+from observer_rt.service.reports.injection_report import INDICATORS
 from observer_rt.service.reports.news import MeasuredMass, Mismatch
-from observer_rt.service.state_file import model_hash
 from tests.service.keeping.report_samples import some_report
 from tests.service.knowledge_samples import some_knowledge
 from tests.service.participants import until

@@ -14,7 +14,7 @@ from observer_rt.config.injector import LearningConfig, StateConfig, Training
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.service.keeping.keeper import keeper_of
-from observer_rt.service.state_file import load_knowledge, model_hash
+from observer_rt.service.keeping.state_file import load_knowledge, model_hash
 from tests.service.knowledge_samples import some_knowledge
 from tests.service.participants import until
 

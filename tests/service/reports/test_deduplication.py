@@ -2,7 +2,7 @@
 
 import pytest
 
-from observer_rt.service.reports.deduplication import TOGETHER, Once
+from observer_rt.service.reports.news import TOGETHER, Once
 
 
 def test_only_the_first_tells() -> None:

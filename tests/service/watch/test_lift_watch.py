@@ -1,6 +1,6 @@
 """What the lift sensor adds is told once, with its size and what to do, and again when it is over."""
 
-from observer_rt.observer.stream.lift_figures import LiftFigures
+from observer_rt.observer.stream.standstill import LiftFigures
 from observer_rt.service.watch.input_watch import LiftWatch
 
 FINE = LiftFigures(at_stop=0.3e-3, stop=0.3e-3)

@@ -12,9 +12,8 @@ from observer_rt.observer.stream.state import Reason, State
 from observer_rt.observer.stream.validity import contested
 from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.service.daemon import Daemon
-from observer_rt.service.reports.injection_record import FIELDS, Output, row_of
-from observer_rt.service.reports.news import Notes
-from observer_rt.service.reports.telling import line
+from observer_rt.service.reports.injection_report import FIELDS, Output, row_of
+from observer_rt.service.reports.news import Notes, line
 from observer_rt.service.words import Topic
 from tests.device import encoded, frames_of, worn_recording
 from tests.service.end_to_end import RATE, STATUS, SUMMARY, decoded

@@ -15,7 +15,7 @@ from typing import TextIO, cast
 
 from rich.console import Console
 
-from observer_rt.bus.links.open import open_link
+from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench, load_bench, load_injector
 from observer_rt.config.injector import LearningConfig, SamplingConfig, StateConfig
@@ -25,9 +25,8 @@ from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
 from observer_rt.recording.replay.player import play
 from observer_rt.service.run import RunOptions, serve
 from observer_rt.service.warm_up import warm_up
-from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import make_schedule
-from observer_rt.simulation.simulate import simulate
+from observer_rt.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.terminal.console import say
 
 SAMPLE_RATE = 50e3  # Hz

@@ -15,7 +15,7 @@ from rich.console import Console
 
 from observer_rt.evaluation.convert import convert
 from observer_rt.foundation.errors import RunError
-from observer_rt.recording.signals.writers import write_whole
+from observer_rt.recording.signals.table_writers import write_whole
 from tools.benchmarks.scoring import bench_at
 from tools.benchmarks.speed.core_alone import INJECTIONS, ONCE, repeated_injections
 from tools.benchmarks.speed.evaluated import CAN_LOG, MDF4, PARQUET

@@ -8,11 +8,11 @@ from unittest.mock import patch
 
 import numpy as np
 
-from observer_rt.bus.frame_block import FrameBlock
+from observer_rt.bus.links.link import FrameBlock
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.foundation.units import MICROSECOND, MILLISECOND
-from observer_rt.recording.replay.device import Device
+from observer_rt.recording.replay.recording_frames import Device
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.recording.signals.stream import HeldSignals
 from observer_rt.service.core.core import Core

@@ -64,7 +64,7 @@ def measure_evaluate(folder: Path) -> EvaluateTimes:
 
 def _sources(folder: Path, bench: Bench, recording: Recording) -> dict[str, Callable[[], SignalStream]]:
     """How each is opened, the same samples in all."""
-    from observer_rt.recording.signals.writers import write_whole
+    from observer_rt.recording.signals.table_writers import write_whole
 
     quiet = Console(quiet=True)
     parquet, mdf4, log = folder / "evaluated.parquet", folder / "evaluated.mf4", folder / "frames.mf4"

@@ -15,9 +15,8 @@ from observer_rt.model.effects import sized
 from observer_rt.recording.replay.framing import Framer, whole
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.core.core import Core
-from observer_rt.simulation.measurement import SimulatedNoise
 from observer_rt.simulation.schedule import Event, Schedule, Shot
-from observer_rt.simulation.simulate import simulate
+from observer_rt.simulation.simulate import SimulatedNoise, simulate
 from tools.benchmarks.scoring import bench_at
 
 SAMPLE_RATE = 100e3  # Hz

@@ -20,12 +20,11 @@ from observer_rt.config.bench import load_injector
 from observer_rt.foundation.units import MILLISECOND
 from observer_rt.model.coefficients import coefficients
 from observer_rt.model.effects import sized
+from observer_rt.model.hydraulics import normalised_area
 from observer_rt.model.network import constant_network
 from observer_rt.model.right_hand_side import fault_and_rate
-from observer_rt.model.seat import normalised_area
-from observer_rt.observer.paper_scheme.bfgs import Objective, minimise
 from observer_rt.observer.paper_scheme.network import WEIGHTS, FaultCost, fault_cost, scaled_identity
-from observer_rt.observer.paper_scheme.training import BETA, EPOCHS, GAMMA
+from observer_rt.observer.paper_scheme.training import BETA, EPOCHS, GAMMA, Objective, minimise
 from observer_rt.service.core.core import Core
 from observer_rt.simulation.schedule import Event, Schedule, Shot
 from observer_rt.simulation.simulate import simulate

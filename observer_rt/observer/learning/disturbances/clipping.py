@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Window
 from observer_rt.foundation.compiled import compiled
-from observer_rt.observer.learning.disturbances.levels import Sigmas, mask_of, median
+from observer_rt.observer.learning.disturbances.noise_levels import Sigmas, mask_of, median
 
 SMOOTHED = 5  # samples whose mean tells how far the line pressure goes
 AT_LEVEL = 1.5  # standard deviations of a sample below a level, from which on that mean is at it

@@ -1,7 +1,9 @@
-"""What the coil's current adds to the line pressure while it flows, once it is known well enough to be taken out.
+"""What the coil's current adds to the line pressure while it flows, taken out once it is known well enough.
 
-Its beginning is a step before the openings (`edges`), which tells how much it is. Its end lies in the injection: it
-is sought where the events, all else fitted, are explained best. Until that is clear nothing is taken out.
+Its beginning is a step at the same time before every opening. The needle is shut then and nothing moves, so the model
+has nothing to say to it, however small it is; over many events it stands out of the noise. Its end lies in the
+injection: it is sought where the events, all else fitted, are explained best. Until that is clear nothing is taken
+out. Left in, it would be taken for wear.
 """
 
 from collections.abc import Callable
@@ -10,8 +12,99 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.estimation.prediction_error import EventCost
 from observer_rt.estimation.predictor import Window
-from observer_rt.observer.learning.disturbances.edges import Edge
+from observer_rt.foundation.compiled import compiled
+from observer_rt.observer.learning.fitting import EventFit
+
+LONGEST_DELAY = 0.45e-3  # s, from the start of energizing to the opening
+SHORTEST_DELAY = 0.12e-3
+BEFORE_OPENING = (
+    0.06e-3  # s that do not count: a lift that is recorded late lets the line pressure fall in them
+)
+EDGE_CLIP = 3.0  # standard deviations for which an innovation counts at most: one event alone is an outlier
+SEEN_FOR = 0.25e-3  # s, until x~ has taken a step for its own
+STANDS_OUT = 4.5  # standard deviations
+OF_ONE_EVENT = 4.0  # of these at most, so that it must recur
+COMMON = 0.6  # of it, up to which steps may stand out that are no edge: then the standstill is not understood at all
+
+
+@dataclass(frozen=True)
+class Edge:
+    """A step of a height [p_0] so many samples before the openings."""
+
+    height: float
+    before: int
+
+
+class EdgeSearch:
+    """Looks for a step at one time before the openings, event after event."""
+
+    def __init__(self, interval: float) -> None:
+        """interval: of samples [s]."""
+        self._shortest, self.longest, self._seen_for, self._beside = (
+            round(duration / interval)
+            for duration in (SHORTEST_DELAY, LONGEST_DELAY, SEEN_FOR, BEFORE_OPENING)
+        )
+        places = self.longest + self._seen_for
+        self._products, self._squares = np.zeros(places), np.zeros(places)
+        self._whole = np.zeros((2, places))  # the same without limits: how high, and where
+
+    def found_after(
+        self, window: Window, innovations: NDArray[np.float64], response: NDArray[np.float64], sigma: float
+    ) -> Edge | None:
+        """Take in an event's innovations (n,); the step there is, None if there is none.
+
+        response: (n,) of the innovations to a step of y at the sample `longest` before the opening.
+        """
+        self._products *= REMEMBERED
+        self._squares *= REMEMBERED
+        self._whole *= REMEMBERED
+        opening = window.opening
+        clipped = np.clip(innovations[:opening] / sigma, -EDGE_CLIP, EDGE_CLIP)
+        shape = response[opening - self.longest : opening - self.longest + self._seen_for]
+        products, squares = np.zeros((2, self._products.size))
+        _compare(clipped, shape, self._shortest, self._beside, products, squares)
+        most = OF_ONE_EVENT * np.sqrt(squares)
+        self._products += np.clip(products, -most, most)
+        self._squares += squares
+        self._whole += products / sigma, squares / sigma**2
+        known = np.maximum(self._squares, np.finfo(np.float64).tiny)
+        scores = np.abs(self._products) / np.sqrt(known)
+        edge, elsewhere = scores[: self.longest + 1].max(), scores[self.longest + 1 :].max()
+        if not (edge > STANDS_OUT and elsewhere < COMMON * edge):
+            return None
+        products, squares = self._whole[:, : self.longest + 1]
+        before = int(np.argmax(products**2 / np.maximum(squares, np.finfo(np.float64).tiny)))
+        return Edge(float(products[before] / squares[before]), before)
+
+
+@compiled
+def _compare(
+    innovations: NDArray[np.float64],
+    shape: NDArray[np.float64],
+    shortest: int,
+    beside: int,
+    products: NDArray[np.float64],
+    squares: NDArray[np.float64],
+) -> None:
+    """Products of innovations with a shape that begins so many samples before their end, and its squares.
+
+    For every place of `products` and `squares` from the `shortest` on; `beside` the end nothing counts.
+    """
+    n = innovations.shape[0]
+    for place in range(shortest, min(products.shape[0], n)):
+        for i in range(min(place - beside, shape.shape[0])):
+            products[place] += innovations[n - place + i] * shape[i]
+            squares[place] += shape[i] * shape[i]
+
+
+def with_step(window: Window, first: int, height: float) -> Window:
+    """A window with a step of the line pressure [p_0] from sample `first` on."""
+    output = window.output.copy()
+    output[first:] += height
+    return window._replace(output=output)
+
 
 EARLIEST_END, LATEST_END = 0.65e-3, 0.05e-3  # s before the closing
 END_STEP = 0.05e-3  # s from one end that is tried to the next
@@ -108,3 +201,58 @@ class CoilCurrent:
         """There is no edge."""
         self._products[:], self._squares[:] = 0.0, 0.0
         self.pulse, self.covariance = None, 0.0
+
+
+class Energizing:
+    """Follows it event after event, and takes it out of events once it is known."""
+
+    def __init__(self, interval: float, prior: NDArray[np.float64]) -> None:
+        """interval: of samples [s]; prior: standard deviations (m,) of theta before any event."""
+        self._prior = prior
+        self._edges = EdgeSearch(interval)
+        self._current = CoilCurrent(interval)
+
+    @property
+    def is_known(self) -> bool:
+        """Whether it is taken out."""
+        return self._current.pulse is not None
+
+    @property
+    def covariance(self) -> NDArray[np.float64] | float:
+        """Of theta (m, m), by what is not known of what is taken out."""
+        return self._current.covariance
+
+    def undone(self, window: Window) -> Window:
+        """A window without it."""
+        return self._current.undone(window)
+
+    def is_disturbing(
+        self, window: Window, fit: EventFit, sigma: float, cost_of: Callable[[Window], EventCost]
+    ) -> bool:
+        """Take in a fitted event as it was recorded; whether something was in it that was not taken out.
+
+        sigma: of the innovations [p_0]; cost_of: a window's cost.
+        """
+        first = window.opening - self._edges.longest
+        if first <= 0:
+            return False
+        theta = fit.linearisation.theta
+
+        def left(window: Window) -> NDArray[np.float64]:
+            """Innovations in standard deviations, at the fit."""
+            cost = cost_of(window)
+            cost.value(theta)
+            counts = cost.innovations / sigma
+            counts[: cost.burn_in] = 0.0
+            return counts
+
+        shut = window.until(window.opening)
+        before = left(shut)
+        response = left(with_step(shut, first, sigma)) - before
+        edge = self._edges.found_after(shut, sigma * before, response, sigma)
+        was_known = self.is_known
+        if edge is None:
+            self._current.forget()
+            return was_known
+        self._current.take_in(window, edge, left, fit.slopes / sigma, self._prior)
+        return not was_known

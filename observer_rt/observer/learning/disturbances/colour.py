@@ -1,4 +1,8 @@
-"""The colour of a bench's noise: found in the innovations while the needle is shut, taken out of all of them."""
+"""The colour of a bench's noise, found while the needle is shut, and noise that grows with the slope of pressure.
+
+Samples taken at moments that are off by t show the pressure off by t dp/dt, from sample to sample another way. What a
+model does not know on a slope is alike in neighbouring samples: fourth differences hide it.
+"""
 
 import math
 from collections.abc import Sequence
@@ -8,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.phases import BLOCKS, deviate
+from observer_rt.estimation.prediction_error import Whitening, forgetting_of
 from observer_rt.estimation.predictor import Window
-from observer_rt.estimation.whitening import Whitening, forgetting_of
 from observer_rt.foundation.compiled import compiled
-from observer_rt.observer.learning.disturbances.levels import mask_of
+from observer_rt.observer.learning.disturbances.masks import DIFFERENCE
+from observer_rt.observer.learning.disturbances.noise_levels import mask_of
 from observer_rt.observer.stream.standstill import Standstill
 
 TIME_CONSTANTS = (2e-3, 0.66e-3, 0.245e-3, 0.095e-3)  # s, of the high passes to choose from
@@ -239,3 +244,73 @@ def _residual_variances(covariances: NDArray[np.float64]) -> NDArray[np.float64]
     variances = np.repeat(covariances[:, 0, :1], covariances.shape[1], axis=1)
     variances[:, 1:] -= explained
     return np.asarray(variances, np.float64)
+
+
+SLOPE = np.array([3.0, 2.0, 1.0, 0.0, -1.0, -2.0, -3.0]) / 28.0  # of the straight line through seven samples
+USUAL = 0.2  # samples, of a jitter by whose scatter the slopes are weighed
+CLIP = 16.0  # variances for which one square counts at most: a spike is no jitter
+# of the variance of a mean of squares of fourth differences, whose neighbours are alike, over that of white ones
+ALIKE = 2.63
+LENGTH = 8  # samples
+JITTER_REMEMBERED = 0.9  # of the events before
+FOUND, LOST = 8.0, 5.0  # standard deviations from which on there is one, and below which no more
+RELEVANT = 0.1  # samples: less is not told from a noise that is white
+MOST = 0.5  # samples: more is no jitter
+
+
+class TimeJitter:
+    """Follows how much louder the line pressure is where it is steep, event after event."""
+
+    def __init__(self) -> None:
+        self._sums = np.zeros(5)  # weights, with squared slopes and their squares, with loudness and both
+        self._variance = 0.0
+
+    @property
+    def is_known(self) -> bool:
+        """Whether the noise depends on the slope."""
+        return self._variance > 0.0
+
+    def levels(self, window: Window, sigma: float) -> NDArray[np.float64] | None:
+        """Standard deviations (n,) of a window's innovations over that at rest, `sigma`; None: all are alike."""
+        if not self.is_known:
+            return None
+        return np.sqrt(1.0 + self._variance * _squared_slopes(window, sigma))
+
+    def loudest(self, window: Window, sigma: float) -> float:
+        """Largest mean square of `levels` over as many samples as contradict a model; 1 where all are alike."""
+        levels = self.levels(window, sigma)
+        if levels is None:
+            return 1.0
+        return float(np.convolve(levels**2, np.full(LENGTH, 1.0 / LENGTH), "valid").max())
+
+    def is_new_after(self, window: Window, unfiltered: NDArray[np.float64], sigma: float, first: int) -> bool:
+        """Take in an event's innovations (n,) from `first` on, neither white nor weighed; whether it shows now."""
+        counts = np.convolve(mask_of(window), np.ones(DIFFERENCE.size), "same") == 0.0
+        counts[: first + DIFFERENCE.size] = False
+        counts[-DIFFERENCE.size :] = False
+        differences = np.convolve(unfiltered, DIFFERENCE, "same") / sigma
+        squares = differences[counts] ** 2 / float(DIFFERENCE @ DIFFERENCE)
+        slopes = _squared_slopes(window, sigma)[counts]
+        expected = 1.0 + USUAL**2 * slopes
+        loud = np.minimum(squares, CLIP * expected)
+        weights = 1.0 / expected**2
+        columns = np.ones_like(slopes), slopes, slopes**2, loud, slopes * loud
+        self._sums = JITTER_REMEMBERED * self._sums + [float(weights @ column) for column in columns]
+        was_known = self.is_known
+        self._variance = self._found(LOST if was_known else FOUND)
+        return self.is_known and not was_known
+
+    def _found(self, needed: float) -> float:
+        """Variance of the moments [samples^2], of a straight line through loudness over squared slope; 0: none."""
+        count, slopes, squares, loud, both = self._sums
+        information = squares - slopes**2 / count if count > 0.0 else 0.0
+        if not information > 0.0:
+            return 0.0
+        variance = (both - slopes * loud / count) / information
+        is_sure = variance * math.sqrt(information / (2.0 * ALIKE)) > needed
+        return float(variance) if is_sure and RELEVANT**2 < variance < MOST**2 else 0.0
+
+
+def _squared_slopes(window: Window, sigma: float) -> NDArray[np.float64]:
+    """Of the recorded line pressure (n,), in `sigma` a sample, squared."""
+    return np.asarray((np.convolve(window.output, SLOPE, "same") / sigma) ** 2, np.float64)

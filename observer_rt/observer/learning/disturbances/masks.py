@@ -1,21 +1,225 @@
-"""Outliers that only the model shows: a line pressure held before noise came on it, spikes; and bursts of noise.
+"""Outliers that only the model shows: a line pressure held before noise came on it, spikes, bursts of noise.
 
 What is found is masked (`Window.masked`), and the event fitted again. A stretch that may be the truth is not: one
 at the event's highest or lowest level, if that recurs, is clipped; one at the same place in event after event is
 what the injector does; and of many in one event the model is to blame.
 """
 
+import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Window
-from observer_rt.observer.learning.disturbances.bursts import LENGTH, bursts_of
-from observer_rt.observer.learning.disturbances.held import BETTER, HeldStretch, frozen_stretches
-from observer_rt.observer.learning.disturbances.levels import Sigmas, loudness, mask_of
-from observer_rt.observer.learning.disturbances.spikes import MOST_SPIKES, sharp_spikes_of, spikes_of
+from observer_rt.foundation.compiled import compiled
+from observer_rt.observer.learning.disturbances.noise_levels import Sigmas, loudness, mask_of, robust_sigma
+
+LEAP = 8.0  # standard deviations of the innovations from one sample to the next
+WIDEST_SPIKE = 8  # samples
+SHARP = 5.5  # standard deviations of the mean of a spike that leaps less: of noise one in 10,000 events
+SHARP_WIDTHS = (1, 2, 3)  # samples of it
+BESIDE = 5  # samples before it, and after it
+NO_SPIKE = 3.0  # standard deviations of their mean: a wrong model leaves more than three samples
+MOST_SPIKES = 12  # in an event
+
+
+def spikes_of(innovations: NDArray[np.float64], sigma: float, first: int) -> list[tuple[int, int]]:
+    """Samples [start, end) of innovations (n,), from `first` on, that leap away and soon back."""
+    steps = np.diff(innovations)
+    leaps = [int(k) for k in np.flatnonzero(np.abs(steps) > LEAP * sigma) if k >= first]
+    found: list[tuple[int, int]] = []
+    for leap, back in pairwise(leaps):
+        is_apart = not found or leap >= found[-1][1]
+        if is_apart and back - leap <= WIDEST_SPIKE and steps[leap] * steps[back] < 0.0:
+            found.append((leap + 1, back + 1))
+    return found
+
+
+def sharp_spikes_of(innovations: NDArray[np.float64], sigma: float, first: int) -> list[tuple[int, int]]:
+    """The same of those that stand out by no leap, but from what is beside them.
+
+    Where the innovations are larger than they should be, so must be the spikes. Of many the model is to blame.
+    """
+    counted = innovations[first:]
+    if _largest_mean(counted) < SHARP * sigma:  # nor is anything sharp by a larger one
+        return []
+    sigma = max(sigma, robust_sigma(counted))
+    counted = counted / sigma
+    left, found = counted.copy(), list[tuple[int, int]]()
+    for _ in range(MOST_SPIKES + 1):
+        total = np.concatenate(([0.0], np.cumsum(left)))
+        deviates = {
+            width: _spread((total[width:] - total[:-width]) / np.sqrt(width)) for width in SHARP_WIDTHS
+        }
+        width = max(SHARP_WIDTHS, key=lambda width: float(np.max(np.abs(deviates[width]))))
+        start = int(np.argmax(np.abs(deviates[width])))
+        height, end = float(deviates[width][start]), start + width
+        if abs(height) < SHARP:
+            return found
+        beside = np.concatenate((counted[max(start - BESIDE, 0) : start], counted[end : end + BESIDE]))
+        if np.sign(height) * beside.sum() < NO_SPIKE * np.sqrt(beside.size):
+            found.append((first + start, first + end))
+        left[start:end] = 0.0
+    return []
+
+
+def _largest_mean(innovations: NDArray[np.float64]) -> float:
+    """Over the widths of a spike, with the square root of the samples as its weight."""
+    total = np.concatenate(([0.0], np.cumsum(innovations)))
+    return max(float(np.max(np.abs(total[w:] - total[:-w]))) / math.sqrt(w) for w in SHARP_WIDTHS)
+
+
+def _spread(deviates: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Deviates by what most of them are, if that is more than 1: the sums of coloured noise are larger."""
+    return deviates / max(1.0, robust_sigma(deviates))
+
+
+SHORTEST, LONGEST = 8, 64  # samples of a stretch
+BETTER = 40.0  # chi2 by which a constant must beat the model
+JUMP = 5.0  # standard deviations by which the value jumps when it is let go
+LONG = 24  # samples of one that need not jump when it is let go
+MUCH_BETTER = 300.0  # chi2 by which a constant must then beat the model
+MOST_OF_A_HELD_ONE = 6.0  # standard deviations for which a sample of it counts at most: one alone is a spike
+FLAT_STRETCH = (
+    28.0  # chi2 of a constant over so many samples that is one, beyond their number: four standard deviations
+)
+RECOVERY = 20  # samples after a stretch, until the innovations are themselves again
+BEYOND = 3.0  # standard deviations, within which a value counts as the highest or lowest
+
+
+@dataclass(frozen=True)
+class HeldStretch:
+    """Samples [start, end) of a window at which y stays at a level [p_0]; is_extreme: none goes beyond it."""
+
+    start: int
+    end: int
+    level: float
+    is_extreme: bool
+
+
+def frozen_stretches(
+    window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int
+) -> Sequence[HeldStretch]:
+    """Where a constant explains y much better than the model does by its innovations (n,), and y then jumps.
+
+    Or where it does so very much better for long: y may by chance be let go where it would have been.
+    """
+    y, mask = window.output, mask_of(window)
+    jump = JUMP * sigmas.innovation
+    sums, squares, explained = np.zeros((3, len(y) + 1))
+    is_leap, is_last = np.zeros((2, len(y) + 1), np.bool_)
+    levels = sigmas.innovation, sigmas.noise
+    if not _find_ends(y, innovations, levels, first, sums, squares, explained, is_leap, is_last):
+        return ()
+
+    def constant_over(starts: NDArray[np.int64], ends: NDArray[np.int64]) -> NDArray[np.float64]:
+        mean_square = (sums[ends] - sums[starts]) ** 2 / (ends - starts)
+        return np.asarray((squares[ends] - squares[starts] - mean_square) / sigmas.noise**2, np.float64)
+
+    lowest, highest = (float(v) for v in np.partition(y, (2, -3))[[2, -3]])
+    found: list[HeldStretch] = []
+    for end in (int(end) for end in np.flatnonzero(is_leap | is_last)):
+        begin = found[-1].end + RECOVERY if found else first
+        lengths = np.arange(SHORTEST, min(LONGEST, end - begin) + 1)
+        if lengths.size == 0:
+            continue
+        better = (
+            explained[end]
+            - explained[end - lengths]
+            - constant_over(end - lengths, np.full_like(lengths, end))
+        )
+        best = int(np.argmax(better))
+        start = end - int(lengths[best])
+        level = float((sums[end] - sums[start]) / (end - start) + y[0])
+        is_let_go = bool(abs(y[end] - level) >= jump) or bool(is_last[end])
+        if better[best] < BETTER or not is_let_go or mask[start:end].any():
+            continue
+        beyond = BEYOND * sigmas.noise
+        found.append(HeldStretch(start, end, level, not lowest + beyond < level < highest - beyond))
+    return found
+
+
+@compiled
+def _find_ends(
+    y: NDArray[np.float64],
+    innovations: NDArray[np.float64],
+    sigmas: tuple[float, float],
+    first: int,
+    sums: NDArray[np.float64],
+    squares: NDArray[np.float64],
+    explained: NDArray[np.float64],
+    is_leap: NDArray[np.bool_],
+    is_last: NDArray[np.bool_],
+) -> bool:
+    """Where a stretch may end: by a leap of the innovations, or by how long y was held until then; both (n + 1,).
+
+    sums, squares, explained: (n + 1,) running sums of y - y[0], its squares and those of the innovations. False: it
+    ends nowhere.
+    """
+    n, (innovation, noise) = y.shape[0], sigmas
+    in_part, found = np.zeros(n + 1), False
+    for k in range(n):
+        height, deviate = y[k] - y[0], innovations[k] / innovation
+        sums[k + 1] = sums[k] + height
+        squares[k + 1] = squares[k] + height * height
+        explained[k + 1] = explained[k] + deviate * deviate
+        at_most = min(math.fabs(deviate), MOST_OF_A_HELD_ONE)
+        in_part[k + 1] = in_part[k] + at_most * at_most
+        if k > 0 and math.fabs(innovations[k] - innovations[k - 1]) > JUMP * innovation:
+            is_leap[k] = found = True
+    for end in range(first + LONG, n):
+        mean_square = (sums[end] - sums[end - LONG]) ** 2 / LONG
+        constant = (squares[end] - squares[end - LONG] - mean_square) / noise**2
+        better = in_part[end] - in_part[end - LONG] - constant
+        if constant < LONG + FLAT_STRETCH and better > MUCH_BETTER:
+            is_last[end - 1] = False
+            is_last[end] = found = True
+    return found
+
+
+DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])  # what the level of the noise is measured by at rest
+LENGTH = 48  # samples over which a loudness is told
+LOUD = 3.0  # times the variance at rest: that of white noise stays below 2 in 1e4 events
+MOST_OF_ONE = 9.0  # times that variance, that a sample counts for: a spike is no burst
+MOST = 0.35  # share of an event, beyond which its noise is just not known
+
+
+def bursts_of(y: NDArray[np.float64], noise: float) -> list[HeldStretch]:
+    """Stretches of y (n,) louder than its noise (standard deviation); fourth differences hide what is slow."""
+    loud = np.empty(y.size, np.bool_)
+    count = _find_loud(y, noise, loud)
+    if count == 0 or count > MOST * y.size:
+        return []
+    changes = np.flatnonzero(np.diff(loud, prepend=False, append=False))
+    spans = zip(changes[::2], changes[1::2], strict=True)
+    return [HeldStretch(int(start), int(end), float(np.mean(y[start:end])), False) for start, end in spans]
+
+
+@compiled
+def _find_loud(y: NDArray[np.float64], noise: float, loud: NDArray[np.bool_]) -> int:
+    """Which samples (n,) have a loud mean square round them, and how many."""
+    n, before = y.shape[0], LENGTH // 2
+    level = 0.0
+    for weight in DIFFERENCE:
+        level += weight * weight * noise * noise
+    sums = np.zeros(n + 1)
+    for k in range(n):
+        square = 1.0
+        if 2 <= k < n - 2:
+            difference = y[k - 2] - 4.0 * y[k - 1] + 6.0 * y[k] - 4.0 * y[k + 1] + y[k + 2]
+            square = min(difference * difference / level, MOST_OF_ONE)
+        sums[k + 1] = sums[k] + square
+    count = 0
+    for k in range(n):
+        first, end = max(k - before, 0), min(k - before + LENGTH, n)
+        loud[k] = sums[end] - sums[first] > LOUD * (end - first)
+        count += loud[k]
+    return count
+
 
 MARGIN = 3  # a third of a stretch before it is masked as well: it may have begun unseen
 MOST_STRETCHES = 3  # in an event

@@ -1,4 +1,4 @@
-"""Whether line and rail pressure differ as where the gains of their sensors do; what that leaves unknown of flows."""
+"""Line against rail pressure: gains of their sensors that differ, and an offset that moves from event to event."""
 
 import math
 from dataclasses import replace
@@ -7,7 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.posterior import Belief
-from observer_rt.estimation.sensitivity import Parameter
+from observer_rt.estimation.prediction_error import EventCost
+from observer_rt.estimation.predictor import Window
+from observer_rt.estimation.scalars import Parameter
+from observer_rt.observer.learning.disturbances.noise_levels import mask_of
 
 REMEMBERED = 0.9  # weight of the events before an event
 ENOUGH = 4.0  # events by these weights, before a gain is spoken of: five
@@ -100,3 +103,29 @@ def _of_wear(share: float, width: int) -> NDArray[np.float64]:
     result[Parameter.NOZZLE_BIAS] = share
     result[Parameter.SEAT_BIAS] = SEAT_SHARE * share
     return result
+
+
+SIGNIFICANT_WALK = 5.0  # standard deviations
+_OFFSET = int(Parameter.LINE_PRESSURE_OFFSET)
+
+
+def offset_move(window: Window, cost: EventCost) -> float:
+    """What must be added to the offset [p_0] that an event was linearised at, by its samples at rest; 0 within noise.
+
+    Innovations rather than pressures, for a leak lowers the line pressure at rest, too.
+    """
+    counts = window.resting & ~mask_of(window)
+    counts[: cost.burn_in] = False
+    slopes, innovations = cost.slopes[counts, _OFFSET], cost.innovations[counts]
+    information = float(slopes @ slopes)
+    if not information > 0.0:
+        return 0.0
+    move = -float(slopes @ innovations) / information
+    return move if abs(move) * math.sqrt(information) > SIGNIFICANT_WALK * cost.sigma else 0.0
+
+
+def moved(prior: Belief, move: float) -> Belief:
+    """A belief whose offset has moved by about so much [p_0]."""
+    change = np.zeros_like(prior.mean)
+    change[_OFFSET] = move
+    return Belief(prior.mean + change, prior.covariance, prior.error_covariance).widened(change)

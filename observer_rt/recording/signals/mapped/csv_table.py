@@ -13,9 +13,8 @@ import numpy as np
 
 from observer_rt.config.recording import RecordingConfig
 from observer_rt.foundation.errors import UserError
-from observer_rt.recording.signals.mapped.calendar import Calendar
-from observer_rt.recording.signals.mapped.cells import is_missing, is_number
 from observer_rt.recording.signals.mapped.dialect import find_dialect, own_dialect
+from observer_rt.recording.signals.mapped.header import Calendar, is_missing, is_number
 from observer_rt.recording.signals.mapped.table import TIME, Table, TablePart, Values
 from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE
 

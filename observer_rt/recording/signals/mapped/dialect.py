@@ -7,11 +7,18 @@ from itertools import islice
 from pathlib import Path
 
 from observer_rt.config.recording import ColumnConfig, RecordingConfig
-from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.misspelt import hint
-from observer_rt.recording.signals.mapped.calendar import Calendar, calendar_of
-from observer_rt.recording.signals.mapped.cells import MISSING, decimal_of, is_number, split_line
-from observer_rt.recording.signals.mapped.header import bare_unit, header_by_place, named_header
+from observer_rt.foundation.errors import UserError, hint
+from observer_rt.recording.signals.mapped.header import (
+    MISSING,
+    Calendar,
+    bare_unit,
+    calendar_of,
+    decimal_of,
+    header_by_place,
+    is_number,
+    named_header,
+    split_line,
+)
 from observer_rt.recording.signals.mapped.table import OPTIONAL, TIME
 from observer_rt.recording.signals.recording import TRUTH_SUFFIX
 

@@ -1,16 +1,117 @@
-"""Where the columns of a CSV file are: by the line that names them, or by their places."""
+"""Columns of a CSV file, by the line that names them or by their places: numbers, and times by the calendar."""
 
+import csv
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from observer_rt.config.recording import RecordingConfig
-from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.misspelt import hint
-from observer_rt.recording.signals.mapped.calendar import calendar_of
-from observer_rt.recording.signals.mapped.cells import is_missing, is_number, split_line
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.config.recording import RecordingConfig, TimeConfig
+from observer_rt.foundation.errors import UserError, hint
 from observer_rt.recording.signals.mapped.table import TIME
+
+NO_NUMBER = ("1.#ind", "-1.#ind", "1.#qnan", "-1.#qnan")  # as Windows prints it
+MISSING = frozenset(
+    ("", "nan", "-nan", "na", "n/a", "<na>", "#n/a", "#na", "null", "none", "-", "--", "---", *NO_NUMBER)
+)
+"""In lower case."""
+
+
+def is_number(cell: str, decimal: str) -> bool:
+    """Whether a cell is a number with this decimal sign, or one of the ways to say that there is none."""
+    text = cell.strip()
+    if is_missing(text):
+        return True
+    if decimal != "." and "." in text:
+        return False
+    try:
+        float(cell.replace(decimal, "."))  # not of the text: a control character beside a number is damage
+    except ValueError:
+        return False
+    return "_" not in text
+
+
+def is_missing(cell: str) -> bool:
+    """Whether a cell says that there is no value."""
+    return cell.strip().lower() in MISSING
+
+
+def split_line(line: str, separator: str) -> list[str]:
+    """Cells of a line without its end."""
+    if separator == " ":
+        return line.split()
+    if '"' not in line:
+        return line.split(separator)
+    try:
+        return next(csv.reader([line], delimiter=separator), [])
+    except csv.Error:
+        return line.split(separator)
+
+
+def decimal_of(rows: Sequence[Sequence[str]], places: Sequence[int]) -> str:
+    """A comma where more numbers have commas than points."""
+    cells = [row[place] for row in rows for place in places if place < len(row)]
+    with_comma = sum("," in cell and is_number(cell, ",") for cell in cells)
+    with_point = sum("." in cell and is_number(cell, ".") for cell in cells)
+    return "," if with_comma > with_point else "."
+
+
+_ISO = re.compile(r"\s*\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
+ISO_8601 = "ISO8601"  # as pandas calls it
+NANOSECONDS = 1e9  # a second
+
+
+@dataclass(frozen=True)
+class Calendar:
+    """How the stamps are written, as of strptime, or `ISO_8601`. Without a zone they count as UTC."""
+
+    form: str
+
+    def is_stamp(self, cell: str) -> bool:
+        """Whether a cell is a stamp, or says that there is none."""
+        return is_missing(cell) or bool(self.nanoseconds([cell])[0] != _NONE)
+
+    def nanoseconds(self, cells: Any) -> NDArray[np.int64]:
+        """Of stamps (n,) since 1970; those that are none are below all others."""
+        import pandas  # slow to import
+
+        try:
+            stamps = pandas.to_datetime(pandas.Series(cells), format=self.form, errors="coerce", utc=True)
+        except ValueError as error:
+            raise UserError(
+                f"[recording.time] format = '{self.form}'",
+                str(error),
+                "write it as '%d.%m.%Y %H:%M:%S.%f', with the letters of strptime",
+            ) from None
+        found: NDArray[np.int64] = stamps.dt.tz_localize(None).to_numpy("datetime64[ns]").astype(np.int64)
+        return found
+
+    def seconds(self, cells: Any, origin: int) -> NDArray[np.float64]:
+        """Of stamps (n,) since `origin` [ns]: exact, which seconds since 1970 are not. NaN of those that are none."""
+        found = self.nanoseconds(cells)
+        return np.where(found == _NONE, np.nan, (found - origin) / NANOSECONDS)
+
+    def as_text(self, origin: int) -> str:
+        """What is made of the stamps."""
+        form = "ISO 8601" if self.form == ISO_8601 else f"'{self.form}'"
+        return f"calendar stamps as {form}, counted from {np.datetime64(origin, 'ns')}"
+
+
+_NONE = np.iinfo(np.int64).min  # as NumPy and pandas have it
+
+
+def calendar_of(time: TimeConfig, cells: Iterable[str]) -> Calendar | None:
+    """That of a column: as stated, or ISO 8601 where a cell looks so and no unit is stated. None: numbers."""
+    if time.format is not None:
+        return Calendar(time.format)
+    if time.unit is None and any(_ISO.match(cell) for cell in cells):
+        return Calendar(ISO_8601)
+    return None
+
 
 SEPARATORS = (";", "\t", ",", "|", " ")
 _UNIT = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\))$")

@@ -5,9 +5,8 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Window
-from observer_rt.observer.learning.disturbances.bursts import LENGTH, bursts_of
-from observer_rt.observer.learning.disturbances.levels import Sigmas
-from observer_rt.observer.learning.disturbances.masks import RECURS, OutlierSearch
+from observer_rt.observer.learning.disturbances.masks import LENGTH, RECURS, OutlierSearch, bursts_of
+from observer_rt.observer.learning.disturbances.noise_levels import Sigmas
 
 NOISE, COUNT, FIRST = 0.0015, 1400, 50  # of p_0, samples
 SIGMAS = Sigmas(1.1 * NOISE, NOISE)

@@ -6,8 +6,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from observer_rt.estimation.predictor import Window
-from observer_rt.observer.learning.disturbances.coil_current import CoilCurrent, CoilPulse
-from observer_rt.observer.learning.disturbances.edges import Edge
+from observer_rt.observer.learning.disturbances.coil_current import CoilCurrent, CoilPulse, Edge
 
 INTERVAL = 1e-5  # s
 COUNT = 600

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Window
-from observer_rt.observer.learning.disturbances.edges import EdgeSearch, with_step
+from observer_rt.observer.learning.disturbances.coil_current import EdgeSearch, with_step
 
 INTERVAL = 1e-5  # s
 COUNT, OPENING = 400, 100

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Window
-from observer_rt.observer.learning.disturbances.jitter import TimeJitter
+from observer_rt.observer.learning.disturbances.colour import TimeJitter
 
 SIGMA = 0.15
 SAMPLES = 1300

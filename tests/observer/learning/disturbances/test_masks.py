@@ -4,9 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Window
-from observer_rt.observer.learning.disturbances.held import frozen_stretches
-from observer_rt.observer.learning.disturbances.levels import Sigmas
-from observer_rt.observer.learning.disturbances.masks import OutlierSearch
+from observer_rt.observer.learning.disturbances.masks import OutlierSearch, frozen_stretches
+from observer_rt.observer.learning.disturbances.noise_levels import Sigmas
 
 NOISE = 0.0015  # of p_0
 SIGMAS = Sigmas(innovation=1.2 * NOISE, noise=NOISE)

@@ -8,8 +8,8 @@ import pytest
 
 from observer_rt.estimation.posterior import prior_belief
 from observer_rt.estimation.predictor import Window
-from observer_rt.estimation.sensitivity import Parameter
-from observer_rt.observer.learning.disturbances.offset_walk import moved, offset_move
+from observer_rt.estimation.scalars import Parameter
+from observer_rt.observer.learning.disturbances.pressure_gains import moved, offset_move
 
 SAMPLES, WIDTH, BURN_IN = 1200, 18, 50
 SIGMA = 0.0015  # of an innovation, in units of p_0

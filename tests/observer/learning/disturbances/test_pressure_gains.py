@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from observer_rt.estimation.posterior import prior_belief
-from observer_rt.estimation.sensitivity import Parameter
+from observer_rt.estimation.scalars import Parameter
 from observer_rt.observer.learning.disturbances.pressure_gains import LARGEST_GAIN, PressureGains
 
 PRESSURES = (0.6, 1.0, 1.4, 0.8, 1.2)  # p_0

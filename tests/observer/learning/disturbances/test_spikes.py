@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from observer_rt.observer.learning.disturbances.spikes import sharp_spikes_of, spikes_of
+from observer_rt.observer.learning.disturbances.masks import sharp_spikes_of, spikes_of
 
 COUNT, FIRST = 1500, 50
 

@@ -12,8 +12,8 @@ from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
 from observer_rt.config.recording import ColumnConfig, RecordingConfig
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.formats import open_recording, write_recording
-from observer_rt.recording.signals.mapped.even_signals import EvenSignals
 from observer_rt.recording.signals.mapped.table import Table, TablePart
+from observer_rt.recording.signals.mapped.table_signals import EvenSignals
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE
 

@@ -13,7 +13,7 @@ from observer_rt.config.recording import Meaning
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.formats import open_recording
 from observer_rt.recording.signals import stream
-from observer_rt.recording.signals.mapped import csv_table, mdf4_table
+from observer_rt.recording.signals.mapped import csv_table, table
 from observer_rt.recording.signals.mapped import signals as mapped_signals
 from observer_rt.recording.signals.stream import SignalStream
 from tests.recording.signals.mapped.foreign import RATE, bench, read, signals, tells
@@ -163,7 +163,7 @@ def mdf4(path: Path, *groups: list[Signal]) -> Path:
 def test_mdf4_channels_of_several_rasters(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, at_once: int
 ) -> None:
-    for module in (mdf4_table, mapped_signals):
+    for module in (table, mapped_signals):
         monkeypatch.setattr(module, "SAMPLES_AT_ONCE", at_once)
     slow, fast = np.arange(0.0, 0.1, 1e-3), np.arange(10_000) / RATE
     path = mdf4(

@@ -1,1 +1,0 @@
-"""Frames in ASAM MDF4."""

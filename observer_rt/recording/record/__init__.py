@@ -1,1 +1,0 @@
-"""From a bus into log files."""

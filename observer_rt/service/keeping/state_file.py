@@ -1,0 +1,363 @@
+"""The learned state on disk: one file, replaced as a whole, restored only where it belongs and can be true."""
+
+import hashlib
+import json
+import math
+import os
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import AfterValidator, BaseModel, Field, PlainSerializer, PlainValidator, ValidationError
+
+from observer_rt import __version__
+from observer_rt.estimation.gain import NoiseLevels
+from observer_rt.estimation.phases import PhaseStatistics
+from observer_rt.estimation.posterior import Belief
+from observer_rt.estimation.prediction_error import Whitening
+from observer_rt.estimation.scalars import SCALARS
+from observer_rt.foundation.errors import RunError, UserError
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
+from observer_rt.model.parameters import InjectorParameters, Scaling
+from observer_rt.observer.learning.disturbances.colour import ORDERS, Colour
+from observer_rt.observer.learning.interval import EventPoint
+from observer_rt.observer.learning.knowledge import Knowledge, no_knowledge
+
+LARGEST_NOISE = NoiseLevels(  # beyond these the sensor is broken, or the needle would never count as open
+    rail_pressure=10 * MEGAPASCAL, line_pressure=10 * MEGAPASCAL, needle_lift=20 * MICROMETRE
+)
+
+
+def problem_of(knowledge: Knowledge, pressure_scale: float) -> str | None:
+    """What makes knowledge impossible or implausible, in a few words; None if nothing does.
+
+    pressure_scale: p_0 [Pa], by which the bounds are counted.
+    """
+    prior = no_knowledge(knowledge.noise, pressure_scale)
+    for part, like in zip(_arrays(knowledge), _arrays(prior), strict=True):
+        if part.shape != like.shape:
+            return f"it holds parameters of another kind: shape {part.shape} instead of {like.shape}"
+    lowest, highest = SCALARS.bounds(pressure_scale)
+    for name, theta in (("the mean", knowledge.belief.mean), ("the parameters in force", knowledge.in_force)):
+        if not np.all(np.isfinite(theta)):
+            return f"{name} are not finite numbers"
+    if np.any(knowledge.in_force < lowest) or np.any(knowledge.in_force > highest):
+        return "the parameters in force lie beyond what an injector can do"
+    # the mean is free of the bounds' signs: it may say that a leak is slightly negative
+    if np.any(np.abs(knowledge.belief.mean) > np.maximum(-lowest, highest)):
+        return "the mean lies beyond what an injector can do"
+    for name, covariance in (
+        ("the covariance", knowledge.belief.covariance),
+        ("the error's covariance", knowledge.belief.error_covariance),
+    ):
+        if not np.all(np.isfinite(covariance)):
+            return f"{name} is not finite"
+        if not np.array_equal(covariance, covariance.T) or not _is_positive_definite(covariance):
+            return f"{name} is not symmetric and positive definite"
+    if not all(np.all(np.isfinite(sums) & (sums >= 0.0)) for sums in vars(knowledge.statistics).values()):
+        return "the statistics of the innovations are no sums of squares"
+    for signal, sigma in asdict(knowledge.noise).items():
+        if not (math.isfinite(sigma) and 0.0 < sigma <= getattr(LARGEST_NOISE, signal)):
+            return f"the noise of the {signal.replace('_', ' ')} is {sigma:g} (SI units)"
+    if not np.all(np.isfinite(knowledge.learned_at)):
+        return "the operating points learned at are not finite numbers"
+    return None if knowledge.colour is None else _problem_of_colour(knowledge.colour)
+
+
+def _problem_of_colour(colour: Colour) -> str | None:
+    whitening = colour.whitening
+    if whitening.taps.ndim != 1 or whitening.taps.size > ORDERS or not np.all(np.isfinite(whitening.taps)):
+        return f"the colour of the noise is no filter of at most {ORDERS} taps"
+    if not all(math.isfinite(value) and value > 0.0 for value in (colour.sigma, colour.interval)):
+        return "the colour of the noise has no level or no sample interval"
+    if whitening.forgetting is not None and not 0.0 < whitening.forgetting < 1.0:
+        return "the high pass of the noise is none"
+    return None
+
+
+def _arrays(knowledge: Knowledge) -> list[NDArray[np.float64]]:
+    return [knowledge.in_force, *knowledge.belief.parts.values(), *vars(knowledge.statistics).values()]
+
+
+def _is_positive_definite(matrix: NDArray[np.float64]) -> bool:
+    try:
+        np.linalg.cholesky(matrix)
+    except np.linalg.LinAlgError:
+        return False
+    return True
+
+
+VERSION = 3
+LARGEST_FILE = 1 << 20  # bytes, far more than any state takes
+PRESSURE_SCALE = float(Scaling.model_fields["pressure"].default)  # p_0 unless the injector says otherwise, Pa
+
+
+class _UnusableError(Exception):
+    """Why a file's content is not restored."""
+
+
+_Array = Annotated[
+    NDArray[np.float64],
+    PlainValidator(lambda numbers: np.array(numbers, np.float64)),
+    PlainSerializer(lambda array: array.tolist()),
+]
+_Count = Annotated[int, Field(ge=0, lt=1 << 53)]
+
+
+def _column(column: int) -> int:
+    if column not in SCALARS.gate.columns:
+        raise ValueError(f"{column} is no parameter that can be left out")
+    return column
+
+
+class _Noise(BaseModel, extra="forbid", strict=True):
+    rail_pressure: float
+    line_pressure: float
+    needle_lift: float
+
+
+class _Colour(BaseModel, extra="forbid", strict=True):
+    interval: float
+    forgetting: float | None
+    taps: _Array
+    sigma: float
+
+
+class _Content(BaseModel, strict=True):
+    """What is learned, as it lies in the file."""
+
+    package_version: str
+    model_sha256: str
+    phi_version: _Count
+    events: _Count
+    active: list[Annotated[int, AfterValidator(_column)]]
+    statistics: dict[str, _Array]
+    in_force: _Array
+    mean: _Array
+    covariance: _Array
+    error_covariance: _Array
+    noise: _Noise
+    colour: _Colour | None = None  # of files without it, the noise is taken for white until an event tells
+    learned_at: list[
+        EventPoint
+    ] = []  # of files without it, every operating point counts as new until learned at
+
+
+@dataclass(frozen=True)
+class Restored:
+    """What was found: the knowledge, None if there was none to use, and a message that says so."""
+
+    knowledge: Knowledge | None
+    message: str
+
+
+class StateDoesNotFitError(UserError):
+    """A file with a learned state that does not belong to the model, was damaged or cannot be true."""
+
+
+def model_hash(parameters: InjectorParameters) -> str:
+    """SHA-256 (hexadecimal) of the parameters, however the file they were read from is written.
+
+    Of the effects in force it covers what they do, not why somebody believes in them.
+    """
+    content = parameters.model_dump(mode="json", exclude={"effects", "format"})
+    if parameters.fluid.reference_temperature is None:  # then there is no law of the temperature either
+        for key in ("reference_temperature", "thermal_expansion", "bulk_modulus_slope"):
+            del content["fluid"][key]
+    if parameters.effects:
+        content["effects"] = [
+            [effect.id, {name: [size.value, size.unit] for name, size in effect.parameters.items()}]
+            for effect in parameters.effects
+        ]
+    return _digest(content)
+
+
+def save_knowledge(
+    path: Path, knowledge: Knowledge, model: str, pressure_scale: float = PRESSURE_SCALE
+) -> None:
+    """Replace the file at `path` by this knowledge; whatever happens meanwhile, the old or the new one is whole.
+
+    model: `model_hash` of the injector it was learned for; pressure_scale: its p_0 [Pa].
+
+    Raises:
+        RunError: it cannot be written, or is nothing that could be restored; the old file is then unchanged.
+    """
+    problem = problem_of(knowledge, pressure_scale)
+    if problem is not None:
+        raise RunError(f"{path}: what was learned is not saved, for {problem}")
+    content = _Content.model_construct(
+        package_version=__version__,
+        model_sha256=model,
+        phi_version=knowledge.phi_version,
+        events=knowledge.events,
+        active=sorted(knowledge.active),
+        statistics=vars(knowledge.statistics),
+        in_force=knowledge.in_force,
+        mean=knowledge.belief.mean,
+        covariance=knowledge.belief.covariance,
+        error_covariance=knowledge.belief.error_covariance,
+        noise=_Noise(**asdict(knowledge.noise)),
+        colour=_saved(knowledge.colour),
+        learned_at=list(knowledge.learned_at),
+    ).model_dump()
+    document = {"version": VERSION, "sha256": _digest(content), "content": content}
+    try:
+        _replace(
+            Path(os.path.realpath(path)), json.dumps(document, indent=1, allow_nan=False).encode() + b"\n"
+        )
+    except OSError as error:
+        raise RunError(f"{path}: the learned state cannot be written: {error.strerror or error}") from error
+
+
+def load_knowledge(
+    path: Path, model: str, pressure_scale: float = PRESSURE_SCALE, set_aside: bool = True
+) -> Restored:
+    """Restore what `save_knowledge` wrote for the same model; arguments as there.
+
+    A file that does not belong to the model, was damaged or holds what cannot be true is renamed to
+    `NAME.set-aside-N`, with the reason in the message; with `set_aside` False it stays and is refused.
+
+    Raises:
+        StateDoesNotFitError: the file is refused.
+        UserError: it cannot be read, or not be set aside.
+    """
+    path = Path(os.path.realpath(path))
+    try:
+        if path.exists() and not path.is_file():
+            raise UserError(str(path), "is no file", "name a file for the learned state")
+        with path.open("rb") as file:
+            data = file.read(LARGEST_FILE + 1)
+    except FileNotFoundError:
+        if not path.parent.is_dir():
+            raise UserError(str(path), "is in no existing folder", "create the folder first") from None
+        return Restored(None, f"no learned state at {path}, starting from the prior")
+    except OSError as error:
+        raise UserError(str(path), f"cannot be read: {error.strerror}", "check path and rights") from None
+    try:
+        knowledge = _knowledge_in(data, model)
+        problem = problem_of(knowledge, pressure_scale)
+        if problem is not None:
+            raise _UnusableError(problem)
+    except _UnusableError as reason:
+        if not set_aside:
+            raise StateDoesNotFitError(
+                str(path), f"is no learned state for this model: {reason}", "name another file, or none"
+            ) from None
+        return Restored(None, f"learned state not restored, for {reason}; kept as {_set_aside(path)}")
+    return Restored(
+        knowledge,
+        f"learned state restored from {path}: phi version {knowledge.phi_version}, "
+        f"learned from {knowledge.events} events",
+    )
+
+
+def _saved(colour: Colour | None) -> _Colour | None:
+    if colour is None:
+        return None
+    return _Colour.model_construct(interval=colour.interval, sigma=colour.sigma, **vars(colour.whitening))
+
+
+def _restored(colour: _Colour | None) -> Colour | None:
+    if colour is None:
+        return None
+    return Colour(Whitening(colour.forgetting, colour.taps), colour.interval, colour.sigma)
+
+
+def _digest(content: object) -> str:
+    canonical = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(canonical.encode()).hexdigest()
+
+
+def _replace(path: Path, data: bytes) -> None:
+    new = path.with_name(path.name + ".new")
+    try:
+        with new.open("wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        new.replace(path)
+    except OSError:
+        new.unlink(missing_ok=True)
+        raise
+    folder = os.open(path.parent, os.O_RDONLY)  # the new name must reach the disk too
+    try:
+        os.fsync(folder)
+    finally:
+        os.close(folder)
+
+
+def _set_aside(path: Path) -> Path:
+    number = 1
+    while (target := path.with_name(f"{path.name}.set-aside-{number}")).exists():
+        number += 1
+    try:
+        path.rename(target)
+    except OSError as error:
+        raise UserError(
+            str(path),
+            f"cannot be used, nor set aside: {error.strerror}",
+            "move it away, or name another file for the learned state",
+        ) from None
+    return target
+
+
+def _knowledge_in(data: bytes, model: str) -> Knowledge:
+    try:
+        document = json.loads(data.decode("ascii"))
+        version = document["version"]
+        if version != VERSION:
+            raise _UnusableError(f"its format is version {version!r}, not {VERSION}{_written_by(document)}")
+        if document["sha256"] != _digest(document["content"]):
+            raise _UnusableError("it was changed or damaged: its content does not match its checksum")
+        content = _Content.model_validate(document["content"])
+        if content.model_sha256 != model:
+            other = content.model_sha256[:8]
+            raise _UnusableError(
+                f"it was learned for another injector model, SHA-256 {other}... instead of {model[:8]}..."
+            )
+        return Knowledge(
+            belief=Belief(content.mean, content.covariance, content.error_covariance),
+            in_force=content.in_force,
+            noise=NoiseLevels(**dict(content.noise)),
+            phi_version=content.phi_version,
+            events=content.events,
+            active=frozenset(content.active),
+            statistics=PhaseStatistics(**content.statistics),
+            colour=_restored(content.colour),
+            learned_at=tuple(content.learned_at),
+        )
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(map(str, first["loc"]))
+        raise _UnusableError(f"its content is not as expected ({place}: {first['msg']})") from None
+    except (ValueError, OverflowError, RecursionError):
+        raise _UnusableError("it is not a learned state as this program writes it") from None
+    except (KeyError, TypeError, AttributeError) as error:
+        raise _UnusableError(f"its content is not as expected ({type(error).__name__}: {error})") from None
+
+
+def _written_by(document: dict[str, Any]) -> str:
+    content = document.get("content")
+    version = content.get("package_version") if isinstance(content, dict) else None
+    return f" (observer_rt {version} wrote it, this is {__version__})" if isinstance(version, str) else ""
+
+
+def restored_knowledge(
+    path: Path | None,
+    model: str,
+    pressure_scale: float,
+    tell: Callable[[str], None],
+    set_aside: bool = True,
+) -> Knowledge | None:
+    """What a state file holds for this model, telling what became of it; None without one.
+
+    A state learned from no event is no reason to trust the first results sooner: it counts as none.
+    """
+    if path is None:
+        return None
+    restored = load_knowledge(path, model, pressure_scale, set_aside)
+    tell(restored.message)
+    return restored.knowledge if restored.knowledge and restored.knowledge.events else None

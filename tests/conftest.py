@@ -18,7 +18,7 @@ from tests.interface import OwnInterface
 collect_seldom()
 
 # how long an example takes says nothing on a machine that does something else, too
-examples = int(os.environ.get("OBSERVER_RT_TEST_EXAMPLES", "50"))
+examples = int(os.environ.get("OBSERVER_RT_TEST_EXAMPLES", "25"))
 settings.register_profile("unhurried", deadline=None, max_examples=examples)
 settings.load_profile("unhurried")
 

@@ -1,6 +1,5 @@
 """The processes that do the work: of this computer, or of a Dask cluster that is there already."""
 
-import gc
 import logging
 import threading
 from collections.abc import Callable, Iterator
@@ -11,7 +10,6 @@ from typing import Any, Generic, TypeVar
 
 from rich.console import Console
 
-import observer_rt.fleet.job  # noqa: F401 - imported for what it imports
 from observer_rt.foundation.errors import RunError, UserError
 
 CONNECT_TIMEOUT = 10.0  # s
@@ -135,12 +133,6 @@ def connected(address: str | None, workers: int | None) -> Iterator[Cluster]:
         Client(processes) as client,
     ):
         yield Cluster(client, local=True)
-
-
-def dask_setup(_worker: object) -> None:
-    """All that is imported stays: the search for garbage need not go through it again and again."""
-    gc.collect()
-    gc.freeze()
 
 
 @dataclass(frozen=True)

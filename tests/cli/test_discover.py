@@ -181,6 +181,7 @@ def test_mistakes_are_named_before_anything_is_written(
     assert not out.is_dir()
 
 
+@pytest.mark.slow
 def test_a_log_of_the_replayed_recording_gives_the_same_verdict(
     command: Command, worn: Path, bench: Path, tmp_path: Path
 ) -> None:

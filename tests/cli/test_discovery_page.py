@@ -3,9 +3,9 @@
 import re
 from pathlib import Path
 
-import observer_rt.discovery.caveats
 import pytest
 
+import observer_rt.discovery.findings
 from tests.cli.conftest import Command
 from tests.pages import Page, words_of
 

@@ -135,6 +135,7 @@ def test_the_model_is_not_written_over(command: Command, healthy: tuple[Path, ..
     assert wrong.read_bytes() == before
 
 
+@pytest.mark.slow
 def test_one_operating_point_is_warned_of(command: Command, tmp_path: Path) -> None:
     path = tmp_path / "one.csv"
     write_recording(path, RECORDING)

@@ -101,6 +101,7 @@ def test_state_is_saved_and_restored(command: Command, bench: Path, worn: Path, 
     assert restored.events == 8
 
 
+@pytest.mark.slow
 def test_state_learned_from_nothing_earns_no_trust(
     command: Command, bench: Path, worn: Path, resting: Path, tmp_path: Path
 ) -> None:
@@ -113,6 +114,7 @@ def test_state_learned_from_nothing_earns_no_trust(
     assert valid_injections(heard) == [0, 0, 1, 1]
 
 
+@pytest.mark.slow
 def test_an_inadequate_fit_is_told_at_the_start_and_nothing_is_valid(
     command: Command, bench: Path, worn: Path, tmp_path: Path
 ) -> None:

@@ -29,6 +29,7 @@ def options() -> SearchOptions:
     return SearchOptions(workers=2, baseline=baseline)
 
 
+@pytest.mark.slow
 def test_what_the_healthy_injector_has_is_not_named(options: SearchOptions) -> None:
     assert [one.id for one in _discover(OWN).effects] == ["orifice_area"]  # it is there to be seen
     found = _discover(OWN, options=options)
@@ -83,6 +84,7 @@ def test_more_injections_show_smaller_effects() -> None:
     assert by_noise == pytest.approx([0.5], rel=0.2)  # four times as many
 
 
+@pytest.mark.slow
 def test_what_shows_where_it_was_fitted_only_is_not_named() -> None:
     """Every second operating point is held out: a nozzle worn at the others only does not pay there."""
     worn = recordings((sized("orifice_area", v_H=0.03),), points=POINTS)

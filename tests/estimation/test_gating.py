@@ -4,7 +4,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -46,7 +46,6 @@ def searched(
     return best[1], best[2]
 
 
-@settings(max_examples=300, deadline=None)
 @given(st.integers(0, 10_000), st.floats(-1.0, 2.0), st.frozensets(st.sampled_from(GATE.columns)))
 def test_best_subset_is_the_best(seed: int, exponent: float, active: frozenset[int]) -> None:
     information, vector = belief(seed, 10.0**exponent)

@@ -19,6 +19,8 @@ from observer_rt.model.sensor import lagged, recorded_mean
 from observer_rt.model.stability import substeps_needed
 from tests.estimation.conftest import NOISE, worn_theta
 
+pytestmark = pytest.mark.slow  # compiles what only these tests call, or is a whole closed loop
+
 SLOW = 20e3  # Hz
 LAG = 25e-6  # s
 

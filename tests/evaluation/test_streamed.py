@@ -181,6 +181,7 @@ def test_a_spool_is_a_sequence(in_memory: int) -> None:
     assert spool[1:3] == [(1, "1"), (2, "2")]
 
 
+@pytest.mark.slow
 def test_a_log_with_long_holes_as_in_one_piece(tmp_path: Path) -> None:
     """Holes longer than the observer remembers: a row of the trace for every sample all the same."""
     framer = Framer(map_bus(BENCH))

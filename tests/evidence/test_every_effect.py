@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.evidence.likelihood import Evidence, evidence_of
@@ -37,7 +37,6 @@ def _evidence(rate: float, line: str) -> Evidence:
     return evidence_of(measurements([recording]), MODELS[line])
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     rate=st.sampled_from(RATES),
     line=st.sampled_from(sorted(MODELS)),

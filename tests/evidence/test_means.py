@@ -18,6 +18,8 @@ from observer_rt.model.effects import effective_model, sized
 from observer_rt.recording.signals.recording import Recording
 from tests.discovery.hidden import NOMINAL, recordings
 
+pytestmark = pytest.mark.slow  # compiles what only these tests call, or is a whole closed loop
+
 EVERY = 5  # samples of 100 kHz in a mean
 MODEL = effective_model(NOMINAL)
 C = MODEL.coefficients

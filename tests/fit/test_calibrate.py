@@ -92,6 +92,7 @@ def test_the_level_rests_on_the_inertance_of_the_file(by_pressures: Calibrated) 
     assert "one to one on A_L/(rho_L L_L)" in level_words(by_pressures)
 
 
+@pytest.mark.slow
 def test_flows_coefficients_and_sac_scale_with_the_inertance(by_pressures: Calibrated) -> None:
     """The exact invariance: no pressure tells the scale."""
     share = 1.05
@@ -150,6 +151,7 @@ def test_a_measured_rate_fixes_the_level_of_a_wrong_inertance() -> None:
     assert abs(_deviations(done, NOMINAL)["d_L"]) < 3.0
 
 
+@pytest.mark.slow
 def test_one_measured_mass_fixes_the_level_of_a_wrong_inertance() -> None:
     made = simulations()
     true = np.mean([one.after for one in _fit(_found(made), NOMINAL).comparison.masses[:3]])
@@ -158,6 +160,7 @@ def test_one_measured_mass_fixes_the_level_of_a_wrong_inertance() -> None:
     assert abs(_mass_error(done.injector)) < 0.005
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drained_by_seat", [0, 1])
 def test_an_independent_plant_is_fitted_in_its_own_structure(drained_by_seat: int) -> None:
     done = _fit(

@@ -20,7 +20,13 @@ FOUND = measurements([one.recording for one in simulations([(60e6, 0.6e-3), (140
 HASHES = {"a.csv": "0123456789abcdef"}
 
 
-@pytest.fixture(scope="module", params=[SEAT_LUMP, TWO_PARTS], ids=["lump", "two parts"])
+@pytest.fixture(
+    scope="module",
+    params=[
+        pytest.param(SEAT_LUMP, id="lump"),
+        pytest.param(TWO_PARTS, id="two parts", marks=pytest.mark.slow),
+    ],
+)
 def done(request: pytest.FixtureRequest) -> Calibrated:
     """Two recordings in a structure that is not the file's."""
     return calibrate(off_by_ten_percent(), FOUND, {}, lambda _: None, request.param)

@@ -18,6 +18,8 @@ from tools.benchmarks.scoring import recording_of
 from tools.benchmarks.wave_plant import LINES, Variant, WaveLine, real_part
 from tools.benchmarks.wave_recordings import healthy_benches
 
+pytestmark = pytest.mark.slow  # compiles what only these tests call, or is a whole closed loop
+
 SMALL_SAC = with_values(NOMINAL, (SAC,), np.array([3e-9]))
 WAVES = tuple(one for one in STRUCTURES if one.line == "wave")
 

@@ -146,6 +146,7 @@ def test_what_a_compiled_function_returns_follows_what_it_calls(package: Path, t
     assert ran(package, root) == (6, 0)
 
 
+@pytest.mark.slow
 def test_what_nobody_used_for_long_is_removed(package: Path, tmp_path: Path) -> None:
     root = tmp_path / "cache"
     ran(package, root)

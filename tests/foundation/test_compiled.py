@@ -118,6 +118,7 @@ def names_in_python(path: Path, tree: ast.Module) -> Iterator[str]:
             yield f"{imported.get(node.value.id, node.value.id)}.{node.attr}"
 
 
+@pytest.mark.slow
 def test_code_that_was_kept_finds_what_it_calls(tmp_path: Path) -> None:
     (tmp_path / "called_and_caller.py").write_text(CALLED_AND_CALLER)
     (tmp_path / "user.py").write_text(USER)

@@ -42,7 +42,7 @@ FULL_LIFT = 1.39  # u_2
 STEP = 1e-6
 AREA = st.one_of(st.just(0.0), st.floats(1e-3, FULL_LIFT), st.just(FULL_LIFT))
 PRESSURE = st.one_of(st.floats(-0.5, 2.0), st.floats(-0.005, 0.005))
-compiled = settings(deadline=None, max_examples=200)  # the first example may compile
+compiled = settings(deadline=None)  # the first example may compile
 
 
 @st.composite

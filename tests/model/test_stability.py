@@ -18,9 +18,7 @@ from observer_rt.service.compiled.constants import bench_constants
 from tests.model.conftest import Trajectory
 
 PRESSURE = st.one_of(st.floats(-0.01, 0.05), st.floats(-0.1, 2.5))
-INJECTORS = settings(
-    max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+INJECTORS = settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 @INJECTORS

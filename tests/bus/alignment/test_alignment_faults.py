@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from observer_rt.foundation.continuity import Break
@@ -141,25 +141,21 @@ def compare(aligner: Aligner, expected: Expected) -> None:
     assert aligner.count("restarts") == 0
 
 
-@settings(max_examples=200, deadline=None)
 @given(traffic([9]))
 def test_any_faults_of_one_message(blocks: list[Block]) -> None:
     compare(Aligner(ONE).take_all(blocks), reference(ONE, blocks))
 
 
-@settings(max_examples=200, deadline=None)
 @given(traffic([4, 4, 4]))
 def test_any_faults_of_three_messages(blocks: list[Block]) -> None:
     compare(Aligner(THREE).take_all(blocks), reference(THREE, blocks))
 
 
-@settings(max_examples=100, deadline=None)
 @given(traffic([4, 6, 3]))
 def test_any_faults_of_three_messages_of_different_length(blocks: list[Block]) -> None:
     compare(Aligner(THREE).take_all(blocks), reference(THREE, blocks))
 
 
-@settings(max_examples=100, deadline=None)
 @given(
     st.lists(
         st.tuples(st.integers(0, 60), st.lists(st.sampled_from(["send", "send", "lose"]), max_size=60)),

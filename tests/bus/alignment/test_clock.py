@@ -63,6 +63,7 @@ def test_late_frames_move_nothing_while_some_are_prompt(
     assert clock["residual"][0] < 0.5e3
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(
     st.integers(0, 1000),

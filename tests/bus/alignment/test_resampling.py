@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from observer_rt.bus.alignment.alignment import decide, is_stale, store
@@ -89,7 +89,6 @@ class Joined:
         return all(row.values[RAIL] == pytest.approx(line(row.index), rel=1e-12) for row in self.rows)
 
 
-@settings(max_examples=50, deadline=None)
 @given(st.floats(-0.9, 0.9), st.floats(0.99, 1.01), st.integers(1, 28))
 def test_another_clock_is_interpolated(phase: float, step: float, block: int) -> None:
     joined = Joined(FULL_RATE)
@@ -194,7 +193,6 @@ def needle(position: float) -> float:
     return float(np.interp(position, [120.37, 131.2, 208.1, 221.9], [0.0, 3e-4, 3e-4, 0.0]))
 
 
-@settings(max_examples=50, deadline=None)
 @given(st.floats(-0.9, 0.9), st.floats(0.999, 1.001), st.integers(1, 28))
 @example(0.5234375, 0.999, 1)
 def test_lifts_of_another_clock_are_kept_with_their_times(phase: float, step: float, block: int) -> None:

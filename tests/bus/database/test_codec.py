@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from cantools.database.can import Message, Signal
 from cantools.database.conversion import BaseConversion
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -107,7 +107,6 @@ def exact_in_float64(signal: Signal) -> bool:
 
 
 @given(messages(), st.binary(min_size=64, max_size=64))
-@settings(max_examples=400, deadline=None)
 def test_decode_equals_cantools(message: Message, random_bytes: bytes) -> None:
     payload = random_bytes[: message.length]
     reference = message.decode(payload, decode_choices=False)
@@ -123,7 +122,6 @@ def test_decode_equals_cantools(message: Message, random_bytes: bytes) -> None:
 
 
 @given(messages(), st.data())
-@settings(max_examples=400, deadline=None)
 def test_encode_equals_cantools(message: Message, data: st.DataObject) -> None:
     values: dict[str, float] = {}
     for signal in message.signals:
@@ -143,7 +141,6 @@ def test_encode_equals_cantools(message: Message, data: st.DataObject) -> None:
 
 
 @given(messages(), st.data(), st.binary(min_size=64, max_size=64))
-@settings(max_examples=100, deadline=None)
 def test_encode_leaves_the_other_signals_alone(message: Message, data: st.DataObject, before: bytes) -> None:
     before = before[: message.length]
     chosen = data.draw(st.sampled_from(message.signals))
@@ -168,7 +165,6 @@ def make_message_mask(message: Message) -> bytes:
 
 
 @given(messages(), st.binary(min_size=64, max_size=64), st.data())
-@settings(max_examples=100, deadline=None)
 def test_a_flipped_bit_changes_exactly_its_signal(
     message: Message, payload: bytes, data: st.DataObject
 ) -> None:

@@ -20,10 +20,8 @@ from tests.bus.database.random_databases import (
     with_bits,
 )
 
-EXAMPLES = 300  # of each test
 FLOAT_FORMAT = {32: "f", 64: "d"}
 many = settings(
-    max_examples=EXAMPLES,
     deadline=None,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
 )
@@ -157,7 +155,6 @@ def _reference_code(one: Field, signal: Signal, value: float) -> float:
 
 
 @given(multiplexed_messages())
-@settings(max_examples=50, deadline=None)
 def test_a_frame_with_an_unknown_selector_carries_nothing_multiplexed(random: RandomMessage) -> None:
     outer = next(one for one in random.fields if one.name == "Outer")
     unknown = next(code for code in range(256) if code not in random.selectors["Outer"])

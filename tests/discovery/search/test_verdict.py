@@ -78,6 +78,7 @@ def test_a_single_effect_is_named(hidden: SizedEffect, measured_rate: bool) -> N
     assert max(cell.excess for cell in found.after) < 5.0
 
 
+@pytest.mark.slow
 def test_an_effect_too_small_to_matter_is_not_taken_for_another() -> None:
     points = ((60e6, 1.9e-3), (60e6, 0.6e-3), (140e6, 1.9e-3), (140e6, 0.6e-3), (140e6, 1.2e-3))
     found = name_effects(
@@ -116,6 +117,7 @@ def test_two_effects_are_named_together() -> None:
     assert all(one.gain > found.threshold for one in found.effects)
 
 
+@pytest.mark.slow
 def test_a_pair_without_the_best_single_is_found() -> None:
     """A nozzle that passes less stands in for both, and explains the recordings well enough alone."""
     points = tuple((pressure, opened) for pressure in (60e6, 100e6, 140e6) for opened in (0.6e-3, 1.9e-3))

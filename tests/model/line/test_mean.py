@@ -101,6 +101,7 @@ def test_transition_is_that_of_the_line_at_rest(line: dict[str, Any]) -> None:
     np.testing.assert_allclose(rail / units[places], found / units[places], atol=2e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("opened", [0.0, 0.8], ids=["shut", "open"])
 def test_derivatives_of_the_lump(opened: float) -> None:
     """By theta and by the state before, against differences of the step itself."""

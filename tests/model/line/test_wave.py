@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 from numba import njit
 from numpy.typing import NDArray
@@ -68,7 +68,7 @@ def assert_between(
     np.testing.assert_allclose(slope, nearest, rtol=1e-4, atol=2e-5, err_msg=name)
 
 
-@settings(deadline=None, max_examples=60)
+@pytest.mark.slow
 @example(35345, "shut", 75e-9, "seat", 1e5, False)
 @given(
     st.integers(0, 2**31),

@@ -29,6 +29,7 @@ def identification_error(injection: Injection, gain: float) -> Vector:
     return np.abs(seen.error)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gain", [1e4, 3e4, 1e5])
 def test_minus_of_equation_5_diverges_and_plus_converges(healthy: Injection, gain: float) -> None:
     plus, minus = identification_error(healthy, gain), identification_error(healthy, -gain)

@@ -27,6 +27,8 @@ from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import Simulation, simulate
 from tests.observer.paper_scheme.conftest import SAMPLE_RATE, Injection, make_injection
 
+pytestmark = pytest.mark.slow  # compiles what only these tests call, or is a whole closed loop
+
 EVENTS = 6
 WEAR = 0.5
 

@@ -98,6 +98,7 @@ def test_observer_without_phi_is_the_model(healthy: Injection) -> None:
     assert abs(mass_error(healthy, no_fault())) < 1e-3
 
 
+@pytest.mark.slow
 def test_training_is_thirty_epochs_downhill(worn: Injection) -> None:
     result = train(worn.window, worn.setting(), first_weights())
     assert result.epochs == 30

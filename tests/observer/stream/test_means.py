@@ -21,6 +21,8 @@ from observer_rt.simulation.plant import Truth, run_plant
 from observer_rt.simulation.schedule import make_schedule
 from tests.observer.sample_stream import NOISE, NOMINAL, RAIL
 
+pytestmark = pytest.mark.slow  # compiles what only these tests call, or is a whole closed loop
+
 RATE, FINE = 20e3, 500e3
 DURATIONS = (1.1e-3, 0.35e-3, 0.6e-3)  # s
 EVENTS = 9  # at as many phases of the samples against the openings

@@ -235,6 +235,7 @@ def test_the_corners_of_a_stroke_are_no_spikes(ramp: int) -> None:
     assert bridged(rows, LIFT) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("samples", [1, 9])
 def test_outliers_do_not_depend_on_what_a_frame_carries_when_events_are_judged(samples: int) -> None:
     """Noise levels change at a judgement: the samples inspected after it are the same ones."""

@@ -72,8 +72,11 @@ def unless_refused(path: Path, read: Callable[[], T]) -> T | None:
 
 def often(suffix: str) -> settings:
     """Fewer examples of the format that is slow to read."""
-    examples = 20 if suffix == ".mf4" else 200
-    return settings(max_examples=examples, suppress_health_check=[HealthCheck.function_scoped_fixture])
+    examples = settings().max_examples
+    return settings(
+        max_examples=min(examples, 20) if suffix == ".mf4" else examples,
+        suppress_health_check=[HealthCheck.function_scoped_fixture],
+    )
 
 
 @pytest.mark.parametrize("suffix", sorted(suffixes_of(written(log_formats()))))

@@ -185,6 +185,7 @@ def test_roles_swapped_are_noticed(tmp_path: Path, frames: list[TimedFrame], cle
     assert abs(swapped.reports[-1].indicators[NOZZLE].value - 0.2) > 0.05
 
 
+@pytest.mark.slow
 def test_needle_signal_that_chatters_is_survived(bench: Path) -> None:
     """A lift sensor gone mad: thousands of openings in one event, each reported once or forgotten, in order."""
     good = simulated()

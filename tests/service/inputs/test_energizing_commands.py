@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.bus.mapping.bus_map import map_bus
@@ -74,7 +74,6 @@ def test_every_rising_edge_is_a_command(
     assert all(one.is_certain and one.margin == 0.0 for one in found)
 
 
-@settings(max_examples=300)
 @given(STRETCHES, FIRST, st.sets(st.integers(0, 10)))
 def test_what_is_lost_is_known_to_be(
     in_blocks: EnergizingLayout, stretches: list[int], first: int, lost: set[int]

@@ -163,6 +163,7 @@ def test_blank_lines_count_as_lines(tmp_path: Path) -> None:
     assert "line 19: gap in time" in text
 
 
+@pytest.mark.slow
 def test_a_million_rows_take_seconds(tmp_path: Path) -> None:
     n = 1_000_000
     pressure = np.random.default_rng(0).integers(0, 60_000, n).astype(np.float64) * 5000.0

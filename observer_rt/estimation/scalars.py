@@ -114,6 +114,16 @@ class Scalars:
         return max(row.column + row.columns for row in self.rows)
 
     @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Of the columns, by which files know them."""
+        named = {
+            row.column + i: row.name if row.columns == 1 else f"{row.name}_{i + 1}"
+            for row in self.rows
+            for i in range(row.columns)
+        }
+        return tuple(named[column] for column in range(self.width))
+
+    @cached_property
     def laws(self) -> tuple[tuple[int, Callable[[Any, Any], Any]], ...]:
         """Columns and laws of line and guide, in the order in which they change the line."""
         rows = sorted(self.rows, key=attrgetter("turn"))

@@ -13,6 +13,7 @@ from observer_rt.estimation.scalars import PARAMETERS, SCALARS
 from observer_rt.observer.learning.disturbances.colour import ORDERS, Colour
 from observer_rt.observer.learning.interval import EventPoint
 from observer_rt.observer.learning.knowledge import Knowledge
+from observer_rt.observer.learning.memory import Memory
 
 PRESSURE_SCALE = 1e8  # Pa
 
@@ -42,6 +43,7 @@ def some_knowledge(seed: int = 1, phi_version: int = 7, events: int = 20) -> Kno
             sigma=float(random.uniform(5e-4, 2e-3)),
         ),
         learned_at=tuple(EventPoint(*point) for point in random.uniform(-1.0, 1.0, (3, 3)).tolist()),
+        memory=Memory(1e-5, {"_freezer": {"_bad": seed, "_good": 0, "_frozen": False}}),
     )
 
 

@@ -18,9 +18,10 @@ from hypothesis import strategies as st
 
 from observer_rt.config.bench import load_injector
 from observer_rt.estimation.gain import NoiseLevels
-from observer_rt.estimation.scalars import PARAMETERS, Parameter
+from observer_rt.estimation.scalars import PARAMETERS, SCALARS, Parameter
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.observer.learning.knowledge import Knowledge, no_knowledge
+from observer_rt.observer.learning.memory import NOTHING
 from observer_rt.service.keeping.state_file import load_knowledge, model_hash, save_knowledge
 from tests.service.knowledge_samples import PRESSURE_SCALE, damage, some_knowledge
 
@@ -114,10 +115,15 @@ def remove(key: str) -> Callable[[dict[str, Any]], None]:
 
 
 NOT_RESTORED = {
-    "older version": (put("version", value=1), r"version 1, not 3 (observer_rt "),
-    "newer version": (put("version", value=4), "format is version 4, not 3"),
+    "older version": (put("version", value=1), r"version 1, not 4 (observer_rt "),
+    "newer version": (put("version", value=5), "format is version 5, not 4"),
+    "a name twice": (put("content", "columns", 0, value="lag"), "as many parameters as it names"),
+    "a name too few": (
+        put("content", "columns", value=list(SCALARS.names[:-1])),
+        "as many parameters as it names",
+    ),
     "model": (put("content", "model_sha256", value="0" * 64), "another injector model"),
-    "short mean": (put("content", "mean", value=[0.0] * (PARAMETERS - 1)), "shape"),
+    "short mean": (put("content", "mean", value=[0.0] * (PARAMETERS - 1)), "as many parameters"),
     "flat covariance": (put("content", "covariance", value=[1.0] * PARAMETERS), "shape"),
     "ragged": (put("content", "covariance", value=[[1.0], [1.0, 2.0]]), "not as expected (covariance"),
     "text": (put("content", "mean", value="none"), "not as expected (mean"),
@@ -174,6 +180,48 @@ def test_a_rewritten_file_without_change_is_restored(tmp_path: Path) -> None:
     save_knowledge(tmp_path / "state.json", some_knowledge(), MODEL)
     rewritten(tmp_path / "state.json", put("content", "package_version", value="0.0.1"))
     assert same(load_knowledge(tmp_path / "state.json", MODEL).knowledge, some_knowledge())
+
+
+def test_a_file_of_the_version_before_is_restored(tmp_path: Path) -> None:
+    """It names no parameters, and remembers nothing of what learning follows."""
+    save_knowledge(tmp_path / "state.json", some_knowledge(), MODEL)
+
+    def older(document: dict[str, Any]) -> None:
+        document["version"] = 3
+        del document["content"]["columns"], document["content"]["memory"]
+
+    rewritten(tmp_path / "state.json", older)
+    restored = load_knowledge(tmp_path / "state.json", MODEL).knowledge
+    assert same(restored, replace(some_knowledge(), memory=NOTHING))
+
+
+def test_parameters_are_known_by_name(tmp_path: Path) -> None:
+    """In another order, with one that there is no more; what the file does not know is as before any event."""
+    known, prior = some_knowledge(), no_knowledge(some_knowledge().noise, PRESSURE_SCALE)
+    order = np.random.default_rng(4).permutation(PARAMETERS)
+    gone = int(Parameter.NOZZLE_BIAS)
+
+    def other(document: dict[str, Any]) -> None:
+        content = document["content"]
+        for part in ("in_force", "mean"):
+            content[part] = np.array(content[part])[order].tolist()
+        for part in ("covariance", "error_covariance"):
+            content[part] = np.array(content[part])[np.ix_(order, order)].tolist()
+        content["columns"] = [SCALARS.names[column] if column != gone else "once" for column in order]
+        content["active"] = [order.tolist().index(column) for column in content["active"]]
+
+    save_knowledge(tmp_path / "state.json", known, MODEL)
+    rewritten(tmp_path / "state.json", other)
+    restored = load_knowledge(tmp_path / "state.json", MODEL, PRESSURE_SCALE).knowledge
+    assert restored is not None
+    kept = np.arange(PARAMETERS) != gone
+    assert restored.active == known.active
+    np.testing.assert_array_equal(restored.in_force[kept], known.in_force[kept])
+    np.testing.assert_array_equal(
+        restored.belief.covariance[np.ix_(kept, kept)], known.belief.covariance[np.ix_(kept, kept)]
+    )
+    assert restored.in_force[gone] == 0.0
+    np.testing.assert_array_equal(restored.belief.covariance[gone], prior.belief.covariance[gone])
 
 
 def test_a_file_from_before_colours_has_none(tmp_path: Path) -> None:

@@ -28,6 +28,7 @@ from observer_rt.observer.learning.disturbances.masks import OutlierSearch
 from observer_rt.observer.learning.disturbances.noise_levels import Sigmas, mask_of
 from observer_rt.observer.learning.disturbances.pressure_gains import moved, offset_move
 from observer_rt.observer.learning.fitting import EventFit, EventFitter, theta_limits
+from observer_rt.observer.learning.memory import Tracker
 from observer_rt.observer.learning.trend import Trend
 
 FIRST_ITERATIONS = 8
@@ -38,8 +39,10 @@ QUICKER = 30.0  # times the usual drift
 CHANGE_GAIN = 20.0  # chi2 by which forgetting must improve the fit
 
 
-class ChangingFit:
+class ChangingFit(Tracker):
     """Fits event after event; what moves on is seen in what they contradict together."""
+
+    _trend: Trend
 
     def __init__(self, scalars: Scalars, pressure_scale: float) -> None:
         """pressure_scale: p_0 [Pa]."""
@@ -124,8 +127,15 @@ class Explained:
     is_louder: bool
 
 
-class EventReader:
+class EventReader(Tracker):
     """Explains event after event, by what those before have shown of the noise and of the range."""
+
+    _at_rest: RestingNoise
+    _slow_rail: SlowRail
+    _jitter: TimeJitter
+    _outliers: OutlierSearch
+    _range: EndsOfRange
+    _fit: ChangingFit
 
     def __init__(
         self, interval: float, pressure_scale: float, scalars: Scalars, colour: Colour | None

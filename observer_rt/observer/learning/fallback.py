@@ -14,6 +14,7 @@ from observer_rt.estimation.predictor import Setting, Window, open_loop_errors, 
 from observer_rt.estimation.scalars import Scalars
 from observer_rt.observer.learning.adequacy import Objection, inadequate_phase
 from observer_rt.observer.learning.disturbances.colour import Colour
+from observer_rt.observer.learning.memory import Tracker
 from observer_rt.observer.stream.state import Reason
 
 FREEZE_AFTER = 2  # events
@@ -29,7 +30,7 @@ UNEXPLAINED = (
 BELIEVED_AFTER = 2  # explained events in a row, where what was learned was set aside
 
 
-class Mistrust:
+class Mistrust(Tracker):
     """What was learned is not carried where too many events are not explained by it.
 
     A sudden change is one such event, changes all the time are many; a scale that is not known is enough by itself.
@@ -37,10 +38,14 @@ class Mistrust:
     operating points contradict a wrong model more than others.
     """
 
+    _events: int
+    _passed: int
+    _because: Objection | None
+
     def __init__(self) -> None:
         self._events = 0
         self._passed = 0
-        self._because: Objection | None = None
+        self._because = None
 
     @property
     def lasts(self) -> bool:
@@ -62,8 +67,12 @@ class Mistrust:
         return self._because
 
 
-class Freezer:
+class Freezer(Tracker):
     """Learning stops when the standstill contradicts the model twice, and goes on after three good events."""
+
+    _bad: int
+    _good: int
+    _frozen: bool
 
     def __init__(self) -> None:
         self._bad = 0

@@ -18,6 +18,7 @@ from observer_rt.observer.learning.adequacy import Objection
 from observer_rt.observer.learning.disturbances.colour import Colour
 from observer_rt.observer.learning.indicators import SAME_RATE
 from observer_rt.observer.learning.interval import EventPoint, Resimulated
+from observer_rt.observer.learning.memory import NOTHING, Memory, Remembered
 from observer_rt.observer.stream.phi import Phi, StructuredPhi
 from observer_rt.observer.stream.standstill import Standstill
 from observer_rt.observer.stream.state import Constants
@@ -39,7 +40,8 @@ class Knowledge:
 
     belief: about all parameters jointly; active: the gated columns in use; in_force: theta (m,) the observer carries,
     0 at start; noise: levels in use; colour: of the innovations, None while they are white; learned_at: the operating
-    points of the last events learned from; scalars: the table theta goes by.
+    points of the last events learned from; memory: what learning follows from event to event, and its doubts;
+    scalars: the table theta goes by.
     """
 
     belief: Belief
@@ -51,6 +53,7 @@ class Knowledge:
     statistics: PhaseStatistics = field(default_factory=no_statistics)
     colour: Colour | None = None
     learned_at: tuple[EventPoint, ...] = ()
+    memory: Memory = NOTHING
     scalars: Scalars = field(default=SCALARS, repr=False, compare=False)
 
     def colour_at(self, interval: float) -> Colour | None:
@@ -59,6 +62,10 @@ class Knowledge:
         if colour is None or not math.isclose(colour.interval, interval, rel_tol=SAME_RATE):
             return None
         return colour
+
+    def memory_at(self, interval: float) -> Remembered:
+        """What was remembered, if it was at this sample interval [s]."""
+        return self.memory.found if math.isclose(self.memory.interval, interval, rel_tol=SAME_RATE) else {}
 
 
 def no_knowledge(noise: NoiseLevels, pressure_scale: float, scalars: Scalars = SCALARS) -> Knowledge:

@@ -29,6 +29,7 @@ from observer_rt.estimation.scalars import SCALARS, Parameter, Scalars
 from observer_rt.model.sensor import LAG_UNIT
 from observer_rt.observer.learning.adequacy import RELEVANT_VARIANCE, Objection
 from observer_rt.observer.learning.fitting import EventFit, EventFitter, theta_limits
+from observer_rt.observer.learning.memory import Tracker
 from observer_rt.observer.learning.trend import RecentScores
 from observer_rt.observer.stream.state import Reason
 
@@ -119,20 +120,27 @@ def lateness_of(found: LagScore, run: OpenLoop) -> Lateness:
     return Lateness(found.score, share, float(np.sum(moved) / np.sum(run.rate)), found.change)
 
 
-class LagDoubt:
+class LagDoubt(Tracker):
     """What recent events say together: whether their lag is none, and whether that matters."""
 
-    def __init__(self) -> None:
+    _scores: RecentScores
+    _events: float
+    _rate_squares: float
+    _volume_squares: float
+    _change_squares: NDArray[np.float64]
+
+    def __init__(self, width: int) -> None:
+        """width: columns of theta."""
         self._scores = RecentScores(REMEMBERED, 1)
         self._events, self._rate_squares, self._volume_squares = 0.0, 0.0, 0.0
-        self._change_squares: NDArray[np.float64] | float = 0.0
+        self._change_squares = np.zeros(width)
 
     def take_in(self, event: Lateness | None) -> None:
         """An event more; None: there is no lag, all is forgotten."""
         if event is None:
             self._scores.forget()
             self._events, self._rate_squares, self._volume_squares = 0.0, 0.0, 0.0
-            self._change_squares = 0.0
+            self._change_squares = np.zeros_like(self._change_squares)
             return
         self._scores.add(np.array([event.score]))
         self._events = REMEMBERED * self._events + 1.0
@@ -155,9 +163,10 @@ class LagDoubt:
         """By what a volume may be wrong where it is no lag, 0 where it seems to be one."""
         return math.sqrt(self._volume_squares / self._events) if self.is_no_lag else 0.0
 
-    def variance(self, width: int) -> NDArray[np.float64]:
+    @property
+    def variance(self) -> NDArray[np.float64]:
         """The same of theta, as variances (width,)."""
-        return np.zeros(width) + (self._change_squares / self._events if self.is_no_lag else 0.0)
+        return self._change_squares / self._events if self.is_no_lag else np.zeros_like(self._change_squares)
 
 
 STEP = 5e-6  # s, either way, by which the lift is moved for a slope
@@ -223,8 +232,15 @@ def lift_lag_of(
     return LiftLag(best.lag, first.excess, best.excess, best.samples)
 
 
-class LiftLagSearch:
+class LiftLagSearch(Tracker):
     """What recent refused events say together."""
+
+    _asked: int
+    _events: float
+    _samples: float
+    _without: float
+    _left: float
+    _lags: float
 
     def __init__(self) -> None:
         self._asked = 0

@@ -55,6 +55,7 @@ from observer_rt.observer.learning.lateness import (
     lateness_of,
     lift_lag_of,
 )
+from observer_rt.observer.learning.memory import Memory, Tracker
 from observer_rt.observer.stream.phi import StructuredPhi
 from observer_rt.observer.stream.standstill import Standstill
 from observer_rt.observer.stream.state import Constants, Reason
@@ -63,8 +64,16 @@ STANDSTILL_ENOUGH = 1000  # samples, for the first guess of the offset
 OTHER_NOISE = 1.25  # times a level
 
 
-class Learner:
+class Learner(Tracker):
     """Learns event after event. Pure: no clock, no thread; the caller decides where it runs."""
+
+    _reader: EventReader
+    _freezer: Freezer
+    _mistrust: Mistrust
+    _lag_doubt: LagDoubt
+    _lift_lag: LiftLagSearch
+    _energizing: Energizing
+    _pressure_gains: PressureGains
 
     def __init__(
         self,
@@ -94,10 +103,11 @@ class Learner:
         self._previous: Rehearsed | None = None
         self._freezer = Freezer()
         self._mistrust = Mistrust()
-        self._lag_doubt = LagDoubt()
+        self._lag_doubt = LagDoubt(scalars.width)
         self._lift_lag = LiftLagSearch()
         self._energizing = Energizing(constants.interval, self._wide)
         self._pressure_gains = PressureGains()
+        self.recall(knowledge.memory_at(constants.interval))
 
     @property
     def schedule(self) -> GainSchedule:
@@ -121,7 +131,14 @@ class Learner:
 
         constants: during the event; None: as they were.
         """
-        self._constants = constants or self._constants
+        outcome = self._learn(window, standstill, in_force, constants or self._constants)
+        memory = Memory(self._constants.interval, self.memory())
+        return replace(outcome, knowledge=replace(outcome.knowledge, memory=memory))
+
+    def _learn(
+        self, window: Window, standstill: Standstill, in_force: Theta, constants: Constants
+    ) -> Outcome:
+        self._constants = constants
         if standstill.noise is not None:
             self._hear(standstill.noise)
         self._schedule = self._gains()
@@ -336,7 +353,7 @@ class Learner:
             estimate=self._theta.copy(),
             covariance=self._gated.covariance
             + np.diag(self._pressure_gains.wear_variance(self._scalars.width))
-            + np.diag(self._lag_doubt.variance(self._scalars.width)),
+            + np.diag(self._lag_doubt.variance),
         )
 
     def _objections(

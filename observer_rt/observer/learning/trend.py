@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.scalars import Parameter
+from observer_rt.observer.learning.memory import Tracker
 
 WEAR = (int(Parameter.NOZZLE_BIAS), int(Parameter.SEAT_BIAS))
 REMEMBERED = 0.8  # weight of the scores before this event
@@ -14,8 +15,11 @@ LASTING = 10  # events for which a trend, once seen, is taken to go on
 QUICKER = 8.0  # times the usual drift
 
 
-class RecentScores:
+class RecentScores(Tracker):
     """Sums of scores (k,), each standard normal unless something is contradicted, older events counting less."""
+
+    _sums: NDArray[np.float64]
+    _variance: float
 
     def __init__(self, remembered: float, count: int) -> None:
         """remembered: weight of the scores before an event; count: k."""
@@ -38,8 +42,11 @@ class RecentScores:
         return np.asarray(np.abs(self._sums) > sigmas * math.sqrt(self._variance))
 
 
-class Trend:
+class Trend(Tracker):
     """Which wear moves on faster than its usual drift, from the standard scores of recent events."""
+
+    _scores: RecentScores
+    _left: NDArray[np.int64]
 
     def __init__(self) -> None:
         self._scores = RecentScores(REMEMBERED, len(WEAR))

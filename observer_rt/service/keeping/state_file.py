@@ -5,13 +5,13 @@ import json
 import math
 import os
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator, BaseModel, Field, PlainSerializer, PlainValidator, ValidationError
+from pydantic import BaseModel, Field, PlainSerializer, PlainValidator, ValidationError
 
 from observer_rt import __version__
 from observer_rt.estimation.gain import NoiseLevels
@@ -25,6 +25,7 @@ from observer_rt.model.parameters import InjectorParameters, Scaling
 from observer_rt.observer.learning.disturbances.colour import ORDERS, Colour
 from observer_rt.observer.learning.interval import EventPoint
 from observer_rt.observer.learning.knowledge import Knowledge, no_knowledge
+from observer_rt.observer.learning.memory import NOTHING, Memory
 
 LARGEST_NOISE = NoiseLevels(  # beyond these the sensor is broken, or the needle would never count as open
     rail_pressure=10 * MEGAPASCAL, line_pressure=10 * MEGAPASCAL, needle_lift=20 * MICROMETRE
@@ -90,7 +91,20 @@ def _is_positive_definite(matrix: NDArray[np.float64]) -> bool:
     return True
 
 
-VERSION = 3
+VERSION = 4
+OLDEST = 3  # version that is still read
+_COLUMNS_OF_3 = (
+    *(
+        "nozzle_bias",
+        *(f"nozzle_weight_{i}" for i in range(1, 6)),
+        "seat_bias",
+        "offset",
+        "friction",
+        "leakage",
+    ),
+    *("stiffness", "lag", "air", "back_pressure_1", "back_pressure_2"),
+)
+_GATED = [SCALARS.names[column] for column in SCALARS.gate.columns]
 LARGEST_FILE = 1 << 20  # bytes, far more than any state takes
 PRESSURE_SCALE = float(Scaling.model_fields["pressure"].default)  # p_0 unless the injector says otherwise, Pa
 
@@ -107,12 +121,6 @@ _Array = Annotated[
 _Count = Annotated[int, Field(ge=0, lt=1 << 53)]
 
 
-def _column(column: int) -> int:
-    if column not in SCALARS.gate.columns:
-        raise ValueError(f"{column} is no parameter that can be left out")
-    return column
-
-
 class _Noise(BaseModel, extra="forbid", strict=True):
     rail_pressure: float
     line_pressure: float
@@ -126,14 +134,20 @@ class _Colour(BaseModel, extra="forbid", strict=True):
     sigma: float
 
 
+class _Memory(BaseModel, extra="forbid", strict=True):
+    interval: float
+    found: dict[str, Any]
+
+
 class _Content(BaseModel, strict=True):
-    """What is learned, as it lies in the file."""
+    """What is learned, as it lies in the file. columns: names of the parameters, in their order."""
 
     package_version: str
     model_sha256: str
     phi_version: _Count
     events: _Count
-    active: list[Annotated[int, AfterValidator(_column)]]
+    columns: list[str] = list(_COLUMNS_OF_3)
+    active: list[int]  # columns
     statistics: dict[str, _Array]
     in_force: _Array
     mean: _Array
@@ -144,6 +158,7 @@ class _Content(BaseModel, strict=True):
     learned_at: list[
         EventPoint
     ] = []  # of files without it, every operating point counts as new until learned at
+    memory: _Memory | None = None  # of files without it, it is found again over the next events
 
 
 @dataclass(frozen=True)
@@ -193,6 +208,7 @@ def save_knowledge(
         model_sha256=model,
         phi_version=knowledge.phi_version,
         events=knowledge.events,
+        columns=list(SCALARS.names),
         active=sorted(knowledge.active),
         statistics=vars(knowledge.statistics),
         in_force=knowledge.in_force,
@@ -202,6 +218,7 @@ def save_knowledge(
         noise=_Noise(**asdict(knowledge.noise)),
         colour=_saved(knowledge.colour),
         learned_at=list(knowledge.learned_at),
+        memory=_Memory.model_construct(**vars(knowledge.memory)),
     ).model_dump()
     document = {"version": VERSION, "sha256": _digest(content), "content": content}
     try:
@@ -237,7 +254,7 @@ def load_knowledge(
     except OSError as error:
         raise UserError(str(path), f"cannot be read: {error.strerror}", "check path and rights") from None
     try:
-        knowledge = _knowledge_in(data, model)
+        knowledge = _knowledge_in(data, model, pressure_scale)
         problem = problem_of(knowledge, pressure_scale)
         if problem is not None:
             raise _UnusableError(problem)
@@ -304,11 +321,11 @@ def _set_aside(path: Path) -> Path:
     return target
 
 
-def _knowledge_in(data: bytes, model: str) -> Knowledge:
+def _knowledge_in(data: bytes, model: str, pressure_scale: float) -> Knowledge:
     try:
         document = json.loads(data.decode("ascii"))
         version = document["version"]
-        if version != VERSION:
+        if version not in range(OLDEST, VERSION + 1):
             raise _UnusableError(f"its format is version {version!r}, not {VERSION}{_written_by(document)}")
         if document["sha256"] != _digest(document["content"]):
             raise _UnusableError("it was changed or damaged: its content does not match its checksum")
@@ -318,7 +335,7 @@ def _knowledge_in(data: bytes, model: str) -> Knowledge:
             raise _UnusableError(
                 f"it was learned for another injector model, SHA-256 {other}... instead of {model[:8]}..."
             )
-        return Knowledge(
+        knowledge = Knowledge(
             belief=Belief(content.mean, content.covariance, content.error_covariance),
             in_force=content.in_force,
             noise=NoiseLevels(**dict(content.noise)),
@@ -328,7 +345,9 @@ def _knowledge_in(data: bytes, model: str) -> Knowledge:
             statistics=PhaseStatistics(**content.statistics),
             colour=_restored(content.colour),
             learned_at=tuple(content.learned_at),
+            memory=Memory(**vars(content.memory)) if content.memory else NOTHING,
         )
+        return _by_name(knowledge, tuple(content.columns), pressure_scale)
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(map(str, first["loc"]))
@@ -337,6 +356,30 @@ def _knowledge_in(data: bytes, model: str) -> Knowledge:
         raise _UnusableError("it is not a learned state as this program writes it") from None
     except (KeyError, TypeError, AttributeError) as error:
         raise _UnusableError(f"its content is not as expected ({type(error).__name__}: {error})") from None
+
+
+def _by_name(found: Knowledge, names: tuple[str, ...], pressure_scale: float) -> Knowledge:
+    """Knowledge whose columns have these names, in the columns of today: what is new there is as before any event."""
+    width = len(names)
+    parts = found.belief.parts | {"in_force": found.in_force}
+    if any(size != width for part in parts.values() for size in part.shape) or len(set(names)) != width:
+        raise _UnusableError(f"it does not hold as many parameters as it names, {width}")
+    if not found.active <= {names.index(name) for name in _GATED if name in names}:
+        raise _UnusableError("it leaves out a parameter that cannot be left out")
+    if names == SCALARS.names:
+        return found
+    here = [column for column, name in enumerate(SCALARS.names) if name in names]
+    there = [names.index(SCALARS.names[column]) for column in here]
+    start = no_knowledge(found.noise, pressure_scale)
+    moved = {name: part.copy() for name, part in (start.belief.parts | {"in_force": start.in_force}).items()}
+    for name, part in parts.items():
+        moved[name][np.ix_(*[here] * part.ndim)] = part[np.ix_(*[there] * part.ndim)]
+    return replace(
+        found,
+        in_force=moved.pop("in_force"),
+        belief=Belief(**moved),
+        active=frozenset(column for column, old in zip(here, there, strict=True) if old in found.active),
+    )
 
 
 def _written_by(document: dict[str, Any]) -> str:

@@ -72,18 +72,18 @@ def doubted(doubt: LagDoubt, score: float, rate_share: float = 2.0 * RELEVANT_RA
 
 
 def test_white_scores_hardly_ever_contradict_a_lag() -> None:
-    doubt = LagDoubt()
+    doubt = LagDoubt(2)
     assert not any(doubted(doubt, score) for score in np.random.default_rng(6).normal(size=5000))
 
 
 @pytest.mark.parametrize("pull", [-3.0, 3.0])
 def test_scores_of_one_sign_do(pull: float) -> None:
-    doubt = LagDoubt()
+    doubt = LagDoubt(2)
     assert [doubted(doubt, pull) for _ in range(4)] == [False, False, True, True]
 
 
 def test_without_a_lag_all_is_forgotten() -> None:
-    doubt = LagDoubt()
+    doubt = LagDoubt(2)
     for _ in range(5):
         doubted(doubt, -3.0)
     doubt.take_in(None)
@@ -93,14 +93,14 @@ def test_without_a_lag_all_is_forgotten() -> None:
 
 
 def test_a_delay_too_short_to_matter_only_widens_the_interval() -> None:
-    doubt = LagDoubt()
+    doubt = LagDoubt(2)
     assert not any(doubted(doubt, -3.0, 0.5 * RELEVANT_RATE) for _ in range(8))
     assert doubt.volume_share == pytest.approx(0.004)
-    assert doubt.variance(2) == pytest.approx([1e-4, 0.0])
+    assert doubt.variance == pytest.approx([1e-4, 0.0])
 
 
 def test_a_lag_widens_nothing() -> None:
-    doubt = LagDoubt()
+    doubt = LagDoubt(2)
     assert not any(doubted(doubt, score) for score in (0.5, -1.0, 0.2))
     assert doubt.volume_share == 0.0
 

@@ -8,13 +8,16 @@ bridges it as it does outliers.
 import math
 from collections import deque
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import AfterValidator
 
 from observer_rt.estimation.predictor import Window
 from observer_rt.foundation.compiled import compiled
 from observer_rt.observer.learning.disturbances.noise_levels import Sigmas, mask_of, median
+from observer_rt.observer.learning.memory import Tracker
 
 SMOOTHED = 5  # samples whose mean tells how far the line pressure goes
 AT_LEVEL = 1.5  # standard deviations of a sample below a level, from which on that mean is at it
@@ -31,6 +34,7 @@ SAME_LEVEL = 1.0  # standard deviations of a sample
 REMEMBERED = 6  # events at a level
 RECURS = 3  # of these
 _SIGNS = (-1.0, 1.0)  # of the lower and the upper end
+Levels = Annotated[deque[float], AfterValidator(lambda levels: deque(levels, REMEMBERED))]
 
 
 @dataclass(frozen=True)
@@ -41,11 +45,13 @@ class Pile:
     changing: float
 
 
-class EndsOfRange:
+class EndsOfRange(Tracker):
     """Both ends of the line pressure's range, as far as events have shown them."""
 
+    _levels: tuple[Levels, Levels]
+
     def __init__(self) -> None:
-        self._levels: tuple[deque[float], ...] = tuple(deque(maxlen=REMEMBERED) for _ in _SIGNS)
+        self._levels = deque(maxlen=REMEMBERED), deque(maxlen=REMEMBERED)  # low and high
         self._piles: list[Pile | None] = [None for _ in _SIGNS]  # of the event in hand
 
     @property

@@ -16,6 +16,7 @@ from observer_rt.estimation.prediction_error import EventCost
 from observer_rt.estimation.predictor import Window
 from observer_rt.foundation.compiled import compiled
 from observer_rt.observer.learning.fitting import EventFit
+from observer_rt.observer.learning.memory import Tracker
 
 LONGEST_DELAY = 0.45e-3  # s, from the start of energizing to the opening
 SHORTEST_DELAY = 0.12e-3
@@ -37,8 +38,12 @@ class Edge:
     before: int
 
 
-class EdgeSearch:
+class EdgeSearch(Tracker):
     """Looks for a step at one time before the openings, event after event."""
+
+    _products: NDArray[np.float64]
+    _squares: NDArray[np.float64]
+    _whole: NDArray[np.float64]
 
     def __init__(self, interval: float) -> None:
         """interval: of samples [s]."""
@@ -137,18 +142,23 @@ class CoilPulse:
         return window._replace(output=output)
 
 
-class CoilCurrent:
+class CoilCurrent(Tracker):
     """Seeks the end of the pulse over the events, and takes the pulse out of those that follow."""
 
-    def __init__(self, interval: float) -> None:
-        """interval: of samples [s]."""
+    _products: NDArray[np.float64]
+    _squares: NDArray[np.float64]
+    pulse: CoilPulse | None
+    covariance: NDArray[np.float64]
+
+    def __init__(self, interval: float, width: int) -> None:
+        """interval: of samples [s]; width: columns of theta."""
         earliest, latest, step = (round(t / interval) for t in (EARLIEST_END, LATEST_END, END_STEP))
         self._ends = np.arange(latest, earliest, max(step, 1))
         # of innovations and of a pulse of 1, all else fitted: their products, and its squares
         self._products, self._squares = np.zeros(self._ends.size), np.zeros(self._ends.size)
-        self.pulse: CoilPulse | None = None
+        self.pulse = None
         """What is taken out, None: nothing."""
-        self.covariance: NDArray[np.float64] | float = 0.0
+        self.covariance = np.zeros((width, width))
         """Of theta (m, m), by what is not known of the pulse that is taken out."""
 
     def undone(self, window: Window) -> Window:
@@ -200,17 +210,20 @@ class CoilCurrent:
     def forget(self) -> None:
         """There is no edge."""
         self._products[:], self._squares[:] = 0.0, 0.0
-        self.pulse, self.covariance = None, 0.0
+        self.pulse, self.covariance = None, np.zeros_like(self.covariance)
 
 
-class Energizing:
+class Energizing(Tracker):
     """Follows it event after event, and takes it out of events once it is known."""
+
+    _edges: EdgeSearch
+    _current: CoilCurrent
 
     def __init__(self, interval: float, prior: NDArray[np.float64]) -> None:
         """interval: of samples [s]; prior: standard deviations (m,) of theta before any event."""
         self._prior = prior
         self._edges = EdgeSearch(interval)
-        self._current = CoilCurrent(interval)
+        self._current = CoilCurrent(interval, prior.size)
 
     @property
     def is_known(self) -> bool:
@@ -218,7 +231,7 @@ class Energizing:
         return self._current.pulse is not None
 
     @property
-    def covariance(self) -> NDArray[np.float64] | float:
+    def covariance(self) -> NDArray[np.float64]:
         """Of theta (m, m), by what is not known of what is taken out."""
         return self._current.covariance
 

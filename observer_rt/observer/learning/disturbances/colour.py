@@ -17,6 +17,7 @@ from observer_rt.estimation.predictor import Window
 from observer_rt.foundation.compiled import compiled
 from observer_rt.observer.learning.disturbances.masks import DIFFERENCE
 from observer_rt.observer.learning.disturbances.noise_levels import mask_of
+from observer_rt.observer.learning.memory import Tracker
 from observer_rt.observer.stream.standstill import Standstill
 
 TIME_CONSTANTS = (2e-3, 0.66e-3, 0.245e-3, 0.095e-3)  # s, of the high passes to choose from
@@ -50,8 +51,11 @@ class Colour:
     sigma: float
 
 
-class SlowRail:
+class SlowRail(Tracker):
     """How strong the noise of the rail pressure is where the line hears it, older events counting less."""
+
+    _squares: float
+    _count: float
 
     def __init__(self, interval: float) -> None:
         """interval: of samples [s]."""
@@ -104,8 +108,12 @@ def resting_segments(window: Window, first: int, shortest: int) -> list[slice]:
     ]
 
 
-class RestingNoise:
+class RestingNoise(Tracker):
     """What innovations at rest are like, older events counting less; from it the filter that makes them white."""
+
+    _products: NDArray[np.float64]
+    _by_lag: NDArray[np.float64]
+    _count: float
 
     def __init__(self, interval: float) -> None:
         """interval: of samples [s]."""
@@ -258,8 +266,11 @@ RELEVANT = 0.1  # samples: less is not told from a noise that is white
 MOST = 0.5  # samples: more is no jitter
 
 
-class TimeJitter:
+class TimeJitter(Tracker):
     """Follows how much louder the line pressure is where it is steep, event after event."""
+
+    _sums: NDArray[np.float64]
+    _variance: float
 
     def __init__(self) -> None:
         self._sums = np.zeros(5)  # weights, with squared slopes and their squares, with loudness and both

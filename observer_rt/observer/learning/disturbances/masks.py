@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from observer_rt.estimation.predictor import Window
 from observer_rt.foundation.compiled import compiled
 from observer_rt.observer.learning.disturbances.noise_levels import Sigmas, loudness, mask_of, robust_sigma
+from observer_rt.observer.learning.memory import Tracker
 
 LEAP = 8.0  # standard deviations of the innovations from one sample to the next
 WIDEST_SPIKE = 8  # samples
@@ -250,14 +251,17 @@ class _Event:
     ends: tuple[End, End]
 
 
-class OutlierSearch:
+class OutlierSearch(Tracker):
     """Looks for outliers in event after event, and remembers where there were some."""
 
+    _stretches: deque[tuple[tuple[int, float], ...]]  # places, from the event's opening on, and levels
+    _bursts: deque[tuple[int, ...]]  # their middles, from the opening on
+    _ends: deque[_Event]
+
     def __init__(self) -> None:
-        # of stretches: places, from the event's opening on, and levels
-        self._stretches: deque[tuple[tuple[int, float], ...]] = deque(maxlen=REMEMBERED)
-        self._bursts: deque[tuple[int, ...]] = deque(maxlen=REMEMBERED)  # their middles, from the opening on
-        self._ends: deque[_Event] = deque(maxlen=ENDS_REMEMBERED)
+        self._stretches = deque(maxlen=REMEMBERED)
+        self._bursts = deque(maxlen=REMEMBERED)
+        self._ends = deque(maxlen=ENDS_REMEMBERED)
 
     def masked(
         self, window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int

@@ -11,6 +11,7 @@ from observer_rt.estimation.prediction_error import EventCost
 from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.scalars import Parameter
 from observer_rt.observer.learning.disturbances.noise_levels import mask_of
+from observer_rt.observer.learning.memory import Tracker
 
 REMEMBERED = 0.9  # weight of the events before an event
 ENOUGH = 4.0  # events by these weights, before a gain is spoken of: five
@@ -27,12 +28,16 @@ UNTOLD_SHARE = 0.6
 SEAT_SHARE = 2.0  # v_S is as much less certain than v_H
 
 
-class PressureGains:
+class PressureGains(Tracker):
     """The offsets found in recent events over their pressures: what of them grows with the pressure is of the gains.
 
     From a line and a rail pressure alone it is not known whose gain is wrong: half of the difference is taken for the
     line sensor's, so that flows are wrong by half of it at the most, whoever's it is.
     """
+
+    _sums: NDArray[np.float64]
+    _seen: float
+    _change: float
 
     def __init__(self) -> None:
         self._sums = np.zeros(6)

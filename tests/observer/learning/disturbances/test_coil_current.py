@@ -36,7 +36,7 @@ def slopes() -> NDArray[np.float64]:
 
 def after(events: int, height: float, until: int = UNTIL) -> CoilCurrent:
     """What was found in events with a pulse of a height [SIGMA]."""
-    current = CoilCurrent(INTERVAL)
+    current = CoilCurrent(INTERVAL, PRIOR.size)
     for seed in range(events):
         noise = window(SIGMA * np.random.default_rng(seed).normal(size=COUNT))
         recorded = CoilPulse(-height * SIGMA, BEFORE, until).taken_out(noise)

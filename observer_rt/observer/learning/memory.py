@@ -1,0 +1,96 @@
+"""Remembers what learning follows from event to event, as named plain values that a file can hold.
+
+A tracker says by annotations of its class what it remembers, by these names: numbers, arrays, data classes, queues
+of these, other trackers. What a name has no use for, in another version or of other sizes, is passed over.
+"""
+
+import math
+from collections import deque
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, ClassVar, get_origin, get_type_hints
+
+import numpy as np
+from pydantic import TypeAdapter
+
+Remembered = Mapping[str, Any]
+"""What a tracker remembers, by name: numbers, lists and mappings."""
+
+
+@dataclass(frozen=True)
+class Memory:
+    """What was found in samples of an interval [s]."""
+
+    interval: float
+    found: Remembered
+
+
+NOTHING = Memory(0.0, {})
+
+
+class Tracker:
+    """Follows something from event to event."""
+
+    _hints: ClassVar[Mapping[str, Any]]
+
+    def __init_subclass__(cls) -> None:
+        hints = get_type_hints(cls)
+        cls._hints = {name: hint for name, hint in hints.items() if get_origin(hint) is not ClassVar}
+
+    def memory(self) -> Remembered:
+        """What it remembers, as plain values; nothing where they are not finite."""
+        found = {name: _plain(getattr(self, name), hint) for name, hint in self._hints.items()}
+        return found if all(map(math.isfinite, _numbers(found))) else {}
+
+    def recall(self, memory: Remembered) -> None:
+        """Take back what was remembered, as far as there is use for it: of one tracker all, or nothing."""
+        found: dict[str, Any] = {}
+        try:
+            for name, hint in self._hints.items():
+                if name not in memory:
+                    continue
+                now = getattr(self, name)
+                if isinstance(now, Tracker):
+                    now.recall(memory[name])
+                else:
+                    found[name] = _as_now(memory[name], now, hint)
+        except (ValueError, TypeError):
+            return
+        for name, value in found.items():
+            setattr(self, name, value)
+
+
+@cache
+def _adapter(hint: Any) -> TypeAdapter[Any]:
+    return TypeAdapter(hint)
+
+
+def _plain(value: Any, hint: Any) -> Any:
+    if isinstance(value, Tracker):
+        return value.memory()
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    return _adapter(hint).dump_python(value, mode="json")
+
+
+def _as_now(kept: Any, now: Any, hint: Any) -> Any:
+    """What was kept, as it is now. Raises ValueError or TypeError where it is something else."""
+    if get_origin(hint) is np.ndarray:
+        array = np.array(kept, now.dtype)
+        if array.shape != now.shape:
+            raise ValueError(f"shape {array.shape} instead of {now.shape}")
+        return array
+    found = _adapter(hint).validate_python(kept)
+    return deque(found, now.maxlen) if isinstance(now, deque) else found
+
+
+def _numbers(value: Any) -> Iterator[float]:
+    if isinstance(value, int | float):
+        yield value
+    elif isinstance(value, Mapping):
+        for part in value.values():
+            yield from _numbers(part)
+    elif isinstance(value, list | tuple):
+        for part in value:
+            yield from _numbers(part)

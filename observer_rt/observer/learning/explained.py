@@ -28,6 +28,7 @@ from observer_rt.observer.learning.disturbances.masks import OutlierSearch
 from observer_rt.observer.learning.disturbances.noise_levels import Sigmas, mask_of
 from observer_rt.observer.learning.disturbances.pressure_gains import moved, offset_move
 from observer_rt.observer.learning.fitting import EventFit, EventFitter, theta_limits
+from observer_rt.observer.learning.forgetting import FORGOTTEN, Cause, Part
 from observer_rt.observer.learning.memory import Tracker
 from observer_rt.observer.learning.trend import Trend
 
@@ -165,8 +166,8 @@ class EventReader(Tracker):
             fit = self._fit.fit_again(cost, fit)
         colour = self._colour_after(counted, fit, believed)
         if self.colour is None and colour is not None:
+            self.forget(Cause.COLOUR)
             self.colour = colour
-            self._fit.forget()
             counted, cost, fit = self._fitted(counted, believed)
             if fit is None:
                 return None
@@ -210,22 +211,19 @@ class EventReader(Tracker):
     def is_range_ending_in(self, window: Window, believed: Believed) -> tuple[bool, bool]:
         """Whether the line pressure's range is known to end, after an event, and whether that is new."""
         is_new = self._range.is_new_after(window, self._sigmas(believed))
-        if is_new:
-            self.forget_colour()
         return self._range.is_known, is_new
 
     def loudest(self, window: Window, believed: Believed) -> float:
         """Mean square of innovations where an event is loudest, over that at rest."""
         return self._jitter.loudest(window, believed.sigmas.innovation)
 
-    def forget_colour(self) -> None:
-        """What was heard was no noise."""
-        self.colour, self._at_rest = None, RestingNoise(self._interval)
-
-    def forget(self) -> None:
-        """What was seen was of other line pressures than those that come."""
-        self.forget_colour()
-        self._fit.forget()
+    def forget(self, cause: Cause) -> None:
+        """What is forgotten upon a cause, of what is followed here."""
+        parts = FORGOTTEN[cause]
+        if Part.COLOUR in parts:
+            self.colour, self._at_rest = None, RestingNoise(self._interval)
+        if Part.TREND in parts:
+            self._fit.forget()
 
     def _fitted(self, window: Window, believed: Believed) -> tuple[Window, EventCost, EventFit | None]:
         """An event without what stands out by what is believed before it, its cost, and its fit."""

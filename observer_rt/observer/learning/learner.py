@@ -32,6 +32,7 @@ from observer_rt.observer.learning.disturbances.noise_levels import Sigmas
 from observer_rt.observer.learning.disturbances.pressure_gains import PressureGains
 from observer_rt.observer.learning.explained import Believed, EventReader, Explained
 from observer_rt.observer.learning.fallback import Freezer, Mistrust, Rehearsed, is_better
+from observer_rt.observer.learning.forgetting import FORGOTTEN, Cause, Part
 from observer_rt.observer.learning.indicators import NOT_FITTED, Healthy, nozzle_change
 from observer_rt.observer.learning.interval import (
     UNSEEN,
@@ -187,7 +188,7 @@ class Learner(Tracker):
                 (noise.line_pressure, before.line_pressure),
             )
         ):
-            self._statistics = no_statistics()
+            self._forget(Cause.OTHER_NOISE)
         self._noise = noise
 
     def _believed(self, window: Window, standstill: Standstill) -> Believed:
@@ -221,7 +222,7 @@ class Learner(Tracker):
     def _take_in(self, event: Explained) -> None:
         """The fitted event into statistics and belief, there tempered where its innovations are coloured."""
         if event.is_louder:
-            self._statistics, self._mistrust = no_statistics(), Mistrust()
+            self._forget(Cause.STEEP_NOISE)
         innovations = Innovations(event.fit.innovations, event.cost.sigma)
         statistics = event_statistics(event.window, innovations, self._constants.interval, self._healthy)
         here = event.fit.linearisation
@@ -243,7 +244,7 @@ class Learner(Tracker):
         is_clipped = self._reader.is_clipped_after(event, believed)
         is_known, is_new = self._reader.is_range_ending_in(window, believed)
         if is_new:
-            self._statistics, self._mistrust = of_standstill(self._statistics), Mistrust()
+            self._forget(Cause.RANGE_ENDS)
         return is_clipped or is_known
 
     def _is_disturbed_after(self, event: Explained, recorded: Window, believed: Believed) -> bool:
@@ -256,10 +257,7 @@ class Learner(Tracker):
         cost_of = partial(self._reader.cost_of, believed=believed._replace(offset=None))
         is_disturbed = self._energizing.is_disturbing(whole, event.fit, event.cost.sigma, cost_of)
         if self._energizing.is_known and not was_known:
-            self._belief = self._belief.widened(self._wide)
-            self._statistics, self._mistrust = no_statistics(), Mistrust()
-            self._reader.forget()
-            self._previous = None
+            self._forget(Cause.COIL)
         return is_disturbed
 
     def _resimulated(self, window: Window, carried: NDArray[np.float64]) -> Resimulated:
@@ -294,7 +292,7 @@ class Learner(Tracker):
             doubts.append(Reason.TIME_BASE)
         if event.fit.contradicts:
             doubts.append(Reason.SUDDEN_CHANGE)
-            self._previous = None  # it belongs to another injector
+            self._forget(Cause.SUDDEN_CHANGE)
         return doubts
 
     def _is_better(self, window: Window, in_force: NDArray[np.float64]) -> bool:
@@ -314,18 +312,35 @@ class Learner(Tracker):
         """Fall back to phi = 0 and forget: what was learned belongs to another line. No event is valid meanwhile."""
         outcome = self._outcome(Adoption.FROZEN, window, in_force)
         found = outcome.objections or (Objection(Reason.MODEL_INADEQUATE, Phase.STANDSTILL),)
-        fresh = no_knowledge(self._noise, self._scale, self._scalars)
-        self._belief, self._theta, self._active = fresh.belief, fresh.in_force, fresh.active
-        self._events = 0
-        self._learned_at = ()
-        self._previous = None
+        self._forget(Cause.FROZEN)
         knowledge = replace(
-            fresh,
+            no_knowledge(self._noise, self._scale, self._scalars),
             events=outcome.knowledge.events,
             statistics=self._statistics,
             colour=self._reader.colour,
         )
         return replace(outcome, knowledge=knowledge, objections=found)
+
+    def _forget(self, cause: Cause) -> None:
+        """What no longer holds, by the table."""
+        parts = FORGOTTEN[cause]
+        if Part.LEARNED in parts:
+            fresh = no_knowledge(self._noise, self._scale, self._scalars)
+            self._belief, self._theta, self._active = fresh.belief, fresh.in_force, fresh.active
+            self._events = 0
+        if Part.CERTAINTY in parts:
+            self._belief = self._belief.widened(self._wide)
+        if Part.OPERATING_POINTS in parts:
+            self._learned_at = ()
+        if Part.STATISTICS in parts:
+            self._statistics = no_statistics()
+        if Part.STATISTICS_OF_INJECTIONS in parts:
+            self._statistics = of_standstill(self._statistics)
+        if Part.MISTRUST in parts:
+            self._mistrust = Mistrust()
+        if Part.LAST_EVENT in parts:
+            self._previous = None
+        self._reader.forget(cause)
 
     def _outcome(
         self,

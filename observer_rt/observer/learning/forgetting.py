@@ -1,0 +1,43 @@
+"""What learning forgets upon which cause, as one table."""
+
+from collections.abc import Mapping
+from enum import Enum, auto
+
+
+class Cause(Enum):
+    """Why what was learned or said so far no longer holds."""
+
+    OTHER_NOISE = auto()  # noise levels are others than those that events were judged by
+    STEEP_NOISE = auto()  # samples are taken at moments that are off: what that adds contradicted the model
+    COLOUR = auto()  # the noise has a colour: what events contradicted was judged by white noise
+    RANGE_ENDS = auto()  # the line pressure's range ends: clipped samples contradicted the model
+    COIL = auto()  # what the coil adds is taken out from now on: all was learned from other line pressures
+    SUDDEN_CHANGE = auto()  # the injector is another one
+    FROZEN = auto()  # the standstill contradicts the model: what was learned belongs to another line
+
+
+class Part(Enum):
+    """What there is to be forgotten."""
+
+    LEARNED = auto()  # theta and belief: as before any event
+    CERTAINTY = auto()  # of the belief: widened by the prior
+    OPERATING_POINTS = auto()  # learned at
+    STATISTICS = auto()  # of the innovations of recent events
+    STATISTICS_OF_INJECTIONS = auto()  # the same but of standstill
+    MISTRUST = auto()  # after events that were not explained
+    COLOUR = auto()  # of the noise, and what was heard of it
+    TREND = auto()  # what recent events contradicted together
+    LAST_EVENT = auto()  # by which a new theta is compared with that in force
+
+
+FORGOTTEN: Mapping[Cause, frozenset[Part]] = {
+    Cause.OTHER_NOISE: frozenset({Part.STATISTICS}),
+    Cause.STEEP_NOISE: frozenset({Part.STATISTICS, Part.MISTRUST}),
+    Cause.COLOUR: frozenset({Part.TREND}),
+    Cause.RANGE_ENDS: frozenset({Part.STATISTICS_OF_INJECTIONS, Part.MISTRUST, Part.COLOUR}),
+    Cause.COIL: frozenset(
+        {Part.CERTAINTY, Part.STATISTICS, Part.MISTRUST, Part.COLOUR, Part.TREND, Part.LAST_EVENT}
+    ),
+    Cause.SUDDEN_CHANGE: frozenset({Part.LAST_EVENT}),
+    Cause.FROZEN: frozenset({Part.LEARNED, Part.OPERATING_POINTS, Part.LAST_EVENT}),
+}

@@ -1,11 +1,13 @@
-"""Everything that can be said of a bench before it runs, without touching the bus."""
+"""Everything that can be said of a bench, or of a recording, before it runs, without touching anything."""
 
-from collections.abc import Callable, Iterator
+import math
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from observer_rt.bus.database.lookup import database_hash
 from observer_rt.bus.mapping.bus_map import map_bench
+from observer_rt.bus.mapping.timing import TOLERANCE
 from observer_rt.check.buses import buses_findings
 from observer_rt.check.findings import Finding, Level, Said, as_json_document, as_table, failed, ruled
 from observer_rt.check.machine import (
@@ -18,12 +20,17 @@ from observer_rt.check.machine import (
 from observer_rt.check.mapping import channel_findings, mapping_findings, time_findings
 from observer_rt.check.observer import observer_findings
 from observer_rt.config.bench import Bench, BenchInjector
+from observer_rt.evaluation.logged import LoggedSignals
 from observer_rt.foundation.compilation import compiled_code
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.files import file_hash
-from observer_rt.foundation.units import CUBIC_MILLIMETRE, MILLIMETRE
+from observer_rt.foundation.files import file_errors, file_hash
+from observer_rt.foundation.units import CUBIC_MILLIMETRE, MEGAPASCAL, MICROMETRE, MILLIMETRE, MM3_PER_MS
 from observer_rt.model.parameters import InjectorParameters
-from observer_rt.service.core.learners import refuse_state
+from observer_rt.recording.formats import is_log, open_recording
+from observer_rt.recording.replay.framing import bench_for
+from observer_rt.recording.signals.plausible import implausible
+from observer_rt.recording.signals.stream import SignalStream
+from observer_rt.service.core.learners import SIGNALS, refuse_state
 from observer_rt.service.keeping.state_file import StateDoesNotFitError, load_knowledge, model_hash
 
 __all__ = ["Finding", "Level", "as_json_document", "as_table", "checkup", "of_each"]
@@ -155,3 +162,89 @@ def plausibility_findings(injector: InjectorParameters) -> Iterator[Said]:
         yield False, text, "is it in SI units?"
     if not odd:
         yield "every parameter is one an injector can have"
+
+
+_SHOWN = 10  # stretches
+_UNITS = {
+    "rail_pressure": ("MPa", MEGAPASCAL),
+    "needle_lift": ("um", MICROMETRE),
+    "line_pressure": ("MPa", MEGAPASCAL),
+    "injection_rate": ("mm3/ms", MM3_PER_MS),
+}
+
+
+@ruled("recording")
+def recording_findings(bench: Bench, path: Path) -> Iterator[Said]:
+    """Findings about a file of signals, read by the bench's `[recording]` where it is not in our own layout."""
+    with file_errors(path):
+        if is_log(path):
+            raise UserError(str(path), "is a CAN log", "look at it by --log")
+        stream = open_recording(path, bench.injector)
+    yield from stream.details or (f"{path}: our own layout",)
+    yield _extent(stream)
+    for note in stream.notes:
+        yield False, note, ""
+    yield from _ranges(stream)
+    for found in implausible(stream.survey):
+        yield failed("recording", found.error(path, stream.names.get(found.signal, "")))
+    bench_for(bench, stream)
+
+
+def _extent(stream: SignalStream) -> str:
+    parts = [
+        f"{stretch.start:.6g} to {stretch.start + (stretch.samples - 1) / stream.sample_rate:.6g} s"
+        for stretch in stream.stretches
+    ]
+    more = f" and {len(parts) - _SHOWN} more" if len(parts) > _SHOWN else ""
+    return f"{stream.samples} samples at {stream.sample_rate:g} Hz: {', '.join(parts[:_SHOWN])}{more}"
+
+
+def _ranges(stream: SignalStream) -> Iterator[Said]:
+    for name, survey in stream.survey.signals.items():
+        unit, factor = _UNITS[name]
+        if not survey.count:
+            yield Finding("recording", Level.ERROR, f"{name}: no value at all")
+            continue
+        text = (
+            f"{name}: {survey.lowest / factor:.4g} to {survey.highest / factor:.4g} {unit}, "
+            f"mean {survey.mean / factor:.4g} {unit}"
+        )
+        yield not survey.missing, text, f"{survey.missing} values missing"
+
+
+@ruled("log")
+def log_findings(bench: Bench, path: Path, from_channels: Sequence[str] = ()) -> Iterator[Said]:
+    """Findings about a log of the bench's buses; from_channels: texts of `--from-channel`."""
+    logged = LoggedSignals(bench, path, from_channels)
+    counters = logged.counters
+    text = (
+        f"{logged.path}: {counters.frames} input frames, {counters.samples} samples, "
+        f"{counters.lost_samples} lost, {counters.interpolated_samples} interpolated, "
+        f"{counters.jumps} pauses of the source"
+    )
+    yield counters.lost_samples == 0, text + (f"; {counters.outliers}" if counters.outliers else ""), ""
+    odd = {
+        "with CRC errors": counters.crc_errors,
+        "of wrong length": counters.length_errors,
+        "out of sequence": counters.sequence_errors,
+        "repeated": counters.repeated_frames,
+        "too old": counters.old_frames,
+    }
+    if any(odd.values()):
+        yield False, f"frames {', '.join(f'{count} {what}' for what, count in odd.items() if count)}", ""
+    for note in logged.notes:
+        yield False, note, ""
+    for timing in logged.timing:
+        is_known = timing.unknown == 0.0 or (timing.jitter.frames > 0 and timing.unknown <= TOLERANCE)
+        yield is_known, timing.as_text(), "" if math.isinf(timing.unknown) else "see docs/time.md"
+    noise, stated = logged.standstill.noise, bench.injector.config.noise
+    if noise is not None:
+        yield (
+            f"noise at standstill, bench file in brackets: rail pressure {noise.rail_pressure / MEGAPASCAL:.3f} "
+            f"({stated.rail_pressure_MPa:g}) MPa, line pressure {noise.line_pressure / MEGAPASCAL:.3f} "
+            f"({stated.line_pressure_MPa:g}) MPa, needle lift {noise.needle_lift / MICROMETRE:.2f} "
+            f"({stated.needle_lift_um:g}) um"
+        )
+    for role, slow in logged.slow_noise.items():
+        _, unit, size = SIGNALS[role]
+        yield f"noise of the {role.value.replace('_', ' ')} is not white: {slow.as_text(unit, size)}"

@@ -25,7 +25,7 @@ from observer_rt.foundation.units import (
     PRESSURE_UNITS,
     ZERO_CELSIUS,
 )
-from observer_rt.model.fuel import HIGHEST_TEMPERATURE, LOWEST_TEMPERATURE, at_temperature
+from observer_rt.model.parameters import HIGHEST_TEMPERATURE, LOWEST_TEMPERATURE, at_temperature
 from observer_rt.recording.replay.framing import message_timing
 from observer_rt.service.compiled.constants import configured_noise
 

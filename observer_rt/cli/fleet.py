@@ -83,12 +83,12 @@ def batch(
     effects: Annotated[list[Path] | None, effects_option(exposed=True)] = None,
 ) -> None:
     """Evaluate thousands of recordings side by side: an injection a row of Parquet, resumed where it stopped."""
+    from observer_rt.config.own_effects import OwnEffects
     from observer_rt.fleet.batch import evaluate_all, settings_of, tell
     from observer_rt.fleet.cluster import Work, connected
     from observer_rt.fleet.dataset import Dataset
     from observer_rt.fleet.groups import InjectorNames, recordings_in
     from observer_rt.fleet.job import Task
-    from observer_rt.fleet.vocabulary import OwnEffects
     from observer_rt.service.keeping.state_file import model_hash, restored_knowledge
     from observer_rt.terminal.console import stop_on_signals
 

@@ -126,8 +126,15 @@ def check(
     effects: EffectsOption = None,
 ) -> None:
     """Check configuration, bus database, substeps, bus load and real-time rights, without touching the bus."""
-    from observer_rt.check.checkup import Level, as_json_document, as_table, checkup, of_each
-    from observer_rt.check.recording import log_findings, recording_findings
+    from observer_rt.check.checkup import (
+        Level,
+        as_json_document,
+        as_table,
+        checkup,
+        log_findings,
+        of_each,
+        recording_findings,
+    )
 
     chosen = load_bench(bench, model, lenient).of(injector)
     findings = checkup(chosen, state)

@@ -70,7 +70,7 @@ def fit(
 ) -> None:
     """Calibrate the model, its structure included, to recordings of the healthy injector."""
     from observer_rt.config.channels import effects_on_one_raster
-    from observer_rt.evaluation.sources import open_source, without_truths
+    from observer_rt.evaluation.evaluate import open_source, without_truths
     from observer_rt.evidence.excerpts import MOST_SAMPLES
     from observer_rt.evidence.reading import coverage, hashes, read_measured, refuse_rates_missing
     from observer_rt.fit.calibrate import calibrate
@@ -111,7 +111,7 @@ def fit(
     with file_errors(output):
         write_fitted(output, source, done, baseline)
     if plot is not None:
-        from observer_rt.fit.figure import draw_fit
+        from observer_rt.fit.report import draw_fit
 
         draw_fit(plot, done)
     if as_json:
@@ -179,8 +179,8 @@ def discover(
         write_answer,
     )
     from observer_rt.discovery.report.text import as_text
+    from observer_rt.evaluation.evaluate import open_source, without_truths
     from observer_rt.evaluation.second_opinion import second_opinion
-    from observer_rt.evaluation.sources import open_source, without_truths
     from observer_rt.evidence.reading import coverage, hashes, read_measured
 
     begin = time.monotonic()

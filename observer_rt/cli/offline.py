@@ -25,7 +25,7 @@ from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.units import MILLISECOND
-from observer_rt.model.fuel import at_temperature, temperature_of
+from observer_rt.model.parameters import at_temperature, temperature_of
 from observer_rt.terminal.compiling import show_compiling
 from observer_rt.terminal.console import (
     check_destination,
@@ -82,14 +82,19 @@ def simulate(
 ) -> None:
     """Simulate a healthy or worn injector; the truth goes to FILE.truth.csv, which the observer never reads."""
     from observer_rt.recording.formats import signal_formats, suffixes_of, write_recording, written
-    from observer_rt.simulation.effects import parse_effects, sizes_of
     from observer_rt.simulation.schedule import (
         make_schedule,
         parse_energizing_times,
         parse_rail_pressures,
         parse_shots,
     )
-    from observer_rt.simulation.simulate import SimulatedNoise, truth_path, write_truth
+    from observer_rt.simulation.simulate import (
+        SimulatedNoise,
+        parse_effects,
+        sizes_of,
+        truth_path,
+        write_truth,
+    )
     from observer_rt.simulation.simulate import simulate as simulated
 
     if noise not in ("on", "off"):

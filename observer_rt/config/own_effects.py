@@ -1,4 +1,4 @@
-"""Effects of the user's own, from Python files and installed packages: checked, then in the vocabulary."""
+"""Effects of the user's own, from Python files and installed packages: checked, and the same in every process."""
 
 import hashlib
 import math
@@ -12,13 +12,13 @@ from importlib.util import module_from_spec, spec_from_file_location
 from itertools import product
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, Self
 
 from observer_rt.config.bench import load_injector
 from observer_rt.foundation.errors import UserError, hint
 from observer_rt.model.effect import Effect, EffectParameter, Place, Relation, differs_in_bounds_only
 from observer_rt.model.effective import EffectiveModel
-from observer_rt.model.effects import BUILT_IN, add_to_vocabulary, effective_model
+from observer_rt.model.effects import BUILT_IN, add_to_vocabulary, added_digests, effective_model
 from observer_rt.model.parameters import InjectorParameters
 
 GROUP = "observer_rt.effects"
@@ -191,3 +191,28 @@ def _numbers(values: tuple[Any, ...]) -> Iterator[float]:
             yield from _numbers(value)
         else:
             yield value
+
+
+@dataclass(frozen=True)
+class OwnEffects:
+    """Files with effects of the user's own; digests: of their content, and of installed effects."""
+
+    paths: tuple[Path, ...] = ()
+    digests: tuple[str, ...] = ()
+
+    @classmethod
+    def in_use(cls, paths: Sequence[Path]) -> Self:
+        """Those of this process, read from these files."""
+        return cls(tuple(path.absolute() for path in paths), added_digests())
+
+    def use(self) -> None:
+        """Have them in the vocabulary, and no others. Raises `UserError` where a worker has other ones."""
+        if added_digests() == self.digests:
+            return
+        use_effects(self.paths)
+        if added_digests() != self.digests:
+            raise UserError(
+                "worker",
+                "has other effects of your own, or other installed ones, than this command",
+                "have the same files and packages wherever a worker runs",
+            )

@@ -13,7 +13,7 @@ from observer_rt.discovery.findings import Findings, Sources
 from observer_rt.discovery.report.data import remove_data, write_data
 from observer_rt.discovery.report.document import as_json
 from observer_rt.discovery.report.report import report
-from observer_rt.discovery.search.fit_store import FitStore, problem_key
+from observer_rt.discovery.search.candidates import FitStore, problem_key
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
 from observer_rt.model.effect import SizedEffect

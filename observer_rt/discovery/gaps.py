@@ -14,7 +14,7 @@ from observer_rt.discovery.search.adequacy import SIGNIFICANT, cells_of
 from observer_rt.discovery.search.result import Candidate, Cell, Discovery, Sizing, Verdict
 from observer_rt.estimation.phases import Phase
 from observer_rt.evidence.bounded_fit import fit
-from observer_rt.evidence.likelihood import GAIN_ERROR, Evidence, evidence_of
+from observer_rt.evidence.likelihood import GAIN_ERROR, Evidence, Signal, evidence_of
 from observer_rt.evidence.measurement import Measurement, every_second_point
 from observer_rt.evidence.open_loop import (
     Simulated,
@@ -23,7 +23,6 @@ from observer_rt.evidence.open_loop import (
     noisier,
     simulated,
 )
-from observer_rt.evidence.pooled import Signal
 from observer_rt.evidence.windows import in_mass_window
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
 from observer_rt.model.baseline import HealthyShape

@@ -12,9 +12,8 @@ from observer_rt.estimation.phases import Phase
 from observer_rt.evidence.likelihood import Evidence
 from observer_rt.evidence.measurement import Measurement
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS
-from observer_rt.model.coefficients import Coefficients
 from observer_rt.model.effect import Apparent, Effect, Place
-from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.effective import Coefficients, EffectiveModel
 from observer_rt.model.effects import VOCABULARY
 from observer_rt.observer.stream.front_end import dead_band
 

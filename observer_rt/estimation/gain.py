@@ -9,7 +9,7 @@ from scipy.linalg import solve_discrete_lyapunov
 
 from observer_rt.foundation.compiled import compiled
 from observer_rt.foundation.small_arrays import product, propagate
-from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.effective import Coefficients
 from observer_rt.model.sensor import lagged_slopes, recorded_mean
 
 START_DURATION = 2e-3  # s, after which the gain is steady

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.gain import NoiseLevels
-from observer_rt.estimation.learned import by_theta, learned_of
 from observer_rt.estimation.predictor import (
     NO_RATE,
     NO_SLOPES,
@@ -18,11 +17,11 @@ from observer_rt.estimation.predictor import (
     interval_before,
     knot_before,
 )
-from observer_rt.estimation.scalars import SCALARS, Scalars
+from observer_rt.estimation.scalars import SCALARS, Scalars, by_theta, learned_of
 from observer_rt.foundation.compiled import compiled
 from observer_rt.foundation.small_arrays import copy_matrix, copy_vector, product, propagate
 from observer_rt.model.borrowed import borrowed, borrowed_network, borrowed_tangent
-from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.effective import Coefficients
 from observer_rt.model.hydraulics import empty_sac, seat_area_slope
 from observer_rt.model.integrator import advance_over
 from observer_rt.model.network import Network

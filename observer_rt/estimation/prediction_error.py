@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.predictor import (
     NO_RATE,
     NO_SLOPES,
@@ -18,7 +17,7 @@ from observer_rt.estimation.predictor import (
     innovations,
     innovations_with_sensitivity,
 )
-from observer_rt.estimation.scalars import SCALARS, Parameter, Scalars
+from observer_rt.estimation.scalars import SCALARS, Parameter, Scalars, learned_of
 from observer_rt.foundation.compiled import compiled
 from observer_rt.foundation.units import MEGAPASCAL
 

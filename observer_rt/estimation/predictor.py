@@ -7,12 +7,11 @@ from numba import types
 from numba.extending import overload
 from numpy.typing import NDArray
 
-from observer_rt.estimation.learned import Learned, by_theta, learned_of
-from observer_rt.estimation.scalars import SCALARS, Parameter, Scalars
+from observer_rt.estimation.scalars import SCALARS, Learned, Parameter, Scalars, by_theta, learned_of
 from observer_rt.foundation.compiled import compiled, inlined, inner, inner_separate, separate
 from observer_rt.foundation.small_arrays import WIDTH, load, store
 from observer_rt.model.borrowed import borrowed, borrowed_network, borrowed_tangent
-from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.effective import Coefficients
 from observer_rt.model.hydraulics import empty_sac
 from observer_rt.model.integrator import Interval, advance_over
 from observer_rt.model.line.interface import begin_mean

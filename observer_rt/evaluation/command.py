@@ -13,23 +13,23 @@ from rich.console import Console
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.evaluation.curves import numbers_shown, refuse_beyond
+from observer_rt.evaluation.evaluate import in_runs, open_source, without_truths
 from observer_rt.evaluation.logged import LoggedSignals
 from observer_rt.evaluation.results import write_document
-from observer_rt.evaluation.sources import in_runs, open_source, without_truths
 from observer_rt.evaluation.streamed import StreamedEvaluation, evaluate_stream
 from observer_rt.evaluation.table import print_evaluation
 from observer_rt.evaluation.trace_file import SUFFIXES, TRACE_SUFFIX
 from observer_rt.foundation.errors import CombinedError, UserError
 from observer_rt.foundation.files import file_errors, replacing
 from observer_rt.model.effects import effective_model
-from observer_rt.model.fuel import temperature_of
+from observer_rt.model.parameters import temperature_of
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.recording.formats import is_log
 from observer_rt.recording.replay.framing import bench_for, clamped_in
 from observer_rt.recording.signals.stream import SignalStream
 from observer_rt.service.compiled.constants import injector_at
 from observer_rt.service.core.learners import doubt_about_fit, refuse_state
-from observer_rt.service.keeping.lock import sole_writer
+from observer_rt.service.keeping.keeper import sole_writer
 from observer_rt.service.keeping.state_file import model_hash, restored_knowledge, save_knowledge
 from observer_rt.terminal.compiling import show_compiling
 from observer_rt.terminal.console import (

@@ -12,7 +12,7 @@ from observer_rt.evaluation.compiled import area, mean_flowing, rms_difference
 from observer_rt.evaluation.trace import Signal, Trace
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS
-from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.effective import Coefficients
 from observer_rt.service.reports.injection_report import (
     FIELDS,
     Field,

@@ -15,7 +15,7 @@ from observer_rt.config.bench import Bench
 from observer_rt.config.channels import as_sent
 from observer_rt.config.recording import Meaning
 from observer_rt.foundation.errors import UserError
-from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.effective import Coefficients
 from observer_rt.observer.stream.standstill import Standstill
 from observer_rt.observer.stream.state import RING
 from observer_rt.recording.canlog.can_log import NANOSECONDS
@@ -24,8 +24,8 @@ from observer_rt.recording.signals.recording import Chunk, Recording
 from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE, SignalStream, Stretch
 from observer_rt.service.compiled.constants import bench_constants
 from observer_rt.service.core.core import Core
-from observer_rt.service.core.counters import Counters
-from observer_rt.service.watch.log_watch import LogWatch
+from observer_rt.service.core.messages import Counters
+from observer_rt.service.watch.input_watch import LogWatch
 
 RATE_TOLERANCE = 0.02  # of the sample rate by stamps, beyond which a log is odd
 FEWEST_FOR_RATE = 100  # frames

@@ -13,7 +13,7 @@ from observer_rt.evaluation.curves import injection_json
 from observer_rt.evaluation.evaluate import Evaluation
 from observer_rt.evaluation.streamed import StreamedEvaluation
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND
-from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.effective import Coefficients
 from observer_rt.observer.stream.lift_zero import LIMIT
 from observer_rt.observer.stream.standstill import LiftFigures
 

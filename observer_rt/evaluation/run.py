@@ -1,8 +1,13 @@
-"""Runs the observer and the model as given, with nothing learned, over the same samples of many recordings."""
+"""Runs the observer and the model as given, with nothing learned, over the same samples of many recordings.
+
+What comes next is read ahead in a thread.
+"""
 
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import pairwise
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +18,6 @@ from observer_rt.config.bench import Bench, BenchInjector
 from observer_rt.evaluation.compiled import FOLLOWED, copy_indices, nominal_rates
 from observer_rt.evaluation.passage import Hearer, Passage
 from observer_rt.evaluation.trace import Signal
-from observer_rt.foundation.prefetch import ahead
 from observer_rt.observer.learning.knowledge import Knowledge, no_knowledge
 from observer_rt.observer.observer import make_observer, with_constants
 from observer_rt.observer.stream.standstill import Standstill
@@ -23,11 +27,32 @@ from observer_rt.recording.signals.recording import Chunk
 from observer_rt.recording.signals.stream import SignalStream
 from observer_rt.service.compiled.constants import bench_constants, configured_noise
 from observer_rt.service.core.core import Core
-from observer_rt.service.core.counters import Counters
 from observer_rt.service.core.learners import LearnerFactory, make_learner
-from observer_rt.service.core.messages import OutputFrame
+from observer_rt.service.core.messages import Counters, OutputFrame
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import MeasuredMass, News
+
+Thing = TypeVar("Thing")
+
+
+def ahead(things: Iterable[Thing]) -> Iterator[Thing]:
+    """The same in the same order; while one is used the next is made in a thread, where that lets others run.
+
+    Raises what making one raises, when its turn has come.
+    """
+    waiting = iter(things)
+    with ThreadPoolExecutor(1, "ahead") as beside:
+        coming = beside.submit(next, waiting, _END)
+        while not isinstance(thing := coming.result(), _End):
+            coming = beside.submit(next, waiting, _END)
+            yield thing
+
+
+class _End:
+    """In the place of a thing, where there is none any more."""
+
+
+_END = _End()
 
 
 class NominalModel:

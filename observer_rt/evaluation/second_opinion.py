@@ -9,7 +9,7 @@ from observer_rt.config.signals import SignalsConfig
 from observer_rt.discovery.opinion import Indicator, Opinion
 from observer_rt.estimation.scalars import SCALARS
 from observer_rt.evaluation.streamed import evaluate_stream
-from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.effective import Coefficients
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.observer.learning.indicators import Indicators

@@ -21,14 +21,14 @@ from observer_rt.evaluation.run import ObserverRun, Progress
 from observer_rt.evaluation.trace import Signal, Trace, joined
 from observer_rt.evaluation.trace_file import open_trace, trace_arrays
 from observer_rt.foundation.files import file_errors
-from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.effective import Coefficients
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.observer.stream.standstill import Standstill
 from observer_rt.recording.replay.framing import bench_for
 from observer_rt.recording.signals.stream import SignalStream
 from observer_rt.recording.signals.table_writers import TableWriter
-from observer_rt.service.core.counters import Counters
 from observer_rt.service.core.learners import LearnerFactory, make_learner
+from observer_rt.service.core.messages import Counters
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import MeasuredMass
 from observer_rt.service.warm_up import awaited, learning_compiled_beside

@@ -11,7 +11,7 @@ from rich.text import Text
 from observer_rt.estimation.scalars import SCALARS
 from observer_rt.evaluation.curves import RESULT_FIELDS, InjectionResult
 from observer_rt.evaluation.results import Evaluated, checks
-from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.effective import Coefficients
 from observer_rt.observer.stream.state import Reason
 from observer_rt.service.reports.injection_report import WEAR, Field
 from observer_rt.terminal.console import say

@@ -1,15 +1,17 @@
-"""How well an effective model explains the recordings: whitened innovations, -2 log L."""
+"""How well an effective model explains the recordings: whitened innovations, -2 log L, by phase."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.gain import GainSchedule, gain_schedule
-from observer_rt.estimation.learned import Learned, nothing_learned
+from observer_rt.estimation.phases import PhaseStatistics, no_statistics, phase_statistics
 from observer_rt.estimation.predictor import NO_SLOPES, Setting, Window, follow
+from observer_rt.estimation.scalars import Learned, nothing_learned
 from observer_rt.evidence.bounded_fit import Residuals
 from observer_rt.evidence.healthy_shape import expected
 from observer_rt.evidence.lift_noise import LiftNoise
@@ -28,6 +30,7 @@ from observer_rt.evidence.windows import (
 )
 from observer_rt.foundation.compiled import compiled
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import MEGAPASCAL, MM3_PER_MS
 from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.effective import EffectiveModel, InputTerms
 from observer_rt.model.hydraulics import Seat
@@ -300,3 +303,51 @@ def residuals_of(judged: Sequence[JudgedModel]) -> Residuals:
 def _input_key(model: EffectiveModel) -> tuple[InputTerms, Seat]:
     """What the inputs depend on."""
     return model.inputs, model.coefficients.seat
+
+
+class Signal(StrEnum):
+    """A signal whose innovations are judged."""
+
+    LINE_PRESSURE = "line_pressure"
+    INJECTION_RATE = "injection_rate"
+
+    @property
+    def unit(self) -> str:
+        """It is printed in."""
+        return "MPa" if self is Signal.LINE_PRESSURE else "mm3/ms"
+
+    @property
+    def si(self) -> float:
+        """What one of that unit is in SI."""
+        return MEGAPASCAL if self is Signal.LINE_PRESSURE else MM3_PER_MS
+
+    @property
+    def words(self) -> str:
+        """For people."""
+        return self.value.replace("_", " ")
+
+
+Pool = Mapping[Signal, PhaseStatistics]
+"""Statistics of each signal, pooled over recordings."""
+
+
+def normalised(one: JudgedModel) -> dict[Signal, NDArray[np.float64]]:
+    """Normalised residuals by signal, without the rate's gain error at the end."""
+    parts = {Signal.LINE_PRESSURE: one.z}
+    if one.rate_z.size:
+        parts[Signal.INJECTION_RATE] = one.rate_z[:-1]
+    return parts
+
+
+def phases_by_signal(trial: Trial) -> dict[Signal, NDArray[np.int8]]:
+    return {Signal.LINE_PRESSURE: trial.phases, Signal.INJECTION_RATE: trial.rate_phases}
+
+
+def pool_of(evidence: Evidence, judged: Sequence[JudgedModel]) -> Pool:
+    """Statistics of all recordings together."""
+    pool: dict[Signal, PhaseStatistics] = {}
+    for trial, one in zip(evidence.trials, judged, strict=True):
+        for signal, z in normalised(one).items():
+            found = phase_statistics(z, 1.0, phases_by_signal(trial)[signal], 0)
+            pool[signal] = pool.get(signal, no_statistics()).faded(1.0, found)
+    return pool

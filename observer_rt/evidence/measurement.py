@@ -13,9 +13,8 @@ from observer_rt.evidence.noise import white_noise
 from observer_rt.evidence.openings import Opening, find_openings, ramp_samples
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS
-from observer_rt.model.coefficients import Coefficients, averaged
 from observer_rt.model.effect import SizedEffect
-from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.effective import Coefficients, EffectiveModel, averaged
 from observer_rt.recording.signals.recording import Recording, Sampled
 
 

@@ -26,8 +26,7 @@ from observer_rt.evidence.measurement import (
 )
 from observer_rt.evidence.openings import Opening, openings_without_lag, without_lag
 from observer_rt.foundation.compiled import compiled, inner
-from observer_rt.model.coefficients import Coefficients
-from observer_rt.model.effective import InputTerms
+from observer_rt.model.effective import Coefficients, InputTerms
 from observer_rt.model.hydraulics import normalised_area
 from observer_rt.model.line.interface import rest_line
 from observer_rt.observer.stream.front_end import dead_band, slope_of_means

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from observer_rt.estimation.phases import Phase, PhaseStatistics, no_statistics, phase_statistics
 from observer_rt.evidence.bounded_fit import Quadratic, linearise
-from observer_rt.evidence.likelihood import Evidence, JudgedModel, Trial
+from observer_rt.evidence.likelihood import Evidence, JudgedModel, Pool, Signal, Trial, pool_of
 from observer_rt.evidence.open_loop import Simulated, mass, measured_mass, simulated
-from observer_rt.evidence.pooled import Pool, Signal, pool_of
 from observer_rt.evidence.reading import is_chosen
 from observer_rt.fit.parts import Part
 from observer_rt.fit.problem import Calibration

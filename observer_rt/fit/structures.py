@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.foundation.units import CUBIC_MILLIMETRE, MILLIMETRE
-from observer_rt.model.coefficients import coefficients
+from observer_rt.model.effective import coefficients
 from observer_rt.model.line.wave import DAMPING, FEWEST_CELLS, STEP, cells_for
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
 

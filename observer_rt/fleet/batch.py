@@ -12,10 +12,10 @@ from rich.console import Console
 
 from observer_rt import __version__
 from observer_rt.config.bench import Bench
+from observer_rt.config.own_effects import OwnEffects
 from observer_rt.fleet.cluster import Broken, Jobs, Work
 from observer_rt.fleet.dataset import Dataset
 from observer_rt.fleet.job import FailedFile, Task, evaluated, hashed
-from observer_rt.fleet.vocabulary import OwnEffects
 from observer_rt.foundation.compilation import is_complete, note_complete
 from observer_rt.foundation.files import file_hash
 from observer_rt.model.effects import BUILT_IN

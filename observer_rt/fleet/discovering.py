@@ -11,13 +11,13 @@ from rich.table import Table
 from rich.text import Text
 
 from observer_rt.config.bench import Bench
+from observer_rt.config.own_effects import OwnEffects
 from observer_rt.discovery.folder import REPORT
 from observer_rt.fleet.cluster import Broken, Jobs, Work
 from observer_rt.fleet.dataset import Dataset, read_injections
 from observer_rt.fleet.discovered import FOLDER, SCHEMA, Answers, Ended, Inquiry, discovered
 from observer_rt.fleet.groups import NEEDED, Group, ModelGroup, groups_of, kinds_of
 from observer_rt.fleet.job import FailedFile
-from observer_rt.fleet.vocabulary import OwnEffects
 from observer_rt.foundation.files import file_errors, file_hash
 from observer_rt.terminal.console import progress_bar
 

@@ -13,11 +13,11 @@ import pyarrow as pa
 from rich.console import Console
 
 from observer_rt.config.bench import Bench
+from observer_rt.config.own_effects import OwnEffects
 from observer_rt.evaluation.curves import RESULT_FIELDS
-from observer_rt.evaluation.sources import open_source
+from observer_rt.evaluation.evaluate import open_source
 from observer_rt.evaluation.streamed import StreamedEvaluation, evaluate_stream
 from observer_rt.fleet.groups import InjectorNames
-from observer_rt.fleet.vocabulary import OwnEffects
 from observer_rt.foundation.errors import ObserverError
 from observer_rt.foundation.files import file_errors, file_hash
 from observer_rt.model.effects import effective_model

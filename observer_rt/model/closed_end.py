@@ -12,7 +12,7 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from observer_rt.foundation.compiled import inlined, inner
-from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.effective import Coefficients
 from observer_rt.model.hydraulics import nozzle_law, nozzle_law_slopes, seat_law, seat_law_slopes
 from observer_rt.model.line.lump import stiffness, stiffness_slopes
 from observer_rt.model.line.wave import WaveLine

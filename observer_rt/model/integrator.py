@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 import observer_rt.model.leapfrog  # noqa: F401 (makes known how a line of cells is stepped)
 from observer_rt.foundation.compiled import inlined, inner, inner_separate
 from observer_rt.foundation.small_arrays import WIDTH, load, store
-from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.effective import Coefficients
 from observer_rt.model.hydraulics import empty_if_drained
 from observer_rt.model.line.interface import line_fastest, own_step
 from observer_rt.model.network import Network

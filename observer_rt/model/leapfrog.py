@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from observer_rt.foundation.compiled import inlined, inner, inner_separate
 from observer_rt.model.closed_end import add_coefficients, move_end
-from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.effective import Coefficients
 from observer_rt.model.line.interface import OwnStep, step_by
 from observer_rt.model.line.lump import stiffness, stiffness_slopes
 from observer_rt.model.line.wave import (

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from observer_rt.foundation.compiled import compiled, inlined, inner, inner_inlined
 from observer_rt.foundation.small_arrays import whole_vectors
-from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.effective import Coefficients
 from observer_rt.model.hydraulics import nozzle_law, nozzle_law_slopes, sac_rate, seat_law, seat_law_slopes
 from observer_rt.model.line.interface import Slopes, line_rates, line_slopes, no_slopes
 from observer_rt.model.network import Network, activation, back_pressure_at, flow_changes

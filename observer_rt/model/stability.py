@@ -5,8 +5,7 @@ from dataclasses import replace
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MICROSECOND
-from observer_rt.model.coefficients import Coefficients, coefficients
-from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.effective import Coefficients, EffectiveModel, coefficients
 from observer_rt.model.hydraulics import full_lift_area
 from observer_rt.model.line.interface import line_fastest
 from observer_rt.model.line.wave import FEWEST_CELLS, STABLE, WaveLine, cells_for, steps_over

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from observer_rt.estimation.gain import GainSchedule
-from observer_rt.estimation.learned import learned_of
+from observer_rt.estimation.scalars import learned_of
 from observer_rt.observer.learning.adequacy import Objection
 from observer_rt.observer.learning.knowledge import Adoption, Knowledge, Outcome
 from observer_rt.observer.stream.judgement import SLOW_PEAK, carry_on, expect, judged

@@ -13,8 +13,8 @@ from observer_rt.foundation.compiled import compiled
 from observer_rt.foundation.continuity import Break, make_recorded
 from observer_rt.foundation.referenced import Bound, bind
 from observer_rt.foundation.units import MILLISECOND
-from observer_rt.model.coefficients import averaged
 from observer_rt.model.effect import SizedEffect
+from observer_rt.model.effective import averaged
 from observer_rt.model.effects import effective_model
 from observer_rt.model.network import zero_network
 from observer_rt.model.parameters import InjectorParameters

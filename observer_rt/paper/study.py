@@ -11,7 +11,7 @@ from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.scalars import PARAMETERS
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLISECOND
-from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.effective import Coefficients
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.hydraulics import normalised_area, root
 from observer_rt.model.network import constant_network

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 
-from observer_rt.bus.j1939 import GroupIdentifier, ParameterGroups
+from observer_rt.bus.can_frame import GroupIdentifier, ParameterGroups
 from observer_rt.bus.links.link import BusFrame
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.links import NamedLink, of_links

@@ -25,8 +25,8 @@ from observer_rt.bus.database.e2e import UNPROTECTED, protect
 from observer_rt.bus.links.descriptor import DescriptorLink
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench import Bench, BenchInjector
-from observer_rt.estimation.learned import nothing_learned
 from observer_rt.estimation.predictor import NO_RATE, NO_SLOPES, Setting, Window, follow
+from observer_rt.estimation.scalars import nothing_learned
 from observer_rt.foundation.compilation import collect_seldom, is_complete, note_complete
 from observer_rt.foundation.errors import RunError
 from observer_rt.model.hydraulics import normalised_area
@@ -42,7 +42,7 @@ from observer_rt.service.core.learners import LearnerFactory, make_learner
 from observer_rt.service.pump.pump import FramePump
 from observer_rt.service.watch.arrivals import Arrivals
 from observer_rt.simulation import schedule
-from observer_rt.simulation.needle import lift_of_stroke, strokes
+from observer_rt.simulation.schedule import lift_of_stroke, strokes
 
 INJECTIONS = 3  # from the first two is learned, by that the third is judged
 BEFORE = 1500  # samples of rest before each: enough for a first guess of the offset

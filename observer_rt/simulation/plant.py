@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.foundation.compiled import compiled, inner
-from observer_rt.model.coefficients import Coefficients
-from observer_rt.model.effective import EffectiveModel, SensorTerms
+from observer_rt.model.effective import Coefficients, EffectiveModel, SensorTerms
 from observer_rt.model.hydraulics import normalised_area
 from observer_rt.model.integrator import fine_step
 from observer_rt.model.line.interface import rest_line
@@ -18,7 +17,7 @@ from observer_rt.model.network import Network, constant_network
 from observer_rt.model.right_hand_side import injection_rate
 from observer_rt.model.sensor import lagged
 from observer_rt.model.stability import fastest_rate
-from observer_rt.simulation.needle import CORNER_ROUNDING, Stroke, lift_of_stroke
+from observer_rt.simulation.schedule import CORNER_ROUNDING, Stroke, lift_of_stroke
 
 LONGEST_STEP = 1e-6  # s
 LONGEST_WAVE_STEP = 2e-6  # s, of a line of cells

@@ -16,12 +16,12 @@ from observer_rt.bus.links.link import BusFrame
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.timing import Numbering
 from observer_rt.config.bench import BenchInjector
-from observer_rt.estimation.learned import Learned
 from observer_rt.estimation.predictor import Setting, Window, interval_before, knot_before
+from observer_rt.estimation.scalars import Learned
 from observer_rt.foundation.compiled import compiled
 from observer_rt.foundation.units import MM3_PER_MS
 from observer_rt.model.borrowed import borrowed_network
-from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.effective import Coefficients
 from observer_rt.model.hydraulics import empty_sac, normalised_area
 from observer_rt.model.integrator import advance_over
 from observer_rt.model.line.interface import rest_line

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Protocol
 
+from observer_rt.bus.can_frame import ParameterGroups
 from observer_rt.bus.database.lookup import MessageLayout
-from observer_rt.bus.j1939 import ParameterGroups
 from observer_rt.bus.links.link import BusFrame, Frame
 from observer_rt.bus.mapping.output_messages import frame_time
 from observer_rt.config.bench import Bench

@@ -4,7 +4,7 @@ import can
 from hypothesis import given
 from hypothesis import strategies as st
 
-from observer_rt.bus.j1939 import GroupIdentifier, ParameterGroups
+from observer_rt.bus.can_frame import GroupIdentifier, ParameterGroups
 from observer_rt.bus.links.opening import open_link
 
 TO_ALL, ADDRESSED = 0x18FEF1FE, 0x0CEF_21FE

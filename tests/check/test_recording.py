@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from observer_rt.bus.links.link import Frame as BusFrame
+from observer_rt.check.checkup import log_findings
 from observer_rt.check.findings import Finding, Level
-from observer_rt.check.recording import log_findings
 from observer_rt.config.bench import load_bench
 from observer_rt.recording.canlog.can_log import LogFrame
 from observer_rt.recording.replay.framing import whole

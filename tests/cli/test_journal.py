@@ -11,7 +11,7 @@ import pytest
 from observer_rt.config.bench import load_bench
 from observer_rt.foundation.errors import RunError
 from observer_rt.service.keeping.journal import JournalWriter
-from observer_rt.service.keeping.lock import sole_writer
+from observer_rt.service.keeping.keeper import sole_writer
 from tests.cli.conftest import Command
 from tests.device import frames_of
 from tests.service.keeping.report_samples import some_report

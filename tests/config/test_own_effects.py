@@ -9,7 +9,7 @@ import pytest
 
 from observer_rt.config.bench import load_injector
 from observer_rt.config.own_effects import use_effects
-from observer_rt.discovery.search.fit_store import problem_key
+from observer_rt.discovery.search.candidates import problem_key
 from observer_rt.discovery.search.search import indistinguishable, representatives
 from observer_rt.discovery.search.verdict import decide_by
 from observer_rt.foundation.errors import UserError

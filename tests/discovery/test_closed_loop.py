@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
-from observer_rt.model.coefficients import coefficients
 from observer_rt.model.effect import SizedEffect
+from observer_rt.model.effective import coefficients
 from observer_rt.model.effects import sized
 from observer_rt.recording.formats import write_recording
 from observer_rt.simulation.schedule import make_schedule

@@ -4,9 +4,8 @@ from observer_rt.discovery.gaps import disagreements
 from observer_rt.discovery.search.result import Verdict
 from observer_rt.discovery.search.verdict import SearchOptions, name_effects
 from observer_rt.estimation.phases import Phase
-from observer_rt.evidence.likelihood import evidence_of
+from observer_rt.evidence.likelihood import Signal, evidence_of
 from observer_rt.evidence.measurement import measurements
-from observer_rt.evidence.pooled import Signal
 from observer_rt.model.effect import Equation
 from observer_rt.model.effects import effective_model, sized
 from tests.discovery.conftest import Worn

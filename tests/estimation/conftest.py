@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
 from observer_rt.estimation.gain import GainSchedule, NoiseLevels, gain_schedule
-from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.predictor import Setting, Window, innovations
-from observer_rt.estimation.scalars import PARAMETERS, Parameter
-from observer_rt.model.coefficients import Coefficients, coefficients
+from observer_rt.estimation.scalars import PARAMETERS, Parameter, learned_of
+from observer_rt.model.effective import Coefficients, coefficients
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.integrator import Interval, advance
 from observer_rt.model.network import HIDDEN

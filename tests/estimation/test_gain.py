@@ -11,7 +11,7 @@ from scipy.linalg import expm, solve_discrete_are
 from observer_rt.estimation.gain import NoiseLevels, gain_schedule
 from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.scalars import PARAMETERS, Parameter
-from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.effective import Coefficients
 from tests.estimation.conftest import (
     NOISE,
     SAMPLE_RATE,

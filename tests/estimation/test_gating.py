@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from observer_rt.estimation.gating import ENTER, STAY, Gate, GatedBelief, best_subset
-from observer_rt.estimation.posterior import Belief
+from observer_rt.estimation.gating import ENTER, STAY, Belief, Gate, GatedBelief, best_subset
 
 SIZE = 6
 GATE = Gate(columns=(1, 3, 4), lowest=(-0.5, 0.0, 0.0))

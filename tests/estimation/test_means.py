@@ -10,10 +10,9 @@ from scipy.linalg import expm, solve_discrete_are
 
 from observer_rt.config.bench import load_injector
 from observer_rt.estimation.gain import gain_schedule
-from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.predictor import Setting, Window, innovations, innovations_with_sensitivity
-from observer_rt.estimation.scalars import PARAMETERS
-from observer_rt.model.coefficients import Coefficients, averaged, coefficients
+from observer_rt.estimation.scalars import PARAMETERS, learned_of
+from observer_rt.model.effective import Coefficients, averaged, coefficients
 from observer_rt.model.line.interface import rest_line
 from observer_rt.model.sensor import lagged, recorded_mean
 from observer_rt.model.stability import substeps_needed

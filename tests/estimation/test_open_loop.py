@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.open_loop import open_loop
 from observer_rt.estimation.predictor import Window
-from observer_rt.estimation.scalars import PARAMETERS, Parameter
+from observer_rt.estimation.scalars import PARAMETERS, Parameter, learned_of
 from observer_rt.model.integrator import Interval, advance
 from observer_rt.model.right_hand_side import injection_rate
 from tests.estimation.conftest import Case, event_inputs, simulated_event, worn_theta

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from observer_rt.estimation.posterior import Belief, prior_belief
+from observer_rt.estimation.gating import Belief, prior_belief
 
 
 def belief(seed: int, size: int = 4) -> Belief:

@@ -7,11 +7,10 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
-from observer_rt.estimation.learned import learned_of, network_of
 from observer_rt.estimation.prediction_error import EventCost
 from observer_rt.estimation.predictor import Window, open_loop_errors
-from observer_rt.estimation.scalars import PARAMETERS, Parameter
-from observer_rt.model.coefficients import coefficients
+from observer_rt.estimation.scalars import PARAMETERS, Parameter, learned_of, network_of
+from observer_rt.model.effective import coefficients
 from observer_rt.model.network import HIDDEN, flow_changes
 from tests.estimation.conftest import Case, event_inputs, innovations_at, simulated_event, worn_theta
 

@@ -5,7 +5,7 @@ import json
 from typing import Any
 
 from observer_rt.evaluation.results import Evaluated, write_document
-from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.effective import Coefficients
 
 
 def recording_json(evaluation: Evaluated, c: Coefficients) -> dict[str, Any]:

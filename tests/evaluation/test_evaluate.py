@@ -11,7 +11,7 @@ from observer_rt.config.bench import EXAMPLE_BENCH, load_bench, load_injector
 from observer_rt.evaluation.evaluate import History, evaluate
 from observer_rt.evaluation.trace_file import write_trace
 from observer_rt.foundation.errors import UserError
-from observer_rt.model.coefficients import coefficients
+from observer_rt.model.effective import coefficients
 from observer_rt.model.effects import sized
 from observer_rt.observer.stream.state import State
 from observer_rt.simulation.schedule import Shot, make_schedule

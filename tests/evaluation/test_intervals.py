@@ -11,7 +11,7 @@ from observer_rt.config.bench import load_bench, load_injector
 from observer_rt.evaluation.evaluate import Evaluation, evaluate
 from observer_rt.evaluation.figures import picture_of
 from observer_rt.evaluation.streamed import evaluate_stream
-from observer_rt.model.coefficients import coefficients
+from observer_rt.model.effective import coefficients
 from observer_rt.model.effects import sized
 from observer_rt.recording.replay.framing import bench_for
 from observer_rt.recording.signals.stream import HeldSignals

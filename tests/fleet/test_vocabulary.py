@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.config.own_effects import use_effects
-from observer_rt.fleet.vocabulary import OwnEffects
+from observer_rt.config.own_effects import OwnEffects, use_effects
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effects import VOCABULARY
 from tests.pages import Page

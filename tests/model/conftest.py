@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
-from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.effective import Coefficients
 from observer_rt.model.integrator import Interval, advance, advance_over
 from observer_rt.model.network import Network, zero_network
 from observer_rt.model.parameters import InjectorParameters, LineOutflow

@@ -8,9 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.config.bench import load_injector
-from observer_rt.model.coefficients import coefficients
 from observer_rt.model.effect import Effect, Likeness, SizedEffect
-from observer_rt.model.effective import EffectiveModel, InputTerms, SensorTerms
+from observer_rt.model.effective import EffectiveModel, InputTerms, SensorTerms, coefficients
 from observer_rt.model.effects import VOCABULARY, effective_model, sized
 from observer_rt.model.parameters import EffectInForce, EffectValue
 

@@ -6,8 +6,7 @@ import pytest
 
 from observer_rt.config.bench import load_injector
 from observer_rt.foundation.errors import UserError
-from observer_rt.model.fuel import at_temperature, is_plausible
-from observer_rt.model.parameters import InjectorParameters
+from observer_rt.model.parameters import InjectorParameters, at_temperature, is_plausible
 
 NOMINAL = load_injector()
 REFERENCE = 313.15  # K, of the nominal file

@@ -7,15 +7,15 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
-from observer_rt.model.coefficients import coefficients
+from observer_rt.model.effective import coefficients
 from observer_rt.model.effects import effective_model
 from observer_rt.model.hydraulics import normalised_area
 from observer_rt.model.integrator import Interval
 from observer_rt.model.network import zero_network
 from observer_rt.model.right_hand_side import injection_rate
 from observer_rt.model.stability import substeps_needed
-from observer_rt.simulation.needle import Stroke
 from observer_rt.simulation.plant import Truth, run_plant
+from observer_rt.simulation.schedule import Stroke
 from tests.model.conftest import Trajectory, advanced, advanced_over
 
 NOMINAL = load_injector()

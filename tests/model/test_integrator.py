@@ -10,7 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from observer_rt.model.coefficients import Coefficients, coefficients
+from observer_rt.model.effective import Coefficients, coefficients
 from observer_rt.model.integrator import System, injector_rates, runge_kutta_step
 from observer_rt.model.network import constant_network, zero_network
 from observer_rt.model.parameters import InjectorParameters, LineOutflow

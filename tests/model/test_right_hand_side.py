@@ -8,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from observer_rt.model.coefficients import Coefficients, coefficients
+from observer_rt.model.effective import Coefficients, coefficients
 from observer_rt.model.integrator import Interval
 from observer_rt.model.network import Network, constant_network, zero_network
 from observer_rt.model.parameters import InjectorParameters, LineOutflow

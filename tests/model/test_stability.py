@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench
 from observer_rt.config.injector import SamplingConfig
 from observer_rt.foundation.errors import UserError
-from observer_rt.model.coefficients import coefficients
+from observer_rt.model.effective import coefficients
 from observer_rt.model.hydraulics import full_lift_area
 from observer_rt.model.network import constant_network, zero_network
 from observer_rt.model.parameters import InjectorParameters

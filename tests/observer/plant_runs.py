@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from observer_rt.config.bench import load_injector
 from observer_rt.estimation.scalars import SCALARS
 from observer_rt.evaluation.evaluate import evaluate
-from observer_rt.model.coefficients import coefficients
 from observer_rt.model.effect import SizedEffect
+from observer_rt.model.effective import coefficients
 from observer_rt.model.parameters import EffectInForce, EffectValue
 from observer_rt.observer.learning.indicators import Estimate
 from observer_rt.service.reports.injection_report import InjectionReport

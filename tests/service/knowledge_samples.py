@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import strategies as st
 
 from observer_rt.estimation.gain import NoiseLevels
+from observer_rt.estimation.gating import Belief
 from observer_rt.estimation.phases import PhaseStatistics, no_statistics
-from observer_rt.estimation.posterior import Belief
 from observer_rt.estimation.prediction_error import Whitening
 from observer_rt.estimation.scalars import PARAMETERS, SCALARS
 from observer_rt.observer.learning.disturbances.colour import ORDERS, Colour

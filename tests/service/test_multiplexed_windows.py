@@ -8,7 +8,7 @@ import pytest
 from observer_rt.config.bench import Bench, load_bench
 from observer_rt.recording.replay.framing import Span, TimedFrame
 from observer_rt.recording.signals.recording import Recording
-from observer_rt.service.core.counters import Counters
+from observer_rt.service.core.messages import Counters
 from tests.device import damaged, frames_of, run
 
 RATE = 50e3

@@ -18,9 +18,8 @@ from observer_rt.observer.stream.state import Reason, State
 from observer_rt.service.core.core import Core
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import Notes
-from observer_rt.simulation.needle import strokes
 from observer_rt.simulation.plant import Truth, run_plant
-from observer_rt.simulation.schedule import make_schedule
+from observer_rt.simulation.schedule import make_schedule, strokes
 from observer_rt.simulation.simulate import LIFT, PRESSURE, Quantisation, SimulatedNoise
 
 EPOCH = 1_700_000_000_000_000_000  # ns, of the receiver's clock

@@ -12,8 +12,7 @@ from scipy.integrate import solve_ivp
 
 from observer_rt.config.bench import load_injector
 from observer_rt.model.effects import VOCABULARY, sized
-from observer_rt.simulation.needle import lift_of_stroke, strokes
-from observer_rt.simulation.schedule import make_schedule
+from observer_rt.simulation.schedule import lift_of_stroke, make_schedule, strokes
 from observer_rt.simulation.simulate import Simulation, simulate
 
 NOMINAL = load_injector()

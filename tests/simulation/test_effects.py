@@ -5,7 +5,7 @@ import pytest
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effect import Effect
 from observer_rt.model.effects import VOCABULARY
-from observer_rt.simulation.effects import parse_effects
+from observer_rt.simulation.simulate import parse_effects
 
 
 def values(texts: list[str]) -> dict[str, tuple[float, ...]]:

@@ -10,8 +10,15 @@ from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
 from observer_rt.foundation.errors import UserError
-from observer_rt.simulation.needle import CORNER_ROUNDING, Stroke, lift_of_stroke, stroke, strokes
-from observer_rt.simulation.schedule import Shot, make_schedule
+from observer_rt.simulation.schedule import (
+    CORNER_ROUNDING,
+    Shot,
+    Stroke,
+    lift_of_stroke,
+    make_schedule,
+    stroke,
+    strokes,
+)
 
 NOMINAL = load_injector()
 START = 0.15

@@ -15,9 +15,8 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.recording.formats import write_recording
-from observer_rt.simulation.needle import Stroke, lift_of_stroke, strokes
 from observer_rt.simulation.plant import Truth, run_plant
-from observer_rt.simulation.schedule import Schedule, Shot, make_schedule
+from observer_rt.simulation.schedule import Schedule, Shot, Stroke, lift_of_stroke, make_schedule, strokes
 from observer_rt.simulation.simulate import SimulatedNoise, simulate, truth_path, write_truth
 
 NOMINAL = load_injector()

@@ -12,12 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.gain import NoiseLevels, gain_schedule
-from observer_rt.estimation.gating import best_subset
-from observer_rt.estimation.learned import learned_of
-from observer_rt.estimation.posterior import Belief, prior_belief
+from observer_rt.estimation.gating import Belief, best_subset, prior_belief
 from observer_rt.estimation.prediction_error import Linearisation
 from observer_rt.estimation.predictor import Setting, Window
-from observer_rt.estimation.scalars import SCALARS, Parameter
+from observer_rt.estimation.scalars import SCALARS, Parameter, learned_of
 from observer_rt.foundation.units import MILLISECOND
 from observer_rt.observer.learning.adequacy import BURN_IN
 from observer_rt.observer.learning.explained import FIRST_ITERATIONS, ITERATIONS

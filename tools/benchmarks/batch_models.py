@@ -7,10 +7,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from observer_rt.estimation.learned import Learned, learned_of
 from observer_rt.estimation.prediction_error import HUBER, EventCost, Linearisation, robust_cost
 from observer_rt.estimation.predictor import NO_SLOPES, Setting, Window, correct, follow, innovations
-from observer_rt.estimation.scalars import PARAMETERS, SCALARS, Parameter
+from observer_rt.estimation.scalars import PARAMETERS, SCALARS, Learned, Parameter, learned_of
 from observer_rt.model.network import ARGUMENTS, HIDDEN, constant_network, zero_network
 from observer_rt.model.sensor import lagged
 from observer_rt.observer.learning.fitting import Limits, theta_limits

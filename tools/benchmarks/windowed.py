@@ -10,8 +10,8 @@ from observer_rt.evaluation.evaluate import Evaluation, Trace, evaluate
 from observer_rt.observer.stream.state import State
 from observer_rt.recording.replay.framing import Span, windows
 from observer_rt.recording.signals.recording import Recording
-from observer_rt.service.core.counters import Counters
 from observer_rt.service.core.learners import LearnerFactory
+from observer_rt.service.core.messages import Counters
 
 
 def evaluate_windowed(bench: Bench, recording: Recording, learner_of: LearnerFactory) -> Evaluation:

@@ -7,8 +7,7 @@ from pathlib import Path
 
 from cantools.database.can import Database, Message, Signal
 
-from observer_rt.bus.can_frame import CLASSIC_LENGTH
-from observer_rt.bus.j1939 import GroupIdentifier
+from observer_rt.bus.can_frame import CLASSIC_LENGTH, GroupIdentifier
 from observer_rt.foundation.errors import UserError, nearest
 from observer_rt.foundation.units import factor_of
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import can
 
-from observer_rt.bus.j1939 import ParameterGroups
+from observer_rt.bus.can_frame import ParameterGroups
 from observer_rt.bus.links.controller import BusCondition
 from observer_rt.bus.links.link import SWITCHED, FdFlags, Frame, Link, LinkDownError, StampSource
 from observer_rt.foundation.errors import RunError, UserError

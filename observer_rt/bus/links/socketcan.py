@@ -21,8 +21,9 @@ from observer_rt.bus.can_frame import (
     ERROR_STATE,
     FD_LENGTHS,
     FD_MTU,
+    GroupIdentifier,
+    ParameterGroups,
 )
-from observer_rt.bus.j1939 import GroupIdentifier, ParameterGroups
 from observer_rt.bus.links.controller import BusCondition, BusState, ErrorClass, after_error_frame
 from observer_rt.bus.links.link import SWITCHED, FdFlags, Frame, Link, LinkDownError, StampSource
 from observer_rt.foundation.errors import RunError, UserError

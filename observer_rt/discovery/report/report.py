@@ -14,8 +14,8 @@ from observer_rt.discovery.report.text import sign
 from observer_rt.discovery.search.adequacy import SIGNIFICANT
 from observer_rt.discovery.search.result import Cell
 from observer_rt.estimation.phases import Phase
+from observer_rt.evidence.likelihood import Signal
 from observer_rt.evidence.operating_points import point_name
-from observer_rt.evidence.pooled import Signal
 from observer_rt.foundation.pages import templates_of
 
 _PAGES = templates_of(__package__)

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from observer_rt.discovery.search.result import Candidate, Cell, Unexplained
 from observer_rt.estimation.phases import Phase, phase_statistics
-from observer_rt.evidence.likelihood import Evidence, JudgedModel
-from observer_rt.evidence.pooled import Pool, Signal, normalised, phases_by_signal
+from observer_rt.evidence.likelihood import Evidence, JudgedModel, Pool, Signal, normalised, phases_by_signal
 from observer_rt.model.baseline import Appearance, Baseline, HealthyRemainder, HealthyShape, PhaseFigures
 from observer_rt.model.effect import Equation
 from observer_rt.model.effective import EffectiveModel

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.estimation.phases import Phase
 from observer_rt.evidence.bounded_fit import MAX_ITERATIONS, Minimum, Range, Residuals, fit
-from observer_rt.evidence.likelihood import Evidence
-from observer_rt.evidence.pooled import Signal
+from observer_rt.evidence.likelihood import Evidence, Signal
 from observer_rt.model.effect import Effect, EffectParameter, Equation
 from observer_rt.model.effective import EffectiveModel
 

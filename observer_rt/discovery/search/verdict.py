@@ -16,7 +16,6 @@ from observer_rt.discovery.search.adequacy import (
     worst,
 )
 from observer_rt.discovery.search.candidates import FitMemory, Fitter
-from observer_rt.discovery.search.held_out import HeldOutPoints
 from observer_rt.discovery.search.result import (
     Candidate,
     Cell,
@@ -29,6 +28,7 @@ from observer_rt.discovery.search.result import (
     Verdict,
 )
 from observer_rt.discovery.search.search import (
+    HeldOutPoints,
     Search,
     SearchOutcome,
     indistinguishable,
@@ -38,10 +38,9 @@ from observer_rt.discovery.search.search import (
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.evidence.appearance import healthy_remainder
 from observer_rt.evidence.bounded_fit import NORMAL_975
-from observer_rt.evidence.likelihood import evidence_of
+from observer_rt.evidence.likelihood import evidence_of, pool_of
 from observer_rt.evidence.measurement import Measurement
 from observer_rt.evidence.open_loop import mass, simulated
-from observer_rt.evidence.pooled import pool_of
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.model.effect import WITH_A_MEASURED_RATE, Effect, Place
 from observer_rt.model.effective import EffectiveModel

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.estimation.gating import Belief
 from observer_rt.estimation.phases import PhaseStatistics
-from observer_rt.estimation.posterior import Belief
 from observer_rt.estimation.prediction_error import EventCost, Linearisation
 from observer_rt.estimation.predictor import Setting, Window
 from observer_rt.estimation.scalars import Parameter, Scalars, Theta

@@ -8,10 +8,9 @@ from collections.abc import Collection, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.estimation.learned import learned_of
 from observer_rt.estimation.phases import Phase, PhaseStatistics
 from observer_rt.estimation.predictor import Setting, Window, open_loop_errors, sum_of_squares
-from observer_rt.estimation.scalars import Scalars
+from observer_rt.estimation.scalars import Scalars, learned_of
 from observer_rt.observer.learning.adequacy import Objection, inadequate_phase
 from observer_rt.observer.learning.disturbances.colour import Colour
 from observer_rt.observer.learning.memory import Tracker

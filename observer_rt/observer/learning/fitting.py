@@ -6,8 +6,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.estimation.gating import Gate, best_subset
-from observer_rt.estimation.posterior import Belief
+from observer_rt.estimation.gating import Belief, Gate, best_subset
 from observer_rt.estimation.prediction_error import Linearisation
 from observer_rt.estimation.scalars import SCALARS, Scalars
 

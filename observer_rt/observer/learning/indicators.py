@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.estimation.learned import network_of
 from observer_rt.estimation.phases import BLOCKS, PHASES, Phase, PhaseStatistics
-from observer_rt.estimation.scalars import NOZZLE, SCALARS, SEAT, Parameter, Scalars
+from observer_rt.estimation.scalars import NOZZLE, SCALARS, SEAT, Parameter, Scalars, network_of
 from observer_rt.foundation.compiled import compiled
 from observer_rt.model.baseline import Baseline
 from observer_rt.model.network import HIDDEN, Network, activation, back_pressure_at, flow_changes

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.gain import GainSchedule, NoiseLevels
+from observer_rt.estimation.gating import Belief, prior_belief
 from observer_rt.estimation.phases import PhaseStatistics, no_statistics
-from observer_rt.estimation.posterior import Belief, prior_belief
 from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.scalars import SCALARS, Scalars, Theta
 from observer_rt.observer.learning.adequacy import Objection

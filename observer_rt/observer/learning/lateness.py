@@ -20,12 +20,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.estimation.learned import learned_of
+from observer_rt.estimation.gating import prior_belief
 from observer_rt.estimation.open_loop import OpenLoop
-from observer_rt.estimation.posterior import prior_belief
 from observer_rt.estimation.prediction_error import HUBER, EventCost
 from observer_rt.estimation.predictor import Setting, Window, innovations
-from observer_rt.estimation.scalars import SCALARS, Parameter, Scalars
+from observer_rt.estimation.scalars import SCALARS, Parameter, Scalars, learned_of
 from observer_rt.model.sensor import LAG_UNIT
 from observer_rt.observer.learning.adequacy import RELEVANT_VARIANCE, Objection
 from observer_rt.observer.learning.fitting import EventFit, EventFitter, theta_limits

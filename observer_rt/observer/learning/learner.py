@@ -9,12 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.gain import GainSchedule, NoiseLevels, gain_schedule
-from observer_rt.estimation.gating import GatedBelief
-from observer_rt.estimation.learned import learned_of
+from observer_rt.estimation.gating import Belief, GatedBelief
 from observer_rt.estimation.phases import Phase, no_statistics
-from observer_rt.estimation.posterior import Belief
 from observer_rt.estimation.predictor import Setting, Window
-from observer_rt.estimation.scalars import SCALARS, Parameter, Scalars, Theta
+from observer_rt.estimation.scalars import SCALARS, Parameter, Scalars, Theta, learned_of
 from observer_rt.model.sensor import LAG_UNIT
 from observer_rt.observer.learning.adequacy import (
     Innovations,

@@ -10,7 +10,7 @@ from observer_rt.estimation.gain import GainSchedule, gain_schedule
 from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.scalars import Theta
 from observer_rt.foundation.compiled import compiled, inner
-from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.effective import Coefficients
 from observer_rt.model.hydraulics import root
 from observer_rt.model.integrator import Interval
 from observer_rt.model.network import Network

@@ -24,7 +24,7 @@ from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.estimation.predictor import Window
 from observer_rt.foundation.compiled import compiled, inlined, inner
 from observer_rt.foundation.errors import UserError
-from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.effective import Coefficients
 from observer_rt.model.hydraulics import empty_if_drained, nozzle_law
 from observer_rt.model.integrator import between, integrate
 from observer_rt.model.network import Network

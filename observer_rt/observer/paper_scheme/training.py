@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Window
 from observer_rt.foundation.compiled import compiled
-from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.effective import Coefficients
 from observer_rt.model.network import constant_network
 from observer_rt.observer.paper_scheme.network import (
     WEIGHTS,

@@ -8,7 +8,7 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from observer_rt.foundation.compiled import compiled
-from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.effective import Coefficients
 from observer_rt.model.integrator import Interval, advance_over
 from observer_rt.model.network import Network
 from observer_rt.model.right_hand_side import fault_and_rate

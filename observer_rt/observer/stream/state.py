@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from observer_rt.foundation.continuity import Break, Doubt
 from observer_rt.foundation.referenced import Bound, referenced
-from observer_rt.model.coefficients import Coefficients
-from observer_rt.model.effective import InputTerms
+from observer_rt.model.effective import Coefficients, InputTerms
 from observer_rt.model.network import ARGUMENTS, HIDDEN
 from observer_rt.model.sensor import Sensor
 from observer_rt.observer.stream.phi import Phi

@@ -12,7 +12,7 @@ from observer_rt.foundation.compiled import addressed, inner, inner_separate
 from observer_rt.foundation.referenced import referenced
 from observer_rt.foundation.small_arrays import copy_vector
 from observer_rt.model.borrowed import borrowed
-from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.effective import Coefficients
 from observer_rt.model.integrator import Interval
 from observer_rt.model.line.interface import line_from, rest_line
 from observer_rt.model.network import Network

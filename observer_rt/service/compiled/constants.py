@@ -7,9 +7,13 @@ from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLISECOND
 from observer_rt.model.effects import effective_model
-from observer_rt.model.fuel import HIGHEST_TEMPERATURE, LOWEST_TEMPERATURE, at_temperature
 from observer_rt.model.line.interface import own_step
-from observer_rt.model.parameters import InjectorParameters
+from observer_rt.model.parameters import (
+    HIGHEST_TEMPERATURE,
+    LOWEST_TEMPERATURE,
+    InjectorParameters,
+    at_temperature,
+)
 from observer_rt.model.stability import MAX_SUBSTEPS, fastest_rate, refuse_unstable_cells
 from observer_rt.observer.observer import Durations, constants_for
 from observer_rt.observer.stream.state import Constants

@@ -13,7 +13,7 @@ from observer_rt.bus.mapping.input_tables import OPTIONAL_ROLES, Inputs
 from observer_rt.config.signals import OptionalRole
 from observer_rt.foundation.compiled import inner, inner_separate
 from observer_rt.foundation.referenced import referenced
-from observer_rt.model.fuel import HIGHEST_TEMPERATURE, LOWEST_TEMPERATURE
+from observer_rt.model.parameters import HIGHEST_TEMPERATURE, LOWEST_TEMPERATURE
 from observer_rt.observer.stream.state import INJECTIONS, RING, Observer, Reason
 
 READINGS = 4096  # that wait: 0.8 s of blocks of 20 levels at 100 kHz

@@ -32,9 +32,8 @@ from observer_rt.service.compiled.constants import bench_constants, configured_n
 from observer_rt.service.compiled.input_memory import make_input_memory
 from observer_rt.service.compiled.pipeline import Pipeline, make_receiver
 from observer_rt.service.compiled.publisher import flush, make_publisher
-from observer_rt.service.core.counters import Counters, counted
 from observer_rt.service.core.learners import LearnerFactory, healthy_injector, make_learner, slow_noise_of
-from observer_rt.service.core.messages import OutputFrame, ResultFrames
+from observer_rt.service.core.messages import Counters, OutputFrame, ResultFrames, counted
 from observer_rt.service.inputs.energizing import EnergizingFigures
 from observer_rt.service.inputs.optional_inputs import OptionalInputs
 from observer_rt.service.reports.injection_report import report_of

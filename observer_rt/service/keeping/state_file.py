@@ -15,8 +15,8 @@ from pydantic import BaseModel, Field, PlainSerializer, PlainValidator, Validati
 
 from observer_rt import __version__
 from observer_rt.estimation.gain import NoiseLevels
+from observer_rt.estimation.gating import Belief
 from observer_rt.estimation.phases import PhaseStatistics
-from observer_rt.estimation.posterior import Belief
 from observer_rt.estimation.prediction_error import Whitening
 from observer_rt.estimation.scalars import SCALARS
 from observer_rt.foundation.errors import RunError, UserError

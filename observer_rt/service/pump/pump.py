@@ -8,8 +8,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
-from observer_rt.bus.can_frame import FD_MTU, HEADER_BYTES
-from observer_rt.bus.j1939 import GroupIdentifier
+from observer_rt.bus.can_frame import FD_MTU, HEADER_BYTES, GroupIdentifier
 from observer_rt.bus.links.link import Link, LinkDownError
 from observer_rt.bus.links.receiver import BusDownError
 from observer_rt.bus.links.socketcan import SocketCanLink

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from observer_rt.estimation.scalars import NOZZLE, SCALARS, SEAT, ShownIndicator
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, MM3_PER_MS, ZERO_CELSIUS
-from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.effective import Coefficients
 from observer_rt.observer.learning.indicators import Estimate, Indicators, indicators_of
 from observer_rt.observer.learning.interval import is_revised, rate_sigma, volume_interval
 from observer_rt.observer.stream.state import Reason, State

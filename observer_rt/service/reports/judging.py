@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Window
-from observer_rt.observer.learning.adequacy import Innovations, Objection
-from observer_rt.observer.learning.examiner import Examination, Examiner
+from observer_rt.observer.learning.adequacy import Examination, Examiner, Innovations, Objection
 from observer_rt.observer.learning.indicators import Healthy
 from observer_rt.observer.learning.knowledge import Adoption, EventLearner, Knowledge, Outcome
 from observer_rt.observer.mailbox import has_room, post_examined, post_learned

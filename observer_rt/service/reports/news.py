@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from observer_rt.estimation.scalars import NOZZLE
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, ZERO_CELSIUS
-from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.effective import Coefficients
 from observer_rt.service.log import Voice
 from observer_rt.service.notify import Notifier
 from observer_rt.service.reports.injection_report import InjectionReport, injection_record

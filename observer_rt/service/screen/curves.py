@@ -16,7 +16,7 @@ from observer_rt.estimation.open_loop import open_loop
 from observer_rt.estimation.predictor import Setting, Window
 from observer_rt.estimation.scalars import NOZZLE, SCALARS
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
-from observer_rt.model.coefficients import Coefficients
+from observer_rt.model.effective import Coefficients
 from observer_rt.service.compiled.constants import bench_constants
 from observer_rt.service.reports.injection_report import NAMED, InjectionReport
 from observer_rt.service.reports.news import MeasuredMass

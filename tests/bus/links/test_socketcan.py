@@ -10,7 +10,7 @@ from pathlib import Path
 import can
 import pytest
 
-from observer_rt.bus.j1939 import GroupIdentifier
+from observer_rt.bus.can_frame import GroupIdentifier
 from observer_rt.bus.links import socketcan as socketcan_link
 from observer_rt.bus.links.controller import BusCondition, BusState
 from observer_rt.bus.links.link import FdFlags, Frame, Link, StampSource

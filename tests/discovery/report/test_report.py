@@ -14,7 +14,7 @@ from observer_rt.discovery.report.document import as_json
 from observer_rt.discovery.report.report import report
 from observer_rt.discovery.search.result import Decisive, Discovery, Unexplained, Verdict
 from observer_rt.estimation.phases import Phase
-from observer_rt.evidence.pooled import Signal
+from observer_rt.evidence.likelihood import Signal
 from observer_rt.model.effect import Equation
 from tests.discovery.conftest import SOURCES, Worn
 

@@ -12,7 +12,7 @@ from observer_rt.discovery.search.adequacy import (
     worst,
 )
 from observer_rt.estimation.phases import Phase, phase_statistics
-from observer_rt.evidence.pooled import Pool, Signal
+from observer_rt.evidence.likelihood import Pool, Signal
 from observer_rt.model.baseline import Baseline, HealthyRemainder, HealthyShape
 
 N = 5000

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from observer_rt.discovery.search.fit_store import FitStore, problem_key
+from observer_rt.discovery.search.candidates import FitStore, problem_key
 from observer_rt.model.effects import sized
 from tests.discovery.hidden import NOMINAL
 from tests.discovery.test_amend import LEAK

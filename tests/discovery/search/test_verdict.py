@@ -6,8 +6,8 @@ from numpy.typing import NDArray
 
 from observer_rt.discovery.search.result import Discovery, Verdict
 from observer_rt.discovery.search.verdict import SearchOptions, healthy_baseline, name_effects
+from observer_rt.evidence.likelihood import Signal
 from observer_rt.evidence.measurement import measurements
-from observer_rt.evidence.pooled import Signal
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import effective_model, sized

@@ -7,9 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
-from observer_rt.estimation.learned import by_theta, learned_of
-from observer_rt.estimation.scalars import PARAMETERS
-from observer_rt.model.coefficients import Coefficients, averaged, coefficients
+from observer_rt.estimation.scalars import PARAMETERS, by_theta, learned_of
+from observer_rt.model.effective import Coefficients, averaged, coefficients
 from observer_rt.model.integrator import Interval, advance_over
 from observer_rt.model.line.interface import rest_line
 from observer_rt.model.line.wave import WaveLine, steps_over

@@ -10,9 +10,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
-from observer_rt.estimation.learned import by_theta, learned_of
-from observer_rt.estimation.scalars import PARAMETERS, Parameter
-from observer_rt.model.coefficients import Coefficients, averaged
+from observer_rt.estimation.scalars import PARAMETERS, Parameter, by_theta, learned_of
+from observer_rt.model.effective import Coefficients, averaged
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.integrator import Interval, advance_over, fine_step
 from observer_rt.model.line.interface import rest_line

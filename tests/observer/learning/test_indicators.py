@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from observer_rt.estimation.learned import network_of
-from observer_rt.estimation.scalars import NOZZLE, PARAMETERS, SEAT, Parameter
-from observer_rt.model.coefficients import coefficients
+from observer_rt.estimation.scalars import NOZZLE, PARAMETERS, SEAT, Parameter, network_of
+from observer_rt.model.effective import coefficients
 from observer_rt.model.network import HIDDEN, zero_network
 from observer_rt.model.right_hand_side import injection_rate
 from observer_rt.observer.learning.indicators import LEAST_SEAT_SIGMA, indicators_of, nozzle_change

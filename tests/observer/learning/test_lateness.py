@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from observer_rt.config.bench import load_bench
-from observer_rt.estimation.posterior import prior_belief
+from observer_rt.estimation.gating import prior_belief
 from observer_rt.estimation.prediction_error import EventCost
 from observer_rt.estimation.scalars import PARAMETERS, SCALARS, Parameter
 from observer_rt.evaluation.evaluate import evaluate

@@ -10,10 +10,18 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import BenchInjector, load_bench
-from observer_rt.estimation.learned import network_of
-from observer_rt.estimation.posterior import Belief, prior_belief
+from observer_rt.estimation.gating import Belief, prior_belief
 from observer_rt.estimation.predictor import Window
-from observer_rt.estimation.scalars import NOZZLE, OFFSET, PARAMETERS, SCALARS, SEAT, Parameter, Scalars
+from observer_rt.estimation.scalars import (
+    NOZZLE,
+    OFFSET,
+    PARAMETERS,
+    SCALARS,
+    SEAT,
+    Parameter,
+    Scalars,
+    network_of,
+)
 from observer_rt.evaluation.evaluate import History, evaluate
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import sized

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
 from observer_rt.estimation.predictor import Window
-from observer_rt.model.coefficients import Coefficients, coefficients
+from observer_rt.model.effective import Coefficients, coefficients
 from observer_rt.model.effects import sized
 from observer_rt.model.stability import substeps_needed
 from observer_rt.observer.paper_scheme.systems import PaperSetting

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from observer_rt.config.bench import load_injector
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.foundation.errors import UserError
-from observer_rt.model.coefficients import coefficients
+from observer_rt.model.effective import coefficients
 from observer_rt.observer.paper_scheme.network import (
     fault_cost,
     free_fault,

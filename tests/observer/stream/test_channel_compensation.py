@@ -13,9 +13,8 @@ from observer_rt.foundation.continuity import Break
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.observer.stream.front_end import dead_band
-from observer_rt.simulation.needle import strokes
 from observer_rt.simulation.plant import Truth, run_plant
-from observer_rt.simulation.schedule import make_schedule
+from observer_rt.simulation.schedule import make_schedule, strokes
 from observer_rt.simulation.simulate import shown_slowly
 from tests.observer.sample_stream import NOISE, NOMINAL, RAIL, Stream
 

@@ -7,9 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.model.effects import effective_model
-from observer_rt.simulation.needle import strokes
 from observer_rt.simulation.plant import Truth, run_plant
-from observer_rt.simulation.schedule import make_schedule
+from observer_rt.simulation.schedule import make_schedule, strokes
 from tests.observer.sample_stream import NOMINAL, RAIL, Stream
 
 RATE = 20e3

@@ -16,9 +16,8 @@ from observer_rt.evaluation.evaluate import Evaluation, evaluate
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.observer.stream.front_end import slope_of_means
 from observer_rt.recording.signals.recording import Recording
-from observer_rt.simulation.needle import strokes
 from observer_rt.simulation.plant import Truth, run_plant
-from observer_rt.simulation.schedule import make_schedule
+from observer_rt.simulation.schedule import make_schedule, strokes
 from tests.observer.sample_stream import NOISE, NOMINAL, RAIL
 
 pytestmark = pytest.mark.slow  # compiles what only these tests call, or is a whole closed loop

@@ -18,7 +18,7 @@ from observer_rt.check.checkup import Level, checkup
 from observer_rt.config.bench import load_bench, load_injector
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.foundation.errors import UserError
-from observer_rt.model.coefficients import coefficients
+from observer_rt.model.effective import coefficients
 from observer_rt.model.effects import sized
 from observer_rt.observer.stream.state import Observer, Reason, State
 from observer_rt.recording.replay.framing import TimedFrame

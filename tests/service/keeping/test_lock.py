@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.service.keeping.lock import sole_writer
+from observer_rt.service.keeping.keeper import sole_writer
 
 HOLDING = """
 import sys
 from pathlib import Path
-from observer_rt.service.keeping.lock import sole_writer
+from observer_rt.service.keeping.keeper import sole_writer
 with sole_writer(Path(sys.argv[1])):
     print("held", flush=True)
     sys.stdin.read()

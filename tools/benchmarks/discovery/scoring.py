@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
-from observer_rt.estimation.learned import nothing_learned
 from observer_rt.estimation.predictor import NO_SLOPES, Setting, Window, follow
+from observer_rt.estimation.scalars import nothing_learned
 from observer_rt.evidence.measurement import measurements
 from observer_rt.evidence.windows import TrueInputs
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM

@@ -15,7 +15,7 @@ from typing import Any
 from rich.table import Table
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.service.keeping.lock import sole_writer
+from observer_rt.service.keeping.keeper import sole_writer
 from tools.benchmarks.kills.checks import Kept, Line, Loss, differences, injections_of, loss, read_back
 from tools.benchmarks.kills.victim import FILLER, FREE, FULL, FullDisk, Scene, make_scene, run_victim
 

@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.model.coefficients import Coefficients, coefficients
+from observer_rt.model.effective import Coefficients, coefficients
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.stability import substeps_needed
 

@@ -18,7 +18,7 @@ from scipy.optimize import minimize
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_injector
 from observer_rt.foundation.units import MILLISECOND
-from observer_rt.model.coefficients import coefficients
+from observer_rt.model.effective import coefficients
 from observer_rt.model.effects import sized
 from observer_rt.model.hydraulics import normalised_area
 from observer_rt.model.network import constant_network

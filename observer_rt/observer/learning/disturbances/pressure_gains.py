@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.estimation.posterior import Belief
+from observer_rt.estimation.gating import Belief
 from observer_rt.estimation.prediction_error import EventCost
 from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.scalars import Parameter

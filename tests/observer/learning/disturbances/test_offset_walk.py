@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from observer_rt.estimation.posterior import prior_belief
+from observer_rt.estimation.gating import prior_belief
 from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.scalars import Parameter
 from observer_rt.observer.learning.disturbances.pressure_gains import moved, offset_move

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from observer_rt.estimation.posterior import prior_belief
+from observer_rt.estimation.gating import prior_belief
 from observer_rt.estimation.scalars import Parameter
 from observer_rt.observer.learning.disturbances.pressure_gains import LARGEST_GAIN, PressureGains
 

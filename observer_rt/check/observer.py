@@ -15,8 +15,7 @@ from observer_rt.model.stability import MAX_SUBSTEPS, fastest_rate
 from observer_rt.observer.learning.knowledge import no_knowledge
 from observer_rt.observer.observer import Durations, constants_for
 from observer_rt.observer.paper_scheme.systems import doubts_about_gain
-from observer_rt.observer.stream.channel_compensation import noise_gain
-from observer_rt.observer.stream.front_end import dead_band
+from observer_rt.observer.stream.front_end import dead_band, noise_gain
 from observer_rt.observer.stream.state import MAX_EVENT
 from observer_rt.service.compiled.constants import bench_constants, configured_noise, rail_every
 from observer_rt.service.core.learners import doubt_about_fit, make_learner

@@ -22,8 +22,7 @@ from observer_rt.bus.mapping.output_messages import RateMessage
 from observer_rt.config.bench import Bench, load_bench
 from observer_rt.config.links import LinkConfig
 from observer_rt.evaluation.curves import RateCurves
-from observer_rt.evaluation.event_axes import MassRow, Picture
-from observer_rt.evaluation.figures import plot_injections
+from observer_rt.evaluation.figures import MassRow, Picture, plot_injections
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.recording.replay.framing import Framer, whole

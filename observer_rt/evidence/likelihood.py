@@ -36,7 +36,7 @@ from observer_rt.model.effective import EffectiveModel, InputTerms
 from observer_rt.model.hydraulics import Seat
 from observer_rt.model.line.interface import Line
 from observer_rt.model.stability import MAX_SUBSTEPS, in_stable_cells, substeps_needed
-from observer_rt.observer.stream.channel_compensation import noise_gain
+from observer_rt.observer.stream.front_end import noise_gain
 
 GAIN_ERROR = 0.005  # standard deviation of a measured rate's gain, once a recording
 _MOST_GAINS = 4096  # kept: those round a few candidates

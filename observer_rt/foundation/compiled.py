@@ -1,11 +1,12 @@
 """The decorators of compiled functions: by whom one is called, and whether callers hold its code.
 
-With them come changes to Numba: a fault mended, and two costs of compiling left out. Of what compiling for a first
+With them come changes to Numba: two faults mended, and two costs of compiling left out. Of what compiling for a first
 `evaluate` takes, comparing flags was 6 %, reporting every entry into LLVM 6 %. What is compiled is the same.
 """
 
 import hashlib
 import importlib
+import pickle
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -14,6 +15,7 @@ from llvmlite import binding
 from llvmlite.binding import ffi
 from numba import njit
 from numba.core import cgutils
+from numba.core.caching import IndexDataCacheFile
 from numba.core.compiler import CompileResult
 from numba.core.imputils import fix_returning_optional, impl_ret_new_ref
 from numba.core.registry import CPUDispatcher
@@ -118,6 +120,26 @@ def _rebuilt(*kept: Any) -> Any:
     return found
 
 
+_load_index, _load_data = IndexDataCacheFile._load_index, IndexDataCacheFile._load_data
+_UNUSABLE = (ImportError, AttributeError, EOFError, pickle.UnpicklingError)
+
+
+def _index_at_hand(self: Any) -> Any:
+    """Numba's own; one that names types of another version, or was cut short, is none."""
+    try:
+        return _load_index(self)
+    except _UNUSABLE:
+        return {}
+
+
+def _data_at_hand(self: Any, name: str) -> Any:
+    """Numba's own; for what cannot be read it takes an OSError only."""
+    try:
+        return _load_data(self, name)
+    except _UNUSABLE as error:
+        raise OSError(f"{name}: {error}") from error
+
+
 def _equals(self: Any, other: object) -> Any:
     """Numba's own, after a look at what is set, which mostly decides it."""
     if not isinstance(other, TargetConfig):
@@ -131,6 +153,7 @@ def _hashed(self: Any) -> int:
 
 
 CompileResult._rebuild = _rebuilt
+IndexDataCacheFile._load_index, IndexDataCacheFile._load_data = _index_at_hand, _data_at_hand
 TargetConfig.__eq__ = _equals
 TargetConfig.__hash__ = _hashed
 for _callbacks in tuple(getattr(ffi.lib._lock, "_cblist", ())):  # they time what nobody reads

@@ -24,13 +24,14 @@ from observer_rt.observer.learning.adequacy import Innovations
 from observer_rt.observer.learning.indicators import NOT_FITTED, Healthy
 from observer_rt.observer.learning.knowledge import EventLearner, Knowledge
 from observer_rt.observer.mailbox import begin_with
-from observer_rt.observer.stream.channel_compensation import noise_gain, undoing_of
 from observer_rt.observer.stream.front_end import (
     confirming_samples,
     dead_band,
+    noise_gain,
     ramp_samples,
     samples_ahead,
     toe_samples,
+    undoing_of,
 )
 from observer_rt.observer.stream.lift_step import LONG_PAST
 from observer_rt.observer.stream.outliers import REACH, SLOWEST_FILTER

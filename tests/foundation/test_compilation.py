@@ -147,6 +147,33 @@ def test_what_a_compiled_function_returns_follows_what_it_calls(package: Path, t
 
 
 @pytest.mark.slow
+def test_what_names_types_of_another_version_is_compiled_anew(package: Path, tmp_path: Path) -> None:
+    """A function of a unit below is kept for a type of one above: that may have moved since."""
+    (package / "laws" / "flow.py").write_text(
+        "from package.foundation.compiled import compiled\n@compiled\ndef first(pair):\n    return pair.a\n"
+    )
+    for module in ("pair", "couple"):
+        (package / "pump" / f"{module}.py").write_text(
+            "from typing import NamedTuple\nclass Pair(NamedTuple):\n    a: int\n    b: int\n"
+        )
+        (package / "pump" / "loop.py").write_text(
+            f"from package.laws.flow import first as run_first\nfrom package.pump.{module} import Pair\n"
+            "def run():\n    return run_first(Pair(3, 4))\nrun.stats = run_first.stats\n"
+        )
+        assert ran(package, tmp_path / "cache") == (3, 0)
+        assert ran(package, tmp_path / "cache") == (3, 1)
+        (package / "pump" / f"{module}.py").unlink()
+
+
+def test_what_was_cut_short_is_compiled_anew(package: Path, tmp_path: Path) -> None:
+    assert ran(package, tmp_path / "cache") == (2, 0)
+    for suffix in ("nbi", "nbc"):
+        assert ran(package, tmp_path / "cache") == (2, 1)
+        for path in (tmp_path / "cache").rglob(f"*.{suffix}"):
+            path.write_bytes(path.read_bytes()[:-20])
+        assert ran(package, tmp_path / "cache") == (2, 0)
+
+
 def test_what_nobody_used_for_long_is_removed(package: Path, tmp_path: Path) -> None:
     root = tmp_path / "cache"
     ran(package, root)

@@ -1,16 +1,21 @@
-"""From measured lift to seat area: dead band with hysteresis, look-back to the foot of the ramp.
+"""From measured lift to seat area: stated lags undone, dead band with hysteresis, look-back to the foot of the ramp.
 
 A lift recorded too low (`lift_offset` > 0) does not show the lowest part of a ramp, its toe: there the ramp is
 extended to where the needle leaves or meets its seat. So it is in the first and the last sample of a lift that are
 means, for they hold only a part of a ramp.
+
+Stated lags are undone sample by sample. A rail pressure that is late is taken from later samples, on a straight line
+between two. A lift y whose sensor has the time constant tau is y + tau y', by central differences: they leave ramps as
+straight as they are, and what they take from one sample beside a corner they give to the next.
 """
 
 import math
 
 from observer_rt.foundation.compiled import compiled, inlined, inner, inner_separate
+from observer_rt.foundation.continuity import RECORDED_RING
 from observer_rt.model.effective import InputTerms
 from observer_rt.model.hydraulics import normalised_area
-from observer_rt.observer.stream.state import RING, Observer
+from observer_rt.observer.stream.state import LIFT, RAIL, RING, Observer, Undoing
 
 LOOK_BACK = 3  # samples before the crossing of the dead band whose raw lift counts
 DEAD_BAND_SIGMAS = 5.0
@@ -346,3 +351,49 @@ def area_between_lifts(observer: Observer, position: int) -> float:
     before = observer.ring[(position - 1) & _MASK]
     since = 1.0 - before.lift_after
     return float(before.lift_area + (row.lift_area - before.lift_area) * since / (since + row.lift_after))
+
+
+_RECORDED_MASK = RECORDED_RING - 1
+
+
+def undoing_of(inputs: InputTerms, interval: float) -> Undoing:
+    """What there is to undo at a sample interval [s]."""
+    late = inputs.rail_delay / interval
+    whole = math.floor(late)
+    ahead = max(math.ceil(late), int(inputs.lift_lag > 0.0), 0)
+    stated = inputs.rail_delay != 0.0 or inputs.lift_lag != 0.0
+    return Undoing(stated, whole, late - whole, inputs.lift_lag / interval, ahead)
+
+
+def noise_gain(lag: float) -> float:
+    """By what the white noise of a lift is multiplied where a lag of its sensor [samples] is undone."""
+    return math.sqrt(1.0 + 0.5 * lag**2)  # of central differences
+
+
+@inner
+def true_rail_pressure(observer: Observer, number: int) -> float:
+    """Of the `number`-th sample [Pa]; at the ends of a stretch that of its first or last sample."""
+    memory = observer.memory[0]
+    undoing = observer.constants.undoing
+    last = memory.recorded - 1
+    earlier = min(max(number + undoing.rail_late, memory.unbroken_since), last)
+    later = min(max(number + undoing.rail_late + 1, memory.unbroken_since), last)
+    start = observer.recorded[earlier & _RECORDED_MASK].values[RAIL]
+    end = observer.recorded[later & _RECORDED_MASK].values[RAIL]
+    return float(start + undoing.rail_fraction * (end - start))
+
+
+@inner
+def true_lift(observer: Observer, number: int) -> float:
+    """Of the `number`-th sample [m]; at the ends of a stretch from the one neighbour it has."""
+    memory = observer.memory[0]
+    before = max(number - 1, memory.unbroken_since)
+    after = min(number + 1, memory.recorded - 1)
+    lift = observer.recorded[number & _RECORDED_MASK].values[LIFT]
+    if after == before:
+        return float(lift)
+    rise = (
+        observer.recorded[after & _RECORDED_MASK].values[LIFT]
+        - observer.recorded[before & _MASK].values[LIFT]
+    )
+    return float(lift + observer.constants.undoing.lift_lag * rise / (after - before))

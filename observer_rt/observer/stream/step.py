@@ -6,7 +6,6 @@ import numpy as np
 
 from observer_rt.foundation.compiled import inlined, inner, inner_separate, separate
 from observer_rt.foundation.continuity import RECORDED_RING, Break, Doubt
-from observer_rt.observer.stream.channel_compensation import true_lift, true_rail_pressure
 from observer_rt.observer.stream.events import (
     begin_injection,
     break_event,
@@ -26,6 +25,8 @@ from observer_rt.observer.stream.front_end import (
     opens_at,
     shut_area,
     stays_low,
+    true_lift,
+    true_rail_pressure,
 )
 from observer_rt.observer.stream.judgement import given_up, judged
 from observer_rt.observer.stream.lift_step import come_to_rest, lingers

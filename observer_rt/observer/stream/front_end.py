@@ -5,8 +5,8 @@ extended to where the needle leaves or meets its seat. So it is in the first and
 means, for they hold only a part of a ramp.
 
 Stated lags are undone sample by sample. A rail pressure that is late is taken from later samples, on a straight line
-between two. A lift y whose sensor has the time constant tau is y + tau y', by central differences: they leave ramps as
-straight as they are, and what they take from one sample beside a corner they give to the next.
+between two. A lift y whose sensor has the time constant tau is y + tau y', by central differences: they leave ramps
+as straight as they are, and what they take from one sample beside a corner they give to the next.
 """
 
 import math

@@ -18,7 +18,7 @@ from observer_rt.evaluation.logged import LoggedSignals
 from observer_rt.evaluation.results import write_document
 from observer_rt.evaluation.streamed import StreamedEvaluation, evaluate_stream
 from observer_rt.evaluation.table import print_evaluation
-from observer_rt.evaluation.trace_file import SUFFIXES, TRACE_SUFFIX
+from observer_rt.evaluation.trace import SUFFIXES, TRACE_SUFFIX
 from observer_rt.foundation.errors import CombinedError, UserError
 from observer_rt.foundation.files import file_errors, replacing
 from observer_rt.model.effects import effective_model

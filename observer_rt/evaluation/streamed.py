@@ -18,8 +18,7 @@ from observer_rt.evaluation.curves import InjectionResult, RateCurves, injection
 from observer_rt.evaluation.logged import LoggedSignals
 from observer_rt.evaluation.passage import Passage
 from observer_rt.evaluation.run import ObserverRun, Progress
-from observer_rt.evaluation.trace import Signal, Trace, joined
-from observer_rt.evaluation.trace_file import open_trace, trace_arrays
+from observer_rt.evaluation.trace import Signal, Trace, joined, open_trace, trace_arrays
 from observer_rt.foundation.files import file_errors
 from observer_rt.model.effective import Coefficients
 from observer_rt.observer.learning.knowledge import Knowledge

@@ -9,14 +9,13 @@ import pytest
 
 from observer_rt.config.bench import EXAMPLE_BENCH, load_bench, load_injector
 from observer_rt.evaluation.evaluate import History, evaluate
-from observer_rt.evaluation.trace_file import write_trace
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effective import coefficients
 from observer_rt.model.effects import sized
 from observer_rt.observer.stream.state import State
 from observer_rt.simulation.schedule import Shot, make_schedule
 from observer_rt.simulation.simulate import SimulatedNoise, Simulation, simulate
-from tests.evaluation.documents import recording_json
+from tests.evaluation.documents import recording_json, write_trace
 
 BENCH = load_bench()
 NOMINAL = load_injector()

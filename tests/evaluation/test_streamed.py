@@ -15,7 +15,6 @@ from observer_rt.evaluation.logged import LoggedSignals, read_logged
 from observer_rt.evaluation.passage import Passage
 from observer_rt.evaluation.streamed import Spool, evaluate_stream
 from observer_rt.evaluation.trace import Signal
-from observer_rt.evaluation.trace_file import write_trace
 from observer_rt.model.effects import effective_model
 from observer_rt.recording.formats import open_recording, write_recording
 from observer_rt.recording.replay.framing import Framer, whole
@@ -23,7 +22,7 @@ from observer_rt.recording.signals.mapped import csv_table
 from observer_rt.recording.signals.recording import Chunk, Recording
 from observer_rt.recording.signals.stream import HeldSignals, SignalStream, Stretch
 from tests.device import frames_of, later, simulated
-from tests.evaluation.documents import recording_json
+from tests.evaluation.documents import recording_json, write_trace
 from tests.recording.canlog.log_cases import sent_log, write_log
 
 BENCH = load_bench()

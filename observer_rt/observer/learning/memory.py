@@ -40,8 +40,10 @@ class Tracker:
 
     def memory(self) -> Remembered:
         """What it remembers, as plain values; nothing where they are not finite."""
-        found = {name: _plain(getattr(self, name), hint) for name, hint in self._hints.items()}
-        return found if all(map(math.isfinite, _numbers(found))) else {}
+        try:
+            return {name: _plain(getattr(self, name), hint) for name, hint in self._hints.items()}
+        except OverflowError:
+            return {}
 
     def recall(self, memory: Remembered) -> None:
         """Take back what was remembered, as far as there is use for it: of one tracker all, or nothing."""
@@ -67,11 +69,19 @@ def _adapter(hint: Any) -> TypeAdapter[Any]:
 
 
 def _plain(value: Any, hint: Any) -> Any:
+    """The value as numbers, lists and mappings. Raises OverflowError for a number that is not finite."""
     if isinstance(value, Tracker):
         return value.memory()
     if isinstance(value, np.ndarray):
-        return value.tolist()
-    return _adapter(hint).dump_python(value, mode="json")
+        is_finite, plain = bool(np.isfinite(value).all()), value.tolist()
+    elif value is None or isinstance(value, int | float):
+        is_finite, plain = value is None or math.isfinite(value), value
+    else:
+        plain = _adapter(hint).dump_python(value, mode="json")
+        is_finite = all(map(math.isfinite, _numbers(plain)))
+    if not is_finite:
+        raise OverflowError(f"{value} is not finite")
+    return plain
 
 
 def _as_now(kept: Any, now: Any, hint: Any) -> Any:

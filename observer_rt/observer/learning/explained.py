@@ -28,7 +28,7 @@ from observer_rt.observer.learning.disturbances.masks import OutlierSearch
 from observer_rt.observer.learning.disturbances.noise_levels import Sigmas, mask_of
 from observer_rt.observer.learning.disturbances.pressure_gains import moved, offset_move
 from observer_rt.observer.learning.fitting import EventFit, EventFitter, theta_limits
-from observer_rt.observer.learning.forgetting import FORGOTTEN, Cause, Part
+from observer_rt.observer.learning.forgetting import FORGOTTEN, Cause, Forgotten
 from observer_rt.observer.learning.memory import Tracker
 from observer_rt.observer.learning.trend import Trend
 
@@ -220,9 +220,9 @@ class EventReader(Tracker):
     def forget(self, cause: Cause) -> None:
         """What is forgotten upon a cause, of what is followed here."""
         parts = FORGOTTEN[cause]
-        if Part.COLOUR in parts:
+        if Forgotten.COLOUR in parts:
             self.colour, self._at_rest = None, RestingNoise(self._interval)
-        if Part.TREND in parts:
+        if Forgotten.TREND in parts:
             self._fit.forget()
 
     def _fitted(self, window: Window, believed: Believed) -> tuple[Window, EventCost, EventFit | None]:

@@ -16,7 +16,7 @@ class Cause(Enum):
     FROZEN = auto()  # the standstill contradicts the model: what was learned belongs to another line
 
 
-class Part(Enum):
+class Forgotten(Enum):
     """What there is to be forgotten."""
 
     LEARNED = auto()  # theta and belief: as before any event
@@ -30,14 +30,21 @@ class Part(Enum):
     LAST_EVENT = auto()  # by which a new theta is compared with that in force
 
 
-FORGOTTEN: Mapping[Cause, frozenset[Part]] = {
-    Cause.OTHER_NOISE: frozenset({Part.STATISTICS}),
-    Cause.STEEP_NOISE: frozenset({Part.STATISTICS, Part.MISTRUST}),
-    Cause.COLOUR: frozenset({Part.TREND}),
-    Cause.RANGE_ENDS: frozenset({Part.STATISTICS_OF_INJECTIONS, Part.MISTRUST, Part.COLOUR}),
+FORGOTTEN: Mapping[Cause, frozenset[Forgotten]] = {
+    Cause.OTHER_NOISE: frozenset({Forgotten.STATISTICS}),
+    Cause.STEEP_NOISE: frozenset({Forgotten.STATISTICS, Forgotten.MISTRUST}),
+    Cause.COLOUR: frozenset({Forgotten.TREND}),
+    Cause.RANGE_ENDS: frozenset({Forgotten.STATISTICS_OF_INJECTIONS, Forgotten.MISTRUST, Forgotten.COLOUR}),
     Cause.COIL: frozenset(
-        {Part.CERTAINTY, Part.STATISTICS, Part.MISTRUST, Part.COLOUR, Part.TREND, Part.LAST_EVENT}
+        {
+            Forgotten.CERTAINTY,
+            Forgotten.STATISTICS,
+            Forgotten.MISTRUST,
+            Forgotten.COLOUR,
+            Forgotten.TREND,
+            Forgotten.LAST_EVENT,
+        }
     ),
-    Cause.SUDDEN_CHANGE: frozenset({Part.LAST_EVENT}),
-    Cause.FROZEN: frozenset({Part.LEARNED, Part.OPERATING_POINTS, Part.LAST_EVENT}),
+    Cause.SUDDEN_CHANGE: frozenset({Forgotten.LAST_EVENT}),
+    Cause.FROZEN: frozenset({Forgotten.LEARNED, Forgotten.OPERATING_POINTS, Forgotten.LAST_EVENT}),
 }

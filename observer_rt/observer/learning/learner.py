@@ -30,7 +30,7 @@ from observer_rt.observer.learning.disturbances.noise_levels import Sigmas
 from observer_rt.observer.learning.disturbances.pressure_gains import PressureGains
 from observer_rt.observer.learning.explained import Believed, EventReader, Explained
 from observer_rt.observer.learning.fallback import Freezer, Mistrust, Rehearsed, is_better
-from observer_rt.observer.learning.forgetting import FORGOTTEN, Cause, Part
+from observer_rt.observer.learning.forgetting import FORGOTTEN, Cause, Forgotten
 from observer_rt.observer.learning.indicators import NOT_FITTED, Healthy, nozzle_change
 from observer_rt.observer.learning.interval import (
     UNSEEN,
@@ -322,21 +322,21 @@ class Learner(Tracker):
     def _forget(self, cause: Cause) -> None:
         """What no longer holds, by the table."""
         parts = FORGOTTEN[cause]
-        if Part.LEARNED in parts:
+        if Forgotten.LEARNED in parts:
             fresh = no_knowledge(self._noise, self._scale, self._scalars)
             self._belief, self._theta, self._active = fresh.belief, fresh.in_force, fresh.active
             self._events = 0
-        if Part.CERTAINTY in parts:
+        if Forgotten.CERTAINTY in parts:
             self._belief = self._belief.widened(self._wide)
-        if Part.OPERATING_POINTS in parts:
+        if Forgotten.OPERATING_POINTS in parts:
             self._learned_at = ()
-        if Part.STATISTICS in parts:
+        if Forgotten.STATISTICS in parts:
             self._statistics = no_statistics()
-        if Part.STATISTICS_OF_INJECTIONS in parts:
+        if Forgotten.STATISTICS_OF_INJECTIONS in parts:
             self._statistics = of_standstill(self._statistics)
-        if Part.MISTRUST in parts:
+        if Forgotten.MISTRUST in parts:
             self._mistrust = Mistrust()
-        if Part.LAST_EVENT in parts:
+        if Forgotten.LAST_EVENT in parts:
             self._previous = None
         self._reader.forget(cause)
 

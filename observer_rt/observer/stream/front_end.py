@@ -394,6 +394,6 @@ def true_lift(observer: Observer, number: int) -> float:
         return float(lift)
     rise = (
         observer.recorded[after & _RECORDED_MASK].values[LIFT]
-        - observer.recorded[before & _MASK].values[LIFT]
+        - observer.recorded[before & _RECORDED_MASK].values[LIFT]
     )
     return float(lift + observer.constants.undoing.lift_lag * rise / (after - before))

@@ -85,8 +85,10 @@ class View:
         if self._daemon is None:
             return Panel(Text("starting", style="dim"), title=self._title, expand=False)
         said = [*lines(self._daemon, now, height), *self._noise_line(now)]
-        left = max(0, height - BORDER - len(said) - _heading_lines(self._daemon, now) - HEADING)
-        parts: list[RenderableType] = [heading(self._daemon, now, inner), *said]
+        head = heading(self._daemon, now, inner)
+        drawn = len(Console(width=inner).render_lines(head))  # long reasons take more lines than one
+        left = max(0, height - BORDER - len(said) - drawn - HEADING)
+        parts: list[RenderableType] = [head, *said]
         shown = list(self._shown)
         if shown:
             rows = max(1, min(len(shown), round(TABLE_SHARE * left)))
@@ -112,10 +114,6 @@ class View:
             self._noise_text = noise_text(white, core.slow_noise)
             self._noise_due = now + NOISE_EVERY
         return [Text(f" noise: {self._noise_text}", "dim", no_wrap=True, overflow="ellipsis")]
-
-
-def _heading_lines(daemon: Daemon, now: int) -> int:
-    return 1 + len(daemon.standing(now)[1])
 
 
 FRAMES_PER_SECOND = 8

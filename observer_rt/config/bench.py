@@ -18,6 +18,7 @@ from observer_rt.config.bench_file import BenchConfig, BenchFile, BusesConfig
 from observer_rt.config.effects import check_effects
 from observer_rt.config.injector import InjectorConfig
 from observer_rt.config.links import LinkName, refuse_shared_channels, require_link
+from observer_rt.config.terms import check_terms
 from observer_rt.config.toml_file import Section, place_in, read_toml, validated
 from observer_rt.foundation.errors import UserError, did_you_mean
 from observer_rt.model.line.wave import with_cells
@@ -124,6 +125,7 @@ def load_injector(path: Path = NOMINAL_INJECTOR) -> InjectorParameters:
     """Read `injector.toml`. Raises `UserError` naming file, key, problem and remedy."""
     parameters = with_cells(validated(InjectorParameters, read_toml(path), place_in(path), "injector"))
     check_effects(f"{path}: ", parameters.effects)
+    check_terms(f"{path}: ", parameters)
     return parameters
 
 

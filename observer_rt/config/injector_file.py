@@ -14,6 +14,7 @@ from observer_rt.config.bench import load_injector
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.files import file_hash
 from observer_rt.model.parameters import EffectInForce
+from observer_rt.model.terms.in_force import TermInForce
 
 
 @dataclass(frozen=True)
@@ -57,12 +58,12 @@ def inline(entry: Mapping[str, Any]) -> InlineTable:
     return table
 
 
-def effect_tables(effects: Sequence[EffectInForce]) -> AoT:
-    """Effects in force as [[effects]] tables."""
+def tables_in_force(entries: Sequence[EffectInForce] | Sequence[TermInForce]) -> AoT:
+    """Effects or terms in force as [[effects]] or [[terms]] tables."""
     tables = tomlkit.aot()
-    for effect in effects:
+    for entry in entries:
         table = tomlkit.table()
-        for key, value in effect.model_dump(mode="json", exclude_none=True, exclude_defaults=True).items():
+        for key, value in entry.model_dump(mode="json", exclude_none=True, exclude_defaults=True).items():
             table[key] = inline(value) if isinstance(value, Mapping) else value
         tables.append(table)
     return tables

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from observer_rt.config.injector_file import InjectorFile, effect_tables
+from observer_rt.config.injector_file import InjectorFile, tables_in_force
 from observer_rt.discovery.report.text import printed
 from observer_rt.discovery.search.result import (
     Discovery,
@@ -83,7 +83,7 @@ def write_amended(
     with file.changed(path) as document:
         content: Any = document
         content.pop("effects", None)
-        content["effects"] = effect_tables(effects)
+        content["effects"] = tables_in_force(effects)
         if cells is not None:
             content["line"]["cells"] = cells
 

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 from observer_rt.model.hydraulics import Nozzle, Sac, Seat, nozzle_of, sac_of, seat_flow_scale, seat_of
 from observer_rt.model.line.interface import line_of
 from observer_rt.model.parameters import NO_DEPARTURES, Departures, InjectorParameters
+from observer_rt.model.terms.term import Term
 
 
 class Coefficients(NamedTuple):
@@ -87,13 +88,14 @@ class EffectiveModel:
     """An injector and its sensors as they are taken to be. Immutable; effects make changed copies.
 
     injector: its parameters, changed by the effects that are changes of a parameter; departures: effects for which
-    the nominal injector has no parameter.
+    the nominal injector has no parameter; terms: corrections of its equations by laws.
     """
 
     injector: InjectorParameters
     departures: Departures = NO_DEPARTURES
     inputs: InputTerms = TRUE_INPUTS
     sensor: SensorTerms = TRUE_SENSOR
+    terms: tuple[Term, ...] = ()
 
     @cached_property
     def coefficients(self) -> Coefficients:

@@ -23,6 +23,7 @@ from observer_rt.foundation.units import ZERO_CELSIUS
 from observer_rt.model.baseline import Baseline
 from observer_rt.model.line.interface import known_line
 from observer_rt.model.line.wave import FEWEST_CELLS, MOST_CELLS
+from observer_rt.model.terms.in_force import TermInForce
 
 FORMAT = 1  # of `injector.toml`; raised when an older program would misread a newer file
 
@@ -151,6 +152,7 @@ class InjectorParameters(_Section):
     format: Annotated[int, AfterValidator(_known_format)] = FORMAT
     line_outflow: LineOutflow = LineOutflow.NOZZLE
     effects: tuple[EffectInForce, ...] = ()
+    terms: tuple[TermInForce, ...] = ()
     fluid: Fluid
     line: LineParameters
     seat: SeatParameters

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
-from observer_rt.config.injector_file import InjectorFile, effect_tables
+from observer_rt.config.injector_file import InjectorFile, tables_in_force
 from observer_rt.discovery.amend import amended_effects, stable_cells, write_amended
 from observer_rt.discovery.search.verdict import SearchOptions, name_effects
 from observer_rt.evidence.measurement import measurements
@@ -75,7 +75,7 @@ def test_any_text_and_number_comes_back(origin: str, evidence: str, value: float
         origin=origin.encode(errors="ignore").decode(),
         evidence=evidence.encode(errors="ignore").decode(),
     )
-    text = tomlkit.dumps({"effects": effect_tables([effect])})
+    text = tomlkit.dumps({"effects": tables_in_force([effect])})
     (read,) = tomllib.loads(text)["effects"]
     assert EffectInForce.model_validate(read) == effect
 

@@ -280,9 +280,8 @@ def problem_key(
 
     stated: what is known of the recordings' channels.
     """
-    model = parameters.model_dump(
-        mode="json", exclude={"format": True, "effects": {"__all__": {"origin", "evidence", "date"}}}
-    )
+    why = {"__all__": {"origin", "evidence", "date"}}
+    model = parameters.model_dump(mode="json", exclude={"format": True, "effects": why, "terms": why})
     channels = [(each.effect.id, *each.values) for each in stated]
     content = json.dumps(
         [source_digest(), added_digests(), model, list(recording_hashes), channels], sort_keys=True

@@ -59,11 +59,12 @@ def sized_in_force(effect: EffectInForce) -> SizedEffect:
 
 
 def effective_model(parameters: InjectorParameters, effects: Sequence[SizedEffect] = ()) -> EffectiveModel:
-    """The model of an injector with the effects in force in its file, and with `effects` besides.
+    """The model of an injector with the effects and terms in force in its file, and with `effects` besides.
 
     An effect that is in both acts twice: what is added is relative to the model in force.
     """
-    model = EffectiveModel(parameters.model_copy(update={"effects": ()}))
+    terms = tuple(stated.term for stated in parameters.terms)
+    model = EffectiveModel(parameters.model_copy(update={"effects": (), "terms": ()}), terms=terms)
     for item in (*map(sized_in_force, parameters.effects), *effects):
         model = item.effect.apply(model, item.values)
     return model

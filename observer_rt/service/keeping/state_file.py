@@ -176,9 +176,9 @@ class StateDoesNotFitError(UserError):
 def model_hash(parameters: InjectorParameters) -> str:
     """SHA-256 (hexadecimal) of the parameters, however the file they were read from is written.
 
-    Of the effects in force it covers what they do, not why somebody believes in them.
+    Of the effects and terms in force it covers what they do, not why somebody believes in them.
     """
-    content = parameters.model_dump(mode="json", exclude={"effects", "format"})
+    content = parameters.model_dump(mode="json", exclude={"effects", "terms", "format"})
     if parameters.fluid.reference_temperature is None:  # then there is no law of the temperature either
         for key in ("reference_temperature", "thermal_expansion", "bulk_modulus_slope"):
             del content["fluid"][key]
@@ -186,6 +186,11 @@ def model_hash(parameters: InjectorParameters) -> str:
         content["effects"] = [
             [effect.id, {name: [size.value, size.unit] for name, size in effect.parameters.items()}]
             for effect in parameters.effects
+        ]
+    if parameters.terms:
+        content["terms"] = [
+            (one.equation, str(one.law), one.coefficient)
+            for one in (stated.term for stated in parameters.terms)
         ]
     return _digest(content)
 

@@ -1,0 +1,89 @@
+"""Units within a law: checked, and that of its coefficient derived.
+
+A bare number takes whatever unit makes the law right, and so does what it is multiplied with; a number with a unit,
+a variable and `c` have one.
+"""
+
+from observer_rt.foundation.errors import UserError
+from observer_rt.model.terms.law import Applied, Coefficient, Lagged, Law, Number, Operation, Quantity
+from observer_rt.model.terms.term import TermEquation
+from observer_rt.model.terms.variable import PURE, Unit, unit_named
+
+_ALIKE = (Operation.ADD, Operation.SUBTRACT, Operation.GREATER, Operation.LESS, Operation.MIN, Operation.MAX)
+_COMPARED = (Operation.GREATER, Operation.LESS)
+_KEPT = (Operation.NEGATE, Operation.ABS)
+
+
+def coefficient_unit(equation: TermEquation, law: Law) -> Unit | None:
+    """The unit that `c` must have; None where the law leaves it open, or has none.
+
+    Raises `UserError` for a law whose units do not fit together, or not the equation.
+    """
+    check = _Check()
+    check.alike(check.unit_of(law), equation.unit, f"'{law}'", f"what {equation} adds")
+    return check.coefficient
+
+
+class _Check:
+    """Units of parts, None where open. coefficient: the unit of `c`, as soon as it is known."""
+
+    def __init__(self) -> None:
+        self.coefficient: Unit | None = None
+
+    def unit_of(self, law: Law) -> Unit | None:
+        """The unit of a law; refuses what does not fit in it."""
+        match law:
+            case Number(_, unit):
+                found = unit_named(unit)
+                return None if found is None else found[1]
+            case Coefficient():
+                return self.coefficient or Unit(c=1.0)
+            case Quantity(variable):
+                return variable.unit
+            case Lagged(argument):
+                return self.unit_of(argument)
+            case Applied(operation, arguments):
+                return self._of_operation(law, operation, arguments)
+        raise TypeError(f"no law: {law!r}")
+
+    def alike(self, one: Unit | None, other: Unit | None, first: str, second: str) -> Unit | None:
+        """The unit that both have; refuses those that differ. first, second: what has them."""
+        if one is None or other is None:
+            return one or other
+        if one.c != other.c and self.coefficient is None:
+            rest = other._replace(c=0.0).times(one._replace(c=0.0), -1.0)
+            self.coefficient = rest.to(1.0 / (one.c - other.c))
+        one, other = self._known(one), self._known(other)
+        if one != other:
+            raise UserError(
+                "units",
+                f"{first} is in {one}, {second} is in {other}",
+                "give a number the missing unit, such as 100[MPa], or correct the law",
+            )
+        return one
+
+    def _known(self, unit: Unit) -> Unit:
+        """The unit with that of `c` put in."""
+        if self.coefficient is None:
+            return unit
+        return unit._replace(c=0.0).times(self.coefficient, unit.c)
+
+    def _of_operation(self, law: Law, operation: Operation, arguments: tuple[Law, ...]) -> Unit | None:
+        units = [self.unit_of(one) for one in arguments]
+        first = units[0]
+        if operation in _ALIKE:
+            unit = self.alike(first, units[1], f"in '{law}', '{arguments[0]}'", f"'{arguments[1]}'")
+            return PURE if operation in _COMPARED else unit
+        if operation in (Operation.MULTIPLY, Operation.DIVIDE):
+            if first is None or units[1] is None:
+                return None
+            return first.times(units[1], 1.0 if operation is Operation.MULTIPLY else -1.0)
+        if operation in _KEPT:
+            return first
+        if operation in (Operation.SQRT, Operation.POWER):
+            exponent = arguments[1] if operation is Operation.POWER else Number(0.5)
+            assert isinstance(exponent, Number)
+            return None if first is None else first.to(exponent.value)
+        return self.alike(
+            first, PURE, f"in '{law}', '{arguments[0]}'", f"what {operation.name.lower()}() takes"
+        )

@@ -1,0 +1,92 @@
+"""Terms as an injector file states them."""
+
+from typing import Annotated, Self
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+
+from observer_rt.foundation.errors import UserError, did_you_mean
+from observer_rt.model.terms.dimensions import coefficient_unit
+from observer_rt.model.terms.parser import parse
+from observer_rt.model.terms.term import Term, TermEquation
+from observer_rt.model.terms.variable import PURE, UNIT_NAMES, unit_named
+
+_Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class TermCoefficient(BaseModel):
+    """The value of a law's `c`, in the unit named; low, high: its 95 % interval, where somebody estimated it."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    value: _Finite
+    unit: str
+    low: _Finite | None = None
+    high: _Finite | None = None
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        if (self.low is None) != (self.high is None):
+            raise ValueError("give both 'low' and 'high', or neither")
+        if self.low is not None and self.high is not None and not self.low <= self.value <= self.high:
+            raise ValueError("'value' is not between 'low' and 'high'")
+        return self
+
+
+class TermInForce(BaseModel):
+    """A term added to the nominal model: what `discover` found, or somebody knows, of this injector."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    equation: TermEquation
+    law: str
+    coefficient: TermCoefficient | None = None
+    origin: str = ""
+    evidence: str = ""
+    date: Annotated[str, BeforeValidator(str)] = ""  # TOML has dates of its own
+
+    @classmethod
+    def of(cls, term: Term, unit: str = "", **why: str) -> Self:
+        """A term as a file states it. unit: of its `c`, where the law leaves it open; why: origin, evidence, date."""
+        stated = None
+        if term.law.has_coefficient:
+            low, high = term.interval or (None, None)
+            known = coefficient_unit(term.equation, term.law)
+            stated = TermCoefficient(
+                value=term.coefficient, unit=str(known or unit or PURE), low=low, high=high
+            )
+        return cls(equation=term.equation, law=str(term.law), coefficient=stated, **why)
+
+    @property
+    def term(self) -> Term:
+        """The term stated.
+
+        Raises `UserError` at a key of it for a law that cannot be read or whose units do not fit, and for a
+        coefficient that is missing, superfluous or of another unit.
+        """
+        try:
+            law = parse(self.law)
+            needed = coefficient_unit(self.equation, law)
+        except UserError as error:
+            raise UserError("law", f"'{self.law}', {error.place}: {error.problem}", error.remedy) from None
+        if not law.has_coefficient:
+            if self.coefficient is not None:
+                raise UserError("coefficient", "the law has no c", "write c into the law, or leave it out")
+            return Term(self.equation, law)
+        if self.coefficient is None:
+            example = f'coefficient = {{ value = 1.0, unit = "{needed or PURE}" }}'
+            raise UserError("coefficient", "is missing, but the law has c", f"add {example}")
+        return Term(self.equation, law, *self._sized(self.coefficient, needed))
+
+    def _sized(self, stated: TermCoefficient, needed: object) -> tuple[float, tuple[float, float] | None]:
+        """Value and interval of `c` in the units of laws."""
+        found = unit_named(stated.unit)
+        if found is None:
+            known = f"{did_you_mean(stated.unit, UNIT_NAMES)}units: {', '.join(UNIT_NAMES)}"
+            raise UserError("coefficient.unit", f"unknown unit '{stated.unit}'", known)
+        scale, unit = found
+        if needed is not None and unit != needed:
+            raise UserError("coefficient.unit", f"is '{stated.unit}'", f"give it in '{needed}'")
+        between = (
+            None if stated.low is None or stated.high is None else (stated.low * scale, stated.high * scale)
+        )
+        return stated.value * scale, between

@@ -1,0 +1,382 @@
+"""Laws as trees: printed, evaluated over arrays, their slopes by a variable.
+
+A law is made of numbers, the coefficient `c`, variables, operations on them and lags. Numbers are in the units of
+`variable`, whatever unit they were written in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.model.terms.variable import Variable, unit_named
+
+Values = NDArray[np.float64]
+Lag = Callable[[Values, float], Values]
+"""What a first-order lag of so many milliseconds makes of values."""
+
+
+class Operation(IntEnum):
+    """What a law does with one or two arguments; the numbers are those of compiled programs."""
+
+    ADD = 0
+    SUBTRACT = 1
+    MULTIPLY = 2
+    DIVIDE = 3
+    POWER = 4  # the exponent is a number
+    GREATER = 5  # 0 or 1, as LESS
+    LESS = 6
+    NEGATE = 7
+    SQRT = 8  # with the sign of its argument
+    ABS = 9
+    EXP = 10
+    LOG = 11
+    SIN = 12
+    COS = 13
+    TANH = 14
+    MIN = 15
+    MAX = 16
+
+
+SIGNS = {
+    ">": Operation.GREATER,
+    "<": Operation.LESS,
+    "+": Operation.ADD,
+    "-": Operation.SUBTRACT,
+    "*": Operation.MULTIPLY,
+    "/": Operation.DIVIDE,
+    "^": Operation.POWER,
+}
+FUNCTIONS = {operation.name.lower(): operation for operation in Operation if operation >= Operation.SQRT}
+PAIRS = (Operation.MIN, Operation.MAX)  # the functions of two arguments
+LAGGED = "lagged"
+
+
+class Law:
+    """A law, or a part of one."""
+
+    @property
+    def parts(self) -> tuple[Law, ...]:
+        """What it is made of."""
+        return ()
+
+    def __str__(self) -> str:
+        """Text that is parsed to the same law."""
+        return _printed(self)[0]
+
+    @property
+    def variables(self) -> frozenset[Variable]:
+        """What it depends on."""
+        return frozenset[Variable]().union(*(part.variables for part in self.parts))
+
+    @property
+    def has_coefficient(self) -> bool:
+        """Whether `c` is in it."""
+        return any(part.has_coefficient for part in self.parts)
+
+    @property
+    def has_lag(self) -> bool:
+        """Whether it remembers."""
+        return any(part.has_lag for part in self.parts)
+
+    def at(self, values: Mapping[str, Any], c: float = 1.0, lag: Lag | None = None) -> Values:
+        """Its values (n,) at those of its variables, by name, each (n,) or a number; see `first_order` for `lag`.
+
+        Raises ValueError for one that remembers, without `lag`.
+        """
+        with np.errstate(all="ignore"):
+            return np.asarray(self._at(values, c, lag), dtype=np.float64)
+
+    def slope(self, variable: str) -> Law:
+        """Its derivative by a variable, those of gates, comparisons and what is lagged taken as 0."""
+        raise NotImplementedError
+
+    def settled(self) -> Law:
+        """The law once every lag is over."""
+        return self
+
+    def _at(self, values: Mapping[str, Any], c: float, lag: Lag | None) -> Any:
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class Number(Law):
+    """As written, in its unit; without one it takes whatever unit makes the law right."""
+
+    value: float
+    unit: str = ""
+
+    @property
+    def reckoned(self) -> float:
+        """In the units of `variable`."""
+        found = unit_named(self.unit)
+        return self.value if found is None else self.value * found[0]
+
+    def slope(self, variable: str) -> Law:
+        return ZERO
+
+    def _at(self, values: Mapping[str, Any], c: float, lag: Lag | None) -> Any:
+        return np.float64(self.reckoned)
+
+
+@dataclass(frozen=True)
+class Coefficient(Law):
+    """`c`, whose value the term states."""
+
+    @property
+    def has_coefficient(self) -> bool:
+        return True
+
+    def slope(self, variable: str) -> Law:
+        return ZERO
+
+    def _at(self, values: Mapping[str, Any], c: float, lag: Lag | None) -> Any:
+        return np.float64(c)
+
+
+@dataclass(frozen=True)
+class Quantity(Law):
+    """The value of a variable."""
+
+    variable: Variable
+
+    @property
+    def variables(self) -> frozenset[Variable]:
+        return frozenset((self.variable,))
+
+    def slope(self, variable: str) -> Law:
+        return ONE if self.variable.word == variable else ZERO
+
+    def _at(self, values: Mapping[str, Any], c: float, lag: Lag | None) -> Any:
+        return np.asarray(values[self.variable.word], dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class Applied(Law):
+    """An operation on its arguments."""
+
+    operation: Operation
+    arguments: tuple[Law, ...]
+
+    @property
+    def parts(self) -> tuple[Law, ...]:
+        return self.arguments
+
+    def slope(self, variable: str) -> Law:
+        slopes = tuple(one.slope(variable) for one in self.arguments)
+        if all(slope == ZERO for slope in slopes):
+            return ZERO
+        return _SLOPES[self.operation](self.arguments, slopes)
+
+    def settled(self) -> Law:
+        return Applied(self.operation, tuple(one.settled() for one in self.arguments))
+
+    def _at(self, values: Mapping[str, Any], c: float, lag: Lag | None) -> Any:
+        return _NUMPY[self.operation](*(one._at(values, c, lag) for one in self.arguments))
+
+
+@dataclass(frozen=True)
+class Lagged(Law):
+    """Its argument behind a first-order lag, settled at its first value."""
+
+    argument: Law
+    milliseconds: float
+
+    @property
+    def parts(self) -> tuple[Law, ...]:
+        return (self.argument,)
+
+    @property
+    def has_lag(self) -> bool:
+        return True
+
+    def slope(self, variable: str) -> Law:
+        return ZERO
+
+    def settled(self) -> Law:
+        return self.argument.settled()
+
+    def _at(self, values: Mapping[str, Any], c: float, lag: Lag | None) -> Any:
+        if lag is None:
+            raise ValueError(f"'{self}' remembers: say what a lag does")
+        return lag(np.asarray(self.argument._at(values, c, lag), dtype=np.float64), self.milliseconds)
+
+
+def first_order(interval_ms: float) -> Lag:
+    """What lags make of samples so far apart [ms]."""
+
+    def lag(values: Values, milliseconds: float) -> Values:
+        share = -np.expm1(-interval_ms / milliseconds)
+        result = np.array(values, dtype=np.float64, ndmin=1)
+        for k in range(1, result.size):
+            result[k] = result[k - 1] + share * (result[k] - result[k - 1])
+        return result.reshape(np.shape(values))
+
+    return lag
+
+
+ZERO, ONE = Number(0.0), Number(1.0)
+_NUMPY: Mapping[Operation, Callable[..., Any]] = {
+    Operation.ADD: np.add,
+    Operation.SUBTRACT: np.subtract,
+    Operation.MULTIPLY: np.multiply,
+    Operation.DIVIDE: np.divide,
+    Operation.POWER: np.power,
+    Operation.GREATER: lambda a, b: np.greater(a, b).astype(np.float64),
+    Operation.LESS: lambda a, b: np.less(a, b).astype(np.float64),
+    Operation.NEGATE: np.negative,
+    Operation.SQRT: lambda a: np.copysign(np.sqrt(np.abs(a)), a),
+    Operation.ABS: np.abs,
+    Operation.EXP: np.exp,
+    Operation.LOG: np.log,
+    Operation.SIN: np.sin,
+    Operation.COS: np.cos,
+    Operation.TANH: np.tanh,
+    Operation.MIN: np.minimum,
+    Operation.MAX: np.maximum,
+}
+
+
+def negative(law: Law) -> Law:
+    """Minus a law; a number stays one."""
+    return Number(-law.value, law.unit) if isinstance(law, Number) else Applied(Operation.NEGATE, (law,))
+
+
+def _simplified(operation: Operation, *arguments: Law) -> Law:
+    """An operation, where its arguments are bare numbers its value."""
+    applied = Applied(operation, arguments)
+    if all(isinstance(one, Number) and not one.unit for one in arguments):
+        value = float(applied.at({}))
+        return Number(value) if np.isfinite(value) else applied
+    return applied
+
+
+def _sum(a: Law, b: Law) -> Law:
+    if ZERO in (a, b):
+        return b if a == ZERO else a
+    return _simplified(Operation.ADD, a, b)
+
+
+def _difference(a: Law, b: Law) -> Law:
+    if ZERO in (a, b):
+        return negative(b) if a == ZERO else a
+    return _simplified(Operation.SUBTRACT, a, b)
+
+
+def _product(a: Law, b: Law) -> Law:
+    if ZERO in (a, b):
+        return ZERO
+    if ONE in (a, b):
+        return b if a == ONE else a
+    return _simplified(Operation.MULTIPLY, a, b)
+
+
+def _quotient(a: Law, b: Law) -> Law:
+    return a if b == ONE or a == ZERO else _simplified(Operation.DIVIDE, a, b)
+
+
+def _of_power(u: Sequence[Law], d: Sequence[Law]) -> Law:
+    base, exponent = u
+    if exponent == ONE:
+        return d[0]
+    less = _difference(exponent, ONE)
+    power = base if less == ONE else _simplified(Operation.POWER, base, less)
+    return _product(_product(exponent, power), d[0])
+
+
+def _of_choice(chosen: Operation) -> Callable[..., Law]:
+    """The slope of the argument chosen; where both are equal, of the second."""
+
+    def slope(u: Sequence[Law], d: Sequence[Law]) -> Law:
+        first = Applied(chosen, tuple(u))
+        return _sum(_product(first, d[0]), _product(_difference(ONE, first), d[1]))
+
+    return slope
+
+
+def _call(operation: Operation, *arguments: Law) -> Law:
+    return Applied(operation, arguments)
+
+
+_SLOPES: Mapping[Operation, Callable[[Sequence[Law], Sequence[Law]], Law]] = {
+    # u: the arguments, d: their slopes
+    Operation.ADD: lambda u, d: _sum(*d),
+    Operation.SUBTRACT: lambda u, d: _difference(*d),
+    Operation.MULTIPLY: lambda u, d: _sum(_product(d[0], u[1]), _product(u[0], d[1])),
+    Operation.DIVIDE: lambda u, d: _difference(
+        _quotient(d[0], u[1]), _quotient(_product(u[0], d[1]), _call(Operation.POWER, u[1], Number(2.0)))
+    ),
+    Operation.POWER: _of_power,
+    Operation.GREATER: lambda u, d: ZERO,
+    Operation.LESS: lambda u, d: ZERO,
+    Operation.NEGATE: lambda u, d: negative(d[0]),
+    Operation.SQRT: lambda u, d: _quotient(
+        _product(Number(0.5), d[0]), _call(Operation.SQRT, _call(Operation.ABS, u[0]))
+    ),
+    Operation.ABS: lambda u, d: _product(
+        _difference(_call(Operation.GREATER, u[0], ZERO), _call(Operation.LESS, u[0], ZERO)), d[0]
+    ),
+    Operation.EXP: lambda u, d: _product(_call(Operation.EXP, u[0]), d[0]),
+    Operation.LOG: lambda u, d: _quotient(d[0], u[0]),
+    Operation.SIN: lambda u, d: _product(_call(Operation.COS, u[0]), d[0]),
+    Operation.COS: lambda u, d: _product(negative(_call(Operation.SIN, u[0])), d[0]),
+    Operation.TANH: lambda u, d: _product(
+        _difference(ONE, _call(Operation.POWER, _call(Operation.TANH, u[0]), Number(2.0))), d[0]
+    ),
+    Operation.MIN: _of_choice(Operation.LESS),
+    Operation.MAX: _of_choice(Operation.GREATER),
+}
+
+# how tightly text binds: a part that binds less than its place asks for stands in parentheses
+_COMPARISON, _ADDITION, _FACTOR, _MINUS, _RAISED, _WHOLE = range(6)
+_BINDING = {
+    Operation.GREATER: _COMPARISON,
+    Operation.LESS: _COMPARISON,
+    Operation.ADD: _ADDITION,
+    Operation.SUBTRACT: _ADDITION,
+    Operation.MULTIPLY: _FACTOR,
+    Operation.DIVIDE: _FACTOR,
+    Operation.POWER: _RAISED,
+}
+_SIGN_OF = {operation: sign for sign, operation in SIGNS.items()}
+
+
+def _printed(law: Law) -> tuple[str, int]:
+    """Text of a law, and how tightly it binds."""
+    match law:
+        case Number(value, unit):
+            text = repr(value).removesuffix(".0") + (f"[{unit}]" if unit else "")
+            return text, _MINUS if text.startswith("-") else _WHOLE
+        case Coefficient():
+            return "c", _WHOLE
+        case Quantity(variable):
+            return variable.word, _WHOLE
+        case Lagged(argument, milliseconds):
+            time = repr(milliseconds).removesuffix(".0")
+            return f"{LAGGED}({argument}, {time})", _WHOLE
+        case Applied(
+            Operation.NEGATE, (Number() as number,)
+        ):  # without parentheses it were a negative number
+            return f"-({number})", _MINUS
+        case Applied(Operation.NEGATE, (argument,)):
+            return f"-{_within(argument, _MINUS)}", _MINUS
+        case Applied(operation, (left, right)) if operation in _BINDING:
+            binding, sign = _BINDING[operation], _SIGN_OF[operation]
+            if operation is Operation.POWER:
+                return f"{_within(left, _WHOLE)}^{right}", binding
+            least = max(binding, _ADDITION)  # a comparison is in none
+            return f"{_within(left, least)} {sign} {_within(right, binding + 1)}", binding
+        case Applied(operation, arguments):
+            return f"{operation.name.lower()}({', '.join(map(str, arguments))})", _WHOLE
+    raise TypeError(f"no law: {law!r}")
+
+
+def _within(part: Law, least: int) -> str:
+    """Text of a part, in parentheses where it binds less than its place asks for."""
+    text, binding = _printed(part)
+    return f"({text})" if binding < least else text

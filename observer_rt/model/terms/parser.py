@@ -1,0 +1,201 @@
+"""The language of laws, from text to tree; what is wrong is told with its column, and what was expected there.
+
+comparison = sum [(">" | "<") sum]
+sum        = product {("+" | "-") product}
+product    = signed {("*" | "/") signed}
+signed     = "-" signed | power
+power      = part ["^" ["-"] number]
+part       = number ["[" unit "]"] | name | function "(" comparison {"," comparison} ")" | "(" comparison ")"
+"""
+
+import math
+import re
+from typing import NamedTuple, NoReturn
+
+from observer_rt.foundation.errors import UserError, did_you_mean
+from observer_rt.model.terms.law import (
+    FUNCTIONS,
+    LAGGED,
+    PAIRS,
+    SIGNS,
+    Applied,
+    Coefficient,
+    Lagged,
+    Law,
+    Number,
+    Operation,
+    Quantity,
+)
+from observer_rt.model.terms.variable import UNIT_NAMES, VARIABLES, unit_named
+
+LONGEST = 300  # characters
+DEEPEST = 30  # parentheses within parentheses
+COEFFICIENT = "c"
+_TOKEN = re.compile(
+    r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?:\s*\[(?P<unit>[^\]]*)\])?"
+    r"|(?P<name>[A-Za-z_]\w*)|(?P<sign>[-+*/^(),<>])|(?P<end>$)|(?P<other>.))"
+)
+_ALL_NAMES = (*VARIABLES, *FUNCTIONS, LAGGED, COEFFICIENT)
+
+
+class _Token(NamedTuple):
+    kind: str
+    text: str
+    column: int
+    unit: str = ""
+
+
+def parse(text: str) -> Law:
+    """The law a text states. Raises `UserError` naming the column, what is wrong there and what was expected."""
+    if len(text) > LONGEST:
+        raise UserError(
+            f"column {LONGEST}", f"the law is longer than {LONGEST} characters", "make it shorter"
+        )
+    parser = _Parser(text)
+    law = parser.comparison()
+    if parser.token.kind != "end":
+        parser.refuse("an operator (+ - * / ^ > <) or the end")
+    return law
+
+
+class _Parser:
+    def __init__(self, text: str) -> None:
+        self._text, self._place, self._depth = text, 0, 0
+        self.token = self._next()
+
+    def refuse(self, expected: str) -> NoReturn:
+        """Raise `UserError` for the token at hand."""
+        found = "the law ends" if self.token.kind == "end" else f"found '{self.token.text}'"
+        raise UserError(f"column {self.token.column}", f"{found}, expected {expected}", "correct the law")
+
+    def comparison(self) -> Law:
+        """And all that binds tighter."""
+        self._depth += 1
+        if self._depth > DEEPEST:
+            raise UserError(
+                f"column {self.token.column}", f"more than {DEEPEST} nested parentheses", "make it simpler"
+            )
+        law = self._sum()
+        if sign := self._taken("<", ">"):
+            law = Applied(SIGNS[sign], (law, self._sum()))
+            if self.token.text in ("<", ">"):
+                self.refuse("no second comparison: put one in parentheses")
+        self._depth -= 1
+        return law
+
+    def _sum(self) -> Law:
+        law = self._product()
+        while sign := self._taken("+", "-"):
+            law = Applied(SIGNS[sign], (law, self._product()))
+        return law
+
+    def _product(self) -> Law:
+        law = self._signed()
+        while sign := self._taken("*", "/"):
+            law = Applied(SIGNS[sign], (law, self._signed()))
+        return law
+
+    def _signed(self) -> Law:
+        minuses = 0
+        while self._taken("-"):
+            minuses += 1
+        is_number = self.token.kind == "number"
+        law = self._power()
+        if minuses and is_number and isinstance(law, Number):
+            law, minuses = Number(-law.value, law.unit), minuses - 1
+        for _ in range(minuses):
+            law = Applied(Operation.NEGATE, (law,))
+        return law
+
+    def _power(self) -> Law:
+        law = self._part()
+        if self._taken("^"):
+            sign = -1.0 if self._taken("-") else 1.0
+            exponent = self._number("a number as exponent")
+            if exponent.unit:
+                self.refuse("an exponent without a unit")
+            law = Applied(Operation.POWER, (law, Number(sign * exponent.value)))
+            if self.token.text == "^":
+                self.refuse("no second exponent: put the power in parentheses")
+        return law
+
+    def _part(self) -> Law:
+        if self.token.kind == "number":
+            return self._number("")
+        if self.token.kind == "name":
+            return self._named()
+        if not self._taken("("):
+            self.refuse("a number, a name or '('")
+        law = self.comparison()
+        self._demand(")")
+        return law
+
+    def _number(self, expected: str) -> Number:
+        token = self.token
+        if token.kind != "number":
+            self.refuse(expected)
+        value = float(token.text)
+        if not math.isfinite(value):
+            self.refuse("a smaller number")
+        if token.unit and unit_named(token.unit) is None:
+            raise UserError(
+                f"column {token.column}",
+                f"unknown unit '{token.unit}'",
+                f"{did_you_mean(token.unit, UNIT_NAMES)}units: {', '.join(UNIT_NAMES)}, "
+                "multiplied by *, divided by /, raised by ^",
+            )
+        self.token = self._next()
+        return Number(value, token.unit)
+
+    def _named(self) -> Law:
+        token = self.token
+        self.token = self._next()
+        if token.text in (*FUNCTIONS, LAGGED):
+            return self._call(token)
+        if token.text == COEFFICIENT:
+            return Coefficient()
+        if token.text not in VARIABLES:
+            raise UserError(
+                f"column {token.column}",
+                f"unknown name '{token.text}'",
+                f"{did_you_mean(token.text, _ALL_NAMES)}variables: {', '.join(VARIABLES)}; "
+                f"functions: {', '.join((*FUNCTIONS, LAGGED))}; c is the coefficient",
+            )
+        return Quantity(VARIABLES[token.text])
+
+    def _call(self, function: _Token) -> Law:
+        self._demand("(")
+        arguments = [self.comparison()]
+        if function.text == LAGGED:
+            self._demand(",")
+            time = self._number("the time of the lag in ms, a number")
+            law: Law = Lagged(arguments[0], time.reckoned)
+            known = unit_named(time.unit or "ms")
+            if not time.value > 0.0 or known is None or str(known[1]) != "ms":
+                raise UserError(f"column {function.column}", "no time of a lag", "give it in ms, above 0")
+        else:
+            if FUNCTIONS[function.text] in PAIRS:
+                self._demand(",")
+                arguments.append(self.comparison())
+            law = Applied(FUNCTIONS[function.text], tuple(arguments))
+        self._demand(")")
+        return law
+
+    def _taken(self, *signs: str) -> str:
+        """The sign at hand, where it is one of these; then it is behind us."""
+        found = self.token.text
+        if self.token.kind != "sign" or found not in signs:
+            return ""
+        self.token = self._next()
+        return found
+
+    def _demand(self, sign: str) -> None:
+        if not self._taken(sign):
+            self.refuse(f"'{sign}'")
+
+    def _next(self) -> _Token:
+        found = _TOKEN.match(self._text, self._place)
+        assert found is not None  # the last alternatives take anything
+        kind = "number" if found["number"] else str(found.lastgroup)
+        self._place = found.end()
+        return _Token(kind, found[kind], found.start(kind) + 1, (found["unit"] or "").strip())

@@ -1,0 +1,129 @@
+"""What a law may depend on, and the units its numbers may have."""
+
+import re
+from collections.abc import Mapping
+from enum import IntEnum
+from typing import NamedTuple, Self
+
+SYMBOLS = ("mm", "ms", "s", "MPa")
+
+
+class Unit(NamedTuple):
+    """Powers of the units laws are reckoned in, and of the unit of the coefficient `c`.
+
+    Seconds are not milliseconds: nothing is converted, so that what is in s and what is in ms cannot be added.
+    """
+
+    mm: float = 0.0
+    ms: float = 0.0
+    s: float = 0.0
+    MPa: float = 0.0
+    c: float = 0.0
+
+    def times(self, other: Self, power: float = 1.0) -> Self:
+        """The unit of a product with the other, raised to a power first."""
+        return self._make(round(mine + power * its, 6) for mine, its in zip(self, other, strict=True))
+
+    def to(self, power: float) -> Self:
+        """The unit raised to a power."""
+        return self._make(round(mine * power, 6) for mine in self)
+
+    def __str__(self) -> str:
+        above = [_power(name, power) for name, power in zip(SYMBOLS, self, strict=False) if power > 0.0]
+        below = [_power(name, -power) for name, power in zip(SYMBOLS, self, strict=False) if power < 0.0]
+        if not above and not below:
+            return "-"
+        return "/".join(["*".join(above) or "1", *below])
+
+
+def _power(name: str, power: float) -> str:
+    if power == 1.0:
+        return name
+    return f"{name}{power:g}" if name == "mm" and power in (2.0, 3.0) else f"{name}^{power:g}"
+
+
+PURE = Unit()
+_KNOWN = {  # a unit as users write it: how many of ours, and which
+    "-": (1.0, PURE),
+    "1": (1.0, PURE),
+    "mm": (1.0, Unit(mm=1.0)),
+    "mm2": (1.0, Unit(mm=2.0)),
+    "mm3": (1.0, Unit(mm=3.0)),
+    "um": (1e-3, Unit(mm=1.0)),
+    "MPa": (1.0, Unit(MPa=1.0)),
+    "bar": (0.1, Unit(MPa=1.0)),
+    "ms": (1.0, Unit(ms=1.0)),
+    "us": (1e-3, Unit(ms=1.0)),
+    "s": (1.0, Unit(s=1.0)),
+    "kHz": (1.0, Unit(ms=-1.0)),
+    "Hz": (1.0, Unit(s=-1.0)),
+}
+UNIT_NAMES = tuple(_KNOWN)
+_FACTOR = re.compile(r"([*/]?)(-|1|[A-Za-z]+[23]?)(?:\^(-?\d+(?:\.\d+)?))?")
+
+
+def unit_named(text: str) -> tuple[float, Unit] | None:
+    """How many of which unit laws are reckoned in `text` is, such as `mm3/ms/MPa^0.5`; None if it is none."""
+    scale, unit, place, text = 1.0, PURE, 0, text.replace(" ", "")
+    while place < len(text):
+        found = _FACTOR.match(text, place)
+        if found is None or found[2] not in _KNOWN or (place == 0) == bool(found[1]):
+            return None
+        power = float(found[3] or 1.0) * (-1.0 if found[1] == "/" else 1.0)
+        size, one = _KNOWN[found[2]]
+        scale, unit, place = scale * size**power, unit.times(one, power), found.end()
+    return (scale, unit) if place else None
+
+
+class Variable(IntEnum):
+    """What a law may name, in the order of the array that a program reads; pressures are absolute."""
+
+    RAIL_PRESSURE = 0
+    LINE_PRESSURE = 1
+    SAC_PRESSURE = 2
+    CHAMBER_PRESSURE = 3
+    LINE_FLOW = 4
+    SEAT_FLOW = 5
+    NOZZLE_FLOW = 6
+    NEEDLE_LIFT = 7
+    MAX_LIFT = 8
+    LIFT_RATE = 9
+    RAIL_PRESSURE_RATE = 10
+    LINE_PRESSURE_RATE = 11
+    TIME_SINCE_OPENING = 12
+    TIME = 13  # in the recording, or since the start
+    INJECTION_NUMBER = 14  # 1, 2, ...
+    OPEN = 15  # 0 or 1, as those below
+    CLOSED = 16
+    OPENING = 17
+    CLOSING = 18
+
+    @property
+    def word(self) -> str:
+        """Its name in a law."""
+        return self.name.lower()
+
+    @property
+    def unit(self) -> Unit:
+        """What its values are in."""
+        return _UNITS.get(self, PURE)
+
+
+_PRESSURE, _FLOW, _LIFT, _TIME = Unit(MPa=1.0), Unit(mm=3.0, ms=-1.0), Unit(mm=1.0), Unit(ms=1.0)
+_UNITS: Mapping[Variable, Unit] = {
+    Variable.RAIL_PRESSURE: _PRESSURE,
+    Variable.LINE_PRESSURE: _PRESSURE,
+    Variable.SAC_PRESSURE: _PRESSURE,
+    Variable.CHAMBER_PRESSURE: _PRESSURE,
+    Variable.LINE_FLOW: _FLOW,
+    Variable.SEAT_FLOW: _FLOW,
+    Variable.NOZZLE_FLOW: _FLOW,
+    Variable.NEEDLE_LIFT: _LIFT,
+    Variable.MAX_LIFT: _LIFT,
+    Variable.LIFT_RATE: _LIFT.times(_TIME, -1.0),
+    Variable.RAIL_PRESSURE_RATE: _PRESSURE.times(_TIME, -1.0),
+    Variable.LINE_PRESSURE_RATE: _PRESSURE.times(_TIME, -1.0),
+    Variable.TIME_SINCE_OPENING: _TIME,
+    Variable.TIME: Unit(s=1.0),
+}
+VARIABLES: Mapping[str, Variable] = {variable.word: variable for variable in Variable}

@@ -1,0 +1,55 @@
+"""Random laws and values of their variables, for properties that hold for all."""
+
+import numpy as np
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from observer_rt.model.terms.bounds import TermDomain
+from observer_rt.model.terms.law import (
+    FUNCTIONS,
+    PAIRS,
+    Applied,
+    Coefficient,
+    Lagged,
+    Law,
+    Number,
+    Operation,
+    Quantity,
+)
+from observer_rt.model.terms.variable import Variable
+
+_VALUES = st.floats(-1e6, 1e6, allow_nan=False).map(lambda value: float(f"{value:.6g}"))
+_LEAVES = st.one_of(
+    st.builds(Number, _VALUES, st.sampled_from(["", "", "MPa", "bar", "mm3/ms", "1/ms^0.5"])),
+    st.just(Coefficient()),
+    st.builds(Quantity, st.sampled_from(Variable)),
+)
+_TWO = [one for one in Operation if one <= Operation.LESS and one is not Operation.POWER] + list(PAIRS)
+_ONE = [Operation.NEGATE, *(one for one in FUNCTIONS.values() if one not in PAIRS)]
+_EXPONENTS = st.sampled_from([-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0, 3.0]).map(Number)
+
+
+def laws(lagged: bool = True) -> st.SearchStrategy[Law]:
+    """Laws of any kind, right by their units or not."""
+
+    def larger(part: st.SearchStrategy[Law]) -> st.SearchStrategy[Law]:
+        choices: list[st.SearchStrategy[Law]] = [
+            st.builds(Applied, st.sampled_from(_TWO), st.tuples(part, part)),
+            st.builds(Applied, st.sampled_from(_ONE), st.tuples(part)),
+            st.builds(Applied, st.just(Operation.POWER), st.tuples(part, _EXPONENTS)),
+        ]
+        if lagged:
+            choices.append(st.builds(Lagged, part, st.sampled_from([0.01, 0.25, 3.0])))
+        return st.one_of(choices)
+
+    return st.recursive(_LEAVES, larger, max_leaves=12)
+
+
+def moments(seed: int, count: int = 40) -> dict[str, NDArray[np.float64]]:
+    """Values (n,) of every variable."""
+    points = TermDomain(0.24).points()
+    chosen = np.random.default_rng(seed).integers(0, len(points["time"]), count)
+    return {name: values[chosen] for name, values in points.items()} | {
+        "time": np.arange(count) * 1e-5,
+        "injection_number": 1.0 + np.arange(count) // 10,
+    }

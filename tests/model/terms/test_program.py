@@ -1,0 +1,81 @@
+"""Programs against the laws they were made of, evaluated by numpy."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from observer_rt.model.terms.law import Law, first_order
+from observer_rt.model.terms.parser import parse
+from observer_rt.model.terms.program import memory_of, program_of, totals_of
+from observer_rt.model.terms.term import Term, TermEquation
+from observer_rt.model.terms.variable import Variable
+from tests.model.terms.laws import laws, moments
+
+INTERVAL = 0.01  # ms
+
+
+def run(terms: list[Term], values: dict[str, NDArray[np.float64]]) -> NDArray[np.float64]:
+    program = program_of(terms)
+    variables = np.column_stack([values[variable.word] for variable in Variable])
+    return np.asarray(totals_of(program, variables, memory_of(program), INTERVAL))
+
+
+def held(
+    law: Law, equation: TermEquation, values: dict[str, NDArray[np.float64]], c: float
+) -> NDArray[np.float64]:
+    value = law.at(values, c, first_order(INTERVAL))
+    return np.clip(np.where(np.isfinite(value), value, 0.0), *equation.bounds)
+
+
+@settings(max_examples=150)
+@given(laws(lagged=False), st.sampled_from(TermEquation), st.integers(0, 1000))
+def test_as_the_law_says(law: Law, equation: TermEquation, seed: int) -> None:
+    values = moments(seed)
+    found = run([Term(equation, law, 0.7)], values)
+    expected = np.zeros_like(found)
+    expected[:, equation.number] = held(law, equation, values, 0.7)
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "lagged(line_flow, 0.2)",
+        "line_flow - lagged(line_flow, 0.05)",
+        "lagged(lagged(open, 0.1) * 3 + lagged(line_flow, 0.3), 0.02)",
+    ],
+)
+def test_lags_remember(text: str) -> None:
+    law, values = parse(text), moments(3)
+    for name in ("line_flow", "seat_flow"):
+        values[name] = values[name] / 20.0
+    found = run([Term(TermEquation.LINE_FLOW, law)], values)[:, 0]
+    expected = held(law, TermEquation.LINE_FLOW, values, 1.0)
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+    assert np.ptp(expected) > 0.1
+
+
+def test_terms_add_up_within_their_bounds() -> None:
+    values = moments(1, 1)
+    texts = {"0.5": TermEquation.SEAT_FLOW, "0.2": TermEquation.SEAT_FLOW, "-3": TermEquation.INERTANCE}
+    texts |= {"1 / 0": TermEquation.STIFFNESS, "9": TermEquation.RAIL_PRESSURE}
+    terms = [Term(equation, parse(text)) for text, equation in texts.items()]
+    expected = np.zeros(10)
+    for equation, value in {"seat_flow": 0.7, "inertance": -0.6, "rail_pressure": 9.0}.items():
+        expected[TermEquation(equation).number] = value
+    np.testing.assert_allclose(run(terms, values)[0], expected)
+    twice = run([*terms, *terms], values)[0]
+    assert twice[TermEquation.SEAT_FLOW.number] == 0.8
+    assert twice[TermEquation.RAIL_PRESSURE.number] == 10.0
+    assert not run([], values).any()
+
+
+def test_time_that_stands_still_moves_no_lag() -> None:
+    program = program_of([Term(TermEquation.LINE_FLOW, parse("lagged(line_flow, 1)"))])
+    memory, variables = memory_of(program), np.zeros((2, len(Variable)))
+    variables[1, Variable.LINE_FLOW] = 10.0
+    assert memory.size == 2
+    assert not totals_of(program, variables, memory, 0.0).any()
+    assert totals_of(program, variables[1:], memory, 1.0)[0, 0] == pytest.approx(10.0 * (1.0 - np.exp(-1.0)))

@@ -6,11 +6,15 @@ import pytest
 
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.config.injector_file import InjectorFile, tables_in_force
+from observer_rt.config.terms import term_domain
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effects import effective_model
+from observer_rt.model.terms.bounds import refuse_unbounded
+from observer_rt.model.terms.dimensions import coefficient_unit
 from observer_rt.model.terms.in_force import TermInForce
 from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.term import Term, TermEquation
+from observer_rt.model.terms.variable import VARIABLES
 from observer_rt.service.keeping.state_file import model_hash
 
 PLUGGED = """
@@ -115,3 +119,20 @@ def test_model_hash_covers_what_terms_do(tmp_path: Path) -> None:
     ):
         other = model_hash(load_injector(injector_file(tmp_path, LEAK.replace(old, new))))
         assert (other == leaking) is is_same
+
+
+def test_the_page_states_what_is_so(tmp_path: Path) -> None:
+    """Its examples load, its tables hold every equation with its bounds, and every variable."""
+    page = (Path(__file__).parents[2] / "docs" / "terms.md").read_text()
+    assert len(load_injector(injector_file(tmp_path, page.split("```")[1].removeprefix("toml"))).terms) == 2
+    for equation in TermEquation:
+        low, high = equation.bounds
+        assert f"| `{equation}` | {equation.words} | {equation.unit} | {low:g} to {high:g} |" in page
+    assert all(f"`{name}`" in page for name in VARIABLES)
+    rows = [line.split("`") for line in page.split("## Examples")[1].splitlines() if line.startswith("| ")]
+    examples = [(row[1], row[3]) for row in rows if len(row) > 3]
+    assert len(examples) == 7
+    for name, law in examples:
+        term = Term(TermEquation(name), parse(law), 0.01)
+        coefficient_unit(term.equation, term.law)
+        refuse_unbounded(term, term_domain(load_injector()))

@@ -4,7 +4,8 @@ A program is postfix: rows (operation, operand), the end of a term adds what is 
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from observer_rt.foundation.compiled import compiled, inner
 from observer_rt.model.terms.law import Applied, Coefficient, Lagged, Law, Number, Operation, Quantity
 from observer_rt.model.terms.term import Term, TermEquation
+from observer_rt.model.terms.variable import Variable
 
 Numbers = NDArray[np.float64]
 
@@ -41,11 +43,11 @@ _MAX = int(Operation.MAX)
 _PAIRED = (_ADD, _SUBTRACT, _MULTIPLY, _DIVIDE, _POWER, _GREATER, _LESS, _MIN, _MAX)
 
 
-def program_of(terms: Sequence[Term]) -> Numbers:
-    """The program (n, 2) of these terms; no rows for no terms."""
+def program_of(terms: Sequence[Term], known: Mapping[Variable, float] = MappingProxyType({})) -> Numbers:
+    """The program (n, 2) of these terms; no rows for no terms. known: variables that stay as they are."""
     rows: list[tuple[float, float]] = []
     for term in terms:
-        rows.extend(_rows(term.law, term.coefficient))
+        rows.extend(_rows(term.law, term.coefficient, known))
         rows.append((_END, term.equation.number))
     return np.array(rows, dtype=np.float64).reshape(-1, 2)
 
@@ -103,20 +105,20 @@ def totals_of(program: Numbers, variables: Numbers, memory: Numbers, interval_ms
     return totals
 
 
-def _rows(law: Law, c: float) -> Iterator[tuple[float, float]]:
+def _rows(law: Law, c: float, known: Mapping[Variable, float]) -> Iterator[tuple[float, float]]:
     match law:
         case Number():
             yield _NUMBER, law.reckoned
         case Coefficient():
             yield _NUMBER, c
         case Quantity(variable):
-            yield _VARIABLE, variable
+            yield (_NUMBER, known[variable]) if variable in known else (_VARIABLE, variable)
         case Lagged(argument, milliseconds):
-            yield from _rows(argument, c)
+            yield from _rows(argument, c, known)
             yield _LAG, milliseconds
         case Applied(operation, arguments):
             for argument in arguments:
-                yield from _rows(argument, c)
+                yield from _rows(argument, c, known)
             yield operation, 0.0
 
 
@@ -132,7 +134,7 @@ def _lagged(before: float, now: float, intervals: float) -> float:
 def _held(value: float, equation: int) -> float:
     if not math.isfinite(value):
         return 0.0
-    return min(max(value, _BOUNDS[equation, 0]), _BOUNDS[equation, 1])
+    return float(min(max(value, _BOUNDS[equation, 0]), _BOUNDS[equation, 1]))
 
 
 @inner
@@ -155,7 +157,7 @@ def _of_two(operation: int, a: float, b: float) -> float:
             return math.nan
         return math.copysign(math.inf, a) * math.copysign(1.0, b)
     if operation == _POWER:
-        return a * a if b == 2.0 else a**b
+        return a * a if b == 2.0 else float(a**b)
     if operation == _GREATER:
         return 1.0 if a > b else 0.0
     if operation == _LESS:

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Mapping
 from enum import IntEnum
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 SYMBOLS = ("mm", "ms", "s", "MPa")
 
@@ -20,13 +20,13 @@ class Unit(NamedTuple):
     MPa: float = 0.0
     c: float = 0.0
 
-    def times(self, other: Self, power: float = 1.0) -> Self:
+    def times(self, other: "Unit", power: float = 1.0) -> "Unit":
         """The unit of a product with the other, raised to a power first."""
-        return self._make(round(mine + power * its, 6) for mine, its in zip(self, other, strict=True))
+        return Unit(*(round(mine + power * its, 6) for mine, its in zip(self, other, strict=True)))
 
-    def to(self, power: float) -> Self:
+    def to(self, power: float) -> "Unit":
         """The unit raised to a power."""
-        return self._make(round(mine * power, 6) for mine in self)
+        return Unit(*(round(mine * power, 6) for mine in self))
 
     def __str__(self) -> str:
         above = [_power(name, power) for name, power in zip(SYMBOLS, self, strict=False) if power > 0.0]

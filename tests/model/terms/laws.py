@@ -49,7 +49,7 @@ def moments(seed: int, count: int = 40) -> dict[str, NDArray[np.float64]]:
     """Values (n,) of every variable."""
     points = TermDomain(0.24).points()
     chosen = np.random.default_rng(seed).integers(0, len(points["time"]), count)
-    return {name: values[chosen] for name, values in points.items()} | {
-        "time": np.arange(count) * 1e-5,
-        "injection_number": 1.0 + np.arange(count) // 10,
-    }
+    values = {name: values[chosen] for name, values in points.items()}
+    samples = np.arange(count, dtype=np.float64)
+    values |= {"time": 1e-5 * samples, "injection_number": 1.0 + np.floor(0.1 * samples)}
+    return values

@@ -1,14 +1,16 @@
 """Terms of an injector file: read, tried, refused by key."""
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import MILLIMETRE
+from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MM3_PER_MS
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.terms.bounds import TermDomain, refuse_unbounded
 
 
 def term_domain(parameters: InjectorParameters) -> TermDomain:
     """Where terms of an injector must be sound."""
-    return TermDomain(parameters.seat.max_lift / MILLIMETRE)
+    line = parameters.line
+    friction = line.loss_factor * parameters.fluid.density_line / line.area**2  # Pa/(m3/s)^2
+    return TermDomain(parameters.seat.max_lift / MILLIMETRE, friction * MM3_PER_MS**2 / MEGAPASCAL)
 
 
 def check_terms(place: str, parameters: InjectorParameters) -> None:

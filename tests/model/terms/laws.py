@@ -47,7 +47,7 @@ def laws(lagged: bool = True) -> st.SearchStrategy[Law]:
 
 def moments(seed: int, count: int = 40) -> dict[str, NDArray[np.float64]]:
     """Values (n,) of every variable."""
-    points = TermDomain(0.24).points()
+    points = TermDomain(0.24).points
     chosen = np.random.default_rng(seed).integers(0, len(points["time"]), count)
     values = {name: values[chosen] for name, values in points.items()}
     samples = np.arange(count, dtype=np.float64)

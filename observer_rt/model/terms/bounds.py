@@ -25,6 +25,17 @@ _FEEDBACK = {
 _POINTS = 20_000  # half of them corners, edges and centres
 
 
+_RANGES = dict.fromkeys((Variable.RAIL_PRESSURE, Variable.LINE_PRESSURE, Variable.SAC_PRESSURE), (0.0, 250.0))
+_RANGES |= dict.fromkeys((Variable.LINE_FLOW, Variable.SEAT_FLOW, Variable.NOZZLE_FLOW), (-100.0, 150.0))
+_RANGES |= {
+    Variable.CHAMBER_PRESSURE: (0.0, 30.0),
+    Variable.LIFT_RATE: (-3.0, 3.0),
+    Variable.RAIL_PRESSURE_RATE: (-200.0, 200.0),
+    Variable.LINE_PRESSURE_RATE: (-500.0, 500.0),
+    Variable.TIME_SINCE_OPENING: (0.0, 20.0),
+}
+
+
 @dataclass(frozen=True)
 class TermDomain:
     """Where a term must be sound; in the units of `variable`.
@@ -34,32 +45,12 @@ class TermDomain:
 
     max_lift: float
     friction: float = 0.0
-    chamber_pressure: tuple[float, float] = (0.0, 30.0)
-    pressure: tuple[float, float] = (0.0, 250.0)
-    flow: tuple[float, float] = (-100.0, 150.0)
-    lift_rate: tuple[float, float] = (-3.0, 3.0)
-    rail_pressure_rate: tuple[float, float] = (-200.0, 200.0)
-    line_pressure_rate: tuple[float, float] = (-500.0, 500.0)
-    time_since_opening: tuple[float, float] = (0.0, 20.0)
 
     @cached_property
     def points(self) -> dict[str, Values]:
         """Values (n,) of every variable; what grows without bounds, time and injection number, is at its start."""
         random = np.random.default_rng(1)
-        ranges = {
-            Variable.RAIL_PRESSURE: self.pressure,
-            Variable.LINE_PRESSURE: self.pressure,
-            Variable.SAC_PRESSURE: self.pressure,
-            Variable.CHAMBER_PRESSURE: self.chamber_pressure,
-            Variable.LINE_FLOW: self.flow,
-            Variable.SEAT_FLOW: self.flow,
-            Variable.NOZZLE_FLOW: self.flow,
-            Variable.NEEDLE_LIFT: (0.0, self.max_lift),
-            Variable.LIFT_RATE: self.lift_rate,
-            Variable.RAIL_PRESSURE_RATE: self.rail_pressure_rate,
-            Variable.LINE_PRESSURE_RATE: self.line_pressure_rate,
-            Variable.TIME_SINCE_OPENING: self.time_since_opening,
-        }
+        ranges = _RANGES | {Variable.NEEDLE_LIFT: (0.0, self.max_lift)}
         values = {}
         for variable, (low, high) in ranges.items():
             levels = np.array([low, 0.0 if low < 0.0 < high else 0.5 * (low + high), high])

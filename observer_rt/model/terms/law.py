@@ -77,12 +77,12 @@ class Law:
     @property
     def has_coefficient(self) -> bool:
         """Whether `c` is in it."""
-        return any(part.has_coefficient for part in self.parts)
+        return isinstance(self, Coefficient) or any(part.has_coefficient for part in self.parts)
 
     @property
     def has_lag(self) -> bool:
         """Whether it remembers."""
-        return any(part.has_lag for part in self.parts)
+        return isinstance(self, Lagged) or any(part.has_lag for part in self.parts)
 
     def at(self, values: Mapping[str, Any], c: float = 1.0, lag: Lag | None = None) -> Values:
         """Its values (n,) at those of its variables, by name, each (n,) or a number; see `first_order` for `lag`.
@@ -94,7 +94,7 @@ class Law:
 
     def slope(self, variable: str) -> Law:
         """Its derivative by a variable, those of gates, comparisons and what is lagged taken as 0."""
-        raise NotImplementedError
+        return ZERO
 
     def settled(self) -> Law:
         """The law once every lag is over."""
@@ -117,9 +117,6 @@ class Number(Law):
         found = unit_named(self.unit)
         return self.value if found is None else self.value * found[0]
 
-    def slope(self, variable: str) -> Law:
-        return ZERO
-
     def _at(self, values: Mapping[str, Any], c: float, lag: Lag | None) -> Any:
         return np.float64(self.reckoned)
 
@@ -127,13 +124,6 @@ class Number(Law):
 @dataclass(frozen=True)
 class Coefficient(Law):
     """`c`, whose value the term states."""
-
-    @property
-    def has_coefficient(self) -> bool:
-        return True
-
-    def slope(self, variable: str) -> Law:
-        return ZERO
 
     def _at(self, values: Mapping[str, Any], c: float, lag: Lag | None) -> Any:
         return np.float64(c)
@@ -190,13 +180,6 @@ class Lagged(Law):
     @property
     def parts(self) -> tuple[Law, ...]:
         return (self.argument,)
-
-    @property
-    def has_lag(self) -> bool:
-        return True
-
-    def slope(self, variable: str) -> Law:
-        return ZERO
 
     def settled(self) -> Law:
         return self.argument.settled()

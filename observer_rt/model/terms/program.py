@@ -23,24 +23,7 @@ _LAG = _NUMBER + 2  # ms
 _END = _NUMBER + 3  # of a term of this equation
 _BOUNDS = np.array([equation.bounds for equation in TermEquation])
 _LEAVES = (_NUMBER, _VARIABLE)
-_ADD = int(Operation.ADD)
-_SUBTRACT = int(Operation.SUBTRACT)
-_MULTIPLY = int(Operation.MULTIPLY)
-_DIVIDE = int(Operation.DIVIDE)
-_POWER = int(Operation.POWER)
-_GREATER = int(Operation.GREATER)
-_LESS = int(Operation.LESS)
-_NEGATE = int(Operation.NEGATE)
-_SQRT = int(Operation.SQRT)
-_ABS = int(Operation.ABS)
-_EXP = int(Operation.EXP)
-_LOG = int(Operation.LOG)
-_SIN = int(Operation.SIN)
-_COS = int(Operation.COS)
-_TANH = int(Operation.TANH)
-_MIN = int(Operation.MIN)
-_MAX = int(Operation.MAX)
-_PAIRED = (_ADD, _SUBTRACT, _MULTIPLY, _DIVIDE, _POWER, _GREATER, _LESS, _MIN, _MAX)
+_PAIRED = [one for one in Operation if one <= Operation.LESS or one >= Operation.MIN]
 
 
 def program_of(terms: Sequence[Term], known: Mapping[Variable, float] = MappingProxyType({})) -> Numbers:
@@ -139,50 +122,50 @@ def _held(value: float, equation: int) -> float:
 
 @inner
 def _takes_two(operation: int) -> bool:
-    return operation <= _LESS or operation >= _MIN
+    return operation <= Operation.LESS or operation >= Operation.MIN
 
 
 @inner
 def _of_two(operation: int, a: float, b: float) -> float:
-    if operation == _ADD:
+    if operation == Operation.ADD:
         return a + b
-    if operation == _SUBTRACT:
+    if operation == Operation.SUBTRACT:
         return a - b
-    if operation == _MULTIPLY:
+    if operation == Operation.MULTIPLY:
         return a * b
-    if operation == _DIVIDE:
+    if operation == Operation.DIVIDE:
         if b != 0.0:
             return a / b
         if a == 0.0 or math.isnan(a):
             return math.nan
         return math.copysign(math.inf, a) * math.copysign(1.0, b)
-    if operation == _POWER:
+    if operation == Operation.POWER:
         return a * a if b == 2.0 else float(a**b)
-    if operation == _GREATER:
+    if operation == Operation.GREATER:
         return 1.0 if a > b else 0.0
-    if operation == _LESS:
+    if operation == Operation.LESS:
         return 1.0 if a < b else 0.0
     if math.isnan(a) or math.isnan(b):
         return math.nan
-    if operation == _MIN:
+    if operation == Operation.MIN:
         return min(a, b)
     return max(a, b)
 
 
 @inner
 def _of_one(operation: int, a: float) -> float:
-    if operation == _NEGATE:
+    if operation == Operation.NEGATE:
         return -a
-    if operation == _SQRT:
+    if operation == Operation.SQRT:
         return math.copysign(math.sqrt(abs(a)), a)
-    if operation == _ABS:
+    if operation == Operation.ABS:
         return abs(a)
-    if operation == _EXP:
+    if operation == Operation.EXP:
         return math.exp(a)
-    if operation == _LOG:
+    if operation == Operation.LOG:
         return math.log(a)
-    if operation == _SIN:
+    if operation == Operation.SIN:
         return math.sin(a)
-    if operation == _COS:
+    if operation == Operation.COS:
         return math.cos(a)
     return math.tanh(a)

@@ -1,27 +1,38 @@
 """What a term is: a correction of one equation of the model by a law, and how large it may be."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import NamedTuple
+from typing import Self
 
 from observer_rt.model.terms.law import Law
-from observer_rt.model.terms.variable import PURE, Unit
+from observer_rt.model.terms.variable import FLOW, LIFT, PRESSURE, PURE, Unit
 
 
 class TermEquation(StrEnum):
-    """What a term corrects."""
+    """What a term corrects; unit and meaning of its law, lowest and highest value it is held between."""
 
-    LINE_FLOW = "line_flow"
-    LINE_PRESSURE = "line_pressure"
-    SEAT_FLOW = "seat_flow"
-    NOZZLE_FLOW = "nozzle_flow"
-    STIFFNESS = "stiffness"
-    INERTANCE = "inertance"
-    CHAMBER_PRESSURE = "chamber_pressure"
-    LINE_PRESSURE_SENSOR = "line_pressure_sensor"
-    NEEDLE_LIFT = "needle_lift"
-    RAIL_PRESSURE = "rail_pressure"
+    LINE_FLOW = "line_flow", PRESSURE, "pressure lost along the line", -30.0, 30.0
+    LINE_PRESSURE = "line_pressure", FLOW, "outflow from the line's closed end", -15.0, 15.0
+    SEAT_FLOW = "seat_flow", PURE, "share added to the flow through the seat", -0.8, 0.8
+    NOZZLE_FLOW = "nozzle_flow", PURE, "share added to the flow through the nozzle", -0.6, 0.6
+    STIFFNESS = "stiffness", PURE, "share added to the stiffness of the fuel in the line", -0.6, 0.6
+    INERTANCE = "inertance", PURE, "share added to the inertance of the line", -0.6, 4.0
+    CHAMBER_PRESSURE = "chamber_pressure", PRESSURE, "pressure added in the chamber", -20.0, 20.0
+    LINE_PRESSURE_SENSOR = "line_pressure_sensor", PRESSURE, "pressure added to the one recorded", -10.0, 10.0
+    NEEDLE_LIFT = "needle_lift", LIFT, "lift added to the measured one while the needle is open", -0.08, 0.08
+    RAIL_PRESSURE = "rail_pressure", PRESSURE, "pressure added to the measured rail pressure", -10.0, 10.0
+
+    unit: Unit
+    words: str
+    bounds: tuple[float, float]
+
+    def __new__(
+        cls, name: str, unit: Unit = PURE, words: str = "", lowest: float = 0.0, highest: float = 0.0
+    ) -> Self:
+        """A member that is its name and knows the rest."""
+        member = str.__new__(cls, name)
+        member._value_, member.unit, member.words, member.bounds = name, unit, words, (lowest, highest)
+        return member
 
     @property
     def number(self) -> int:
@@ -29,54 +40,9 @@ class TermEquation(StrEnum):
         return list(TermEquation).index(self)
 
     @property
-    def unit(self) -> Unit:
-        """What the law's value is in."""
-        return _CORRECTIONS[self].unit
-
-    @property
     def is_share(self) -> bool:
         """Whether the quantity is multiplied by 1 + term."""
         return self.unit == PURE
-
-    @property
-    def words(self) -> str:
-        """What the law's value is, for people."""
-        return _CORRECTIONS[self].words
-
-    @property
-    def bounds(self) -> tuple[float, float]:
-        """Lowest and highest value a term has at run time."""
-        return _CORRECTIONS[self].lowest, _CORRECTIONS[self].highest
-
-
-class _Correction(NamedTuple):
-    unit: Unit
-    words: str
-    lowest: float
-    highest: float
-
-
-_PRESSURE, _FLOW, _LIFT = Unit(MPa=1.0), Unit(mm=3.0, ms=-1.0), Unit(mm=1.0)
-_CORRECTIONS: Mapping[TermEquation, _Correction] = {
-    TermEquation.LINE_FLOW: _Correction(_PRESSURE, "pressure lost along the line", -30.0, 30.0),
-    TermEquation.LINE_PRESSURE: _Correction(_FLOW, "outflow from the line's closed end", -15.0, 15.0),
-    TermEquation.SEAT_FLOW: _Correction(PURE, "share added to the flow through the seat", -0.8, 0.8),
-    TermEquation.NOZZLE_FLOW: _Correction(PURE, "share added to the flow through the nozzle", -0.6, 0.6),
-    TermEquation.STIFFNESS: _Correction(
-        PURE, "share added to the stiffness of the fuel in the line", -0.6, 0.6
-    ),
-    TermEquation.INERTANCE: _Correction(PURE, "share added to the inertance of the line", -0.6, 4.0),
-    TermEquation.CHAMBER_PRESSURE: _Correction(_PRESSURE, "pressure added in the chamber", -20.0, 20.0),
-    TermEquation.LINE_PRESSURE_SENSOR: _Correction(
-        _PRESSURE, "pressure added to what the line-pressure sensor records", -10.0, 10.0
-    ),
-    TermEquation.NEEDLE_LIFT: _Correction(
-        _LIFT, "lift added to the measured one while the needle is open", -0.08, 0.08
-    ),
-    TermEquation.RAIL_PRESSURE: _Correction(
-        _PRESSURE, "pressure added to the measured rail pressure", -10.0, 10.0
-    ),
-}
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Mapping
 from enum import IntEnum
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 SYMBOLS = ("mm", "ms", "s", "MPa")
 
@@ -75,55 +75,44 @@ def unit_named(text: str) -> tuple[float, Unit] | None:
     return (scale, unit) if place else None
 
 
-class Variable(IntEnum):
-    """What a law may name, in the order of the array that a program reads; pressures are absolute."""
+PRESSURE, FLOW, LIFT, DURATION = Unit(MPa=1.0), Unit(mm=3.0, ms=-1.0), Unit(mm=1.0), Unit(ms=1.0)
 
-    RAIL_PRESSURE = 0
-    LINE_PRESSURE = 1
-    SAC_PRESSURE = 2
-    CHAMBER_PRESSURE = 3
-    LINE_FLOW = 4
-    SEAT_FLOW = 5
-    NOZZLE_FLOW = 6
-    NEEDLE_LIFT = 7
-    MAX_LIFT = 8
-    LIFT_RATE = 9
-    RAIL_PRESSURE_RATE = 10
-    LINE_PRESSURE_RATE = 11
-    TIME_SINCE_OPENING = 12
-    TIME = 13  # in the recording, or since the start
+
+class Variable(IntEnum):
+    """What a law may name, with its unit, in the order of the array that a program reads; pressures are absolute."""
+
+    RAIL_PRESSURE = 0, PRESSURE
+    LINE_PRESSURE = 1, PRESSURE
+    SAC_PRESSURE = 2, PRESSURE
+    CHAMBER_PRESSURE = 3, PRESSURE
+    LINE_FLOW = 4, FLOW
+    SEAT_FLOW = 5, FLOW
+    NOZZLE_FLOW = 6, FLOW
+    NEEDLE_LIFT = 7, LIFT
+    MAX_LIFT = 8, LIFT
+    LIFT_RATE = 9, LIFT.times(DURATION, -1.0)
+    RAIL_PRESSURE_RATE = 10, PRESSURE.times(DURATION, -1.0)
+    LINE_PRESSURE_RATE = 11, PRESSURE.times(DURATION, -1.0)
+    TIME_SINCE_OPENING = 12, DURATION
+    TIME = 13, Unit(s=1.0)  # in the recording, or since the start
     INJECTION_NUMBER = 14  # 1, 2, ...
     OPEN = 15  # 0 or 1, as those below
     CLOSED = 16
     OPENING = 17
     CLOSING = 18
 
+    unit: Unit
+
+    def __new__(cls, number: int, unit: Unit = PURE) -> Self:
+        """A member that is its number and knows its unit."""
+        member = int.__new__(cls, number)
+        member._value_, member.unit = number, unit
+        return member
+
     @property
     def word(self) -> str:
         """Its name in a law."""
         return self.name.lower()
 
-    @property
-    def unit(self) -> Unit:
-        """What its values are in."""
-        return _UNITS.get(self, PURE)
 
-
-_PRESSURE, _FLOW, _LIFT, _TIME = Unit(MPa=1.0), Unit(mm=3.0, ms=-1.0), Unit(mm=1.0), Unit(ms=1.0)
-_UNITS: Mapping[Variable, Unit] = {
-    Variable.RAIL_PRESSURE: _PRESSURE,
-    Variable.LINE_PRESSURE: _PRESSURE,
-    Variable.SAC_PRESSURE: _PRESSURE,
-    Variable.CHAMBER_PRESSURE: _PRESSURE,
-    Variable.LINE_FLOW: _FLOW,
-    Variable.SEAT_FLOW: _FLOW,
-    Variable.NOZZLE_FLOW: _FLOW,
-    Variable.NEEDLE_LIFT: _LIFT,
-    Variable.MAX_LIFT: _LIFT,
-    Variable.LIFT_RATE: _LIFT.times(_TIME, -1.0),
-    Variable.RAIL_PRESSURE_RATE: _PRESSURE.times(_TIME, -1.0),
-    Variable.LINE_PRESSURE_RATE: _PRESSURE.times(_TIME, -1.0),
-    Variable.TIME_SINCE_OPENING: _TIME,
-    Variable.TIME: Unit(s=1.0),
-}
 VARIABLES: Mapping[str, Variable] = {variable.word: variable for variable in Variable}

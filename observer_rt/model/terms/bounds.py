@@ -25,14 +25,15 @@ _FEEDBACK = {
 _POINTS = 20_000  # half of them corners, edges and centres
 
 
-_RANGES = dict.fromkeys((Variable.RAIL_PRESSURE, Variable.LINE_PRESSURE, Variable.SAC_PRESSURE), (0.0, 250.0))
+_RANGES = dict.fromkeys((Variable.RAIL_PRESSURE, Variable.LINE_PRESSURE), (0.0, 250.0))
 _RANGES |= dict.fromkeys((Variable.LINE_FLOW, Variable.SEAT_FLOW, Variable.NOZZLE_FLOW), (-100.0, 150.0))
 _RANGES |= {
     Variable.CHAMBER_PRESSURE: (0.0, 30.0),
+    Variable.SAC_PRESSURE: (0.0, 1.0),  # share of the way from chamber up to line pressure
     Variable.LIFT_RATE: (-3.0, 3.0),
     Variable.RAIL_PRESSURE_RATE: (-200.0, 200.0),
     Variable.LINE_PRESSURE_RATE: (-500.0, 500.0),
-    Variable.TIME_SINCE_OPENING: (0.0, 20.0),
+    Variable.TIME_SINCE_OPENING: (0.0, 2.0),  # of an injection; it grows on until the next
 }
 
 
@@ -56,6 +57,10 @@ class TermDomain:
             levels = np.array([low, 0.0 if low < 0.0 < high else 0.5 * (low + high), high])
             corners = random.choice(levels, _POINTS // 2)
             values[variable] = np.append(corners, random.uniform(low, high, _POINTS // 2))
+        line, chamber = values[Variable.LINE_PRESSURE], values[Variable.CHAMBER_PRESSURE]
+        values[Variable.SAC_PRESSURE] = chamber + values[Variable.SAC_PRESSURE] * np.maximum(
+            line - chamber, 0.0
+        )
         is_open = values[Variable.NEEDLE_LIFT] > 0.0
         values[Variable.LIFT_RATE][~is_open] = 0.0
         values[Variable.SEAT_FLOW][~is_open] = 0.0

@@ -76,6 +76,8 @@ def test_units_that_do_not_fit(equation: str, law: str, said: str) -> None:
         ("seat_flow", "-0.3 * exp(-needle_lift / 0.05)", 1.0),
         ("nozzle_flow", "-0.21 * (injection_number - 1)", 1.0),
         ("nozzle_flow", "c / sqrt(abs(sac_pressure - chamber_pressure) + 5)", 0.5),
+        ("nozzle_flow", "c / sqrt((sac_pressure - chamber_pressure) / 100 + 0.2)", 0.2),
+        ("seat_flow", "c * time_since_opening", -0.3),
         ("stiffness", "c * (line_pressure / 100 - 1)", 0.2),
         ("inertance", "3 * open", 1.0),
         ("chamber_pressure", "5 * min(1, needle_lift / 0.08)", 1.0),

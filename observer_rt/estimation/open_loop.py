@@ -14,17 +14,15 @@ from observer_rt.estimation.predictor import (
     Setting,
     Window,
     follow,
-    interval_before,
-    knot_before,
+    forced_before,
 )
-from observer_rt.estimation.scalars import SCALARS, Scalars, by_theta, learned_of
+from observer_rt.estimation.scalars import SCALARS, Learned, Scalars, by_theta, learned_of
 from observer_rt.foundation.compiled import compiled
 from observer_rt.foundation.small_arrays import copy_matrix, copy_vector, product, propagate
 from observer_rt.model.borrowed import borrowed, borrowed_network, borrowed_tangent
-from observer_rt.model.effective import Coefficients
+from observer_rt.model.forcing import Clock, borrowed_forcing, forcing_of
 from observer_rt.model.hydraulics import empty_sac, seat_area_slope
 from observer_rt.model.integrator import advance_over
-from observer_rt.model.network import Network
 from observer_rt.model.right_hand_side import Tangent, flow_slopes, is_at_rest, tangent_of
 from observer_rt.model.sensor import lagged_slopes
 
@@ -64,9 +62,9 @@ def open_loop(
     )
     before = window.until(max(window.opening, 1))
     x = follow(before, setting, learned, window.opening, np.empty(n), NO_RATE, None, NO_SLOPES)
-    c, network = learned.coefficients, learned.network
-    tangent = tangent_of(c, network, by_theta(theta, setting.coefficients, scalars), m + states)
-    _run(window, setting, c, network, x, tangent, result)
+    by = by_theta(theta, setting.coefficients, scalars)
+    tangent = tangent_of(learned.coefficients, learned.network, by, m + states)
+    _run(window, setting, learned, x, tangent, result)
     return result
 
 
@@ -74,24 +72,29 @@ def open_loop(
 def _run(
     window: Window,
     setting: Setting,
-    c: Coefficients,
-    network: Network,
+    learned: Learned,
     state: NDArray[np.float64],
     tangent: Tangent,
     result: OpenLoop,
 ) -> None:
     """Fill `result`, which holds zeros, from the opening on; state: one sample before, moved on with it."""
     states, m = state.shape[0], result.slopes.shape[1]
-    x, network, tangent = borrowed(state), borrowed_network(network), borrowed_tangent(tangent)
+    first = max(window.opening, 1)
+    x, tangent = borrowed(state), borrowed_tangent(tangent)
+    learned = Learned(borrowed_network(learned.network), learned.coefficients, learned.offset, learned.lag)
+    clock = Clock(window.clock.time + (first - 1) * setting.interval, window.clock.injections)
+    begun = forcing_of(setting.program, clock, len(learned.coefficients.line))
+    forcing = borrowed_forcing(begun)
     unit = np.eye(states)
     last = window.output.shape[0] - 1
     while last > 0 and window.inputs[last, 1] <= 0.0:
         last -= 1
     drained = last + 1 + math.ceil(DRAINING / setting.interval)
-    for k in range(max(window.opening, 1), min(drained, window.output.shape[0])):
-        interval = interval_before(window, setting, k)
+    for k in range(first, min(drained, window.output.shape[0])):
+        forced = forced_before(window, setting, learned, x, k, forcing)
         copy_matrix(unit, tangent.by[:, m : m + states])
-        advance_over(x, interval, knot_before(window, k), c, network, tangent)
+        interval, c, network = forced.interval, forced.coefficients, forced.network
+        advance_over(x, interval, forced.knot, c, network, tangent)
         if window.resting[k]:
             empty_sac(x, tangent)
         copy_matrix(tangent.by[:, m : m + states], result.transition[k])

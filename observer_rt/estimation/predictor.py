@@ -12,11 +12,21 @@ from observer_rt.foundation.compiled import compiled, inlined, inner, inner_sepa
 from observer_rt.foundation.small_arrays import WIDTH, load, store
 from observer_rt.model.borrowed import borrowed, borrowed_network, borrowed_tangent
 from observer_rt.model.effective import Coefficients
+from observer_rt.model.forcing import (
+    NO_CLOCK,
+    NO_PROGRAM,
+    Clock,
+    Forced,
+    Forcing,
+    borrowed_forcing,
+    forcing_of,
+    rate_after,
+    under_terms,
+)
 from observer_rt.model.hydraulics import empty_sac
 from observer_rt.model.integrator import Interval, advance_over
 from observer_rt.model.line.interface import begin_mean
-from observer_rt.model.network import Network
-from observer_rt.model.right_hand_side import Tangent, injection_rate, tangent_of
+from observer_rt.model.right_hand_side import Tangent, tangent_of
 from observer_rt.model.sensor import LAG_UNIT, lagged, lagged_slopes, recorded, recorded_mean
 
 NO_RATE = np.empty(0)
@@ -33,7 +43,7 @@ class Window(NamedTuple):
     (n,) needle shut so long that p_S = p_C; start: (states + 1,) x~ and the indicated pressure at the first sample;
     opening: index of the first sample with an open needle; knots: (n, 2), where the area bends after each sample, as
     in `integrator.advance_over`, for a lift that was sampled between the samples. (0, 2): it was not. masked:
-    (n,) y is an outlier and does not count; (0,): none is.
+    (n,) y is an outlier and does not count; (0,): none is. clock: time and openings up to the first sample.
     """
 
     inputs: NDArray[np.float64]
@@ -43,6 +53,7 @@ class Window(NamedTuple):
     opening: int
     knots: NDArray[np.float64] = np.empty((0, 2))
     masked: NDArray[np.bool_] = np.empty(0, np.bool_)
+    clock: Clock = NO_CLOCK
 
     def until(self, end: int) -> "Window":
         """Its first samples, so many."""
@@ -54,6 +65,7 @@ class Window(NamedTuple):
             self.opening,
             self.knots[:end],
             self.masked[:end],
+            self.clock,
         )
 
 
@@ -61,7 +73,7 @@ class Setting(NamedTuple):
     """What stays the same while parameters are sought: sample interval [s], substeps, model, gain (states,).
 
     late: by which share of an interval (0..1) the indicated pressure is recorded late; lag [s] and offset (in units
-    of p_0): of the sensor of the model in force, what is learned comes on top.
+    of p_0): of the sensor of the model in force, what is learned comes on top. program: of the terms in force.
     """
 
     interval: float
@@ -71,6 +83,7 @@ class Setting(NamedTuple):
     late: float = 0.0
     lag: float = 0.0
     offset: float = 0.0
+    program: NDArray[np.float64] = NO_PROGRAM
 
 
 @inlined
@@ -93,6 +106,16 @@ def interval_before(window: Window, setting: Setting, k: int) -> Interval:
     inputs = window.inputs
     start, end = (inputs[k - 1, 0], inputs[k - 1, 1]), (inputs[k, 0], inputs[k, 1])
     return Interval(start, end, setting.interval, setting.substeps)
+
+
+@inlined
+def forced_before(
+    window: Window, setting: Setting, learned: Learned, x: NDArray[np.float64], k: int, forcing: Forcing
+) -> Forced:
+    """`interval_before` and the model from a state x (n,) on, under the terms in force."""
+    interval, knot = interval_before(window, setting, k), knot_before(window, k)
+    forced: Forced = under_terms(x, interval, knot, learned.coefficients, learned.network, forcing)
+    return forced
 
 
 class Gradient(NamedTuple):
@@ -119,12 +142,9 @@ def gradient_of(
 def predict(
     x: NDArray[np.float64],
     indicated: float,
-    interval: Interval,
-    knot: tuple[float, float],
+    forced: Forced,
     late: float,
     lag: float,
-    c: Coefficients,
-    network: Network,
     gradient: Any,
 ) -> tuple[float, float]:
     """x (n,) one sample on, in place; what the sensor indicates then, and what is recorded of it.
@@ -132,6 +152,7 @@ def predict(
     gradient: `Gradient` to be moved with it, None for none.
     """
     before = x[0]
+    interval, knot, c, network = forced.interval, forced.knot, forced.coefficients, forced.network
     if gradient is None:
         begin_mean(x, None, c.line)
         advance_over(x, interval, knot, c, network, None)
@@ -144,7 +165,7 @@ def predict(
         moved = lagged(indicated, before, x[0], interval.length, lag)
         slopes = lagged_slopes(indicated, before, x[0], interval.length, lag)
         _predict_gradient(gradient, slopes, late, interval.length, lag, moved - indicated, c.line)
-    return moved, _shown(indicated, moved, x[-1], interval.length, lag, late, c.line)
+    return moved, _shown(indicated, moved, x[-1], interval.length, lag, late, c.line) + forced.shown
 
 
 def _shown(
@@ -266,9 +287,10 @@ def _follow(
     rate: NDArray[np.float64],
     gradient: Any,
     slopes: NDArray[np.float64],
+    forcing: Forcing,
 ) -> NDArray[np.float64]:
     """`follow`, on arrays that are lent to it."""
-    c, network = learned.coefficients, learned.network
+    forcing = borrowed_forcing(forcing)
     lag, offset = setting.lag + learned.lag, setting.offset + learned.offset
     output = window.output
     state = window.start[:-1].copy()
@@ -278,12 +300,10 @@ def _follow(
     rate[:1] = 0.0
     slopes[:1] = 0.0
     for k in range(1, output.shape[0]):
-        interval = interval_before(window, setting, k)
-        indicated, shown = predict(
-            x, indicated, interval, knot_before(window, k), setting.late, lag, c, network, gradient
-        )
+        forced = forced_before(window, setting, learned, x, k, forcing)
+        indicated, shown = predict(x, indicated, forced, setting.late, lag, gradient)
         if rate.shape[0] > 0:
-            rate[k] = injection_rate(x, (interval.end[0], max(interval.end[1], 0.0)), c, network)
+            rate[k] = rate_after(x, forced)
         is_measured = not is_masked(window, k)
         errors[k] = output[k] - offset - shown if is_measured else 0.0
         if gradient is not None:
@@ -313,8 +333,9 @@ def follow(
     d(errors)/dtheta.
     """
     lent = Learned(borrowed_network(learned.network), learned.coefficients, learned.offset, learned.lag)
+    forcing = forcing_of(setting.program, window.clock, len(learned.coefficients.line))
     x: NDArray[np.float64] = _follow(
-        window, setting, lent, corrected, errors, rate, _borrowed_gradient(gradient), slopes
+        window, setting, lent, corrected, errors, rate, _borrowed_gradient(gradient), slopes, forcing
     )
     return x
 

@@ -9,8 +9,8 @@ from observer_rt.foundation.compiled import compiled
 from observer_rt.foundation.continuity import Break
 from observer_rt.foundation.small_arrays import copy_vector
 from observer_rt.model.borrowed import borrowed
+from observer_rt.model.forcing import borrowed_forcing, rate_after, under_terms
 from observer_rt.model.integrator import Interval, advance_over
-from observer_rt.model.right_hand_side import injection_rate
 from observer_rt.observer.stream.state import RING, Observer, State
 from observer_rt.observer.stream.stepper import Stepper, coefficients_in_force, network_in_force
 
@@ -36,7 +36,7 @@ def nominal_rates(
     A needle that is shut with nothing flowing is passed over until it opens again or the line is at rest.
     """
     c, network, memory = coefficients_in_force(nominal), network_in_force(nominal), state[0]
-    ring, x = observer.ring, borrowed(held)
+    ring, x, forcing = observer.ring, borrowed(held), borrowed_forcing(nominal.of_hat)
     found = -1  # position of the state to go on from, if that is not x
     for place in range(rates.size):
         position = first + place
@@ -60,9 +60,10 @@ def nominal_rates(
                     nominal.interval,
                     nominal.substeps,
                 )
-                advance_over(x, interval, (before.lift_after, before.lift_area), c, network, None)
+                forced = under_terms(x, interval, (before.lift_after, before.lift_area), c, network, forcing)
+                advance_over(x, forced.interval, forced.knot, forced.coefficients, forced.network, None)
+                rates[place] = rate_after(x, forced)
             memory.position = position
-            rates[place] = injection_rate(x, (row.rail_pressure, max(row.seat_area, 0.0)), c, network)
             memory.flows = rates[place] != 0.0
         if np.isnan(row.injection_rate):
             rates[place] = np.nan

@@ -33,6 +33,7 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MM3_PER_MS
 from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.effective import EffectiveModel, InputTerms
+from observer_rt.model.forcing import Clock
 from observer_rt.model.hydraulics import Seat
 from observer_rt.model.line.interface import Line
 from observer_rt.model.stability import MAX_SUBSTEPS, in_stable_cells, substeps_needed
@@ -63,6 +64,7 @@ def predict(
             batch.openings[i],
             batch.knots[first:end],
             nothing_masked,
+            Clock(batch.clocks[i, 0], batch.clocks[i, 1]),
         )
         follow(window, setting, learned, end - first, innovation[first:end], rate[first:end], None, no_slopes)
 
@@ -170,7 +172,9 @@ class Trial:
         share = sensor.delay / interval - late
         offset = sensor.offset / c.pressure_scale
         gain = schedule.gains[-1].copy()
-        setting = Setting(interval, self._substeps_of(model), c, gain, share, sensor.lag, offset)
+        setting = Setting(
+            interval, self._substeps_of(model), c, gain, share, sensor.lag, offset, model.program
+        )
         innovation, rate = np.empty(batch.output.size), np.empty(batch.output.size)
         predict(batch, setting, nothing_learned(c), innovation, rate, NO_SLOPES)
         return innovation, rate_as_recorded(self.measurement, rate)

@@ -15,6 +15,7 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import Coefficients, EffectiveModel, averaged
+from observer_rt.model.forcing import NO_CLOCK, Clock
 from observer_rt.recording.signals.recording import Recording, Sampled
 
 
@@ -66,17 +67,21 @@ SHORTEST_OPENING = 0.05e-3  # s
 
 @dataclass(frozen=True)
 class JudgedEvent:
-    """Openings closer than EVENT_GAP: x~ runs from sample `start`, innovations count in [counted, end)."""
+    """Openings closer than EVENT_GAP: x~ runs from sample `start`, innovations count in [counted, end).
+
+    clock: time and openings of the recording up to `start`.
+    """
 
     openings: tuple[Opening, ...]
     start: int
     counted: int
     end: int
+    clock: Clock = NO_CLOCK
 
     def moved(self, by: int) -> "JudgedEvent":
         """The same some samples later."""
         openings = tuple(Opening(o.first + by, o.last + by, o.rising, o.falling) for o in self.openings)
-        return JudgedEvent(openings, self.start + by, self.counted + by, self.end + by)
+        return JudgedEvent(openings, self.start + by, self.counted + by, self.end + by, self.clock)
 
 
 class Lack(StrEnum):
@@ -244,7 +249,7 @@ def events_of(
     limits = [*(group[0].first - lead for group in groups), recording.samples - margin][1:]
     missing = missing_samples(recording)
     events, left_out = [], []
-    previous_end = 0
+    previous_end, before = 0, 0
     for group, limit in zip(groups, limits, strict=True):
         start = group[0].first - round(LEAD * rate)
         counted = group[0].first - lead
@@ -257,10 +262,12 @@ def events_of(
         elif missing[start - margin : end + margin].any():
             lack = Lack.GAP
         if lack is None:
-            events.append(JudgedEvent(tuple(group), start, counted, end))
+            clock = Clock(float(recording.time[start]), float(before))
+            events.append(JudgedEvent(tuple(group), start, counted, end, clock))
         else:
             left_out.append(LeftOut(float(recording.time[group[0].first]), lack))
         previous_end = group[-1].last
+        before += len(group)
     return tuple(events), tuple(left_out)
 
 

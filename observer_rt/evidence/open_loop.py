@@ -61,7 +61,7 @@ def simulated(measurement: Measurement, model: EffectiveModel) -> tuple[Simulate
     ).gains
     substeps = substeps_needed(model.injector, sample_rate, model.departures) + SPARE_SUBSTEPS
     offset = sensor.offset / c.pressure_scale
-    setting = Setting(interval, substeps, c, gains[-1].copy(), share, sensor.lag, offset)
+    setting = Setting(interval, substeps, c, gains[-1].copy(), share, sensor.lag, offset, model.program)
     learned = nothing_learned(c)
     result = []
     for number, event in enumerate(measurement.events):

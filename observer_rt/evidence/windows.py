@@ -27,6 +27,7 @@ from observer_rt.evidence.measurement import (
 from observer_rt.evidence.openings import Opening, openings_without_lag, without_lag
 from observer_rt.foundation.compiled import compiled, inner
 from observer_rt.model.effective import Coefficients, InputTerms
+from observer_rt.model.forcing import Clock
 from observer_rt.model.hydraulics import normalised_area
 from observer_rt.model.line.interface import rest_line
 from observer_rt.observer.stream.front_end import dead_band, slope_of_means
@@ -78,7 +79,7 @@ class Batch(NamedTuple):
     """All windows of a recording, one after another; n samples, w windows, normalised by (24).
 
     inputs (n, 2), output (n,), resting (n,), starts (w, states + 1), knots (n, 2) or (0, 2) as in `Window`; bounds
-    (w + 1,): window i is [bounds[i], bounds[i+1]); openings (w,): in the window.
+    (w + 1,): window i is [bounds[i], bounds[i+1]); openings (w,): in the window; clocks (w, 2): as of `Clock`.
     """
 
     inputs: NDArray[np.float64]
@@ -88,6 +89,7 @@ class Batch(NamedTuple):
     bounds: NDArray[np.int64]
     openings: NDArray[np.int64]
     knots: NDArray[np.float64]
+    clocks: NDArray[np.float64]
 
     def window(self, number: int) -> Window:
         """One of the windows."""
@@ -99,6 +101,7 @@ class Batch(NamedTuple):
             self.starts[number],
             self.openings[number],
             self.knots[part],
+            clock=Clock(*self.clocks[number]),
         )
 
 
@@ -320,6 +323,7 @@ def batch_of(
     output = (recording.line_pressure - c.chamber_pressure) / c.pressure_scale
     beside = round(START_MEAN * recording.sample_rate)
     starts = np.zeros((len(measurement.events), c.states + 1))
+    clocks = np.array([event.clock for event in measurement.events])
     for i, event in enumerate(measurement.events):
         mean = float(np.mean(output[event.start - beside : event.start + beside + 1]))
         starts[i, -1] = mean - offset / c.pressure_scale
@@ -332,6 +336,7 @@ def batch_of(
         rows.bounds,
         np.array([event.openings[0].first - event.start + late for event in measurement.events]),
         inputs.knots[source] if inputs.knots.size else inputs.knots,
+        clocks,
     )
 
 

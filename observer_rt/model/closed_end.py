@@ -42,7 +42,9 @@ def move_end(
     before = x[0]
     soft = stiffness(before, c.line)
     if is_at_rest(x, u_mean) and u_end[1] <= 0.0:
-        middle = (before + half * soft * c.line.a1 * x[1]) / (1.0 + half * soft * c.line.leak)
+        middle = (before + half * soft * c.line.a1 * (x[1] - c.line.outflow)) / (
+            1.0 + half * soft * c.line.leak
+        )
         sac = 0.0
     else:
         middle, sac = _solve_end(x, u_mean, half, half * soft, c, network)
@@ -95,6 +97,7 @@ def _solve_end(
     """
     line, seat, nozzle, sac = c.line, c.seat, c.nozzle, c.sac
     p_0, flow, s_0 = x[0], x[1], x[2]
+    inflow = line.a1 * (flow - line.outflow)
     p, s = p_0, s_0
     lowest, highest = min(s_0, p_0, 0.0) - SPARE, max(s_0, p_0, 0.0) + SPARE
     back_pressure = back_pressure_at(u[1], network)
@@ -108,7 +111,7 @@ def _solve_end(
         s_p = seat_law_slopes(p, s, u[1], seat)[0] * (1.0 + seat_change)
         s_s = through_seat * by_sac_s - s_p
         line_error = (
-            p - p_0 - line_step * (line.a1 * flow - line.leak * p - line.a2_nozzle * q_h - line.a2_seat * q_s)
+            p - p_0 - line_step * (inflow - line.leak * p - line.a2_nozzle * q_h - line.a2_seat * q_s)
         )
         sac_error = s - s_0 - sac_step * (sac.a5 * q_s - sac.a6 * q_h)
         pp = 1.0 + line_step * (line.leak + line.a2_seat * s_p)
@@ -173,10 +176,11 @@ def _end_rows(
         _add_flow(line_row, sac_row, back, line_by_h, sac_by_h, flows.h_back_pressure)
         _add_flow(line_row, sac_row, back + 1, line_by_h, sac_by_h, flows.h_back_pressure * u[1])
     if line_step > 0.0:
-        net = line.a1 * flow - line.leak * p - line.a2_nozzle * q_h - line.a2_seat * q_s
+        inflow = flow - line.outflow
+        net = line.a1 * inflow - line.leak * p - line.a2_nozzle * q_h - line.a2_seat * q_s
         by_pressure, by_air, by_slope = stiffness_slopes(x[0], line)
         by_coefficient = tangent.slopes.by_coefficient
-        by_coefficient[0, _A1] = fill * flow
+        by_coefficient[0, _A1] = fill * inflow
         by_coefficient[0, _A2_NOZZLE] = -fill * q_h
         by_coefficient[0, _A2_SEAT] = -fill * q_s
         by_coefficient[0, _LEAK] = -fill * p

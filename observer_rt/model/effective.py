@@ -4,10 +4,16 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.foundation.units import MILLIMETRE
 from observer_rt.model.hydraulics import Nozzle, Sac, Seat, nozzle_of, sac_of, seat_flow_scale, seat_of
 from observer_rt.model.line.interface import line_of
 from observer_rt.model.parameters import NO_DEPARTURES, Departures, InjectorParameters
+from observer_rt.model.terms.program import program_of
 from observer_rt.model.terms.term import Term
+from observer_rt.model.terms.variable import Variable
 
 
 class Coefficients(NamedTuple):
@@ -101,6 +107,15 @@ class EffectiveModel:
     def coefficients(self) -> Coefficients:
         """What the compiled right-hand side needs."""
         return coefficients(self.injector, self.departures)
+
+    @cached_property
+    def program(self) -> NDArray[np.float64]:
+        """What compiled code runs of the terms (n, 2), see `forcing`."""
+        return program_of(self.terms, {Variable.MAX_LIFT: self.injector.seat.max_lift / MILLIMETRE})
+
+    def with_term(self, term: Term) -> "EffectiveModel":
+        """The model with a term more."""
+        return replace(self, terms=(*self.terms, term))
 
     def with_section(self, section: str, **factors: float) -> "EffectiveModel":
         """The model with parameters of a section of the injector file multiplied by factors."""

@@ -172,11 +172,11 @@ def move_line(x: NDArray[np.float64], rail: float, step: float, line: WaveLine, 
     mean_before = mean_flow(x, cells) if line.memory > 0.0 else 0.0
     if tangent is not None and line.memory > 0.0:
         mean_flow_row(tangent.by, cells, tangent.moved, BEFORE)
-    ahead_flow, ahead_pressure = x[flow_at(1, cells)], rail
+    ahead_flow, ahead_pressure, loss = x[flow_at(1, cells)], rail, line.loss / cells
     for i in range(1, cells + 1):
         place, here = flow_at(i, cells), pressure_at(i, cells)
         behind = flow_at(min(i + 1, cells), cells)
-        flow, pressure, drop = x[place], x[here], ahead_pressure - x[here]
+        flow, pressure, drop = x[place], x[here], ahead_pressure - loss - x[here]
         inertia = across_joint(line.joint - (i - 1), line.a3, line.a3_near)
         uneven = ahead_flow - 2.0 * flow + x[behind]
         resistance = line.a4 + (line.a4_inlet if i == 1 else 0.0)

@@ -16,6 +16,7 @@ from observer_rt.foundation.units import MILLISECOND
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import averaged
 from observer_rt.model.effects import effective_model
+from observer_rt.model.forcing import Clock, forcing_of
 from observer_rt.model.network import zero_network
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.sensor import sensor_of
@@ -144,6 +145,7 @@ def constants_for(
         rail_every=rail_every,
         undoing=undoing_of(model.inputs, interval),
         quickest=QUICKEST * max(parameters.needle.opening_speed, parameters.needle.closing_speed) * interval,
+        program=model.program,
     )
 
 
@@ -187,6 +189,11 @@ def make_observer(
 
 def with_constants(observer: Observer, constants: Constants) -> Observer:
     """The same memory with other constants."""
+    if observer.stepper is None:
+        of_line = len(constants.coefficients.line)
+        forcings = [forcing_of(constants.program, Clock(), of_line) for _ in ("x~", "x^")]
+    else:
+        forcings = [observer.stepper.of_tilde, observer.stepper.of_hat]
     stepper = Stepper(
         constants.coefficients,
         constants.sensor,
@@ -199,6 +206,7 @@ def with_constants(observer: Observer, constants: Constants) -> Observer:
         observer.gains,
         observer.phi,
         observer.verdicts.phi,
+        *forcings,
     )
     bound, kept = bind(step, stepper)
     return observer._replace(constants=constants, step=bound, stepper=stepper, kept=kept)
@@ -223,7 +231,11 @@ def event_window(observer: Observer, number: int) -> Window | None:
     )
     columns = window.inputs, window.output, window.resting, window.knots, window.masked
     copy_window(observer.ring, start, late, *columns)
-    return window
+    openings = np.count_nonzero(
+        np.diff(window.inputs[:, 1] > 0.0, prepend=False) & (window.inputs[:, 1] > 0.0)
+    )
+    begun = Clock(start * observer.constants.interval, float(event["injections"] - openings))
+    return window._replace(clock=begun)
 
 
 def remembered(ring: NDArray[Any], start: int, end: int) -> NDArray[Any]:

@@ -90,7 +90,8 @@ def _line_pressure(fitted: BenchInjector, lift: NDArray[np.float64]) -> NDArray[
         opening=1,
     )
     errors = np.empty(lift.size)  # of an output of 0
-    setting = Setting(constants.interval, constants.substeps, c, np.zeros(c.states))
+    gain = np.zeros(c.states)
+    setting = Setting(constants.interval, constants.substeps, c, gain, program=constants.program)
     follow(window, setting, nothing_learned(c), window.opening, errors, NO_RATE, None, NO_SLOPES)
     return c.chamber_pressure - errors * c.pressure_scale
 

@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from observer_rt.foundation.compiled import compiled, inner
 from observer_rt.model.effective import Coefficients, EffectiveModel, SensorTerms
+from observer_rt.model.forcing import Clock, Forcing, forcing_of, rate_after, under_terms
 from observer_rt.model.hydraulics import normalised_area
-from observer_rt.model.integrator import fine_step
+from observer_rt.model.integrator import Interval, fine_step
 from observer_rt.model.line.interface import rest_line
 from observer_rt.model.line.wave import WaveLine, cells_for
 from observer_rt.model.network import Network, constant_network
-from observer_rt.model.right_hand_side import injection_rate
 from observer_rt.model.sensor import lagged
 from observer_rt.model.stability import fastest_rate
 from observer_rt.simulation.schedule import CORNER_ROUNDING, Stroke, lift_of_stroke
@@ -66,6 +66,7 @@ def run_plant(
     longest_step, model = _longest_step(model)
     c = model.coefficients
     network = constant_network()
+    forcing = forcing_of(model.program, Clock(), len(c.line))
     period = float(time[-1] - time[0]) / (time.size - 1)
     steps = math.ceil(period / longest_step)
     rail = (rail_pressure - c.chamber_pressure) / c.pressure_scale
@@ -93,6 +94,7 @@ def run_plant(
             c,
             network,
             model.sensor,
+            forcing,
             states,
             lift,
             rate,
@@ -150,6 +152,7 @@ def _run(
     c: Coefficients,
     network: Network,
     sensor: SensorTerms,
+    forcing: Forcing,
     states: NDArray[np.float64],
     lift: NDArray[np.float64],
     rate: NDArray[np.float64],
@@ -167,9 +170,10 @@ def _run(
             x[2] = 0.0  # at rest, not decaying towards denormal numbers
         for i in range(3):
             states[n, i] = x[i]
-        rate[n] = injection_rate(x, u, c, network)
+        now = under_terms(x, Interval(u, u, 0.0, 1), (0.0, u[1]), c, network, forcing)
+        rate[n] = rate_after(x, now)
         if n + 1 == time.size:
-            recorded[due:] = indicated
+            recorded[due:] = indicated + now.shown
             break
         step = (time[n + 1] - time[n]) / steps
         for i in range(steps):
@@ -182,12 +186,15 @@ def _run(
             u_middle = _inputs(rail_middle, lift_of_stroke(start + 0.5 * step, s), c)
             u_end = _inputs(rail_end, lift_of_stroke(start + step, s), c)
             before, shown = x[0], indicated
-            fine_step(x, u, u_middle, u_end, step, c, network)
+            forced = under_terms(x, Interval(u, u_end, step, 1), (0.0, u_middle[1]), c, network, forcing)
+            start_u, end_u = forced.interval.start, forced.interval.end
+            middle = (u_middle[0] + end_u[0] - u_end[0], forced.knot[1])
+            fine_step(x, start_u, middle, end_u, step, forced.coefficients, forced.network)
             indicated = lagged(shown, before, x[0], step, sensor.lag)
             end = time[n] + (i + 1) * step if i + 1 < steps else time[n + 1]
             while due < time.size and time[due] - sensor.delay < end:
                 share = max(time[due] - sensor.delay - start, 0.0) / step
-                recorded[due] = shown + share * (indicated - shown)
+                recorded[due] = shown + share * (indicated - shown) + forced.shown
                 due += 1
             u = u_end
     return number, indicated, due

@@ -16,16 +16,17 @@ from observer_rt.bus.links.link import BusFrame
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.timing import Numbering
 from observer_rt.config.bench import BenchInjector
-from observer_rt.estimation.predictor import Setting, Window, interval_before, knot_before
+from observer_rt.estimation.predictor import Setting, Window, forced_before
 from observer_rt.estimation.scalars import Learned
 from observer_rt.foundation.compiled import compiled
 from observer_rt.foundation.units import MM3_PER_MS
 from observer_rt.model.borrowed import borrowed_network
 from observer_rt.model.effective import Coefficients
+from observer_rt.model.forcing import borrowed_forcing, forcing_of
 from observer_rt.model.hydraulics import empty_sac, normalised_area
 from observer_rt.model.integrator import advance_over
 from observer_rt.model.line.interface import rest_line
-from observer_rt.model.network import Network, constant_network
+from observer_rt.model.network import constant_network
 from observer_rt.model.right_hand_side import fault_and_rate
 from observer_rt.observer.stream.front_end import dead_band
 from observer_rt.observer.stream.state import RING
@@ -168,6 +169,7 @@ class InjectionModel:
             constants.substeps,
             constants.coefficients,
             np.zeros(constants.coefficients.states),
+            program=constants.program,
         )
 
     def __call__(
@@ -195,7 +197,7 @@ class InjectionModel:
         )
         learned = Learned(constant_network(nozzle_wear, seat_wear), c, 0.0, 0.0)
         result = Modelled(np.zeros(n), np.zeros((3, n)))
-        _walk(window, self._setting, c, learned.network, state, result)
+        _walk(window, self._setting, learned, state, result)
         return Modelled(result.rate / MM3_PER_MS, result.phi)
 
 
@@ -203,19 +205,20 @@ class InjectionModel:
 def _walk(
     window: Window,
     setting: Setting,
-    c: Coefficients,
-    network: Network,
+    learned: Learned,
     x: NDArray[np.float64],
     result: Modelled,
 ) -> None:
     """Fill `result`, rates in m3/s; x: the state at the first sample, which goes along."""
-    lent = borrowed_network(network)
+    learned = Learned(borrowed_network(learned.network), learned.coefficients, learned.offset, learned.lag)
+    begun = forcing_of(setting.program, window.clock, len(learned.coefficients.line))
+    forcing = borrowed_forcing(begun)
     for k in range(1, window.inputs.shape[0]):
-        interval = interval_before(window, setting, k)
-        advance_over(x, interval, knot_before(window, k), c, lent, None)
+        forced = forced_before(window, setting, learned, x, k, forcing)
+        advance_over(x, forced.interval, forced.knot, forced.coefficients, forced.network, None)
         if window.resting[k]:
             empty_sac(x, None)
-        phi, rate = fault_and_rate(x, interval.end, c, lent)
+        phi, rate = fault_and_rate(x, forced.interval.end, forced.coefficients, forced.network)
         result.rate[k] = rate
         for row in range(3):
             result.phi[row, k] = phi[row]

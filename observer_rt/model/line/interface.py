@@ -43,12 +43,16 @@ class Line(Protocol):
     rates, and its fastest is 0.
     """
 
+    of_stiffness: ClassVar[tuple[str, ...]]  # coefficients in proportion to the bulk modulus
+    of_inertance: ClassVar[tuple[str, ...]]  # in inverse proportion to the inertance
     averaged: ClassVar[bool]  # its last state is the integral of p_L [s], see `begin_mean`
     rates: ClassVar[Callable[..., Any]]
     slopes: ClassVar[Callable[..., Any]]
     fastest: ClassVar[Callable[..., Any]]
     rest: ClassVar[Callable[..., Any]]
     _fields: ClassVar[tuple[str, ...]]
+    outflow: float  # of its closed end, in units of Q_0, as terms change it
+    loss: float  # of pressure along it, in units of p_0, as terms change it
 
     @property
     def further(self) -> int:

@@ -58,8 +58,8 @@ def rates(
     """p_L' of (20) and Q_L' of (19), normalised [1/s]."""
     return (
         stiffness(x[0], line)
-        * (line.a1 * x[1] - line.a2_nozzle * q_h - line.a2_seat * q_s - line.leak * x[0]),
-        line.a3 * (rail - x[0]) - line.a4 * x[1] * math.fabs(x[1]),
+        * (line.a1 * (x[1] - line.outflow) - line.a2_nozzle * q_h - line.a2_seat * q_s - line.leak * x[0]),
+        line.a3 * (rail - line.loss - x[0]) - line.a4 * x[1] * math.fabs(x[1]),
     )
 
 
@@ -70,7 +70,7 @@ def slopes(
     """Derivatives of `rates`; of the coefficients, of those that anything changes."""
     soft = stiffness(x[0], line)
     by_pressure, by_air, by_slope = stiffness_slopes(x[0], line)
-    inflow = line.a1 * x[1] - line.a2_nozzle * q_h - line.a2_seat * q_s - line.leak * x[0]
+    inflow = line.a1 * (x[1] - line.outflow) - line.a2_nozzle * q_h - line.a2_seat * q_s - line.leak * x[0]
     result.by_state[0, 0] = by_pressure * inflow - soft * line.leak
     result.by_state[0, 1] = soft * line.a1
     result.by_state[1, 0] = -line.a3
@@ -78,13 +78,13 @@ def slopes(
     result.by_rail[1] = line.a3
     result.by_flow[0, 0] = -soft * line.a2_nozzle
     result.by_flow[0, 1] = -soft * line.a2_seat
-    result.by_coefficient[0, _A1] = soft * x[1]
+    result.by_coefficient[0, _A1] = soft * (x[1] - line.outflow)
     result.by_coefficient[0, _A2_NOZZLE] = -soft * q_h
     result.by_coefficient[0, _A2_SEAT] = -soft * q_s
     result.by_coefficient[0, _LEAK] = -soft * x[0]
     result.by_coefficient[0, _AIR] = by_air * inflow
     result.by_coefficient[0, _STIFFNESS_SLOPE] = by_slope * inflow
-    result.by_coefficient[1, _A3] = rail - x[0]
+    result.by_coefficient[1, _A3] = rail - line.loss - x[0]
     result.by_coefficient[1, _A4] = -x[1] * math.fabs(x[1])
 
 
@@ -115,6 +115,8 @@ class _LumpCoefficients(NamedTuple):
     stiffness_slope: float  # n p_0/K_L: how K_L grows with the line pressure, 0 when it does not
     stiffness_pressure: float  # where it is K_L, normalised as x_1
     chamber_pressure: float  # p_C/p_0
+    outflow: float = 0.0  # of the end, by terms, in units of Q_0
+    loss: float = 0.0  # of pressure along the line, by terms, in units of p_0
 
 
 class LumpLine(_LumpCoefficients):
@@ -122,6 +124,8 @@ class LumpLine(_LumpCoefficients):
 
     __slots__ = ()
     further = 0
+    of_stiffness = ("a1", "a2_nozzle", "a2_seat", "leak")
+    of_inertance = ("a3", "a4")
     rates = staticmethod(rates)
     slopes = staticmethod(slopes)
     fastest = staticmethod(fastest)
@@ -201,13 +205,7 @@ class LumpLine(_LumpCoefficients):
 
     def with_stiffness(self, r: float) -> "LumpLine":
         """See `interface.Line`."""
-        stiffer = 1.0 + r
-        return self._replace(
-            a1=self.a1 * stiffer,
-            a2_nozzle=self.a2_nozzle * stiffer,
-            a2_seat=self.a2_seat * stiffer,
-            leak=self.leak * stiffer,
-        )
+        return self._replace(**{name: getattr(self, name) * (1.0 + r) for name in self.of_stiffness})
 
     def with_air(self, g: float) -> "LumpLine":
         """See `interface.Line`."""

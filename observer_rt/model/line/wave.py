@@ -112,6 +112,8 @@ class _WaveCoefficients(NamedTuple):
     chamber_pressure: float
     cells: float  # n
     joint: float  # where the parts meet, in cells from the rail
+    outflow: float = 0.0  # as of the lump, by terms
+    loss: float = 0.0  # likewise, spread evenly over the faces
 
 
 def _without_rk4(line: "WaveLine") -> float:
@@ -124,6 +126,8 @@ class WaveLine(_WaveCoefficients):
 
     __slots__ = ()
     averaged = False
+    of_stiffness = ("a1", "a2_nozzle", "a2_seat", "b", "b_near", "leak")
+    of_inertance = ("a3", "a3_near", "a4", "a4_inlet")
     fastest = staticmethod(_without_rk4)
     rest = staticmethod(rest)
 
@@ -284,8 +288,7 @@ class WaveLine(_WaveCoefficients):
 
     def with_stiffness(self, r: float) -> "WaveLine":
         """See `interface.Line`."""
-        names = ("a1", "a2_nozzle", "a2_seat", "b", "b_near", "leak")
-        return self._replace(**{name: getattr(self, name) * (1.0 + r) for name in names})
+        return self._replace(**{name: getattr(self, name) * (1.0 + r) for name in self.of_stiffness})
 
     def with_air(self, g: float) -> "WaveLine":
         """See `interface.Line`."""

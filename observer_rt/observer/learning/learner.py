@@ -411,6 +411,7 @@ class Learner(Tracker):
             late=sensor.fraction,
             lag=sensor.lag,
             offset=sensor.offset,
+            program=constants.program,
         )
 
 

@@ -321,7 +321,7 @@ class Undoing(NamedTuple):
     ahead: int  # samples that must be known beyond one
 
 
-@referenced("coefficients.line")
+@referenced("coefficients.line", "program")
 class Constants(NamedTuple):
     """What does not change while the observer runs; the stream does not see the line."""
 
@@ -336,6 +336,7 @@ class Constants(NamedTuple):
     rail_every: float  # samples to one of the rail pressure
     undoing: Undoing
     quickest: float  # m a sample: no needle is
+    program: NDArray[np.float64]  # of the terms in force
 
 
 @referenced("phi", "verdicts.phi", "stepper", "kept")

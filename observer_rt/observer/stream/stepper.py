@@ -13,6 +13,7 @@ from observer_rt.foundation.referenced import referenced
 from observer_rt.foundation.small_arrays import copy_vector
 from observer_rt.model.borrowed import borrowed
 from observer_rt.model.effective import Coefficients
+from observer_rt.model.forcing import Forced, Forcing, borrowed_forcing, under_terms
 from observer_rt.model.integrator import Interval
 from observer_rt.model.line.interface import line_from, rest_line
 from observer_rt.model.network import Network
@@ -50,6 +51,8 @@ class Stepper(NamedTuple):
     gains: NDArray[np.float64]
     phi: Phi
     posted: Phi
+    of_tilde: Forcing
+    of_hat: Forcing
 
 
 @addressed
@@ -106,12 +109,13 @@ def _start(stepper: Stepper, position: int) -> None:
     rest_line(x_tilde, row.line_pressure - stepper.memory[0].offset, stepper.coefficients.line)
     x_tilde[2] = 0.0
     copy_vector(x_tilde, x_hat)
-    _read(stepper, position, x_hat)
+    stepper.of_tilde.memory[:] = math.nan
+    _read(stepper, position, x_hat, coefficients_in_force(stepper), network_in_force(stepper))
 
 
 @inner
-def _between(stepper: Stepper, position: int) -> tuple[Interval, tuple[float, float]]:
-    """The interval before a sample, and where the area bends in it."""
+def _between(stepper: Stepper, position: int, x: NDArray[np.float64], forcing: Forcing) -> Forced:
+    """The interval before a sample, in which the area may bend, from a state x (n,) on under the terms in force."""
     before, row = stepper.ring[(position - 1) & _MASK], stepper.ring[position & _MASK]
     interval = Interval(
         (before.rail_pressure, before.seat_area),
@@ -119,25 +123,23 @@ def _between(stepper: Stepper, position: int) -> tuple[Interval, tuple[float, fl
         stepper.interval,
         stepper.substeps,
     )
-    return interval, (before.lift_after, before.lift_area)
+    knot = (before.lift_after, before.lift_area)
+    c, network = coefficients_in_force(stepper), network_in_force(stepper)
+    forced: Forced = under_terms(x, interval, knot, c, network, borrowed_forcing(forcing))
+    return forced
 
 
 @inner_separate
 def _predict(stepper: Stepper, position: int) -> float:
     before, row = (position - 1) & _MASK, position & _MASK
-    interval, knot = _between(stepper, position)
-    network, c = network_in_force(stepper), coefficients_in_force(stepper)
     x_tilde = borrowed(stepper.x_tilde[row])  # as learning has it: one code for both
     copy_vector(stepper.x_tilde[before], x_tilde)
     indicated, shown = predict(
         x_tilde,
         stepper.ring[before].indicated,
-        interval,
-        knot,
+        _between(stepper, position, x_tilde, stepper.of_tilde),
         stepper.sensor.fraction,
         stepper.memory[0].lag,
-        c,
-        network,
         None,
     )
     stepper.ring[row].indicated = indicated
@@ -154,22 +156,27 @@ def _correct(stepper: Stepper, position: int) -> float:
     if row.resting:
         x_tilde[2] = 0.0
         copy_vector(x_tilde, x_hat)
+        copy_vector(stepper.of_tilde.past, stepper.of_hat.past)
+        copy_vector(stepper.of_tilde.memory, stepper.of_hat.memory)
+        _read(stepper, position, x_hat, coefficients_in_force(stepper), network_in_force(stepper))
     else:
-        interval, knot = _between(stepper, position)
-        network, c = network_in_force(stepper), coefficients_in_force(stepper)
         copy_vector(stepper.x_hat[(position - 1) & _MASK], x_hat)
-        advance_x_hat(stepper.phi, x_hat, interval, knot, c, network)
-    _read(stepper, position, x_hat)
+        forced = _between(stepper, position, x_hat, stepper.of_hat)
+        c, network = forced.coefficients, forced.network
+        advance_x_hat(stepper.phi, x_hat, forced.interval, forced.knot, c, network)
+        _read(stepper, position, x_hat, c, network)
     return 0.0 if math.isfinite(x_hat.sum() + x_tilde.sum()) else math.nan
 
 
 @inner
-def _read(stepper: Stepper, position: int, x_hat: NDArray[np.float64]) -> None:
+def _read(
+    stepper: Stepper, position: int, x_hat: NDArray[np.float64], c: Coefficients, network: Network
+) -> None:
     """Injection rate and phi of x^ into a sample's row; both are 0 at rest."""
     row = stepper.ring[position & _MASK]
     phi, rate = (0.0, 0.0, 0.0), 0.0
     if not row.resting:
         u = (row.rail_pressure, max(row.seat_area, 0.0))
-        phi, rate = read_phi(stepper.phi, x_hat, u, coefficients_in_force(stepper), network_in_force(stepper))
+        phi, rate = read_phi(stepper.phi, x_hat, u, c, network)
     row.phi[0], row.phi[1], row.phi[2] = phi
     row.injection_rate = rate

@@ -57,6 +57,7 @@ class NominalInjection:
             constants.substeps,
             constants.coefficients,
             np.zeros(constants.coefficients.states),  # it is not corrected by what is measured
+            program=constants.program,
         )
         self._nothing_learned = np.zeros(SCALARS.width)
 

@@ -1,0 +1,169 @@
+"""The library of terms that `discover` tries where the vocabulary does not explain recordings.
+
+A law is of order 1 where an injector works, so that its coefficient is in the unit of its equation. Pressures are
+centred: with a factor of the pressure itself, most of it would be a constant.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.discovery.search.adequacy import HealthyBaseline, worst
+from observer_rt.discovery.search.result import Hypothesis, Sizing
+from observer_rt.evidence.bounded_fit import Range, Residuals
+from observer_rt.evidence.likelihood import Evidence, pool_of
+from observer_rt.model.effect import Effect, EffectParameter, Place
+from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.terms.parser import parse
+from observer_rt.model.terms.term import Term, TermEquation
+
+STEP = 0.01  # of the bound: a term so small changes the innovations in proportion
+DEAD_ZONE = 0.002  # of the bound: a smaller term does not matter
+
+_PLACES = {
+    TermEquation.LINE_FLOW: Place.LINE_FLOW,
+    TermEquation.LINE_PRESSURE: Place.CLOSED_END,
+    TermEquation.SEAT_FLOW: Place.SEAT,
+    TermEquation.NOZZLE_FLOW: Place.NOZZLE,
+    TermEquation.STIFFNESS: Place.CLOSED_END,
+    TermEquation.INERTANCE: Place.LINE_FLOW,
+    TermEquation.CHAMBER_PRESSURE: Place.CHAMBER,
+    TermEquation.LINE_PRESSURE_SENSOR: Place.LINE_SENSOR,
+    TermEquation.NEEDLE_LIFT: Place.LIFT_SENSOR,
+    TermEquation.RAIL_PRESSURE: Place.RAIL_SENSOR,
+}
+
+_SHORT = {
+    "Q": "(line_flow/60)",
+    "P": "((line_pressure - 100)/100)",
+    "R": "((rail_pressure - 100)/100)",
+    "X": "(needle_lift/max_lift)",
+    "V": "lift_rate",
+    "U": "(time_since_opening/1)",
+    "H": "((sac_pressure - chamber_pressure)/100)",
+    "S": "((line_pressure - sac_pressure)/10)",
+    "D": "((line_pressure - chamber_pressure)/100)",
+}
+_IN_TIME = ("T", "N")  # time and injection number, from 0 to 1 over the recordings
+_LAGGED_LIFT = tuple(f"X - lagged(X, {ms})" for ms in (0.02, 0.05, 0.1, 0.2))
+_LAGGED_FLOW = tuple(f"Q - lagged(Q, {ms})" for ms in (0.02, 0.05, 0.1, 0.3))
+_OF_SEAT = (
+    "X", "X^2", "exp(-X/0.1)", "exp(-X/0.3)", "max(X - 0.5, 0)", "max(X - 0.8, 0)", "X > 0.93",
+    "V", "abs(V)", "opening", "closing", "U", "exp(-U)", "exp(-U/0.3)", "T", "N", "R", *_LAGGED_LIFT,
+)  # fmt: skip
+LIBRARY: Mapping[TermEquation, tuple[str, ...]] = {
+    TermEquation.LINE_FLOW: (
+        "Q", "sqrt(Q)", "Q^3", "Q^2", "line_pressure_rate/50", "V", "X", "Q*(Q < 0)", "Q*abs(Q)*(Q < 0)",
+        "Q*T", "Q*N", "Q*P", "Q*exp(-U)", "Q*abs(Q)*T", "Q*abs(Q)*N", "Q*abs(Q)*P", "Q*abs(Q)*exp(-U)", *_LAGGED_FLOW,
+    ),
+    TermEquation.INERTANCE: ("1", "abs(Q)", "Q", "Q^2", "P", "P^2", "T", "N", "X", "U", "exp(-U)"),
+    TermEquation.STIFFNESS: (
+        "abs(Q)", "Q", "Q^2", "P", "P^2", "100/(line_pressure + 20)", "T", "N", "X", "U", "exp(-U)",
+    ),
+    TermEquation.RAIL_PRESSURE: ("R^2", "R^3", "T", "N", "X", "open", "abs(Q)", "rail_pressure_rate"),
+    TermEquation.LINE_PRESSURE: (
+        "1", "sqrt(D)", "D^2", "D^3", "D*closed", "sqrt(D)*closed", "D*open", "sqrt(D)*open", "X", "V", "abs(V)",
+        "T", "N", "D*T", "D*N", *_LAGGED_LIFT,
+    ),
+    TermEquation.SEAT_FLOW: (*_OF_SEAT, "tanh(S)", "sqrt(tanh(S))"),
+    TermEquation.NOZZLE_FLOW: (
+        *_OF_SEAT, "H", "sqrt(H)", "H^2", "0.3/sqrt(H + 0.1)", "0.1/sqrt(H + 0.01)", "P", "abs(Q)",
+    ),
+    TermEquation.CHAMBER_PRESSURE: ("min(X/0.33, 1)", "X", "U", "exp(-U)", "nozzle_flow/60", "T", "N", "H"),
+    TermEquation.NEEDLE_LIFT: ("X^2", "X^3", "V", "T", "N", "R", *_LAGGED_LIFT),
+    TermEquation.LINE_PRESSURE_SENSOR: (
+        "P^2", "P^3", "abs(line_pressure_rate)/50", "line_pressure_rate/50", "T", "N", "X", "V", "R", "Q",
+        "P - lagged(P, 0.05)", "P - lagged(P, 0.2)",
+    ),
+}  # fmt: skip
+"""Laws by equation; those that an effect of the vocabulary has are left to it."""
+
+
+@dataclass(frozen=True)
+class Span:
+    """What the recordings reach to: time [s] and injection number."""
+
+    time: float
+    injections: float
+
+
+def library(span: Span) -> Iterator[Effect]:
+    """The terms of the library as effects with one size, their coefficient."""
+    for equation, laws in LIBRARY.items():
+        for law in laws:
+            if "N" not in law or span.injections > 1.0:
+                yield term_effect(equation, spelled(law, span))
+
+
+def spelled(law: str, span: Span) -> str:
+    """A law of the library in the words of laws."""
+    letters = _SHORT | {
+        "T": f"(time/{span.time:.3g})",
+        "N": f"((injection_number - 1)/{max(span.injections - 1.0, 1.0):.3g})",
+    }
+    return "".join(letters.get(letter, letter) for letter in law)
+
+
+@lru_cache(maxsize=4096)
+def term_effect(equation: TermEquation, law: str) -> Effect:
+    """A term as an effect whose size is the coefficient of a law of order 1."""
+    parsed = parse(f"c*({law})")
+    highest = equation.bounds[1]
+    lowest = max(equation.bounds[0], -highest)
+    size = EffectParameter("c", str(equation.unit), 1.0, 0.0, lowest, highest, DEAD_ZONE * highest, (0.0,))
+
+    def apply(model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
+        return model.with_term(Term(equation, parsed, values[0]))
+
+    return Effect(f"{equation}: {parsed}", _PLACES[equation], (size,), apply, str(parsed), "")
+
+
+class InjectorTerms:
+    """An injector's recordings as a `TermProblem`: terms of a library, and effects of the vocabulary beside them."""
+
+    def __init__(
+        self,
+        evidence: Evidence,
+        nominal: EffectiveModel,
+        effects: Sequence[Effect],
+        baseline: HealthyBaseline,
+    ) -> None:
+        self._evidence = evidence
+        self._nominal = nominal
+        self._baseline = baseline
+        self.candidates = tuple(Candidate(effect) for effect in effects)
+
+    def hypothesis(self, chosen: Sequence[int]) -> Hypothesis:
+        """These candidates as effects."""
+        return Hypothesis(tuple(self.candidates[number].effect for number in chosen))
+
+    def residuals(self, chosen: Sequence[int], theta: NDArray[np.float64]) -> Residuals | None:
+        """See `TermProblem`."""
+        return Sizing(self._evidence, self._nominal, self.hypothesis(chosen)).residuals(theta)
+
+    def is_adequate(self, chosen: Sequence[int], theta: NDArray[np.float64]) -> bool:
+        """See `TermProblem`."""
+        judged = self._evidence.judge(self.hypothesis(chosen).model(self._nominal, theta))
+        return judged is not None and worst(pool_of(self._evidence, judged), self._baseline).ratio <= 1.0
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect with one size as a `CandidateTerm`."""
+
+    effect: Effect
+
+    @property
+    def equation(self) -> str:
+        """Where it sits; of a term, which equation."""
+        return self.effect.id.split(":")[0] if ":" in self.effect.id else self.effect.place.value
+
+    @property
+    def range(self) -> Range:
+        """Bounds, and a step that noise does not drown."""
+        size = self.effect.parameters[0]
+        step = STEP * size.highest if ":" in self.effect.id else 0.5 * size.dead_zone
+        return Range(size.lowest, size.highest, step)

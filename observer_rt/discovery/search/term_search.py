@@ -1,0 +1,289 @@
+"""Searches for terms that a model misses: scores of all candidates from one linearisation each, refits of the best.
+
+It knows no injector: a system, its candidates and its data come in as a `TermProblem`.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.estimation.prediction_error import HUBER
+from observer_rt.evidence.bounded_fit import Minimum, Range, Residuals, fit
+
+SAME = 0.998  # cosine of two signatures of one equation, from which on the weaker one is not fitted
+REFITTED, REFITTED_PAIRS = 5, 3  # of the best by score
+PAIR_GAIN, PAIR_SHARE = 30.0, 0.05  # that a pair of one equation must gain over the best single to be fitted
+PRICE = 10.0  # of -2 log L for a term more, which of two near-ties leads
+LEAST_GAIN, LEAST_SHARE = 25.0, 0.05  # of what is left unexplained, that a further term must gain
+KEPT_SHARE = 0.02  # of the same, that a term already taken must be worth
+MOST_TERMS = 4
+ITERATIONS = 6  # of a refit
+
+
+class CandidateTerm(Protocol):
+    """A term that may be missing; its coefficient is the only free number.
+
+    shape: candidates of one equation and shape differ in a number of their law only.
+    """
+
+    @property
+    def equation(self) -> str:
+        """The equation it corrects."""
+
+    @property
+    def range(self) -> Range:
+        """Bounds of its coefficient, and a small one."""
+
+
+class TermProblem(Protocol):
+    """A system with candidates, and its data."""
+
+    candidates: Sequence[CandidateTerm]
+
+    def residuals(self, chosen: Sequence[int], theta: NDArray[np.float64]) -> Residuals | None:
+        """Residuals with these candidates in force, their coefficients theta; None without a solution."""
+
+    def is_adequate(self, chosen: Sequence[int], theta: NDArray[np.float64]) -> bool:
+        """Whether nothing but noise is left."""
+
+
+Each = Callable[[Callable[[int], object], Sequence[int]], Iterable[object]]
+"""Applies work to items, on several threads if it likes, in the order of the items."""
+
+
+@dataclass(frozen=True, eq=False)
+class TermFit:
+    """Terms fitted together: numbers of the candidates, their coefficients, half widths of one sigma, -2 log L."""
+
+    chosen: tuple[int, ...]
+    theta: NDArray[np.float64]
+    sigmas: NDArray[np.float64]
+    statistic: float
+
+    @property
+    def price(self) -> float:
+        return self.statistic
+
+
+@dataclass(frozen=True, eq=False)
+class TermSearchResult:
+    """How a search ended.
+
+    best: the terms found, none where nothing is worth one; nothing: the model as it is; adequate: whether the best
+    leaves nothing but noise; rivals: fits of as many terms, one of them of another equation, that explain as much.
+    """
+
+    nothing: TermFit
+    best: TermFit
+    adequate: bool
+    rivals: tuple[TermFit, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Scores:
+    """Signatures of candidates in the residuals about a model, and what each alone would gain.
+
+    numbers: (m,) of the candidates; information: (m, m); gradient: (m,) half of that of -2 log L, downwards; gains:
+    (m,) of -2 log L, sizes limited by bounds; validated: (m,) the same with every part of the data left out in turn.
+    """
+
+    numbers: NDArray[np.int64]
+    information: NDArray[np.float64]
+    gradient: NDArray[np.float64]
+    gains: NDArray[np.float64]
+    validated: NDArray[np.float64]
+
+    def cosine(self, one: int, other: int) -> float:
+        """Of the signatures in two rows."""
+        length = math.sqrt(self.information[one, one] * self.information[other, other])
+        return abs(float(self.information[one, other])) / length
+
+    def pair_gain(self, one: int, other: int) -> float:
+        """What two rows together would gain."""
+        rows = [one, other]
+        information, gradient = self.information[np.ix_(rows, rows)], self.gradient[rows]
+        return float(gradient @ np.linalg.lstsq(information, gradient, rcond=1e-9)[0])
+
+
+def scores_of(problem: TermProblem, about: TermFit, each: Each) -> Scores:
+    """Scores of all candidates that are not in force, one small coefficient each about a fit."""
+    here = problem.residuals(about.chosen, about.theta)
+    assert here is not None  # it was fitted
+    free = [number for number in range(len(problem.candidates)) if number not in about.chosen]
+    weights = np.sqrt(np.minimum(1.0, HUBER / np.maximum(np.abs(here.z), HUBER)))
+
+    def signature(number: int) -> NDArray[np.float32] | None:
+        bounds = problem.candidates[number].range
+        for step in (bounds.step, -bounds.step):
+            if bounds.lowest <= step <= bounds.highest:
+                there = problem.residuals((*about.chosen, number), np.append(about.theta, step))
+                if there is not None:
+                    return np.asarray(weights * (here.z - there.z) / step, np.float32)
+        return None
+
+    found = [
+        (number, one)
+        for number, one in zip(free, each(signature, free), strict=True)
+        if isinstance(one, np.ndarray) and one.any()
+    ]
+    numbers = np.array([number for number, _ in found], np.int64)
+    slopes = np.column_stack([one for _, one in found]) if found else np.zeros((here.z.size, 0), np.float32)
+    left = np.asarray(weights * here.z, np.float32)
+    ends = np.cumsum(here.counts)
+    parts = [slice(int(end - count), int(end)) for end, count in zip(ends, here.counts, strict=True) if count]
+    information = [np.asarray(slopes[part].T @ slopes[part], np.float64) for part in parts]
+    gradient = np.array([np.asarray(slopes[part].T @ left[part], np.float64) for part in parts])
+    own = np.array([np.diag(one) for one in information])
+    whole, total = np.sum(information, axis=0), gradient.sum(axis=0)
+    ranges = [problem.candidates[number].range for number in numbers]
+    lowest, highest = np.array([r.lowest for r in ranges]), np.array([r.highest for r in ranges])
+    sizes = np.clip(total / np.diag(whole), lowest, highest)
+    without = np.maximum(own.sum(axis=0) - own, 1e-12 * own.sum(axis=0))
+    validated = np.clip((total - gradient) / without, lowest, highest)
+    return Scores(
+        numbers,
+        whole,
+        total,
+        2.0 * sizes * total - sizes**2 * np.diag(whole),
+        np.sum(2.0 * validated * gradient - validated**2 * own, axis=0),
+    )
+
+
+class TermSearch:
+    """Adds terms one after another, or two of one equation at once, until nothing but noise is left."""
+
+    def __init__(self, problem: TermProblem, each: Each) -> None:
+        self._problem = problem
+        self._each = each
+
+    def run(self) -> TermSearchResult:
+        """See `TermSearchResult`. Raises ArithmeticError where the model itself has no solution."""
+        problem = self._problem
+        here = problem.residuals((), np.zeros(0))
+        if here is None:
+            raise ArithmeticError("the model has no finite solution on these recordings")
+        nothing = best = TermFit((), np.zeros(0), np.zeros(0), here.statistic)
+        tried: list[TermFit] = []
+        while len(best.chosen) < MOST_TERMS and not problem.is_adequate(best.chosen, best.theta):
+            fits = self._next(best)
+            tried += fits
+            better = min(fits, key=self._price, default=None)
+            if better is None or best.statistic - better.statistic < self._least(best, LEAST_SHARE):
+                break
+            best = better
+        best = self._without_idle(best)
+        rivals = [one for one in tried if self._is_rival(one, best)]
+        return TermSearchResult(nothing, best, problem.is_adequate(best.chosen, best.theta), tuple(rivals))
+
+    def _next(self, about: TermFit) -> list[TermFit]:
+        """Fits with a term or two more: of those whose signatures explain most of what is left."""
+        scores = scores_of(self._problem, about, self._each)
+        room = MOST_TERMS - len(about.chosen)
+        additions: list[tuple[int, ...]] = [(row,) for row in self._leaders(scores)]
+        if room > 1:
+            additions += self._pairs(scores)
+        fits = self._each(lambda i: self._with(about, scores, additions[i]), range(len(additions)))
+        return [one for one in fits if isinstance(one, TermFit)]
+
+    def _leaders(self, scores: Scores) -> list[int]:
+        """Rows of the best singles, but for those that another of their equation stands for."""
+        leaders: list[int] = []
+        for row in np.argsort(-scores.validated).tolist():
+            if len(leaders) == REFITTED or scores.validated[row] <= 0.0:
+                break
+            if not any(
+                self._equation(scores, row) == self._equation(scores, other)
+                and scores.cosine(row, other) > SAME
+                for other in leaders
+            ):
+                leaders.append(row)
+        return leaders
+
+    def _pairs(self, scores: Scores) -> list[tuple[int, ...]]:
+        """Rows of the best pairs of one equation, where they are worth more than the best single."""
+        limit = (1.0 + PAIR_SHARE) * float(np.max(scores.gains, initial=0.0)) + PAIR_GAIN
+        promising = np.argsort(-scores.gains)[: len(scores.gains)].tolist()
+        worth = [
+            (scores.pair_gain(one, other), (one, other))
+            for one, other in combinations(promising, 2)
+            if self._equation(scores, one) == self._equation(scores, other)
+            and scores.cosine(one, other) < SAME
+        ]
+        worth.sort(reverse=True)
+        return [rows for gain, rows in worth[:REFITTED_PAIRS] if gain > limit]
+
+    def _equation(self, scores: Scores, row: int) -> str:
+        return self._problem.candidates[int(scores.numbers[row])].equation
+
+    def _with(self, about: TermFit, scores: Scores, rows: tuple[int, ...]) -> TermFit | None:
+        """The fit with more terms, from what their signatures say of their sizes."""
+        chosen = (*about.chosen, *(int(scores.numbers[row]) for row in rows))
+        information = scores.information[np.ix_(rows, rows)]
+        start = np.linalg.lstsq(information, scores.gradient[list(rows)], rcond=1e-9)[0]
+        return self._fit(chosen, np.append(about.theta, start))
+
+    def _fit(self, chosen: tuple[int, ...], start: NDArray[np.float64]) -> TermFit | None:
+        ranges = [self._problem.candidates[number].range for number in chosen]
+        for share in (1.0, 0.3):  # of what was scored, should the model have no solution there
+            found = fit(_Sized(self._problem, chosen), share * start, ranges, ITERATIONS)
+            if found is not None:
+                return _fitted(chosen, found)
+        return None
+
+    def _without_idle(self, best: TermFit) -> TermFit:
+        """Without the terms that later ones have made needless."""
+        for number in best.chosen:
+            if len(best.chosen) < 2:
+                break
+            place = best.chosen.index(number)
+            rest = tuple(one for one in best.chosen if one != number)
+            smaller = self._fit(rest, np.delete(best.theta, place))
+            if smaller is not None and smaller.statistic - best.statistic < self._least(smaller, KEPT_SHARE):
+                best = smaller
+        return best
+
+    def _least(self, about: TermFit, share: float) -> float:
+        """What a term must gain: more the more is left, and a share of that."""
+        here = self._problem.residuals(about.chosen, about.theta)
+        assert here is not None  # it was fitted
+        squares = float(here.z @ here.z)
+        return max(LEAST_GAIN * max(1.0, squares / here.z.size), share * max(0.0, squares - here.z.size))
+
+    def _price(self, one: TermFit) -> float:
+        here = self._problem.residuals(one.chosen, one.theta)
+        assert here is not None  # it was fitted
+        return one.statistic + PRICE * len(one.chosen) * max(1.0, float(np.mean(here.z**2)))
+
+    def _is_rival(self, one: TermFit, best: TermFit) -> bool:
+        """Whether it explains as much with no more terms, by another equation."""
+        equations = [{self._problem.candidates[n].equation for n in fit.chosen} for fit in (one, best)]
+        here = self._problem.residuals(best.chosen, best.theta)
+        assert here is not None  # it was fitted
+        near = 16.0 * max(1.0, float(np.mean(here.z**2)))
+        return (
+            bool(best.chosen)
+            and len(one.chosen) <= len(best.chosen)
+            and equations[0] != equations[1]
+            and one.statistic < best.statistic + near
+        )
+
+
+class _Sized:
+    """A problem with its terms chosen."""
+
+    def __init__(self, problem: TermProblem, chosen: tuple[int, ...]) -> None:
+        self._problem = problem
+        self._chosen = chosen
+
+    def residuals(self, theta: NDArray[np.float64]) -> Residuals | None:
+        return self._problem.residuals(self._chosen, theta)
+
+
+def _fitted(chosen: tuple[int, ...], found: Minimum) -> TermFit:
+    spread = max(1.0, float(np.mean(found.at.residuals.z**2)))
+    return TermFit(chosen, found.at.theta, found.sigmas() * math.sqrt(spread), found.statistic)

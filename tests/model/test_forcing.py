@@ -1,0 +1,74 @@
+"""Terms in force: what the plant has and the predictor is given explains a recording, on every line."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from observer_rt.config.bench import load_injector
+from observer_rt.evidence.likelihood import Evidence, evidence_of
+from observer_rt.evidence.measurement import measurements
+from observer_rt.model.effect import SizedEffect
+from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.effects import effective_model
+from observer_rt.model.parameters import InjectorParameters
+from observer_rt.model.terms.parser import parse
+from observer_rt.model.terms.term import Term, TermEquation
+from observer_rt.simulation.schedule import make_schedule
+from observer_rt.simulation.simulate import SimulatedNoise, simulate
+from tests.discovery.terms import effect_of
+
+TERMS = (
+    ("line_flow", "4*line_flow/60"),
+    ("line_pressure", "3*sqrt((line_pressure - chamber_pressure)/100)*needle_lift/max_lift"),
+    ("nozzle_flow", "-0.1*(injection_number - 1)"),
+    ("nozzle_flow", "-0.15*time_since_opening/1"),
+    ("stiffness", "0.1*(line_pressure - 100)/100"),
+    ("inertance", "0.1"),
+    ("line_pressure_sensor", "2*((line_pressure - 100)/100)^2"),
+    ("chamber_pressure", "10*needle_lift/max_lift"),
+    ("rail_pressure", "open"),
+    ("needle_lift", "-0.05*(needle_lift/max_lift)^2"),
+    ("seat_flow", "0.6*(needle_lift/max_lift - lagged(needle_lift/max_lift, 0.1))"),
+)
+
+
+@dataclass(frozen=True)
+class Line:
+    """An injector on a line, and what its model leaves of a recording that needs no term."""
+
+    injector: InjectorParameters
+    healthy: float
+
+
+@pytest.fixture(scope="module", params=("lump", "wave"))
+def line(request: pytest.FixtureRequest) -> Line:
+    nominal = load_injector()
+    injector = nominal.model_copy(update={"line": nominal.line.model_copy(update={"model": request.param})})
+    return Line(injector, _squares(_evidence(injector), effective_model(injector)))
+
+
+@pytest.mark.parametrize(("equation", "law"), TERMS)
+def test_a_term_of_the_plant_explains_its_recording(line: Line, equation: str, law: str) -> None:
+    term = Term(TermEquation(equation), parse(law))
+    evidence = _evidence(line.injector, SizedEffect(effect_of(term), ()))
+    nominal = effective_model(line.injector)
+
+    without, within = (
+        _squares(evidence, model) - line.healthy for model in (nominal, nominal.with_term(term))
+    )
+
+    assert without > 0.005
+    assert abs(within) < 0.02 * without + 0.005
+
+
+def _evidence(injector: InjectorParameters, *effects: SizedEffect) -> Evidence:
+    schedule = make_schedule((140e6,), 2, 60e-3, (1.2e-3,))
+    made = simulate(injector, schedule, 100e3, effects, SimulatedNoise(), True, 1)
+    return evidence_of(measurements([made.recording]), effective_model(injector))
+
+
+def _squares(evidence: Evidence, model: EffectiveModel) -> float:
+    residuals = evidence.residuals(model)
+    assert residuals is not None
+    return float(np.mean(residuals.z**2))

@@ -151,6 +151,16 @@ def discover(
             show_default=False,
         ),
     ] = "",
+    accept_term: Annotated[
+        int,
+        typer.Option(
+            "--accept-term",
+            help="Proposal of an `unknown` answer whose terms the amended model is to have, 1 for the first.",
+            metavar="N",
+            show_default=False,
+            min=0,
+        ),
+    ] = 0,
     force: Annotated[
         bool, typer.Option("--force", help="Replace the report and the amended model that stand in DIR.")
     ] = False,
@@ -194,7 +204,8 @@ def discover(
     read = partial(open_source, bench=decoder, from_channels=from_channel or (), console=messages)
     stated = () if decoder is None else effects_on_one_raster(decoder.injector)
     measured = read_measured([*paths, *references], read, messages, stated=stated)
-    question = Question(parameters, measured[: len(paths)], measured[len(paths) :], hashes(paths), chosen)
+    own, others = measured[: len(paths)], measured[len(paths) :]
+    question = Question(parameters, own, others, hashes(paths), chosen, accept_term)
     refuse_incomparable(question, str(start))
     make_folder(out)
     for one in measured:
@@ -214,11 +225,15 @@ def discover(
             ) from None
     found = replace(found, seconds=time.monotonic() - begin)
     document = write_answer(out, question, found, amendable, references, data)
+    if found.not_accepted:
+        say(messages, f"warning: {found.not_accepted}")
     if as_json:
         print(document)
     else:
         say(results(), as_text(found))
-        more = [name for name, is_there in ((AMENDED, bool(found.in_force)), (DATA, data)) if is_there]
+        more = [
+            name for name, is_there in ((AMENDED, found.amended_model is not None), (DATA, data)) if is_there
+        ]
         say(messages, f"{out}: {', '.join([REPORT, FINDINGS, *more])}")
 
 

@@ -23,11 +23,13 @@ from observer_rt.evidence.bounded_fit import NORMAL_975
 from observer_rt.evidence.likelihood import evidence_of
 from observer_rt.evidence.measurement import Measurement
 from observer_rt.evidence.reading import shortened
-from observer_rt.foundation.errors import RunError
+from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.effects import effective_model, sized_in_force
 from observer_rt.model.parameters import EffectInForce, InjectorParameters
 from observer_rt.model.stability import in_stable_cells
+from observer_rt.model.terms.in_force import TermInForce
+from observer_rt.model.terms.term import Term
 
 ORIGIN = "observer-rt discover"
 
@@ -61,6 +63,38 @@ def amended_effects(
     return (*kept, *added)
 
 
+def accepted(
+    parameters: InjectorParameters, found: Discovery, number: int, recordings: Mapping[str, str]
+) -> tuple[tuple[EffectInForce, ...], tuple[TermInForce, ...]]:
+    """All effects and terms that the amended file has in force with a proposal, 1 for the first.
+
+    Raises `UserError` where there is no such proposal, or it may not enter a model.
+    """
+    option, many = f"--accept-term {number}", len(found.proposals)
+    if not 1 <= number <= many:
+        there = f"there are {many}" if many else f"the verdict is '{found.verdict.value}'"
+        raise UserError(option, f"there is no such proposal: {there}", "see the report")
+    proposal = found.proposals[number - 1]
+    if not proposal.may_enter:
+        reason = "its law is not sound everywhere" if proposal.adequate else "it does not explain all"
+        raise UserError(
+            option, f"the proposal is not fit for a model: {reason}", "use it as a hint of where to look"
+        )
+    evidence = f"-2 log L falls by {proposal.gain:.0f}; {', '.join(shortened(recordings))}"
+    why = {"origin": ORIGIN, "evidence": evidence, "date": date.today().isoformat()}
+    sizes = dict(zip(proposal.found.ids, proposal.found.parameters, strict=True))
+    effects = [EffectInForce(id=one, parameters=printed(one, sizes[one]), **why) for one in proposal.effects]
+    terms = [TermInForce.of(_rounded(term), str(term.equation.unit), **why) for term in proposal.terms]
+    return (*parameters.effects, *effects), (*parameters.terms, *terms)
+
+
+def _rounded(term: Term) -> Term:
+    """A term with its coefficient as far as anybody needs it."""
+    low, high = term.interval or (term.coefficient, term.coefficient)
+    value, low, high = (float(f"{each:.6g}") for each in (term.coefficient, low, high))
+    return replace(term, coefficient=value, interval=(low, high))
+
+
 def stable_cells(
     parameters: InjectorParameters, in_force: Sequence[EffectInForce], measured: Sequence[Measurement]
 ) -> int | None:
@@ -74,16 +108,24 @@ def stable_cells(
 
 
 def write_amended(
-    path: Path, file: InjectorFile, effects: Sequence[EffectInForce], cells: int | None = None
+    path: Path,
+    file: InjectorFile,
+    effects: Sequence[EffectInForce],
+    cells: int | None = None,
+    terms: Sequence[TermInForce] = (),
 ) -> None:
-    """Write the file given with these effects in force, and no others. cells: its line's, None: as they are.
+    """Write the file given with these effects and terms in force, and no others.
+
+    cells: its line's, None: as they are.
 
     Raises `RunError` when it would not be taken back.
     """
     with file.changed(path) as document:
         content: Any = document
-        content.pop("effects", None)
-        content["effects"] = tables_in_force(effects)
+        for name, entries in (("effects", effects), ("terms", terms)):
+            content.pop(name, None)
+            if entries:
+                content[name] = tables_in_force(entries)
         if cells is not None:
             content["line"]["cells"] = cells
 

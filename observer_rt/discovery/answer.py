@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from observer_rt.discovery.amend import amended_effects
+from observer_rt.discovery.amend import accepted, amended_effects
 from observer_rt.discovery.findings import Findings, is_level_measured, is_like_inertance, remedies
 from observer_rt.discovery.gaps import disagreements, gaps_of, typical_overlays
 from observer_rt.discovery.opinion import Opinion
@@ -20,7 +20,7 @@ from observer_rt.evidence.likelihood import evidence_of
 from observer_rt.evidence.measurement import Measurement
 from observer_rt.evidence.operating_points import by_operating_point
 from observer_rt.evidence.reading import chosen_words, refuse_rates_missing
-from observer_rt.foundation.errors import ObserverError
+from observer_rt.foundation.errors import ObserverError, UserError
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import EffectInForce, InjectorParameters
@@ -50,7 +50,8 @@ class Question:
     """What is asked.
 
     healthy: recordings the model is judged against; hashes: SHA-256 of the recordings by name; chosen: effects the
-    user prefers among those that explain the recordings as well as each other, empty: none.
+    user prefers among those that explain the recordings as well as each other, empty: none; accepted: number of the
+    proposal whose terms the amended model is to have, 0: none.
     """
 
     parameters: InjectorParameters
@@ -58,6 +59,7 @@ class Question:
     healthy: tuple[Measurement, ...]
     hashes: Mapping[str, str]
     chosen: tuple[str, ...] = ()
+    accepted: int = 0
 
 
 def refuse_incomparable(question: Question, model: str) -> None:
@@ -129,6 +131,12 @@ def answer(
     in_force: tuple[EffectInForce, ...] = ()
     if (found.verdict is not Verdict.AMBIGUOUS or question.chosen) and not remedies(found):
         in_force = amended_effects(question.parameters, found, measured, question.hashes, baseline.shape)
+    terms, refused = question.parameters.terms if in_force else (), ""
+    if question.accepted:
+        try:
+            in_force, terms = accepted(question.parameters, found, question.accepted, question.hashes)
+        except UserError as error:
+            refused = str(error)
     return Findings(
         discovery=found,
         where=disagreements(found, evidence, nominal),
@@ -139,8 +147,10 @@ def answer(
         like_inertance=is_like_inertance(nominal, amended),
         level_measured=is_level_measured(nominal),
         chosen=question.chosen,
-        amended_model=amended_model if in_force else None,
+        amended_model=amended_model if in_force or terms else None,
         in_force=in_force,
+        terms=terms,
+        not_accepted=refused,
         overlays=typical_overlays(found, gaps, measured, nominal),
         files=files,
         in_part=tuple(f"{name}: {chosen}" for name, chosen in zip(files, in_part, strict=True) if chosen),

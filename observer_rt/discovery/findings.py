@@ -15,6 +15,7 @@ from observer_rt.model.baseline import HealthyRemainder
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import VOCABULARY
 from observer_rt.model.parameters import EffectInForce
+from observer_rt.model.terms.in_force import TermInForce
 from observer_rt.observer.learning.adequacy import looks_like_inertance
 
 LEAST_MASS = 0.01 * MILLIGRAM  # kg, below which a change or gap is not worth a number
@@ -141,7 +142,8 @@ class Findings:
     say against the model, empty when nothing; like_inertance: the change found is one that another inertance of
     the line would make as well; level_measured: whether the fit of the model had a measured rate or mass; chosen:
     effects the user chose among those that explain as much; amended_model: name of the file beside the document,
-    None when no effect is added; in_force: all effects that it has then; overlays: injections to be shown; files:
+    None when nothing is added; in_force, terms: all effects and terms that it has then; not_accepted: why a proposal
+    that the user accepts is not in it, empty where it is; overlays: injections to be shown; files:
     names of the recordings; in_part: which of these were too long to be judged as a whole, and how injections
     were chosen of them; points: of their operating points, each of which counts as a recording; fitted_on,
     held_out: of these; seconds: it took; healthy:
@@ -167,6 +169,8 @@ class Findings:
     held_out: tuple[str, ...]
     seconds: float = 0.0
     healthy: HealthyRemainder | None = None
+    terms: tuple[TermInForce, ...] = ()
+    not_accepted: str = ""
 
     @property
     def contradictions(self) -> tuple[str, ...]:

@@ -90,9 +90,9 @@ def write_answer(
         remove_data(folder / DATA)
         if data:
             write_data(folder / DATA, found)
-        if found.in_force:
+        if found.amended_model is not None:
             cells = stable_cells(question.parameters, found.in_force, question.measured)
-            write_amended(folder / AMENDED, injector, found.in_force, cells)
+            write_amended(folder / AMENDED, injector, found.in_force, cells, found.terms)
         else:
             (folder / AMENDED).unlink(missing_ok=True)
     return document

@@ -9,10 +9,11 @@ from pydantic_core import to_json
 from observer_rt.discovery.findings import Findings, Sources, gap_share
 from observer_rt.discovery.gaps import PHASE_NAMES, Disagreement, ModelGaps
 from observer_rt.discovery.opinion import Opinion
-from observer_rt.discovery.report.text import definition, printed
-from observer_rt.discovery.search.result import Candidate, Cell, Consequence, Discovery
+from observer_rt.discovery.report.text import definition, printed, proposal_words
+from observer_rt.discovery.search.result import Candidate, Cell, Consequence, Discovery, Proposal
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
 from observer_rt.model.effects import VOCABULARY
+from observer_rt.model.terms.term import Term
 
 SCHEMA = 1
 
@@ -53,6 +54,7 @@ def as_json(findings: Findings, sources: Sources) -> dict[str, Any]:
             "signal": unknown.signal,
             "depends_on": unknown.depends_on,
             "term": unknown.term,
+            "proposals": [_proposal(number, one) for number, one in enumerate(found.proposals, 1)],
         },
         "decide_by": found.decide_by,
         "smallest_visible": [
@@ -101,6 +103,34 @@ def _moves(moves: Consequence) -> dict[str, float]:
     return {
         "line_pressure_rms_MPa": moves.line_pressure / MEGAPASCAL,
         "injected_mass_mean_mg": moves.mass / MILLIGRAM,
+    }
+
+
+def _proposal(number: int, one: Proposal) -> dict[str, Any]:
+    before, after = one.held_out
+    sizes = dict(zip(one.found.ids, one.found.parameters, strict=True))
+    return {
+        "number": number,
+        "sentence": proposal_words(one),
+        "terms": [_term(term) for term in one.terms],
+        "effects": [{"id": name, "parameters": printed(name, sizes[name])} for name in one.effects],
+        "gain": one.gain,
+        "phase": PHASE_NAMES[one.phase],
+        "adequate": one.adequate,
+        "sound": one.sound,
+        "may_enter": one.may_enter,
+        "gap_held_out": {"before_MPa": before / MEGAPASCAL, "after_MPa": after / MEGAPASCAL},
+        "moves": _moves(one.moves),
+    }
+
+
+def _term(term: Term) -> dict[str, Any]:
+    low, high = term.interval or (None, None)
+    return {
+        "equation": term.equation,
+        "law": str(term.law),
+        "coefficient": {"value": term.coefficient, "low": low, "high": high, "unit": str(term.equation.unit)},
+        "depends_on": sorted(variable.word for variable in term.law.variables),
     }
 
 

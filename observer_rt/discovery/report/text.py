@@ -8,6 +8,7 @@ from observer_rt.discovery.search.result import (
     Discovery,
     FittedEffect,
     FittedParameter,
+    Proposal,
     SmallestVisible,
     Verdict,
 )
@@ -16,6 +17,7 @@ from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MM3_
 from observer_rt.model.effect import EffectParameter, Equation
 from observer_rt.model.effects import VOCABULARY
 from observer_rt.model.parameters import EffectValue, Finite
+from observer_rt.model.terms.term import Term, TermEquation
 
 _SIGNS = {"um": "µm", "us": "µs", "mm3/ms": "mm³/ms", "m3/(s Pa)": "m³/(s Pa)", "-": ""}
 """How people write the units that are written otherwise in files."""
@@ -111,9 +113,58 @@ def as_text(findings: Findings) -> str:
         lines.append(f"  no amended model while these are tied: {choices(found)}")
     if found.unexplained is not None:
         lines.append(f"  {found.unexplained.term}; {best_words(found)}")
+    for number, proposal in enumerate(found.proposals, 1):
+        lines += [f"  proposal {number}: {proposal_words(proposal)}", f"    {standing_words(proposal)}"]
+    if found.proposals and found.proposals[0].may_enter and findings.amended_model is None:
+        lines.append("  to have it in the amended model: --accept-term 1, and --force")
     if found.verdict is Verdict.NONE and found.smallest_visible:
         lines.append(_not_seen(found))
     return "\n".join([*lines, *gap_lines(findings)])
+
+
+_AS_IF = {
+    TermEquation.LINE_FLOW: "the line lost more pressure, by {}",
+    TermEquation.LINE_PRESSURE: "fuel left the line beside the nozzle, {}",
+    TermEquation.SEAT_FLOW: "the flow through the seat were larger by {} of it",
+    TermEquation.NOZZLE_FLOW: "the flow through the nozzle were larger by {} of it",
+    TermEquation.STIFFNESS: "the fuel in the line were stiffer by {} of it",
+    TermEquation.INERTANCE: "the inertance of the line were larger by {} of it",
+    TermEquation.CHAMBER_PRESSURE: "the pressure in the chamber were higher by {}",
+    TermEquation.LINE_PRESSURE_SENSOR: "the line-pressure sensor read more, by {}",
+    TermEquation.NEEDLE_LIFT: "the needle stood higher than measured, by {}",
+    TermEquation.RAIL_PRESSURE: "the rail pressure were higher than measured, by {}",
+}
+
+
+def proposal_words(one: Proposal) -> str:
+    """What it is as if, in a sentence with the law and its coefficient."""
+    parts = [_AS_IF[term.equation].format(_sized_law(term)) for term in one.terms]
+    sizes = dict(zip(one.found.ids, one.found.parameters, strict=True))
+    known = [
+        f"{name} ({', '.join(_size_words(printed(name, sizes[name]), '95 %: '))})" for name in one.effects
+    ]
+    return " with ".join([*([f"as if {' and '.join(parts)}"] if parts else []), *known])
+
+
+def _sized_law(term: Term) -> str:
+    low, high = term.interval or (term.coefficient, term.coefficient)
+    step = significant(0.5 * (high - low))
+    between = f"c = {shown(term.coefficient, step)}, 95 %: {shown(low, step)} to {shown(high, step)}"
+    unit = "" if term.equation.is_share else f" {sign(str(term.equation.unit))}"
+    return f"{term.law}{unit} ({between})"
+
+
+def standing_words(one: Proposal) -> str:
+    """How far a proposal explains the recordings, and whether a model may have it."""
+    before, after = (value / MEGAPASCAL for value in one.held_out)
+    apart = (
+        f"line pressure held out: {before:.3g} MPa off before, {after:.3g} after" if before == before else ""
+    )
+    moved = f"injected mass {one.moves.mass / MILLIGRAM:+.2g} mg"
+    fit = "explains all" if one.adequate else "does not explain all: no model may have it"
+    if one.adequate and not one.may_enter:
+        fit += ", but no model may have it: " + ("too many terms" if one.sound else "not sound everywhere")
+    return "; ".join(filter(None, (fit, apart, moved)))
 
 
 def visible_words(one: SmallestVisible) -> str:

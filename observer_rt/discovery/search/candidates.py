@@ -100,7 +100,7 @@ class Fitter:
         judged = self.evidence.judge(self.nominal)
         if judged is None:
             raise ArithmeticError("the nominal model has no finite solution on these recordings")
-        found = self._each(lambda effect: signatures(self.evidence, self.nominal, judged, [effect]), effects)
+        found = self.each(lambda effect: signatures(self.evidence, self.nominal, judged, [effect]), effects)
         self._signatures = {one.effect.id: one for each in found for one in each}
 
     @property
@@ -132,10 +132,10 @@ class Fitter:
 
     def _fit_all(self, tasks: Sequence["_Task"], max_iterations: int) -> list[Candidate]:
         """Fit hypotheses, each from its starts; those without a solution are left out."""
-        found = self._each(lambda task: self._fit(task, max_iterations), tasks)
+        found = self.each(lambda task: self._fit(task, max_iterations), tasks)
         return [one for one in found if one is not None]
 
-    def _each(self, work: Callable[[_Item], _Result], items: Sequence[_Item]) -> list[_Result]:
+    def each(self, work: Callable[[_Item], _Result], items: Sequence[_Item]) -> list[_Result]:
         """Results of `work` in the order of the items; an interruption does not wait for those not begun."""
         with ThreadPoolExecutor(self._workers) as pool:
             try:
@@ -193,7 +193,7 @@ class Fitter:
         sizing = Sizing(self.evidence, self.nominal, leader.hypothesis)
         spanned = linearise(sizing, leader.theta, base, leader.hypothesis.ranges()).slopes
         others = [effect for effect in effects if effect not in leader.hypothesis.effects]
-        promises = self._each(lambda effect: self._promise(leader, base, spanned, effect), others)
+        promises = self.each(lambda effect: self._promise(leader, base, spanned, effect), others)
         ranked = sorted(zip(promises, others, strict=True), key=lambda item: -item[0].gain)
         worthwhile = [item for item in ranked if item[0].gain > WORTH_FITTING][:MOST_SECONDS]
         return [

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from itertools import islice, product
 
@@ -15,10 +15,13 @@ from observer_rt.evidence.bounded_fit import MAX_ITERATIONS, Minimum, Range, Res
 from observer_rt.evidence.likelihood import Evidence, Signal
 from observer_rt.model.effect import Effect, EffectParameter, Equation
 from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.term_effect import is_term, term_of
+from observer_rt.model.terms.term import Term
 
 DEAD_SHARE = 0.75  # of the dead zone: estimates of an effect just beyond it scatter
 _STEP = 0.01  # of the dead zone, for finite differences
 _SHAPE_STEP = 1e-4  # of the range, for parameters without dead zone
+MOST_ENTERING = 2  # terms that a model may be given: more say nothing of what is missing
 MOST_STARTS = 2  # from which a search begins
 _EXPLAINED = 1.1  # variance of the residuals below which no second start is tried
 
@@ -274,6 +277,49 @@ class SmallestVisible:
 
 
 @dataclass(frozen=True)
+class Proposal:
+    """What would explain the recordings: terms, perhaps beside effects of the vocabulary.
+
+    found: the terms as effects with one size, and their intervals; gain: of -2 log L over the model as given; phase:
+    in which the model as given fails most; adequate: nothing but noise is left; sound: every law holds over the whole
+    domain; held_out: rms of the line pressure's gap on events it was not fitted to, before and after [Pa], nan where
+    nothing was held out; moves: what it does to line pressure and mass.
+    """
+
+    found: Candidate
+    gain: float
+    phase: Phase
+    adequate: bool
+    sound: bool
+    held_out: tuple[float, float]
+    moves: Consequence
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """Its terms, with 95 % intervals of their coefficients."""
+        sizes = zip(self.found.hypothesis.effects, self.found.sizes, self.found.half, strict=True)
+        return tuple(
+            replace(term, interval=(size - half, size + half))
+            for effect, size, half in sizes
+            if (term := term_of(effect, size)) is not None
+        )
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Ids of the effects of the vocabulary beside them."""
+        return tuple(effect.id for effect in self.found.hypothesis.effects if not is_term(effect))
+
+    @property
+    def may_enter(self) -> bool:
+        """Whether a model may be given it: it explains all, with few terms, and its laws are sound everywhere."""
+        return self.adequate and self.sound and len(self.found.sizes) <= MOST_ENTERING
+
+    def model(self, nominal: EffectiveModel) -> EffectiveModel:
+        """The model with it."""
+        return self.found.model(nominal)
+
+
+@dataclass(frozen=True)
 class Discovery:
     """The answer to: which effect is missing?
 
@@ -282,7 +328,7 @@ class Discovery:
     that explain the recordings as well; ranking: leaders, best first, with the nominal model; samples: independent
     innovations all this rests on; gain: of the winner over the nominal model, threshold: what it had to exceed;
     before, after: cells of the nominal model and of the best; confidence: that the verdict is right;
-    smallest_visible: of every effect that has a size.
+    smallest_visible: of every effect that has a size; proposals: of `unknown`, terms that explain it, the best first.
     """
 
     verdict: Verdict
@@ -303,3 +349,4 @@ class Discovery:
     noise: NoiseLevels
     rate_noise: float | None  # m3/s, None without a measured rate
     smallest_visible: tuple[SmallestVisible, ...] = ()
+    proposals: tuple[Proposal, ...] = ()

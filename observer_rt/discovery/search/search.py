@@ -40,6 +40,13 @@ class HeldOutPoints:
         events = self._events(candidate)
         return math.inf if events is None else float(np.sum(events.statistic))
 
+    def gap(self, candidate: Candidate) -> float:
+        """Rms of the line pressure's open-loop gap on the events held out [Pa]; nan without any."""
+        if not self._judged.trials:
+            return math.nan
+        events = self._events(candidate)
+        return math.inf if events is None else math.sqrt(float(np.mean(events.gap)))
+
     def pays(self, candidate: Candidate, smaller: Candidate) -> bool:
         """Whether a candidate explains the events held out better than a smaller one.
 

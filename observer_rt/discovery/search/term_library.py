@@ -6,7 +6,6 @@ centred: with a factor of the pressure itself, most of it would be a constant.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,28 +14,15 @@ from observer_rt.discovery.search.adequacy import HealthyBaseline, worst
 from observer_rt.discovery.search.result import Hypothesis, Sizing
 from observer_rt.evidence.bounded_fit import Range, Residuals
 from observer_rt.evidence.likelihood import Evidence, pool_of
-from observer_rt.model.effect import Effect, EffectParameter, Place
+from observer_rt.model.effect import Effect
 from observer_rt.model.effective import EffectiveModel
-from observer_rt.model.terms.parser import parse
-from observer_rt.model.terms.term import Term, TermEquation
+from observer_rt.model.term_effect import TermLaw, is_term, term_effect
+from observer_rt.model.terms.term import TermEquation
 
+MOST_BREAKS = 5  # injections after each of which something may be new
 STEP = 0.01  # of the bound: a term so small changes the innovations in proportion
-DEAD_ZONE = 0.002  # of the bound: a smaller term does not matter
 
-_PLACES = {
-    TermEquation.LINE_FLOW: Place.LINE_FLOW,
-    TermEquation.LINE_PRESSURE: Place.CLOSED_END,
-    TermEquation.SEAT_FLOW: Place.SEAT,
-    TermEquation.NOZZLE_FLOW: Place.NOZZLE,
-    TermEquation.STIFFNESS: Place.CLOSED_END,
-    TermEquation.INERTANCE: Place.LINE_FLOW,
-    TermEquation.CHAMBER_PRESSURE: Place.CHAMBER,
-    TermEquation.LINE_PRESSURE_SENSOR: Place.LINE_SENSOR,
-    TermEquation.NEEDLE_LIFT: Place.LIFT_SENSOR,
-    TermEquation.RAIL_PRESSURE: Place.RAIL_SENSOR,
-}
-
-_SHORT = {
+_SHORT = {  # T and N: time and injection number, from 0 to 1 over the recordings
     "Q": "(line_flow/60)",
     "P": "((line_pressure - 100)/100)",
     "R": "((rail_pressure - 100)/100)",
@@ -47,12 +33,11 @@ _SHORT = {
     "S": "((line_pressure - sac_pressure)/10)",
     "D": "((line_pressure - chamber_pressure)/100)",
 }
-_IN_TIME = ("T", "N")  # time and injection number, from 0 to 1 over the recordings
 _LAGGED_LIFT = tuple(f"X - lagged(X, {ms})" for ms in (0.02, 0.05, 0.1, 0.2))
 _LAGGED_FLOW = tuple(f"Q - lagged(Q, {ms})" for ms in (0.02, 0.05, 0.1, 0.3))
 _OF_SEAT = (
     "X", "X^2", "exp(-X/0.1)", "exp(-X/0.3)", "max(X - 0.5, 0)", "max(X - 0.8, 0)", "X > 0.93",
-    "V", "abs(V)", "opening", "closing", "U", "exp(-U)", "exp(-U/0.3)", "T", "N", "R", *_LAGGED_LIFT,
+    "V", "abs(V)", "opening", "closing", "U", "exp(-U)", "exp(-U/0.3)", "T", "N", "B", "R", *_LAGGED_LIFT,
 )  # fmt: skip
 LIBRARY: Mapping[TermEquation, tuple[str, ...]] = {
     TermEquation.LINE_FLOW: (
@@ -66,14 +51,14 @@ LIBRARY: Mapping[TermEquation, tuple[str, ...]] = {
     TermEquation.RAIL_PRESSURE: ("R^2", "R^3", "T", "N", "X", "open", "abs(Q)", "rail_pressure_rate"),
     TermEquation.LINE_PRESSURE: (
         "1", "sqrt(D)", "D^2", "D^3", "D*closed", "sqrt(D)*closed", "D*open", "sqrt(D)*open", "X", "V", "abs(V)",
-        "T", "N", "D*T", "D*N", *_LAGGED_LIFT,
+        "T", "N", "D*T", "D*N", "D*B", *_LAGGED_LIFT,
     ),
     TermEquation.SEAT_FLOW: (*_OF_SEAT, "tanh(S)", "sqrt(tanh(S))"),
     TermEquation.NOZZLE_FLOW: (
         *_OF_SEAT, "H", "sqrt(H)", "H^2", "0.3/sqrt(H + 0.1)", "0.1/sqrt(H + 0.01)", "P", "abs(Q)",
     ),
     TermEquation.CHAMBER_PRESSURE: ("min(X/0.33, 1)", "X", "U", "exp(-U)", "nozzle_flow/60", "T", "N", "H"),
-    TermEquation.NEEDLE_LIFT: ("X^2", "X^3", "V", "T", "N", "R", *_LAGGED_LIFT),
+    TermEquation.NEEDLE_LIFT: ("X^2", "X^3", "V", "T", "N", "B", "R", *_LAGGED_LIFT),
     TermEquation.LINE_PRESSURE_SENSOR: (
         "P^2", "P^3", "abs(line_pressure_rate)/50", "line_pressure_rate/50", "T", "N", "X", "V", "R", "Q",
         "P - lagged(P, 0.05)", "P - lagged(P, 0.2)",
@@ -94,31 +79,19 @@ def library(span: Span) -> Iterator[Effect]:
     """The terms of the library as effects with one size, their coefficient."""
     for equation, laws in LIBRARY.items():
         for law in laws:
-            if "N" not in law or span.injections > 1.0:
-                yield term_effect(equation, spelled(law, span))
+            if not set(law) & {"N", "B"} or span.injections > 1.0:
+                yield from (term_effect(equation, one) for one in spelled(law, span))
 
 
-def spelled(law: str, span: Span) -> str:
-    """A law of the library in the words of laws."""
-    letters = _SHORT | {
-        "T": f"(time/{span.time:.3g})",
-        "N": f"((injection_number - 1)/{max(span.injections - 1.0, 1.0):.3g})",
-    }
-    return "".join(letters.get(letter, letter) for letter in law)
-
-
-@lru_cache(maxsize=4096)
-def term_effect(equation: TermEquation, law: str) -> Effect:
-    """A term as an effect whose size is the coefficient of a law of order 1."""
-    parsed = parse(f"c*({law})")
-    highest = equation.bounds[1]
-    lowest = max(equation.bounds[0], -highest)
-    size = EffectParameter("c", str(equation.unit), 1.0, 0.0, lowest, highest, DEAD_ZONE * highest, (0.0,))
-
-    def apply(model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
-        return model.with_term(Term(equation, parsed, values[0]))
-
-    return Effect(f"{equation}: {parsed}", _PLACES[equation], (size,), apply, str(parsed), "")
+def spelled(law: str, span: Span) -> Iterator[str]:
+    """A law of the library in the words of laws: with B, one for every injection after which something may be new."""
+    for number in range(1, min(int(span.injections), MOST_BREAKS + 1)) if "B" in law else (0,):
+        letters = _SHORT | {
+            "T": f"(time/{span.time:.3g})",
+            "N": f"((injection_number - 1)/{max(span.injections - 1.0, 1.0):.3g})",
+            "B": f"(injection_number > {number})",
+        }
+        yield "".join(letters.get(letter, letter) for letter in law)
 
 
 class InjectorTerms:
@@ -134,7 +107,7 @@ class InjectorTerms:
         self._evidence = evidence
         self._nominal = nominal
         self._baseline = baseline
-        self.candidates = tuple(Candidate(effect) for effect in effects)
+        self.candidates: tuple[EffectCandidate, ...] = tuple(EffectCandidate(effect) for effect in effects)
 
     def hypothesis(self, chosen: Sequence[int]) -> Hypothesis:
         """These candidates as effects."""
@@ -151,7 +124,7 @@ class InjectorTerms:
 
 
 @dataclass(frozen=True)
-class Candidate:
+class EffectCandidate:
     """An effect with one size as a `CandidateTerm`."""
 
     effect: Effect
@@ -159,11 +132,12 @@ class Candidate:
     @property
     def equation(self) -> str:
         """Where it sits; of a term, which equation."""
-        return self.effect.id.split(":")[0] if ":" in self.effect.id else self.effect.place.value
+        law = self.effect.apply
+        return law.equation if isinstance(law, TermLaw) else self.effect.place
 
     @property
     def range(self) -> Range:
         """Bounds, and a step that noise does not drown."""
         size = self.effect.parameters[0]
-        step = STEP * size.highest if ":" in self.effect.id else 0.5 * size.dead_zone
+        step = STEP * size.highest if is_term(self.effect) else 0.5 * size.dead_zone
         return Range(size.lowest, size.highest, step)

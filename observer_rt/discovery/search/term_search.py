@@ -26,10 +26,7 @@ ITERATIONS = 6  # of a refit
 
 
 class CandidateTerm(Protocol):
-    """A term that may be missing; its coefficient is the only free number.
-
-    shape: candidates of one equation and shape differ in a number of their law only.
-    """
+    """A term that may be missing; its coefficient is the only free number."""
 
     @property
     def equation(self) -> str:
@@ -43,7 +40,9 @@ class CandidateTerm(Protocol):
 class TermProblem(Protocol):
     """A system with candidates, and its data."""
 
-    candidates: Sequence[CandidateTerm]
+    @property
+    def candidates(self) -> Sequence[CandidateTerm]:
+        """Terms that may be missing."""
 
     def residuals(self, chosen: Sequence[int], theta: NDArray[np.float64]) -> Residuals | None:
         """Residuals with these candidates in force, their coefficients theta; None without a solution."""
@@ -58,16 +57,12 @@ Each = Callable[[Callable[[int], object], Sequence[int]], Iterable[object]]
 
 @dataclass(frozen=True, eq=False)
 class TermFit:
-    """Terms fitted together: numbers of the candidates, their coefficients, half widths of one sigma, -2 log L."""
+    """Terms fitted together: numbers of the candidates, their coefficients with standard deviations, -2 log L."""
 
     chosen: tuple[int, ...]
     theta: NDArray[np.float64]
     sigmas: NDArray[np.float64]
     statistic: float
-
-    @property
-    def price(self) -> float:
-        return self.statistic
 
 
 @dataclass(frozen=True, eq=False)

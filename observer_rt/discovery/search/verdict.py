@@ -16,6 +16,7 @@ from observer_rt.discovery.search.adequacy import (
     worst,
 )
 from observer_rt.discovery.search.candidates import FitMemory, Fitter
+from observer_rt.discovery.search.proposals import propose
 from observer_rt.discovery.search.result import (
     Candidate,
     Cell,
@@ -192,11 +193,12 @@ class _Verdict:
         self._baseline = baseline
         self._rivals = tuple(rival.ids for rival in found.rivals) if found.adequate else ()
         self._best = found.winner if found.adequate else min(found.fitted, key=lambda one: one.statistic)
+        self._proposals = propose(fitter, found, baseline, held_out, self._moves)
 
     def discovery(self) -> Discovery:
         """Everything together."""
         found, verdict = self._found, self._verdict()
-        confidence = confidence_of(found)
+        confidence = HIGHEST if found.adequate and self._proposals else confidence_of(found)
         if not self._baseline.trusted:
             confidence = min(confidence, WITH_A_WRONG_MODEL)
         named = verdict in (Verdict.NAMED, Verdict.AMBIGUOUS)
@@ -228,6 +230,7 @@ class _Verdict:
             ),
             rate_noise=self._rate_noise(),
             smallest_visible=self._smallest_visible(),
+            proposals=self._proposals,
         )
 
     def _smallest_visible(self) -> tuple[SmallestVisible, ...]:
@@ -245,7 +248,7 @@ class _Verdict:
         return float(np.mean(levels)) if levels else None
 
     def _verdict(self) -> Verdict:
-        if not self._found.adequate:
+        if not self._found.adequate or self._proposals:
             return Verdict.UNKNOWN
         if not self._found.winner.hypothesis.effects:
             return Verdict.NONE

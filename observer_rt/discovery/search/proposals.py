@@ -1,0 +1,111 @@
+"""Proposes terms where no effect of the vocabulary explains recordings, or a term does it clearly better."""
+
+from collections.abc import Callable
+from itertools import chain
+
+import numpy as np
+
+from observer_rt.config.terms import term_domain
+from observer_rt.discovery.search.adequacy import HealthyBaseline, worst
+from observer_rt.discovery.search.candidates import Fitter
+from observer_rt.discovery.search.result import Candidate, Consequence, Proposal
+from observer_rt.discovery.search.search import HeldOutPoints, SearchOutcome
+from observer_rt.discovery.search.term_library import InjectorTerms, Span, library
+from observer_rt.discovery.search.term_search import PRICE, TermFit, TermSearch, scores_of
+from observer_rt.evidence.bounded_fit import NORMAL_975
+from observer_rt.evidence.likelihood import Evidence, pool_of
+from observer_rt.foundation.errors import UserError
+from observer_rt.model.effect import Effect
+from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.term_effect import is_term
+from observer_rt.model.terms.bounds import refuse_unbounded
+
+CLEARLY = 50.0  # of -2 log L, by which a term must beat the vocabulary to be offered in its place
+MOST_PROPOSED = 4
+INTERVAL_MARGIN = 1.08  # as of effects
+
+Moves = Callable[[EffectiveModel, EffectiveModel], Consequence]
+
+
+def propose(
+    fitter: Fitter, outcome: SearchOutcome, baseline: HealthyBaseline, held_out: HeldOutPoints, moves: Moves
+) -> tuple[Proposal, ...]:
+    """The best first, then what explains as much by another equation; none where the vocabulary does.
+
+    Without an effect that explains the recordings, all that terms explain is proposed; else only what does it
+    clearly better.
+    """
+    if outcome.adequate and not (
+        outcome.winner.hypothesis.effects and _leaves_a_term(fitter, outcome, baseline)
+    ):
+        return ()
+    problem = InjectorTerms(fitter.evidence, fitter.nominal, _candidates(fitter.evidence, outcome), baseline)
+    result = TermSearch(problem, fitter.each).run()
+    if not result.best.chosen or (outcome.adequate and not _beats(problem, result.best, outcome)):
+        return ()
+    judged = fitter.evidence.judge(fitter.nominal)
+    assert judged is not None  # the search began with it
+    phase = worst(pool_of(fitter.evidence, judged), baseline).phase
+    before = held_out.gap(outcome.nominal)
+
+    def proposal(fit: TermFit) -> Proposal:
+        half = NORMAL_975 * INTERVAL_MARGIN * fit.sigmas
+        hypothesis = problem.hypothesis(fit.chosen)
+        found = Candidate(hypothesis, tuple(fit.theta.tolist()), fit.statistic, tuple(half.tolist()))
+        model = found.model(fitter.nominal)
+        return Proposal(
+            found,
+            result.nothing.statistic - fit.statistic,
+            phase,
+            problem.is_adequate(fit.chosen, fit.theta),
+            _is_sound(model, fitter.nominal),
+            (before, held_out.gap(found)),
+            moves(fitter.nominal, model),
+        )
+
+    return tuple(proposal(fit) for fit in (result.best, *result.rivals)[:MOST_PROPOSED])
+
+
+def _leaves_a_term(fitter: Fitter, outcome: SearchOutcome, baseline: HealthyBaseline) -> bool:
+    """Whether a term alone would gain much beside what the vocabulary found."""
+    model = outcome.winner.model(fitter.nominal)
+    terms = list(library(_span(fitter.evidence)))
+    problem = InjectorTerms(fitter.evidence, model, terms, baseline)
+    residuals = problem.residuals((), np.zeros(0))
+    assert residuals is not None  # it was fitted
+    nothing = TermFit((), np.zeros(0), np.zeros(0), residuals.statistic)
+    gains = scores_of(problem, nothing, fitter.each).validated
+    return bool(np.max(gains, initial=0.0) > CLEARLY * max(1.0, float(np.mean(residuals.z**2))))
+
+
+def _beats(problem: InjectorTerms, best: TermFit, outcome: SearchOutcome) -> bool:
+    """Whether terms explain all, and clearly more than the effects named, each counted by its price."""
+    if not any(is_term(effect) for effect in problem.hypothesis(best.chosen).effects):
+        return False
+    named = outcome.winner.statistic + PRICE * len(outcome.winner.sizes)
+    better = best.statistic + PRICE * len(best.chosen) < named - CLEARLY
+    return better and problem.is_adequate(best.chosen, best.theta)
+
+
+def _candidates(evidence: Evidence, outcome: SearchOutcome) -> list[Effect]:
+    """The library, and the effects of the vocabulary that have one size."""
+    singles = (one.hypothesis.effects[0] for one in outcome.fitted if len(one.hypothesis.effects) == 1)
+    return [*library(_span(evidence)), *(effect for effect in singles if len(effect.parameters) == 1)]
+
+
+def _span(evidence: Evidence) -> Span:
+    """How far time and injection number reach in the recordings."""
+    events = list(chain.from_iterable(trial.measurement.events for trial in evidence.trials))
+    last = max(event.clock.injections + len(event.openings) for event in events)
+    return Span(max(event.clock.time for event in events), last)
+
+
+def _is_sound(model: EffectiveModel, nominal: EffectiveModel) -> bool:
+    """Whether an injector file may have the terms that a model has beyond the nominal one."""
+    domain = term_domain(nominal.injector)
+    try:
+        for term in model.terms[len(nominal.terms) :]:
+            refuse_unbounded(term, domain)
+    except UserError:
+        return False
+    return True

@@ -1,0 +1,58 @@
+"""Terms as effects with one size, the coefficient of their law, so that both are searched, fitted and told alike."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+from observer_rt.model.effect import Effect, EffectParameter, Place
+from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.terms.law import Law
+from observer_rt.model.terms.parser import parse
+from observer_rt.model.terms.term import Term, TermEquation
+
+DEAD_ZONE = 0.002  # of the bound: a smaller term does not matter
+
+_PLACES = {
+    TermEquation.LINE_FLOW: Place.LINE_FLOW,
+    TermEquation.LINE_PRESSURE: Place.CLOSED_END,
+    TermEquation.SEAT_FLOW: Place.SEAT,
+    TermEquation.NOZZLE_FLOW: Place.NOZZLE,
+    TermEquation.STIFFNESS: Place.CLOSED_END,
+    TermEquation.INERTANCE: Place.LINE_FLOW,
+    TermEquation.CHAMBER_PRESSURE: Place.CHAMBER,
+    TermEquation.LINE_PRESSURE_SENSOR: Place.LINE_SENSOR,
+    TermEquation.NEEDLE_LIFT: Place.LIFT_SENSOR,
+    TermEquation.RAIL_PRESSURE: Place.RAIL_SENSOR,
+}
+
+
+@dataclass(frozen=True)
+class TermLaw:
+    """The law of an effect that is a term; its size is the coefficient."""
+
+    equation: TermEquation
+    law: Law
+
+    def __call__(self, model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
+        return model.with_term(Term(self.equation, self.law, values[0]))
+
+
+@lru_cache(maxsize=4096)
+def term_effect(equation: TermEquation, law: str) -> Effect:
+    """A term as an effect whose size is the coefficient of a law of order 1."""
+    applied = TermLaw(equation, parse(f"c*({law})"))
+    highest = equation.bounds[1]
+    lowest = max(equation.bounds[0], -highest)
+    size = EffectParameter("c", str(equation.unit), 1.0, 0.0, lowest, highest, DEAD_ZONE * highest, (0.0,))
+    return Effect(f"{equation}: {applied.law}", _PLACES[equation], (size,), applied, str(applied.law), "")
+
+
+def term_of(effect: Effect, coefficient: float) -> Term | None:
+    """The term that an effect of `term_effect` is; None of any other."""
+    law = effect.apply
+    return Term(law.equation, law.law, coefficient) if isinstance(law, TermLaw) else None
+
+
+def is_term(effect: Effect) -> bool:
+    """Whether an effect is a term."""
+    return isinstance(effect.apply, TermLaw)

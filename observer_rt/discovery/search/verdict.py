@@ -319,7 +319,11 @@ class _Verdict:
         if judged is None:
             return None
         place = worst(pool_of(self._evidence, judged), self._baseline)
-        return unexplained(self._evidence, judged, self._nominal, place, found.fitted)
+        left = unexplained(self._evidence, judged, self._nominal, place, found.fitted)
+        if not self._proposals:
+            return left
+        best = self._proposals[0]
+        return replace(left, equation=best.found.hypothesis.effects[0].equation, phase=best.phase)
 
 
 def confidence_of(found: SearchOutcome) -> float:

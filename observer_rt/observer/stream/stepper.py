@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import correct, predict
-from observer_rt.foundation.compiled import addressed, inner, inner_separate
+from observer_rt.foundation.compiled import addressed, inlined, inner, inner_separate
 from observer_rt.foundation.referenced import referenced
 from observer_rt.foundation.small_arrays import copy_vector
 from observer_rt.model.borrowed import borrowed
@@ -113,9 +113,9 @@ def _start(stepper: Stepper, position: int) -> None:
     _read(stepper, position, x_hat, coefficients_in_force(stepper), network_in_force(stepper))
 
 
-@inner
-def _between(stepper: Stepper, position: int, x: NDArray[np.float64], forcing: Forcing) -> Forced:
-    """The interval before a sample, in which the area may bend, from a state x (n,) on under the terms in force."""
+@inlined
+def _as_given(stepper: Stepper, position: int) -> Forced:
+    """The interval before a sample, in which the area may bend, and the model without terms."""
     before, row = stepper.ring[(position - 1) & _MASK], stepper.ring[position & _MASK]
     interval = Interval(
         (before.rail_pressure, before.seat_area),
@@ -124,8 +124,19 @@ def _between(stepper: Stepper, position: int, x: NDArray[np.float64], forcing: F
         stepper.substeps,
     )
     knot = (before.lift_after, before.lift_area)
-    c, network = coefficients_in_force(stepper), network_in_force(stepper)
-    forced: Forced = under_terms(x, interval, knot, c, network, borrowed_forcing(forcing))
+    return Forced(interval, knot, coefficients_in_force(stepper), network_in_force(stepper), 0.0)
+
+
+@inner
+def _under_terms(stepper: Stepper, position: int, x: NDArray[np.float64], forcing: Forcing) -> Forced:
+    """The same from a state x (n,) on with the terms in force.
+
+    Apart from it: to choose between the two by value would cost more than a term does.
+    """
+    given = _as_given(stepper, position)
+    forced: Forced = under_terms(
+        x, given.interval, given.knot, given.coefficients, given.network, borrowed_forcing(forcing)
+    )
     return forced
 
 
@@ -134,14 +145,12 @@ def _predict(stepper: Stepper, position: int) -> float:
     before, row = (position - 1) & _MASK, position & _MASK
     x_tilde = borrowed(stepper.x_tilde[row])  # as learning has it: one code for both
     copy_vector(stepper.x_tilde[before], x_tilde)
-    indicated, shown = predict(
-        x_tilde,
-        stepper.ring[before].indicated,
-        _between(stepper, position, x_tilde, stepper.of_tilde),
-        stepper.sensor.fraction,
-        stepper.memory[0].lag,
-        None,
-    )
+    indicated, fraction, lag = stepper.ring[before].indicated, stepper.sensor.fraction, stepper.memory[0].lag
+    if stepper.of_tilde.program.shape[0] == 0:
+        indicated, shown = predict(x_tilde, indicated, _as_given(stepper, position), fraction, lag, None)
+    else:
+        forced = _under_terms(stepper, position, x_tilde, stepper.of_tilde)
+        indicated, shown = predict(x_tilde, indicated, forced, fraction, lag, None)
     stepper.ring[row].indicated = indicated
     return float(shown)
 
@@ -161,11 +170,18 @@ def _correct(stepper: Stepper, position: int) -> float:
         _read(stepper, position, x_hat, coefficients_in_force(stepper), network_in_force(stepper))
     else:
         copy_vector(stepper.x_hat[(position - 1) & _MASK], x_hat)
-        forced = _between(stepper, position, x_hat, stepper.of_hat)
-        c, network = forced.coefficients, forced.network
-        advance_x_hat(stepper.phi, x_hat, forced.interval, forced.knot, c, network)
-        _read(stepper, position, x_hat, c, network)
+        if stepper.of_hat.program.shape[0] == 0:
+            _move_x_hat(stepper, position, x_hat, _as_given(stepper, position))
+        else:
+            _move_x_hat(stepper, position, x_hat, _under_terms(stepper, position, x_hat, stepper.of_hat))
     return 0.0 if math.isfinite(x_hat.sum() + x_tilde.sum()) else math.nan
+
+
+@inlined
+def _move_x_hat(stepper: Stepper, position: int, x_hat: NDArray[np.float64], forced: Forced) -> None:
+    c, network = forced.coefficients, forced.network
+    advance_x_hat(stepper.phi, x_hat, forced.interval, forced.knot, c, network)
+    _read(stepper, position, x_hat, c, network)
 
 
 @inner

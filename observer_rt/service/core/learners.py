@@ -44,6 +44,12 @@ def make_learner(fitted: BenchInjector, constants: Constants, knowledge: Knowled
             f"line_outflow = '{line_outflow}'",
             "use training = 'prediction_error'",
         )
+    if fitted.parameters.terms:
+        raise UserError(
+            fitted.place("learning.training"),
+            f"'paper' knows no [[terms]], but {fitted.parameters_path} has {len(fitted.parameters.terms)}",
+            "use training = 'prediction_error'",
+        )
     check_gain(
         fitted.place("learning.identification_gain"),
         learning.identification_gain,

@@ -10,7 +10,7 @@ from observer_rt.discovery.search.adequacy import HealthyBaseline, worst
 from observer_rt.discovery.search.candidates import Fitter
 from observer_rt.discovery.search.result import Candidate, Consequence, Proposal
 from observer_rt.discovery.search.search import HeldOutPoints, SearchOutcome
-from observer_rt.discovery.search.term_library import InjectorTerms, Span, library
+from observer_rt.discovery.search.term_library import InjectorTerms, RecordingSpan, library
 from observer_rt.discovery.search.term_search import PRICE, TermFit, TermSearch, scores_of
 from observer_rt.evidence.bounded_fit import NORMAL_975
 from observer_rt.evidence.likelihood import Evidence, pool_of
@@ -93,11 +93,11 @@ def _candidates(evidence: Evidence, outcome: SearchOutcome) -> list[Effect]:
     return [*library(_span(evidence)), *(effect for effect in singles if len(effect.parameters) == 1)]
 
 
-def _span(evidence: Evidence) -> Span:
+def _span(evidence: Evidence) -> RecordingSpan:
     """How far time and injection number reach in the recordings."""
     events = list(chain.from_iterable(trial.measurement.events for trial in evidence.trials))
     last = max(event.clock.injections + len(event.openings) for event in events)
-    return Span(max(event.clock.time for event in events), last)
+    return RecordingSpan(max(event.clock.time for event in events), last)
 
 
 def _is_sound(model: EffectiveModel, nominal: EffectiveModel) -> bool:

@@ -68,14 +68,14 @@ LIBRARY: Mapping[TermEquation, tuple[str, ...]] = {
 
 
 @dataclass(frozen=True)
-class Span:
+class RecordingSpan:
     """What the recordings reach to: time [s] and injection number."""
 
     time: float
     injections: float
 
 
-def library(span: Span) -> Iterator[Effect]:
+def library(span: RecordingSpan) -> Iterator[Effect]:
     """The terms of the library as effects with one size, their coefficient."""
     for equation, laws in LIBRARY.items():
         for law in laws:
@@ -83,7 +83,7 @@ def library(span: Span) -> Iterator[Effect]:
                 yield from (term_effect(equation, one) for one in spelled(law, span))
 
 
-def spelled(law: str, span: Span) -> Iterator[str]:
+def spelled(law: str, span: RecordingSpan) -> Iterator[str]:
     """A law of the library in the words of laws: with B, one for every injection after which something may be new."""
     for number in range(1, min(int(span.injections), MOST_BREAKS + 1)) if "B" in law else (0,):
         letters = _SHORT | {

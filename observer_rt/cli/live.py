@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from observer_rt.cli.options import (
     BenchOption,
@@ -16,7 +15,10 @@ from observer_rt.cli.options import (
     JsonOption,
     LenientOption,
     ModelOption,
+    argument,
     file_option,
+    messages,
+    option,
 )
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench
 from observer_rt.foundation.errors import UserError
@@ -24,20 +26,19 @@ from observer_rt.foundation.files import file_errors
 from observer_rt.terminal.compiling import show_compiling
 from observer_rt.terminal.console import FIGURE_SUFFIXES, check_destination, results, say
 
-messages = Console(stderr=True)
 SHOWN = 10  # injections of a journal in a table
 
 
 def demo(
     wear: Annotated[
-        float, typer.Option(help="Nozzle wear v_H: relative change of the orifice flow.", min=-0.5, max=0.5)
+        float, option("--wear", "Nozzle wear v_H: relative change of the orifice flow.", min=-0.5, max=0.5)
     ] = 0.3,
-    injections: Annotated[int, typer.Option(help="How many injections.", min=3, max=100)] = 12,
-    speed: Annotated[float, typer.Option(help="Replay speed, 1 = real time.", min=0.01, max=1.0)] = 0.05,
-    seed: Annotated[int, typer.Option(help="Seed of the measurement noise.", min=0)] = 1,
-    figure: Annotated[
-        Path, typer.Option(help="Where to write the picture (png, svg, pdf).", metavar="FILE")
-    ] = Path("observer_rt_demo.png"),
+    injections: Annotated[int, option("--injections", "How many injections.", min=3, max=100)] = 12,
+    speed: Annotated[float, option("--speed", "Replay speed, 1 = real time.", min=0.01, max=1.0)] = 0.05,
+    seed: Annotated[int, option("--seed", "Seed of the measurement noise.", min=0)] = 1,
+    figure: Annotated[Path, option("--figure", "Where to write the picture (png, svg, pdf).", "FILE")] = Path(
+        "observer_rt_demo.png"
+    ),
 ) -> None:
     """Watch a worn injector being learned: simulated, sent as CAN FD frames, estimated by the daemon."""
     from observer_rt.cli.demo import Demo, mass_table, wait, write_figure
@@ -77,18 +78,16 @@ def run(
             "--journal", "SQLite file for a row an injection, written as soon: see `observer-rt journal`."
         ),
     ] = None,
-    view: Annotated[bool, typer.Option("--view", help="Show the live terminal view.")] = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Every injection as a line of JSON on stdout.")
-    ] = False,
+    view: Annotated[bool, option("--view", "Show the live terminal view.")] = False,
+    as_json: Annotated[bool, option("--json", "Every injection as a line of JSON on stdout.")] = False,
     log: Annotated[Path | None, file_option("--log", "File that log lines are appended to, too.")] = None,
     injector: InjectorOption = None,
     lenient: LenientOption = False,
     print_example_bench: Annotated[
-        bool, typer.Option("--print-example-bench", help="Print a complete, commented bench file.")
+        bool, option("--print-example-bench", "Print a complete, commented bench file.")
     ] = False,
     print_example_injector: Annotated[
-        bool, typer.Option("--print-example-injector", help="Print a complete, commented injector file.")
+        bool, option("--print-example-injector", "Print a complete, commented injector file.")
     ] = False,
     effects: EffectsOption = None,
 ) -> None:
@@ -158,17 +157,18 @@ def monitor(
         Path | None, file_option("--log", "CAN log with inputs and results, instead of the buses.")
     ] = None,
     from_channel: FromChannelOption = None,
-    speed: Annotated[float, typer.Option(help="Of a log: 1 = real time.", min=0.01, max=1000.0)] = 1.0,
-    port: Annotated[int, typer.Option(help="Of the page; 0 = any that is free.", min=0, max=65535)] = 5006,
+    speed: Annotated[float, option("--speed", "Of a log: 1 = real time.", min=0.01, max=1000.0)] = 1.0,
+    port: Annotated[int, option("--port", "Of the page; 0 = any that is free.", min=0, max=65535)] = 5006,
     address: Annotated[
         str,
-        typer.Option(
-            help="Where the page is served: this computer only, unless an address that others reach is given."
+        option(
+            "--address",
+            "Where the page is served: this computer only, unless an address that others reach is given.",
         ),
     ] = "127.0.0.1",
-    out: Annotated[
-        Path, typer.Option("--out", help="Folder that `Save` writes injections into.", metavar="DIR")
-    ] = Path("injections"),
+    out: Annotated[Path, option("--out", "Folder that `Save` writes injections into.", "DIR")] = Path(
+        "injections"
+    ),
     lenient: LenientOption = False,
     effects: EffectsOption = None,
 ) -> None:
@@ -186,14 +186,11 @@ def monitor(
 
 
 def journal(
-    file: Annotated[
-        Path, typer.Argument(help="Journal that `observer-rt run --journal` wrote or writes.", metavar="FILE")
-    ],
+    file: Annotated[Path, argument("Journal that `observer-rt run --journal` wrote or writes.", "FILE")],
     last: Annotated[
-        int | None,
-        typer.Option("--last", help=f"Only so many injections (of the table: {SHOWN}).", metavar="N", min=1),
+        int | None, option("--last", f"Only so many injections (of the table: {SHOWN}).", "N", min=1)
     ] = None,
-    as_csv: Annotated[bool, typer.Option("--csv", help="Injections as CSV on stdout.")] = False,
+    as_csv: Annotated[bool, option("--csv", "Injections as CSV on stdout.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Show a journal of injections: the last ones, and the wear over time; also while it is written."""

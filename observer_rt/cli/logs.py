@@ -8,7 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
 from rich.console import Console
 from rich.live import Live
 from rich.text import Text
@@ -25,9 +24,12 @@ from observer_rt.cli.options import (
     JsonOption,
     LenientOption,
     RecordingArgument,
+    argument,
     decoder_of,
     file_option,
     link_option,
+    messages,
+    option,
 )
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench
 from observer_rt.config.links import of_links, refuse_shared_channels
@@ -50,7 +52,6 @@ InterfaceOption = Annotated[
     ),
 ]
 MEGABYTE = 1_000_000
-messages = Console(stderr=True)
 
 
 def replay(
@@ -58,30 +59,19 @@ def replay(
     bench: BenchOption = EXAMPLE_BENCH,
     channel: ChannelOption = None,
     interface: InterfaceOption = None,
-    speed: Annotated[
-        float, typer.Option("--speed", help="1 = real time; 0 = as fast as the bus takes.", min=0.0)
-    ] = 1.0,
-    loop: Annotated[int, typer.Option("--loop", help="How often; 0 = until stopped.", min=0)] = 1,
-    start: Annotated[
-        float | None, typer.Option("--start", help="From this time of the recording [s].")
-    ] = None,
-    stop: Annotated[float | None, typer.Option("--stop", help="To this time of the recording [s].")] = None,
-    windowed: Annotated[
-        bool, typer.Option("--windowed", help="Only about 6 ms round each injection.")
-    ] = False,
+    speed: Annotated[float, option("--speed", "1 = real time; 0 = as fast as the bus takes.", min=0.0)] = 1.0,
+    loop: Annotated[int, option("--loop", "How often; 0 = until stopped.", min=0)] = 1,
+    start: Annotated[float | None, option("--start", "From this time of the recording [s].")] = None,
+    stop: Annotated[float | None, option("--stop", "To this time of the recording [s].")] = None,
+    windowed: Annotated[bool, option("--windowed", "Only about 6 ms round each injection.")] = False,
     map_id: Annotated[
-        list[str] | None,
-        typer.Option("--map-id", help="Send under another identifier; repeatable.", metavar="FROM=TO"),
+        list[str] | None, option("--map-id", "Send under another identifier; repeatable.", "FROM=TO")
     ] = None,
     map_channel: Annotated[
         list[str] | None,
-        typer.Option(
-            "--map-channel", help="Frames of this channel of a log onto that bus only.", metavar="FROM=TO"
-        ),
+        option("--map-channel", "Frames of this channel of a log onto that bus only.", "FROM=TO"),
     ] = None,
-    force: Annotated[
-        bool, typer.Option("--force", help="Send although others send the same identifiers.")
-    ] = False,
+    force: Annotated[bool, option("--force", "Send although others send the same identifiers.")] = False,
     injector: InjectorOption = None,
     lenient: LenientOption = False,
     as_json: JsonOption = False,
@@ -130,15 +120,13 @@ def record(
     bench: BenchOption = EXAMPLE_BENCH,
     channel: ChannelOption = None,
     interface: InterfaceOption = None,
-    duration: Annotated[
-        float | None, typer.Option("--duration", help="End after this time [s].", min=0.0)
-    ] = None,
-    frames: Annotated[int | None, typer.Option("--frames", help="End after so many frames.", min=1)] = None,
+    duration: Annotated[float | None, option("--duration", "End after this time [s].", min=0.0)] = None,
+    frames: Annotated[int | None, option("--frames", "End after so many frames.", min=1)] = None,
     rotate_size: Annotated[
-        float | None, typer.Option("--rotate-size", help="Begin a new file at this size [MB].", min=0.001)
+        float | None, option("--rotate-size", "Begin a new file at this size [MB].", min=0.001)
     ] = None,
     rotate_time: Annotated[
-        float | None, typer.Option("--rotate-time", help="Begin a new file after this time [s].", min=0.001)
+        float | None, option("--rotate-time", "Begin a new file after this time [s].", min=0.001)
     ] = None,
     force: ForceOption = False,
     as_json: JsonOption = False,
@@ -180,18 +168,13 @@ def record(
 def convert(
     recording: RecordingArgument,
     target: Annotated[
-        Path,
-        typer.Argument(
-            help=f"File to write, in the format of its suffix; no CAN FD in {CLASSIC_ONLY}.",
-            metavar="OUT",
-            show_default=False,
-        ),
+        Path, argument(f"File to write, in the format of its suffix; no CAN FD in {CLASSIC_ONLY}.", "OUT")
     ],
     bench: DecoderOption = None,
     from_channel: FromChannelOption = None,
     injector: InjectorOption = None,
     lenient: LenientOption = False,
-    force: Annotated[bool, typer.Option("--force", help="Replace OUT if it is there already.")] = False,
+    force: Annotated[bool, option("--force", "Replace OUT if it is there already.")] = False,
     effects: EffectsOption = None,
 ) -> None:
     """Turn recordings and CAN logs into other formats, and logs, by a bench file, into recordings."""

@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
@@ -13,10 +13,10 @@ from rich.console import Console
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.evaluation.curves import numbers_shown, refuse_beyond
-from observer_rt.evaluation.evaluate import in_runs, open_source, without_truths
+from observer_rt.evaluation.evaluate import Evaluation, bench_for_all, evaluate_stream
 from observer_rt.evaluation.logged import LoggedSignals
 from observer_rt.evaluation.results import write_document
-from observer_rt.evaluation.streamed import StreamedEvaluation, evaluate_stream
+from observer_rt.evaluation.sources import in_runs, open_source, without_truths
 from observer_rt.evaluation.table import print_evaluation
 from observer_rt.evaluation.trace import SUFFIXES, TRACE_SUFFIX
 from observer_rt.foundation.errors import CombinedError, UserError
@@ -62,6 +62,12 @@ class EvaluateOptions:
     """degC of recordings, which know none; None: as in the injector file."""
     injections: Sequence[int] = ()
     """Numbers of those to be drawn as curves, empty: some."""
+
+    @property
+    def written(self) -> dict[str, Path]:
+        """What is to be written, by option."""
+        named = {"--output": self.output, "--plot": self.plot, "--save-state": self.save_state}
+        return {option: path for option, path in named.items() if path is not None}
 
 
 def evaluate_bench(bench: Bench, given: Sequence[Path], options: EvaluateOptions, console: Console) -> None:
@@ -129,7 +135,12 @@ def evaluate_files(bench: Bench, given: Sequence[Path], options: EvaluateOptions
         for evaluation in evaluations:
             print_evaluation(evaluation, c, results_console)
     if options.plot is not None:
-        _plot(options.plot, evaluations, options.injections)
+        from observer_rt.evaluation.figures import picture_of, plot_injections
+
+        there = {report.number for evaluation in evaluations for report in evaluation.reports}
+        shown = numbers_shown(options.injections, there)
+        with file_errors(options.plot):
+            plot_injections(options.plot, [picture_of(each, shown) for each in evaluations], "measured")
 
 
 def _refuse_plain(bench: Bench, paths: Sequence[Path]) -> None:
@@ -145,20 +156,19 @@ def _refuse_plain(bench: Bench, paths: Sequence[Path]) -> None:
 
 def _named(options: EvaluateOptions, name: str) -> EvaluateOptions:
     """The options for one injector, with files of its own."""
+
+    def own(path: Path | None) -> Path | None:
+        return path and path.with_name(f"{path.stem}_{name}{path.suffix}")
+
     output = options.output
-    if output is not None:
-        output = output / name if _is_folder(output) else _of(output, name)
+    output = output / name if output is not None and _is_folder(output) else own(output)
     return replace(
         options,
         output=output,
-        plot=_of(options.plot, name),
-        state=_of(options.state, name),
-        save_state=_of(options.save_state, name),
+        plot=own(options.plot),
+        state=own(options.state),
+        save_state=own(options.save_state),
     )
-
-
-def _of(path: Path | None, name: str) -> Path | None:
-    return path and path.with_name(f"{path.stem}_{name}{path.suffix}")
 
 
 def _refuse_early(bench: Bench, paths: Sequence[Path], options: EvaluateOptions) -> None:
@@ -227,17 +237,12 @@ def _check_destinations(paths: Sequence[Path], options: EvaluateOptions) -> None
         with sole_writer(options.save_state):
             pass  # no daemon keeps it
     inputs = {path.resolve() for path in paths}
-    for option, path in (
-        ("--output", options.output),
-        ("--plot", options.plot),
-        ("--save-state", options.save_state),
-    ):
-        if path is not None and path.resolve() in inputs:
+    for option, path in options.written.items():
+        if path.resolve() in inputs:
             raise UserError(f"{option} {path}", "is a recording to be evaluated", "name another file")
-    refuse_existing("--output", _traces(options.output, paths), options.force)
-    refuse_existing("--plot", [options.plot] if options.plot else [], options.force)
-    if options.save_state is not None and options.save_state != options.state:
-        refuse_existing("--save-state", [options.save_state], options.force)
+        if option != "--save-state" or path != options.state:
+            files = _traces(path, paths) if option == "--output" else [path]
+            refuse_existing(option, files, options.force)
 
 
 def _traces(output: Path | None, paths: Sequence[Path]) -> list[Path]:
@@ -263,7 +268,7 @@ def _evaluated(
     knowledge: Knowledge | None,
     options: EvaluateOptions,
     console: Console,
-) -> tuple[list[StreamedEvaluation], Knowledge]:
+) -> tuple[list[Evaluation], Knowledge]:
     """Every source by itself, or all of them as one history, in which knowledge goes on from run to run.
 
     Gives the knowledge at the end of the last one, too.
@@ -280,42 +285,19 @@ def _evaluated(
     refuse_beyond(options.injections, sum(openings) if options.chain else max(openings))
     runs = in_runs(sources) if options.chain else [[source] for source in sources]
     if options.chain:
-        _refuse_several_rates(sources, benches)
+        bench_for_all(bench, sources)
     learning = options.learning and bench.injector.config.learning.enabled
     curves = None if options.plot is None else effective_model(bench.injector.parameters).coefficients
-    evaluations: list[StreamedEvaluation] = []
+    evaluations: list[Evaluation] = []
     known, done = knowledge, 0
     with progress_bar(console, "evaluating", sum(source.samples for source in sources)) as progress:
         for run in runs:
             known = known if options.chain else knowledge
             mine = traces[len(evaluations) :][: len(run)]
-            report = partial(_report_progress, progress, done)
-            found, known = evaluate_stream(bench, run, mine, known, learning, report, curves)
+            found, known = evaluate_stream(
+                bench, run, mine, known, learning, lambda samples, done=done: progress(done + samples), curves
+            )
             evaluations += found
             done += sum(source.samples for source in run)
     assert known is not None  # there is a run
     return evaluations, known
-
-
-def _refuse_several_rates(sources: Sequence[SignalStream], benches: Sequence[Bench]) -> None:
-    for source, own in zip(sources, benches, strict=True):
-        if own.injector.config.sampling != benches[0].injector.config.sampling:
-            raise UserError(
-                str(source.path),
-                f"is sampled at {source.sample_rate:g} Hz, {sources[0].path} before it at "
-                f"{sources[0].sample_rate:g} Hz",
-                "recordings of one history must have one sample rate",
-            )
-
-
-def _report_progress(progress: Callable[[float], None], before: int, samples: int) -> None:
-    progress(before + samples)
-
-
-def _plot(path: Path, evaluations: Sequence[StreamedEvaluation], chosen: Sequence[int]) -> None:
-    from observer_rt.evaluation.figures import picture_of, plot_injections
-
-    there = {one.report.number for evaluation in evaluations for one in evaluation.injections}
-    shown = numbers_shown(chosen, there)
-    with file_errors(path):
-        plot_injections(path, [picture_of(evaluation, shown) for evaluation in evaluations], "measured")

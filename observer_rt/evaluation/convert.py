@@ -8,8 +8,8 @@ from rich.console import Console
 
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
-from observer_rt.evaluation.evaluate import open_source
 from observer_rt.evaluation.logged import LoggedSignals
+from observer_rt.evaluation.sources import open_source
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors, replacing
 from observer_rt.recording.canlog.can_log import LogFrame

@@ -171,12 +171,10 @@ def injection_result(
     trace: Trace,
     measured_rate: Signal | None,
     sample_rate: float,
-    online_mass: float | None,
 ) -> InjectionResult:
     """Over the window an injection was detected in, of samples that begin with a sample index.
 
-    time [s], measured_rate [m3/s]: of the samples of the trace; online_mass [kg]: as measured online, None: it was
-    not; a measured rate goes before it.
+    time [s], measured_rate [m3/s]: of the samples of the trace.
     """
     first = report.start_index - first_index
     last = min(report.end_index - first_index, time.size - 1)
@@ -192,13 +190,12 @@ def injection_result(
     def rmse(rate: NDArray[np.float64]) -> float:
         return math.nan if measured is None else float(rms_difference(rate, measured))
 
-    unmeasured = math.nan if online_mass is None else online_mass
     return InjectionResult(
         report=report,
         start=float(time[first]),
         end=float(time[last]),
         nominal_mass=mass(nominal),
-        measured_mass=unmeasured if measured is None else mass(measured),
+        measured_mass=math.nan if measured is None else mass(measured),
         rate_rmse=rmse(rate),
         nominal_rate_rmse=rmse(nominal),
         rate_ci95_halfwidth=1.96 * mean_flowing(trace.injection_rate_sigma[window], rate),

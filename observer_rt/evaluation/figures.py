@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from observer_rt.estimation.scalars import NOZZLE, SEAT
 from observer_rt.evaluation.curves import InjectionResult, RateCurves
-from observer_rt.evaluation.streamed import StreamedEvaluation
+from observer_rt.evaluation.evaluate import Evaluation
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
 from observer_rt.observer.learning.indicators import Estimate
 
@@ -275,7 +275,7 @@ def _draw_rates_of_several(axes: Axes, curve: RateCurves, colour: str) -> None:
     axes.plot(time, curve.nominal / MM3_PER_MS, color=colour, ls="--", lw=0.9)
 
 
-def picture_of(evaluation: StreamedEvaluation, numbers: Collection[int]) -> Picture:
+def picture_of(evaluation: Evaluation, numbers: Collection[int]) -> Picture:
     """Curves of the injections of these numbers, as far as the recording has them; masses and wear of all."""
     curves = {
         one.report.number: evaluation.curves[place]

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.alignment.timekeeping import MessageTiming
 from observer_rt.bus.links.link import AT_ONCE, BusFrame, Frame, block_of
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
@@ -16,11 +15,10 @@ from observer_rt.config.channels import as_sent
 from observer_rt.config.recording import Meaning
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effective import Coefficients
-from observer_rt.observer.stream.standstill import Standstill
 from observer_rt.observer.stream.state import RING
 from observer_rt.recording.canlog.can_log import NANOSECONDS
 from observer_rt.recording.channels import InputFrames, chosen_channels
-from observer_rt.recording.signals.recording import Chunk, Recording
+from observer_rt.recording.signals.recording import Chunk
 from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE, SignalStream, Stretch
 from observer_rt.service.compiled.constants import bench_constants
 from observer_rt.service.core.core import Core
@@ -54,49 +52,6 @@ class LoggedStretch:
         holes = np.diff(index, prepend=self.last_index) > RING
         resumed = (*self.resumed, *index[holes].tolist()) if holes.any() else self.resumed
         return LoggedStretch(self.first_index, int(index[-1]), resumed)
-
-
-@dataclass(frozen=True)
-class LoggedRecording:
-    """A log, decoded by a bench file, in memory.
-
-    recording: what the observer was given, NaN where no sample came; it begins with sample index `first_index`.
-    frames: the frames as they are in the log. notes: what the user should know of the log. counters, standstill,
-    timing: of the observer that was given it.
-    """
-
-    recording: Recording
-    first_index: int
-    frames: InputFrames
-    notes: tuple[str, ...]
-    counters: Counters
-    standstill: Standstill
-    timing: tuple[MessageTiming, ...]
-
-
-def read_logged(
-    bench: Bench,
-    path: Path,
-    from_channels: Sequence[str] = (),
-    progress: Callable[[float], None] = lambda _: None,
-) -> LoggedRecording:
-    """Decode a log into memory, as `LoggedSignals`. Raises `UserError` where the sample index begins anew, too."""
-    logged = LoggedSignals(bench, path, from_channels, progress)
-    if len(logged.logged) > 1:
-        raise UserError(
-            str(path),
-            f"the sample index begins anew after {logged.logged[0].last_index}: a device was restarted",
-            "split the log there",
-        )
-    return LoggedRecording(
-        logged.collected(),
-        logged.logged[0].first_index,
-        logged.frames,
-        logged.notes,
-        logged.counters,
-        logged.standstill,
-        logged.timing,
-    )
 
 
 class LoggedSignals(SignalStream):

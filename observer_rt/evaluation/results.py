@@ -11,7 +11,6 @@ import numpy as np
 
 from observer_rt.evaluation.curves import injection_json
 from observer_rt.evaluation.evaluate import Evaluation
-from observer_rt.evaluation.streamed import StreamedEvaluation
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND
 from observer_rt.model.effective import Coefficients
 from observer_rt.observer.stream.lift_zero import LIMIT
@@ -20,8 +19,6 @@ from observer_rt.observer.stream.standstill import LiftFigures
 SCHEMA = 1
 PLAUSIBLE_OFFSET = 2 * MEGAPASCAL  # between line and rail pressure at standstill
 _NO_INJECTIONS = '"injections": []'  # a string of the document cannot hold it: its quotes would be escaped
-
-Evaluated = Evaluation | StreamedEvaluation
 
 
 @dataclass(frozen=True)
@@ -34,7 +31,7 @@ class Check:
     passed: bool
 
 
-def checks(evaluation: Evaluated, c: Coefficients) -> list[Check]:
+def checks(evaluation: Evaluation, c: Coefficients) -> list[Check]:
     """Standstill checks: offset between line and rail pressure, noise levels, and what the lift sensor shows."""
     standstill = evaluation.standstill
     offset = standstill.offset * c.pressure_scale
@@ -63,7 +60,7 @@ def _lift_checks(lift: LiftFigures) -> list[Check]:
     return result
 
 
-def write_document(evaluations: Sequence[Evaluated], model: str, c: Coefficients, out: TextIO) -> None:
+def write_document(evaluations: Sequence[Evaluation], model: str, c: Coefficients, out: TextIO) -> None:
     """Write one JSON document, injection by injection, however many there are.
 
     model: SHA-256 of the parameters; c: of the nominal model.
@@ -85,7 +82,7 @@ def write_document(evaluations: Sequence[Evaluated], model: str, c: Coefficients
     out.write("\n")
 
 
-def _without_injections(evaluation: Evaluated, c: Coefficients) -> dict[str, Any]:
+def _without_injections(evaluation: Evaluation, c: Coefficients) -> dict[str, Any]:
     """One recording of the document, an empty list for its injections."""
     valid = sum(result.report.valid for result in evaluation.injections)
     return {
@@ -106,7 +103,7 @@ def _without_injections(evaluation: Evaluated, c: Coefficients) -> dict[str, Any
     }
 
 
-def _energizing_json(evaluation: Evaluated) -> dict[str, Any]:
+def _energizing_json(evaluation: Evaluation) -> dict[str, Any]:
     """Of the recording as a whole."""
     if not evaluation.has_energizing:
         return {}

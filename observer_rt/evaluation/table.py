@@ -10,7 +10,8 @@ from rich.text import Text
 
 from observer_rt.estimation.scalars import SCALARS
 from observer_rt.evaluation.curves import RESULT_FIELDS, InjectionResult
-from observer_rt.evaluation.results import Evaluated, checks
+from observer_rt.evaluation.evaluate import Evaluation
+from observer_rt.evaluation.results import checks
 from observer_rt.model.effective import Coefficients
 from observer_rt.observer.stream.state import Reason
 from observer_rt.service.reports.injection_report import WEAR, Field
@@ -33,7 +34,7 @@ _ERROR = Field[InjectionResult](
 _WEAR = [_NAMED[each.value.name] for each in WEAR]
 
 
-def print_evaluation(evaluation: Evaluated, c: Coefficients, console: Console) -> None:
+def print_evaluation(evaluation: Evaluation, c: Coefficients, console: Console) -> None:
     """One recording: what it is, injection by injection or, where there are many, some at a time, what is wrong."""
     counters, count = evaluation.counters, len(evaluation.injections)
     not_valid = _not_valid(evaluation.injections)

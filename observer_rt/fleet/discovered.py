@@ -24,8 +24,8 @@ from observer_rt.config.own_effects import OwnEffects
 from observer_rt.discovery.answer import Question, answer, refuse_incomparable
 from observer_rt.discovery.folder import AMENDED, REPORT, fits_in, make_folder, write_answer
 from observer_rt.discovery.runs import DiscoveryRun, Document, size_text
-from observer_rt.evaluation.evaluate import open_source
 from observer_rt.evaluation.second_opinion import second_opinion
+from observer_rt.evaluation.sources import open_source
 from observer_rt.evidence.excerpts import MOST_SAMPLES
 from observer_rt.evidence.measurement import Measurement
 from observer_rt.evidence.reading import hashes, read_measured, refuse_rates_missing, refuse_sample_rates

@@ -15,8 +15,8 @@ from rich.console import Console
 from observer_rt.config.bench import Bench
 from observer_rt.config.own_effects import OwnEffects
 from observer_rt.evaluation.curves import RESULT_FIELDS
-from observer_rt.evaluation.evaluate import open_source
-from observer_rt.evaluation.streamed import StreamedEvaluation, evaluate_stream
+from observer_rt.evaluation.evaluate import Evaluation, evaluate_stream
+from observer_rt.evaluation.sources import open_source
 from observer_rt.fleet.groups import InjectorNames
 from observer_rt.foundation.errors import ObserverError
 from observer_rt.foundation.files import file_errors, file_hash
@@ -136,9 +136,7 @@ def _rows(task: Task, path: Path, sha256: str, alone: Bench) -> Iterator[dict[st
         }
 
 
-def _evaluation(
-    task: Task, place: Path, alone: Bench, in_one_go: bool
-) -> tuple[SignalStream, StreamedEvaluation]:
+def _evaluation(task: Task, place: Path, alone: Bench, in_one_go: bool) -> tuple[SignalStream, Evaluation]:
     """in_one_go: as of `open_recording`: reading takes a good part of all time."""
     source = open_source(place, alone, (), Console(quiet=True), in_one_go)
     learning = task.learning and alone.injector.config.learning.enabled

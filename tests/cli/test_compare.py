@@ -15,10 +15,9 @@ def test_wear_grew_from_one_run_to_the_next(command: Command, tmp_path: Path) ->
     for name, v_h in (("spring", 0.1), ("autumn", 0.2)):
         recording, folder = tmp_path / f"{name}.csv", tmp_path / name
         command("simulate", "--injections", 4, "--effect", f"orifice_area={v_h}", "--output", recording)
-        assert command("discover", "--out", folder, recording).code == 0
+        command.done("discover", "--out", folder, recording)
         folders.append(folder)
-    done = command("compare", *folders)
-    assert done.code == 0
+    done = command.done("compare", *folders)
     assert "one operating point, nothing held out" in done.out
     assert "spring.csv" in done.out
     assert re.search(r"orifice_area v_H: \+0\.\d+ ± 0\.0\d+ \(95 %\), changed", done.out)
@@ -29,6 +28,4 @@ def test_wear_grew_from_one_run_to_the_next(command: Command, tmp_path: Path) ->
 
 def test_one_run_or_none_is_refused(command: Command, tmp_path: Path) -> None:
     assert "two folders" in command("compare", tmp_path).err
-    missing = command("compare", tmp_path, tmp_path)
-    assert missing.code == 2
-    assert "findings.json: no such file" in missing.err
+    assert "findings.json: no such file" in command.refused("compare", tmp_path, tmp_path)

@@ -58,8 +58,7 @@ def with_logs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_what_evaluate_prints(name: str, command: Command, with_logs: Path) -> None:
     shown = PAGE.shown(f"observer-rt evaluate {name}.log --bench {name}.toml")
-    outcome = command("evaluate", f"{name}.log", "--bench", f"{name}.toml")
-    assert outcome.code == 0
+    outcome = command.done("evaluate", f"{name}.log", "--bench", f"{name}.toml")
     assert [_without_learned(line) for line in shown] == [
         _without_learned(f"    {line}".rstrip()) for line in outcome.out.splitlines()
     ]
@@ -76,8 +75,7 @@ def _without_learned(line: str) -> str:
 def test_what_replay_prints(name: str, command: Command, with_logs: Path) -> None:
     on_bus = ("--interface", "virtual", "--channel", "try", "--speed", "0")
     shown = PAGE.shown(f"observer-rt replay {name}.log --bench {name}.toml {' '.join(on_bus)}")
-    outcome = command("replay", f"{name}.log", "--bench", f"{name}.toml", *on_bus)
-    assert outcome.code == 0
+    outcome = command.done("replay", f"{name}.log", "--bench", f"{name}.toml", *on_bus)
     duration = re.compile(r"\d+\.\d{3} s")
     assert [duration.sub("a while", line.strip()) for line in shown] == [
         duration.sub("a while", line) for line in outcome.out.splitlines()
@@ -108,12 +106,9 @@ def test_an_overlap(command: Command, tmp_path: Path, monkeypatch: pytest.Monkey
     bench = (DATABASES / "testbed_classic.toml").read_text()
     (tmp_path / "testbed_classic.toml").write_text(bench)
     monkeypatch.chdir(tmp_path)
-    outcome = command("run", "--bench", "testbed_classic.toml")
-    assert outcome.code == 2
+    said = command.refused("run", "--bench", "testbed_classic.toml")
     shown = PAGE.shown("observer-rt run --bench testbed_classic.toml")
-    assert [words(line) for line in shown] == [
-        words(line) for line in outcome.err.splitlines() if line.strip()
-    ]
+    assert [words(line) for line in shown] == [words(line) for line in said.splitlines() if line.strip()]
     monkeypatch.setenv("COLUMNS", "200")
     overlooked = "overlooked: testbed_classic.dbc: The signals RP_SensorState and RP_RailPressure"
     assert overlooked in command("check", "--bench", "testbed_classic.toml", "--lenient").out

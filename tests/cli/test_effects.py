@@ -10,8 +10,7 @@ from tests.cli.conftest import Command
 
 
 def test_every_effect_with_its_units_and_what_it_is_taken_for(command: Command) -> None:
-    done = command("effects")
-    assert done.code == 0
+    done = command.done("effects")
     for effect in VOCABULARY.values():
         assert effect.id in done.out
         for parameter in effect.parameters:
@@ -31,10 +30,9 @@ def test_one_effect_in_detail(command: Command) -> None:
 
 
 def test_a_misspelt_id_is_named(command: Command) -> None:
-    done = command("effects", "channel_scew")
-    assert done.code == 2
-    assert "the nearest is 'channel_skew'" in done.err
-    assert "channel_skew:d [us]" in done.err
+    said = command.refused("effects", "channel_scew")
+    assert "the nearest is 'channel_skew'" in said
+    assert "channel_skew:d [us]" in said
 
 
 def test_for_programs(command: Command) -> None:
@@ -52,12 +50,13 @@ def test_for_programs(command: Command) -> None:
 @pytest.mark.parametrize("size", ["10", "10us", "10 us"])
 def test_a_simulated_effect_is_told_with_its_unit(command: Command, tmp_path: Path, size: str) -> None:
     output = tmp_path / "late.csv"
-    done = command("simulate", "--injections", 1, "--effect", f"channel_skew:d={size}", "--output", output)
-    assert done.code == 0
+    done = command.done(
+        "simulate", "--injections", 1, "--effect", f"channel_skew:d={size}", "--output", output
+    )
     assert "channel_skew d = 10 us" in done.err
 
 
 def test_another_unit_is_refused(command: Command, tmp_path: Path) -> None:
-    done = command("simulate", "--effect", "channel_skew:d=10ms", "--output", tmp_path / "late.csv")
-    assert done.code == 2
-    assert "give the number in us" in done.err
+    assert "give the number in us" in command.refused(
+        "simulate", "--effect", "channel_skew:d=10ms", "--output", tmp_path / "late.csv"
+    )

@@ -45,10 +45,9 @@ def test_the_example_is_found_and_works_in_every_command(command: Command, examp
 )
 def test_without_the_option_the_model_asks_for_it(command: Command, example: Path, words: str) -> None:
     amended = _amended(example.parent)
-    outcome = command(*shlex.split(words), "--model", amended)
-    assert outcome.code == 2
-    assert "unknown effect 'sac_volume'" in outcome.err
-    assert "--effects" in outcome.err
+    said = command.refused(*shlex.split(words), "--model", amended)
+    assert "unknown effect 'sac_volume'" in said
+    assert "--effects" in said
     assert "sac_volume" not in command(*shlex.split(words), "--model", amended, "--effects", example).err
 
 
@@ -87,7 +86,6 @@ def test_a_file_that_will_not_do_is_refused_by_every_command(
     command: Command, example: Path, words: str
 ) -> None:
     example.write_text(example.read_text().replace('"sac_volume")', '"sack_volume")'))
-    outcome = command(*shlex.split(words), "--effects", example)
-    assert outcome.code == 2
-    assert "my_effects.py: sac_volume: apply at r = -0.5 -: fails" in outcome.err
-    assert "remedy: mend the law" in outcome.err
+    said = command.refused(*shlex.split(words), "--effects", example)
+    assert "my_effects.py: sac_volume: apply at r = -0.5 -: fails" in said
+    assert "remedy: mend the law" in said

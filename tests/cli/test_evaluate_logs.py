@@ -16,12 +16,11 @@ def test_a_log_is_evaluated_as_the_recording_it_was_made_of(
     log = tmp_path / "bus.log"
     log.write_text("(0.0) can0 123#R\n" + "".join(candump_lines(frames_of(bench, worn))))
     expected = json.loads(command("evaluate", worn, "--bench", bench, "--json").out)["recordings"][0]
-    outcome = command("evaluate", log, "--bench", bench, "--json")
-    assert outcome.code == 0
+    outcome = command.done("evaluate", log, "--bench", bench, "--json")
     assert f"{log}: left out: 1 remote frame" in outcome.err
     found = json.loads(outcome.out)["recordings"][0]
     assert [i["mass_mg"] for i in found["injections"]] == [i["mass_mg"] for i in expected["injections"]]
-    assert command("evaluate", log, "--bench", bench, "--from-channel", "can7").code == 2
+    command.refused("evaluate", log, "--bench", bench, "--from-channel", "can7")
 
 
 def test_logs_of_a_device_that_went_on_are_as_one(

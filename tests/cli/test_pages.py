@@ -66,8 +66,7 @@ def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: Command) -> P
 def run_all(command: Command, commands: list[str]) -> None:
     for line in commands:
         words, into = words_of(line)
-        outcome = command(*words)
-        assert outcome.code == 0, f"{line}\n{outcome.err}\n{outcome.out}"
+        outcome = command.done(*words)
         if into is not None:
             into.write_text(outcome.out)
 
@@ -84,7 +83,7 @@ def without_bus(page: Page) -> list[str]:
 def test_the_commands_of_the_readme(command: Command, desk: Path) -> None:
     measured = desk / "measured"
     measured.mkdir()
-    assert command("simulate", *SEVERAL_POINTS, *WORN, "--output", measured / "injector_a.csv").code == 0
+    command.done("simulate", *SEVERAL_POINTS, *WORN, "--output", measured / "injector_a.csv")
     run_all(command, without_bus(Page("README.md")))
     made = {"worn.png", "figures", "found", "bench.toml", "results"}
     assert made <= {path.name for path in desk.iterdir()}
@@ -96,7 +95,7 @@ def test_the_commands_on_many_recordings(command: Command, desk: Path) -> None:
     for name, effect in (("a", ()), ("b", WORN)):
         path = desk / "measured" / f"injector_{name}" / "run.csv"
         path.parent.mkdir(parents=True)
-        assert command("simulate", *SEVERAL_POINTS, *effect, "--output", path).code == 0
+        command.done("simulate", *SEVERAL_POINTS, *effect, "--output", path)
     run_all(command, without_bus(Page("docs/batch.md")))
     page = (desk / "results" / "trend.html").read_text()
     assert page.index("#1") < page.index(">b<") < page.index(">a<")
@@ -106,9 +105,9 @@ def test_the_commands_on_many_recordings(command: Command, desk: Path) -> None:
 @pytest.mark.slow
 def test_the_commands_on_recordings(command: Command, desk: Path) -> None:
     page = Page("docs/recordings.md")
-    assert command("simulate", *SEVERAL_POINTS, *WORN, "--output", "worn.csv").code == 0
-    assert command("convert", "worn.csv", "made.log", "--bench", "bench.toml").code == 0
-    assert command("convert", "made.log", "bus.blf").code == 0
+    command.done("simulate", *SEVERAL_POINTS, *WORN, "--output", "worn.csv")
+    command.done("convert", "worn.csv", "made.log", "--bench", "bench.toml")
+    command.done("convert", "made.log", "bus.blf")
     write_mine(page, Path("worn.csv"))
     run_all(command, without_bus(page))
     mine, worn = read_recording(Path("mine.mf4")), read_recording(Path("worn.csv"))
@@ -118,9 +117,9 @@ def test_the_commands_on_recordings(command: Command, desk: Path) -> None:
 
 @pytest.mark.slow
 def test_the_commands_for_other_tools(command: Command, desk: Path) -> None:
-    assert command("simulate", "--injections", 4, *WORN, "--output", "worn.csv").code == 0
-    assert command("convert", "worn.csv", "made.log", "--bench", "bench.toml").code == 0
-    assert command("convert", "made.log", "bus.blf").code == 0
+    command.done("simulate", "--injections", 4, *WORN, "--output", "worn.csv")
+    command.done("convert", "worn.csv", "made.log", "--bench", "bench.toml")
+    command.done("convert", "made.log", "bus.blf")
     run_all(command, without_bus(Page("docs/measurement-tools.md")))
     assert {"bus.asc", "bus.mf4", "signals.mf4", "trace.mf4"} <= {path.name for path in desk.iterdir()}
 

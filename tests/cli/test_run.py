@@ -211,8 +211,7 @@ def test_signal_while_starting_is_not_lost(bench: Path, tmp_path: Path, number: 
     [("--print-example-bench", EXAMPLE_BENCH), ("--print-example-injector", NOMINAL_INJECTOR)],
 )
 def test_examples_can_be_used_as_they_are(command: Command, tmp_path: Path, option: str, path: Path) -> None:
-    outcome = command("run", option)
-    assert outcome.code == 0
+    outcome = command.done("run", option)
     assert outcome.out == path.read_text()
     (tmp_path / path.name).write_text(outcome.out)
     if option == "--print-example-bench":
@@ -222,9 +221,7 @@ def test_examples_can_be_used_as_they_are(command: Command, tmp_path: Path, opti
 
 
 def test_bench_file_is_required(command: Command) -> None:
-    outcome = command("run")
-    assert outcome.code == 2
-    assert "--print-example-bench" in outcome.err
+    assert "--print-example-bench" in command.refused("run")
 
 
 @pytest.mark.parametrize(
@@ -273,9 +270,8 @@ def test_what_check_calls_an_error_does_not_start(
     assert old in text
     bench.write_text(text.replace(old, new, 1))
     assert command("check", "--bench", bench).code == 1
-    outcome = command("run", "--bench", bench)
-    assert outcome.code == 2
-    error, remedy = outcome.err.splitlines()
+    told = command.refused("run", "--bench", bench)
+    error, remedy = told.splitlines()
     assert error.startswith(f"error: {bench}: {place}: ")
     assert said in error
     assert remedy.startswith("  remedy: ")
@@ -294,10 +290,9 @@ def test_what_check_only_warns_of_starts(
 def test_state_that_could_not_be_saved_is_refused_at_the_start(
     command: Command, bench: Path, tmp_path: Path, state: str
 ) -> None:
-    outcome = command("run", "--bench", bench, "--state", tmp_path / state)
-    assert outcome.code == 2
-    assert "ready" not in outcome.err
-    assert str(tmp_path) in outcome.err
+    said = command.refused("run", "--bench", bench, "--state", tmp_path / state)
+    assert "ready" not in said
+    assert str(tmp_path) in said
 
 
 def test_an_interface_that_is_not_there_is_waited_for(
@@ -370,9 +365,7 @@ def test_injections_as_lines_of_json_and_a_log(
 
 
 def test_a_log_that_cannot_be_written_is_refused(command: Command, bench: Path, tmp_path: Path) -> None:
-    outcome = command("run", "--bench", bench, "--log", tmp_path / "no" / "run.log")
-    assert outcome.code == 2
-    assert "no such folder" in outcome.err
+    assert "no such folder" in command.refused("run", "--bench", bench, "--log", tmp_path / "no" / "run.log")
 
 
 def test_the_service_manager_hears_of_it(

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from observer_rt.config.bench import EXAMPLE_BENCH, load_bench, load_injector
-from observer_rt.evaluation.evaluate import History, evaluate
+from observer_rt.evaluation.evaluate import History, evaluate, evaluate_stream
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effective import coefficients
 from observer_rt.model.effects import sized
 from observer_rt.observer.stream.state import State
 from observer_rt.simulation.schedule import Shot, make_schedule
 from observer_rt.simulation.simulate import SimulatedNoise, Simulation, simulate
-from tests.evaluation.documents import recording_json, write_trace
+from tests.evaluation.documents import recording_json
 
 BENCH = load_bench()
 NOMINAL = load_injector()
@@ -221,7 +221,7 @@ def test_bench_of_another_sample_rate_is_refused(tmp_path: Path) -> None:
 def test_trace_file(tmp_path: Path) -> None:
     (found,) = evaluated().evaluations
     path = tmp_path / "trace.csv"
-    write_trace(path, found)
+    evaluate_stream(BENCH, [found.source], [path])
     with path.open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert list(rows[0]) == [

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from observer_rt.config.bench import load_bench
-from observer_rt.evaluation.logged import read_logged
+from observer_rt.evaluation.logged import LoggedSignals
 from observer_rt.foundation.errors import UserError
 from tests.benches import block_bench
 from tests.device import frames_of, worn_recording
@@ -20,7 +20,7 @@ def test_a_message_that_is_not_in_the_log_is_named(tmp_path: Path) -> None:
     sent = frames_of(bench, worn_recording())
     write_log(tmp_path / "a.log", sent_log(frame for frame in sent if frame.frame_id != 0x111))
     with pytest.raises(UserError) as refused:
-        read_logged(load_bench(bench), tmp_path / "a.log")
+        LoggedSignals(load_bench(bench), tmp_path / "a.log")
     assert "NeedleLiftBlock 0x111 (needle_lift): no frame in the log" in refused.value.problem
     assert "--bench" not in (refused.value.remedy or "")
 
@@ -30,7 +30,7 @@ def test_a_message_that_ends_early_is_named(tmp_path: Path) -> None:
     sent = frames_of(bench, worn_recording(injections=24))
     part = [frame for frame in sent if frame.frame_id != 0x111 or frame.time < 0.5]
     write_log(tmp_path / "a.log", sent_log(part))
-    notes = read_logged(load_bench(bench), tmp_path / "a.log").notes
+    notes = LoggedSignals(load_bench(bench), tmp_path / "a.log").notes
     assert any("NeedleLiftBlock 0x111 (needle_lift): no frame in the last 0.9 s" in note for note in notes)
 
 
@@ -38,5 +38,5 @@ def test_a_dead_sensor_in_a_log_is_named(tmp_path: Path) -> None:
     bench = block_bench(tmp_path, "virtual", ["x"])
     dead = with_channel(worn_recording(injections=12), needle_lift=lambda lift: np.zeros_like(lift))
     write_log(tmp_path / "a.log", sent_log(frames_of(bench, dead)))
-    (note,) = read_logged(load_bench(bench), tmp_path / "a.log").notes
+    (note,) = LoggedSignals(load_bench(bench), tmp_path / "a.log").notes
     assert "NeedleLiftBlock 0x111 (needle_lift): needle_lift is frozen" in note

@@ -7,7 +7,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from observer_rt.config.bench import load_bench
-from observer_rt.evaluation.streamed import evaluate_stream
+from observer_rt.evaluation.evaluate import evaluate_stream
 from observer_rt.fleet.dataset import read_injections
 from observer_rt.foundation.files import file_hash
 from observer_rt.recording.formats import open_recording, write_recording

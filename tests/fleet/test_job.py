@@ -9,7 +9,7 @@ import pyarrow as pa
 import pytest
 
 from observer_rt.config.bench import load_bench
-from observer_rt.evaluation.streamed import evaluate_stream
+from observer_rt.evaluation.evaluate import evaluate_stream
 from observer_rt.fleet.job import FailedFile, Task, evaluated
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.formats import open_recording, write_recording

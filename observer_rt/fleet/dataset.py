@@ -8,7 +8,7 @@ batch.json                                by which model and how: another one ne
 """
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, Self
 from urllib.parse import quote
@@ -66,11 +66,13 @@ class Dataset:
         self._done.add(sha256)
         self.injections += rows.num_rows
 
-    def take_failure(self, failed: FailedFile) -> None:
-        """A file without rows, or one that discovery could not take."""
-        self._failed.append(failed)
+    def take_failures(self, failed: Sequence[FailedFile]) -> None:
+        """Files without rows, or that discovery could not take."""
+        if not failed:
+            return
+        self._failed += failed
         with file_errors(self.folder), (self.folder / _ERRORS_SO_FAR).open("a", encoding="utf-8") as errors:
-            errors.write(json.dumps(_row(failed)) + "\n")
+            errors.writelines(json.dumps(_row(each)) + "\n" for each in failed)
 
     def __enter__(self) -> Self:
         with file_errors(self.folder):
@@ -121,12 +123,8 @@ def write_table(path: Path, table: pa.Table) -> None:
 
 
 def _row(failed: FailedFile) -> dict[str, str | None]:
-    return {
-        "file": None if failed.path is None else str(failed.path),
-        "sha256": failed.sha256,
-        "injector": failed.injector or None,
-        "problem": failed.problem,
-    }
+    said = {**vars(failed), "file": failed.file and str(failed.file), "injector": failed.injector or None}
+    return {name: said[name] for name in _FAILED.names}
 
 
 def read_injections(folder: Path, columns: Iterable[str] = SCHEMA.names) -> pa.Table:

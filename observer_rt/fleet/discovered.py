@@ -164,13 +164,6 @@ SCHEMA = pa.schema(
 first effect, `_low`, `_high` its 95 % interval; sizes: of all, in words. report, amended: files below the folder."""
 
 
-class _LeftOut(BaseModel):
-    model_config = ConfigDict(frozen=True)
-    file: str
-    sha256: str
-    problem: str
-
-
 class _Note(BaseModel):
     """Kept of a group beside its answer; key: of the group; problem: why there is no answer, if there is none."""
 
@@ -178,7 +171,7 @@ class _Note(BaseModel):
     injector: str
     key: str
     recordings: int
-    left_out: tuple[_LeftOut, ...] = ()
+    left_out: tuple[FailedFile, ...] = ()
     problem: str = ""
 
 
@@ -197,27 +190,23 @@ class Answers:
         note = _read(self.place / group.folder)
         if note is None or note.problem or note.key != key:
             return None
-        return tuple(
-            FailedFile(Path(one.file), one.sha256, one.problem, group.injector) for one in note.left_out
-        )
+        return tuple(replace(one, injector=group.injector) for one in note.left_out)
 
     def take(self, group: Group, key: str, ended: Ended) -> None:
         """The answer is written, or there is none."""
-        lines = [
-            _LeftOut(file=str(one.path), sha256=one.sha256, problem=one.problem) for one in ended.left_out
-        ]
         note = _Note(
             injector=group.injector,
             key=key,
             recordings=group.recordings,
-            left_out=tuple(lines),
+            left_out=ended.left_out,
             problem=ended.problem,
         )
         place = self.place / group.folder
         with file_errors(place):
             place.mkdir(exist_ok=True)
             with replacing(place / _GROUP) as part:
-                part.write_text(note.model_dump_json(indent=2), encoding="utf-8")
+                text = note.model_dump_json(indent=2, exclude={"left_out": {"__all__": {"injector"}}})
+                part.write_text(text, encoding="utf-8")
 
     def table(self) -> pa.Table:
         """All there are, written as a table: a row an injector, the most affected first."""

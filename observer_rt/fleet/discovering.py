@@ -59,13 +59,14 @@ class Discovering:
                 waiting.append(group)
             else:
                 found.skipped += 1
-                _note(dataset, left_out)
+                dataset.take_failures(left_out)
         with progress_bar(work.console, "looking for what is missing", len(waiting)) as progress:
             for group, ended in _outcomes(work, self, answers.place, waiting):
                 answers.take(group, keys[group.injector], ended)
-                _note(dataset, ended.left_out)
+                dataset.take_failures(ended.left_out)
                 if ended.problem:
-                    _note(dataset, [_failed(group, ended)])
+                    said = f"injector {group.injector}: {ended.problem}"
+                    dataset.take_failures([FailedFile(None, "", said, group.injector)])
                 found.failed += bool(ended.problem)
                 found.done += not ended.problem
                 progress(found.done + found.failed)
@@ -116,26 +117,13 @@ def _outcomes(
     threads = jobs.places // max(1, len(groups)) if work.cluster.local else 1
     inquiry = Inquiry(Path.cwd(), place.absolute(), tuple(asked.healthy), asked.effects, max(1, threads))
     remaining = iter(groups)
-    while not work.stop.is_set():
+
+    def begin_more() -> None:
         for group in islice(remaining, max(0, _WAITING * jobs.places - len(jobs))):
             jobs.begin(group, discovered, inquiry, group)
-        if not jobs:
-            return
-        for group, result in jobs.ended():
-            if isinstance(result, Broken):
-                yield group, Ended(problem=str(result))
-            else:
-                yield group, result
-    jobs.cancel()
 
-
-def _failed(group: Group, ended: Ended) -> FailedFile:
-    return FailedFile(None, "", f"injector {group.injector}: {ended.problem}", group.injector)
-
-
-def _note(dataset: Dataset, left_out: Sequence[FailedFile]) -> None:
-    for failed in left_out:
-        dataset.take_failure(failed)
+    for group, result in jobs.outcomes(work.stop, begin_more):
+        yield group, Ended(problem=str(result)) if isinstance(result, Broken) else result
 
 
 def answer_table(answers: pa.Table) -> Table:

@@ -77,10 +77,10 @@ class Task:
 class FailedFile:
     """Why a file has no rows, or no part in the discovery of an injector; sha256: empty where it could not be read.
 
-    path: None where it is the discovery that failed.
+    file: None where it is the discovery that failed.
     """
 
-    path: Path | None
+    file: Path | None
     sha256: str
     problem: str
     injector: str = ""

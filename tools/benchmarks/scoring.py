@@ -44,6 +44,7 @@ def score_outcome(
     """Score an observer by its bench and learner, and the nominal model beside it, on what a case came to."""
     recording = recording_of(outcome)
     with timed_training() as training:
+        evaluation: Scored
         if CLASSES[case.class_name].windowed:
             evaluation = evaluate_windowed(bench, recording, learner_of)
         else:

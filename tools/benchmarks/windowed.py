@@ -12,6 +12,7 @@ from observer_rt.observer.stream.state import State
 from observer_rt.recording.replay.framing import Span, windows
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.core.learners import LearnerFactory
+from observer_rt.service.core.messages import Counters
 from observer_rt.service.reports.injection_report import InjectionReport
 
 
@@ -21,6 +22,7 @@ class WindowedEvaluation:
 
     trace: Trace
     reports: tuple[InjectionReport, ...]
+    counters: Counters
     first_index: int = 0
 
 
@@ -44,7 +46,9 @@ def evaluate_windowed(bench: Bench, recording: Recording, learner_of: LearnerFac
         reports += [
             replace(r, start_index=r.start_index + moved, end_index=r.end_index + moved) for r in part.reports
         ]
-    return WindowedEvaluation(trace, tuple(reports))
+    counted = [vars(part.counters) for part in history.evaluations]
+    counters = Counters(**{name: sum(counts[name] for counts in counted) for name in counted[0]})
+    return WindowedEvaluation(trace, tuple(reports), counters)
 
 
 def _unavailable(like: NDArray[Any], samples: int) -> NDArray[Any]:

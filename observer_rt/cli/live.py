@@ -41,7 +41,7 @@ def demo(
     ),
 ) -> None:
     """Watch a worn injector being learned: simulated, sent as CAN FD frames, estimated by the daemon."""
-    from observer_rt.cli.demo import Demo, mass_table, wait, write_figure
+    from observer_rt.cli.demo import Demo, mass_table, write_figure
     from observer_rt.service.screen.view import draw
 
     check_destination("--figure", figure, FIGURE_SUFFIXES)
@@ -53,7 +53,7 @@ def demo(
         f"replaying them as CAN FD frames over {scene.link.interface} {scene.link.channel} at {speed:g} times real "
         "time; the observer knows the nominal injector only",
     )
-    result = scene.run(speed, partial(draw, console=messages) if messages.is_terminal else wait)
+    result = scene.run(speed, partial(draw, console=messages) if messages.is_terminal else None)
     with file_errors(figure):
         write_figure(result, wear, figure)
     results().print(mass_table(result))

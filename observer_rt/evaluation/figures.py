@@ -89,9 +89,7 @@ class _Series:
 
 def _series(masses: Sequence[MassRow], against: bool) -> _Series:
     """against: as errors against the reference [%], else [mg]."""
-    estimated, nominal = (
-        np.array([getattr(row, name) for row in masses]) for name in ("estimated", "nominal")
-    )
+    estimated, nominal = np.array([(row.estimated, row.nominal) for row in masses]).reshape(-1, 2).T
     interval = np.array([row.ci95 or (np.nan, np.nan) for row in masses]).reshape(-1, 2).T
     numbers = np.array([row.number for row in masses], float)
     valid = np.array([row.valid for row in masses], np.bool_)
@@ -140,15 +138,10 @@ def draw_wear(axes: Axes, recordings: Sequence[Picture]) -> None:
             half = PERCENT * 1.96 * np.array([estimate.sigma or np.nan for estimate in known])
             colour = own if len(recordings) == 1 else RECORDINGS[i % len(RECORDINGS)]
             axes.fill_between(numbers, value - half, value + half, color=colour, alpha=0.18, lw=0)
-            axes.plot(
-                numbers,
-                value,
-                style,
-                color=colour,
-                lw=1.4,
-                marker="." if len(numbers) <= ANNOTATED else None,
-            )
-            shown += [value, *_late(value - half), *_late(value + half)]
+            marker = "." if len(numbers) <= ANNOTATED else None
+            axes.plot(numbers, value, style, color=colour, lw=1.4, marker=marker)
+            late = slice(half.size // 2, None)  # the first intervals are as wide as what is known beforehand
+            shown += [value, (value - half)[late], (value + half)[late]]
     values = np.concatenate(shown) if shown else np.zeros(0)
     values = values[np.isfinite(values)]
     if values.size:
@@ -164,11 +157,6 @@ def draw_wear(axes: Axes, recordings: Sequence[Picture]) -> None:
     )
     axes.set(xlabel="injection", ylabel="learned change,\n95 % interval [%]")
     axes.grid(alpha=0.3)
-
-
-def _late(values: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    """The second half, for the range shown: the first intervals are as wide as what is known beforehand."""
-    return [values[values.size // 2 :]]
 
 
 COLUMNS = 4  # of curves side by side
@@ -231,19 +219,16 @@ def _draw_injection(
 ) -> None:
     """One injection of every recording that has it: rates, and line pressure below."""
     there = [(i, one.curves[number]) for i, one in enumerate(recordings) if number in one.curves]
+    is_alone = len(recordings) == 1
     for i, curve in there:
-        if len(recordings) == 1:
-            _draw_rates(axes[0], curve, reference)
-        else:
-            _draw_rates_of_several(axes[0], curve, RECORDINGS[i % len(RECORDINGS)])
+        time, colour = curve.time / MILLISECOND, RECORDINGS[i % len(RECORDINGS)]
+        _draw_rates(axes[0], curve, reference, None if is_alone else colour)
         if len(axes) > 1 and curve.line is not None:
-            time, colour = curve.time / MILLISECOND, RECORDINGS[i % len(RECORDINGS)]
-            measured = REFERENCE if len(recordings) == 1 else colour
-            alpha = 0.55 if len(recordings) == 1 else 0.35
+            measured, alpha = (REFERENCE, 0.55) if is_alone else (colour, 0.35)
             pressures = [values / MEGAPASCAL for values in (curve.line.measured, curve.line.modelled)]
             axes[1].plot(time, pressures[0], color=measured, lw=2.2, alpha=alpha, label="measured")
             axes[1].plot(time, pressures[1], color=colour, lw=1.1, label="observer, from the opening on")
-    axes[0].set_title(there[0][1].title if len(recordings) == 1 else f"injection {number}")
+    axes[0].set_title(there[0][1].title if is_alone else f"injection {number}")
     for one in axes:
         one.grid(alpha=0.3)
     axes[-1].set_xlabel("time [ms]")
@@ -256,23 +241,19 @@ def _draw_injection(
             axes[1].set_ylabel("line pressure\n[MPa]")
 
 
-def _draw_rates(axes: Axes, curve: RateCurves, reference: str) -> None:
+def _draw_rates(axes: Axes, curve: RateCurves, reference: str, colour: str | None) -> None:
+    """colour: of one recording among several; None: it is the only one, its curves are told apart by colour."""
     time = curve.time / MILLISECOND
+    wide, alpha, thin = (2.4, 1.0, 1.4) if colour is None else (3.0, 0.3, 0.9)
     if curve.reference is not None:
-        axes.plot(time, curve.reference / MM3_PER_MS, color=REFERENCE, lw=2.4, label=reference)
-    if curve.sigma is not None:
+        known = curve.reference / MM3_PER_MS
+        axes.plot(time, known, color=colour or REFERENCE, lw=wide, alpha=alpha, label=reference)
+    if curve.sigma is not None and colour is None:
         low, high = ((curve.estimated + side * 1.96 * curve.sigma) / MM3_PER_MS for side in (-1, 1))
         axes.fill_between(time, low, high, color=ESTIMATED, alpha=0.2, lw=0, label="its 95 % interval")
-    axes.plot(time, curve.estimated / MM3_PER_MS, color=ESTIMATED, lw=1.4, label="observer")
-    axes.plot(time, curve.nominal / MM3_PER_MS, color=NOMINAL, ls="--", lw=1.4, label="nominal model")
-
-
-def _draw_rates_of_several(axes: Axes, curve: RateCurves, colour: str) -> None:
-    time = curve.time / MILLISECOND
-    if curve.reference is not None:
-        axes.plot(time, curve.reference / MM3_PER_MS, color=colour, lw=3.0, alpha=0.3)
-    axes.plot(time, curve.estimated / MM3_PER_MS, color=colour, lw=1.4)
-    axes.plot(time, curve.nominal / MM3_PER_MS, color=colour, ls="--", lw=0.9)
+    axes.plot(time, curve.estimated / MM3_PER_MS, color=colour or ESTIMATED, lw=1.4, label="observer")
+    nominal = curve.nominal / MM3_PER_MS
+    axes.plot(time, nominal, color=colour or NOMINAL, ls="--", lw=thin, label="nominal model")
 
 
 def picture_of(evaluation: Evaluation, numbers: Collection[int]) -> Picture:

@@ -12,36 +12,19 @@ import pytest
 from observer_rt.recording.formats import read_recording, write_recording
 from tests.cli.conftest import Command, document
 
+RECORDING_KEYS = {
+    *("file", "samples", "sample_rate_hz", "lost_samples", "spikes", "bridged_samples"),
+    *("checks", "injections", "summary"),
+}
 INJECTION_KEYS = {
-    "number",
-    "event",
-    "start_index",
-    "end_index",
-    "start_s",
-    "end_s",
-    "rail_pressure_MPa",
-    "mass_mg",
-    "mass_ci95_mg",
-    "nominal_mass_mg",
-    "measured_mass_mg",
-    "rate_rmse_mm3_per_ms",
-    "nominal_rate_rmse_mm3_per_ms",
-    "rate_ci95_halfwidth_mm3_per_ms",
-    "valid",
-    "reasons",
-    "state",
-    "phi_version",
-    "indicators",
+    *("number", "event", "start_index", "end_index", "start_s", "end_s", "rail_pressure_MPa", "mass_mg"),
+    *("mass_ci95_mg", "nominal_mass_mg", "measured_mass_mg", "rate_rmse_mm3_per_ms"),
+    *("nominal_rate_rmse_mm3_per_ms", "rate_ci95_halfwidth_mm3_per_ms", "valid", "reasons", "state"),
+    *("phi_version", "indicators"),
 }
 INDICATORS = {
-    "nozzle_v_H",
-    "seat_v_S",
-    "line_friction",
-    "guide_leakage",
-    "line_pressure_sensor_offset",
-    "line_pressure_sensor_lag",
-    "bulk_modulus",
-    "entrained_air",
+    *("nozzle_v_H", "seat_v_S", "line_friction", "guide_leakage", "line_pressure_sensor_offset"),
+    *("line_pressure_sensor_lag", "bulk_modulus", "entrained_air"),
 }
 
 
@@ -50,6 +33,8 @@ def test_json_document(command: Command, worn: Path) -> None:
     assert found.keys() == {"schema", "model_sha256", "recordings"}
     assert found["schema"] == 1
     (recording,) = found["recordings"]
+    assert recording.keys() == RECORDING_KEYS
+    assert recording["summary"].keys() == {"valid_share", "adoptions", "rejected_adoptions"}
     assert recording["file"] == str(worn)
     assert recording["sample_rate_hz"] == 50e3
     assert recording["lost_samples"] == 0

@@ -7,8 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 
 from observer_rt.config.bench import load_injector
 from observer_rt.foundation.errors import UserError
@@ -16,8 +14,9 @@ from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.recording.formats import write_recording
 from observer_rt.simulation.plant import Truth, run_plant
-from observer_rt.simulation.schedule import Schedule, Shot, Stroke, lift_of_stroke, make_schedule, strokes
+from observer_rt.simulation.schedule import Schedule, Shot, Stroke, make_schedule
 from observer_rt.simulation.simulate import SimulatedNoise, simulate, truth_path, write_truth
+from tests.simulation.test_effect_laws import Effects, reference
 
 NOMINAL = load_injector()
 DENSITY = NOMINAL.fluid.density_nozzle
@@ -63,45 +62,6 @@ def test_check_peaks_of_the_nominal_injector(rail_pressure: float, peak: float) 
     assert truth.injection_rate.max() * 1e6 == pytest.approx(peak, abs=0.5)
 
 
-def reference(
-    rail_pressure: float, v_h: float, v_s: float, times: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Injection rate [m3/s] by scipy from (19)-(23) in physical units, wear as factors on the flows."""
-    (needle,) = strokes(make_schedule([rail_pressure], 1, 0.05, [1.1e-3]), NOMINAL)
-    fluid, line, seat, nozzle = NOMINAL.fluid, NOMINAL.line, NOMINAL.seat, NOMINAL.nozzle
-    line_area = math.pi / 4 * line.diameter**2
-    hole_area = nozzle.holes * math.pi / 4 * nozzle.hole_diameter**2
-    cone = math.radians(seat.cone_angle)
-
-    def orifice(coefficient: float, area: float, drop: float) -> float:
-        smooth_root = drop / math.sqrt(math.hypot(drop, 0.5e6))
-        return coefficient * area * smooth_root * math.sqrt(2 / fluid.density_nozzle)
-
-    def nozzle_flow(p_sac: float) -> float:
-        worn = 1 + v_h
-        return worn * orifice(nozzle.flow_coefficient, hole_area, p_sac - NOMINAL.chamber.pressure)
-
-    def rates(time: float, state: NDArray[np.float64]) -> list[float]:
-        p_line, q_line, p_sac = state
-        lift = lift_of_stroke(time, needle)
-        seat_area = math.pi * lift * math.sin(cone / 2) * (seat.diameter - lift / 2 * math.sin(cone))
-        q_seat = (1 + v_s) * orifice(seat.flow_coefficient, seat_area, p_line - p_sac)
-        q_nozzle = nozzle_flow(p_sac)
-        inertia = line_area / (fluid.density_line * line.length) * (rail_pressure - p_line)
-        friction = line.loss_factor / (2 * line_area * line.length) * q_line * abs(q_line)
-        return [
-            fluid.bulk_modulus_line / line.volume * (q_line - q_nozzle),
-            inertia - friction,
-            fluid.bulk_modulus_sac / nozzle.sac_volume * (q_seat - q_nozzle),
-        ]
-
-    start = [rail_pressure, 0.0, NOMINAL.chamber.pressure]
-    solution = solve_ivp(
-        rates, times[[0, -1]], start, "LSODA", times, rtol=1e-8, atol=[1.0, 1e-12, 1.0], max_step=1e-5
-    )
-    return np.array([nozzle_flow(p_sac) for p_sac in solution.y[2]])
-
-
 @pytest.mark.parametrize(
     ("rail_pressure", "v_h", "v_s"), [(40e6, 0.0, 0.0), (100e6, 0.3, 0.0), (140e6, -0.3, -0.2)]
 )
@@ -109,7 +69,8 @@ def test_rate_agrees_with_an_independent_integration(rail_pressure: float, v_h: 
     effects = (sized("orifice_area", v_H=v_h), sized("seat_area", v_S=v_s))
     truth = run(make_schedule([rail_pressure], 1, 0.05, [1.1e-3]), effects)
     window = (truth.time > 0.1499) & (truth.time < 0.154)
-    expected = reference(rail_pressure, v_h, v_s, truth.time[window])
+    sizes = Effects({"orifice_area": {"v_H": v_h}, "seat_area": {"v_S": v_s}})
+    expected, _ = reference(rail_pressure, sizes, truth.time[window])
     np.testing.assert_allclose(truth.injection_rate[window], expected, atol=0.002e-6)
 
 
@@ -162,12 +123,7 @@ def test_noise_has_the_stated_size_and_is_white(sample_rate: float) -> None:
     made = simulate(NOMINAL, schedule, sample_rate, noise=NOISE, measured_rate=True, seed=1)
     errors = {name: values - getattr(made.truth, name) for name, values in made.recording.signals.items()}
     shut = made.truth.injection_rate == 0.0  # the measured rate's gain error is no noise
-    sigmas = {
-        "rail_pressure": 0.1e6,
-        "line_pressure": 0.15e6,
-        "needle_lift": 0.4e-6,
-        "injection_rate": 0.5e-6,
-    }
+    sigmas = {"rail_pressure": 0.1e6, "line_pressure": 0.15e6, "needle_lift": 0.4e-6, "injection_rate": 0.5e-6}
     for name, sigma in sigmas.items():
         error = errors[name][shut]
         allowed = 5 / math.sqrt(error.size)  # five standard deviations of each statistic, or more

@@ -7,7 +7,7 @@ import numpy as np
 
 from observer_rt.bus.can_frame import frame_key
 from observer_rt.bus.database.lookup import MessageLayout
-from observer_rt.bus.mapping.bus_map import BenchMap, BusMap, in_common, map_bench
+from observer_rt.bus.mapping.bus_map import BenchMap, in_common, map_bench
 from observer_rt.bus.mapping.output_messages import frame_time
 from observer_rt.bus.mapping.timing import Joining, Numbering
 from observer_rt.check.findings import Finding, Said, ruled
@@ -59,7 +59,11 @@ def _carried(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
         remedy = f"state link for a [[dbc]], a signal or the outputs, or leave [{link.place}] out"
         yield bool(carried), text, remedy
     rough = {n for n, link in enumerate(links) if link.config.interface != "socketcan"}
-    by_stamps = {layout.bus for bus in mapped.injectors if _needs_stamps(bus) for layout in bus.input_layouts}
+    by_stamps = set()
+    for bus in mapped.injectors:
+        timing = bus.inputs.timing
+        if np.any((timing["numbering"] != Numbering.INDEX) | (timing["joining"] == Joining.CLOCK)):
+            by_stamps |= {layout.bus for layout in bus.input_layouts}
     for number in sorted(by_stamps & rough):
         yield (
             False,
@@ -67,11 +71,6 @@ def _carried(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
             "roughly for messages of several time bases, or without index",
             "use SocketCAN, or give all messages an index and one time base",
         )
-
-
-def _needs_stamps(bus: BusMap) -> bool:
-    timing = bus.inputs.timing
-    return bool(np.any((timing["numbering"] != Numbering.INDEX) | (timing["joining"] == Joining.CLOCK)))
 
 
 @ruled("outputs")

@@ -126,10 +126,15 @@ def _mapping(fitted: BenchInjector, bus: BusMap, role: Role) -> Finding:
     limits = role_range(bus, role)
     resolution = role_resolution(bus, role, needed)
     noise: float = getattr(configured_noise(fitted), role.value)
+    units = LENGTH_UNITS if is_lift else PRESSURE_UNITS
+    code = role_factor(bus, role)
+    coded = next(
+        (name for name, known in units.items() if known == code), f"units of {code:g} {next(iter(units))}"
+    )
     text = (
-        f"{role}: {bus.name_of(layout)} 0x{layout.frame_id:X}, {_division(message)} in "
-        f"{_unit(role, role_factor(bus, role))}, {limits.lowest / factor:.6g} to "
-        f"{limits.highest / factor:.6g} {unit} in steps of {resolution / factor:.3g} {unit}"
+        f"{role}: {bus.name_of(layout)} 0x{layout.frame_id:X}, {_division(message)} in {coded}, "
+        f"{limits.lowest / factor:.6g} to {limits.highest / factor:.6g} {unit} in steps of "
+        f"{resolution / factor:.3g} {unit}"
     )
     if not (limits.lowest <= 0.0 and limits.highest >= needed):
         return graded("mapping", False, text, f"cannot hold 0 to {needed / factor:g} {unit}")
@@ -144,12 +149,6 @@ def _division(message: np.void) -> str:
     return "1 sample a frame" if samples == 1 else f"{samples} samples a frame"
 
 
-def _unit(role: Role, factor: float) -> str:
-    units = LENGTH_UNITS if role is Role.NEEDLE_LIFT else PRESSURE_UNITS
-    named = next((unit for unit, known in units.items() if known == factor), None)
-    return named or f"units of {factor:g} {next(iter(units))}"
-
-
 @ruled("sampling")
 def _sample_periods(fitted: BenchInjector, bus: BusMap, known: Sequence[KnownMessage]) -> Iterator[Said]:
     rate = fitted.config.sampling.rate_hz
@@ -158,13 +157,10 @@ def _sample_periods(fitted: BenchInjector, bus: BusMap, known: Sequence[KnownMes
         message = bus.inputs.messages[number]
         expected = 1e9 * float(message_timing(bus, number)["interval"])
         yield from _periods(layout, int(message["samples"]), int(message["kind_count"]), expected)
-    if bus.rate is not None and not _is_shipped(known, bus.rate.layout.name):
-        yield from _periods(bus.rate.layout, bus.rate.samples, 1, 1e9 / rate)
-
-
-def _is_shipped(known: Sequence[KnownMessage], name: str) -> bool:
-    """Whether a message is of a database of ours, whose example of a sample period no user can change."""
-    return next(message.path for message in known if message.name == name).parent == PACKAGE_DATA
+    if bus.rate is not None:
+        database = next(message.path for message in known if message.name == bus.rate.layout.name)
+        if database.parent != PACKAGE_DATA:  # of ours, whose example of a sample period no user can change
+            yield from _periods(bus.rate.layout, bus.rate.samples, 1, 1e9 / rate)
 
 
 def _periods(layout: MessageLayout, samples: int, frames: int, expected: float) -> Iterator[Said]:

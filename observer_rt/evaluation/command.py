@@ -15,9 +15,8 @@ from observer_rt.config.bench import Bench
 from observer_rt.evaluation.curves import numbers_shown, refuse_beyond
 from observer_rt.evaluation.evaluate import Evaluation, bench_for_all, evaluate_stream
 from observer_rt.evaluation.logged import LoggedSignals
-from observer_rt.evaluation.results import write_document
+from observer_rt.evaluation.results import print_evaluation, write_document
 from observer_rt.evaluation.sources import in_runs, open_source, without_truths
-from observer_rt.evaluation.table import print_evaluation
 from observer_rt.evaluation.trace import SUFFIXES, TRACE_SUFFIX
 from observer_rt.foundation.errors import CombinedError, UserError
 from observer_rt.foundation.files import file_errors, replacing

@@ -205,7 +205,7 @@ def evaluate(
     sources = (HeldSignals(each) if isinstance(each, Recording) else each for each in recordings)
     evaluations = [Evaluation(source, keeps_trace=True) for source in sources]
     run = _observed(bench, evaluations, knowledge, learning, progress, learner_of, keeps_frames=True)
-    return History(tuple(evaluations), run.knowledge, tuple(run.frames))
+    return History(tuple(evaluations), run.core.knowledge, tuple(run.frames))
 
 
 def evaluate_stream(
@@ -234,7 +234,7 @@ def evaluate_stream(
         run = _observed(
             bench, evaluations, knowledge, learning, progress, learner_of, reads_ahead=reads_ahead
         )
-    return evaluations, run.knowledge
+    return evaluations, run.core.knowledge
 
 
 def _observed(
@@ -255,14 +255,14 @@ def _observed(
     run = ObserverRun(
         bench, knowledge, learning, progress, learner_of, fuel_temperature, keeps_frames, reads_ahead
     )
-    before = run.counters
+    core, before = run.core, run.core.counters
     for evaluation in evaluations:
         evaluation.observe(run)
         if evaluation is evaluations[-1]:
             run.finish()
-        evaluation.counters, evaluation.standstill = run.counters.since(before), run.standstill
-        evaluation.has_energizing = run.has_energizing
-        before = run.counters
+        evaluation.counters, evaluation.standstill = core.counters.since(before), core.standstill
+        evaluation.has_energizing = core.energizing is not None
+        before = core.counters
     for evaluation in evaluations:
         evaluation.finish()
     return run

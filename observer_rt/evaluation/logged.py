@@ -95,7 +95,12 @@ class LoggedSignals(SignalStream):
         stretches: list[LoggedStretch] = []
         for rows in self._rows(core, stamps, watch):
             found += len(rows)
-            for index in _apart(rows["index"].astype(np.int64)):
+            indices = rows["index"].astype(np.int64)
+            for index in np.split(
+                indices, np.flatnonzero(np.diff(indices) <= 0) + 1
+            ):  # where they do not rise
+                if not index.size:
+                    continue
                 _refuse_hole(index, stretches, path)
                 if not stretches or index[0] <= stretches[-1].last_index:
                     stretches.append(LoggedStretch(int(index[0]), int(index[0])))
@@ -225,11 +230,6 @@ def _restarts(path: Path, stretches: Sequence[LoggedStretch]) -> Iterator[str]:
         more = f" and {len(places) - _SHOWN} more" if len(places) > _SHOWN else ""
         shown = ", ".join(places[:_SHOWN])
         yield f"{path}: a device was restarted, its sample index begins anew: split {shown}{more}"
-
-
-def _apart(index: NDArray[np.int64]) -> list[NDArray[np.int64]]:
-    """Indices apart where they do not rise."""
-    return [part for part in np.split(index, np.flatnonzero(np.diff(index) <= 0) + 1) if part.size]
 
 
 def _refuse_hole(index: NDArray[np.int64], stretches: Sequence[LoggedStretch], path: Path) -> None:

@@ -78,7 +78,9 @@ class Calibration:
             if len(kept) >= _MOST_KEPT:
                 kept.pop(next(iter(kept)))
             model = self.model(theta, number)
-            kept[key] = self._trials[number].judge(model) if _is_stable(model) else None
+            # sound must cross less than a cell in a step
+            is_stable = model.coefficients.line.strain(STEP_OF_WAVES) < STABLE
+            kept[key] = self._trials[number].judge(model) if is_stable else None
         return kept[key]
 
     def judge_all(self, theta: NDArray[np.float64]) -> list[JudgedModel] | None:
@@ -113,12 +115,6 @@ class Calibration:
         """Of one part, without the prior."""
         judged = self.judge(theta, number)
         return None if judged is None else _joined(self._groups(number, judged))
-
-
-def _is_stable(model: EffectiveModel) -> bool:
-    """Whether a line in which pressure travels can be stepped: sound crosses less than a cell."""
-    line = model.coefficients.line
-    return bool(line.strain(STEP_OF_WAVES) < STABLE)
 
 
 @dataclass(frozen=True)

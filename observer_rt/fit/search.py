@@ -192,12 +192,11 @@ def _best(
     free: Sequence[FreeParameter],
     parts: Sequence[Part],
 ) -> InjectorParameters:
-    """Of several; by one event of each operating point, nothing fitted."""
-    return min(starts, key=lambda start: _statistic(structure.of(start), free, parts))
+    """Of several that with the least -2 log L, nothing fitted."""
 
+    def statistic(start: InjectorParameters) -> float:
+        calibration = Calibration(structure.of(start), free, parts)
+        residuals = calibration.residuals(calibration.centre)
+        return math.inf if residuals is None or math.isnan(residuals.statistic) else residuals.statistic
 
-def _statistic(injector: InjectorParameters, free: Sequence[FreeParameter], parts: Sequence[Part]) -> float:
-    """-2 log L at an injector; inf where the model has no solution."""
-    calibration = Calibration(injector, free, parts)
-    residuals = calibration.residuals(calibration.centre)
-    return math.inf if residuals is None or math.isnan(residuals.statistic) else residuals.statistic
+    return min(starts, key=statistic)

@@ -59,7 +59,10 @@ class Dataset:
         """Rows of one file; first they are written, then it is noted as done."""
         with file_errors(self.folder):
             for name in pc.unique(rows[_PARTITION]).to_pylist():
-                self._write(sha256, name, rows.filter(pc.equal(rows[_PARTITION], name)))
+                place = self.folder / INJECTIONS / f"{_PARTITION}={quote(name, safe='')}"
+                place.mkdir(exist_ok=True)
+                its = rows.filter(pc.equal(rows[_PARTITION], name)).drop_columns([_PARTITION])
+                write_table(place / f"{sha256}.parquet", its)
             with (self.folder / _DONE).open("a", encoding="utf-8") as done:
                 line = {"sha256": sha256, "file": str(path), "injections": rows.num_rows}
                 done.write(json.dumps(line) + "\n")
@@ -85,11 +88,6 @@ class Dataset:
             table = pa.Table.from_pylist([_row(each) for each in self._failed], _FAILED)
             write_table(self.folder / _ERRORS, table)
             (self.folder / _ERRORS_SO_FAR).unlink()
-
-    def _write(self, sha256: str, injector: str, rows: pa.Table) -> None:
-        place = self.folder / INJECTIONS / f"{_PARTITION}={quote(injector, safe='')}"
-        place.mkdir(exist_ok=True)
-        write_table(place / f"{sha256}.parquet", rows.drop_columns([_PARTITION]))
 
     def _read_done(self) -> set[str]:
         path = self.folder / _DONE

@@ -9,7 +9,7 @@ Discovery over the recordings of one injector: what a worker does, knowing nothi
 
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -210,15 +210,11 @@ class Answers:
 
     def table(self) -> pa.Table:
         """All there are, written as a table: a row an injector, the most affected first."""
-        rows = sorted(self._rows(), key=_affected, reverse=True)
-        table = pa.Table.from_pylist(rows, SCHEMA)
+        notes = {place: _read(place) for place in sorted(self.place.iterdir())}
+        rows = [self._row(place, note) for place, note in notes.items() if note is not None]
+        table = pa.Table.from_pylist(sorted(rows, key=_affected, reverse=True), SCHEMA)
         write_table(self._folder / TABLE, table)
         return table
-
-    def _rows(self) -> Iterator[dict[str, Any]]:
-        for place in sorted(self.place.iterdir()):
-            if (note := _read(place)) is not None:
-                yield self._row(place, note)
 
     def _row(self, place: Path, note: _Note) -> dict[str, Any]:
         row: dict[str, Any] = {

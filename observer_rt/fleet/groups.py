@@ -42,16 +42,15 @@ def recordings_in(sources: Sequence[str]) -> list[Path]:
 def _files(source: str) -> Iterator[Path]:
     path = Path(source)
     if path.is_dir():
-        yield from (each for each in sorted(path.rglob("*")) if each.is_file() and _is_recording(each))
+        known = _suffixes()
+        for each in sorted(path.rglob("*")):
+            if each.is_file() and suffix_of(each) in known and not each.name.endswith(TRUTH_SUFFIX):
+                yield each
     elif path.exists():
         yield path
     elif _PATTERN.search(source):
-        for each in sorted(glob(source, recursive=True)):  # noqa: PTH207 (an absolute pattern, too)
-            yield from _files(each)
-
-
-def _is_recording(path: Path) -> bool:
-    return suffix_of(path) in _suffixes() and not path.name.endswith(TRUTH_SUFFIX)
+        for name in sorted(glob(source, recursive=True)):  # noqa: PTH207 (an absolute pattern, too)
+            yield from _files(name)
 
 
 def _suffixes() -> tuple[str, ...]:

@@ -75,35 +75,35 @@ def test_every_role_is_described() -> None:
         assert limits in text
 
 
-RAIL_00 = "SG_ RailPressure_00 : 64|16@1+ (0.005,-10) [-10|317.665]"
+RAIL = "SG_ RailPressure_00 : 64|16@1+ "
+RANGE = RAIL + "(0.005,-10) [-10|317.665]"
 
 
 @pytest.mark.parametrize(
-    ("database", "text"),
+    ("topic", "level", "file", "old", "new", "said"),
     [
-        ({RAIL_00: RAIL_00.replace("317.665", "150")}, "cannot hold 0 to 200 MPa"),
-        ({RAIL_00: RAIL_00.replace("(0.005,-10) [-10|317.665]", "(0.005,20) [20|347]")}, "cannot hold 0 to"),
-        (
-            {RAIL_00: RAIL_00.replace("(0.005,-10) [-10|317.665]", "(0.5,-10) [-10|400]")},
-            "coarser than the noise",
-        ),
-        ({"(0.01,-50) [-50|605.33]": "(0.004,-50) [-50|212]"}, "cannot hold 0 to 300 um"),
+        ("mapping", "warning", "database", RANGE, RAIL + "(0.005,-10) [-10|150]", "hold 0 to 200 MPa"),
+        ("mapping", "warning", "database", RANGE, RAIL + "(0.005,20) [20|347]", "cannot hold 0 to"),
+        ("mapping", "warning", "database", RANGE, RAIL + "(0.5,-10) [-10|400]", "coarser than the noise"),
+        ("mapping", "warning", "database", "(0.01,-50) [-50|605.33]", "(0.004,-50) [-50|212]", "0 to 300 um"),
+        ("mapping", "warning", "injector", "max_lift = 0.30e-3", "max_lift = 0.70e-3", "0 to 700 um"),
+        ("mapping", "error", "bench", '= "InjectionRate"', '= "Rate"', "nearest name"),
+        ("identifiers", "error", "bench", '= "ObserverStatus"', '= "SampleBlock"', "0x100"),
+        ("dead band", "warning", "bench", "needle_lift_um = 0.4", "needle_lift_um = 10", "50 um"),
     ],
 )
-def test_a_range_or_resolution_that_does_not_do(
-    findings_of: Callable[..., list[Finding]], database: Edits, text: str
-) -> None:
-    finding = worst(findings_of(database=database), "mapping")
-    assert finding.level is Level.WARNING
-    assert text in finding.text
-
-
-def test_an_injector_whose_needle_lifts_further_than_the_bus_can_say(
+def test_what_is_odd_is_said(
     findings_of: Callable[..., list[Finding]],
+    topic: str,
+    level: str,
+    file: str,
+    old: str,
+    new: str,
+    said: str,
 ) -> None:
-    finding = worst(findings_of(injector={"max_lift = 0.30e-3": "max_lift = 0.70e-3"}), "mapping")
-    assert finding.level is Level.WARNING
-    assert "cannot hold 0 to 700 um" in finding.text
+    finding = worst(findings_of(**{file: {old: new}}), topic)
+    assert finding.level == level
+    assert said in finding.text
 
 
 def test_a_sample_period_that_contradicts_the_rate(findings_of: Callable[..., list[Finding]]) -> None:
@@ -138,18 +138,6 @@ def test_a_database_that_is_missing(findings_of: Callable[..., list[Finding]]) -
     assert not of(findings, "bus load")
 
 
-def test_a_mapping_to_a_message_that_is_not_there(findings_of: Callable[..., list[Finding]]) -> None:
-    finding = worst(findings_of({'injection_rate = "InjectionRate"': 'injection_rate = "Rate"'}), "mapping")
-    assert finding.level is Level.ERROR
-    assert "nearest name" in finding.text
-
-
-def test_an_output_with_the_identifier_of_an_input(findings_of: Callable[..., list[Finding]]) -> None:
-    findings = findings_of({'status = "ObserverStatus"': 'status = "SampleBlock"'})
-    assert worst(findings, "identifiers").level is Level.ERROR
-    assert "0x100" in worst(findings, "identifiers").text
-
-
 def test_long_messages_are_can_fd_whatever_the_database_says(
     findings_of: Callable[..., list[Finding]],
 ) -> None:
@@ -165,12 +153,6 @@ def test_can_fd_messages_on_a_classic_link(findings_of: Callable[..., list[Findi
     findings = of(findings_of({"fd = true": "fd = false"}), "frames")
     assert {finding.level for finding in findings} == {Level.ERROR}
     assert len(findings) == 4
-
-
-def test_the_dead_band_of_a_noisy_lift(findings_of: Callable[..., list[Finding]]) -> None:
-    finding = worst(findings_of({"needle_lift_um = 0.4": "needle_lift_um = 10"}), "dead band")
-    assert finding.level is Level.WARNING
-    assert "50 um" in finding.text
 
 
 def test_the_load_of_a_bus_by_counting_frames() -> None:

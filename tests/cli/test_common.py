@@ -31,50 +31,37 @@ def test_wrong_command_line(command: Command, arguments: tuple[str, ...]) -> Non
     assert "Error: " in outcome.err
 
 
+def module(*arguments: object, stdout: int = subprocess.PIPE) -> "subprocess.Popen[str]":
+    """The program in a process of its own."""
+    words = [sys.executable, "-m", "observer_rt", *map(str, arguments)]
+    return subprocess.Popen(words, stdout=stdout, stderr=subprocess.PIPE, text=True)
+
+
 def test_as_a_module_results_and_messages_apart(resting: Path) -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "observer_rt", "evaluate", str(resting), "--json"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout)["recordings"][0]["samples"] == 2000
+    process = module("evaluate", resting, "--json")
+    out, err = process.communicate()
+    assert process.returncode == 0, err
+    assert json.loads(out)["recordings"][0]["samples"] == 2000
 
 
 def test_as_a_module_mistake_of_the_user() -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "observer_rt", "evaluate", "nowhere.csv"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 2
-    assert done.stdout == ""
-    assert done.stderr == "error: nowhere.csv: no such file or folder\n  remedy: check the path\n"
+    process = module("evaluate", "nowhere.csv")
+    said = "error: nowhere.csv: no such file or folder\n  remedy: check the path\n"
+    assert process.communicate() == ("", said)
+    assert process.returncode == 2
 
 
 def test_results_that_cannot_be_written() -> None:
     with Path("/dev/full").open("w") as full:
-        done = subprocess.run(
-            [sys.executable, "-m", "observer_rt", "run", "--print-example-bench"],
-            stdout=full,
-            stderr=subprocess.PIPE,
-            text=True,
-            check=False,
-        )
-    assert done.returncode == 1
-    assert done.stderr == "error: output: No space left on device\n"
+        process = module("run", "--print-example-bench", stdout=full.fileno())
+        _, err = process.communicate()
+    assert (process.returncode, err) == (1, "error: output: No space left on device\n")
 
 
 def test_reader_that_goes_away() -> None:
-    with subprocess.Popen(
-        [sys.executable, "-m", "observer_rt", "run", "--print-example-bench"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    ) as process:
+    with module("run", "--print-example-bench") as process:
         assert process.stdout is not None
         assert process.stderr is not None
         process.stdout.close()
-        assert process.stderr.read() == b""
+        assert process.stderr.read() == ""
         assert process.wait() == 1

@@ -1,4 +1,4 @@
-"""The page on databases: what it shows is what the commands print and what the files say."""
+"""The pages on databases and on buses: what they show is what the commands print and what the files say."""
 
 import re
 from pathlib import Path
@@ -14,6 +14,7 @@ from tests.service.foreign_frames import classic_frames, fd_frames, multiplexed_
 PAGE = Page("docs/dbc.md")
 DATABASES = ROOT / "tests" / "bus" / "databases"
 EXAMPLES = ("testbed_classic", "fast_daq_fd", "adc_multiplexed")
+CHECKED = [*((PAGE, name) for name in EXAMPLES), (Page("docs/buses.md"), "three_buses")]
 DEVICES = {
     "testbed_classic": (classic_frames, 10e3, 3),  # frames, samples a second, frames a sample
     "fast_daq_fd": (fd_frames, 50e3, 2 / 12),
@@ -29,17 +30,16 @@ def words(text: str) -> str:
     return " ".join(text.split())
 
 
-@pytest.mark.parametrize("name", EXAMPLES)
-def test_what_check_prints(name: str, command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("page", "name"), CHECKED)
+def test_what_check_prints(page: Page, name: str, command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A page shows the topic only where it begins."""
     monkeypatch.setenv("COLUMNS", "200")
     monkeypatch.chdir(DATABASES)
-    outcome = command("check", "--bench", f"{name}.toml")
-    printed = {words(line) for line in outcome.out.splitlines()}
-    shown = PAGE.shown(f"observer-rt check --bench {name}.toml")
+    printed = {words(line) for line in command("check", "--bench", f"{name}.toml").out.splitlines()}
+    continued = {line.partition(" ")[2] for line in printed}
+    shown = [words(line) for line in page.shown(f"observer-rt check --bench {name}.toml")]
     assert len(shown) >= 5
-    assert [
-        line for line in shown if words(line) not in printed and words(line) not in _continued(printed)
-    ] == []
+    assert [line for line in shown if line not in printed | continued] == []
 
 
 @pytest.fixture
@@ -82,20 +82,14 @@ def test_what_replay_prints(name: str, command: Command, with_logs: Path) -> Non
     ]
 
 
-def _continued(printed: set[str]) -> set[str]:
-    """A line without its topic, which the page shows only where the topic begins."""
-    return {line.partition(" ")[2] for line in printed}
-
-
-@pytest.mark.parametrize("name", EXAMPLES)
-def test_the_files_say_what_the_page_quotes(name: str) -> None:
-    bench = (DATABASES / f"{name}.toml").read_text()
-    database = (DATABASES / f"{name}.dbc").read_text()
-    section = PAGE.text[: PAGE.text.index(f"check --bench {name}.toml")].rsplit("\n### ", 1)[1]
+@pytest.mark.parametrize(("page", "name"), CHECKED)
+def test_the_files_say_what_the_page_quotes(page: Page, name: str) -> None:
+    files = [DATABASES / f"{name}.toml", DATABASES / f"{name}.dbc"]
+    text = "".join(path.read_text() for path in files if path.exists())
+    section = page.text[: page.text.index(f"check --bench {name}.toml")].rsplit("\n### ", 1)[-1]
     quoted = [line.strip() for line in section.splitlines() if line.startswith("    ") and "$" not in line]
     assert len(quoted) > 5
-    for line in quoted:
-        assert line in bench or line in database, line
+    assert [line for line in quoted if line not in text] == []
 
 
 def test_an_overlap(command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -50,10 +50,15 @@ def test_a_worn_nozzle_is_named_and_the_amended_model_explains_it(
     assert not (found / "amended.toml").exists()  # that of another question
 
 
-def test_the_model_given_is_never_overwritten(command: Command, worn: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("named_by", ["--model", "--bench"])
+def test_the_model_is_never_overwritten(
+    command: Command, worn: Path, bench: Path, tmp_path: Path, named_by: str
+) -> None:
     model = tmp_path / "amended.toml"
     model.write_bytes(NOMINAL_INJECTOR.read_bytes())
-    assert "name another folder" in command.refused("discover", "--model", model, "--out", tmp_path, worn)
+    bench.write_text(bench.read_text().replace("[model]", '[model]\nfile = "amended.toml"'))
+    named = model if named_by == "--model" else bench
+    assert "name another folder" in command.refused("discover", named_by, named, "--out", tmp_path, worn)
     assert model.read_bytes() == NOMINAL_INJECTOR.read_bytes()
 
 
@@ -201,15 +206,6 @@ def test_a_log_with_gaps_is_judged_by_what_is_whole(
     done = command("discover", "--bench", bench, "--out", tmp_path / "found", log)
     assert "1 gap of 18 samples in all, the longest 0.36 ms, 3 of 4 injections judged" in done.err
     assert "left out, samples are missing in it or beside it: at 0.15" in done.err
-
-
-def test_the_model_of_the_bench_file_is_the_one_amended(
-    command: Command, worn: Path, bench: Path, tmp_path: Path
-) -> None:
-    """So it is not overwritten."""
-    (tmp_path / "amended.toml").write_bytes(NOMINAL_INJECTOR.read_bytes())
-    bench.write_text(bench.read_text().replace("[model]", '[model]\nfile = "amended.toml"'))
-    assert "name another folder" in command.refused("discover", "--bench", bench, "--out", tmp_path, worn)
 
 
 def test_a_log_needs_a_bench_file_and_whole_injections(

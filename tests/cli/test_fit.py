@@ -82,45 +82,32 @@ def test_json_holds_all_of_it(
     assert document["baseline"]["injections"] == 6
 
 
-def _refusal(command: Command, recording: Recording, folder: Path, *more: object) -> str:
-    path = folder / "recording.csv"
-    write_recording(path, recording)
-    said = command.refused(
-        "fit", path, "--model", NOMINAL_INJECTOR, "--output", folder / "fitted.toml", *more
-    )
-    assert not (folder / "fitted.toml").exists()
-    assert "recording.csv" in said
-    return said
-
-
 RECORDING = simulations([(100e6, 1.9e-3)], injections=1)[0].recording
 
 
-def _first(recording: Recording, samples: int) -> Recording:
-    return Recording(
-        recording.time[:samples],
-        recording.rail_pressure[:samples],
-        recording.needle_lift[:samples],
-        recording.line_pressure[:samples],
-    )
+def _first(samples: int) -> Recording:
+    names = ("time", "rail_pressure", "needle_lift", "line_pressure")
+    return replace(RECORDING, **{name: getattr(RECORDING, name)[:samples] for name in names})
 
 
-def test_a_recording_without_an_injection_is_refused(command: Command, tmp_path: Path) -> None:
-    assert "no complete injection" in _refusal(command, _first(RECORDING, 10_000), tmp_path)
-
-
-def test_a_recording_that_ends_too_soon_is_refused(command: Command, tmp_path: Path) -> None:
-    assert "ms of shut needle follow" in _refusal(command, _first(RECORDING, 15_400), tmp_path)
-
-
-def test_another_unit_is_refused(command: Command, tmp_path: Path) -> None:
-    in_bar = replace(RECORDING, line_pressure=10.0 * RECORDING.line_pressure)
-    assert "unit" in _refusal(command, in_bar, tmp_path)
-
-
-def test_a_clipped_signal_is_refused(command: Command, tmp_path: Path) -> None:
-    clipped = replace(RECORDING, line_pressure=np.minimum(RECORDING.line_pressure, 103e6))
-    assert "is clipped" in _refusal(command, clipped, tmp_path)
+@pytest.mark.parametrize(
+    ("recording", "said"),
+    [
+        (_first(10_000), "no complete injection"),
+        (_first(15_400), "ms of shut needle follow"),
+        (replace(RECORDING, line_pressure=10.0 * RECORDING.line_pressure), "unit"),
+        (replace(RECORDING, line_pressure=np.minimum(RECORDING.line_pressure, 103e6)), "is clipped"),
+    ],
+)
+def test_a_recording_that_will_not_do_is_refused(
+    command: Command, tmp_path: Path, recording: Recording, said: str
+) -> None:
+    path, fitted = tmp_path / "recording.csv", tmp_path / "fitted.toml"
+    write_recording(path, recording)
+    told = command.refused("fit", path, "--model", NOMINAL_INJECTOR, "--output", fitted)
+    assert "recording.csv" in told
+    assert said in told
+    assert not fitted.exists()
 
 
 def test_the_model_is_not_written_over(command: Command, healthy: tuple[Path, ...], wrong: Path) -> None:

@@ -106,18 +106,3 @@ def test_an_evaluation_is_refused_the_state_of_a_daemon(command: Command, worn: 
     assert f"in use by process {os.getpid()}" in outcome.err
     command.done("evaluate", worn, "--save-state", state)
     assert [entry.name for entry in tmp_path.iterdir()] == ["learned.json"]
-
-
-@pytest.mark.parametrize("journal", ["no/injections.sqlite", "."])
-def test_a_journal_that_could_not_be_written_is_refused_at_the_start(
-    command: Command, bench: Path, tmp_path: Path, journal: str
-) -> None:
-    said = command.refused("run", "--bench", bench, "--journal", tmp_path / journal)
-    assert "--journal" in said
-    assert "ready" not in said
-
-
-def test_a_foreign_file_is_no_journal(command: Command, bench: Path) -> None:
-    before = bench.read_bytes()
-    assert "is no journal of injections" in command.refused("run", "--bench", bench, "--journal", bench)
-    assert bench.read_bytes() == before

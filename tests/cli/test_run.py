@@ -2,14 +2,11 @@
 
 import contextlib
 import json
-import math
-import os
 import re
 import signal
 import socket
 import subprocess
 import sys
-import threading
 import time
 from pathlib import Path
 from typing import ClassVar
@@ -17,20 +14,19 @@ from typing import ClassVar
 import pytest
 
 from observer_rt.bus.links.link import Frame, Link, LinkDownError
-from observer_rt.bus.links.opening import open_link
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench, load_injector
 from observer_rt.foundation.errors import RunError
 from observer_rt.recording.formats import read_recording
 from observer_rt.recording.replay.framing import TimedFrame
-from observer_rt.recording.replay.player import play
 from observer_rt.service import opening
 from observer_rt.service.keeping.state_file import load_knowledge, model_hash
-from tests.cli.conftest import Command, Outcome
+from tests.cli.bench_engineer import run_and_stop
+from tests.cli.conftest import Command
 from tests.cli.injector_files import FITTED, injector
 from tests.device import frames_of
 from tests.links import FakeLink
 from tests.service.end_to_end import SUMMARY, Heard, decoded
-from tests.service.participants import BLOCK_ID, ScriptedLink, give_link, listening, until
+from tests.service.participants import BLOCK_ID, ScriptedLink, give_link
 
 
 @pytest.fixture
@@ -39,31 +35,6 @@ def bench(bench: Path, tmp_path: Path) -> Path:
     text = bench.read_text().replace("lockstep = false", "lockstep = true")
     bench.write_text(text.replace('"can0"', f'"{tmp_path.name}"'))
     return bench
-
-
-def run_and_stop(
-    observer_rt: Command, bench: Path, recording: Path, number: signal.Signals, *options: object
-) -> tuple[Outcome, Heard]:
-    """Play a recording to the command over the virtual bus, then send it a signal."""
-    channel = load_bench(bench).config.link.channel
-    frames = frames_of(bench, recording)
-
-    with listening("virtual", channel) as listener, open_link("virtual", channel, True, []) as player:
-
-        def bench_engineer() -> None:
-            try:
-                until(lambda: bool(listener.heard.statuses))
-                play(frames, player, math.inf)
-                until(lambda: listener.heard.last_status()["SamplesProcessed"] >= 9 * (len(frames) - 2))
-            finally:
-                os.kill(os.getpid(), number)
-
-        thread = threading.Thread(target=bench_engineer)
-        thread.start()
-        outcome = observer_rt("run", "--bench", bench, *options)
-        thread.join()
-        time.sleep(0.2)  # for the listener to hear the last frames
-    return outcome, listener.heard
 
 
 def valid_injections(heard: Heard) -> list[float]:
@@ -286,13 +257,26 @@ def test_what_check_only_warns_of_starts(
     assert (outcome.code, "INFO start: ready" in outcome.err) == (1, True)
 
 
-@pytest.mark.parametrize("state", ["no/learned.json", "."])
-def test_state_that_could_not_be_saved_is_refused_at_the_start(
-    command: Command, bench: Path, tmp_path: Path, state: str
+@pytest.mark.parametrize(
+    ("option", "file", "said"),
+    [
+        ("--state", "no/learned.json", "no such folder"),
+        ("--state", ".", "is no file"),
+        ("--journal", "no/injections.sqlite", "--journal"),
+        ("--journal", ".", "--journal"),
+        ("--journal", "bench.toml", "is no journal of injections"),
+        ("--log", "no/run.log", "no such folder"),
+    ],
+)
+def test_what_could_not_be_written_is_refused_at_the_start(
+    command: Command, bench: Path, tmp_path: Path, option: str, file: str, said: str
 ) -> None:
-    said = command.refused("run", "--bench", bench, "--state", tmp_path / state)
-    assert "ready" not in said
-    assert str(tmp_path) in said
+    before = bench.read_bytes()
+    told = command.refused("run", "--bench", bench, option, tmp_path / file)
+    assert str(tmp_path) in told
+    assert said in told
+    assert "ready" not in told
+    assert bench.read_bytes() == before
 
 
 def test_an_interface_that_is_not_there_is_waited_for(
@@ -362,10 +346,6 @@ def test_injections_as_lines_of_json_and_a_log(
     assert sum(" INFO injection: " in line for line in lines) == 4
     assert "not valid: TOO_FEW_EVENTS: too few injections were judged since the start" in log.read_text()
     assert lines[1:] == outcome.err.splitlines()
-
-
-def test_a_log_that_cannot_be_written_is_refused(command: Command, bench: Path, tmp_path: Path) -> None:
-    assert "no such folder" in command.refused("run", "--bench", bench, "--log", tmp_path / "no" / "run.log")
 
 
 def test_the_service_manager_hears_of_it(

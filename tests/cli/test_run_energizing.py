@@ -3,13 +3,9 @@
 import re
 from pathlib import Path
 
-from observer_rt.bus.links.opening import open_link
-from observer_rt.config.bench import load_bench
-from observer_rt.recording.formats import read_recording
-from tests.cli.bench_engineer import bench_engineer
+from tests.cli.bench_engineer import run_and_stop
 from tests.cli.conftest import Command
 from tests.device import frames_of, merged
-from tests.service.participants import listening
 from tests.service.pulse_bench import TEXT, Told
 from tests.service.pulse_frames import durations
 
@@ -26,17 +22,8 @@ def test_commands_and_missing_injections_are_printed(
         bench.read_text().replace('"can0"', f'"{tmp_path.name}"').replace("enabled = true", "enabled = false")
     )
     bench.write_text(f'{text}\n[[dbc]]\nfile = "bed.dbc"\n[signals.energizing]\n{Told.TIME}')
-    channel = load_bench(bench).config.link.channel
-    recording = read_recording(worn)
-    frames = merged(frames_of(bench, recording), durations(PULSES))
-
-    with (
-        listening("virtual", channel) as listener,
-        open_link("virtual", channel, True, []) as player,
-        bench_engineer(listener, player, frames, recording.samples),
-    ):
-        outcome = command("run", "--bench", bench)
-
+    frames = merged(frames_of(bench, worn), durations(PULSES))
+    outcome, _ = run_and_stop(command, bench, frames)
     assert outcome.code == 0
     printed = " ".join(outcome.err.split())
     assert "injection missing: the needle did not open within 3 ms of command 1 at index 6000" in printed

@@ -5,14 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.bus.links.opening import open_link
-from observer_rt.config.bench import load_bench
-from observer_rt.recording.formats import read_recording
 from observer_rt.recording.replay.framing import TimedFrame
-from tests.cli.bench_engineer import bench_engineer
+from tests.cli.bench_engineer import run_and_stop
 from tests.cli.conftest import Command
 from tests.device import frames_of
-from tests.service.participants import listening
 from tests.service.slow_frames import TEXT, bed
 
 EVERY = 20  # frames of samples between two of the test bed
@@ -46,15 +42,9 @@ def sent_to(bench: Path, recording: Path) -> list[TimedFrame]:
 def test_learning_stops_and_errors_of_the_estimate_are_printed(
     command: Command, bench: Path, worn: Path
 ) -> None:
-    channel = load_bench(bench).config.link.channel
     frames = sent_to(bench, worn)
-    samples = read_recording(worn).samples
-
-    with listening("virtual", channel) as listener, open_link("virtual", channel, True, []) as player:
-        with bench_engineer(listener, player, frames, samples):
-            outcome = command("run", "--bench", bench)
-        status = listener.heard.last_status()
-
+    outcome, heard = run_and_stop(command, bench, frames)
+    status = heard.last_status()
     assert outcome.code == 0
     assert "SampleBlock, Bed at 50000 Hz" in outcome.err
     assert (status["Learning"], status["Adoptions"]) == (0, 0)

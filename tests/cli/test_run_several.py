@@ -2,8 +2,6 @@
 
 import json
 import math
-import os
-import signal
 import sqlite3
 import threading
 import time
@@ -23,6 +21,7 @@ from observer_rt.foundation.errors import ObserverError, RunError, UserError
 from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.recording.replay.player import play
 from observer_rt.service import opening
+from tests.cli.bench_engineer import ended_when
 from tests.cli.conftest import Command, Outcome
 from tests.links import FakeLink
 from tests.service.end_to_end import STATUS, decoded
@@ -102,18 +101,12 @@ def run_and_stop(
     channel = load_bench(bench).config.link.channel
     with listening(channel) as heard, open_link("virtual", channel, True, []) as player:
 
-        def bench_engineer() -> None:
-            try:
-                until(lambda: all(processed(heard, number) == 0 for number in served))
-                play(frames, player, math.inf)
-                until(lambda: all(processed(heard, number) >= samples for number in served))
-            finally:
-                os.kill(os.getpid(), signal.SIGTERM)
+        def first() -> None:
+            until(lambda: all(processed(heard, number) == 0 for number in served))
+            play(frames, player, math.inf)
 
-        thread = threading.Thread(target=bench_engineer)
-        thread.start()
-        outcome = command("run", "--bench", bench, *options)
-        thread.join()
+        with ended_when(lambda: all(processed(heard, number) >= samples for number in served), first):
+            outcome = command("run", "--bench", bench, *options)
         time.sleep(0.2)  # for the listener to hear the last frames
     return outcome, heard
 
@@ -272,18 +265,9 @@ def test_what_is_wrong_with_their_bus_is_said_once(
             raise LinkDownError("can0 is down\n  remedy: raise it")
         return FakeLink()
 
-    def bench_engineer() -> None:
-        try:
-            until(lambda: len(links) == len(NAMES) and all(link.was_away and link.sent for link in links))
-        finally:
-            os.kill(os.getpid(), signal.SIGTERM)
-
     monkeypatch.setattr(opening, "open_link", opened)
-    thread = threading.Thread(target=bench_engineer)
-    thread.start()
-    outcome = command("run", "--bench", bench)
-    thread.join()
-    assert outcome.code == 0, outcome.err
+    with ended_when(lambda: len(links) == len(NAMES) and all(link.was_away and link.sent for link in links)):
+        outcome = command.done("run", "--bench", bench)
     channel = load_bench(bench).config.link.channel
     for line in (
         "WARNING link: waiting for the interface: can0 is down",

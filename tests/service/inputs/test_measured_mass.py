@@ -13,7 +13,7 @@ from observer_rt.check.checkup import Level, checkup
 from observer_rt.config.bench import load_bench
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.evaluation.logged import LoggedSignals
-from observer_rt.evaluation.table import print_evaluation
+from observer_rt.evaluation.results import print_evaluation
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effects import effective_model
 from observer_rt.recording.replay.framing import TimedFrame

@@ -161,28 +161,6 @@ def _frames(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
 
 
 @dataclass(frozen=True)
-class _Traffic:
-    """A message as it is sent: `frames` at once, either for `samples` at a `rate` [Hz], or `often` a second."""
-
-    layout: MessageLayout
-    frames: int
-    samples: int = 1
-    rate: float = 0.0
-    often: float = 0.0
-
-    @property
-    def continuous(self) -> float:
-        """Frames a second."""
-        return self.frames * (self.often + self.rate / self.samples)
-
-    @property
-    def windowed(self) -> float:
-        """Frames a second with only `WINDOW` of samples for each injection."""
-        blocks = -(-round(WINDOW * self.rate) // self.samples)
-        return self.frames * (self.often + INJECTIONS_PER_SECOND * blocks)
-
-
-@dataclass(frozen=True)
 class BusLoad:
     """Expected share of a bus's time, inputs and outputs together."""
 
@@ -223,34 +201,37 @@ def expected_load(bench: Bench, mapped: BenchMap, number: int = 0) -> BusLoad:
     """
     link = bench.config.buses[number].config
     continuous = windowed = 0.0
-    for sent in (*_sent_inputs(mapped), *_sent_results(bench, mapped)):
-        layout = sent.layout
-        if layout.bus != number:
-            continue
-        time = frame_time(layout.length, layout.is_fd, link.bit_rate, link.data_bit_rate, layout.is_extended)
-        continuous += time * sent.continuous
-        windowed += time * sent.windowed
+    for layout, always, in_windows in _traffic(bench, mapped):
+        if layout.bus == number:
+            bit_rates = link.bit_rate, link.data_bit_rate
+            time = frame_time(layout.length, layout.is_fd, *bit_rates, layout.is_extended)
+            continuous += time * always
+            windowed += time * in_windows
     return BusLoad(continuous, windowed)
 
 
-def _sent_inputs(mapped: BenchMap) -> Iterator[_Traffic]:
+def _traffic(bench: Bench, mapped: BenchMap) -> Iterator[tuple[MessageLayout, float, float]]:
+    """Every message with its frames a second: of a continuous source, and with only `WINDOW` for each injection."""
     for to, *_ in mapped.destinations.values():
         bus = mapped.injectors[to.injector]
-        message = bus.inputs.messages[to.message]
+        message, layout = bus.inputs.messages[to.message], bus.input_layouts[to.message]
         rate = 1 / float(message_timing(bus, to.message)["interval"])
-        layout = bus.input_layouts[to.message]
-        yield _Traffic(layout, int(message["kind_count"]), int(message["samples"]), rate)
+        frames = int(message["kind_count"])
+        yield layout, *(frames * blocks for blocks in _blocks(int(message["samples"]), rate))
     sampled = {layout for bus in mapped.injectors for layout in bus.input_layouts}
     for layout in mapped.received:
         if layout not in sampled:
-            cycle = layout.cycle_time_ns
-            yield _Traffic(layout, 1, often=1e9 / cycle if cycle else INJECTIONS_PER_SECOND)
-
-
-def _sent_results(bench: Bench, mapped: BenchMap) -> Iterator[_Traffic]:
+            often = 1e9 / layout.cycle_time_ns if layout.cycle_time_ns else INJECTIONS_PER_SECOND
+            yield layout, often, often
     for injector, bus in zip(bench.injectors, mapped.injectors, strict=True):
         if bus.rate is not None:
-            yield _Traffic(bus.rate.layout, 1, bus.rate.samples, injector.config.sampling.rate_hz)
-        yield _Traffic(bus.summary.layout, len(bus.summary.pages), often=INJECTIONS_PER_SECOND)
+            yield bus.rate.layout, *_blocks(bus.rate.samples, injector.config.sampling.rate_hz)
         period = injector.config.outputs.status_period_ms * MILLISECOND
-        yield _Traffic(bus.status.layout, len(bus.status.pages), often=1 / period)
+        for result, rate in ((bus.summary, INJECTIONS_PER_SECOND), (bus.status, 1 / period)):
+            often = len(result.pages) * rate
+            yield result.layout, often, often
+
+
+def _blocks(samples: int, rate: float) -> tuple[float, float]:
+    """A second, of so many samples each at a rate [Hz]: of a continuous source, and of a windowed one."""
+    return rate / samples, INJECTIONS_PER_SECOND * -(-round(WINDOW * rate) // samples)

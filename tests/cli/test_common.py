@@ -1,6 +1,7 @@
 """What holds for every command."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -65,3 +66,27 @@ def test_reader_that_goes_away() -> None:
         process.stdout.close()
         assert process.stderr.read() == ""
         assert process.wait() == 1
+
+
+# Python imports a module of this name, if there is one, before anything else.
+HOOK = """
+import sys
+class Interrupting:
+    def find_spec(self, name, path=None, target=None):
+        if name == "{module}":
+            raise KeyboardInterrupt
+sys.meta_path.insert(0, Interrupting())
+"""
+
+
+@pytest.mark.parametrize("name", ["typer", "observer_rt.config.bench", "numba", "observer_rt.service.rights"])
+def test_ctrl_c_while_modules_are_imported(tmp_path: Path, name: str) -> None:
+    (tmp_path / "sitecustomize.py").write_text(HOOK.format(module=name))
+    path = os.pathsep.join([str(tmp_path), *filter(None, sys.path)])
+    done = subprocess.run(
+        [sys.executable, "-m", "observer_rt", "check"],
+        env=os.environ | {"PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")

@@ -3,7 +3,10 @@
 Those that need one run in tests/service/test_on_vcan_pages.py. A command that is added to a page is run as well.
 """
 
+import importlib
 import re
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
@@ -11,12 +14,16 @@ import numpy as np
 import pytest
 import typer.main
 
+import observer_rt.discovery.findings
 from observer_rt.check.findings import Level
 from observer_rt.check.machine import interface_findings
-from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
+from observer_rt.config.bench import EXAMPLE_BENCH, load_bench, load_injector
 from observer_rt.config.links import LinkConfig
 from observer_rt.config.signals import SignalConfig
-from observer_rt.recording.formats import read_recording
+from observer_rt.model.baseline import Baseline
+from observer_rt.recording.formats import read_recording, write_recording
+from observer_rt.simulation.schedule import make_schedule
+from observer_rt.simulation.simulate import SimulatedNoise, simulate
 from tests.cli.conftest import Command
 from tests.pages import PAGES, ROOT, Page, needs_bus, serves_a_page, words_of
 from tools.benchmarks.__main__ import app as bench
@@ -211,3 +218,79 @@ def test_the_benchmarks_that_are_named_are_there() -> None:
 def test_links_lead_somewhere(page: Page) -> None:
     targets = re.findall(r"\]\((?!https?:)([^)#\s]+)", page.text)
     assert [target for target in targets if not (ROOT / page.path).parent.joinpath(target).exists()] == []
+
+
+@pytest.mark.slow
+def test_the_commands_of_a_fit(command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    commands = [line for line in Page("docs/fit.md").commands if "healthy_*" not in line]
+    assert len(commands) == 4
+    run_all(command, commands)
+    assert Path("fitted.toml").exists()
+    assert Path("fit.png").exists()
+
+
+def test_the_keys_of_the_baseline_are_those_there_are() -> None:
+    section = Page("docs/fit.md").text.split("## `[baseline]`\n")[1].split("\n## ")[0]
+    keys = {
+        key for row in re.findall(r"^\| (`.*?`) \|", section, re.M) for key in re.findall(r"`(\w+)`", row)
+    }
+    assert keys == set(Baseline.model_fields) - {"format"}
+
+
+@pytest.mark.slow
+def test_the_commands_of_a_discovery(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    of_ones_own, *alone, compare = (words_of(line)[0] for line in Page("docs/discovery.md").commands)
+    assert of_ones_own[:2] == ["discover", "--out"]  # the same with other files, of the README
+    assert [words[0] for words in alone] == ["simulate", "discover", "evaluate"]
+    for words in alone:
+        command.done(*words)
+    assert {path.suffix for path in Path("found/data").iterdir()} == {".csv", ".svg"}
+    Path("found").rename("found_later")
+    command.done(*alone[1])
+    done = command.done(*compare)
+    assert "no change that shows" in done.out
+
+
+def test_every_reservation_is_explained() -> None:
+    source = Path(observer_rt.discovery.findings.__file__).read_text(encoding="utf-8")
+    known = set(re.findall(r'Caveat\(\s*"(\w+)"', source))
+    assert len(known) > 5
+    assert set(re.findall(r"^\| `(\w+)` \|", Page("docs/discovery.md").text, re.MULTILINE)) - {"id"} == known
+
+
+LIBRARY = Page("docs/library.md")
+PROGRAMS = LIBRARY.fenced("python")
+NAMES = re.findall(r"^\|[^|]*\| `(observer_rt[\w.]+)` \| (.*) \|$", LIBRARY.text, flags=re.MULTILINE)
+
+
+def printed(program: str, folder: Path) -> list[str]:
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=folder, capture_output=True, text=True, check=True
+    )
+    return done.stdout.splitlines()
+
+
+@pytest.mark.slow
+def test_programs_do_what_the_page_says(tmp_path: Path) -> None:
+    recorded, framed = PROGRAMS
+    made = simulate(load_injector(), make_schedule([100e6], 3, 0.05, [1.1e-3]), 100e3, noise=SimulatedNoise())
+    write_recording(tmp_path / "worn.csv", made.recording)
+    lines = printed(recorded, tmp_path)
+    assert [re.sub(r"\d+\.\d mg", "x mg", line) for line in lines] == [
+        "1: x mg TOO_FEW_EVENTS",
+        "2: x mg TOO_FEW_EVENTS",
+        "3: x mg valid",
+    ]
+    assert printed(framed, tmp_path) == ["1 frame with a wrong CRC"]
+
+
+def test_every_name_of_the_page_is_there() -> None:
+    assert len(NAMES) > 8
+    for module, names in NAMES:
+        found = importlib.import_module(module)
+        for name in re.findall(r"`(\w+)`", names):
+            assert hasattr(found, name), f"{module}.{name}"

@@ -8,7 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
@@ -161,7 +160,7 @@ def record(
         ]
         say(messages, f"recording {', '.join(f'{bus.config.interface} {bus.label}' for bus in buses)}")
         further = list(zip(links[1:], names[1:], strict=True))
-        statistics = record_links(links[0], names[0], out, limits, stop, _FrameCount(live, messages), further)
+        statistics = record_links(links[0], names[0], out, limits, stop, _FrameCount(live), further)
     print(json.dumps(statistics.as_json(), indent=2) if as_json else statistics.as_text())
 
 
@@ -204,13 +203,12 @@ def _with_links(bench: Bench, interfaces: list[str] | None, channels: list[str] 
 class _FrameCount:
     """Frames so far, and how many came in a second of late; on a terminal only."""
 
-    def __init__(self, live: Live, console: Console) -> None:
-        self._live = live if console.is_terminal else None
-        self._frames = 0
-        self._moment = 0.0
+    def __init__(self, live: Live) -> None:
+        self._live = live
+        self._frames, self._moment = 0, 0.0
 
     def __call__(self, so_far: "RecordStatistics") -> None:
-        if self._live is None:
+        if not self._live.console.is_terminal:
             return
         passed = so_far.duration - self._moment
         rate = (so_far.frames - self._frames) / passed if passed else 0.0

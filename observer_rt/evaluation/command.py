@@ -136,7 +136,7 @@ def evaluate_files(bench: Bench, given: Sequence[Path], options: EvaluateOptions
     if options.plot is not None:
         from observer_rt.evaluation.figures import picture_of, plot_injections
 
-        there = {report.number for evaluation in evaluations for report in evaluation.reports}
+        there = {one.report.number for evaluation in evaluations for one in evaluation.injections}
         shown = numbers_shown(options.injections, there)
         with file_errors(options.plot):
             plot_injections(options.plot, [picture_of(each, shown) for each in evaluations], "measured")

@@ -248,17 +248,14 @@ class _Stamps:
     """
 
     def __init__(self) -> None:
-        self._frames = 0
-        self._begin = self._first = self._last = 0
+        self._frames = self._begin = self._first = self._last = 0
 
     def note(self, frame: Frame, gives_samples: bool) -> None:
         self._begin = self._begin or frame.stamp_ns
         self._last = frame.stamp_ns
-        if not gives_samples:
-            return
-        if not self._frames:
-            self._first = frame.stamp_ns
-        self._frames += 1
+        if gives_samples:
+            self._first = self._first or frame.stamp_ns
+            self._frames += 1
 
     @property
     def span(self) -> int:

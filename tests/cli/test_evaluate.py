@@ -238,6 +238,7 @@ def test_model_replaces_that_of_the_bench(command: Command, worn: Path, bench: P
         (("{worn}", "{resting}", "--save-state", "x.json"), "--save-state: needs one history"),
         (("{worn}", "--output", "{worn}"), "is a recording to be evaluated"),
         (("{worn}", "--output", "{here}/no/x.csv"), "--output: {here}/no: no such folder"),
+        (("{worn}", "--output", "{here}/x.xlsx"), "known suffixes: .csv, .mf4, .parquet"),
         (("{worn}", "--plot", "{here}/no/x.png"), "--plot: {here}/no: no such folder"),
         (("{worn}", "--plot", "{here}/x.bmp"), "known suffixes: .png, .svg, .pdf"),
         (("{worn}", "--plot", "{here}/x"), "known suffixes: .png, .svg, .pdf"),

@@ -71,7 +71,7 @@ def test_same_seed_same_file(command: Command, tmp_path: Path) -> None:
     texts = []
     for name, seed in (("a", 5), ("b", 5), ("c", 6)):
         path = tmp_path / f"{name}.csv"
-        command.done("simulate", *FEW, "--seed", seed, "--output", path)
+        command.done("simulate", *FEW, "--measured-rate", "--seed", seed, "--output", path)
         texts.append(path.read_bytes())
     assert texts[0] == texts[1] != texts[2]
 

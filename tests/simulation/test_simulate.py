@@ -12,7 +12,6 @@ from observer_rt.config.bench import load_injector
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import effective_model, sized
-from observer_rt.recording.formats import write_recording
 from observer_rt.simulation.plant import Truth, run_plant
 from observer_rt.simulation.schedule import Schedule, Shot, Stroke, make_schedule
 from observer_rt.simulation.simulate import SimulatedNoise, simulate, truth_path, write_truth
@@ -160,15 +159,6 @@ def test_measured_rate_has_one_gain_error_per_recording() -> None:
         gains.append(gain[0] - 1.0)
     assert 0.003 < np.std(gains) < 0.007
     assert abs(np.mean(gains)) < 0.003
-
-
-def test_same_seed_same_bytes(tmp_path: Path) -> None:
-    for name, seed in (("a", 7), ("b", 7), ("c", 8)):
-        made = simulate(NOMINAL, ONE, 50e3, noise=NOISE, measured_rate=True, seed=seed)
-        write_recording(tmp_path / f"{name}.csv", made.recording)
-    first, same, other = ((tmp_path / f"{name}.csv").read_bytes() for name in "abc")
-    assert first == same
-    assert first != other
 
 
 def test_measuring_the_rate_leaves_the_inputs_as_they_are() -> None:

@@ -41,15 +41,7 @@ class _Bars:
         """Where to add a bar."""
         with self._lock:
             if self._progress is None:
-                columns = (
-                    TextColumn("{task.description}"),
-                    BarColumn(),
-                    TaskProgressColumn(),
-                    TimeRemainingColumn(),
-                )
-                self._progress = Progress(
-                    *columns, console=console, transient=True, disable=not console.is_terminal
-                )
+                self._progress = _drawn_on(console)
                 self._progress.start()
             self._users += 1
             progress = self._progress
@@ -64,6 +56,11 @@ class _Bars:
 
 
 _bars = _Bars()
+
+
+def _drawn_on(console: Console) -> Progress:
+    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
 
 
 def say(console: Console, text: str) -> None:

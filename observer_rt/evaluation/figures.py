@@ -6,6 +6,7 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -58,13 +59,13 @@ def draw_masses(axes: Axes, recordings: Sequence[Picture], reference: str) -> No
         axes.axhline(0, color=REFERENCE, lw=0.8)
     most = max((len(one.masses) for one in recordings), default=0)
     for i, one in enumerate(recordings):
-        series = _series(one.masses, against)
+        table = _table(one.masses, against)
         if len(recordings) == 1 and most <= ANNOTATED:
-            _draw_bars(axes, series)
+            _draw_bars(axes, table)
         else:
             colour = ESTIMATED if len(recordings) == 1 else RECORDINGS[i % len(RECORDINGS)]
             nominal = NOMINAL if len(recordings) == 1 else colour
-            _draw_points(axes, series, colour, nominal)
+            _draw_points(axes, table, colour, nominal)
     axes.set(xlabel="injection", ylabel=label)
     axes.margins(y=0.12)
     axes.xaxis.set_major_locator(MaxNLocator(ANNOTATED, integer=True, min_n_ticks=1))
@@ -76,54 +77,44 @@ def draw_masses(axes: Axes, recordings: Sequence[Picture], reference: str) -> No
         axes.set_title(f"{how}: observer not valid", loc="right", fontsize=9)
 
 
-@dataclass(frozen=True, eq=False)
-class _Series:
-    """What is drawn of the masses of n injections, in the printed unit: (n,), interval (2, n)."""
-
-    numbers: NDArray[np.float64]
-    estimated: NDArray[np.float64]
-    nominal: NDArray[np.float64]
-    interval: NDArray[np.float64]
-    valid: NDArray[np.bool_]
-
-
-def _series(masses: Sequence[MassRow], against: bool) -> _Series:
-    """against: as errors against the reference [%], else [mg]."""
-    estimated, nominal = np.array([(row.estimated, row.nominal) for row in masses]).reshape(-1, 2).T
-    interval = np.array([row.ci95 or (np.nan, np.nan) for row in masses]).reshape(-1, 2).T
-    numbers = np.array([row.number for row in masses], float)
-    valid = np.array([row.valid for row in masses], np.bool_)
-    truth = np.array([row.reference for row in masses], float)
-
-    def shown(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        return PERCENT * (values / truth - 1.0) if against else values / MILLIGRAM
-
-    return _Series(numbers, shown(estimated), shown(nominal), shown(interval), valid)
+def _table(masses: Sequence[MassRow], against: bool) -> pd.DataFrame:
+    """Masses and their intervals, an injection a row; against: as errors of the reference [%], else [mg]."""
+    unknown = np.nan, np.nan
+    table = pd.DataFrame(
+        [(row.number, row.valid, row.estimated, row.nominal, *(row.ci95 or unknown)) for row in masses],
+        columns=["number", "valid", "estimated", "nominal", "low", "high"],
+    )
+    table = table.astype(float).astype({"valid": bool})
+    shown = ["estimated", "nominal", "low", "high"]
+    if against:
+        truth = np.array([row.reference for row in masses], float)
+        table[shown] = PERCENT * (table[shown].div(truth, axis=0) - 1.0)
+    else:
+        table[shown] /= MILLIGRAM
+    return table
 
 
-def _draw_bars(axes: Axes, series: _Series) -> None:
-    axes.bar(series.numbers - 0.2, series.nominal, 0.38, color=NOMINAL)
-    bars = axes.bar(series.numbers + 0.2, series.estimated, 0.38, color=ESTIMATED)
-    axes.vlines(series.numbers + 0.2, *series.interval, color=REFERENCE, lw=1.2)
-    tops = np.fmax(series.interval[1], series.estimated)
-    for bar, number, value, top, is_valid in zip(
-        bars, series.numbers, series.estimated, tops, series.valid, strict=True
-    ):
-        if not is_valid:
+def _draw_bars(axes: Axes, table: pd.DataFrame) -> None:
+    axes.bar(table.number - 0.2, table.nominal, 0.38, color=NOMINAL)
+    bars = axes.bar(table.number + 0.2, table.estimated, 0.38, color=ESTIMATED)
+    axes.vlines(table.number + 0.2, table.low, table.high, color=REFERENCE, lw=1.2)
+    for bar, row in zip(bars, table.itertuples(), strict=True):
+        if not row.valid:
             bar.set(alpha=0.35, hatch="//")
-        if np.isfinite(value):
-            place = number + 0.2, max(top, 0.0)
-            axes.annotate(f"{value:.2f}", place, (0, 2), textcoords="offset points", ha="center", fontsize=7)
+        if np.isfinite(row.estimated):
+            place = row.number + 0.2, max(np.fmax(row.high, row.estimated), 0.0)
+            text = f"{row.estimated:.2f}"
+            axes.annotate(text, place, (0, 2), textcoords="offset points", ha="center", fontsize=7)
 
 
-def _draw_points(axes: Axes, series: _Series, colour: str, nominal: str) -> None:
+def _draw_points(axes: Axes, table: pd.DataFrame, colour: str, nominal: str) -> None:
     """Points by themselves: from one injection to the next the operating point changes."""
-    size = float(np.clip(400.0 / max(1, series.numbers.size), 1.5, 5.0))
-    axes.vlines(series.numbers, *series.interval, color=colour, alpha=0.35, lw=0.6 * size)
-    axes.plot(series.numbers, series.nominal, "_", color=nominal, ms=2.0 * size)
-    axes.plot(series.numbers, series.estimated, ".", color=colour, ms=2.0 * size)
-    wrong = ~series.valid
-    axes.plot(series.numbers[wrong], series.estimated[wrong], "x", color="#666666", ms=1.4 * size)
+    size = float(np.clip(400.0 / max(1, len(table)), 1.5, 5.0))
+    axes.vlines(table.number, table.low, table.high, color=colour, alpha=0.35, lw=0.6 * size)
+    axes.plot(table.number, table.nominal, "_", color=nominal, ms=2.0 * size)
+    axes.plot(table.number, table.estimated, ".", color=colour, ms=2.0 * size)
+    wrong = table[~table.valid]
+    axes.plot(wrong.number, wrong.estimated, "x", color="#666666", ms=1.4 * size)
 
 
 def draw_wear(axes: Axes, recordings: Sequence[Picture]) -> None:

@@ -35,23 +35,16 @@ Thing = TypeVar("Thing")
 
 
 def ahead(things: Iterable[Thing]) -> Iterator[Thing]:
-    """The same in the same order; while one is used the next is made in a thread, where that lets others run.
+    """The same, none of them None, in the same order; while one is used the next is made in a thread beside.
 
     Raises what making one raises, when its turn has come.
     """
     waiting = iter(things)
     with ThreadPoolExecutor(1, "ahead") as beside:
-        coming = beside.submit(next, waiting, _END)
-        while not isinstance(thing := coming.result(), _End):
-            coming = beside.submit(next, waiting, _END)
+        coming = beside.submit(next, waiting, None)
+        while (thing := coming.result()) is not None:
+            coming = beside.submit(next, waiting, None)
             yield thing
-
-
-class _End:
-    """In the place of a thing, where there is none any more."""
-
-
-_END = _End()
 
 
 class NominalModel:

@@ -156,17 +156,14 @@ def groups_of(rows: pa.Table, files: Mapping[str, Path], kinds: Sequence[ModelGr
     files: paths by SHA-256; rows of other files are left out. kinds: one, or those of a bench by their own names.
     """
     own_names = {InjectorNames(None).of(Path(), kind.alone): kind for kind in kinds}
-    of_injector: dict[str, list[tuple[Path, str]]] = {}
-    first = rows.group_by(["injector", "sha256"]).aggregate([("time", "min")])
-    for row in sorted(first.to_pylist(), key=lambda row: (row["time_min"], row["sha256"]), reverse=True):
-        if (path := files.get(row["sha256"])) is not None:
-            of_injector.setdefault(row["injector"], []).append((path, row["sha256"]))
+    first = rows.to_pandas().groupby(["injector", "sha256"], as_index=False)["time"].min()
+    latest = first[first["sha256"].isin(list(files))].sort_values(["time", "sha256"], ascending=False)
     return [
         Group(
-            name,
-            kinds[0] if len(kinds) == 1 else own_names[name],
-            tuple(found[:MOST_RECORDINGS]),
-            len(found),
+            str(name),
+            kinds[0] if len(kinds) == 1 else own_names[str(name)],
+            tuple((files[sha256], sha256) for sha256 in its["sha256"][:MOST_RECORDINGS]),
+            len(its),
         )
-        for name, found in sorted(of_injector.items())
+        for name, its in latest.groupby("injector")
     ]

@@ -216,8 +216,8 @@ def _traffic(bench: Bench, mapped: BenchMap) -> Iterator[tuple[MessageLayout, fl
         bus = mapped.injectors[to.injector]
         message, layout = bus.inputs.messages[to.message], bus.input_layouts[to.message]
         rate = 1 / float(message_timing(bus, to.message)["interval"])
-        frames = int(message["kind_count"])
-        yield layout, *(frames * blocks for blocks in _blocks(int(message["samples"]), rate))
+        frames, (always, in_windows) = int(message["kind_count"]), _blocks(int(message["samples"]), rate)
+        yield layout, frames * always, frames * in_windows
     sampled = {layout for bus in mapped.injectors for layout in bus.input_layouts}
     for layout in mapped.received:
         if layout not in sampled:

@@ -154,10 +154,7 @@ for _heading, _commands in {
         (effects, "channel_skew seat_area"),
     ),
     "Many recordings": (
-        (
-            batch,
-            r"measured/ --out results --bench bench.toml --injector-from 'injector_(\w+)' --discover",
-        ),
+        (batch, r"measured/ --out results --bench bench.toml --injector-from 'injector_(\w+)' --discover"),
         (trend, "results --plot wear.png"),
     ),
 }.items():

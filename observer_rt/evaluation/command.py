@@ -63,6 +63,18 @@ class EvaluateOptions:
     """Numbers of those to be drawn as curves, empty: some."""
 
     @property
+    def has_folder(self) -> bool:
+        """Whether traces go into `output`, each a file of its own."""
+        output = self.output
+        return output is not None and (output.is_dir() or not (output.suffix or output.exists()))
+
+    def traces(self, paths: Sequence[Path]) -> list[Path]:
+        """To be written, one a recording, or none."""
+        if self.output is None or not self.has_folder:
+            return [] if self.output is None else [self.output]
+        return [self.output / (path.name + TRACE_SUFFIX) for path in paths]
+
+    @property
     def written(self) -> dict[str, Path]:
         """What is to be written, by option."""
         named = {"--output": self.output, "--plot": self.plot, "--save-state": self.save_state}
@@ -121,7 +133,7 @@ def evaluate_files(bench: Bench, given: Sequence[Path], options: EvaluateOptions
         options.state, model, pressure_scale, partial(say, console), set_aside=False
     )
     with ExitStack() as stack:
-        traces = [stack.enter_context(replacing(path)) for path in _traces(options.output, paths)]
+        traces = [stack.enter_context(replacing(path)) for path in options.traces(paths)]
         evaluations, knowledge = _evaluated(bench, sources, traces, knowledge, options, console)
     c = effective_model(bench.injector.parameters).coefficients
     if options.save_state is not None:
@@ -160,21 +172,24 @@ def _named(options: EvaluateOptions, name: str) -> EvaluateOptions:
         return path and path.with_name(f"{path.stem}_{name}{path.suffix}")
 
     output = options.output
-    output = output / name if output is not None and _is_folder(output) else own(output)
-    return replace(
-        options,
-        output=output,
-        plot=own(options.plot),
-        state=own(options.state),
-        save_state=own(options.save_state),
-    )
+    output = output / name if output is not None and options.has_folder else own(output)
+    plot, state, save_state = map(own, (options.plot, options.state, options.save_state))
+    return replace(options, output=output, plot=plot, state=state, save_state=save_state)
 
 
 def _refuse_early(bench: Bench, paths: Sequence[Path], options: EvaluateOptions) -> None:
     """Raise `UserError` for options that do not fit together, and for files that could not be read or written."""
     if options.injections and options.plot is None:
         raise UserError("--injections", "says what is drawn, but no --plot is given", "add --plot FILE")
-    _refuse_ambiguous(paths, options)
+    place, traces = f"--output {options.output}", options.traces(paths)
+    if len(paths) > 1 and options.output is not None and not options.has_folder:
+        raise UserError(place, "names a file, but there are several recordings", "name a folder")
+    if twice := [trace.name for trace in traces if traces.count(trace) > 1]:
+        raise UserError(place, f"{twice[0]} would be written twice", "rename the recordings")
+    if len(paths) > 1 and options.save_state is not None and not options.chain:
+        raise UserError(
+            "--save-state", "needs one history, but the recordings are evaluated apart", "add --chain"
+        )
     for option, path in (("--state", options.state), ("--save-state", options.save_state)):
         if path is not None:
             refuse_state(bench.injector, option)
@@ -198,31 +213,9 @@ def _with_fuel(bench: Bench, sources: Sequence[SignalStream], options: EvaluateO
     return bench.with_parameters(injector_at(bench.injector, temperature))
 
 
-def _refuse_ambiguous(paths: Sequence[Path], options: EvaluateOptions) -> None:
-    if len(paths) == 1:
-        return
-    if options.output is not None:
-        if not _is_folder(options.output):
-            raise UserError(
-                f"--output {options.output}",
-                "names a file, but there are several recordings",
-                "name a folder",
-            )
-        traces = [_trace_in(options.output, path) for path in paths]
-        twice = next((trace for trace in traces if traces.count(trace) > 1), None)
-        if twice is not None:
-            raise UserError(
-                f"--output {options.output}", f"{twice.name} would be written twice", "rename the recordings"
-            )
-    if options.save_state is not None and not options.chain:
-        raise UserError(
-            "--save-state", "needs one history, but the recordings are evaluated apart", "add --chain"
-        )
-
-
 def _check_destinations(paths: Sequence[Path], options: EvaluateOptions) -> None:
     """Refuse, before the long work, what could not be written after it, or would replace a file nobody named."""
-    if options.output is not None and _is_folder(options.output):
+    if options.output is not None and options.has_folder:
         with file_errors(options.output):
             options.output.mkdir(parents=True, exist_ok=True)
         check_folder("--output", options.output)
@@ -240,24 +233,8 @@ def _check_destinations(paths: Sequence[Path], options: EvaluateOptions) -> None
         if path.resolve() in inputs:
             raise UserError(f"{option} {path}", "is a recording to be evaluated", "name another file")
         if option != "--save-state" or path != options.state:
-            files = _traces(path, paths) if option == "--output" else [path]
+            files = options.traces(paths) if option == "--output" else [path]
             refuse_existing(option, files, options.force)
-
-
-def _traces(output: Path | None, paths: Sequence[Path]) -> list[Path]:
-    """The traces to be written, one a recording, or none."""
-    if output is None:
-        return []
-    return [_trace_in(output, path) for path in paths] if _is_folder(output) else [output]
-
-
-def _is_folder(output: Path) -> bool:
-    """Whether traces are to be written into `output`, each a file of its own."""
-    return output.is_dir() or not (output.suffix or output.exists())
-
-
-def _trace_in(folder: Path, recording: Path) -> Path:
-    return folder / (recording.name + TRACE_SUFFIX)
 
 
 def _evaluated(

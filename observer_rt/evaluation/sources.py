@@ -18,11 +18,7 @@ from observer_rt.terminal.console import progress_bar, say
 
 
 def open_source(
-    path: Path,
-    bench: Bench | None,
-    from_channels: Sequence[str],
-    console: Console,
-    in_one_go: bool = False,
+    path: Path, bench: Bench | None, from_channels: Sequence[str], console: Console, in_one_go: bool = False
 ) -> SignalStream:
     """Look through a file; what is odd about it is said. from_channels: of a log, as `--from-channel` names them.
 

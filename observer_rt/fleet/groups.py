@@ -121,9 +121,7 @@ class Group:
         """SHA-256 of all its answer depends on: recordings, model, vocabulary, program. healthy: hashes of those."""
         injector = self.kind.alone.injector
         own = problem_key(
-            injector.parameters,
-            sorted(sha256 for _, sha256 in self.files),
-            effects_on_one_raster(injector),
+            injector.parameters, sorted(sha256 for _, sha256 in self.files), effects_on_one_raster(injector)
         )
         content = [own, self.kind.file.sha256, sorted(healthy)]
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()

@@ -16,10 +16,11 @@ from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench
 DATABASE = EXAMPLE_BENCH.with_name("observer_fd.dbc")
 Edits = dict[str, str]
 NO_EDITS: Edits = {}
+FindingsOf = Callable[..., list[Finding]]
 
 
 @pytest.fixture
-def findings_of(tmp_path: Path) -> Callable[..., list[Finding]]:
+def findings_of(tmp_path: Path) -> FindingsOf:
     """Findings of the example bench with text of its files replaced."""
 
     def run(bench: Edits = NO_EDITS, database: Edits = NO_EDITS, injector: Edits = NO_EDITS) -> list[Finding]:
@@ -93,20 +94,14 @@ RANGE = RAIL + "(0.005,-10) [-10|317.665]"
     ],
 )
 def test_what_is_odd_is_said(
-    findings_of: Callable[..., list[Finding]],
-    topic: str,
-    level: str,
-    file: str,
-    old: str,
-    new: str,
-    said: str,
+    findings_of: FindingsOf, topic: str, level: str, file: str, old: str, new: str, said: str
 ) -> None:
     finding = worst(findings_of(**{file: {old: new}}), topic)
     assert finding.level == level
     assert said in finding.text
 
 
-def test_a_sample_period_that_contradicts_the_rate(findings_of: Callable[..., list[Finding]]) -> None:
+def test_a_sample_period_that_contradicts_the_rate(findings_of: FindingsOf) -> None:
     findings = of(findings_of({"rate_hz = 100e3": "rate_hz = 50e3"}), "sampling")
     assert [finding.level for finding in findings] == [Level.OK, Level.WARNING, Level.WARNING]
     assert "SampleBlock states a sample period of 10000 ns" in findings[1].text
@@ -118,7 +113,7 @@ def test_a_sample_period_that_contradicts_the_rate(findings_of: Callable[..., li
     assert worst(agreed, "sampling").level is Level.OK
 
 
-def test_a_rate_the_model_cannot_be_integrated_at(findings_of: Callable[..., list[Finding]]) -> None:
+def test_a_rate_the_model_cannot_be_integrated_at(findings_of: FindingsOf) -> None:
     findings = findings_of({"rate_hz = 100e3": "rate_hz = 5e3"})
     finding = worst(findings, "integration")
     assert finding.level is Level.ERROR
@@ -128,7 +123,7 @@ def test_a_rate_the_model_cannot_be_integrated_at(findings_of: Callable[..., lis
     assert worst(findings, "gain").level is Level.OK  # the rest goes on
 
 
-def test_a_database_that_is_missing(findings_of: Callable[..., list[Finding]]) -> None:
+def test_a_database_that_is_missing(findings_of: FindingsOf) -> None:
     findings = findings_of({'file = "edited.dbc"': 'file = "nowhere.dbc"'})
     for topic in ("files", "mapping"):
         assert worst(findings, topic).level is Level.ERROR
@@ -138,9 +133,7 @@ def test_a_database_that_is_missing(findings_of: Callable[..., list[Finding]]) -
     assert not of(findings, "bus load")
 
 
-def test_long_messages_are_can_fd_whatever_the_database_says(
-    findings_of: Callable[..., list[Finding]],
-) -> None:
+def test_long_messages_are_can_fd_whatever_the_database_says(findings_of: FindingsOf) -> None:
     forgotten = {
         'BA_ "VFrameFormat" BO_ 512 14': 'BA_ "VFrameFormat" BO_ 512 0',
         '"BusType" "CAN FD"': '"BusType" "CAN"',
@@ -149,7 +142,7 @@ def test_long_messages_are_can_fd_whatever_the_database_says(
     assert {finding.level for finding in of(findings_of(database=forgotten), "frames")} == {Level.OK}
 
 
-def test_can_fd_messages_on_a_classic_link(findings_of: Callable[..., list[Finding]]) -> None:
+def test_can_fd_messages_on_a_classic_link(findings_of: FindingsOf) -> None:
     findings = of(findings_of({"fd = true": "fd = false"}), "frames")
     assert {finding.level for finding in findings} == {Level.ERROR}
     assert len(findings) == 4
@@ -173,13 +166,11 @@ def test_the_load_of_a_bus_by_counting_frames() -> None:
         ({"rate_hz = 100e3": "rate_hz = 500e3"}, [Level.ERROR, Level.ERROR]),  # 130 %, 1270 %
     ],
 )
-def test_levels_of_the_bus_load(
-    findings_of: Callable[..., list[Finding]], bench: Edits, levels: list[Level]
-) -> None:
+def test_levels_of_the_bus_load(findings_of: FindingsOf, bench: Edits, levels: list[Level]) -> None:
     assert [finding.level for finding in of(findings_of(bench), "bus load")] == levels
 
 
-def test_the_interface_is_looked_at_for_socketcan_only(findings_of: Callable[..., list[Finding]]) -> None:
+def test_the_interface_is_looked_at_for_socketcan_only(findings_of: FindingsOf) -> None:
     assert of(findings_of(), "interface")
     assert not of(findings_of({'interface = "socketcan"': 'interface = "virtual"'}), "interface")
 
@@ -201,7 +192,7 @@ def test_for_programs_and_for_the_screen() -> None:
 
 
 def test_the_injector_file_is_known_by_its_bytes_and_by_its_values(
-    findings_of: Callable[..., list[Finding]], tmp_path: Path
+    findings_of: FindingsOf, tmp_path: Path
 ) -> None:
     """`sha256sum` says the first; a comment changes it, and not the hash of the values that is on the bus."""
 

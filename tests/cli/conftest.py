@@ -1,6 +1,7 @@
 """The command line in this process: arguments in, exit code and both outputs back."""
 
 import json
+import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -57,6 +58,12 @@ class Command:
 @pytest.fixture
 def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
     return Command(monkeypatch, capsys)
+
+
+def module(*arguments: object, stdout: int = subprocess.PIPE) -> "subprocess.Popen[str]":
+    """The program in a process of its own."""
+    words = [sys.executable, "-m", "observer_rt", *map(str, arguments)]
+    return subprocess.Popen(words, stdout=stdout, stderr=subprocess.PIPE, text=True)
 
 
 def document(command: Command, *arguments: object) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from observer_rt import __version__
-from tests.cli.conftest import Command
+from tests.cli.conftest import Command, module
 
 
 def test_help_fits_80_columns(command: Command) -> None:
@@ -30,12 +30,6 @@ def test_wrong_command_line(command: Command, arguments: tuple[str, ...]) -> Non
     assert outcome.code == 2
     assert outcome.out == ""
     assert "Error: " in outcome.err
-
-
-def module(*arguments: object, stdout: int = subprocess.PIPE) -> "subprocess.Popen[str]":
-    """The program in a process of its own."""
-    words = [sys.executable, "-m", "observer_rt", *map(str, arguments)]
-    return subprocess.Popen(words, stdout=stdout, stderr=subprocess.PIPE, text=True)
 
 
 def test_as_a_module_results_and_messages_apart(resting: Path) -> None:

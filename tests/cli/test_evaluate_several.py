@@ -11,14 +11,7 @@ from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.recording.formats import read_recording, write_recording
 from tests.cli.conftest import Command, document
 from tests.device import candump_lines
-from tests.three_injectors import (
-    NAMES,
-    lift_id,
-    one_alone,
-    three_injectors,
-    three_on,
-    three_recordings,
-)
+from tests.three_injectors import NAMES, lift_id, one_alone, three_injectors, three_on, three_recordings
 
 
 @pytest.fixture(scope="module")

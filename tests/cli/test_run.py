@@ -5,8 +5,6 @@ import json
 import re
 import signal
 import socket
-import subprocess
-import sys
 import time
 from pathlib import Path
 from typing import ClassVar
@@ -21,7 +19,7 @@ from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.service import opening
 from observer_rt.service.keeping.state_file import load_knowledge, model_hash
 from tests.cli.bench_engineer import run_and_stop
-from tests.cli.conftest import Command
+from tests.cli.conftest import Command, module
 from tests.cli.injector_files import FITTED, injector
 from tests.device import frames_of
 from tests.links import FakeLink
@@ -164,9 +162,7 @@ def test_without_a_terminal_the_view_gives_way_to_lines(command: Command, bench:
 def test_signal_while_starting_is_not_lost(bench: Path, tmp_path: Path, number: signal.Signals) -> None:
     """From the first message on the process can be stopped; it stops as soon as it may."""
     state = tmp_path / "learned.json"
-    process = subprocess.Popen(
-        command_line("run", "--bench", bench, "--state", state), stderr=subprocess.PIPE, text=True
-    )
+    process = module("run", "--bench", bench, "--state", state)
     assert process.stderr is not None
     assert "no learned state" in process.stderr.readline()
     time.sleep(0.2)
@@ -284,7 +280,7 @@ def test_an_interface_that_is_not_there_is_waited_for(
 def test_it_can_be_stopped_while_it_waits_for_its_interface(bench: Path) -> None:
     text = bench.read_text().replace('interface = "virtual"', 'interface = "serial"')
     bench.write_text(text.replace(load_bench(bench).config.link.channel, "/dev/no-such-line"))
-    process = subprocess.Popen(command_line("run", "--bench", bench), stderr=subprocess.PIPE, text=True)
+    process = module("run", "--bench", bench)
     assert process.stderr is not None
     told = ""
     while "waiting for the interface" not in told:
@@ -345,7 +341,3 @@ def test_the_service_manager_hears_of_it(
     assert heard[0] == "READY=1"
     assert heard[-1] == "STOPPING=1"
     assert "WATCHDOG=1" in heard
-
-
-def command_line(*arguments: object) -> list[str]:
-    return [sys.executable, "-m", "observer_rt", *map(str, arguments)]

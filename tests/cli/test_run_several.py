@@ -26,15 +26,7 @@ from tests.cli.conftest import Command, Outcome
 from tests.links import FakeLink
 from tests.service.end_to_end import STATUS, decoded
 from tests.service.participants import until
-from tests.three_injectors import (
-    NAMES,
-    STATUS_ID,
-    STEP,
-    SUMMARY_ID,
-    lift_id,
-    three_injectors,
-    three_on,
-)
+from tests.three_injectors import NAMES, STATUS_ID, STEP, SUMMARY_ID, lift_id, three_injectors, three_on
 
 Heard = dict[int, list[bytes]]
 EVERYONE = range(len(NAMES))
@@ -90,11 +82,7 @@ def processed(heard: Heard, number: int) -> float:
 
 
 def run_and_stop(
-    command: Command,
-    bench: Path,
-    frames: Sequence[TimedFrame],
-    served: Sequence[int],
-    *options: object,
+    command: Command, bench: Path, frames: Sequence[TimedFrame], served: Sequence[int], *options: object
 ) -> tuple[Outcome, Heard]:
     """Play frames to the command over the virtual bus, and stop it when those `served` have seen them."""
     samples = SAMPLES_A_FRAME * sum(frame.frame_id == RAIL_ID for frame in frames) - LOOK_AHEAD

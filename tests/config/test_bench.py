@@ -8,13 +8,7 @@ from typing import get_args
 import pytest
 from pydantic import BaseModel
 
-from observer_rt.config.bench import (
-    EXAMPLE_BENCH,
-    NOMINAL_INJECTOR,
-    PACKAGE_DATA,
-    load_bench,
-    load_injector,
-)
+from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, PACKAGE_DATA, load_bench, load_injector
 from observer_rt.config.bench_file import BenchConfig, DatabaseConfig
 from observer_rt.config.signals import Role, SignalConfig
 from observer_rt.foundation.errors import UserError

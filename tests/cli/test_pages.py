@@ -15,6 +15,7 @@ import pytest
 import typer.main
 
 import observer_rt.discovery.findings
+from observer_rt.bus.mapping.bus_map import map_bench
 from observer_rt.check.findings import Level
 from observer_rt.check.machine import interface_findings
 from observer_rt.config.bench import EXAMPLE_BENCH, load_bench, load_injector
@@ -24,6 +25,7 @@ from observer_rt.model.baseline import Baseline
 from observer_rt.recording.formats import read_recording, write_recording
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import SimulatedNoise, simulate
+from tests import engine
 from tests.cli.conftest import Command
 from tests.pages import PAGES, ROOT, Page, needs_bus, serves_a_page, words_of
 from tools.benchmarks.__main__ import app as bench
@@ -294,3 +296,36 @@ def test_every_name_of_the_page_is_there() -> None:
         found = importlib.import_module(module)
         for name in re.findall(r"`(\w+)`", names):
             assert hasattr(found, name), f"{module}.{name}"
+
+
+@pytest.mark.slow
+def test_the_commands_on_several_injectors(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    engine.write_bench(tmp_path)
+    for words in engine.make_log():
+        command.done(*words)
+    engine.merge_logs(tmp_path)
+    command.done("convert", "engine.log", "engine.blf")
+    (tmp_path / "right.csv").unlink()
+    for line in engine.PAGE.commands:
+        if not needs_bus(line):
+            command.done(*words_of(line)[0])
+    assert {"engine_left.png", "engine_right.png", "right.csv"} <= {path.name for path in tmp_path.iterdir()}
+    assert read_recording(tmp_path / "right.csv").samples > 10_000
+
+
+def test_the_variant_with_one_bus(tmp_path: Path) -> None:
+    (tmp_path / "one.toml").write_text(engine.on_one_bus(tmp_path))
+    (tmp_path / "right.toml").write_text(engine.NOMINAL_INJECTOR.read_text())
+    sent = [(layout.name, layout.frame_id) for layout in map_bench(load_bench(tmp_path / "one.toml")).sent]
+    assert sent == [
+        (name, identifier + step)
+        for step in (0, 0x10)
+        for name, identifier in (
+            ("InjectionRate", 0x300),
+            ("InjectionSummary", 0x301),
+            ("ObserverStatus", 0x302),
+        )
+    ]

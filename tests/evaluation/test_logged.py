@@ -16,11 +16,12 @@ from observer_rt.recording.canlog.can_log import LogFrame
 from observer_rt.recording.formats import log_formats, suffixes_of
 from observer_rt.recording.replay.framing import Span, whole, windows
 from observer_rt.recording.signals.recording import Recording
-from tests.benches import bench_with
-from tests.device import frames_of, later, simulated
+from tests.benches import bench_with, block_bench
+from tests.device import frames_of, later, simulated, worn_recording
 from tests.recording.canlog.log_cases import sent_log, write_log
 from tests.service.time_frames import Clock, merged, plant, send, write_time_bench
 from tests.service.time_scenarios import LIFT_ALONE
+from tests.service.watch.watched import with_channel
 
 BENCH = load_bench()
 RATE = 100e3
@@ -190,3 +191,31 @@ def test_lift_of_another_clock_is_brought_to_the_samples_of_the_line_pressure(tm
     moving = (lift > 50e-6) & (lift < 250e-6) & ~np.isnan(found.needle_lift)
     assert moving.sum() > 20
     assert np.abs(found.needle_lift - lift)[moving].max() < 8e-6
+
+
+def test_a_message_that_is_not_in_the_log_is_named(tmp_path: Path) -> None:
+    """Not the bench file is blamed: the frames of the other messages are good."""
+    bench = block_bench(tmp_path, "virtual", ["x"])
+    sent = frames_of(bench, worn_recording())
+    write_log(tmp_path / "a.log", sent_log(frame for frame in sent if frame.frame_id != 0x111))
+    with pytest.raises(UserError) as refused:
+        LoggedSignals(load_bench(bench), tmp_path / "a.log")
+    assert "NeedleLiftBlock 0x111 (needle_lift): no frame in the log" in refused.value.problem
+    assert "--bench" not in (refused.value.remedy or "")
+
+
+def test_a_message_that_ends_early_is_named(tmp_path: Path) -> None:
+    bench = block_bench(tmp_path, "virtual", ["x"])
+    sent = frames_of(bench, worn_recording(injections=24))
+    part = [frame for frame in sent if frame.frame_id != 0x111 or frame.time < 0.5]
+    write_log(tmp_path / "a.log", sent_log(part))
+    notes = LoggedSignals(load_bench(bench), tmp_path / "a.log").notes
+    assert any("NeedleLiftBlock 0x111 (needle_lift): no frame in the last 0.9 s" in note for note in notes)
+
+
+def test_a_dead_sensor_in_a_log_is_named(tmp_path: Path) -> None:
+    bench = block_bench(tmp_path, "virtual", ["x"])
+    dead = with_channel(worn_recording(injections=12), needle_lift=lambda lift: np.zeros_like(lift))
+    write_log(tmp_path / "a.log", sent_log(frames_of(bench, dead)))
+    (note,) = LoggedSignals(load_bench(bench), tmp_path / "a.log").notes
+    assert "NeedleLiftBlock 0x111 (needle_lift): needle_lift is frozen" in note

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -60,6 +61,11 @@ RECORDING = simulations([(100e6, 1.9e-3)])[0].recording
 Change = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 
+def changed(signal: str, change: Change) -> Recording:
+    changes: dict[str, Any] = {signal: change(getattr(RECORDING, signal))}
+    return replace(RECORDING, **changes)
+
+
 @pytest.mark.parametrize(
     ("signal", "change", "level"),
     [
@@ -70,9 +76,8 @@ Change = Callable[[NDArray[np.float64]], NDArray[np.float64]]
     ],
 )
 def test_a_clipped_signal_is_refused(signal: str, change: Change, level: str) -> None:
-    clipped = replace(RECORDING, **{signal: change(getattr(RECORDING, signal))})
     with pytest.raises(UserError, match=f"{signal}: is clipped: .* exactly {level}"):
-        refuse_clipped(measurements([clipped]))
+        refuse_clipped(measurements([changed(signal, change)]))
 
 
 @pytest.mark.parametrize(
@@ -83,7 +88,7 @@ def test_a_clipped_signal_is_refused(signal: str, change: Change, level: str) ->
     ],
 )
 def test_what_is_not_clipped_is_taken(signal: str, change: Change) -> None:
-    refuse_clipped(measurements([replace(RECORDING, **{signal: change(getattr(RECORDING, signal))})]))
+    refuse_clipped(measurements([changed(signal, change)]))
 
 
 def test_healthy_recordings_are_taken() -> None:

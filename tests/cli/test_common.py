@@ -1,15 +1,19 @@
-"""What holds for every command."""
+"""What holds for every command; help is for people: whole sentences, no types of Python, `-h` as well, completion."""
 
 import json
 import os
+import re
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
 
 from observer_rt import __version__
+from observer_rt.cli.app import EXIT_CODES, app
 from tests.cli.conftest import Command, module
+from tests.pages import Page
 
 
 def test_help_fits_80_columns(command: Command) -> None:
@@ -84,3 +88,75 @@ def test_ctrl_c_while_modules_are_imported(tmp_path: Path, name: str) -> None:
         text=True,
     )
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
+
+
+REGISTERED = [command for command in app.registered_commands if command.callback]
+COMMANDS = [command.callback.__name__ for command in REGISTERED if command.callback]
+HEADINGS = list(dict.fromkeys(str(command.rich_help_panel) for command in REGISTERED))
+
+
+EACH_HELP = """
+import sys
+from observer_rt.__main__ import main
+for arguments in sys.argv[1:]:
+    print(end=chr(12), flush=True)
+    sys.argv = ["observer-rt", *arguments.split()]
+    try:
+        main()
+    except SystemExit:
+        pass
+"""
+
+
+@cache
+def helps() -> dict[str, str]:
+    """What the program prints to the arguments that ask for help, on a narrow terminal."""
+    asked = [f"{command} {option}".strip() for command in ("", *COMMANDS) for option in ("-h", "--help")]
+    done = subprocess.run(
+        [sys.executable, "-c", EACH_HELP, *asked], capture_output=True, text=True, check=True
+    )
+    return dict(zip(asked, done.stdout.split("\f")[1:], strict=True))
+
+
+def test_the_list_of_commands_cuts_no_sentence() -> None:
+    listed = helps()["-h"].split(f"\n{HEADINGS[0]}:\n")[1].split("\n\n  Every command")[0]
+    assert re.findall(r"^  (\w+)", listed, re.MULTILINE) == COMMANDS
+    assert re.findall(r"^(\w[\w ]*):$", listed, re.MULTILINE) == HEADINGS[1:]
+    sentences = re.split(r"^  \w+ +", re.sub(r"\n\n.*:\n", "\n", listed), flags=re.MULTILINE)[1:]
+    assert all(sentence.rstrip().endswith(".") and "..." not in sentence for sentence in sentences)
+
+
+def test_the_page_of_commands_lists_every_one_as_the_program_does() -> None:
+    text = Page("docs/commands.md").text
+    rows = re.findall(r"^## (.*)$|^\| `observer-rt (\w+)` \| (.*) \|$", text, re.MULTILINE)
+    heading, listed = "", []
+    for title, name, sentence in rows:
+        heading = title or heading
+        if name:
+            listed.append((heading, name, sentence))
+    assert listed == [
+        (command.rich_help_panel, command.callback.__name__, command.short_help)
+        for command in REGISTERED
+        if command.callback
+    ]
+
+
+def test_the_page_of_commands_names_options_that_several_have() -> None:
+    """As the help of a command that has the option does, without its name."""
+    listed = re.findall(r"^\| `(--[\w-]+)`", Page("docs/commands.md").text, re.MULTILINE)
+    assert len(listed) > 5
+    for option in listed:
+        assert sum(f"{option} " in helps()[f"{command} -h"] for command in COMMANDS) > 1, option
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_names_no_types_and_has_an_example(command: str) -> None:
+    text = helps()[f"{command} -h"]
+    assert text == helps()[f"{command} --help"]
+    assert not re.search(r"<\w+(\[\w+\])?( range)?>", text)
+    assert f"Example: observer-rt {command}" in text
+    assert EXIT_CODES in " ".join(text.split())
+
+
+def test_completion_can_be_installed() -> None:
+    assert "--install-completion" in helps()["--help"]

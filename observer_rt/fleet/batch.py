@@ -145,5 +145,4 @@ def tell(
         text += f"; {counts.failed} could not be evaluated, see {dataset.folder / 'errors.parquet'}"
     say(results(), f"{text}; {dataset.folder}")
     if found is not None:
-        results().print(found.table())
-        say(results(), f"{found.words}; {dataset.folder}/{found.reports}")
+        found.show(dataset.folder)

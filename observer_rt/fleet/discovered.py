@@ -64,73 +64,55 @@ class Ended:
 
 def discovered(inquiry: Inquiry, group: Group) -> Ended:
     """Write the answer on a group into its folder."""
-    discovery = _Discovery(inquiry, group)
+    left_out: list[FailedFile] = []
     problem = ""
     try:
         inquiry.effects.use()
-        discovery.write()
+        _look(inquiry, group, left_out)
     except ObserverError as error:
         problem = str(error)
     except MemoryError:
         problem = NO_MEMORY
-    return Ended(tuple(discovery.left_out), problem)
+    return Ended(tuple(left_out), problem)
 
 
-class _Discovery:
-    """left_out: recordings that could not be taken."""
+def _look(inquiry: Inquiry, group: Group, left_out: list[FailedFile]) -> None:
+    """left_out: of recordings that cannot be taken. Raises `UserError` where there is no other."""
+    begin, quiet = time.monotonic(), Console(quiet=True)
+    injector = group.kind.alone.injector
+    stated = effects_on_one_raster(injector)
+    open_one = partial(open_source, bench=group.kind.alone, from_channels=(), console=quiet)
 
-    def __init__(self, inquiry: Inquiry, group: Group) -> None:
-        self._inquiry = inquiry
-        self._group = group
-        injector = group.kind.alone.injector
-        self._parameters = injector.parameters
-        self._stated = effects_on_one_raster(injector)
-        self._signals = injector.config.signals
-        self.left_out: list[FailedFile] = []
+    def read(paths: Sequence[Path], most: int = MOST_SAMPLES) -> tuple[Measurement, ...]:
+        return read_measured(paths, open_one, quiet, min(most, MOST_SAMPLES), stated) if paths else ()
 
-    def write(self) -> None:
-        begin = time.monotonic()
-        inquiry, group = self._inquiry, self._group
-        paths, measured = self._measured()
-        healthy = self._read(inquiry.healthy)
-        refuse_sample_rates([one.recording for one in (*measured, *healthy)])
-        question = Question(self._parameters, measured, healthy, hashes(paths))
-        refuse_incomparable(question, group.kind.file.name)
-        folder = inquiry.out / group.folder
-        make_folder(folder)
-        ask = partial(second_opinion, signals=self._signals)
-        with fits_in(folder, question, self._stated) as store:
-            found = answer(question, store, ask, lambda _: None, AMENDED, inquiry.threads)
-        found = replace(found, seconds=time.monotonic() - begin)
-        write_answer(folder, question, found, group.kind.file, inquiry.healthy)
-
-    def _measured(self) -> tuple[list[Path], tuple[Measurement, ...]]:
-        """Recordings that can be judged with the latest one. Raises `UserError` where there is none."""
-        paths: list[Path] = []
-        measured: list[Measurement] = []
-        for name, sha256 in self._group.files:
-            path = self._inquiry.folder / name
-            try:
-                (one,) = self._read([path], SAMPLES // len(self._group.files))
-                with_first = [each.recording for each in (*measured[:1], one)]
-                refuse_sample_rates(with_first)
-                refuse_rates_missing(with_first)
-            except ObserverError as error:
-                self.left_out.append(FailedFile(name, sha256, str(error), self._group.injector))
-            else:
-                paths.append(path)
-                measured.append(one)
-        if not measured:
-            raise UserError(
-                f"{len(self.left_out)} recordings",
-                f"none can be taken, the latest because {self.left_out[0].problem}",
-            )
-        return paths, tuple(measured)
-
-    def _read(self, paths: Sequence[Path], most: int = MOST_SAMPLES) -> tuple[Measurement, ...]:
-        quiet = Console(quiet=True)
-        read = partial(open_source, bench=self._group.kind.alone, from_channels=(), console=quiet)
-        return read_measured(paths, read, quiet, min(most, MOST_SAMPLES), self._stated) if paths else ()
+    taken: dict[Path, Measurement] = {}  # what can be judged with the latest one
+    for name, sha256 in group.files:
+        path = inquiry.folder / name
+        try:
+            (one,) = read([path], SAMPLES // len(group.files))
+            with_first = [each.recording for each in (*list(taken.values())[:1], one)]
+            refuse_sample_rates(with_first)
+            refuse_rates_missing(with_first)
+        except ObserverError as error:
+            left_out.append(FailedFile(name, sha256, str(error), group.injector))
+        else:
+            taken[path] = one
+    if not taken:
+        raise UserError(
+            f"{len(left_out)} recordings", f"none can be taken, the latest because {left_out[0].problem}"
+        )
+    measured, healthy = tuple(taken.values()), read(inquiry.healthy)
+    refuse_sample_rates([one.recording for one in (*measured, *healthy)])
+    question = Question(injector.parameters, measured, healthy, hashes(list(taken)))
+    refuse_incomparable(question, group.kind.file.name)
+    folder = inquiry.out / group.folder
+    make_folder(folder)
+    ask = partial(second_opinion, signals=injector.config.signals)
+    with fits_in(folder, question, stated) as store:
+        found = answer(question, store, ask, lambda _: None, AMENDED, inquiry.threads)
+    found = replace(found, seconds=time.monotonic() - begin)
+    write_answer(folder, question, found, group.kind.file, inquiry.healthy)
 
 
 FOLDER, TABLE = "discovered", "discovered.parquet"

@@ -19,7 +19,7 @@ from observer_rt.fleet.discovered import FOLDER, SCHEMA, Answers, Ended, Inquiry
 from observer_rt.fleet.groups import NEEDED, Group, ModelGroup, groups_of, kinds_of
 from observer_rt.fleet.job import FailedFile
 from observer_rt.foundation.files import file_errors, file_hash
-from observer_rt.terminal.console import progress_bar
+from observer_rt.terminal.console import progress_bar, results, say
 
 _WAITING = 2  # groups at a worker, so that it need not wait for the next
 _HEADINGS = ("injector", "verdict", "what is missing", "line pressure off [MPa]", "recordings", "but")
@@ -89,24 +89,15 @@ class FoundAnswers:
         counts = {"done": self.done, "skipped": self.skipped, "failed": self.failed}
         return {**counts, "injectors": self.answers.to_pylist()}
 
-    def table(self) -> Table:
-        """For the screen."""
-        return answer_table(self.answers)
-
-    @property
-    def reports(self) -> str:
-        """Where they are in the folder of the batch."""
-        return f"{FOLDER}/INJECTOR/{REPORT}"
-
-    @property
-    def words(self) -> str:
-        """In a line."""
+    def show(self, folder: Path) -> None:
+        """On the screen; folder: of the batch."""
         text = f"{self.done} injectors"
         if self.skipped:
             text += f"; {self.skipped} were done before"
         if self.failed:
             text += f"; {self.failed} have no answer"
-        return text
+        results().print(answer_table(self.answers))
+        say(results(), f"{text}; {folder}/{FOLDER}/INJECTOR/{REPORT}")
 
 
 def _outcomes(

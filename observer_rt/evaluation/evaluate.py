@@ -141,13 +141,9 @@ class Evaluation:
     def take_report(self, passage: Passage, report: InjectionReport) -> None:
         """An injection, whose samples the passage remembers."""
         self.finish()
-        first_index = passage.first_index + passage.first
-        known = passage.time, passage.trace, passage.measured_rate
-        held = injection_result(report, first_index, *known, self.sample_rate)
-        self._held = replace(held, report=replace(report, rate_sigma=None))
-        if (c := self._curves_of) is not None:
-            line_pressure = passage.line_pressure * c.pressure_scale + c.chamber_pressure
-            self.curves.append(rate_curves(report, first_index, *known, line_pressure, c))
+        self._held = injection_result(replace(report, rate_sigma=None), passage, self.sample_rate)
+        if self._curves_of is not None:
+            self.curves.append(rate_curves(report, passage, self._curves_of))
 
     def take_measured(self, measured: MeasuredMass) -> None:
         """Of the injection told last; a measured rate goes before it."""

@@ -121,11 +121,11 @@ def _rows(task: Task, path: Path, sha256: str, alone: Bench) -> Iterator[dict[st
     name = InjectorNames(task.pattern).of(path, alone)
     place = task.folder / path
     try:
-        source, evaluation = _evaluation(task, place, alone, in_one_go=True)
+        evaluation = _evaluation(task, place, alone, in_one_go=True)
     except OtherRateError:
-        source, evaluation = _evaluation(task, place, alone, in_one_go=False)
+        evaluation = _evaluation(task, place, alone, in_one_go=False)
     c = effective_model(alone.injector.parameters).coefficients
-    zero = _zero(place, source)
+    zero = _zero(place, evaluation.source)
     for result in evaluation.injections:
         yield {
             **row_of(RESULT_FIELDS, Output.PARQUET, result, c),
@@ -136,7 +136,7 @@ def _rows(task: Task, path: Path, sha256: str, alone: Bench) -> Iterator[dict[st
         }
 
 
-def _evaluation(task: Task, place: Path, alone: Bench, in_one_go: bool) -> tuple[SignalStream, Evaluation]:
+def _evaluation(task: Task, place: Path, alone: Bench, in_one_go: bool) -> Evaluation:
     """in_one_go: as of `open_recording`: reading takes a good part of all time."""
     source = open_source(place, alone, (), Console(quiet=True), in_one_go)
     learning = task.learning and alone.injector.config.learning.enabled
@@ -146,7 +146,7 @@ def _evaluation(task: Task, place: Path, alone: Bench, in_one_go: bool) -> tuple
             alone, [source], knowledge=task.knowledge, learning=learning, reads_ahead=False
         )
     refuse_implausible(place, source.survey, source.names)
-    return source, evaluation
+    return evaluation
 
 
 def _zero(path: Path, source: SignalStream) -> datetime:

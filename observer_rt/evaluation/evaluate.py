@@ -7,10 +7,10 @@ kept as a trace.
 import pickle
 import tempfile
 from array import array
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Generic, TypeVar, overload
@@ -200,7 +200,8 @@ def evaluate(
     """
     sources = (HeldSignals(each) if isinstance(each, Recording) else each for each in recordings)
     evaluations = [Evaluation(source, keeps_trace=True) for source in sources]
-    run = _observed(bench, evaluations, knowledge, learning, progress, learner_of, keeps_frames=True)
+    begin = partial(ObserverRun, knowledge=knowledge, learning=learning, progress=progress)
+    run = _observed(bench, evaluations, partial(begin, learner_of=learner_of, keeps_frames=True))
     return History(tuple(evaluations), run.core.knowledge, tuple(run.frames))
 
 
@@ -227,30 +228,20 @@ def evaluate_stream(
         for path, evaluation in zip(traces, evaluations, strict=False):
             stack.enter_context(file_errors(path))
             evaluation.write_to(stack.enter_context(open_trace(path)))
-        run = _observed(
-            bench, evaluations, knowledge, learning, progress, learner_of, reads_ahead=reads_ahead
-        )
+        begin = partial(ObserverRun, knowledge=knowledge, learning=learning, progress=progress)
+        run = _observed(bench, evaluations, partial(begin, learner_of=learner_of, reads_ahead=reads_ahead))
     return evaluations, run.core.knowledge
 
 
 def _observed(
-    bench: Bench,
-    evaluations: Sequence[Evaluation],
-    knowledge: Knowledge | None,
-    learning: bool,
-    progress: Progress | None,
-    learner_of: LearnerFactory,
-    keeps_frames: bool = False,
-    reads_ahead: bool = True,
+    bench: Bench, evaluations: Sequence[Evaluation], begin: Callable[..., ObserverRun]
 ) -> ObserverRun:
     """One observer that all sources went through."""
     sources = [evaluation.source for evaluation in evaluations]
     bench, fuel_temperature = bench_for_all(bench, sources), None
     if not any(isinstance(source, LoggedSignals) for source in sources):
         fuel_temperature = bench.injector.parameters.fluid.reference_temperature  # a recording knows none
-    run = ObserverRun(
-        bench, knowledge, learning, progress, learner_of, fuel_temperature, keeps_frames, reads_ahead
-    )
+    run = begin(bench, fuel_temperature=fuel_temperature)
     core, before = run.core, run.core.counters
     for evaluation in evaluations:
         evaluation.observe(run)

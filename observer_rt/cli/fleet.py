@@ -5,19 +5,8 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-from observer_rt.cli.options import (
-    BenchOption,
-    InjectorOption,
-    JsonOption,
-    LenientOption,
-    ModelOption,
-    StateOption,
-    argument,
-    effects_option,
-    file_option,
-    messages,
-    option,
-)
+from observer_rt.cli import options
+from observer_rt.cli.options import argument, file_option, messages, option
 from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
 from observer_rt.foundation.errors import UserError
 from observer_rt.terminal.compiling import show_compiling
@@ -31,9 +20,9 @@ def batch(
     out: Annotated[
         Path, option("--out", "Folder for the tables; what is done there is not done again.", "DIR")
     ],
-    bench: BenchOption = EXAMPLE_BENCH,
-    model: ModelOption = None,
-    injector: InjectorOption = None,
+    bench: options.BenchOption = EXAMPLE_BENCH,
+    model: options.ModelOption = None,
+    injector: options.InjectorOption = None,
     injector_from: Annotated[
         str | None,
         option(
@@ -46,9 +35,9 @@ def batch(
         str | None, option("--scheduler", "Address of a Dask scheduler (default: workers here).", "ADDRESS")
     ] = None,
     workers: Annotated[int | None, option("--workers", "Processes here (default: one a CPU).", min=1)] = None,
-    state: StateOption = None,
+    state: options.StateOption = None,
     no_learning: Annotated[bool, option("--no-learning", "Judge only.")] = False,
-    lenient: LenientOption = False,
+    lenient: options.LenientOption = False,
     discover: Annotated[
         bool,
         option("--discover", "Also find what the model is missing, injector by injector: DIR/discovered."),
@@ -61,8 +50,8 @@ def batch(
             "RECORDING",
         ),
     ] = None,
-    as_json: JsonOption = False,
-    effects: Annotated[list[Path] | None, effects_option(exposed=True)] = None,
+    as_json: options.JsonOption = False,
+    effects: Annotated[list[Path] | None, options.effects_option(exposed=True)] = None,
 ) -> None:
     """Evaluate thousands of recordings side by side: an injection a row of Parquet, resumed where it stopped."""
     from observer_rt.config.own_effects import OwnEffects
@@ -115,7 +104,7 @@ def trend(
         Path | None, file_option("--out", "Page to write (default: trend.html in DIR).", show_default=False)
     ] = None,
     picture: Annotated[Path | None, file_option("--plot", "Picture to write (.png, .svg, .pdf).")] = None,
-    as_json: JsonOption = False,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Show the wear of every injector over its recordings, the most worn first, with 95 % bands."""
     from observer_rt.fleet.dataset import read_injections

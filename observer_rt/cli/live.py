@@ -7,19 +7,8 @@ from typing import Annotated
 
 import typer
 
-from observer_rt.cli.options import (
-    BenchOption,
-    EffectsOption,
-    FromChannelOption,
-    InjectorOption,
-    JsonOption,
-    LenientOption,
-    ModelOption,
-    argument,
-    file_option,
-    messages,
-    option,
-)
+from observer_rt.cli import options
+from observer_rt.cli.options import argument, file_option, messages, option
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
@@ -81,15 +70,15 @@ def run(
     view: Annotated[bool, option("--view", "Show the live terminal view.")] = False,
     as_json: Annotated[bool, option("--json", "Every injection as a line of JSON on stdout.")] = False,
     log: Annotated[Path | None, file_option("--log", "File that log lines are appended to, too.")] = None,
-    injector: InjectorOption = None,
-    lenient: LenientOption = False,
+    injector: options.InjectorOption = None,
+    lenient: options.LenientOption = False,
     print_example_bench: Annotated[
         bool, option("--print-example-bench", "Print a complete, commented bench file.")
     ] = False,
     print_example_injector: Annotated[
         bool, option("--print-example-injector", "Print a complete, commented injector file.")
     ] = False,
-    effects: EffectsOption = None,
+    effects: options.EffectsOption = None,
 ) -> None:
     """Run the daemon of all injectors of a bench: frames in, injection rate out, until SIGINT or SIGTERM."""
     for wanted, path in ((print_example_bench, EXAMPLE_BENCH), (print_example_injector, NOMINAL_INJECTOR)):
@@ -111,18 +100,18 @@ def run(
 
 
 def check(
-    bench: BenchOption = EXAMPLE_BENCH,
-    model: ModelOption = None,
+    bench: options.BenchOption = EXAMPLE_BENCH,
+    model: options.ModelOption = None,
     state: Annotated[Path | None, file_option("--state", "Learned state: what would become of it.")] = None,
     log: Annotated[Path | None, file_option("--log", "CAN log of the bench: losses, jitter, noise.")] = None,
-    from_channel: FromChannelOption = None,
+    from_channel: options.FromChannelOption = None,
     recording: Annotated[
         Path | None, file_option("--recording", "Recording: columns, units, rate, gaps, ranges.")
     ] = None,
-    injector: InjectorOption = None,
-    lenient: LenientOption = False,
-    as_json: JsonOption = False,
-    effects: EffectsOption = None,
+    injector: options.InjectorOption = None,
+    lenient: options.LenientOption = False,
+    as_json: options.JsonOption = False,
+    effects: options.EffectsOption = None,
 ) -> None:
     """Check configuration, bus database, substeps, bus load and real-time rights, without touching the bus."""
     from observer_rt.check.checkup import (
@@ -151,12 +140,12 @@ def check(
 
 
 def monitor(
-    bench: BenchOption = EXAMPLE_BENCH,
-    injector: InjectorOption = None,
+    bench: options.BenchOption = EXAMPLE_BENCH,
+    injector: options.InjectorOption = None,
     log: Annotated[
         Path | None, file_option("--log", "CAN log with inputs and results, instead of the buses.")
     ] = None,
-    from_channel: FromChannelOption = None,
+    from_channel: options.FromChannelOption = None,
     speed: Annotated[float, option("--speed", "Of a log: 1 = real time.", min=0.01, max=1000.0)] = 1.0,
     port: Annotated[int, option("--port", "Of the page; 0 = any that is free.", min=0, max=65535)] = 5006,
     address: Annotated[
@@ -169,8 +158,8 @@ def monitor(
     out: Annotated[Path, option("--out", "Folder that `Save` writes injections into.", "DIR")] = Path(
         "injections"
     ),
-    lenient: LenientOption = False,
-    effects: EffectsOption = None,
+    lenient: options.LenientOption = False,
+    effects: options.EffectsOption = None,
 ) -> None:
     """Serve a live page of a bench: last injections, masses, wear, states and what to do. Listens, sends nothing."""
     from observer_rt.watch.listening import LiveSource, LogSource
@@ -191,7 +180,7 @@ def journal(
         int | None, option("--last", f"Only so many injections (of the table: {SHOWN}).", "N", min=1)
     ] = None,
     as_csv: Annotated[bool, option("--csv", "Injections as CSV on stdout.")] = False,
-    as_json: JsonOption = False,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Show a journal of injections: the last ones, and the wear over time; also while it is written."""
     from observer_rt.service.keeping.journal_reading import (

@@ -11,18 +11,10 @@ from typing import TYPE_CHECKING, Annotated
 from rich.live import Live
 from rich.text import Text
 
+from observer_rt.cli import options
 from observer_rt.cli.options import (
     CLASSIC_ONLY,
     RECORDED,
-    BenchOption,
-    DecoderOption,
-    EffectsOption,
-    ForceOption,
-    FromChannelOption,
-    InjectorOption,
-    JsonOption,
-    LenientOption,
-    RecordingArgument,
     argument,
     decoder_of,
     file_option,
@@ -54,8 +46,8 @@ MEGABYTE = 1_000_000
 
 
 def replay(
-    recording: RecordingArgument,
-    bench: BenchOption = EXAMPLE_BENCH,
+    recording: options.RecordingArgument,
+    bench: options.BenchOption = EXAMPLE_BENCH,
     channel: ChannelOption = None,
     interface: InterfaceOption = None,
     speed: Annotated[float, option("--speed", "1 = real time; 0 = as fast as the bus takes.", min=0.0)] = 1.0,
@@ -71,10 +63,10 @@ def replay(
         option("--map-channel", "Frames of this channel of a log onto that bus only.", "FROM=TO"),
     ] = None,
     force: Annotated[bool, option("--force", "Send although others send the same identifiers.")] = False,
-    injector: InjectorOption = None,
-    lenient: LenientOption = False,
-    as_json: JsonOption = False,
-    effects: EffectsOption = None,
+    injector: options.InjectorOption = None,
+    lenient: options.LenientOption = False,
+    as_json: options.JsonOption = False,
+    effects: options.EffectsOption = None,
 ) -> None:
     """Send a recording onto its buses as the measuring devices would, on an absolute time grid."""
     from observer_rt.bus.links.opening import open_link
@@ -116,7 +108,7 @@ def replay(
 
 def record(
     out: Annotated[Path, file_option("--out", f"Log to write ({RECORDED}).")],
-    bench: BenchOption = EXAMPLE_BENCH,
+    bench: options.BenchOption = EXAMPLE_BENCH,
     channel: ChannelOption = None,
     interface: InterfaceOption = None,
     duration: Annotated[float | None, option("--duration", "End after this time [s].", min=0.0)] = None,
@@ -127,9 +119,9 @@ def record(
     rotate_time: Annotated[
         float | None, option("--rotate-time", "Begin a new file after this time [s].", min=0.001)
     ] = None,
-    force: ForceOption = False,
-    as_json: JsonOption = False,
-    effects: EffectsOption = None,
+    force: options.ForceOption = False,
+    as_json: options.JsonOption = False,
+    effects: options.EffectsOption = None,
 ) -> None:
     """Write every frame of the bench's buses into a log, until stopped; how many were lost is noted in it."""
     from observer_rt.bus.links.opening import open_link
@@ -165,16 +157,16 @@ def record(
 
 
 def convert(
-    recording: RecordingArgument,
+    recording: options.RecordingArgument,
     target: Annotated[
         Path, argument(f"File to write, in the format of its suffix; no CAN FD in {CLASSIC_ONLY}.", "OUT")
     ],
-    bench: DecoderOption = None,
-    from_channel: FromChannelOption = None,
-    injector: InjectorOption = None,
-    lenient: LenientOption = False,
+    bench: options.DecoderOption = None,
+    from_channel: options.FromChannelOption = None,
+    injector: options.InjectorOption = None,
+    lenient: options.LenientOption = False,
     force: Annotated[bool, option("--force", "Replace OUT if it is there already.")] = False,
-    effects: EffectsOption = None,
+    effects: options.EffectsOption = None,
 ) -> None:
     """Turn recordings and CAN logs into other formats, and logs, by a bench file, into recordings."""
     from observer_rt.evaluation.convert import convert as convert_file

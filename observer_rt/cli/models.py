@@ -8,21 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-from observer_rt.cli.options import (
-    DecoderOption,
-    EffectsOption,
-    ForceOption,
-    FromChannelOption,
-    InjectorOption,
-    JsonOption,
-    LenientOption,
-    RecordingsArgument,
-    argument,
-    decoder_of,
-    file_option,
-    messages,
-    option,
-)
+from observer_rt.cli import options
+from observer_rt.cli.options import argument, decoder_of, file_option, messages, option
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.config.effects import effect_named
 from observer_rt.config.injector_file import InjectorFile
@@ -40,7 +27,7 @@ from observer_rt.terminal.console import (
 
 
 def fit(
-    recordings: RecordingsArgument,
+    recordings: options.RecordingsArgument,
     model: Annotated[
         Path,
         file_option(
@@ -58,13 +45,13 @@ def fit(
     plot: Annotated[
         Path | None, file_option("--plot", "Figure (png, svg, pdf): line pressure and residuals by phase.")
     ] = None,
-    force: ForceOption = False,
-    bench: DecoderOption = None,
-    from_channel: FromChannelOption = None,
-    injector: InjectorOption = None,
-    lenient: LenientOption = False,
-    as_json: JsonOption = False,
-    effects: EffectsOption = None,
+    force: options.ForceOption = False,
+    bench: options.DecoderOption = None,
+    from_channel: options.FromChannelOption = None,
+    injector: options.InjectorOption = None,
+    lenient: options.LenientOption = False,
+    as_json: options.JsonOption = False,
+    effects: options.EffectsOption = None,
 ) -> None:
     """Calibrate the model, its structure included, to recordings of the healthy injector."""
     from observer_rt.config.channels import effects_on_one_raster
@@ -120,7 +107,7 @@ def fit(
 
 
 def discover(
-    recordings: RecordingsArgument,
+    recordings: options.RecordingsArgument,
     out: Annotated[Path, option("--out", "Folder for findings, amended model and report.", "DIR")],
     model: Annotated[
         Path | None,
@@ -161,12 +148,12 @@ def discover(
     data: Annotated[
         bool, option("--data", "Also write the figures (SVG) and the numbers behind them (CSV).")
     ] = False,
-    bench: DecoderOption = None,
-    from_channel: FromChannelOption = None,
-    injector: InjectorOption = None,
-    lenient: LenientOption = False,
-    as_json: JsonOption = False,
-    effects: EffectsOption = None,
+    bench: options.DecoderOption = None,
+    from_channel: options.FromChannelOption = None,
+    injector: options.InjectorOption = None,
+    lenient: options.LenientOption = False,
+    as_json: options.JsonOption = False,
+    effects: options.EffectsOption = None,
 ) -> None:
     """Find the physical effect the model is missing, its size and how sure that is; write the amended model."""
     from observer_rt.config.channels import effects_on_one_raster
@@ -233,7 +220,7 @@ def discover(
 
 def compare(
     runs: Annotated[list[Path], argument("Folders that `discover --out` wrote.", "DIR")],
-    as_json: JsonOption = False,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Put runs of `discover` side by side: verdicts, sizes, gaps; what changed from the first to the last."""
     from observer_rt.discovery import runs as comparison
@@ -252,8 +239,8 @@ def compare(
 
 def effects(
     ids: Annotated[list[str] | None, argument("Effects to be told in detail (default: all).", "ID")] = None,
-    as_json: JsonOption = False,
-    effects: EffectsOption = None,
+    as_json: options.JsonOption = False,
+    effects: options.EffectsOption = None,
 ) -> None:
     """List the effects a model can have: units, bounds, meaning, what each is taken for; check those of your own."""
     from observer_rt.discovery import vocabulary

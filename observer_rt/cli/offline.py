@@ -3,23 +3,8 @@
 from pathlib import Path
 from typing import Annotated
 
-from observer_rt.cli.options import (
-    SIGNALS,
-    BenchOption,
-    EffectsOption,
-    ForceOption,
-    FromChannelOption,
-    FuelTemperatureOption,
-    InjectorOption,
-    JsonOption,
-    LenientOption,
-    ModelOption,
-    RecordingsArgument,
-    StateOption,
-    file_option,
-    messages,
-    option,
-)
+from observer_rt.cli import options
+from observer_rt.cli.options import SIGNALS, file_option, messages, option
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench, load_injector
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
@@ -69,12 +54,12 @@ def simulate(
         bool, option("--measured-rate", "Add a measured injection rate with its errors.")
     ] = False,
     seed: Annotated[int, option("--seed", "Seed of the noise.", min=0)] = 0,
-    fuel_temperature: FuelTemperatureOption = None,
+    fuel_temperature: options.FuelTemperatureOption = None,
     model: Annotated[
         Path, file_option("--model", "Injector file (default: the nominal injector).", show_default=False)
     ] = NOMINAL_INJECTOR,
-    force: ForceOption = False,
-    effects: EffectsOption = None,
+    force: options.ForceOption = False,
+    effects: options.EffectsOption = None,
 ) -> None:
     """Simulate a healthy or worn injector; the truth goes to FILE.truth.csv, which the observer never reads."""
     from observer_rt.recording.formats import signal_formats, suffixes_of, write_recording, written
@@ -134,10 +119,10 @@ def simulate(
 
 
 def evaluate(
-    recordings: RecordingsArgument,
-    bench: BenchOption = EXAMPLE_BENCH,
-    model: ModelOption = None,
-    state: StateOption = None,
+    recordings: options.RecordingsArgument,
+    bench: options.BenchOption = EXAMPLE_BENCH,
+    model: options.ModelOption = None,
+    state: options.StateOption = None,
     save_state: Annotated[Path | None, file_option("--save-state", "Where to save what was learned.")] = None,
     no_learning: Annotated[bool, option("--no-learning", "Keep the model as it is at the start.")] = False,
     chain: Annotated[bool, option("--chain", "The recordings are one history: learning goes on.")] = False,
@@ -154,19 +139,19 @@ def evaluate(
         str | None,
         option("--injections", "Numbers of those drawn as curves, as 1,5-8 (default: first, middle, last)."),
     ] = None,
-    from_channel: FromChannelOption = None,
-    fuel_temperature: FuelTemperatureOption = None,
-    injector: InjectorOption = None,
-    lenient: LenientOption = False,
-    force: ForceOption = False,
-    as_json: JsonOption = False,
-    effects: EffectsOption = None,
+    from_channel: options.FromChannelOption = None,
+    fuel_temperature: options.FuelTemperatureOption = None,
+    injector: options.InjectorOption = None,
+    lenient: options.LenientOption = False,
+    force: options.ForceOption = False,
+    as_json: options.JsonOption = False,
+    effects: options.EffectsOption = None,
 ) -> None:
     """Run recordings through the observer, exactly as the daemon would, as fast as the machine allows."""
     from observer_rt.evaluation.command import EvaluateOptions, evaluate_bench
     from observer_rt.evaluation.curves import chosen_numbers
 
-    options = EvaluateOptions(
+    asked = EvaluateOptions(
         state=state,
         save_state=save_state,
         learning=not no_learning,
@@ -179,7 +164,7 @@ def evaluate(
         fuel_temperature=fuel_temperature,
         injections=chosen_numbers(injections) if injections is not None else (),
     )
-    evaluate_bench(load_bench(bench, model, lenient).of(injector), recordings, options, messages)
+    evaluate_bench(load_bench(bench, model, lenient).of(injector), recordings, asked, messages)
 
 
 def reproduce(

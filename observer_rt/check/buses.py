@@ -7,7 +7,7 @@ import numpy as np
 
 from observer_rt.bus.can_frame import frame_key
 from observer_rt.bus.database.lookup import MessageLayout
-from observer_rt.bus.mapping.bus_map import BenchMap, BusMap, in_common, map_bench
+from observer_rt.bus.mapping.bus_map import BenchMap, in_common, map_bench
 from observer_rt.bus.mapping.output_messages import frame_time
 from observer_rt.bus.mapping.timing import Joining, Numbering
 from observer_rt.check.findings import Finding, Said, ruled
@@ -59,7 +59,11 @@ def _carried(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
         remedy = f"state link for a [[dbc]], a signal or the outputs, or leave [{link.place}] out"
         yield bool(carried), text, remedy
     rough = {n for n, link in enumerate(links) if link.config.interface != "socketcan"}
-    by_stamps = {layout.bus for bus in mapped.injectors if _needs_stamps(bus) for layout in bus.input_layouts}
+    by_stamps = set()
+    for bus in mapped.injectors:
+        timing = bus.inputs.timing
+        if np.any((timing["numbering"] != Numbering.INDEX) | (timing["joining"] == Joining.CLOCK)):
+            by_stamps |= {layout.bus for layout in bus.input_layouts}
     for number in sorted(by_stamps & rough):
         yield (
             False,
@@ -67,11 +71,6 @@ def _carried(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
             "roughly for messages of several time bases, or without index",
             "use SocketCAN, or give all messages an index and one time base",
         )
-
-
-def _needs_stamps(bus: BusMap) -> bool:
-    timing = bus.inputs.timing
-    return bool(np.any((timing["numbering"] != Numbering.INDEX) | (timing["joining"] == Joining.CLOCK)))
 
 
 @ruled("outputs")
@@ -162,28 +161,6 @@ def _frames(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
 
 
 @dataclass(frozen=True)
-class _Traffic:
-    """A message as it is sent: `frames` at once, either for `samples` at a `rate` [Hz], or `often` a second."""
-
-    layout: MessageLayout
-    frames: int
-    samples: int = 1
-    rate: float = 0.0
-    often: float = 0.0
-
-    @property
-    def continuous(self) -> float:
-        """Frames a second."""
-        return self.frames * (self.often + self.rate / self.samples)
-
-    @property
-    def windowed(self) -> float:
-        """Frames a second with only `WINDOW` of samples for each injection."""
-        blocks = -(-round(WINDOW * self.rate) // self.samples)
-        return self.frames * (self.often + INJECTIONS_PER_SECOND * blocks)
-
-
-@dataclass(frozen=True)
 class BusLoad:
     """Expected share of a bus's time, inputs and outputs together."""
 
@@ -224,34 +201,37 @@ def expected_load(bench: Bench, mapped: BenchMap, number: int = 0) -> BusLoad:
     """
     link = bench.config.buses[number].config
     continuous = windowed = 0.0
-    for sent in (*_sent_inputs(mapped), *_sent_results(bench, mapped)):
-        layout = sent.layout
-        if layout.bus != number:
-            continue
-        time = frame_time(layout.length, layout.is_fd, link.bit_rate, link.data_bit_rate, layout.is_extended)
-        continuous += time * sent.continuous
-        windowed += time * sent.windowed
+    for layout, always, in_windows in _traffic(bench, mapped):
+        if layout.bus == number:
+            bit_rates = link.bit_rate, link.data_bit_rate
+            time = frame_time(layout.length, layout.is_fd, *bit_rates, layout.is_extended)
+            continuous += time * always
+            windowed += time * in_windows
     return BusLoad(continuous, windowed)
 
 
-def _sent_inputs(mapped: BenchMap) -> Iterator[_Traffic]:
+def _traffic(bench: Bench, mapped: BenchMap) -> Iterator[tuple[MessageLayout, float, float]]:
+    """Every message with its frames a second: of a continuous source, and with only `WINDOW` for each injection."""
     for to, *_ in mapped.destinations.values():
         bus = mapped.injectors[to.injector]
-        message = bus.inputs.messages[to.message]
+        message, layout = bus.inputs.messages[to.message], bus.input_layouts[to.message]
         rate = 1 / float(message_timing(bus, to.message)["interval"])
-        layout = bus.input_layouts[to.message]
-        yield _Traffic(layout, int(message["kind_count"]), int(message["samples"]), rate)
+        frames, (always, in_windows) = int(message["kind_count"]), _blocks(int(message["samples"]), rate)
+        yield layout, frames * always, frames * in_windows
     sampled = {layout for bus in mapped.injectors for layout in bus.input_layouts}
     for layout in mapped.received:
         if layout not in sampled:
-            cycle = layout.cycle_time_ns
-            yield _Traffic(layout, 1, often=1e9 / cycle if cycle else INJECTIONS_PER_SECOND)
-
-
-def _sent_results(bench: Bench, mapped: BenchMap) -> Iterator[_Traffic]:
+            often = 1e9 / layout.cycle_time_ns if layout.cycle_time_ns else INJECTIONS_PER_SECOND
+            yield layout, often, often
     for injector, bus in zip(bench.injectors, mapped.injectors, strict=True):
         if bus.rate is not None:
-            yield _Traffic(bus.rate.layout, 1, bus.rate.samples, injector.config.sampling.rate_hz)
-        yield _Traffic(bus.summary.layout, len(bus.summary.pages), often=INJECTIONS_PER_SECOND)
+            yield bus.rate.layout, *_blocks(bus.rate.samples, injector.config.sampling.rate_hz)
         period = injector.config.outputs.status_period_ms * MILLISECOND
-        yield _Traffic(bus.status.layout, len(bus.status.pages), often=1 / period)
+        for result, rate in ((bus.summary, INJECTIONS_PER_SECOND), (bus.status, 1 / period)):
+            often = len(result.pages) * rate
+            yield result.layout, often, often
+
+
+def _blocks(samples: int, rate: float) -> tuple[float, float]:
+    """A second, of so many samples each at a rate [Hz]: of a continuous source, and of a windowed one."""
+    return rate / samples, INJECTIONS_PER_SECOND * -(-round(WINDOW * rate) // samples)

@@ -12,7 +12,7 @@ from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.bus.mapping.optional_inputs import EnergizingLayout, SlowSignal
 from observer_rt.bus.mapping.signal_range import message_of, role_factor, role_range, role_resolution
 from observer_rt.bus.mapping.timing import TOLERANCE, Joining, Numbering
-from observer_rt.check.findings import Finding, Level, Said, graded, ruled
+from observer_rt.check.findings import Finding, Said, graded, ruled
 from observer_rt.config.bench import PACKAGE_DATA, BenchInjector
 from observer_rt.config.signals import OptionalRole, Role
 from observer_rt.foundation.units import (
@@ -33,95 +33,71 @@ SHOWN_TEMPERATURES = 20.0, 40.0, 80.0  # degC
 COARSE = 1 * MILLISECOND  # s from frame to frame of a level, between which a whole pilot may come and go
 
 
-def optional_findings(fitted: BenchInjector, bus: BusMap) -> list[Finding]:
+@ruled("mapping")
+def optional_findings(fitted: BenchInjector, bus: BusMap) -> Iterator[Said]:
     """Findings about every optional input of a bench."""
-    found = [
-        _finding(
-            f"{signal.role}: {bus.name_of(slow.layout)} 0x{slow.layout.frame_id:X}, {signal.name}", signal
-        )
-        for slow in bus.slow
-        for signal in slow.signals
-    ]
-    return found + _energizing(fitted, bus)
+    for slow in bus.slow:
+        for signal in slow.signals:
+            name = f"{signal.role}: {bus.name_of(slow.layout)} 0x{slow.layout.frame_id:X}, {signal.name}"
+            yield _optional(name, signal)
+    if bus.energizing is not None:
+        yield from _energizing(bus.energizing, 1.0 / fitted.config.sampling.rate_hz)
 
 
-def fuel_findings(fitted: BenchInjector) -> list[Finding]:
+@ruled("fuel")
+def fuel_findings(fitted: BenchInjector) -> Iterator[Said]:
     """How the fuel changes with its temperature, where a bench measures that."""
     if fitted.config.signals.fuel_temperature is None:
-        return []
-    shown = []
-    for celsius in SHOWN_TEMPERATURES:
-        fluid = at_temperature(fitted.parameters, celsius + ZERO_CELSIUS).fluid
-        shown.append(
-            f"{celsius:.0f} degC: {fluid.density_nozzle:.0f} kg/m3, {fluid.bulk_modulus_line / 1e9:.2f} GPa"
-        )
-    return [Finding("fuel", Level.OK, "; ".join(shown))]
+        return
+    fluids = {at: at_temperature(fitted.parameters, at + ZERO_CELSIUS).fluid for at in SHOWN_TEMPERATURES}
+    yield "; ".join(
+        f"{celsius:.0f} degC: {fluid.density_nozzle:.0f} kg/m3, {fluid.bulk_modulus_line / 1e9:.2f} GPa"
+        for celsius, fluid in fluids.items()
+    )
 
 
-def _finding(name: str, signal: SlowSignal) -> Finding:
+def _optional(name: str, signal: SlowSignal) -> Said:
     lowest, highest = signal.range
-    if signal.role is OptionalRole.FUEL_TEMPERATURE:
-        limits = f"{lowest - ZERO_CELSIUS:.0f} to {highest - ZERO_CELSIUS:.0f} degC"
-        is_fuel = lowest < HIGHEST_TEMPERATURE and highest > LOWEST_TEMPERATURE
-        said = f"{name}, {limits}, {_counts(signal)}"
-        return graded("mapping", is_fuel, said, "no temperature of a fuel; what is its unit?")
-    if signal.role is OptionalRole.MEASURED_MASS:
-        limits = f"{lowest / MILLIGRAM:.6g} to {highest / MILLIGRAM:.6g} mg"
-        return graded(
-            "mapping", highest > 0.0, f"{name}, {limits}, compared with the estimate", "never positive"
-        )
-    can_be_zero = lowest <= 0.0 <= highest
-    said = f"{name}, learning stops while it is 0, {_counts(signal)}"
-    return graded("mapping", can_be_zero, said, "which it cannot be")
-
-
-def _counts(signal: SlowSignal) -> str:
-    """For how long a value counts."""
+    counts = f"a value counts for {signal.timeout:g} s"
     if math.isinf(signal.timeout):
-        return "a value counts until the next (no cycle time, no timeout_ms)"
-    return f"a value counts for {signal.timeout:g} s"
+        counts = "a value counts until the next (no cycle time, no timeout_ms)"
+    match signal.role:
+        case OptionalRole.FUEL_TEMPERATURE:
+            limits = f"{lowest - ZERO_CELSIUS:.0f} to {highest - ZERO_CELSIUS:.0f} degC"
+            is_fuel = lowest < HIGHEST_TEMPERATURE and highest > LOWEST_TEMPERATURE
+            return is_fuel, f"{name}, {limits}, {counts}", "no temperature of a fuel; what is its unit?"
+        case OptionalRole.MEASURED_MASS:
+            limits = f"{lowest / MILLIGRAM:.6g} to {highest / MILLIGRAM:.6g} mg"
+            return highest > 0.0, f"{name}, {limits}, compared with the estimate", "never positive"
+    return lowest <= 0.0 <= highest, f"{name}, learning stops while it is 0, {counts}", "which it cannot be"
 
 
-def _energizing(fitted: BenchInjector, bus: BusMap) -> list[Finding]:
-    """Its mapping, and how well opening delays will be known; nothing where it is no input."""
-    energizing = bus.energizing
-    if energizing is None:
-        return []
-    layout = energizing.layout
-    names = energizing.names
+def _energizing(energizing: EnergizingLayout, sample: float) -> Iterator[Said]:
+    """Its mapping, and how well opening delays will be known; sample: from one to the next [s]."""
+    layout, names = energizing.layout, energizing.names
     signals = names[0] if len(names) == 1 else f"{len(names)} samples a frame, {names[0]} to {names[-1]}"
     kind = "energized while it is not 0" if energizing.is_level else "energizing time"
-    text = f"energizing: {layout.name} 0x{layout.frame_id:X}, {signals}, {kind}"
-    window = f"an injection is missing {energizing.window / MILLISECOND:g} ms after its command"
-    findings = [Finding("mapping", Level.OK, f"{text}; {window}"), _accuracy(fitted, energizing)]
-    is_coarse = energizing.is_level and len(names) == 1 and (energizing.cycle or 0.0) >= COARSE
-    if is_coarse and energizing.cycle is not None:
-        findings.append(
-            Finding(
-                "time",
-                Level.WARNING,
-                f"{layout.name}: a level every {energizing.cycle / MILLISECOND:g} ms misses shorter energizing, "
-                "whose injections then count as without a command; send it faster, on change, or as a duration",
-            )
-        )
-    return findings
-
-
-def _accuracy(fitted: BenchInjector, energizing: EnergizingLayout) -> Finding:
-    sample = 1.0 / fitted.config.sampling.rate_hz
-    name = f"{energizing.layout.name}: opening delays"
-    between = 0.0
-    if energizing.is_level and len(energizing.names) == 1 and energizing.cycle is not None:
-        between = energizing.cycle / 2
-    if energizing.index is not None:
-        text = f"{name} by the sample index, to {(sample + between) / MICROSECOND:.4g} us"
-        return Finding("time", Level.OK, text)
-    off = f", and {between / MICROSECOND:.4g} us more between two frames" if between else ""
-    delay = energizing.delay / MICROSECOND
-    text = f"{name} by receive stamps, {delay:.4g} us after it: too short by the jitter of its frames{off}"
-    return graded(
-        "time", False, text, "an index of the line pressure's time base would tell them to a sample"
+    yield (
+        f"energizing: {layout.name} 0x{layout.frame_id:X}, {signals}, {kind}; an injection is missing "
+        f"{energizing.window / MILLISECOND:g} ms after its command"
     )
+    cycle = energizing.cycle if energizing.is_level and len(names) == 1 else None
+    between = (cycle or 0.0) / 2
+    told = f"{layout.name}: opening delays by"
+    if energizing.index is not None:
+        yield graded("time", True, f"{told} the sample index, to {(sample + between) / MICROSECOND:.4g} us")
+    else:
+        off = f", and {between / MICROSECOND:.4g} us more between two frames" if between else ""
+        delay = f"{energizing.delay / MICROSECOND:.4g} us after it"
+        text = f"{told} receive stamps, {delay}: too short by the jitter of its frames{off}"
+        remedy = "an index of the line pressure's time base would tell them to a sample"
+        yield graded("time", False, text, remedy)
+    if cycle is not None and cycle >= COARSE:
+        text = (
+            f"{layout.name}: a level every {cycle / MILLISECOND:g} ms misses shorter energizing, whose injections "
+            "then count as without a command; send it faster, on change, or as a duration"
+        )
+        yield graded("time", False, text)
 
 
 HIGHEST_PRESSURE = 200 * MEGAPASCAL
@@ -150,10 +126,15 @@ def _mapping(fitted: BenchInjector, bus: BusMap, role: Role) -> Finding:
     limits = role_range(bus, role)
     resolution = role_resolution(bus, role, needed)
     noise: float = getattr(configured_noise(fitted), role.value)
+    units = LENGTH_UNITS if is_lift else PRESSURE_UNITS
+    code = role_factor(bus, role)
+    coded = next(
+        (name for name, known in units.items() if known == code), f"units of {code:g} {next(iter(units))}"
+    )
     text = (
-        f"{role}: {bus.name_of(layout)} 0x{layout.frame_id:X}, {_division(message)} in "
-        f"{_unit(role, role_factor(bus, role))}, {limits.lowest / factor:.6g} to "
-        f"{limits.highest / factor:.6g} {unit} in steps of {resolution / factor:.3g} {unit}"
+        f"{role}: {bus.name_of(layout)} 0x{layout.frame_id:X}, {_division(message)} in {coded}, "
+        f"{limits.lowest / factor:.6g} to {limits.highest / factor:.6g} {unit} in steps of "
+        f"{resolution / factor:.3g} {unit}"
     )
     if not (limits.lowest <= 0.0 and limits.highest >= needed):
         return graded("mapping", False, text, f"cannot hold 0 to {needed / factor:g} {unit}")
@@ -168,12 +149,6 @@ def _division(message: np.void) -> str:
     return "1 sample a frame" if samples == 1 else f"{samples} samples a frame"
 
 
-def _unit(role: Role, factor: float) -> str:
-    units = LENGTH_UNITS if role is Role.NEEDLE_LIFT else PRESSURE_UNITS
-    named = next((unit for unit, known in units.items() if known == factor), None)
-    return named or f"units of {factor:g} {next(iter(units))}"
-
-
 @ruled("sampling")
 def _sample_periods(fitted: BenchInjector, bus: BusMap, known: Sequence[KnownMessage]) -> Iterator[Said]:
     rate = fitted.config.sampling.rate_hz
@@ -182,13 +157,10 @@ def _sample_periods(fitted: BenchInjector, bus: BusMap, known: Sequence[KnownMes
         message = bus.inputs.messages[number]
         expected = 1e9 * float(message_timing(bus, number)["interval"])
         yield from _periods(layout, int(message["samples"]), int(message["kind_count"]), expected)
-    if bus.rate is not None and not _is_shipped(known, bus.rate.layout.name):
-        yield from _periods(bus.rate.layout, bus.rate.samples, 1, 1e9 / rate)
-
-
-def _is_shipped(known: Sequence[KnownMessage], name: str) -> bool:
-    """Whether a message is of a database of ours, whose example of a sample period no user can change."""
-    return next(message.path for message in known if message.name == name).parent == PACKAGE_DATA
+    if bus.rate is not None:
+        database = next(message.path for message in known if message.name == bus.rate.layout.name)
+        if database.parent != PACKAGE_DATA:  # of ours, whose example of a sample period no user can change
+            yield from _periods(bus.rate.layout, bus.rate.samples, 1, 1e9 / rate)
 
 
 def _periods(layout: MessageLayout, samples: int, frames: int, expected: float) -> Iterator[Said]:

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 
-from observer_rt.check.findings import Finding, Level, Said, graded, ruled
+from observer_rt.check.findings import Finding, Said, graded, ruled
 from observer_rt.check.mapping import fuel_findings
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.channels import effects_after_alignment
@@ -87,9 +87,9 @@ def _observer(fitted: BenchInjector) -> list[Finding]:
             f"{line_mode:.0f} Hz, {rate / line_mode:.3g} samples a period",
             f"sample at {SAMPLES_PER_PERIOD * line_mode:.0f} Hz or more, for {SAMPLES_PER_PERIOD} a period",
         ),
-        Finding(
+        graded(
             "gain",
-            Level.OK,
+            True,
             f"steady gain {schedule.gains[-1, 0]:.3g} on p_L and {schedule.gains[-1, 1]:.3g} on Q_L (normalised); "
             f"innovation sigma {schedule.innovation_sigma * c.pressure_scale / MEGAPASCAL:.3g} MPa",
         ),
@@ -100,7 +100,7 @@ def _observer(fitted: BenchInjector) -> list[Finding]:
             f"above {LARGEST_DEAD_BAND:.0%} of the full lift short injections are missed: "
             "lower the noise of the needle lift",
         ),
-        Finding("look-ahead", Level.OK, f"{lookahead} samples, {lookahead / rate / MICROSECOND:.4g} us"),
+        graded("look-ahead", True, f"{lookahead} samples, {lookahead / rate / MICROSECOND:.4g} us"),
         *_event_timing(fitted),
         *_paper_training(fitted),
     ]

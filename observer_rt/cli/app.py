@@ -7,7 +7,6 @@ from collections.abc import Callable
 from typing import Annotated, Any, NoReturn
 
 import typer
-from rich.console import Console
 from typer.core import TyperArgument, TyperCommand, TyperGroup
 
 from observer_rt import __version__
@@ -16,6 +15,7 @@ from observer_rt.cli.live import check, demo, journal, monitor, run
 from observer_rt.cli.logs import convert, record, replay
 from observer_rt.cli.models import compare, discover, effects, fit
 from observer_rt.cli.offline import evaluate, reproduce, simulate
+from observer_rt.cli.options import messages
 from observer_rt.foundation.compilation import compiled_code
 from observer_rt.foundation.errors import ObserverError, UserError
 from observer_rt.terminal.console import say
@@ -73,7 +73,6 @@ app = typer.Typer(
     epilog="Every command explains itself with -h. Results go to stdout, progress and errors to stderr.\n\n"
     + EXIT_CODES,
 )
-messages = Console(stderr=True)
 
 
 def main() -> None:
@@ -155,10 +154,7 @@ for _heading, _commands in {
         (effects, "channel_skew seat_area"),
     ),
     "Many recordings": (
-        (
-            batch,
-            r"measured/ --out results --bench bench.toml --injector-from 'injector_(\w+)' --discover",
-        ),
+        (batch, r"measured/ --out results --bench bench.toml --injector-from 'injector_(\w+)' --discover"),
         (trend, "results --plot wear.png"),
     ),
 }.items():

@@ -54,10 +54,6 @@ class DemoResult:
     link: str
 
 
-def wait(_view: View, until: threading.Event) -> None:
-    until.wait()
-
-
 def mass_table(result: DemoResult) -> Table:
     """Masses and their errors, injection by injection."""
     table = Table(title=f"Injected mass from the frames on {result.link}", title_justify="left", box=None)
@@ -83,11 +79,8 @@ class Demo:
     def __init__(self, wear: float, injections: int, seed: int) -> None:
         """wear: v_H of (27)."""
         has_vcan = Path(f"/sys/class/net/{VCAN}").exists()
-        self.link = (
-            LinkConfig(channel=VCAN)
-            if has_vcan
-            else LinkConfig(interface="virtual", channel=f"demo-{uuid.uuid4().hex[:8]}")
-        )
+        own = LinkConfig(interface="virtual", channel=f"demo-{uuid.uuid4().hex[:8]}")
+        self.link = LinkConfig(channel=VCAN) if has_vcan else own
         self.bench = _on_link(load_bench(), self.link)
         schedule = make_schedule(RAIL_PRESSURES, injections, PERIOD, [ENERGIZING_TIME])
         parameters = self.bench.injector.parameters
@@ -98,7 +91,7 @@ class Demo:
         self._true_rate = simulation.truth.injection_rate
         # the model without the wear, at the same lift and rail pressure
         self._nominal_rate = simulate(parameters, schedule, rate).truth.injection_rate
-        self._density = effective_model(self.bench.injector.parameters).coefficients.density
+        self._density = effective_model(parameters).coefficients.density
         self._notes = Notes()
 
     def references(
@@ -111,18 +104,14 @@ class Demo:
             for name, rate in (("true", self._true_rate), ("nominal", self._nominal_rate))
         ]
 
-    def run(self, speed: float, show: Callable[[View, threading.Event], None]) -> DemoResult:
-        """Replay at `speed` (1: real time); `show` draws the view until its event is set.
+    def run(self, speed: float, show: Callable[[View, threading.Event], None] | None = None) -> DemoResult:
+        """Replay at `speed` (1: real time); `show` draws the view until its event is set, None: nobody looks.
 
         Raises `RunError` when the bus fails, `KeyboardInterrupt` when stopped by a signal.
         """
         bus = map_bus(self.bench)
-        view = View(
-            f"observer_rt demo: {self.link.interface} {self.link.channel}",
-            self.bench.injector,
-            self.references,
-        )
-
+        on = f"{self.link.interface} {self.link.channel}"
+        view = View(f"observer_rt demo: {on}", self.bench.injector, self.references)
         stop, done = threading.Event(), threading.Event()
         inputs = [(layout.frame_id, layout.is_extended) for layout in bus.received]
         with contextlib.ExitStack() as stack:
@@ -131,7 +120,7 @@ class Demo:
             player_link = stack.enter_context(_open(self.link, []))
             daemon_link = stack.enter_context(_open(self.link, inputs))
             assert bus.rate is not None  # the example bench publishes it
-            listener = stack.enter_context(_listening(self.link, bus.rate, self.recording.samples))
+            published = stack.enter_context(_listening(self.link, bus.rate, self.recording.samples))
             threads = stack.enter_context(ThreadPoolExecutor(2))
             daemon = Daemon(self.bench, bus, [daemon_link], listeners=[self._notes, view.hear])
             view.watch(daemon)
@@ -147,13 +136,14 @@ class Demo:
 
             serving = threads.submit(daemon.run, stop)
             playing = threads.submit(replay)
-            show(view, done)
+            if show is not None:
+                show(view, done)
             playing.result()
             serving.result()
             if interrupted.is_set():
                 raise KeyboardInterrupt
             time.sleep(0.2)  # for the listener to take in the last frames
-            return self._result(listener.rate)
+            return self._result(published)
 
     def _result(self, published: NDArray[np.float64]) -> DemoResult:
         curves, masses = {}, []
@@ -185,43 +175,29 @@ def write_figure(result: DemoResult, wear: float, path: Path) -> None:
     plot_injections(path, [Picture(title, result.curves, result.masses)], "true")
 
 
-class _Listener:
-    """Another participant of the bus: collects the published rates [m3/s] by sample index."""
-
-    def __init__(self, message: RateMessage, samples: int) -> None:
-        self.rate = np.full(samples, np.nan)
-        self._page = message.page
-        self._values = np.zeros(len(message.page.names))
-        self._first = len(message.page.names) - message.samples
-
-    def take(self, payload: bytes) -> None:
-        decode(np.frombuffer(payload, np.uint8), self._page.table, self._values)
-        index = int(self._values[self._page.names.index("SampleIndex")])
-        rates = self._values[self._first :]
-        count = min(len(rates), len(self.rate) - index)
-        self.rate[index : index + count] = rates[:count] * MM3_PER_MS
-
-
 @contextlib.contextmanager
-def _listening(config: LinkConfig, message: RateMessage, samples: int) -> Iterator[_Listener]:
-    listener = _Listener(message, samples)
-    layout = message.layout
+def _listening(config: LinkConfig, message: RateMessage, samples: int) -> Iterator[NDArray[np.float64]]:
+    """Another participant of the bus: the published rates [m3/s] by sample index, as they come."""
+    rate, values = np.full(samples, np.nan), np.zeros(len(message.page.names))
     stop = threading.Event()
-    with _open(config, [(layout.frame_id, layout.is_extended)]) as link:
+    layout, index_place = message.layout, message.page.names.index("SampleIndex")
 
-        def listen() -> None:
-            while not stop.is_set():
-                frame = link.receive(0.05)
-                if frame is not None:
-                    listener.take(frame.payload)
+    def listen() -> None:
+        while not stop.is_set():
+            if (frame := link.receive(0.05)) is not None:
+                decode(np.frombuffer(frame.payload, np.uint8), message.page.table, values)
+                index = int(values[index_place])
+                rates = values[-message.samples :][: samples - index]
+                rate[index : index + len(rates)] = rates * MM3_PER_MS
 
-        thread = threading.Thread(target=listen, name="listener")
-        thread.start()
+    receive = [(layout.frame_id, layout.is_extended)]
+    with _open(config, receive) as link, ThreadPoolExecutor(1, "listener") as thread:
+        listening = thread.submit(listen)
         try:
-            yield listener
+            yield rate
         finally:
             stop.set()
-            thread.join()
+        listening.result()
 
 
 def _open(config: LinkConfig, receive: Sequence[tuple[int, bool]]):  # type: ignore[no-untyped-def]

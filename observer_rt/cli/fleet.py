@@ -5,82 +5,53 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-import typer
-from rich.console import Console
-
-from observer_rt.cli.options import (
-    BenchOption,
-    InjectorOption,
-    JsonOption,
-    LenientOption,
-    ModelOption,
-    StateOption,
-    effects_option,
-    file_option,
-)
+from observer_rt.cli import options
+from observer_rt.cli.options import argument, file_option, messages, option
 from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
 from observer_rt.foundation.errors import UserError
 from observer_rt.terminal.compiling import show_compiling
 from observer_rt.terminal.console import FIGURE_SUFFIXES, check_destination, check_folder, say
 
-messages = Console(stderr=True)
-
 
 def batch(
     sources: Annotated[
-        list[str],
-        typer.Argument(
-            help="Files, folders (all below them) or patterns such as 'run_*/**/*.mf4'.",
-            metavar="SOURCE",
-            show_default=False,
-        ),
+        list[str], argument("Files, folders (all below them) or patterns such as 'run_*/**/*.mf4'.", "SOURCE")
     ],
     out: Annotated[
-        Path,
-        typer.Option(
-            "--out", help="Folder for the tables; what is done there is not done again.", metavar="DIR"
-        ),
+        Path, option("--out", "Folder for the tables; what is done there is not done again.", "DIR")
     ],
-    bench: BenchOption = EXAMPLE_BENCH,
-    model: ModelOption = None,
-    injector: InjectorOption = None,
+    bench: options.BenchOption = EXAMPLE_BENCH,
+    model: options.ModelOption = None,
+    injector: options.InjectorOption = None,
     injector_from: Annotated[
         str | None,
-        typer.Option(
+        option(
             "--injector-from",
-            help="Regular expression that finds an injector's name in a file's path: its first group.",
-            metavar="PATTERN",
+            "Regular expression that finds an injector's name in a file's path: its first group.",
+            "PATTERN",
         ),
     ] = None,
     scheduler: Annotated[
-        str | None,
-        typer.Option(
-            "--scheduler", help="Address of a Dask scheduler (default: workers here).", metavar="ADDRESS"
-        ),
+        str | None, option("--scheduler", "Address of a Dask scheduler (default: workers here).", "ADDRESS")
     ] = None,
-    workers: Annotated[
-        int | None, typer.Option("--workers", help="Processes here (default: one a CPU).", min=1)
-    ] = None,
-    state: StateOption = None,
-    no_learning: Annotated[bool, typer.Option("--no-learning", help="Judge only.")] = False,
-    lenient: LenientOption = False,
+    workers: Annotated[int | None, option("--workers", "Processes here (default: one a CPU).", min=1)] = None,
+    state: options.StateOption = None,
+    no_learning: Annotated[bool, option("--no-learning", "Judge only.")] = False,
+    lenient: options.LenientOption = False,
     discover: Annotated[
         bool,
-        typer.Option(
-            "--discover",
-            help="Also find what the model is missing, injector by injector: DIR/discovered.",
-        ),
+        option("--discover", "Also find what the model is missing, injector by injector: DIR/discovered."),
     ] = False,
     healthy: Annotated[
         list[Path] | None,
-        typer.Option(
+        option(
             "--healthy",
-            help="With --discover: recording of a healthy injector to judge the model by; repeatable.",
-            metavar="RECORDING",
+            "With --discover: recording of a healthy injector to judge the model by; repeatable.",
+            "RECORDING",
         ),
     ] = None,
-    as_json: JsonOption = False,
-    effects: Annotated[list[Path] | None, effects_option(exposed=True)] = None,
+    as_json: options.JsonOption = False,
+    effects: Annotated[list[Path] | None, options.effects_option(exposed=True)] = None,
 ) -> None:
     """Evaluate thousands of recordings side by side: an injection a row of Parquet, resumed where it stopped."""
     from observer_rt.config.own_effects import OwnEffects
@@ -128,14 +99,12 @@ def batch(
 
 
 def trend(
-    folder: Annotated[
-        Path, typer.Argument(help="Folder that `batch` filled.", metavar="DIR", show_default=False)
-    ],
+    folder: Annotated[Path, argument("Folder that `batch` filled.", "DIR")],
     out: Annotated[
         Path | None, file_option("--out", "Page to write (default: trend.html in DIR).", show_default=False)
     ] = None,
     picture: Annotated[Path | None, file_option("--plot", "Picture to write (.png, .svg, .pdf).")] = None,
-    as_json: JsonOption = False,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Show the wear of every injector over its recordings, the most worn first, with 95 % bands."""
     from observer_rt.fleet.dataset import read_injections

@@ -6,41 +6,31 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
-from observer_rt.cli.options import (
-    BenchOption,
-    EffectsOption,
-    FromChannelOption,
-    InjectorOption,
-    JsonOption,
-    LenientOption,
-    ModelOption,
-    file_option,
-)
+from observer_rt.cli import options
+from observer_rt.cli.options import argument, file_option, messages, option
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
 from observer_rt.terminal.compiling import show_compiling
 from observer_rt.terminal.console import FIGURE_SUFFIXES, check_destination, results, say
 
-messages = Console(stderr=True)
 SHOWN = 10  # injections of a journal in a table
 
 
 def demo(
     wear: Annotated[
-        float, typer.Option(help="Nozzle wear v_H: relative change of the orifice flow.", min=-0.5, max=0.5)
+        float, option("--wear", "Nozzle wear v_H: relative change of the orifice flow.", min=-0.5, max=0.5)
     ] = 0.3,
-    injections: Annotated[int, typer.Option(help="How many injections.", min=3, max=100)] = 12,
-    speed: Annotated[float, typer.Option(help="Replay speed, 1 = real time.", min=0.01, max=1.0)] = 0.05,
-    seed: Annotated[int, typer.Option(help="Seed of the measurement noise.", min=0)] = 1,
-    figure: Annotated[
-        Path, typer.Option(help="Where to write the picture (png, svg, pdf).", metavar="FILE")
-    ] = Path("observer_rt_demo.png"),
+    injections: Annotated[int, option("--injections", "How many injections.", min=3, max=100)] = 12,
+    speed: Annotated[float, option("--speed", "Replay speed, 1 = real time.", min=0.01, max=1.0)] = 0.05,
+    seed: Annotated[int, option("--seed", "Seed of the measurement noise.", min=0)] = 1,
+    figure: Annotated[Path, option("--figure", "Where to write the picture (png, svg, pdf).", "FILE")] = Path(
+        "observer_rt_demo.png"
+    ),
 ) -> None:
     """Watch a worn injector being learned: simulated, sent as CAN FD frames, estimated by the daemon."""
-    from observer_rt.cli.demo import Demo, mass_table, wait, write_figure
+    from observer_rt.cli.demo import Demo, mass_table, write_figure
     from observer_rt.service.screen.view import draw
 
     check_destination("--figure", figure, FIGURE_SUFFIXES)
@@ -52,7 +42,7 @@ def demo(
         f"replaying them as CAN FD frames over {scene.link.interface} {scene.link.channel} at {speed:g} times real "
         "time; the observer knows the nominal injector only",
     )
-    result = scene.run(speed, partial(draw, console=messages) if messages.is_terminal else wait)
+    result = scene.run(speed, partial(draw, console=messages) if messages.is_terminal else None)
     with file_errors(figure):
         write_figure(result, wear, figure)
     results().print(mass_table(result))
@@ -77,20 +67,18 @@ def run(
             "--journal", "SQLite file for a row an injection, written as soon: see `observer-rt journal`."
         ),
     ] = None,
-    view: Annotated[bool, typer.Option("--view", help="Show the live terminal view.")] = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Every injection as a line of JSON on stdout.")
-    ] = False,
+    view: Annotated[bool, option("--view", "Show the live terminal view.")] = False,
+    as_json: Annotated[bool, option("--json", "Every injection as a line of JSON on stdout.")] = False,
     log: Annotated[Path | None, file_option("--log", "File that log lines are appended to, too.")] = None,
-    injector: InjectorOption = None,
-    lenient: LenientOption = False,
+    injector: options.InjectorOption = None,
+    lenient: options.LenientOption = False,
     print_example_bench: Annotated[
-        bool, typer.Option("--print-example-bench", help="Print a complete, commented bench file.")
+        bool, option("--print-example-bench", "Print a complete, commented bench file.")
     ] = False,
     print_example_injector: Annotated[
-        bool, typer.Option("--print-example-injector", help="Print a complete, commented injector file.")
+        bool, option("--print-example-injector", "Print a complete, commented injector file.")
     ] = False,
-    effects: EffectsOption = None,
+    effects: options.EffectsOption = None,
 ) -> None:
     """Run the daemon of all injectors of a bench: frames in, injection rate out, until SIGINT or SIGTERM."""
     for wanted, path in ((print_example_bench, EXAMPLE_BENCH), (print_example_injector, NOMINAL_INJECTOR)):
@@ -112,18 +100,18 @@ def run(
 
 
 def check(
-    bench: BenchOption = EXAMPLE_BENCH,
-    model: ModelOption = None,
+    bench: options.BenchOption = EXAMPLE_BENCH,
+    model: options.ModelOption = None,
     state: Annotated[Path | None, file_option("--state", "Learned state: what would become of it.")] = None,
     log: Annotated[Path | None, file_option("--log", "CAN log of the bench: losses, jitter, noise.")] = None,
-    from_channel: FromChannelOption = None,
+    from_channel: options.FromChannelOption = None,
     recording: Annotated[
         Path | None, file_option("--recording", "Recording: columns, units, rate, gaps, ranges.")
     ] = None,
-    injector: InjectorOption = None,
-    lenient: LenientOption = False,
-    as_json: JsonOption = False,
-    effects: EffectsOption = None,
+    injector: options.InjectorOption = None,
+    lenient: options.LenientOption = False,
+    as_json: options.JsonOption = False,
+    effects: options.EffectsOption = None,
 ) -> None:
     """Check configuration, bus database, substeps, bus load and real-time rights, without touching the bus."""
     from observer_rt.check.checkup import (
@@ -152,25 +140,26 @@ def check(
 
 
 def monitor(
-    bench: BenchOption = EXAMPLE_BENCH,
-    injector: InjectorOption = None,
+    bench: options.BenchOption = EXAMPLE_BENCH,
+    injector: options.InjectorOption = None,
     log: Annotated[
         Path | None, file_option("--log", "CAN log with inputs and results, instead of the buses.")
     ] = None,
-    from_channel: FromChannelOption = None,
-    speed: Annotated[float, typer.Option(help="Of a log: 1 = real time.", min=0.01, max=1000.0)] = 1.0,
-    port: Annotated[int, typer.Option(help="Of the page; 0 = any that is free.", min=0, max=65535)] = 5006,
+    from_channel: options.FromChannelOption = None,
+    speed: Annotated[float, option("--speed", "Of a log: 1 = real time.", min=0.01, max=1000.0)] = 1.0,
+    port: Annotated[int, option("--port", "Of the page; 0 = any that is free.", min=0, max=65535)] = 5006,
     address: Annotated[
         str,
-        typer.Option(
-            help="Where the page is served: this computer only, unless an address that others reach is given."
+        option(
+            "--address",
+            "Where the page is served: this computer only, unless an address that others reach is given.",
         ),
     ] = "127.0.0.1",
-    out: Annotated[
-        Path, typer.Option("--out", help="Folder that `Save` writes injections into.", metavar="DIR")
-    ] = Path("injections"),
-    lenient: LenientOption = False,
-    effects: EffectsOption = None,
+    out: Annotated[Path, option("--out", "Folder that `Save` writes injections into.", "DIR")] = Path(
+        "injections"
+    ),
+    lenient: options.LenientOption = False,
+    effects: options.EffectsOption = None,
 ) -> None:
     """Serve a live page of a bench: last injections, masses, wear, states and what to do. Listens, sends nothing."""
     from observer_rt.watch.listening import LiveSource, LogSource
@@ -186,15 +175,12 @@ def monitor(
 
 
 def journal(
-    file: Annotated[
-        Path, typer.Argument(help="Journal that `observer-rt run --journal` wrote or writes.", metavar="FILE")
-    ],
+    file: Annotated[Path, argument("Journal that `observer-rt run --journal` wrote or writes.", "FILE")],
     last: Annotated[
-        int | None,
-        typer.Option("--last", help=f"Only so many injections (of the table: {SHOWN}).", metavar="N", min=1),
+        int | None, option("--last", f"Only so many injections (of the table: {SHOWN}).", "N", min=1)
     ] = None,
-    as_csv: Annotated[bool, typer.Option("--csv", help="Injections as CSV on stdout.")] = False,
-    as_json: JsonOption = False,
+    as_csv: Annotated[bool, option("--csv", "Injections as CSV on stdout.")] = False,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Show a journal of injections: the last ones, and the wear over time; also while it is written."""
     from observer_rt.service.keeping.journal_reading import (

@@ -8,26 +8,19 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
+from observer_rt.cli import options
 from observer_rt.cli.options import (
     CLASSIC_ONLY,
     RECORDED,
-    BenchOption,
-    DecoderOption,
-    EffectsOption,
-    ForceOption,
-    FromChannelOption,
-    InjectorOption,
-    JsonOption,
-    LenientOption,
-    RecordingArgument,
+    argument,
     decoder_of,
     file_option,
     link_option,
+    messages,
+    option,
 )
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench
 from observer_rt.config.links import of_links, refuse_shared_channels
@@ -50,42 +43,30 @@ InterfaceOption = Annotated[
     ),
 ]
 MEGABYTE = 1_000_000
-messages = Console(stderr=True)
 
 
 def replay(
-    recording: RecordingArgument,
-    bench: BenchOption = EXAMPLE_BENCH,
+    recording: options.RecordingArgument,
+    bench: options.BenchOption = EXAMPLE_BENCH,
     channel: ChannelOption = None,
     interface: InterfaceOption = None,
-    speed: Annotated[
-        float, typer.Option("--speed", help="1 = real time; 0 = as fast as the bus takes.", min=0.0)
-    ] = 1.0,
-    loop: Annotated[int, typer.Option("--loop", help="How often; 0 = until stopped.", min=0)] = 1,
-    start: Annotated[
-        float | None, typer.Option("--start", help="From this time of the recording [s].")
-    ] = None,
-    stop: Annotated[float | None, typer.Option("--stop", help="To this time of the recording [s].")] = None,
-    windowed: Annotated[
-        bool, typer.Option("--windowed", help="Only about 6 ms round each injection.")
-    ] = False,
+    speed: Annotated[float, option("--speed", "1 = real time; 0 = as fast as the bus takes.", min=0.0)] = 1.0,
+    loop: Annotated[int, option("--loop", "How often; 0 = until stopped.", min=0)] = 1,
+    start: Annotated[float | None, option("--start", "From this time of the recording [s].")] = None,
+    stop: Annotated[float | None, option("--stop", "To this time of the recording [s].")] = None,
+    windowed: Annotated[bool, option("--windowed", "Only about 6 ms round each injection.")] = False,
     map_id: Annotated[
-        list[str] | None,
-        typer.Option("--map-id", help="Send under another identifier; repeatable.", metavar="FROM=TO"),
+        list[str] | None, option("--map-id", "Send under another identifier; repeatable.", "FROM=TO")
     ] = None,
     map_channel: Annotated[
         list[str] | None,
-        typer.Option(
-            "--map-channel", help="Frames of this channel of a log onto that bus only.", metavar="FROM=TO"
-        ),
+        option("--map-channel", "Frames of this channel of a log onto that bus only.", "FROM=TO"),
     ] = None,
-    force: Annotated[
-        bool, typer.Option("--force", help="Send although others send the same identifiers.")
-    ] = False,
-    injector: InjectorOption = None,
-    lenient: LenientOption = False,
-    as_json: JsonOption = False,
-    effects: EffectsOption = None,
+    force: Annotated[bool, option("--force", "Send although others send the same identifiers.")] = False,
+    injector: options.InjectorOption = None,
+    lenient: options.LenientOption = False,
+    as_json: options.JsonOption = False,
+    effects: options.EffectsOption = None,
 ) -> None:
     """Send a recording onto its buses as the measuring devices would, on an absolute time grid."""
     from observer_rt.bus.links.opening import open_link
@@ -127,22 +108,20 @@ def replay(
 
 def record(
     out: Annotated[Path, file_option("--out", f"Log to write ({RECORDED}).")],
-    bench: BenchOption = EXAMPLE_BENCH,
+    bench: options.BenchOption = EXAMPLE_BENCH,
     channel: ChannelOption = None,
     interface: InterfaceOption = None,
-    duration: Annotated[
-        float | None, typer.Option("--duration", help="End after this time [s].", min=0.0)
-    ] = None,
-    frames: Annotated[int | None, typer.Option("--frames", help="End after so many frames.", min=1)] = None,
+    duration: Annotated[float | None, option("--duration", "End after this time [s].", min=0.0)] = None,
+    frames: Annotated[int | None, option("--frames", "End after so many frames.", min=1)] = None,
     rotate_size: Annotated[
-        float | None, typer.Option("--rotate-size", help="Begin a new file at this size [MB].", min=0.001)
+        float | None, option("--rotate-size", "Begin a new file at this size [MB].", min=0.001)
     ] = None,
     rotate_time: Annotated[
-        float | None, typer.Option("--rotate-time", help="Begin a new file after this time [s].", min=0.001)
+        float | None, option("--rotate-time", "Begin a new file after this time [s].", min=0.001)
     ] = None,
-    force: ForceOption = False,
-    as_json: JsonOption = False,
-    effects: EffectsOption = None,
+    force: options.ForceOption = False,
+    as_json: options.JsonOption = False,
+    effects: options.EffectsOption = None,
 ) -> None:
     """Write every frame of the bench's buses into a log, until stopped; how many were lost is noted in it."""
     from observer_rt.bus.links.opening import open_link
@@ -173,26 +152,21 @@ def record(
         ]
         say(messages, f"recording {', '.join(f'{bus.config.interface} {bus.label}' for bus in buses)}")
         further = list(zip(links[1:], names[1:], strict=True))
-        statistics = record_links(links[0], names[0], out, limits, stop, _FrameCount(live, messages), further)
+        statistics = record_links(links[0], names[0], out, limits, stop, _FrameCount(live), further)
     print(json.dumps(statistics.as_json(), indent=2) if as_json else statistics.as_text())
 
 
 def convert(
-    recording: RecordingArgument,
+    recording: options.RecordingArgument,
     target: Annotated[
-        Path,
-        typer.Argument(
-            help=f"File to write, in the format of its suffix; no CAN FD in {CLASSIC_ONLY}.",
-            metavar="OUT",
-            show_default=False,
-        ),
+        Path, argument(f"File to write, in the format of its suffix; no CAN FD in {CLASSIC_ONLY}.", "OUT")
     ],
-    bench: DecoderOption = None,
-    from_channel: FromChannelOption = None,
-    injector: InjectorOption = None,
-    lenient: LenientOption = False,
-    force: Annotated[bool, typer.Option("--force", help="Replace OUT if it is there already.")] = False,
-    effects: EffectsOption = None,
+    bench: options.DecoderOption = None,
+    from_channel: options.FromChannelOption = None,
+    injector: options.InjectorOption = None,
+    lenient: options.LenientOption = False,
+    force: Annotated[bool, option("--force", "Replace OUT if it is there already.")] = False,
+    effects: options.EffectsOption = None,
 ) -> None:
     """Turn recordings and CAN logs into other formats, and logs, by a bench file, into recordings."""
     from observer_rt.evaluation.convert import convert as convert_file
@@ -221,13 +195,12 @@ def _with_links(bench: Bench, interfaces: list[str] | None, channels: list[str] 
 class _FrameCount:
     """Frames so far, and how many came in a second of late; on a terminal only."""
 
-    def __init__(self, live: Live, console: Console) -> None:
-        self._live = live if console.is_terminal else None
-        self._frames = 0
-        self._moment = 0.0
+    def __init__(self, live: Live) -> None:
+        self._live = live
+        self._frames, self._moment = 0, 0.0
 
     def __call__(self, so_far: "RecordStatistics") -> None:
-        if self._live is None:
+        if not self._live.console.is_terminal:
             return
         passed = so_far.duration - self._moment
         rate = (so_far.frames - self._frames) / passed if passed else 0.0

@@ -8,21 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-import typer
-from rich.console import Console
-
-from observer_rt.cli.options import (
-    DecoderOption,
-    EffectsOption,
-    ForceOption,
-    FromChannelOption,
-    InjectorOption,
-    JsonOption,
-    LenientOption,
-    RecordingsArgument,
-    decoder_of,
-    file_option,
-)
+from observer_rt.cli import options
+from observer_rt.cli.options import argument, decoder_of, file_option, messages, option
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.config.effects import effect_named
 from observer_rt.config.injector_file import InjectorFile
@@ -38,11 +25,9 @@ from observer_rt.terminal.console import (
     say,
 )
 
-messages = Console(stderr=True)
-
 
 def fit(
-    recordings: RecordingsArgument,
+    recordings: options.RecordingsArgument,
     model: Annotated[
         Path,
         file_option(
@@ -60,17 +45,17 @@ def fit(
     plot: Annotated[
         Path | None, file_option("--plot", "Figure (png, svg, pdf): line pressure and residuals by phase.")
     ] = None,
-    force: ForceOption = False,
-    bench: DecoderOption = None,
-    from_channel: FromChannelOption = None,
-    injector: InjectorOption = None,
-    lenient: LenientOption = False,
-    as_json: JsonOption = False,
-    effects: EffectsOption = None,
+    force: options.ForceOption = False,
+    bench: options.DecoderOption = None,
+    from_channel: options.FromChannelOption = None,
+    injector: options.InjectorOption = None,
+    lenient: options.LenientOption = False,
+    as_json: options.JsonOption = False,
+    effects: options.EffectsOption = None,
 ) -> None:
     """Calibrate the model, its structure included, to recordings of the healthy injector."""
     from observer_rt.config.channels import effects_on_one_raster
-    from observer_rt.evaluation.evaluate import open_source, without_truths
+    from observer_rt.evaluation.sources import open_source, without_truths
     from observer_rt.evidence.excerpts import MOST_SAMPLES
     from observer_rt.evidence.reading import coverage, hashes, read_measured, refuse_rates_missing
     from observer_rt.fit.calibrate import calibrate
@@ -87,10 +72,10 @@ def fit(
         raise UserError(
             f"--output {output}", "is the model that is fitted", "name another file, to compare the two"
         )
-    for option, path, suffixes in (("--output", output, (".toml",)), ("--plot", plot, FIGURE_SUFFIXES)):
+    for name, path, suffixes in (("--output", output, (".toml",)), ("--plot", plot, FIGURE_SUFFIXES)):
         if path is not None:
-            check_destination(option, path, suffixes)
-            refuse_existing(option, [path], force)
+            check_destination(name, path, suffixes)
+            refuse_existing(name, [path], force)
     read = partial(open_source, bench=decoder, from_channels=from_channel or (), console=messages)
     most = MOST_SAMPLES if mass is None else sys.maxsize  # whole: masses go by the injection's number
     stated = () if decoder is None else effects_on_one_raster(decoder.injector)
@@ -122,10 +107,8 @@ def fit(
 
 
 def discover(
-    recordings: RecordingsArgument,
-    out: Annotated[
-        Path, typer.Option("--out", help="Folder for findings, amended model and report.", metavar="DIR")
-    ],
+    recordings: options.RecordingsArgument,
+    out: Annotated[Path, option("--out", "Folder for findings, amended model and report.", "DIR")],
     model: Annotated[
         Path | None,
         file_option(
@@ -136,43 +119,41 @@ def discover(
     ] = None,
     healthy: Annotated[
         list[Path] | None,
-        typer.Option(
-            "--healthy",
-            help="Recording of a healthy injector to judge the model by; repeatable.",
-            metavar="RECORDING",
+        option(
+            "--healthy", "Recording of a healthy injector to judge the model by; repeatable.", "RECORDING"
         ),
     ] = None,
     choose: Annotated[
         str,
-        typer.Option(
+        option(
             "--choose",
-            help="Effect to put into the amended model where several explain the recordings as well; two as ID+ID.",
-            metavar="ID",
+            "Effect to put into the amended model where several explain the recordings as well; two as ID+ID.",
+            "ID",
             show_default=False,
         ),
     ] = "",
     accept_term: Annotated[
         int,
-        typer.Option(
+        option(
             "--accept-term",
-            help="Proposal of an `unknown` answer whose terms the amended model is to have, 1 for the first.",
-            metavar="N",
+            "Proposal of an `unknown` answer whose terms the amended model is to have, 1 for the first.",
+            "N",
             show_default=False,
             min=0,
         ),
     ] = 0,
     force: Annotated[
-        bool, typer.Option("--force", help="Replace the report and the amended model that stand in DIR.")
+        bool, option("--force", "Replace the report and the amended model that stand in DIR.")
     ] = False,
     data: Annotated[
-        bool, typer.Option("--data", help="Also write the figures (SVG) and the numbers behind them (CSV).")
+        bool, option("--data", "Also write the figures (SVG) and the numbers behind them (CSV).")
     ] = False,
-    bench: DecoderOption = None,
-    from_channel: FromChannelOption = None,
-    injector: InjectorOption = None,
-    lenient: LenientOption = False,
-    as_json: JsonOption = False,
-    effects: EffectsOption = None,
+    bench: options.DecoderOption = None,
+    from_channel: options.FromChannelOption = None,
+    injector: options.InjectorOption = None,
+    lenient: options.LenientOption = False,
+    as_json: options.JsonOption = False,
+    effects: options.EffectsOption = None,
 ) -> None:
     """Find the physical effect the model is missing, its size and how sure that is; write the amended model."""
     from observer_rt.config.channels import effects_on_one_raster
@@ -189,8 +170,8 @@ def discover(
         write_answer,
     )
     from observer_rt.discovery.report.text import as_text
-    from observer_rt.evaluation.evaluate import open_source, without_truths
     from observer_rt.evaluation.second_opinion import second_opinion
+    from observer_rt.evaluation.sources import open_source, without_truths
     from observer_rt.evidence.reading import coverage, hashes, read_measured
 
     begin = time.monotonic()
@@ -238,11 +219,8 @@ def discover(
 
 
 def compare(
-    runs: Annotated[
-        list[Path],
-        typer.Argument(help="Folders that `discover --out` wrote.", metavar="DIR", show_default=False),
-    ],
-    as_json: JsonOption = False,
+    runs: Annotated[list[Path], argument("Folders that `discover --out` wrote.", "DIR")],
+    as_json: options.JsonOption = False,
 ) -> None:
     """Put runs of `discover` side by side: verdicts, sizes, gaps; what changed from the first to the last."""
     from observer_rt.discovery import runs as comparison
@@ -260,12 +238,9 @@ def compare(
 
 
 def effects(
-    ids: Annotated[
-        list[str] | None,
-        typer.Argument(help="Effects to be told in detail (default: all).", metavar="ID", show_default=False),
-    ] = None,
-    as_json: JsonOption = False,
-    effects: EffectsOption = None,
+    ids: Annotated[list[str] | None, argument("Effects to be told in detail (default: all).", "ID")] = None,
+    as_json: options.JsonOption = False,
+    effects: options.EffectsOption = None,
 ) -> None:
     """List the effects a model can have: units, bounds, meaning, what each is taken for; check those of your own."""
     from observer_rt.discovery import vocabulary

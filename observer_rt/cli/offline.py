@@ -3,24 +3,8 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
-from rich.console import Console
-
-from observer_rt.cli.options import (
-    SIGNALS,
-    BenchOption,
-    EffectsOption,
-    ForceOption,
-    FromChannelOption,
-    FuelTemperatureOption,
-    InjectorOption,
-    JsonOption,
-    LenientOption,
-    ModelOption,
-    RecordingsArgument,
-    StateOption,
-    file_option,
-)
+from observer_rt.cli import options
+from observer_rt.cli.options import SIGNALS, file_option, messages, option
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench, load_injector
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
@@ -37,48 +21,45 @@ from observer_rt.terminal.console import (
 )
 
 MAX_SAMPLES = 20_000_000  # of a simulation, that a machine of 4 GiB can hold with their truth
-messages = Console(stderr=True)
-SampleRateOption = Annotated[float, typer.Option("--sample-rate", help="Samples a second [Hz].", min=1.0)]
+SampleRateOption = Annotated[float, option("--sample-rate", "Samples a second [Hz].", min=1.0)]
 
 
 def simulate(
     output: Annotated[Path, file_option("--output", f"Recording to write ({SIGNALS}).")],
     rail_pressure: Annotated[
-        str,
-        typer.Option("--rail-pressure", help="Rail pressures [MPa] by commas, taken in turn by the events."),
+        str, option("--rail-pressure", "Rail pressures [MPa] by commas, taken in turn by the events.")
     ] = "100",
     energizing_time: Annotated[
-        str, typer.Option("--energizing-time", help="Energizing times [ms] by commas, taken in turn as well.")
+        str, option("--energizing-time", "Energizing times [ms] by commas, taken in turn as well.")
     ] = "1.9",
-    injections: Annotated[int, typer.Option("--injections", help="Number of events.", min=1)] = 10,
-    period: Annotated[float, typer.Option("--period", help="From event to event [ms].", min=1.0)] = 60.0,
+    injections: Annotated[int, option("--injections", "Number of events.", min=1)] = 10,
+    period: Annotated[float, option("--period", "From event to event [ms].", min=1.0)] = 60.0,
     sample_rate: SampleRateOption = 100e3,
     shots: Annotated[
-        str | None,
-        typer.Option("--shots", help="Shots of every event as duration@offset [ms], e.g. 0.3@-1.5,1.0@0."),
+        str | None, option("--shots", "Shots of every event as duration@offset [ms], e.g. 0.3@-1.5,1.0@0.")
     ] = None,
     effect: Annotated[
         list[str] | None,
-        typer.Option(
+        option(
             "--effect",
-            help="Deviation of the plant, ID[:PARAMETER]=VALUE, in the unit that `observer-rt effects` states; "
+            "Deviation of the plant, ID[:PARAMETER]=VALUE, in the unit that `observer-rt effects` states; "
             "repeatable.",
-            metavar="EFFECT",
+            "EFFECT",
         ),
     ] = None,
     noise: Annotated[
-        str, typer.Option("--noise", help="on: noise and 16-bit quantisation; off: none.", metavar="on|off")
+        str, option("--noise", "on: noise and 16-bit quantisation; off: none.", "on|off")
     ] = "on",
     measured_rate: Annotated[
-        bool, typer.Option("--measured-rate", help="Add a measured injection rate with its errors.")
+        bool, option("--measured-rate", "Add a measured injection rate with its errors.")
     ] = False,
-    seed: Annotated[int, typer.Option("--seed", help="Seed of the noise.", min=0)] = 0,
-    fuel_temperature: FuelTemperatureOption = None,
+    seed: Annotated[int, option("--seed", "Seed of the noise.", min=0)] = 0,
+    fuel_temperature: options.FuelTemperatureOption = None,
     model: Annotated[
         Path, file_option("--model", "Injector file (default: the nominal injector).", show_default=False)
     ] = NOMINAL_INJECTOR,
-    force: ForceOption = False,
-    effects: EffectsOption = None,
+    force: options.ForceOption = False,
+    effects: options.EffectsOption = None,
 ) -> None:
     """Simulate a healthy or worn injector; the truth goes to FILE.truth.csv, which the observer never reads."""
     from observer_rt.recording.formats import signal_formats, suffixes_of, write_recording, written
@@ -138,20 +119,16 @@ def simulate(
 
 
 def evaluate(
-    recordings: RecordingsArgument,
-    bench: BenchOption = EXAMPLE_BENCH,
-    model: ModelOption = None,
-    state: StateOption = None,
+    recordings: options.RecordingsArgument,
+    bench: options.BenchOption = EXAMPLE_BENCH,
+    model: options.ModelOption = None,
+    state: options.StateOption = None,
     save_state: Annotated[Path | None, file_option("--save-state", "Where to save what was learned.")] = None,
-    no_learning: Annotated[
-        bool, typer.Option("--no-learning", help="Keep the model as it is at the start.")
-    ] = False,
-    chain: Annotated[
-        bool, typer.Option("--chain", help="The recordings are one history: learning goes on.")
-    ] = False,
+    no_learning: Annotated[bool, option("--no-learning", "Keep the model as it is at the start.")] = False,
+    chain: Annotated[bool, option("--chain", "The recordings are one history: learning goes on.")] = False,
     output: Annotated[
         Path | None,
-        file_option(
+        option(
             "--output", "Trace, one row a sample (.csv, .mf4, .parquet); a folder for several.", "FILE|DIR"
         ),
     ] = None,
@@ -160,23 +137,21 @@ def evaluate(
     ] = None,
     injections: Annotated[
         str | None,
-        typer.Option(
-            "--injections", help="Numbers of those drawn as curves, as 1,5-8 (default: first, middle, last)."
-        ),
+        option("--injections", "Numbers of those drawn as curves, as 1,5-8 (default: first, middle, last)."),
     ] = None,
-    from_channel: FromChannelOption = None,
-    fuel_temperature: FuelTemperatureOption = None,
-    injector: InjectorOption = None,
-    lenient: LenientOption = False,
-    force: ForceOption = False,
-    as_json: JsonOption = False,
-    effects: EffectsOption = None,
+    from_channel: options.FromChannelOption = None,
+    fuel_temperature: options.FuelTemperatureOption = None,
+    injector: options.InjectorOption = None,
+    lenient: options.LenientOption = False,
+    force: options.ForceOption = False,
+    as_json: options.JsonOption = False,
+    effects: options.EffectsOption = None,
 ) -> None:
     """Run recordings through the observer, exactly as the daemon would, as fast as the machine allows."""
     from observer_rt.evaluation.command import EvaluateOptions, evaluate_bench
     from observer_rt.evaluation.curves import chosen_numbers
 
-    options = EvaluateOptions(
+    asked = EvaluateOptions(
         state=state,
         save_state=save_state,
         learning=not no_learning,
@@ -189,11 +164,11 @@ def evaluate(
         fuel_temperature=fuel_temperature,
         injections=chosen_numbers(injections) if injections is not None else (),
     )
-    evaluate_bench(load_bench(bench, model, lenient).of(injector), recordings, options, messages)
+    evaluate_bench(load_bench(bench, model, lenient).of(injector), recordings, asked, messages)
 
 
 def reproduce(
-    out: Annotated[Path, typer.Option("--out", help="Folder for figures, table and report.", metavar="DIR")],
+    out: Annotated[Path, option("--out", "Folder for figures, table and report.", "DIR")],
     sample_rate: SampleRateOption = 100e3,
 ) -> None:
     """Reproduce the paper's Figs. 3-5, its scheme and ours side by side, with a table and a report."""

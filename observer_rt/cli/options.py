@@ -1,10 +1,11 @@
 """Options that several commands share."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
-from typer.models import OptionInfo
+from rich.console import Console
+from typer.models import ArgumentInfo, OptionInfo
 
 from observer_rt.config.bench import Bench, load_bench
 from observer_rt.foundation.errors import UserError
@@ -22,6 +23,8 @@ LOGS = ", ".join(suffixes_of(_logs))
 RECORDED = ", ".join(suffixes_of(each for each in _logs if each.recorder))
 CLASSIC_ONLY = ", ".join(suffixes_of(each for each in _logs if not each.keeps_fd))
 
+messages = Console(stderr=True)
+
 
 def _use_effects(paths: list[Path] | None) -> list[Path] | None:
     """The vocabulary of this command: installed effects are in it without the option."""
@@ -33,39 +36,40 @@ def _use_effects(paths: list[Path] | None) -> list[Path] | None:
 
 def effects_option(exposed: bool) -> OptionInfo:
     """Files with effects of the user's own, in force from here on; exposed: the command is given them, too."""
-    option: OptionInfo = typer.Option(
+    return file_option(
         "--effects",
-        help="Python file with effects of your own, as in docs/effects.md; repeatable.",
-        metavar="FILE",
+        "Python file with effects of your own, as in docs/effects.md; repeatable.",
         callback=_use_effects,
         is_eager=True,  # before any injector file is read
         expose_value=exposed,
     )
-    return option
 
 
-def file_option(name: str, purpose: str, metavar: str = "FILE", show_default: bool = True) -> OptionInfo:
+def option(name: str, purpose: str, metavar: str | None = None, **limits: Any) -> OptionInfo:
+    """An option; limits: further keywords of `typer.Option`."""
+    found: OptionInfo = typer.Option(name, help=purpose, metavar=metavar, **limits)
+    return found
+
+
+def argument(purpose: str, metavar: str) -> ArgumentInfo:
+    """What is given without an option."""
+    found: ArgumentInfo = typer.Argument(help=purpose, metavar=metavar, show_default=False)
+    return found
+
+
+def file_option(name: str, purpose: str, **limits: Any) -> OptionInfo:
     """An option that names a file."""
-    option: OptionInfo = typer.Option(name, help=purpose, metavar=metavar, show_default=show_default)
-    return option
+    return option(name, purpose, "FILE", **limits)
 
 
 def link_option(name: str, purpose: str) -> OptionInfo:
     """A repeatable option that says something of one bus of `[link]` or `[links]`."""
-    return file_option(name, purpose, f"[LINK=]{name.rpartition('-')[2].upper()}")
+    return option(name, purpose, f"[LINK=]{name.rpartition('-')[2].upper()}")
 
 
-RecordingArgument = Annotated[
-    Path,
-    typer.Argument(
-        help=f"Recording ({SIGNALS}) or CAN log ({LOGS}).", metavar="RECORDING", show_default=False
-    ),
-]
+RecordingArgument = Annotated[Path, argument(f"Recording ({SIGNALS}) or CAN log ({LOGS}).", "RECORDING")]
 RecordingsArgument = Annotated[
-    list[Path],
-    typer.Argument(
-        help=f"Recordings ({SIGNALS}) or CAN logs ({LOGS}).", metavar="RECORDING", show_default=False
-    ),
+    list[Path], argument(f"Recordings ({SIGNALS}) or CAN logs ({LOGS}).", "RECORDING")
 ]
 BenchOption = Annotated[
     Path,
@@ -74,12 +78,10 @@ BenchOption = Annotated[
 EffectsOption = Annotated[list[Path] | None, effects_option(exposed=False)]
 FuelTemperatureOption = Annotated[
     float | None,
-    typer.Option(
-        "--fuel-temperature", help="Of the fuel [degC] (default: reference_temperature of the injector file)."
-    ),
+    option("--fuel-temperature", "Of the fuel [degC] (default: reference_temperature of the injector file)."),
 ]
 LenientOption = Annotated[
-    bool, typer.Option("--lenient", help="Read bus databases although signals overlap or do not fit.")
+    bool, option("--lenient", "Read bus databases although signals overlap or do not fit.")
 ]
 ModelOption = Annotated[Path | None, file_option("--model", "Injector file, instead of the bench's.")]
 DecoderOption = Annotated[
@@ -88,8 +90,7 @@ DecoderOption = Annotated[
 ]
 StateOption = Annotated[Path | None, file_option("--state", "Learned state to start from.")]
 InjectorOption = Annotated[
-    str | None,
-    typer.Option("--injector", help="One injector of a bench file with several.", metavar="NAME"),
+    str | None, option("--injector", "One injector of a bench file with several.", "NAME")
 ]
 FromChannelOption = Annotated[
     list[str] | None,
@@ -98,8 +99,8 @@ FromChannelOption = Annotated[
         "Channel of a CAN log, where the inputs are on several; of a bus of [links] as LINK=CHANNEL.",
     ),
 ]
-ForceOption = Annotated[bool, typer.Option("--force", help="Replace files that are there already.")]
-JsonOption = Annotated[bool, typer.Option("--json", help="Results as JSON on stdout.")]
+ForceOption = Annotated[bool, option("--force", "Replace files that are there already.")]
+JsonOption = Annotated[bool, option("--json", "Results as JSON on stdout.")]
 
 
 def decoder_of(

@@ -160,7 +160,7 @@ def load_bench(path: Path = EXAMPLE_BENCH, model: Path | None = None, lenient: b
         path=path,
         config=buses.model_copy(update={"dbc": databases}),
         databases=tuple(_database_path(path, entry.file) for entry in databases),
-        injectors=tuple(_fitted(files[name], config, model) for name, config in configs.items()),
+        injectors=tuple(_injector(files[name], config, model) for name, config in configs.items()),
     )
 
 
@@ -168,7 +168,7 @@ class _Named(Section):
     injectors: Mapping[LinkName, Mapping[str, Any]]
 
 
-def _fitted(file: BenchFile, config: BenchConfig, model: Path | None) -> BenchInjector:
+def _injector(file: BenchFile, config: BenchConfig, model: Path | None) -> BenchInjector:
     if model is None:
         model = file.path.parent / config.model.file if config.model.file else NOMINAL_INJECTOR
     return BenchInjector(file, _part(InjectorConfig, config), model, load_injector(model))
@@ -180,8 +180,5 @@ def _part(model: type[_Sections], config: BenchConfig) -> _Sections:
 
 
 def _database_path(bench: Path, name: str) -> Path:
-    beside = bench.parent / name
-    shipped = PACKAGE_DATA / name
-    if not beside.exists() and shipped.exists():
-        return shipped
-    return beside
+    beside, shipped = bench.parent / name, PACKAGE_DATA / name
+    return shipped if shipped.exists() and not beside.exists() else beside

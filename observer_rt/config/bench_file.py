@@ -111,7 +111,7 @@ class BenchFile:
         here: Any = self.own
         for key in location[:2]:
             here = here.get(key) if isinstance(here, Mapping) else None
-        prefix = f"injectors.{self.name}." if here is not None else ""
+        prefix = f"injectors.{self.name}." if self.name and here is not None else ""
         return f"{self.path}: {prefix}{'.'.join(map(str, location)) or 'file'}"
 
 

@@ -43,21 +43,18 @@ def use_effects(paths: Sequence[Path]) -> None:
     Raises `UserError` naming file, what is wrong with it and how to mend it.
     """
     sources = [_from_file(path) for path in paths] + [_installed(one) for one in entry_points(group=GROUP)]
+    defined = [(source.place, effect) for source in sources for effect in source.effects]
     known = dict(BUILT_IN)
-    for source in sources:
-        for effect in source.effects:
-            before = known.get(effect.id)
-            if before is not None and not (
-                before is BUILT_IN.get(effect.id) and differs_in_bounds_only(effect, before)
-            ):
-                problem = f"'{effect.id}' is an effect already"
-                raise UserError(source.place, problem, "give it another id, and every file once")
-            known[effect.id] = effect
-    for source in sources:
-        for effect in source.effects:
-            _check(f"{source.place}: {effect.id}", effect, known)
-    added = [effect for source in sources for effect in source.effects]
-    add_to_vocabulary(added, [source.digest for source in sources])
+    for place, effect in defined:
+        before = known.get(effect.id)
+        is_built_in = before is BUILT_IN.get(effect.id)
+        if before is not None and not (is_built_in and differs_in_bounds_only(effect, before)):
+            problem = f"'{effect.id}' is an effect already"
+            raise UserError(place, problem, "give it another id, and every file once")
+        known[effect.id] = effect
+    for place, effect in defined:
+        _check(f"{place}: {effect.id}", effect, known)
+    add_to_vocabulary([effect for _, effect in defined], [source.digest for source in sources])
 
 
 def _from_file(path: Path) -> _Defined:

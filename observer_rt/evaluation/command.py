@@ -13,11 +13,10 @@ from rich.console import Console
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.evaluation.curves import numbers_shown, refuse_beyond
-from observer_rt.evaluation.evaluate import in_runs, open_source, without_truths
+from observer_rt.evaluation.evaluate import Evaluation, bench_for_all, evaluate_stream
 from observer_rt.evaluation.logged import LoggedSignals
-from observer_rt.evaluation.results import write_document
-from observer_rt.evaluation.streamed import StreamedEvaluation, evaluate_stream
-from observer_rt.evaluation.table import print_evaluation
+from observer_rt.evaluation.results import print_evaluation, write_document
+from observer_rt.evaluation.sources import in_runs, open_source, without_truths
 from observer_rt.evaluation.trace import SUFFIXES, TRACE_SUFFIX
 from observer_rt.foundation.errors import CombinedError, UserError
 from observer_rt.foundation.files import file_errors, replacing
@@ -62,6 +61,24 @@ class EvaluateOptions:
     """degC of recordings, which know none; None: as in the injector file."""
     injections: Sequence[int] = ()
     """Numbers of those to be drawn as curves, empty: some."""
+
+    @property
+    def has_folder(self) -> bool:
+        """Whether traces go into `output`, each a file of its own."""
+        output = self.output
+        return output is not None and (output.is_dir() or not (output.suffix or output.exists()))
+
+    def traces(self, paths: Sequence[Path]) -> list[Path]:
+        """To be written, one a recording, or none."""
+        if self.output is None or not self.has_folder:
+            return [] if self.output is None else [self.output]
+        return [self.output / (path.name + TRACE_SUFFIX) for path in paths]
+
+    @property
+    def written(self) -> dict[str, Path]:
+        """What is to be written, by option."""
+        named = {"--output": self.output, "--plot": self.plot, "--save-state": self.save_state}
+        return {option: path for option, path in named.items() if path is not None}
 
 
 def evaluate_bench(bench: Bench, given: Sequence[Path], options: EvaluateOptions, console: Console) -> None:
@@ -116,7 +133,7 @@ def evaluate_files(bench: Bench, given: Sequence[Path], options: EvaluateOptions
         options.state, model, pressure_scale, partial(say, console), set_aside=False
     )
     with ExitStack() as stack:
-        traces = [stack.enter_context(replacing(path)) for path in _traces(options.output, paths)]
+        traces = [stack.enter_context(replacing(path)) for path in options.traces(paths)]
         evaluations, knowledge = _evaluated(bench, sources, traces, knowledge, options, console)
     c = effective_model(bench.injector.parameters).coefficients
     if options.save_state is not None:
@@ -129,7 +146,12 @@ def evaluate_files(bench: Bench, given: Sequence[Path], options: EvaluateOptions
         for evaluation in evaluations:
             print_evaluation(evaluation, c, results_console)
     if options.plot is not None:
-        _plot(options.plot, evaluations, options.injections)
+        from observer_rt.evaluation.figures import picture_of, plot_injections
+
+        there = {one.report.number for evaluation in evaluations for one in evaluation.injections}
+        shown = numbers_shown(options.injections, there)
+        with file_errors(options.plot):
+            plot_injections(options.plot, [picture_of(each, shown) for each in evaluations], "measured")
 
 
 def _refuse_plain(bench: Bench, paths: Sequence[Path]) -> None:
@@ -145,27 +167,29 @@ def _refuse_plain(bench: Bench, paths: Sequence[Path]) -> None:
 
 def _named(options: EvaluateOptions, name: str) -> EvaluateOptions:
     """The options for one injector, with files of its own."""
+
+    def own(path: Path | None) -> Path | None:
+        return path and path.with_name(f"{path.stem}_{name}{path.suffix}")
+
     output = options.output
-    if output is not None:
-        output = output / name if _is_folder(output) else _of(output, name)
-    return replace(
-        options,
-        output=output,
-        plot=_of(options.plot, name),
-        state=_of(options.state, name),
-        save_state=_of(options.save_state, name),
-    )
-
-
-def _of(path: Path | None, name: str) -> Path | None:
-    return path and path.with_name(f"{path.stem}_{name}{path.suffix}")
+    output = output / name if output is not None and options.has_folder else own(output)
+    plot, state, save_state = map(own, (options.plot, options.state, options.save_state))
+    return replace(options, output=output, plot=plot, state=state, save_state=save_state)
 
 
 def _refuse_early(bench: Bench, paths: Sequence[Path], options: EvaluateOptions) -> None:
     """Raise `UserError` for options that do not fit together, and for files that could not be read or written."""
     if options.injections and options.plot is None:
         raise UserError("--injections", "says what is drawn, but no --plot is given", "add --plot FILE")
-    _refuse_ambiguous(paths, options)
+    place, traces = f"--output {options.output}", options.traces(paths)
+    if len(paths) > 1 and options.output is not None and not options.has_folder:
+        raise UserError(place, "names a file, but there are several recordings", "name a folder")
+    if twice := [trace.name for trace in traces if traces.count(trace) > 1]:
+        raise UserError(place, f"{twice[0]} would be written twice", "rename the recordings")
+    if len(paths) > 1 and options.save_state is not None and not options.chain:
+        raise UserError(
+            "--save-state", "needs one history, but the recordings are evaluated apart", "add --chain"
+        )
     for option, path in (("--state", options.state), ("--save-state", options.save_state)):
         if path is not None:
             refuse_state(bench.injector, option)
@@ -189,31 +213,9 @@ def _with_fuel(bench: Bench, sources: Sequence[SignalStream], options: EvaluateO
     return bench.with_parameters(injector_at(bench.injector, temperature))
 
 
-def _refuse_ambiguous(paths: Sequence[Path], options: EvaluateOptions) -> None:
-    if len(paths) == 1:
-        return
-    if options.output is not None:
-        if not _is_folder(options.output):
-            raise UserError(
-                f"--output {options.output}",
-                "names a file, but there are several recordings",
-                "name a folder",
-            )
-        traces = [_trace_in(options.output, path) for path in paths]
-        twice = next((trace for trace in traces if traces.count(trace) > 1), None)
-        if twice is not None:
-            raise UserError(
-                f"--output {options.output}", f"{twice.name} would be written twice", "rename the recordings"
-            )
-    if options.save_state is not None and not options.chain:
-        raise UserError(
-            "--save-state", "needs one history, but the recordings are evaluated apart", "add --chain"
-        )
-
-
 def _check_destinations(paths: Sequence[Path], options: EvaluateOptions) -> None:
     """Refuse, before the long work, what could not be written after it, or would replace a file nobody named."""
-    if options.output is not None and _is_folder(options.output):
+    if options.output is not None and options.has_folder:
         with file_errors(options.output):
             options.output.mkdir(parents=True, exist_ok=True)
         check_folder("--output", options.output)
@@ -227,33 +229,12 @@ def _check_destinations(paths: Sequence[Path], options: EvaluateOptions) -> None
         with sole_writer(options.save_state):
             pass  # no daemon keeps it
     inputs = {path.resolve() for path in paths}
-    for option, path in (
-        ("--output", options.output),
-        ("--plot", options.plot),
-        ("--save-state", options.save_state),
-    ):
-        if path is not None and path.resolve() in inputs:
+    for option, path in options.written.items():
+        if path.resolve() in inputs:
             raise UserError(f"{option} {path}", "is a recording to be evaluated", "name another file")
-    refuse_existing("--output", _traces(options.output, paths), options.force)
-    refuse_existing("--plot", [options.plot] if options.plot else [], options.force)
-    if options.save_state is not None and options.save_state != options.state:
-        refuse_existing("--save-state", [options.save_state], options.force)
-
-
-def _traces(output: Path | None, paths: Sequence[Path]) -> list[Path]:
-    """The traces to be written, one a recording, or none."""
-    if output is None:
-        return []
-    return [_trace_in(output, path) for path in paths] if _is_folder(output) else [output]
-
-
-def _is_folder(output: Path) -> bool:
-    """Whether traces are to be written into `output`, each a file of its own."""
-    return output.is_dir() or not (output.suffix or output.exists())
-
-
-def _trace_in(folder: Path, recording: Path) -> Path:
-    return folder / (recording.name + TRACE_SUFFIX)
+        if option != "--save-state" or path != options.state:
+            files = options.traces(paths) if option == "--output" else [path]
+            refuse_existing(option, files, options.force)
 
 
 def _evaluated(
@@ -263,7 +244,7 @@ def _evaluated(
     knowledge: Knowledge | None,
     options: EvaluateOptions,
     console: Console,
-) -> tuple[list[StreamedEvaluation], Knowledge]:
+) -> tuple[list[Evaluation], Knowledge]:
     """Every source by itself, or all of them as one history, in which knowledge goes on from run to run.
 
     Gives the knowledge at the end of the last one, too.
@@ -280,16 +261,16 @@ def _evaluated(
     refuse_beyond(options.injections, sum(openings) if options.chain else max(openings))
     runs = in_runs(sources) if options.chain else [[source] for source in sources]
     if options.chain:
-        _refuse_several_rates(sources, benches)
+        bench_for_all(bench, sources)
     learning = options.learning and bench.injector.config.learning.enabled
     curves = None if options.plot is None else effective_model(bench.injector.parameters).coefficients
-    evaluations: list[StreamedEvaluation] = []
+    evaluations: list[Evaluation] = []
     known, done = knowledge, 0
     with progress_bar(console, "evaluating", sum(source.samples for source in sources)) as progress:
         for run in runs:
             known = known if options.chain else knowledge
             mine = traces[len(evaluations) :][: len(run)]
-            report = partial(_report_progress, progress, done)
+            report = partial(_report, progress, done)
             found, known = evaluate_stream(bench, run, mine, known, learning, report, curves)
             evaluations += found
             done += sum(source.samples for source in run)
@@ -297,25 +278,5 @@ def _evaluated(
     return evaluations, known
 
 
-def _refuse_several_rates(sources: Sequence[SignalStream], benches: Sequence[Bench]) -> None:
-    for source, own in zip(sources, benches, strict=True):
-        if own.injector.config.sampling != benches[0].injector.config.sampling:
-            raise UserError(
-                str(source.path),
-                f"is sampled at {source.sample_rate:g} Hz, {sources[0].path} before it at "
-                f"{sources[0].sample_rate:g} Hz",
-                "recordings of one history must have one sample rate",
-            )
-
-
-def _report_progress(progress: Callable[[float], None], before: int, samples: int) -> None:
+def _report(progress: Callable[[float], None], before: int, samples: int) -> None:
     progress(before + samples)
-
-
-def _plot(path: Path, evaluations: Sequence[StreamedEvaluation], chosen: Sequence[int]) -> None:
-    from observer_rt.evaluation.figures import picture_of, plot_injections
-
-    there = {one.report.number for evaluation in evaluations for one in evaluation.injections}
-    shown = numbers_shown(chosen, there)
-    with file_errors(path):
-        plot_injections(path, [picture_of(evaluation, shown) for evaluation in evaluations], "measured")

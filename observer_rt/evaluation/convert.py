@@ -8,8 +8,8 @@ from rich.console import Console
 
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
-from observer_rt.evaluation.evaluate import open_source
 from observer_rt.evaluation.logged import LoggedSignals
+from observer_rt.evaluation.sources import open_source
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors, replacing
 from observer_rt.recording.canlog.can_log import LogFrame
@@ -30,9 +30,7 @@ from observer_rt.recording.replay.recording_frames import Device
 from observer_rt.terminal.compiling import show_compiling
 from observer_rt.terminal.console import check_destination, progress_bar, refuse_existing, say
 
-FIRST_FRAMES = (
-    1000  # among which the earliest is looked for: drivers swap frames, channels have their own time
-)
+FIRST_FRAMES = 1000  # the earliest is among them: drivers swap frames, channels have their own time
 FRAMES_PER_STEP = 5000  # of the progress bar
 
 
@@ -58,17 +56,13 @@ def convert(
     if target.exists() and target.samefile(source):
         raise UserError(str(target), "is the file to be converted", "name another file")
     refuse_existing("OUT", [target], force)
-    if not holds_frames:
-        if takes_signals:
-            return _signals(source, target, bench, from_channels, force, console)
+    if not holds_frames and not takes_signals:
         return _encoded(source, target, bench, console)
-    if takes_signals and (bench is not None or not takes_frames):
-        if bench is None:
-            raise UserError(
-                "--bench", "is missing: it says which signals the frames carry", "name a bench file"
-            )
-        return _signals(source, target, bench, from_channels, force, console)
-    return _frames(source, target, from_channels, console)
+    if holds_frames and (not takes_signals or (bench is None and takes_frames)):
+        return _frames(source, target, from_channels, console)
+    if holds_frames and bench is None:
+        raise UserError("--bench", "is missing: it says which signals the frames carry", "name a bench file")
+    return _signals(source, target, bench, from_channels, force, console)
 
 
 def _signals(
@@ -124,8 +118,7 @@ def _encoded(source: Path, target: Path, bench: Bench | None, console: Console) 
     stream = open_source(source, bench, (), console)
     bench = bench_for(bench, stream)
     names = [link.config.channel for link in bench.config.buses]
-    bus = map_bus(bench)
-    device = Device(bus)
+    device = Device(map_bus(bench))
     count = done = 0
     with (
         progress_bar(console, f"converting {source.name}", stream.samples) as progress,
@@ -147,8 +140,7 @@ def _encoded(source: Path, target: Path, bench: Bench | None, console: Console) 
 def _frames(source: Path, target: Path, channels: Sequence[str], console: Console) -> str:
     log = open_log(source)
     step = log_format(target).stamp_step
-    count = 0
-    rounded = 0
+    count = rounded = 0
     entries = (entry for entry in log if not channels or entry.channel in channels)
     first = list(islice(entries, FIRST_FRAMES))
     if not first:

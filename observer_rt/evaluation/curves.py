@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.evaluation.compiled import area, mean_flowing, rms_difference
-from observer_rt.evaluation.trace import Signal, Trace
+from observer_rt.evaluation.passage import Passage
+from observer_rt.evaluation.trace import Signal
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS
 from observer_rt.model.effective import Coefficients
@@ -93,30 +94,27 @@ def refuse_beyond(chosen: Sequence[int], most: int) -> None:
         )
 
 
-def rate_curves(
-    report: InjectionReport,
-    first_index: int,
-    time: Signal,
-    trace: Trace,
-    measured_rate: Signal | None,
-    line_pressure: Signal,
-    c: Coefficients,
-) -> RateCurves:
-    """Of an injection among samples that begin with a sample index.
+def _window(report: InjectionReport, passage: Passage) -> slice:
+    """An injection among the samples that its passage remembers."""
+    first = report.start_index - passage.first_index - passage.first
+    return slice(first, min(first + report.end_index - report.start_index + 1, passage.time.size))
 
-    time [s], measured_rate [m3/s], line_pressure [Pa]: of these samples.
-    """
-    first = report.start_index - first_index
-    window = slice(first, report.end_index - first_index + 1)
-    modelled = trace.x[window, 0] * c.pressure_scale + c.chamber_pressure
+
+def rate_curves(report: InjectionReport, passage: Passage, c: Coefficients) -> RateCurves:
+    """Of an injection whose samples the passage remembers."""
+    window, trace, measured = _window(report, passage), passage.trace, passage.measured_rate
+    line_pressure, modelled = (
+        values[window] * c.pressure_scale + c.chamber_pressure
+        for values in (passage.line_pressure, trace.x[:, 0])
+    )
     return RateCurves(
         f"injection {report.number}, {report.rail_pressure / MEGAPASCAL:.0f} MPa",
-        time[window] - time[first],
+        passage.time[window] - passage.time[window.start],
         trace.injection_rate[window].copy(),
         trace.nominal_rate[window].copy(),
-        None if measured_rate is None else measured_rate[window].copy(),
+        None if measured is None else measured[window].copy(),
         trace.injection_rate_sigma[window].copy(),
-        PressureCurves(line_pressure[window].copy(), modelled),
+        PressureCurves(line_pressure, modelled),
     )
 
 
@@ -164,41 +162,24 @@ def injection_json(result: InjectionResult, has_energizing: bool, c: Coefficient
     return {**injection_record(result.report, c, has_energizing), **compared}
 
 
-def injection_result(
-    report: InjectionReport,
-    first_index: int,
-    time: Signal,
-    trace: Trace,
-    measured_rate: Signal | None,
-    sample_rate: float,
-    online_mass: float | None,
-) -> InjectionResult:
-    """Over the window an injection was detected in, of samples that begin with a sample index.
-
-    time [s], measured_rate [m3/s]: of the samples of the trace; online_mass [kg]: as measured online, None: it was
-    not; a measured rate goes before it.
-    """
-    first = report.start_index - first_index
-    last = min(report.end_index - first_index, time.size - 1)
-    window = slice(first, last + 1)
-    interval = 1.0 / sample_rate
-    measured = measured_rate[window] if measured_rate is not None else None
-    nominal = trace.nominal_rate[window]
-    rate = trace.injection_rate[window]
+def injection_result(report: InjectionReport, passage: Passage, sample_rate: float) -> InjectionResult:
+    """Over the window an injection was detected in, whose samples the passage remembers."""
+    window, trace = _window(report, passage), passage.trace
+    measured = None if passage.measured_rate is None else passage.measured_rate[window]
+    nominal, rate = trace.nominal_rate[window], trace.injection_rate[window]
 
     def mass(rate: NDArray[np.float64]) -> float:
-        return float(area(rate)) * interval * report.density
+        return float(area(rate)) * (1.0 / sample_rate) * report.density
 
     def rmse(rate: NDArray[np.float64]) -> float:
         return math.nan if measured is None else float(rms_difference(rate, measured))
 
-    unmeasured = math.nan if online_mass is None else online_mass
     return InjectionResult(
         report=report,
-        start=float(time[first]),
-        end=float(time[last]),
+        start=float(passage.time[window.start]),
+        end=float(passage.time[window.stop - 1]),
         nominal_mass=mass(nominal),
-        measured_mass=unmeasured if measured is None else mass(measured),
+        measured_mass=math.nan if measured is None else mass(measured),
         rate_rmse=rmse(rate),
         nominal_rate_rmse=rmse(nominal),
         rate_ci95_halfwidth=1.96 * mean_flowing(trace.injection_rate_sigma[window], rate),

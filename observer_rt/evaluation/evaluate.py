@@ -1,87 +1,177 @@
-"""Recordings in memory through the same core as the daemon; what a user names as one, files and CAN logs."""
+"""Recordings and CAN logs through the same core as the daemon, part by part.
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
-from itertools import groupby, pairwise
+Memory does not depend on their length: results are spooled to a temporary file; samples pass by, unless they are
+kept as a trace.
+"""
+
+import pickle
+import tempfile
+from array import array
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from itertools import pairwise
 from pathlib import Path
-
-from rich.console import Console
+from typing import Generic, TypeVar, overload
 
 from observer_rt.config.bench import Bench
-from observer_rt.evaluation.curves import InjectionResult, injection_result
-from observer_rt.evaluation.logged import LoggedRecording, LoggedSignals
+from observer_rt.evaluation.curves import InjectionResult, RateCurves, injection_result, rate_curves
+from observer_rt.evaluation.logged import LoggedSignals
 from observer_rt.evaluation.passage import Passage
 from observer_rt.evaluation.run import ObserverRun, Progress
-from observer_rt.evaluation.trace import Signal, Trace, joined
+from observer_rt.evaluation.trace import Signal, Trace, joined, open_trace, trace_arrays
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.files import file_errors
+from observer_rt.model.effective import Coefficients
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.observer.stream.standstill import Standstill
-from observer_rt.recording.formats import is_log, open_recording
 from observer_rt.recording.replay.framing import bench_for
-from observer_rt.recording.signals.plausible import refuse_implausible
-from observer_rt.recording.signals.recording import TRUTH_SUFFIX, Recording
+from observer_rt.recording.signals.recording import Recording
 from observer_rt.recording.signals.stream import HeldSignals, SignalStream
+from observer_rt.recording.signals.table_writers import TableWriter
 from observer_rt.service.core.learners import LearnerFactory, make_learner
 from observer_rt.service.core.messages import Counters, OutputFrame
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import MeasuredMass
-from observer_rt.terminal.compiling import show_compiling
-from observer_rt.terminal.console import progress_bar, say
+from observer_rt.service.warm_up import awaited, learning_compiled_beside
 
-__all__ = ["Evaluation", "History", "Trace", "evaluate", "evaluate_logs"]
+__all__ = ["Evaluation", "History", "Trace", "evaluate", "evaluate_stream"]
+
+T = TypeVar("T")
 
 
-@dataclass(frozen=True)
+class Spool(Sequence[T], Generic[T]):
+    """Things appended one after another and read back as often as wanted; gone with the process."""
+
+    def __init__(self, in_memory: int = 1) -> None:
+        """in_memory: how many are kept there before they go to the file together, and when they come back from it."""
+        self._file = tempfile.TemporaryFile()  # noqa: SIM115 - as long as the spool
+        self._starts = array("q")  # of blocks of so many
+        self._size = in_memory
+        self._newest: list[T] = []
+        self._read: tuple[int, list[T]] = -1, []  # the last block that came back
+
+    def append(self, thing: T) -> None:
+        """Keep it; it is not to change any more."""
+        self._newest.append(thing)
+        if len(self._newest) == self._size:
+            self._file.seek(0, 2)
+            self._starts.append(self._file.tell())
+            pickle.dump(self._newest, self._file, pickle.HIGHEST_PROTOCOL)
+            self._newest = []
+
+    def __len__(self) -> int:
+        return len(self._starts) * self._size + len(self._newest)
+
+    def __iter__(self) -> Iterator[T]:
+        return (self[number] for number in range(len(self)))
+
+    @overload
+    def __getitem__(self, number: int) -> T: ...
+
+    @overload
+    def __getitem__(self, number: slice) -> list[T]: ...
+
+    def __getitem__(self, number: int | slice) -> T | list[T]:
+        if isinstance(number, slice):
+            return [self[each] for each in range(len(self))[number]]
+        block, place = divmod(range(len(self))[number], self._size)
+        if block == len(self._starts):
+            return self._newest[place]
+        if block != self._read[0]:
+            self._file.seek(self._starts[block])
+            self._read = block, pickle.load(self._file)
+        return self._read[1][place]
+
+
+_IN_MEMORY = 512  # injections, some KB each
+
+
 class Evaluation:
-    """One recording evaluated.
+    """One file evaluated: its injections, in a temporary file; its samples pass by, or are kept as a trace."""
 
-    first_index: the sample index its first sample was sent with; measured: masses measured online, as a log of the
-    bus has them; has_energizing: whether the bench has this input, so that reports and counters tell of commands.
-    """
-
-    recording: Recording
     first_index: int
-    trace: Trace
-    reports: tuple[InjectionReport, ...]
+    """The sample index its first sample was sent with."""
     counters: Counters
     standstill: Standstill
-    measured: tuple[MeasuredMass, ...] = ()
-    has_energizing: bool = False
+    has_energizing: bool
+    """Whether the bench has this input, so that reports and counters tell of commands."""
 
-    @property
-    def path(self) -> Path | None:
-        """Of the recording; the next are its, too."""
-        return self.recording.path
+    def __init__(
+        self, source: SignalStream, curves_of: Coefficients | None = None, keeps_trace: bool = False
+    ) -> None:
+        """curves_of: the nominal model, where curves of every injection are to be drawn."""
+        self.path = source.path
+        self.sample_rate = source.sample_rate
+        self.has_rate = source.has_rate
+        self.injections: Spool[InjectionResult] = Spool(_IN_MEMORY)
+        self.curves: Spool[RateCurves] = Spool()
+        """As many as injections, where they are kept."""
+        self.source = source
+        self._curves_of = curves_of
+        self._held: InjectionResult | None = None  # until no measured mass can come for it
+        self._writer: TableWriter | None = None
+        self._traces: list[Trace] | None = [] if keeps_trace else None
 
     @property
     def samples(self) -> int:
-        return self.recording.samples
-
-    @property
-    def sample_rate(self) -> float:
-        return self.recording.sample_rate
-
-    @property
-    def has_rate(self) -> bool:
-        return self.recording.injection_rate is not None
+        """How many there are."""
+        return self.source.samples
 
     @cached_property
-    def injections(self) -> list[InjectionResult]:
-        """Results of every injection, each over the window it was detected in."""
-        online = {measured.report.number: measured.mass for measured in self.measured}
-        return [
-            injection_result(
-                report,
-                self.first_index,
-                self.recording.time,
-                self.trace,
-                self.recording.injection_rate,
-                self.recording.sample_rate,
-                online.get(report.number),
-            )
-            for report in self.reports
-        ]
+    def trace(self) -> Trace:
+        """Of all samples, where it is kept."""
+        return joined(self._traces or [])
+
+    @cached_property
+    def reports(self) -> tuple[InjectionReport, ...]:
+        """Of all injections, without the course of their sigma."""
+        return tuple(injection.report for injection in self.injections)
+
+    def write_to(self, writer: TableWriter) -> None:
+        """Write the trace."""
+        self._writer = writer
+
+    @property
+    def wants_states(self) -> bool:
+        """For the trace, and curves of the line."""
+        return self._writer is not None or self._traces is not None or self._curves_of is not None
+
+    def take_report(self, passage: Passage, report: InjectionReport) -> None:
+        """An injection, whose samples the passage remembers."""
+        self.finish()
+        self._held = injection_result(replace(report, rate_sigma=None), passage, self.sample_rate)
+        if self._curves_of is not None:
+            self.curves.append(rate_curves(report, passage, self._curves_of))
+
+    def take_measured(self, measured: MeasuredMass) -> None:
+        """Of the injection told last; a measured rate goes before it."""
+        held = self._held
+        if held is not None and held.report.number == measured.report.number and not self.has_rate:
+            self._held = replace(held, measured_mass=measured.mass)
+
+    def take_passed(self, time: Signal, trace: Trace) -> None:
+        """Into the trace."""
+        if self._writer is not None:
+            self._writer.write(trace_arrays(time.copy(), joined([trace])))
+        if self._traces is not None:
+            self._traces.append(joined([trace]))
+
+    def observe(self, run: ObserverRun) -> None:
+        """Give all its frames to an observer."""
+        if isinstance(self.source, LoggedSignals):
+            passages = _passages(self.source, self)
+            run.take_frames(self.source.frames, passages)
+        else:
+            passages = run.take(self.source, self)
+        self.first_index = passages[0].first_index
+
+    def finish(self) -> None:
+        """No measured mass will come for the injection told last."""
+        if self._held is not None:
+            self.injections.append(self._held)
+            self._held = None
 
 
 @dataclass(frozen=True)
@@ -95,169 +185,96 @@ class History:
 
 def evaluate(
     bench: Bench,
-    recordings: Sequence[Recording],
+    recordings: Sequence[Recording | SignalStream],
     knowledge: Knowledge | None = None,
     learning: bool = True,
     progress: Progress | None = None,
     learner_of: LearnerFactory = make_learner,
 ) -> History:
-    """Evaluate recordings as one history, learning in lockstep.
+    """Evaluate recordings as one history, learning in lockstep; traces and frames are kept in memory.
 
-    Every recording goes through the bench's bus codec, so that the result equals that of the daemon bit for bit.
-    Between two recordings the sample index jumps, as between two windows of a windowed source.
+    Every recording goes through the bench's bus codec, so that the result equals that of the daemon bit for bit;
+    the frames of a log, as `LoggedSignals`, go in as they are. Between two recordings the sample index jumps, as
+    between two windows of a windowed source; that of a log must go on beyond that of the one before.
     Raises `UserError` for a recording whose sample rate is not the bench's.
     """
-    bench = bench_for(bench, recordings[0])
-    for recording in recordings[1:]:
-        if bench_for(bench, recording).injector.config.sampling != bench.injector.config.sampling:
-            raise UserError(
-                str(recording.path),
-                f"is sampled at {recording.sample_rate:g} Hz, {recordings[0].path} before it at "
-                f"{recordings[0].sample_rate:g} Hz; or their samples differ in what they mean",
-                "recordings of one history must be sampled alike",
-            )
-    fuel_temperature = bench.injector.parameters.fluid.reference_temperature  # a recording knows none
-    run = ObserverRun(bench, knowledge, learning, progress, learner_of, fuel_temperature, keeps_frames=True)
-    heard = []
-    for recording in recordings:
-        heard.append(_Heard(recording))
-        passages = run.take(HeldSignals(recording), heard[-1])
-        heard[-1].end(run, passages[0].first_index)
-    return _history(run, heard)
+    sources = (HeldSignals(each) if isinstance(each, Recording) else each for each in recordings)
+    evaluations = [Evaluation(source, keeps_trace=True) for source in sources]
+    begin = partial(ObserverRun, knowledge=knowledge, learning=learning, progress=progress)
+    run = _observed(bench, evaluations, partial(begin, learner_of=learner_of, keeps_frames=True))
+    return History(tuple(evaluations), run.core.knowledge, tuple(run.frames))
 
 
-def evaluate_logs(
+def evaluate_stream(
     bench: Bench,
-    logs: Sequence[LoggedRecording],
+    sources: Sequence[SignalStream],
+    traces: Sequence[Path] = (),
     knowledge: Knowledge | None = None,
     learning: bool = True,
     progress: Progress | None = None,
-) -> History:
-    """Evaluate the frames of CAN logs as they are, as the daemon would have on the bus; else as `evaluate`.
+    curves_of: Coefficients | None = None,
+    reads_ahead: bool = True,
+) -> tuple[list[Evaluation], Knowledge]:
+    """Evaluate files as one history, as `evaluate`, keeping no samples.
 
-    The sample index of every log must go on beyond that of the one before.
+    traces: files to be written, of each, or none; curves_of: as of `Evaluation`; reads_ahead: as of `ObserverRun`.
     """
-    run = ObserverRun(bench, knowledge, learning, progress, keeps_frames=True)
-    heard = []
-    for log in logs:
-        heard.append(_Heard(log.recording))
-        samples, rate = log.recording.samples, log.recording.sample_rate
-        run.take_frames(log.frames, [Passage(heard[-1], log.first_index, samples, rate)])
-        heard[-1].end(run, log.first_index)
-    return _history(run, heard)
+    evaluations = [Evaluation(source, curves_of) for source in sources]
+    with ExitStack() as stack:
+        learner_of: LearnerFactory = make_learner
+        if learning and reads_ahead:
+            wait = stack.enter_context(learning_compiled_beside(bench.injector))
+            learner_of = awaited(make_learner, wait)
+        for path, evaluation in zip(traces, evaluations, strict=False):
+            stack.enter_context(file_errors(path))
+            evaluation.write_to(stack.enter_context(open_trace(path)))
+        begin = partial(ObserverRun, knowledge=knowledge, learning=learning, progress=progress)
+        run = _observed(bench, evaluations, partial(begin, learner_of=learner_of, reads_ahead=reads_ahead))
+    return evaluations, run.core.knowledge
 
 
-class _Heard:
-    """What is heard of one recording."""
-
-    def __init__(self, recording: Recording) -> None:
-        self._recording = recording
-        self._traces: list[Trace] = []
-        self._reports: list[InjectionReport] = []
-        self._measured: list[MeasuredMass] = []
-
-    @property
-    def wants_states(self) -> bool:
-        """Of the trace."""
-        return True
-
-    def take_report(self, passage: Passage, report: InjectionReport) -> None:
-        self._reports.append(report)
-
-    def take_measured(self, measured: MeasuredMass) -> None:
-        self._measured.append(measured)
-
-    def take_passed(self, time: Signal, trace: Trace) -> None:
-        self._traces.append(joined([trace]))
-
-    def end(self, run: ObserverRun, first_index: int) -> None:
-        """All its frames were taken."""
-        self.first_index = first_index
-        self.counters, self.standstill = run.counters, run.standstill
-
-    def evaluation(self, before: Counters, has_energizing: bool) -> Evaluation:
-        """All that was heard; before: what was counted of the recordings before it."""
-        return Evaluation(
-            self._recording,
-            self.first_index,
-            joined(self._traces),
-            tuple(self._reports),
-            self.counters.since(before),
-            self.standstill,
-            tuple(self._measured),
-            has_energizing,
-        )
+def _observed(
+    bench: Bench, evaluations: Sequence[Evaluation], begin: Callable[..., ObserverRun]
+) -> ObserverRun:
+    """One observer that all sources went through."""
+    sources = [evaluation.source for evaluation in evaluations]
+    bench, fuel_temperature = bench_for_all(bench, sources), None
+    if not any(isinstance(source, LoggedSignals) for source in sources):
+        fuel_temperature = bench.injector.parameters.fluid.reference_temperature  # a recording knows none
+    run = begin(bench, fuel_temperature=fuel_temperature)
+    core, before = run.core, run.core.counters
+    for evaluation in evaluations:
+        evaluation.observe(run)
+        if evaluation is evaluations[-1]:
+            run.finish()
+        evaluation.counters, evaluation.standstill = core.counters.since(before), core.standstill
+        evaluation.has_energizing = core.energizing is not None
+        before = core.counters
+    for evaluation in evaluations:
+        evaluation.finish()
+    return run
 
 
-def _history(run: ObserverRun, heard: Sequence[_Heard]) -> History:
-    run.finish()
-    heard[-1].end(run, heard[-1].first_index)
-    before = [heard[0].counters.since(heard[0].counters), *(each.counters for each in heard)]
-    evaluations = (
-        each.evaluation(counters, run.has_energizing) for each, counters in zip(heard, before, strict=False)
-    )
-    return History(tuple(evaluations), run.knowledge, tuple(run.frames))
+def bench_for_all(bench: Bench, sources: Sequence[SignalStream]) -> Bench:
+    """The bench as `bench_for` has it for sources of one history. Raises `UserError` where they differ in it."""
+    benches = [bench_for(bench, source) for source in sources]
+    for source, own in zip(sources, benches, strict=True):
+        if own.injector.config.sampling != benches[0].injector.config.sampling:
+            raise UserError(
+                str(source.path),
+                f"is sampled at {source.sample_rate:g} Hz, {sources[0].path} before it at "
+                f"{sources[0].sample_rate:g} Hz; or their samples differ in what they mean",
+                "recordings of one history must be sampled alike",
+            )
+    return benches[0]
 
 
-def open_source(
-    path: Path,
-    bench: Bench | None,
-    from_channels: Sequence[str],
-    console: Console,
-    in_one_go: bool = False,
-) -> SignalStream:
-    """Look through a file; what is odd about it is said. from_channels: of a log, as `--from-channel` names them.
-
-    in_one_go: as of `open_recording`; `refuse_implausible` is then for whoever has read it.
-
-    Raises `UserError` for an unknown suffix, a file that will not do, signals that are no injector's, and a log
-    without a bench file.
-    """
-    if not is_log(path):
-        with progress_bar(console, f"looking through {path.name}", None):
-            source = open_recording(path, None if bench is None else bench.injector, in_one_go)
-    elif bench is None:
-        raise UserError(
-            "--bench", f"is missing: it says which signals the frames of {path} carry", "name a bench file"
-        )
-    else:
-        show_compiling(console)
-        with progress_bar(console, f"decoding {path.name}", 1.0) as progress:
-            source = LoggedSignals(bench, path, from_channels, progress)
-    if not in_one_go:
-        refuse_implausible(path, source.survey, source.names)
-    for note in source.notes:
-        say(console, note)
-    return source
-
-
-def without_truths(paths: Sequence[Path], console: Console) -> list[Path]:
-    """The files without the truths beside simulated recordings, which `*.csv` catches, too."""
-    kept = [path for path in paths if not path.name.endswith(TRUTH_SUFFIX)]
-    if kept and len(kept) < len(paths):
-        say(
-            console,
-            f"left out: {len(paths) - len(kept)} files {TRUTH_SUFFIX[1:]}, which are not for the observer",
-        )
-    return kept or list(paths)
-
-
-def in_runs(sources: Sequence[SignalStream]) -> list[Sequence[SignalStream]]:
-    """Sources of one history, apart where one observer could not go on: an observer is a run.
-
-    Recordings are sent by a device of our own, one after another. A log goes on from that before it where its first
-    sample index lies beyond the other's last, as in files a recorder began anew; else the device was restarted.
-    """
-    number = 0
-    numbers = [0] * len(sources[:1])
-    for before, after in pairwise(sources):
-        number += not _goes_on(before, after)
-        numbers.append(number)
-    numbered = groupby(zip(numbers, sources, strict=True), key=lambda pair: pair[0])
-    return [[source for _, source in pairs] for _, pairs in numbered]
-
-
-def _goes_on(before: SignalStream, after: SignalStream) -> bool:
-    if isinstance(before, LoggedSignals) and isinstance(after, LoggedSignals):
-        return after.logged[0].first_index > before.logged[-1].last_index
-    return not isinstance(before, LoggedSignals) and not isinstance(after, LoggedSignals)
+def _passages(log: LoggedSignals, evaluation: Evaluation) -> list[Passage]:
+    """Of a log, apart at long holes, which belong to what is before them; times go on over a restart."""
+    passages, offset = [], 0
+    for stretch in log.logged:
+        bounds = [stretch.first_index, *stretch.resumed, stretch.last_index + 1]
+        for first, end in pairwise(bounds):
+            passages.append(Passage(evaluation, first, end - first, log.rate, offset))
+            offset += end - first
+    return passages

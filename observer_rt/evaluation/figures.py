@@ -6,6 +6,7 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from observer_rt.estimation.scalars import NOZZLE, SEAT
 from observer_rt.evaluation.curves import InjectionResult, RateCurves
-from observer_rt.evaluation.streamed import StreamedEvaluation
+from observer_rt.evaluation.evaluate import Evaluation
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
 from observer_rt.observer.learning.indicators import Estimate
 
@@ -58,13 +59,13 @@ def draw_masses(axes: Axes, recordings: Sequence[Picture], reference: str) -> No
         axes.axhline(0, color=REFERENCE, lw=0.8)
     most = max((len(one.masses) for one in recordings), default=0)
     for i, one in enumerate(recordings):
-        series = _series(one.masses, against)
+        table = _table(one.masses, against)
         if len(recordings) == 1 and most <= ANNOTATED:
-            _draw_bars(axes, series)
+            _draw_bars(axes, table)
         else:
             colour = ESTIMATED if len(recordings) == 1 else RECORDINGS[i % len(RECORDINGS)]
             nominal = NOMINAL if len(recordings) == 1 else colour
-            _draw_points(axes, series, colour, nominal)
+            _draw_points(axes, table, colour, nominal)
     axes.set(xlabel="injection", ylabel=label)
     axes.margins(y=0.12)
     axes.xaxis.set_major_locator(MaxNLocator(ANNOTATED, integer=True, min_n_ticks=1))
@@ -76,56 +77,44 @@ def draw_masses(axes: Axes, recordings: Sequence[Picture], reference: str) -> No
         axes.set_title(f"{how}: observer not valid", loc="right", fontsize=9)
 
 
-@dataclass(frozen=True, eq=False)
-class _Series:
-    """What is drawn of the masses of n injections, in the printed unit: (n,), interval (2, n)."""
-
-    numbers: NDArray[np.float64]
-    estimated: NDArray[np.float64]
-    nominal: NDArray[np.float64]
-    interval: NDArray[np.float64]
-    valid: NDArray[np.bool_]
-
-
-def _series(masses: Sequence[MassRow], against: bool) -> _Series:
-    """against: as errors against the reference [%], else [mg]."""
-    estimated, nominal = (
-        np.array([getattr(row, name) for row in masses]) for name in ("estimated", "nominal")
+def _table(masses: Sequence[MassRow], against: bool) -> pd.DataFrame:
+    """Masses and their intervals, an injection a row; against: as errors of the reference [%], else [mg]."""
+    unknown = np.nan, np.nan
+    table = pd.DataFrame(
+        [(row.number, row.valid, row.estimated, row.nominal, *(row.ci95 or unknown)) for row in masses],
+        columns=["number", "valid", "estimated", "nominal", "low", "high"],
     )
-    interval = np.array([row.ci95 or (np.nan, np.nan) for row in masses]).reshape(-1, 2).T
-    numbers = np.array([row.number for row in masses], float)
-    valid = np.array([row.valid for row in masses], np.bool_)
-    truth = np.array([row.reference for row in masses], float)
+    table = table.astype(float).astype({"valid": bool})
+    shown = ["estimated", "nominal", "low", "high"]
+    if against:
+        truth = np.array([row.reference for row in masses], float)
+        table[shown] = PERCENT * (table[shown].div(truth, axis=0) - 1.0)
+    else:
+        table[shown] /= MILLIGRAM
+    return table
 
-    def shown(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        return PERCENT * (values / truth - 1.0) if against else values / MILLIGRAM
 
-    return _Series(numbers, shown(estimated), shown(nominal), shown(interval), valid)
-
-
-def _draw_bars(axes: Axes, series: _Series) -> None:
-    axes.bar(series.numbers - 0.2, series.nominal, 0.38, color=NOMINAL)
-    bars = axes.bar(series.numbers + 0.2, series.estimated, 0.38, color=ESTIMATED)
-    axes.vlines(series.numbers + 0.2, *series.interval, color=REFERENCE, lw=1.2)
-    tops = np.fmax(series.interval[1], series.estimated)
-    for bar, number, value, top, is_valid in zip(
-        bars, series.numbers, series.estimated, tops, series.valid, strict=True
-    ):
-        if not is_valid:
+def _draw_bars(axes: Axes, table: pd.DataFrame) -> None:
+    axes.bar(table.number - 0.2, table.nominal, 0.38, color=NOMINAL)
+    bars = axes.bar(table.number + 0.2, table.estimated, 0.38, color=ESTIMATED)
+    axes.vlines(table.number + 0.2, table.low, table.high, color=REFERENCE, lw=1.2)
+    for bar, row in zip(bars, table.itertuples(), strict=True):
+        if not row.valid:
             bar.set(alpha=0.35, hatch="//")
-        if np.isfinite(value):
-            place = number + 0.2, max(top, 0.0)
-            axes.annotate(f"{value:.2f}", place, (0, 2), textcoords="offset points", ha="center", fontsize=7)
+        if np.isfinite(row.estimated):
+            place = row.number + 0.2, max(np.fmax(row.high, row.estimated), 0.0)
+            text = f"{row.estimated:.2f}"
+            axes.annotate(text, place, (0, 2), textcoords="offset points", ha="center", fontsize=7)
 
 
-def _draw_points(axes: Axes, series: _Series, colour: str, nominal: str) -> None:
+def _draw_points(axes: Axes, table: pd.DataFrame, colour: str, nominal: str) -> None:
     """Points by themselves: from one injection to the next the operating point changes."""
-    size = float(np.clip(400.0 / max(1, series.numbers.size), 1.5, 5.0))
-    axes.vlines(series.numbers, *series.interval, color=colour, alpha=0.35, lw=0.6 * size)
-    axes.plot(series.numbers, series.nominal, "_", color=nominal, ms=2.0 * size)
-    axes.plot(series.numbers, series.estimated, ".", color=colour, ms=2.0 * size)
-    wrong = ~series.valid
-    axes.plot(series.numbers[wrong], series.estimated[wrong], "x", color="#666666", ms=1.4 * size)
+    size = float(np.clip(400.0 / max(1, len(table)), 1.5, 5.0))
+    axes.vlines(table.number, table.low, table.high, color=colour, alpha=0.35, lw=0.6 * size)
+    axes.plot(table.number, table.nominal, "_", color=nominal, ms=2.0 * size)
+    axes.plot(table.number, table.estimated, ".", color=colour, ms=2.0 * size)
+    wrong = table[~table.valid]
+    axes.plot(wrong.number, wrong.estimated, "x", color="#666666", ms=1.4 * size)
 
 
 def draw_wear(axes: Axes, recordings: Sequence[Picture]) -> None:
@@ -140,15 +129,10 @@ def draw_wear(axes: Axes, recordings: Sequence[Picture]) -> None:
             half = PERCENT * 1.96 * np.array([estimate.sigma or np.nan for estimate in known])
             colour = own if len(recordings) == 1 else RECORDINGS[i % len(RECORDINGS)]
             axes.fill_between(numbers, value - half, value + half, color=colour, alpha=0.18, lw=0)
-            axes.plot(
-                numbers,
-                value,
-                style,
-                color=colour,
-                lw=1.4,
-                marker="." if len(numbers) <= ANNOTATED else None,
-            )
-            shown += [value, *_late(value - half), *_late(value + half)]
+            marker = "." if len(numbers) <= ANNOTATED else None
+            axes.plot(numbers, value, style, color=colour, lw=1.4, marker=marker)
+            late = slice(half.size // 2, None)  # the first intervals are as wide as what is known beforehand
+            shown += [value, (value - half)[late], (value + half)[late]]
     values = np.concatenate(shown) if shown else np.zeros(0)
     values = values[np.isfinite(values)]
     if values.size:
@@ -164,11 +148,6 @@ def draw_wear(axes: Axes, recordings: Sequence[Picture]) -> None:
     )
     axes.set(xlabel="injection", ylabel="learned change,\n95 % interval [%]")
     axes.grid(alpha=0.3)
-
-
-def _late(values: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    """The second half, for the range shown: the first intervals are as wide as what is known beforehand."""
-    return [values[values.size // 2 :]]
 
 
 COLUMNS = 4  # of curves side by side
@@ -231,19 +210,16 @@ def _draw_injection(
 ) -> None:
     """One injection of every recording that has it: rates, and line pressure below."""
     there = [(i, one.curves[number]) for i, one in enumerate(recordings) if number in one.curves]
+    is_alone = len(recordings) == 1
     for i, curve in there:
-        if len(recordings) == 1:
-            _draw_rates(axes[0], curve, reference)
-        else:
-            _draw_rates_of_several(axes[0], curve, RECORDINGS[i % len(RECORDINGS)])
+        time, colour = curve.time / MILLISECOND, RECORDINGS[i % len(RECORDINGS)]
+        _draw_rates(axes[0], curve, reference, None if is_alone else colour)
         if len(axes) > 1 and curve.line is not None:
-            time, colour = curve.time / MILLISECOND, RECORDINGS[i % len(RECORDINGS)]
-            measured = REFERENCE if len(recordings) == 1 else colour
-            alpha = 0.55 if len(recordings) == 1 else 0.35
+            measured, alpha = (REFERENCE, 0.55) if is_alone else (colour, 0.35)
             pressures = [values / MEGAPASCAL for values in (curve.line.measured, curve.line.modelled)]
             axes[1].plot(time, pressures[0], color=measured, lw=2.2, alpha=alpha, label="measured")
             axes[1].plot(time, pressures[1], color=colour, lw=1.1, label="observer, from the opening on")
-    axes[0].set_title(there[0][1].title if len(recordings) == 1 else f"injection {number}")
+    axes[0].set_title(there[0][1].title if is_alone else f"injection {number}")
     for one in axes:
         one.grid(alpha=0.3)
     axes[-1].set_xlabel("time [ms]")
@@ -256,26 +232,22 @@ def _draw_injection(
             axes[1].set_ylabel("line pressure\n[MPa]")
 
 
-def _draw_rates(axes: Axes, curve: RateCurves, reference: str) -> None:
+def _draw_rates(axes: Axes, curve: RateCurves, reference: str, colour: str | None) -> None:
+    """colour: of one recording among several; None: it is the only one, its curves are told apart by colour."""
     time = curve.time / MILLISECOND
+    wide, alpha, thin = (2.4, 1.0, 1.4) if colour is None else (3.0, 0.3, 0.9)
     if curve.reference is not None:
-        axes.plot(time, curve.reference / MM3_PER_MS, color=REFERENCE, lw=2.4, label=reference)
-    if curve.sigma is not None:
+        known = curve.reference / MM3_PER_MS
+        axes.plot(time, known, color=colour or REFERENCE, lw=wide, alpha=alpha, label=reference)
+    if curve.sigma is not None and colour is None:
         low, high = ((curve.estimated + side * 1.96 * curve.sigma) / MM3_PER_MS for side in (-1, 1))
         axes.fill_between(time, low, high, color=ESTIMATED, alpha=0.2, lw=0, label="its 95 % interval")
-    axes.plot(time, curve.estimated / MM3_PER_MS, color=ESTIMATED, lw=1.4, label="observer")
-    axes.plot(time, curve.nominal / MM3_PER_MS, color=NOMINAL, ls="--", lw=1.4, label="nominal model")
+    axes.plot(time, curve.estimated / MM3_PER_MS, color=colour or ESTIMATED, lw=1.4, label="observer")
+    nominal = curve.nominal / MM3_PER_MS
+    axes.plot(time, nominal, color=colour or NOMINAL, ls="--", lw=thin, label="nominal model")
 
 
-def _draw_rates_of_several(axes: Axes, curve: RateCurves, colour: str) -> None:
-    time = curve.time / MILLISECOND
-    if curve.reference is not None:
-        axes.plot(time, curve.reference / MM3_PER_MS, color=colour, lw=3.0, alpha=0.3)
-    axes.plot(time, curve.estimated / MM3_PER_MS, color=colour, lw=1.4)
-    axes.plot(time, curve.nominal / MM3_PER_MS, color=colour, ls="--", lw=0.9)
-
-
-def picture_of(evaluation: StreamedEvaluation, numbers: Collection[int]) -> Picture:
+def picture_of(evaluation: Evaluation, numbers: Collection[int]) -> Picture:
     """Curves of the injections of these numbers, as far as the recording has them; masses and wear of all."""
     curves = {
         one.report.number: evaluation.curves[place]

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.alignment.timekeeping import MessageTiming
 from observer_rt.bus.links.link import AT_ONCE, BusFrame, Frame, block_of
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
@@ -16,11 +15,10 @@ from observer_rt.config.channels import as_sent
 from observer_rt.config.recording import Meaning
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effective import Coefficients
-from observer_rt.observer.stream.standstill import Standstill
 from observer_rt.observer.stream.state import RING
 from observer_rt.recording.canlog.can_log import NANOSECONDS
 from observer_rt.recording.channels import InputFrames, chosen_channels
-from observer_rt.recording.signals.recording import Chunk, Recording
+from observer_rt.recording.signals.recording import Chunk
 from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE, SignalStream, Stretch
 from observer_rt.service.compiled.constants import bench_constants
 from observer_rt.service.core.core import Core
@@ -54,49 +52,6 @@ class LoggedStretch:
         holes = np.diff(index, prepend=self.last_index) > RING
         resumed = (*self.resumed, *index[holes].tolist()) if holes.any() else self.resumed
         return LoggedStretch(self.first_index, int(index[-1]), resumed)
-
-
-@dataclass(frozen=True)
-class LoggedRecording:
-    """A log, decoded by a bench file, in memory.
-
-    recording: what the observer was given, NaN where no sample came; it begins with sample index `first_index`.
-    frames: the frames as they are in the log. notes: what the user should know of the log. counters, standstill,
-    timing: of the observer that was given it.
-    """
-
-    recording: Recording
-    first_index: int
-    frames: InputFrames
-    notes: tuple[str, ...]
-    counters: Counters
-    standstill: Standstill
-    timing: tuple[MessageTiming, ...]
-
-
-def read_logged(
-    bench: Bench,
-    path: Path,
-    from_channels: Sequence[str] = (),
-    progress: Callable[[float], None] = lambda _: None,
-) -> LoggedRecording:
-    """Decode a log into memory, as `LoggedSignals`. Raises `UserError` where the sample index begins anew, too."""
-    logged = LoggedSignals(bench, path, from_channels, progress)
-    if len(logged.logged) > 1:
-        raise UserError(
-            str(path),
-            f"the sample index begins anew after {logged.logged[0].last_index}: a device was restarted",
-            "split the log there",
-        )
-    return LoggedRecording(
-        logged.collected(),
-        logged.logged[0].first_index,
-        logged.frames,
-        logged.notes,
-        logged.counters,
-        logged.standstill,
-        logged.timing,
-    )
 
 
 class LoggedSignals(SignalStream):
@@ -140,7 +95,12 @@ class LoggedSignals(SignalStream):
         stretches: list[LoggedStretch] = []
         for rows in self._rows(core, stamps, watch):
             found += len(rows)
-            for index in _apart(rows["index"].astype(np.int64)):
+            indices = rows["index"].astype(np.int64)
+            for index in np.split(
+                indices, np.flatnonzero(np.diff(indices) <= 0) + 1
+            ):  # where they do not rise
+                if not index.size:
+                    continue
                 _refuse_hole(index, stretches, path)
                 if not stretches or index[0] <= stretches[-1].last_index:
                     stretches.append(LoggedStretch(int(index[0]), int(index[0])))
@@ -272,11 +232,6 @@ def _restarts(path: Path, stretches: Sequence[LoggedStretch]) -> Iterator[str]:
         yield f"{path}: a device was restarted, its sample index begins anew: split {shown}{more}"
 
 
-def _apart(index: NDArray[np.int64]) -> list[NDArray[np.int64]]:
-    """Indices apart where they do not rise."""
-    return [part for part in np.split(index, np.flatnonzero(np.diff(index) <= 0) + 1) if part.size]
-
-
 def _refuse_hole(index: NDArray[np.int64], stretches: Sequence[LoggedStretch], path: Path) -> None:
     last = stretches[-1].last_index if stretches else int(index[0])
     hole = int(np.diff(index, prepend=min(last, int(index[0]))).max())
@@ -293,17 +248,14 @@ class _Stamps:
     """
 
     def __init__(self) -> None:
-        self._frames = 0
-        self._begin = self._first = self._last = 0
+        self._frames = self._begin = self._first = self._last = 0
 
     def note(self, frame: Frame, gives_samples: bool) -> None:
         self._begin = self._begin or frame.stamp_ns
         self._last = frame.stamp_ns
-        if not gives_samples:
-            return
-        if not self._frames:
-            self._first = frame.stamp_ns
-        self._frames += 1
+        if gives_samples:
+            self._first = self._first or frame.stamp_ns
+            self._frames += 1
 
     @property
     def span(self) -> int:

@@ -20,7 +20,6 @@ from observer_rt.evaluation.passage import Hearer, Passage
 from observer_rt.evaluation.trace import Signal
 from observer_rt.observer.learning.knowledge import Knowledge, no_knowledge
 from observer_rt.observer.observer import make_observer, with_constants
-from observer_rt.observer.stream.standstill import Standstill
 from observer_rt.observer.stream.state import RING, Observer
 from observer_rt.recording.replay.recording_frames import Device
 from observer_rt.recording.signals.recording import Chunk
@@ -28,7 +27,7 @@ from observer_rt.recording.signals.stream import SignalStream
 from observer_rt.service.compiled.constants import bench_constants, configured_noise
 from observer_rt.service.core.core import Core
 from observer_rt.service.core.learners import LearnerFactory, make_learner
-from observer_rt.service.core.messages import Counters, OutputFrame
+from observer_rt.service.core.messages import OutputFrame
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import MeasuredMass, News
 
@@ -36,23 +35,16 @@ Thing = TypeVar("Thing")
 
 
 def ahead(things: Iterable[Thing]) -> Iterator[Thing]:
-    """The same in the same order; while one is used the next is made in a thread, where that lets others run.
+    """The same, none of them None, in the same order; while one is used the next is made in a thread beside.
 
     Raises what making one raises, when its turn has come.
     """
     waiting = iter(things)
     with ThreadPoolExecutor(1, "ahead") as beside:
-        coming = beside.submit(next, waiting, _END)
-        while not isinstance(thing := coming.result(), _End):
-            coming = beside.submit(next, waiting, _END)
+        coming = beside.submit(next, waiting, None)
+        while (thing := coming.result()) is not None:
+            coming = beside.submit(next, waiting, None)
             yield thing
-
-
-class _End:
-    """In the place of a thing, where there is none any more."""
-
-
-_END = _End()
 
 
 class NominalModel:
@@ -137,20 +129,23 @@ class ObserverRun:
         reads_ahead: bool = True,
     ) -> None:
         """keeps_frames: those that were sent; reads_ahead: recordings, in a thread beside."""
+        self.frames: list[OutputFrame] = []
+        """Sent, where they are kept."""
+        self._news: list[News] = []
         bus: BusMap = map_bus(bench)
         if not keeps_frames:
             bus = replace(bus, rate=None)
-        self._core = Core(
+        self.core = Core(
             bench.injector,
             bus,
             knowledge,
             learning=learning,
-            listeners=[self._hear],
+            listeners=[self._news.append],
             learner_of=learner_of,
             fuel_temperature=fuel_temperature,
             writes_summaries=keeps_frames,
         )
-        self._reading = _Reading(self._core)
+        self._reading = _Reading(self.core)
         self._nominal = NominalModel(bench.injector)
         self._device = Device(bus)
         self._progress = progress or (lambda _: None)
@@ -158,9 +153,6 @@ class ObserverRun:
         self._reads_ahead = reads_ahead
         self._passages: list[Passage] = []
         self._finished = 0  # passages
-        self._news: list[News] = []
-        self.frames: list[OutputFrame] = []
-        """Sent, where they are kept."""
 
     def take(self, stream: SignalStream, hearer: Hearer) -> list[Passage]:
         """Observe a recording as the frames of a measuring device; between stretches the sample index jumps."""
@@ -184,36 +176,16 @@ class ObserverRun:
         self._passages += passages
         self._observe(blocks_of(frames))
 
-    @property
-    def counters(self) -> Counters:
-        """What was counted so far."""
-        return self._core.counters
-
-    @property
-    def standstill(self) -> Standstill:
-        """Statistics of the closed needle so far."""
-        return self._core.standstill
-
-    @property
-    def knowledge(self) -> Knowledge:
-        """All that was learned so far."""
-        return self._core.knowledge
-
-    @property
-    def has_energizing(self) -> bool:
-        """Whether the bench has this input."""
-        return self._core.energizing is not None
-
     def finish(self) -> None:
         """No recording will come: judge every event."""
-        self._sent(self._core.finish())
+        self._sent(self.core.finish())
         self._read()
         for passage in self._passages[self._finished :]:
             passage.finish()
 
     def _observe(self, blocks: Iterable[FrameBlock]) -> None:
         for block in blocks:
-            self._sent(self._core.handle_many(block))
+            self._sent(self.core.handle_many(block))
             self._read()
             self._forget()
 
@@ -221,23 +193,20 @@ class ObserverRun:
         if self._keeps_frames:
             self.frames += frames
 
-    def _hear(self, news: News) -> None:
-        self._news.append(news)
-
     def _read(self) -> None:
         """Note what was processed since the last look, then what was said of injections."""
-        observer = self._core.compiled.observer
+        observer = self.core.compiled.observer
         for passage, position, index in self._reading.parts(self._passages):
             nominal = self._nominal.rates(observer, position, position + len(index))
             passage.note(observer, position, index, nominal)
-        news, self._news = self._news, []
-        for each in news:
+        for each in self._news:
             match each:
                 case InjectionReport():
                     self._passage_of(each).note_report(each)
                 case MeasuredMass(report):
                     self._passage_of(report).hearer.take_measured(each)
-        self._progress(self._core.processed)
+        self._news.clear()
+        self._progress(self.core.processed)
 
     def _passage_of(self, report: InjectionReport) -> Passage:
         begun = [passage for passage in self._passages if passage.begin is not None]
@@ -248,7 +217,7 @@ class ObserverRun:
 
     def _forget(self) -> None:
         """Hand over, in order, what no injection will need."""
-        processed = self._core.processed
+        processed = self.core.processed
         for number in range(self._finished, self._reading.passage + 1):
             passage = self._passages[number]
             if number == self._reading.passage or passage.end > processed - RING:

@@ -8,7 +8,7 @@ from observer_rt.config.channels import with_channels_of
 from observer_rt.config.signals import SignalsConfig
 from observer_rt.discovery.opinion import Indicator, Opinion
 from observer_rt.estimation.scalars import SCALARS
-from observer_rt.evaluation.streamed import evaluate_stream
+from observer_rt.evaluation.evaluate import evaluate_stream
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import InjectorParameters
@@ -32,7 +32,7 @@ def second_opinion(
     if signals is not None:
         bench = bench.with_sections(signals=with_channels_of(bench.injector.config.signals, signals))
     evaluations, _ = evaluate_stream(bench, [HeldSignals(recording) for recording in recordings])
-    reports = [injection.report for one in evaluations for injection in one.injections]
+    reports = [report for one in evaluations for report in one.reports]
     if not reports:
         return None
     reasons = Counter(

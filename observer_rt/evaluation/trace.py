@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,15 +31,6 @@ class Trace:
     x: Signal
     phi: Signal
     nominal_rate: Signal
-
-    @classmethod
-    def unavailable(cls, samples: int, state: State) -> Self:
-        """The observer in one state, nothing available."""
-        rate, sigma, nominal = np.full((3, samples), np.nan)
-        x, phi = np.full((2, samples, 3), np.nan)
-        return cls(
-            rate, sigma, np.zeros(samples, np.bool_), np.full(samples, state, np.int8), x, phi, nominal
-        )
 
 
 def joined(traces: Sequence[Trace]) -> Trace:

@@ -13,17 +13,17 @@ from numpy.typing import NDArray
 
 from observer_rt.estimation.phases import Phase
 from observer_rt.evidence.measurement import Measurement
-from observer_rt.fit.parts import Part, Weighed, parts_of, share_between_samples
+from observer_rt.fit.parts import Part, Weighed, parts_of, share_between_samples, thinned
 from observer_rt.fit.problem import interval
 from observer_rt.fit.residuals import Comparison, UnexplainedSignal, compared
 from observer_rt.fit.search import (
+    FINE_EVENTS,
+    ROUGH_EVENTS,
     ROUGH_ITERATIONS,
     FailedStructure,
     Fitted,
     explains,
-    fine,
     fitted,
-    rough,
     searched,
     settled,
 )
@@ -53,8 +53,7 @@ class Choice:
     @property
     def mass_spread(self) -> float:
         """By what share the mass differs, at most, between structures that do as well; 0 with one."""
-        mass = _mass(self.best)
-        return max(abs(_mass(one) / mass - 1.0) for one in self.as_good)
+        return max(abs(one.mass / self.best.mass - 1.0) for one in self.as_good)
 
 
 def judged_by(one: Fitted) -> UnexplainedSignal:
@@ -93,7 +92,7 @@ def _reason(best: Fitted, lowest: Fitted, candidates: Sequence[Fitted], as_good:
     worse = [one for one in candidates if one not in as_good]
     words = [
         f"{best.structure.name}: chi2 {where} {unseen.mean:.2f} in the mean of the phases, "
-        f"{unseen.chi2[unseen.worst]:.2f} at worst ({_phase(unseen.worst)})"
+        f"{unseen.chi2[unseen.worst]:.2f} at worst ({unseen.worst.name.lower()})"
     ]
     if lowest is not best:
         words.append(
@@ -107,17 +106,9 @@ def _reason(best: Fitted, lowest: Fitted, candidates: Sequence[Fitted], as_good:
         left = judged_by(second)
         phase = max(Phase, key=lambda p: np.nan_to_num(left.chi2[p] / max(unseen.chi2[p], 1.0)))
         words.append(
-            f"the next, {second.structure.name}, leaves {left.chi2[phase]:.3g} in phase {_phase(phase)}"
+            f"the next, {second.structure.name}, leaves {left.chi2[phase]:.3g} in phase {phase.name.lower()}"
         )
     return "; ".join(words)
-
-
-def _phase(phase: Phase) -> str:
-    return phase.name.lower()
-
-
-def _mass(one: Fitted) -> float:
-    return float(sum(part.masses.sum() for part in one.judged))
 
 
 GATE = 2.5  # chi2 of a phase, above which a model is not adequate
@@ -229,7 +220,8 @@ def calibrate(
     """
     level = level_of(found, weighed)
     parts = parts_of(found, weighed)
-    coarse, steps = rough(parts), len(structures) + 2
+    coarse = tuple(thinned(part, ROUGH_EVENTS) for part in parts)  # structures are compared on
+    steps = len(structures) + 2
     tried: list[Fitted | FailedStructure] = []
     for structure in structures:
         tried.append(_tried(structure, tried, file, level, coarse))
@@ -240,7 +232,7 @@ def calibrate(
             f"{one.structure.name}: {one.reason}" for one in tried if isinstance(one, FailedStructure)
         )
         raise RunError(f"no structure can be fitted to these recordings\n  {reasons}")
-    best, kept = settled(choice.best, file, fine(parts))
+    best, kept = settled(choice.best, file, [thinned(part, FINE_EVENTS) for part in parts])
     progress((len(structures) + 1) / steps)
     offsets = best.minimum.at.theta[len(best.calibration.free) :]
     comparison = compared(file, best.injector, offsets, best.calibration.parts)

@@ -1,6 +1,6 @@
 """The fitted injector file: the file given, its comments and layout kept, with the fitted numbers and [baseline]."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -10,6 +10,7 @@ import tomlkit
 from tomlkit.items import Float, Trivia
 
 from observer_rt.config.injector_file import InjectorFile, inline
+from observer_rt.estimation.phases import Phase
 from observer_rt.evidence.appearance import healthy_remainder
 from observer_rt.evidence.likelihood import evidence_of
 from observer_rt.evidence.measurement import rail_pressure_before
@@ -68,7 +69,11 @@ def _state_line(section: Any, before: LineParameters, after: LineParameters) -> 
 def baseline_of(done: Calibrated, hashes: dict[str, str]) -> Baseline:
     """What the file is to remember. hashes: SHA-256 of the recordings by name."""
     found, left = done.found, worst_parts(done.fitted.calibration, done.fitted.judged)
-    noise = [one.noise for one in found]
+    noise = {
+        "rail_pressure_MPa": [one.noise.rail_pressure / MEGAPASCAL for one in found],
+        "line_pressure_MPa": [one.noise.line_pressure / MEGAPASCAL for one in found],
+        "needle_lift_um": [one.noise.needle_lift / MICROMETRE for one in found],
+    }
     pressures = [
         rail_pressure_before(event, one.recording) / MEGAPASCAL for one in found for event in one.events
     ]
@@ -80,14 +85,10 @@ def baseline_of(done: Calibrated, hashes: dict[str, str]) -> Baseline:
         sample_rate_Hz=rounded(found[0].recording.sample_rate),
         injections=sum(len(part.measurement.events) for part in done.fitted.calibration.parts),
         rail_pressure_MPa=_rounded_pair((min(pressures), max(pressures))),
-        variance=PhaseFigures.of({phase.name: rounded(v) for phase, v in left.variance.items()}),
-        chi2=PhaseFigures.of({phase.name: rounded(v) for phase, v in left.chi2.items()}),
-        colour=PhaseFigures.of({phase.name: rounded(v) for phase, v in left.colour.items()}),
-        noise=NoiseFigures(
-            rail_pressure_MPa=_mean([one.rail_pressure / MEGAPASCAL for one in noise]),
-            line_pressure_MPa=_mean([one.line_pressure / MEGAPASCAL for one in noise]),
-            needle_lift_um=_mean([one.needle_lift / MICROMETRE for one in noise]),
-        ),
+        variance=_by_phase(left.variance),
+        chi2=_by_phase(left.chi2),
+        colour=_by_phase(left.colour),
+        noise=NoiseFigures(**{name: rounded(sum(of) / len(of)) for name, of in noise.items()}),
         ci95={
             one.name: _rounded_pair(interval(one.of(done.injector), float(sigma)))
             for one, sigma in zip(done.fitted.calibration.free, sigmas, strict=True)
@@ -97,6 +98,10 @@ def baseline_of(done: Calibrated, hashes: dict[str, str]) -> Baseline:
         origin=ORIGIN,
         date=date.today().isoformat(),
     )
+
+
+def _by_phase(figures: Mapping[Phase, float]) -> PhaseFigures:
+    return PhaseFigures.of({phase.name: rounded(value) for phase, value in figures.items()})
 
 
 def _remainder(done: Calibrated) -> HealthyRemainder:
@@ -115,7 +120,3 @@ def rounded(value: float) -> float:
 
 def _rounded_pair(pair: tuple[float, float]) -> tuple[float, float]:
     return rounded(pair[0]), rounded(pair[1])
-
-
-def _mean(values: Sequence[float]) -> float:
-    return rounded(sum(values) / len(values))

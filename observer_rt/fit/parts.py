@@ -69,7 +69,11 @@ def parts_of(found: Sequence[Measurement], weighed: Mapping[int, Weighed]) -> tu
 
     weighed: by the number of the recording.
     """
-    short = [_shortened(one) for one in found]
+    short = []
+    for one in found:
+        tail = round(RING_DOWN * one.recording.sample_rate)
+        events = tuple(replace(e, end=min(e.end, e.openings[-1].last + tail)) for e in one.events)
+        short.append(replace(one, events=events))
     if len(short) > 1 or len(short[0].events) == 1:
         groups = [(number, list(one.events)) for number, one in enumerate(short)]
     else:
@@ -112,12 +116,6 @@ def standstill_offset(part: Part) -> float:
     before = math.ceil(COUNTED_LEAD * recording.sample_rate)
     firsts = [event.openings[0].first for event in part.measurement.events]
     return float(np.mean([np.mean(difference[first - before : first]) for first in firsts]))
-
-
-def _shortened(one: Measurement) -> Measurement:
-    tail = round(RING_DOWN * one.recording.sample_rate)
-    events = tuple(replace(e, end=min(e.end, e.openings[-1].last + tail)) for e in one.events)
-    return replace(one, events=events)
 
 
 _RUN = 5  # equal samples at the edge of a range that are no chance

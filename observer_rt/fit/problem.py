@@ -43,10 +43,6 @@ class Calibration:
             [np.log(values_of(start, free)), [standstill_offset(part) / MEGAPASCAL for part in parts]]
         )
 
-    def part_alone(self, number: int) -> "OnePart":
-        """The problem of one of its parts, the offset that of the part."""
-        return OnePart(self, number)
-
     @property
     def trials(self) -> Sequence[Trial]:
         """Of the parts, in their order."""
@@ -82,7 +78,9 @@ class Calibration:
             if len(kept) >= _MOST_KEPT:
                 kept.pop(next(iter(kept)))
             model = self.model(theta, number)
-            kept[key] = self._trials[number].judge(model) if _is_stable(model) else None
+            # sound must cross less than a cell in a step
+            is_stable = model.coefficients.line.strain(STEP_OF_WAVES) < STABLE
+            kept[key] = self._trials[number].judge(model) if is_stable else None
         return kept[key]
 
     def judge_all(self, theta: NDArray[np.float64]) -> list[JudgedModel] | None:
@@ -107,7 +105,10 @@ class Calibration:
     def _groups(self, number: int, one: JudgedModel) -> list[tuple[NDArray[np.float64], float]]:
         part = self.parts[number]
         samples = max(1, round(AVERAGED / part.measurement.interval))
-        pressure = _averaged(one.z, samples)
+        blocks = one.z[: one.z.size - one.z.size % samples].reshape(
+            -1, samples
+        )  # what is left over is left out
+        pressure = np.asarray(blocks.sum(axis=1) / math.sqrt(samples), np.float64)
         return [(pressure, one.log_sigma), (one.rate_z, 0.0), (part.mass_residuals(one.masses), 0.0)]
 
     def residuals_of(self, theta: NDArray[np.float64], number: int) -> Residuals | None:
@@ -116,27 +117,16 @@ class Calibration:
         return None if judged is None else _joined(self._groups(number, judged))
 
 
-def _averaged(z: NDArray[np.float64], samples: int) -> NDArray[np.float64]:
-    """Means of so many residuals at a time, normalised again; what is left over at the end is left out."""
-    blocks = z[: z.size - z.size % samples].reshape(-1, samples)
-    return np.asarray(blocks.sum(axis=1) / math.sqrt(samples), np.float64)
-
-
-def _is_stable(model: EffectiveModel) -> bool:
-    """Whether a line in which pressure travels can be stepped: sound crosses less than a cell."""
-    line = model.coefficients.line
-    return bool(line.strain(STEP_OF_WAVES) < STABLE)
-
-
+@dataclass(frozen=True)
 class OnePart:
     """A `bounded_fit.Problem`: what one part says of theta."""
 
-    def __init__(self, whole: Calibration, number: int) -> None:
-        self._whole, self._number = whole, number
+    whole: Calibration
+    number: int
 
     def residuals(self, theta: NDArray[np.float64]) -> Residuals | None:
         """Of this part."""
-        return self._whole.residuals_of(theta, self._number)
+        return self.whole.residuals_of(theta, self.number)
 
 
 def _joined(groups: Sequence[tuple[NDArray[np.float64], float]]) -> Residuals:

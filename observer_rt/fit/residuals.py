@@ -1,8 +1,8 @@
 """What the file's model and the fitted one leave unexplained, by signal and phase, and on parts left out."""
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from observer_rt.evidence.likelihood import Evidence, JudgedModel, Pool, Signal,
 from observer_rt.evidence.open_loop import Simulated, mass, measured_mass, simulated
 from observer_rt.evidence.reading import is_chosen
 from observer_rt.fit.parts import Part
-from observer_rt.fit.problem import Calibration
+from observer_rt.fit.problem import Calibration, OnePart
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.parameters import InjectorParameters
@@ -47,13 +47,13 @@ def unexplained(statistics: PhaseStatistics) -> UnexplainedSignal:
     seen = [phase for phase in Phase if statistics.samples[phase] > 0]
     nothing = dict.fromkeys(Phase, math.nan)
     return UnexplainedSignal(
-        nothing | {phase: _chi2_of_blocks(statistics, phase) for phase in seen},
+        nothing | {phase: _chi2(statistics, phase) for phase in seen},
         nothing | {phase: statistics.variance(phase) for phase in seen},
         nothing | {phase: statistics.colour(phase) for phase in seen},
     )
 
 
-def _chi2_of_blocks(statistics: PhaseStatistics, phase: Phase) -> float:
+def _chi2(statistics: PhaseStatistics, phase: Phase) -> float:
     blocks = statistics.blocks[phase, 0]
     return float(statistics.block_squares[phase, 0] / blocks) if blocks else statistics.variance(phase)
 
@@ -82,9 +82,7 @@ def worst_parts(calibration: Calibration, judged: Sequence[JudgedModel]) -> Unex
         return {phase: float(np.fmax.reduce([one[phase] for one in figures])) for phase in Phase}
 
     return UnexplainedSignal(
-        largest([one.chi2 for one in of_parts]),
-        largest([one.variance for one in of_parts]),
-        largest([one.colour for one in of_parts]),
+        *(largest([getattr(one, each.name) for one in of_parts]) for each in fields(UnexplainedSignal))
     )
 
 
@@ -124,7 +122,7 @@ def _without(calibration: Calibration, at: Quadratic, number: int) -> NDArray[np
     """theta by all parts but one, its own offset as it is."""
     own = calibration.residuals_of(at.theta, number)
     assert own is not None  # it is part of the minimum
-    part = linearise(calibration.part_alone(number), at.theta, own, calibration.ranges)
+    part = linearise(OnePart(calibration, number), at.theta, own, calibration.ranges)
     kept = np.flatnonzero(np.arange(at.theta.size) != len(calibration.free) + number)
     information = (at.information - part.information)[np.ix_(kept, kept)]
     theta = at.theta.copy()
@@ -190,10 +188,30 @@ class Comparison:
 class _ModelOnParts:
     """A model on all parts."""
 
+    parts: Sequence[Part]
     pool: Pool
     judged: Sequence[JudgedModel]
     models: Sequence[EffectiveModel]
     simulated: Sequence[Sequence[Simulated]]
+
+    def chi2(self, signal: Signal, phase: Phase) -> float:
+        return unexplained(self.pool[signal]).chi2[phase]
+
+    def rms(self, signal: Signal, phase: Phase) -> float:
+        """In the signal's unit: normalised mean square times the standard deviation it was normalised by."""
+        sigma = math.sqrt(self.pool[signal].variance(phase))
+        if signal is Signal.INJECTION_RATE:
+            return sigma * float(np.mean([part.measurement.rate_noise for part in self.parts]))
+        scale = self.models[0].coefficients.pressure_scale
+        return sigma * scale * float(np.mean([math.exp(one.log_sigma) for one in self.judged]))
+
+    def open_loop(self) -> float:
+        errors = [
+            one.line_pressure - part.measurement.recording.line_pressure[one.samples]
+            for part, runs in zip(self.parts, self.simulated, strict=True)
+            for one in runs
+        ]
+        return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
 
 
 def compared(
@@ -207,21 +225,22 @@ def compared(
         before = _seen(file, offsets, parts)
     except UserError:
         before = None  # too few samples for its sac: nothing to compare with
+
+    def both(figure: Callable[..., float], *of: Signal | Phase) -> tuple[float, float]:
+        return math.nan if before is None else figure(before, *of), figure(after, *of)
+
     return Comparison(
         [
             Residual(
-                signal,
-                phase,
-                (_rms(before, parts, signal, phase), _rms(after, parts, signal, phase)),
-                (_chi2(before, signal, phase), _chi2(after, signal, phase)),
+                signal, phase, both(_ModelOnParts.rms, signal, phase), both(_ModelOnParts.chi2, signal, phase)
             )
             for signal, statistics in after.pool.items()
             for phase in Phase
             if statistics.samples[phase] > 0
         ],
         unexplained(after.pool[Signal.LINE_PRESSURE]),
-        (_open_loop(before, parts), _open_loop(after, parts)),
-        _masses(before, after, parts),
+        both(_ModelOnParts.open_loop),
+        _masses(before, after),
         [
             PartOverlay(part, () if before is None else before.simulated[i], after.simulated[i])
             for i, part in enumerate(parts)
@@ -238,43 +257,16 @@ def _seen(
         return None
     models = [calibration.model(offsets, number) for number in range(len(parts))]
     runs = [simulated(part.measurement, model) for part, model in zip(parts, models, strict=True)]
-    return _ModelOnParts(pool_of(Evidence(calibration.trials), judged), judged, models, runs)
+    return _ModelOnParts(parts, pool_of(Evidence(calibration.trials), judged), judged, models, runs)
 
 
-def _chi2(seen: _ModelOnParts | None, signal: Signal, phase: Phase) -> float:
-    return math.nan if seen is None else unexplained(seen.pool[signal]).chi2[phase]
-
-
-def _rms(seen: _ModelOnParts | None, parts: Sequence[Part], signal: Signal, phase: Phase) -> float:
-    """In the signal's unit: normalised mean square times the standard deviation it was normalised by."""
-    if seen is None:
-        return math.nan
-    variance = seen.pool[signal].variance(phase)
-    if signal is Signal.INJECTION_RATE:
-        return math.sqrt(variance) * float(np.mean([part.measurement.rate_noise for part in parts]))
-    scale = seen.models[0].coefficients.pressure_scale
-    return math.sqrt(variance) * scale * float(np.mean([math.exp(one.log_sigma) for one in seen.judged]))
-
-
-def _open_loop(seen: _ModelOnParts | None, parts: Sequence[Part]) -> float:
-    if seen is None:
-        return math.nan
-    errors = [
-        one.line_pressure - part.measurement.recording.line_pressure[one.samples]
-        for part, runs in zip(parts, seen.simulated, strict=True)
-        for one in runs
-    ]
-    return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
-
-
-def _masses(before: _ModelOnParts | None, after: _ModelOnParts, parts: Sequence[Part]) -> list[InjectedMass]:
+def _masses(before: _ModelOnParts | None, after: _ModelOnParts) -> list[InjectedMass]:
     result = []
-    for number, part in enumerate(parts):
-        measurement = part.measurement
+    for number, part in enumerate(after.parts):
+        measurement, density = part.measurement, after.models[number].coefficients.density
+        single = {} if part.weighed is None else part.weighed.single
         for i, one in enumerate(after.simulated[number]):
             first = one.event.openings[0].first
-            single = {} if part.weighed is None else part.weighed.single
-            density = after.models[number].coefficients.density
             weighed = single[first][0] if first in single else measured_mass(measurement, one, density)
             result.append(
                 InjectedMass(

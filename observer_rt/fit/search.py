@@ -54,6 +54,11 @@ class Fitted:
         return self.calibration.injector(self.minimum.at.theta)
 
     @property
+    def mass(self) -> float:
+        """Of all injections [kg]."""
+        return float(sum(part.masses.sum() for part in self.judged))
+
+    @property
     def certainty(self) -> Certainty:
         """What is told of the parameters; residuals that are more than noise tell less."""
         return certainty(self.calibration, self.minimum.at, max(1.0, self.left.mean))
@@ -111,16 +116,6 @@ def _fit(
     return calibration, fit(calibration, calibration.centre, calibration.ranges, iterations)
 
 
-def rough(parts: Sequence[Part]) -> tuple[Part, ...]:
-    """The parts structures are compared on."""
-    return tuple(thinned(part, ROUGH_EVENTS) for part in parts)
-
-
-def fine(parts: Sequence[Part]) -> tuple[Part, ...]:
-    """The parts the chosen structure is fitted to."""
-    return tuple(thinned(part, FINE_EVENTS) for part in parts)
-
-
 def settled(
     best: Fitted, start: InjectorParameters, parts: Sequence[Part]
 ) -> tuple[Fitted, tuple[FreeParameter, ...]]:
@@ -133,7 +128,7 @@ def settled(
     free = list(best.calibration.free)
     now = best
     while True:
-        numbers = _numbers_of(now.injector, best.structure.of(start), left_out)
+        numbers = with_values(now.injector, left_out, values_of(best.structure.of(start), left_out))
         again = fitted(best.structure, numbers, free, parts, FINE_ITERATIONS)
         if isinstance(again, FailedStructure):
             return now, tuple(left_out)
@@ -143,13 +138,6 @@ def settled(
             return now, tuple(left_out)
         left_out.append(untold)
         free.remove(untold)
-
-
-def _numbers_of(
-    injector: InjectorParameters, file: InjectorParameters, left_out: Sequence[FreeParameter]
-) -> InjectorParameters:
-    """An injector with the file's values of the parameters that are left to it."""
-    return with_values(injector, left_out, values_of(file, left_out))
 
 
 STIFFNESSES = np.exp(np.linspace(-0.7, 0.7, 29))  # of what is known: within a factor of two, 5 % apart
@@ -204,12 +192,11 @@ def _best(
     free: Sequence[FreeParameter],
     parts: Sequence[Part],
 ) -> InjectorParameters:
-    """Of several; by one event of each operating point, nothing fitted."""
-    return min(starts, key=lambda start: _statistic(structure.of(start), free, parts))
+    """Of several that with the least -2 log L, nothing fitted."""
 
+    def statistic(start: InjectorParameters) -> float:
+        calibration = Calibration(structure.of(start), free, parts)
+        residuals = calibration.residuals(calibration.centre)
+        return math.inf if residuals is None or math.isnan(residuals.statistic) else residuals.statistic
 
-def _statistic(injector: InjectorParameters, free: Sequence[FreeParameter], parts: Sequence[Part]) -> float:
-    """-2 log L at an injector; inf where the model has no solution."""
-    calibration = Calibration(injector, free, parts)
-    residuals = calibration.residuals(calibration.centre)
-    return math.inf if residuals is None or math.isnan(residuals.statistic) else residuals.statistic
+    return min(starts, key=statistic)

@@ -68,33 +68,32 @@ def _outcomes(work: Work, task: Task, paths: Sequence[Path], dataset: Dataset) -
     remaining = iter(paths)
     begun: set[str] = set()
     compiled = is_complete(_COMPILED) or not work.cluster.local
-    while not work.stop.is_set():
+
+    def begin_more() -> None:
         room = (_WAITING * jobs.places if compiled else 1) - len(jobs)
         for path in islice(remaining, max(0, room)):
             jobs.begin((path, ""), hashed, task.folder / path)
-        if not jobs:
-            return
-        for (path, sha256), result in jobs.ended():
-            if isinstance(result, str) and (dataset.is_done(result) or result in begun):
-                yield path, result, None
-            elif isinstance(result, str):
-                begun.add(result)
-                jobs.begin((path, result), evaluated, task, path, result)
-            elif isinstance(result, Broken):
-                yield path, sha256, FailedFile(path, sha256, f"{path}: {result}")
-            else:
-                if not compiled and isinstance(result, pa.Table) and result.num_rows:
-                    note_complete(_COMPILED)
-                    compiled = True
-                yield path, sha256, result
-    jobs.cancel()
+
+    for (path, sha256), result in jobs.outcomes(work.stop, begin_more):
+        if isinstance(result, str) and (dataset.is_done(result) or result in begun):
+            yield path, result, None
+        elif isinstance(result, str):
+            begun.add(result)
+            jobs.begin((path, result), evaluated, task, path, result)
+        elif isinstance(result, Broken):
+            yield path, sha256, FailedFile(path, sha256, f"{path}: {result}")
+        else:
+            if not compiled and isinstance(result, pa.Table) and result.num_rows:
+                note_complete(_COMPILED)
+                compiled = True
+            yield path, sha256, result
 
 
 def _take(
     dataset: Dataset, counts: Evaluated, path: Path, sha256: str, rows: pa.Table | FailedFile | None
 ) -> None:
     if isinstance(rows, FailedFile):
-        dataset.take_failure(rows)
+        dataset.take_failures([rows])
         counts.failed += 1
         return
     if rows is None:
@@ -146,5 +145,4 @@ def tell(
         text += f"; {counts.failed} could not be evaluated, see {dataset.folder / 'errors.parquet'}"
     say(results(), f"{text}; {dataset.folder}")
     if found is not None:
-        results().print(found.table())
-        say(results(), f"{found.words}; {dataset.folder}/{found.reports}")
+        found.show(dataset.folder)

@@ -73,8 +73,16 @@ class Jobs(Generic[_Name]):
         for future in ready:
             yield self._running.pop(future), _result(future)
 
-    def cancel(self) -> None:
-        """Give up what is not over."""
+    def outcomes(self, stop: threading.Event, begin_more: Callable[[], None]) -> Iterator[tuple[_Name, Any]]:
+        """What comes of all jobs, as it becomes known; begin_more begins as many as keep the workers busy.
+
+        Gives up what is not over when the user wants no more.
+        """
+        while not stop.is_set():
+            begin_more()
+            if not self._running:
+                return
+            yield from self.ended()
         self._client.cancel(list(self._running))
 
 

@@ -8,7 +8,7 @@ batch.json                                by which model and how: another one ne
 """
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, Self
 from urllib.parse import quote
@@ -59,18 +59,23 @@ class Dataset:
         """Rows of one file; first they are written, then it is noted as done."""
         with file_errors(self.folder):
             for name in pc.unique(rows[_PARTITION]).to_pylist():
-                self._write(sha256, name, rows.filter(pc.equal(rows[_PARTITION], name)))
+                place = self.folder / INJECTIONS / f"{_PARTITION}={quote(name, safe='')}"
+                place.mkdir(exist_ok=True)
+                its = rows.filter(pc.equal(rows[_PARTITION], name)).drop_columns([_PARTITION])
+                write_table(place / f"{sha256}.parquet", its)
             with (self.folder / _DONE).open("a", encoding="utf-8") as done:
                 line = {"sha256": sha256, "file": str(path), "injections": rows.num_rows}
                 done.write(json.dumps(line) + "\n")
         self._done.add(sha256)
         self.injections += rows.num_rows
 
-    def take_failure(self, failed: FailedFile) -> None:
-        """A file without rows, or one that discovery could not take."""
-        self._failed.append(failed)
+    def take_failures(self, failed: Sequence[FailedFile]) -> None:
+        """Files without rows, or that discovery could not take."""
+        if not failed:
+            return
+        self._failed += failed
         with file_errors(self.folder), (self.folder / _ERRORS_SO_FAR).open("a", encoding="utf-8") as errors:
-            errors.write(json.dumps(_row(failed)) + "\n")
+            errors.writelines(json.dumps(_row(each)) + "\n" for each in failed)
 
     def __enter__(self) -> Self:
         with file_errors(self.folder):
@@ -83,11 +88,6 @@ class Dataset:
             table = pa.Table.from_pylist([_row(each) for each in self._failed], _FAILED)
             write_table(self.folder / _ERRORS, table)
             (self.folder / _ERRORS_SO_FAR).unlink()
-
-    def _write(self, sha256: str, injector: str, rows: pa.Table) -> None:
-        place = self.folder / INJECTIONS / f"{_PARTITION}={quote(injector, safe='')}"
-        place.mkdir(exist_ok=True)
-        write_table(place / f"{sha256}.parquet", rows.drop_columns([_PARTITION]))
 
     def _read_done(self) -> set[str]:
         path = self.folder / _DONE
@@ -121,12 +121,8 @@ def write_table(path: Path, table: pa.Table) -> None:
 
 
 def _row(failed: FailedFile) -> dict[str, str | None]:
-    return {
-        "file": None if failed.path is None else str(failed.path),
-        "sha256": failed.sha256,
-        "injector": failed.injector or None,
-        "problem": failed.problem,
-    }
+    said = {**vars(failed), "file": failed.file and str(failed.file), "injector": failed.injector or None}
+    return {name: said[name] for name in _FAILED.names}
 
 
 def read_injections(folder: Path, columns: Iterable[str] = SCHEMA.names) -> pa.Table:

@@ -9,7 +9,7 @@ Discovery over the recordings of one injector: what a worker does, knowing nothi
 
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -24,8 +24,8 @@ from observer_rt.config.own_effects import OwnEffects
 from observer_rt.discovery.answer import Question, answer, refuse_incomparable
 from observer_rt.discovery.folder import AMENDED, REPORT, fits_in, make_folder, write_answer
 from observer_rt.discovery.runs import DiscoveryRun, Document, size_text
-from observer_rt.evaluation.evaluate import open_source
 from observer_rt.evaluation.second_opinion import second_opinion
+from observer_rt.evaluation.sources import open_source
 from observer_rt.evidence.excerpts import MOST_SAMPLES
 from observer_rt.evidence.measurement import Measurement
 from observer_rt.evidence.reading import hashes, read_measured, refuse_rates_missing, refuse_sample_rates
@@ -64,73 +64,55 @@ class Ended:
 
 def discovered(inquiry: Inquiry, group: Group) -> Ended:
     """Write the answer on a group into its folder."""
-    discovery = _Discovery(inquiry, group)
+    left_out: list[FailedFile] = []
     problem = ""
     try:
         inquiry.effects.use()
-        discovery.write()
+        _look(inquiry, group, left_out)
     except ObserverError as error:
         problem = str(error)
     except MemoryError:
         problem = NO_MEMORY
-    return Ended(tuple(discovery.left_out), problem)
+    return Ended(tuple(left_out), problem)
 
 
-class _Discovery:
-    """left_out: recordings that could not be taken."""
+def _look(inquiry: Inquiry, group: Group, left_out: list[FailedFile]) -> None:
+    """left_out: of recordings that cannot be taken. Raises `UserError` where there is no other."""
+    begin, quiet = time.monotonic(), Console(quiet=True)
+    injector = group.kind.alone.injector
+    stated = effects_on_one_raster(injector)
+    open_one = partial(open_source, bench=group.kind.alone, from_channels=(), console=quiet)
 
-    def __init__(self, inquiry: Inquiry, group: Group) -> None:
-        self._inquiry = inquiry
-        self._group = group
-        injector = group.kind.alone.injector
-        self._parameters = injector.parameters
-        self._stated = effects_on_one_raster(injector)
-        self._signals = injector.config.signals
-        self.left_out: list[FailedFile] = []
+    def read(paths: Sequence[Path], most: int = MOST_SAMPLES) -> tuple[Measurement, ...]:
+        return read_measured(paths, open_one, quiet, min(most, MOST_SAMPLES), stated) if paths else ()
 
-    def write(self) -> None:
-        begin = time.monotonic()
-        inquiry, group = self._inquiry, self._group
-        paths, measured = self._measured()
-        healthy = self._read(inquiry.healthy)
-        refuse_sample_rates([one.recording for one in (*measured, *healthy)])
-        question = Question(self._parameters, measured, healthy, hashes(paths))
-        refuse_incomparable(question, group.kind.file.name)
-        folder = inquiry.out / group.folder
-        make_folder(folder)
-        ask = partial(second_opinion, signals=self._signals)
-        with fits_in(folder, question, self._stated) as store:
-            found = answer(question, store, ask, lambda _: None, AMENDED, inquiry.threads)
-        found = replace(found, seconds=time.monotonic() - begin)
-        write_answer(folder, question, found, group.kind.file, inquiry.healthy)
-
-    def _measured(self) -> tuple[list[Path], tuple[Measurement, ...]]:
-        """Recordings that can be judged with the latest one. Raises `UserError` where there is none."""
-        paths: list[Path] = []
-        measured: list[Measurement] = []
-        for name, sha256 in self._group.files:
-            path = self._inquiry.folder / name
-            try:
-                (one,) = self._read([path], SAMPLES // len(self._group.files))
-                with_first = [each.recording for each in (*measured[:1], one)]
-                refuse_sample_rates(with_first)
-                refuse_rates_missing(with_first)
-            except ObserverError as error:
-                self.left_out.append(FailedFile(name, sha256, str(error), self._group.injector))
-            else:
-                paths.append(path)
-                measured.append(one)
-        if not measured:
-            raise UserError(
-                f"{len(self.left_out)} recordings",
-                f"none can be taken, the latest because {self.left_out[0].problem}",
-            )
-        return paths, tuple(measured)
-
-    def _read(self, paths: Sequence[Path], most: int = MOST_SAMPLES) -> tuple[Measurement, ...]:
-        quiet = Console(quiet=True)
-        read = partial(open_source, bench=self._group.kind.alone, from_channels=(), console=quiet)
-        return read_measured(paths, read, quiet, min(most, MOST_SAMPLES), self._stated) if paths else ()
+    taken: dict[Path, Measurement] = {}  # what can be judged with the latest one
+    for name, sha256 in group.files:
+        path = inquiry.folder / name
+        try:
+            (one,) = read([path], SAMPLES // len(group.files))
+            with_first = [each.recording for each in (*list(taken.values())[:1], one)]
+            refuse_sample_rates(with_first)
+            refuse_rates_missing(with_first)
+        except ObserverError as error:
+            left_out.append(FailedFile(name, sha256, str(error), group.injector))
+        else:
+            taken[path] = one
+    if not taken:
+        raise UserError(
+            f"{len(left_out)} recordings", f"none can be taken, the latest because {left_out[0].problem}"
+        )
+    measured, healthy = tuple(taken.values()), read(inquiry.healthy)
+    refuse_sample_rates([one.recording for one in (*measured, *healthy)])
+    question = Question(injector.parameters, measured, healthy, hashes(list(taken)))
+    refuse_incomparable(question, group.kind.file.name)
+    folder = inquiry.out / group.folder
+    make_folder(folder)
+    ask = partial(second_opinion, signals=injector.config.signals)
+    with fits_in(folder, question, stated) as store:
+        found = answer(question, store, ask, lambda _: None, AMENDED, inquiry.threads)
+    found = replace(found, seconds=time.monotonic() - begin)
+    write_answer(folder, question, found, group.kind.file, inquiry.healthy)
 
 
 FOLDER, TABLE = "discovered", "discovered.parquet"
@@ -164,13 +146,6 @@ SCHEMA = pa.schema(
 first effect, `_low`, `_high` its 95 % interval; sizes: of all, in words. report, amended: files below the folder."""
 
 
-class _LeftOut(BaseModel):
-    model_config = ConfigDict(frozen=True)
-    file: str
-    sha256: str
-    problem: str
-
-
 class _Note(BaseModel):
     """Kept of a group beside its answer; key: of the group; problem: why there is no answer, if there is none."""
 
@@ -178,7 +153,7 @@ class _Note(BaseModel):
     injector: str
     key: str
     recordings: int
-    left_out: tuple[_LeftOut, ...] = ()
+    left_out: tuple[FailedFile, ...] = ()
     problem: str = ""
 
 
@@ -197,39 +172,31 @@ class Answers:
         note = _read(self.place / group.folder)
         if note is None or note.problem or note.key != key:
             return None
-        return tuple(
-            FailedFile(Path(one.file), one.sha256, one.problem, group.injector) for one in note.left_out
-        )
+        return tuple(replace(one, injector=group.injector) for one in note.left_out)
 
     def take(self, group: Group, key: str, ended: Ended) -> None:
         """The answer is written, or there is none."""
-        lines = [
-            _LeftOut(file=str(one.path), sha256=one.sha256, problem=one.problem) for one in ended.left_out
-        ]
         note = _Note(
             injector=group.injector,
             key=key,
             recordings=group.recordings,
-            left_out=tuple(lines),
+            left_out=ended.left_out,
             problem=ended.problem,
         )
         place = self.place / group.folder
         with file_errors(place):
             place.mkdir(exist_ok=True)
             with replacing(place / _GROUP) as part:
-                part.write_text(note.model_dump_json(indent=2), encoding="utf-8")
+                text = note.model_dump_json(indent=2, exclude={"left_out": {"__all__": {"injector"}}})
+                part.write_text(text, encoding="utf-8")
 
     def table(self) -> pa.Table:
         """All there are, written as a table: a row an injector, the most affected first."""
-        rows = sorted(self._rows(), key=_affected, reverse=True)
-        table = pa.Table.from_pylist(rows, SCHEMA)
+        notes = {place: _read(place) for place in sorted(self.place.iterdir())}
+        rows = [self._row(place, note) for place, note in notes.items() if note is not None]
+        table = pa.Table.from_pylist(sorted(rows, key=_affected, reverse=True), SCHEMA)
         write_table(self._folder / TABLE, table)
         return table
-
-    def _rows(self) -> Iterator[dict[str, Any]]:
-        for place in sorted(self.place.iterdir()):
-            if (note := _read(place)) is not None:
-                yield self._row(place, note)
 
     def _row(self, place: Path, note: _Note) -> dict[str, Any]:
         row: dict[str, Any] = {

@@ -19,7 +19,7 @@ from observer_rt.fleet.discovered import FOLDER, SCHEMA, Answers, Ended, Inquiry
 from observer_rt.fleet.groups import NEEDED, Group, ModelGroup, groups_of, kinds_of
 from observer_rt.fleet.job import FailedFile
 from observer_rt.foundation.files import file_errors, file_hash
-from observer_rt.terminal.console import progress_bar
+from observer_rt.terminal.console import progress_bar, results, say
 
 _WAITING = 2  # groups at a worker, so that it need not wait for the next
 _HEADINGS = ("injector", "verdict", "what is missing", "line pressure off [MPa]", "recordings", "but")
@@ -59,13 +59,14 @@ class Discovering:
                 waiting.append(group)
             else:
                 found.skipped += 1
-                _note(dataset, left_out)
+                dataset.take_failures(left_out)
         with progress_bar(work.console, "looking for what is missing", len(waiting)) as progress:
             for group, ended in _outcomes(work, self, answers.place, waiting):
                 answers.take(group, keys[group.injector], ended)
-                _note(dataset, ended.left_out)
+                dataset.take_failures(ended.left_out)
                 if ended.problem:
-                    _note(dataset, [_failed(group, ended)])
+                    said = f"injector {group.injector}: {ended.problem}"
+                    dataset.take_failures([FailedFile(None, "", said, group.injector)])
                 found.failed += bool(ended.problem)
                 found.done += not ended.problem
                 progress(found.done + found.failed)
@@ -88,24 +89,15 @@ class FoundAnswers:
         counts = {"done": self.done, "skipped": self.skipped, "failed": self.failed}
         return {**counts, "injectors": self.answers.to_pylist()}
 
-    def table(self) -> Table:
-        """For the screen."""
-        return answer_table(self.answers)
-
-    @property
-    def reports(self) -> str:
-        """Where they are in the folder of the batch."""
-        return f"{FOLDER}/INJECTOR/{REPORT}"
-
-    @property
-    def words(self) -> str:
-        """In a line."""
+    def show(self, folder: Path) -> None:
+        """On the screen; folder: of the batch."""
         text = f"{self.done} injectors"
         if self.skipped:
             text += f"; {self.skipped} were done before"
         if self.failed:
             text += f"; {self.failed} have no answer"
-        return text
+        results().print(answer_table(self.answers))
+        say(results(), f"{text}; {folder}/{FOLDER}/INJECTOR/{REPORT}")
 
 
 def _outcomes(
@@ -116,26 +108,13 @@ def _outcomes(
     threads = jobs.places // max(1, len(groups)) if work.cluster.local else 1
     inquiry = Inquiry(Path.cwd(), place.absolute(), tuple(asked.healthy), asked.effects, max(1, threads))
     remaining = iter(groups)
-    while not work.stop.is_set():
+
+    def begin_more() -> None:
         for group in islice(remaining, max(0, _WAITING * jobs.places - len(jobs))):
             jobs.begin(group, discovered, inquiry, group)
-        if not jobs:
-            return
-        for group, result in jobs.ended():
-            if isinstance(result, Broken):
-                yield group, Ended(problem=str(result))
-            else:
-                yield group, result
-    jobs.cancel()
 
-
-def _failed(group: Group, ended: Ended) -> FailedFile:
-    return FailedFile(None, "", f"injector {group.injector}: {ended.problem}", group.injector)
-
-
-def _note(dataset: Dataset, left_out: Sequence[FailedFile]) -> None:
-    for failed in left_out:
-        dataset.take_failure(failed)
+    for group, result in jobs.outcomes(work.stop, begin_more):
+        yield group, Ended(problem=str(result)) if isinstance(result, Broken) else result
 
 
 def answer_table(answers: pa.Table) -> Table:

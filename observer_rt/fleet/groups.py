@@ -42,16 +42,15 @@ def recordings_in(sources: Sequence[str]) -> list[Path]:
 def _files(source: str) -> Iterator[Path]:
     path = Path(source)
     if path.is_dir():
-        yield from (each for each in sorted(path.rglob("*")) if each.is_file() and _is_recording(each))
+        known = _suffixes()
+        for each in sorted(path.rglob("*")):
+            if each.is_file() and suffix_of(each) in known and not each.name.endswith(TRUTH_SUFFIX):
+                yield each
     elif path.exists():
         yield path
     elif _PATTERN.search(source):
-        for each in sorted(glob(source, recursive=True)):  # noqa: PTH207 (an absolute pattern, too)
-            yield from _files(each)
-
-
-def _is_recording(path: Path) -> bool:
-    return suffix_of(path) in _suffixes() and not path.name.endswith(TRUTH_SUFFIX)
+        for name in sorted(glob(source, recursive=True)):  # noqa: PTH207 (an absolute pattern, too)
+            yield from _files(name)
 
 
 def _suffixes() -> tuple[str, ...]:
@@ -122,9 +121,7 @@ class Group:
         """SHA-256 of all its answer depends on: recordings, model, vocabulary, program. healthy: hashes of those."""
         injector = self.kind.alone.injector
         own = problem_key(
-            injector.parameters,
-            sorted(sha256 for _, sha256 in self.files),
-            effects_on_one_raster(injector),
+            injector.parameters, sorted(sha256 for _, sha256 in self.files), effects_on_one_raster(injector)
         )
         content = [own, self.kind.file.sha256, sorted(healthy)]
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()
@@ -157,17 +154,14 @@ def groups_of(rows: pa.Table, files: Mapping[str, Path], kinds: Sequence[ModelGr
     files: paths by SHA-256; rows of other files are left out. kinds: one, or those of a bench by their own names.
     """
     own_names = {InjectorNames(None).of(Path(), kind.alone): kind for kind in kinds}
-    of_injector: dict[str, list[tuple[Path, str]]] = {}
-    first = rows.group_by(["injector", "sha256"]).aggregate([("time", "min")])
-    for row in sorted(first.to_pylist(), key=lambda row: (row["time_min"], row["sha256"]), reverse=True):
-        if (path := files.get(row["sha256"])) is not None:
-            of_injector.setdefault(row["injector"], []).append((path, row["sha256"]))
+    first = rows.to_pandas().groupby(["injector", "sha256"], as_index=False)["time"].min()
+    latest = first[first["sha256"].isin(list(files))].sort_values(["time", "sha256"], ascending=False)
     return [
         Group(
-            name,
-            kinds[0] if len(kinds) == 1 else own_names[name],
-            tuple(found[:MOST_RECORDINGS]),
-            len(found),
+            str(name),
+            kinds[0] if len(kinds) == 1 else own_names[str(name)],
+            tuple((files[sha256], sha256) for sha256 in its["sha256"][:MOST_RECORDINGS]),
+            len(its),
         )
-        for name, found in sorted(of_injector.items())
+        for name, its in latest.groupby("injector")
     ]

@@ -15,8 +15,8 @@ from rich.console import Console
 from observer_rt.config.bench import Bench
 from observer_rt.config.own_effects import OwnEffects
 from observer_rt.evaluation.curves import RESULT_FIELDS
-from observer_rt.evaluation.evaluate import open_source
-from observer_rt.evaluation.streamed import StreamedEvaluation, evaluate_stream
+from observer_rt.evaluation.evaluate import Evaluation, evaluate_stream
+from observer_rt.evaluation.sources import open_source
 from observer_rt.fleet.groups import InjectorNames
 from observer_rt.foundation.errors import ObserverError
 from observer_rt.foundation.files import file_errors, file_hash
@@ -77,10 +77,10 @@ class Task:
 class FailedFile:
     """Why a file has no rows, or no part in the discovery of an injector; sha256: empty where it could not be read.
 
-    path: None where it is the discovery that failed.
+    file: None where it is the discovery that failed.
     """
 
-    path: Path | None
+    file: Path | None
     sha256: str
     problem: str
     injector: str = ""
@@ -121,11 +121,11 @@ def _rows(task: Task, path: Path, sha256: str, alone: Bench) -> Iterator[dict[st
     name = InjectorNames(task.pattern).of(path, alone)
     place = task.folder / path
     try:
-        source, evaluation = _evaluation(task, place, alone, in_one_go=True)
+        evaluation = _evaluation(task, place, alone, in_one_go=True)
     except OtherRateError:
-        source, evaluation = _evaluation(task, place, alone, in_one_go=False)
+        evaluation = _evaluation(task, place, alone, in_one_go=False)
     c = effective_model(alone.injector.parameters).coefficients
-    zero = _zero(place, source)
+    zero = _zero(place, evaluation.source)
     for result in evaluation.injections:
         yield {
             **row_of(RESULT_FIELDS, Output.PARQUET, result, c),
@@ -136,9 +136,7 @@ def _rows(task: Task, path: Path, sha256: str, alone: Bench) -> Iterator[dict[st
         }
 
 
-def _evaluation(
-    task: Task, place: Path, alone: Bench, in_one_go: bool
-) -> tuple[SignalStream, StreamedEvaluation]:
+def _evaluation(task: Task, place: Path, alone: Bench, in_one_go: bool) -> Evaluation:
     """in_one_go: as of `open_recording`: reading takes a good part of all time."""
     source = open_source(place, alone, (), Console(quiet=True), in_one_go)
     learning = task.learning and alone.injector.config.learning.enabled
@@ -148,7 +146,7 @@ def _evaluation(
             alone, [source], knowledge=task.knowledge, learning=learning, reads_ahead=False
         )
     refuse_implausible(place, source.survey, source.names)
-    return source, evaluation
+    return evaluation
 
 
 def _zero(path: Path, source: SignalStream) -> datetime:

@@ -7,9 +7,11 @@ from dataclasses import dataclass
 from datetime import datetime
 from itertools import chain
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 from markupsafe import Markup
 from matplotlib.axes import Axes
@@ -26,14 +28,7 @@ Signal = NDArray[np.float64]
 SURE = 1.959964  # standard deviations of a 95 % interval
 _DRIFTS, _LEAST_DRIFT = 24, 1e-3  # how many are tried, and the least of them, of what the sightings span
 _COLUMNS = {each.name.partition("_")[0]: each.columns for each in WEAR}  # of the value, its interval
-NEEDED = (
-    "injector",
-    "sha256",
-    "time",
-    "number",
-    "valid",
-    *chain.from_iterable(_COLUMNS.values()),
-)
+NEEDED = ("injector", "sha256", "time", "number", "valid", *chain.from_iterable(_COLUMNS.values()))
 """Columns of a batch's rows that a trend is made of."""
 
 
@@ -49,6 +44,11 @@ class Course:
     level: Signal
     level_sigma: Signal
     drift: float
+
+    @property
+    def band(self) -> tuple[Signal, Signal]:
+        """Ends of the 95 % interval of the level."""
+        return self.level - SURE * self.level_sigma, self.level + SURE * self.level_sigma
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,15 +74,12 @@ class InjectorTrend:
 
 def trends(rows: pa.Table) -> list[InjectorTrend]:
     """Of every injector in the rows of a batch (columns `NEEDED`), the most worn first."""
-    found = [
-        _trend(name, rows.filter(pa.compute.equal(rows["injector"], name)))
-        for name in pa.compute.unique(rows["injector"]).to_pylist()
-    ]
+    table = rows.to_pandas().sort_values(["time", "number"])
+    found = [_trend(str(name), its) for name, its in table.groupby("injector")]
     return sorted(found, key=lambda trend: (-trend.wear, trend.injector))
 
 
-def _trend(injector: str, rows: pa.Table) -> InjectorTrend:
-    table = rows.to_pandas().sort_values(["time", "number"])
+def _trend(injector: str, table: pd.DataFrame) -> InjectorTrend:
     known = table[table["valid"]].dropna(subset=[value for value, _, _ in _COLUMNS.values()])
     last = known.groupby("sha256", sort=False).tail(1)
     courses = {}
@@ -154,10 +151,7 @@ def as_json(found: Sequence[InjectorTrend]) -> list[dict[str, object]]:
             **{
                 name: {
                     "value": float(course.level[-1]),
-                    "ci95": [
-                        float(course.level[-1] - SURE * course.level_sigma[-1]),
-                        float(course.level[-1] + SURE * course.level_sigma[-1]),
-                    ],
+                    "ci95": [float(end[-1]) for end in course.band],
                     "drift_per_recording": course.drift,
                 }
                 for name, course in trend.courses.items()
@@ -215,19 +209,11 @@ def _draw(axes: Axes, trend: InjectorTrend) -> None:
     for name, course in trend.courses.items():
         if not course.level.size:
             continue
-        low, high = course.level - SURE * course.level_sigma, course.level + SURE * course.level_sigma
+        low, high = course.band
         axes.fill_between(times, 100.0 * low, 100.0 * high, color=_COLOURS[name], alpha=0.2, lw=0)
         axes.plot(times, 100.0 * course.level, color=_COLOURS[name], lw=2, label=name)
-        axes.errorbar(
-            times,
-            100.0 * course.value,
-            100.0 * SURE * course.sigma,
-            fmt="o",
-            ms=3,
-            lw=0.8,
-            color=_COLOURS[name],
-            alpha=0.55,
-        )
+        points: dict[str, Any] = {"fmt": "o", "ms": 3, "lw": 0.8, "color": _COLOURS[name], "alpha": 0.55}
+        axes.errorbar(times, 100.0 * course.value, 100.0 * SURE * course.sigma, **points)
     axes.axhline(0.0, color="0.6", lw=0.8)
     axes.set_ylabel("change of flow, %")
     axes.tick_params(axis="x", labelrotation=20)

@@ -1,24 +1,22 @@
 """The paper's Figs. 3-5 from our numbers, in its layout."""
 
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
 from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MILLISECOND
 from observer_rt.paper.table import Estimator, Study, WearCase
 from observer_rt.simulation.schedule import FIRST_EVENT
 
 TRUE, MODEL, PAPER, OURS = "#222222", "#1f77b4", "#ff7f0e", "#d62728"
-NAMES = {
-    Estimator.MODEL: "model without observer",
-    Estimator.PAPER: "paper's scheme, one training",
-    Estimator.OURS: "ours, one training",
+LOOK: dict[Estimator, dict[str, Any]] = {
+    Estimator.MODEL: {"label": "model without observer", "color": MODEL, "ls": "--"},
+    Estimator.PAPER: {"label": "paper's scheme, one training", "color": PAPER, "ls": "-"},
+    Estimator.OURS: {"label": "ours, one training", "color": OURS, "ls": (0, (4, 2))},
 }
-COLOURS = {Estimator.MODEL: MODEL, Estimator.PAPER: PAPER, Estimator.OURS: OURS}
-STYLES = {Estimator.MODEL: "--", Estimator.PAPER: "-", Estimator.OURS: (0, (4, 2))}
 SHOWN = 6 * MILLISECOND  # of Fig. 3, after the start of energizing
 MILLIGRAM_PER_MS = 1e-3  # kg/s
 PER_MS = 1e3  # 1/s
@@ -31,14 +29,12 @@ def draw_figure_3(path: Path, study: Study) -> None:
     for column, truth in enumerate(study.healthy):
         shown = np.abs(truth.time - FIRST_EVENT - 0.5 * SHOWN) <= 0.5 * SHOWN + MILLISECOND
         time = (truth.time[shown] - FIRST_EVENT) / MILLISECOND
+        mass_rate = truth.injection_rate * study.coefficients.density
         rows = (
             ("rail pressure\n$p_R$ [MPa]", truth.rail_pressure / MEGAPASCAL),
             ("needle lift\n$x_N$ [mm]", truth.needle_lift / MILLIMETRE),
             ("line pressure\n$p_L$ [MPa]", truth.line_pressure / MEGAPASCAL),
-            (
-                "mass injection rate\n$\\dot m$ [mg/ms]",
-                truth.injection_rate * study.coefficients.density / MILLIGRAM_PER_MS,
-            ),
+            ("mass injection rate\n$\\dot m$ [mg/ms]", mass_rate / MILLIGRAM_PER_MS),
         )
         for row, (label, values) in enumerate(rows):
             panel = axes[row, column]
@@ -50,9 +46,8 @@ def draw_figure_3(path: Path, study: Study) -> None:
         axes[0, column].set_title(f"rail pressure {truth.rail_pressure[0] / MEGAPASCAL:.0f} MPa")
         axes[3, column].set_xlabel(TIME)
     axes[0, 0].set_ylim(0, 160)
-    axes[0, 2].legend(
-        axes[0, 2].lines + axes[2, 2].lines, ["input", "model"], loc="lower right", frameon=False
-    )
+    lines = axes[0, 2].lines + axes[2, 2].lines
+    axes[0, 2].legend(lines, ["input", "model"], loc="lower right", frameon=False)
     figure.suptitle(
         "Fig. 3: simplified injector model, energizing time 1.9 ms\n"
         "our nominal parameters; no measurement is published, so there is none to compare with"
@@ -75,13 +70,7 @@ def draw_figure_4(path: Path, case: WearCase) -> None:
         first = first or panel
         panel.plot(time, case.truth.phi[:, row] / PER_MS, color=TRUE, lw=2.6, label="true fault (27)")
         for estimator in (Estimator.PAPER, Estimator.OURS):
-            panel.plot(
-                time,
-                case.estimates[estimator].phi[:, row] / PER_MS,
-                color=COLOURS[estimator],
-                ls=STYLES[estimator],
-                label=NAMES[estimator],
-            )
+            panel.plot(time, case.estimates[estimator].phi[:, row] / PER_MS, **LOOK[estimator])
         panel.set_ylabel(f"$\\phi_{row + 1}$ [1/ms]")
         panel.grid(alpha=0.3)
         panel.tick_params(labelbottom=row == 2)
@@ -106,8 +95,7 @@ def draw_figure_5(path: Path, study: Study) -> None:
     for row, wear in enumerate((0.5, -0.5)):
         panel = figure.add_subplot(grid[row, 0])
         _draw_x_3(panel, study.case(wear))
-        panel.set_title(f"(a) $x_3$ at $v_H$ = {wear:+g}")
-        panel.set_ylabel("$x_3$ [-]")
+        panel.set(title=f"(a) $x_3$ at $v_H$ = {wear:+g}", ylabel="$x_3$ [-]")
         if row == 0:
             panel.legend(frameon=False, loc="lower center")
         else:
@@ -115,21 +103,16 @@ def draw_figure_5(path: Path, study: Study) -> None:
     wears = np.array([case.nozzle_wear for case in study.cases])
     for row, scale in enumerate(("linear", "log")):
         panel = figure.add_subplot(grid[row, 1])
-        for estimator, name in NAMES.items():
+        for estimator, look in LOOK.items():
             values = np.array([case.mse(estimator) for case in study.cases])
-            panel.plot(
-                wears, values, color=COLOURS[estimator], ls=STYLES[estimator], marker="o", ms=4, label=name
-            )
-        panel.set_yscale(scale)
-        panel.set_ylabel("MSE of $x_3$ (28) [-]")
-        panel.set_xticks(wears)
+            panel.plot(wears, values, marker="o", ms=4, **look)
+        panel.set(yscale=scale, ylabel="MSE of $x_3$ (28) [-]", xticks=wears)
         panel.grid(alpha=0.3)
         if row == 0:
             panel.set_title("(b) mean squared error of $x_3$ over nozzle wear")
             panel.legend(frameon=False, loc="upper center")
         else:
-            panel.set_title("the same, logarithmic")
-            panel.set_xlabel("$v_H$ [-]")
+            panel.set(title="the same, logarithmic", xlabel="$v_H$ [-]")
     figure.suptitle(
         "Fig. 5: nozzle wear $v_H$ from -0.5 to 0.5, rail pressure 100 MPa, energizing time 1.9 ms, noise-free"
     )
@@ -139,9 +122,8 @@ def draw_figure_5(path: Path, study: Study) -> None:
 def _draw_x_3(axes: Axes, case: WearCase) -> None:
     time = case.time / MILLISECOND
     axes.plot(time, case.truth.x_3, color=TRUE, lw=2.6, label="true (worn plant)")
-    for estimator, name in NAMES.items():
-        values: NDArray[np.float64] = case.estimates[estimator].x_3
-        axes.plot(time, values, color=COLOURS[estimator], ls=STYLES[estimator], lw=1.4, label=name)
+    for estimator, look in LOOK.items():
+        axes.plot(time, case.estimates[estimator].x_3, lw=1.4, **look)
     axes.set_xlim(time[0], time[-1])
     axes.grid(alpha=0.3)
 

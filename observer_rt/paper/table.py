@@ -1,12 +1,12 @@
 """Ours beside the paper's scheme: what is compared, how it is scored, and the table on screen, as CSV, Markdown."""
 
-import csv
 import math
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 from rich.table import Table
 from rich.text import Text
@@ -139,28 +139,17 @@ def screen_table(study: Study) -> Table:
 
 def write_csv(path: Path, study: Study) -> None:
     """Every number of the table, and the MSE of every estimator, unrounded."""
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(
-            [
-                "v_H",
-                *(f"x3_mse_{_key(estimator)}" for estimator in Estimator),
-                *(f"x3_mse_ratio_{_key(estimator)}" for estimator in OBSERVERS),
-                *(f"mass_error_pct_{_key(estimator)}" for estimator in Estimator),
-                "refused_trainings_paper_10_tested",
-            ]
-        )
-        for case in study.cases:
-            ratios = (case.mse_ratio(estimator) for estimator in OBSERVERS)
-            writer.writerow(
-                [
-                    case.nozzle_wear,
-                    *(f"{case.mse(estimator):.6g}" for estimator in Estimator),
-                    *("" if math.isnan(ratio) else f"{ratio:.6g}" for ratio in ratios),
-                    *(f"{100 * case.mass_error(estimator):.6g}" for estimator in Estimator),
-                    case.rejected,
-                ]
-            )
+    rows = [
+        {
+            "v_H": str(case.nozzle_wear),
+            **{f"x3_mse_{_key(each)}": case.mse(each) for each in Estimator},
+            **{f"x3_mse_ratio_{_key(each)}": case.mse_ratio(each) for each in OBSERVERS},
+            **{f"mass_error_pct_{_key(each)}": 100 * case.mass_error(each) for each in Estimator},
+            "refused_trainings_paper_10_tested": case.rejected,
+        }
+        for case in study.cases
+    ]
+    pd.DataFrame(rows).to_csv(path, index=False, float_format="%.6g", lineterminator="\r\n")
 
 
 def markdown(study: Study) -> str:

@@ -12,14 +12,16 @@ from observer_rt.bus.mapping.bus_map import map_bench
 from observer_rt.check.buses import expected_load
 from observer_rt.check.checkup import Finding, Level, as_json_document, as_table, checkup
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench
+from tests.service.foreign_frames import DATABASES
 
 DATABASE = EXAMPLE_BENCH.with_name("observer_fd.dbc")
 Edits = dict[str, str]
 NO_EDITS: Edits = {}
+FindingsOf = Callable[..., list[Finding]]
 
 
 @pytest.fixture
-def findings_of(tmp_path: Path) -> Callable[..., list[Finding]]:
+def findings_of(tmp_path: Path) -> FindingsOf:
     """Findings of the example bench with text of its files replaced."""
 
     def run(bench: Edits = NO_EDITS, database: Edits = NO_EDITS, injector: Edits = NO_EDITS) -> list[Finding]:
@@ -75,38 +77,32 @@ def test_every_role_is_described() -> None:
         assert limits in text
 
 
-RAIL_00 = "SG_ RailPressure_00 : 64|16@1+ (0.005,-10) [-10|317.665]"
+RAIL = "SG_ RailPressure_00 : 64|16@1+ "
+RANGE = RAIL + "(0.005,-10) [-10|317.665]"
 
 
 @pytest.mark.parametrize(
-    ("database", "text"),
+    ("topic", "level", "file", "old", "new", "said"),
     [
-        ({RAIL_00: RAIL_00.replace("317.665", "150")}, "cannot hold 0 to 200 MPa"),
-        ({RAIL_00: RAIL_00.replace("(0.005,-10) [-10|317.665]", "(0.005,20) [20|347]")}, "cannot hold 0 to"),
-        (
-            {RAIL_00: RAIL_00.replace("(0.005,-10) [-10|317.665]", "(0.5,-10) [-10|400]")},
-            "coarser than the noise",
-        ),
-        ({"(0.01,-50) [-50|605.33]": "(0.004,-50) [-50|212]"}, "cannot hold 0 to 300 um"),
+        ("mapping", "warning", "database", RANGE, RAIL + "(0.005,-10) [-10|150]", "hold 0 to 200 MPa"),
+        ("mapping", "warning", "database", RANGE, RAIL + "(0.005,20) [20|347]", "cannot hold 0 to"),
+        ("mapping", "warning", "database", RANGE, RAIL + "(0.5,-10) [-10|400]", "coarser than the noise"),
+        ("mapping", "warning", "database", "(0.01,-50) [-50|605.33]", "(0.004,-50) [-50|212]", "0 to 300 um"),
+        ("mapping", "warning", "injector", "max_lift = 0.30e-3", "max_lift = 0.70e-3", "0 to 700 um"),
+        ("mapping", "error", "bench", '= "InjectionRate"', '= "Rate"', "nearest name"),
+        ("identifiers", "error", "bench", '= "ObserverStatus"', '= "SampleBlock"', "0x100"),
+        ("dead band", "warning", "bench", "needle_lift_um = 0.4", "needle_lift_um = 10", "50 um"),
     ],
 )
-def test_a_range_or_resolution_that_does_not_do(
-    findings_of: Callable[..., list[Finding]], database: Edits, text: str
+def test_what_is_odd_is_said(
+    findings_of: FindingsOf, topic: str, level: str, file: str, old: str, new: str, said: str
 ) -> None:
-    finding = worst(findings_of(database=database), "mapping")
-    assert finding.level is Level.WARNING
-    assert text in finding.text
+    finding = worst(findings_of(**{file: {old: new}}), topic)
+    assert finding.level == level
+    assert said in finding.text
 
 
-def test_an_injector_whose_needle_lifts_further_than_the_bus_can_say(
-    findings_of: Callable[..., list[Finding]],
-) -> None:
-    finding = worst(findings_of(injector={"max_lift = 0.30e-3": "max_lift = 0.70e-3"}), "mapping")
-    assert finding.level is Level.WARNING
-    assert "cannot hold 0 to 700 um" in finding.text
-
-
-def test_a_sample_period_that_contradicts_the_rate(findings_of: Callable[..., list[Finding]]) -> None:
+def test_a_sample_period_that_contradicts_the_rate(findings_of: FindingsOf) -> None:
     findings = of(findings_of({"rate_hz = 100e3": "rate_hz = 50e3"}), "sampling")
     assert [finding.level for finding in findings] == [Level.OK, Level.WARNING, Level.WARNING]
     assert "SampleBlock states a sample period of 10000 ns" in findings[1].text
@@ -118,7 +114,7 @@ def test_a_sample_period_that_contradicts_the_rate(findings_of: Callable[..., li
     assert worst(agreed, "sampling").level is Level.OK
 
 
-def test_a_rate_the_model_cannot_be_integrated_at(findings_of: Callable[..., list[Finding]]) -> None:
+def test_a_rate_the_model_cannot_be_integrated_at(findings_of: FindingsOf) -> None:
     findings = findings_of({"rate_hz = 100e3": "rate_hz = 5e3"})
     finding = worst(findings, "integration")
     assert finding.level is Level.ERROR
@@ -128,7 +124,7 @@ def test_a_rate_the_model_cannot_be_integrated_at(findings_of: Callable[..., lis
     assert worst(findings, "gain").level is Level.OK  # the rest goes on
 
 
-def test_a_database_that_is_missing(findings_of: Callable[..., list[Finding]]) -> None:
+def test_a_database_that_is_missing(findings_of: FindingsOf) -> None:
     findings = findings_of({'file = "edited.dbc"': 'file = "nowhere.dbc"'})
     for topic in ("files", "mapping"):
         assert worst(findings, topic).level is Level.ERROR
@@ -138,21 +134,7 @@ def test_a_database_that_is_missing(findings_of: Callable[..., list[Finding]]) -
     assert not of(findings, "bus load")
 
 
-def test_a_mapping_to_a_message_that_is_not_there(findings_of: Callable[..., list[Finding]]) -> None:
-    finding = worst(findings_of({'injection_rate = "InjectionRate"': 'injection_rate = "Rate"'}), "mapping")
-    assert finding.level is Level.ERROR
-    assert "nearest name" in finding.text
-
-
-def test_an_output_with_the_identifier_of_an_input(findings_of: Callable[..., list[Finding]]) -> None:
-    findings = findings_of({'status = "ObserverStatus"': 'status = "SampleBlock"'})
-    assert worst(findings, "identifiers").level is Level.ERROR
-    assert "0x100" in worst(findings, "identifiers").text
-
-
-def test_long_messages_are_can_fd_whatever_the_database_says(
-    findings_of: Callable[..., list[Finding]],
-) -> None:
+def test_long_messages_are_can_fd_whatever_the_database_says(findings_of: FindingsOf) -> None:
     forgotten = {
         'BA_ "VFrameFormat" BO_ 512 14': 'BA_ "VFrameFormat" BO_ 512 0',
         '"BusType" "CAN FD"': '"BusType" "CAN"',
@@ -161,16 +143,10 @@ def test_long_messages_are_can_fd_whatever_the_database_says(
     assert {finding.level for finding in of(findings_of(database=forgotten), "frames")} == {Level.OK}
 
 
-def test_can_fd_messages_on_a_classic_link(findings_of: Callable[..., list[Finding]]) -> None:
+def test_can_fd_messages_on_a_classic_link(findings_of: FindingsOf) -> None:
     findings = of(findings_of({"fd = true": "fd = false"}), "frames")
     assert {finding.level for finding in findings} == {Level.ERROR}
     assert len(findings) == 4
-
-
-def test_the_dead_band_of_a_noisy_lift(findings_of: Callable[..., list[Finding]]) -> None:
-    finding = worst(findings_of({"needle_lift_um = 0.4": "needle_lift_um = 10"}), "dead band")
-    assert finding.level is Level.WARNING
-    assert "50 um" in finding.text
 
 
 def test_the_load_of_a_bus_by_counting_frames() -> None:
@@ -191,13 +167,11 @@ def test_the_load_of_a_bus_by_counting_frames() -> None:
         ({"rate_hz = 100e3": "rate_hz = 500e3"}, [Level.ERROR, Level.ERROR]),  # 130 %, 1270 %
     ],
 )
-def test_levels_of_the_bus_load(
-    findings_of: Callable[..., list[Finding]], bench: Edits, levels: list[Level]
-) -> None:
+def test_levels_of_the_bus_load(findings_of: FindingsOf, bench: Edits, levels: list[Level]) -> None:
     assert [finding.level for finding in of(findings_of(bench), "bus load")] == levels
 
 
-def test_the_interface_is_looked_at_for_socketcan_only(findings_of: Callable[..., list[Finding]]) -> None:
+def test_the_interface_is_looked_at_for_socketcan_only(findings_of: FindingsOf) -> None:
     assert of(findings_of(), "interface")
     assert not of(findings_of({'interface = "socketcan"': 'interface = "virtual"'}), "interface")
 
@@ -219,7 +193,7 @@ def test_for_programs_and_for_the_screen() -> None:
 
 
 def test_the_injector_file_is_known_by_its_bytes_and_by_its_values(
-    findings_of: Callable[..., list[Finding]], tmp_path: Path
+    findings_of: FindingsOf, tmp_path: Path
 ) -> None:
     """`sha256sum` says the first; a comment changes it, and not the hash of the values that is on the bus."""
 
@@ -236,3 +210,58 @@ def test_the_injector_file_is_known_by_its_bytes_and_by_its_values(
     assert commented_file != file
     assert commented_values == values
     assert hashes({"length = 0.15 ": "length = 0.16 "})[1] != values
+
+
+def foreign_findings(folder: Path, database: Edits) -> list[Finding]:
+    """Findings of a bench with one sample a frame whose database is edited."""
+    edited(DATABASES / "testbed_classic.dbc", folder / "testbed_classic.dbc", database)
+    edited(DATABASES / "testbed_classic.toml", folder / "bench.toml", NO_EDITS)
+    return checkup(load_bench(folder / "bench.toml"))
+
+
+def test_an_identifier_that_another_message_of_the_bus_has(tmp_path: Path) -> None:
+    finding = worst(foreign_findings(tmp_path, {"BO_ 1040 ECU_Engine": "BO_ 513 ECU_Engine"}), "identifiers")
+    assert finding.level is Level.WARNING
+    assert "InjectionSummary shares 0x201 with ECU_Engine" in finding.text
+
+
+def test_the_same_number_as_an_extended_identifier_is_another(tmp_path: Path) -> None:
+    extended = {"BO_ 1040 ECU_Engine": f"BO_ {1 << 31 | 513} ECU_Engine"}
+    assert worst(foreign_findings(tmp_path, extended), "identifiers").level is Level.OK
+
+
+def test_a_message_that_two_databases_define(tmp_path: Path) -> None:
+    finding = worst(foreign_findings(tmp_path, {" ECU_Engine:": " InjectionSummary:"}), "databases")
+    assert finding.level is Level.WARNING
+    assert "InjectionSummary is in " in finding.text
+    assert "observer_classic.dbc" in finding.text
+
+
+@pytest.mark.parametrize(("cycle", "level"), [(0, Level.OK), (1, Level.WARNING), (5, Level.WARNING)])
+def test_a_cycle_time_that_contradicts_the_rate(tmp_path: Path, cycle: int, level: Level) -> None:
+    """10 kHz is a frame every 0.1 ms."""
+    stated = {'BA_ "GenMsgSendType" BO_ 928 0;': f'BA_ "GenMsgCycleTime" BO_ 928 {cycle};'}
+    finding = worst(foreign_findings(tmp_path, stated), "sampling")
+    assert finding.level is level
+    assert level is Level.OK or f"means {1000 / cycle:g} Hz" in finding.text
+
+
+def test_samples_that_the_mapping_leaves_out(tmp_path: Path) -> None:
+    """The database says two samples in a frame, one is named."""
+    stated = {
+        'BA_DEF_ BO_  "GenMsgSendType"': 'BA_DEF_ BO_  "SamplesPerFrame" INT 0 64;\nBA_DEF_ BO_  "GenMsgSendType"',
+        'BA_DEF_DEF_  "GenMsgCycleTime" 0;': 'BA_DEF_DEF_  "GenMsgCycleTime" 0;\nBA_DEF_DEF_  "SamplesPerFrame" 0;',
+        'BA_ "GenMsgSendType" BO_ 928 0;': 'BA_ "SamplesPerFrame" BO_ 928 2;',
+    }
+    finding = worst(foreign_findings(tmp_path, stated), "sampling")
+    assert "DAQ_RailPress states 2 samples a frame in the bus database, 1 are named" in finding.text
+
+
+def test_a_classic_bus_without_rates_carries_pages(tmp_path: Path) -> None:
+    """Three frames a sample in; 7 frames a summary and 12 a status out, about 116 us each at 1 Mbit/s."""
+    edited(DATABASES / "testbed_classic.dbc", tmp_path / "testbed_classic.dbc", NO_EDITS)
+    edited(DATABASES / "testbed_classic.toml", tmp_path / "bench.toml", NO_EDITS)
+    bench = load_bench(tmp_path / "bench.toml")
+    load = expected_load(bench, map_bench(bench))
+    assert load.continuous == pytest.approx(114e-6 * (3 * 10e3 + 17 * 7 + 10 * 12), rel=0.03)
+    assert load.windowed == pytest.approx(114e-6 * (3 * 60 * 17 + 17 * 7 + 10 * 12), rel=0.03)

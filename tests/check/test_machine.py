@@ -25,9 +25,11 @@ from observer_rt.config.links import LinkConfig
 from observer_rt.foundation.compilation import CompiledCode
 from observer_rt.service.rights import Processors, Rights
 
+Network = Callable[..., Path]
+
 
 @pytest.fixture
-def network(tmp_path: Path) -> Callable[..., Path]:
+def network(tmp_path: Path) -> Network:
     """A folder as the kernel shows interfaces, with can0 in it."""
 
     def make(**changes: str) -> Path:
@@ -41,12 +43,12 @@ def network(tmp_path: Path) -> Callable[..., Path]:
     return make
 
 
-def test_an_interface_that_is_ready(network: Callable[..., Path]) -> None:
+def test_an_interface_that_is_ready(network: Network) -> None:
     findings = interface_findings(LinkConfig(channel="can0"), network=network())
     assert [finding.level for finding in findings] == [Level.OK] * 3
 
 
-def test_a_virtual_interface_that_is_up_has_no_carrier_to_report(network: Callable[..., Path]) -> None:
+def test_a_virtual_interface_that_is_up_has_no_carrier_to_report(network: Network) -> None:
     findings = interface_findings(LinkConfig(channel="can0"), network=network(operstate="unknown"))
     assert findings[0].level is Level.OK
 
@@ -61,16 +63,14 @@ def test_a_virtual_interface_that_is_up_has_no_carrier_to_report(network: Callab
         ({"type": "1"}, "set link.channel"),
     ],
 )
-def test_an_interface_to_be_mended(
-    network: Callable[..., Path], changes: dict[str, str], command: str
-) -> None:
+def test_an_interface_to_be_mended(network: Network, changes: dict[str, str], command: str) -> None:
     findings = interface_findings(LinkConfig(channel="can0"), network=network(**changes))
     (finding,) = (f for f in findings if f.level is not Level.OK)
     assert finding.level is Level.WARNING
     assert command in finding.text
 
 
-def test_a_classic_link_needs_no_fd_mtu(network: Callable[..., Path]) -> None:
+def test_a_classic_link_needs_no_fd_mtu(network: Network) -> None:
     findings = interface_findings(LinkConfig(channel="can0", fd=False), network=network(mtu="16"))
     assert {finding.level for finding in findings} == {Level.OK}
 
@@ -78,7 +78,7 @@ def test_a_classic_link_needs_no_fd_mtu(network: Callable[..., Path]) -> None:
 @pytest.mark.parametrize(
     ("channel", "remedy"), [("vcan7", "ip link add vcan7 type vcan"), ("can7", "driver")]
 )
-def test_an_interface_that_is_missing(network: Callable[..., Path], channel: str, remedy: str) -> None:
+def test_an_interface_that_is_missing(network: Network, channel: str, remedy: str) -> None:
     (finding,) = interface_findings(LinkConfig(channel=channel), network=network())
     assert finding.level is Level.WARNING
     assert remedy in finding.text
@@ -161,7 +161,7 @@ JSON = st.recursive(
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(content=JSON)
-def test_an_iproute2_that_writes_otherwise_is_survived(network: Callable[..., Path], content: Any) -> None:
+def test_an_iproute2_that_writes_otherwise_is_survived(network: Network, content: Any) -> None:
     folder = network()
     link = LinkConfig(channel="can0")
     expected = interface_findings(link, None, folder)
@@ -180,11 +180,11 @@ def test_a_computer_without_iproute2(monkeypatch: pytest.MonkeyPatch, tmp_path: 
     assert read_controller("lo") is None
 
 
-def of_controller(network: Callable[..., Path], controller: Controller) -> list[Finding]:
+def of_controller(network: Network, controller: Controller) -> list[Finding]:
     return interface_findings(LinkConfig(channel="can0"), controller, network())
 
 
-def test_a_controller_that_is_set_up_well(network: Callable[..., Path]) -> None:
+def test_a_controller_that_is_set_up_well(network: Network) -> None:
     findings = of_controller(network, GOOD)
     assert {finding.level for finding in findings} == {Level.OK}
     text = "\n".join(finding.text for finding in findings)
@@ -205,7 +205,7 @@ def test_a_controller_that_is_set_up_well(network: Callable[..., Path]) -> None:
     ],
 )
 def test_a_controller_to_be_set_up_otherwise(
-    network: Callable[..., Path], changes: dict[str, Any], said: str, command: str
+    network: Network, changes: dict[str, Any], said: str, command: str
 ) -> None:
     findings = of_controller(network, replace(GOOD, **changes))
     (finding,) = (f for f in findings if f.level is not Level.OK)
@@ -214,13 +214,13 @@ def test_a_controller_to_be_set_up_otherwise(
     assert command in finding.text
 
 
-def test_a_controller_that_is_off_is_not_called_down(network: Callable[..., Path]) -> None:
+def test_a_controller_that_is_off_is_not_called_down(network: Network) -> None:
     off = replace(GOOD, state="BUS-OFF")
     findings = interface_findings(LinkConfig(channel="can0"), off, network(operstate="down"))
     assert [f.text for f in findings if f.level is not Level.OK and "bus-off" not in f.text] == []
 
 
-def test_the_data_bit_rate_of_a_classic_link_does_not_matter(network: Callable[..., Path]) -> None:
+def test_the_data_bit_rate_of_a_classic_link_does_not_matter(network: Network) -> None:
     findings = interface_findings(
         LinkConfig(channel="can0", fd=False), replace(GOOD, data=BitTiming(2_000_000, 0.75)), network()
     )

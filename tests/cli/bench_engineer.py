@@ -1,34 +1,67 @@
-"""Who plays samples to a running `observer-rt run`, and ends it once they are processed."""
+"""Who plays frames to a running `observer-rt run`, and ends it once they are processed."""
 
 import math
 import os
 import signal
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 
-from observer_rt.bus.links.link import Link
+from observer_rt.bus.links.opening import open_link
+from observer_rt.config.bench import load_bench
 from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.recording.replay.player import play
-from tests.service.end_to_end import Listener
-from tests.service.participants import until
+from tests.cli.conftest import Command, Outcome
+from tests.device import frames_of
+from tests.service.end_to_end import Heard
+from tests.service.participants import BLOCK_ID, listening, until
 
 
 @contextmanager
-def bench_engineer(
-    listener: Listener, player: Link, frames: list[TimedFrame], samples: int
+def ended_when(
+    done: Callable[[], bool],
+    first: Callable[[], object] = lambda: None,
+    number: signal.Signals = signal.SIGTERM,
 ) -> Iterator[None]:
-    """Plays as fast as it can when the first status is heard; the last two frames may stay unprocessed."""
+    """Beside a command: do something first, and once what is to be done is done, send it a signal."""
 
     def work() -> None:
         try:
-            until(lambda: bool(listener.heard.statuses))
-            play(frames, player, math.inf)
-            until(lambda: listener.heard.last_status()["SamplesProcessed"] >= samples - 18)
+            first()
+            until(done)
         finally:
-            os.kill(os.getpid(), signal.SIGTERM)
+            os.kill(os.getpid(), number)
 
     thread = threading.Thread(target=work)
     thread.start()
     yield
     thread.join()
+
+
+def run_and_stop(
+    command: Command,
+    bench: Path,
+    sent: Path | Sequence[TimedFrame],
+    number: signal.Signals = signal.SIGTERM,
+    *options: object,
+) -> tuple[Outcome, Heard]:
+    """Play a recording, or frames, to the command over the virtual bus, then send it a signal.
+
+    As fast as it can, from the first status on; the last two frames of samples may stay unprocessed.
+    """
+    channel = load_bench(bench).config.link.channel
+    frames = frames_of(bench, sent) if isinstance(sent, Path) else list(sent)
+    samples = 9 * (sum(frame.frame_id == BLOCK_ID for frame in frames) - 2)
+    with listening("virtual", channel) as listener, open_link("virtual", channel, True, []) as player:
+        heard = listener.heard
+
+        def first() -> None:
+            until(lambda: bool(heard.statuses))
+            play(frames, player, math.inf)
+
+        with ended_when(lambda: heard.last_status()["SamplesProcessed"] >= samples, first, number):
+            outcome = command("run", "--bench", bench, *options)
+        time.sleep(0.2)  # for the listener to hear the last frames
+    return outcome, heard

@@ -1,8 +1,8 @@
 """The command line in this process: arguments in, exit code and both outputs back."""
 
 import json
+import subprocess
 import sys
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,32 +24,52 @@ class Outcome:
     err: str
 
 
-Command = Callable[..., Outcome]
+class Command:
+    """`observer-rt` in this process."""
 
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+        self._monkeypatch, self._capsys = monkeypatch, capsys
 
-@pytest.fixture
-def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
-    """Run `observer-rt` with these arguments; whatever the user did wrong, never a traceback."""
-
-    def run(*arguments: object) -> Outcome:
-        monkeypatch.setattr(sys, "argv", ["observer-rt", *map(str, arguments)])
-        capsys.readouterr()
+    def __call__(self, *arguments: object) -> Outcome:
+        """Run it with these arguments; whatever the user did wrong, never a traceback."""
+        self._monkeypatch.setattr(sys, "argv", ["observer-rt", *map(str, arguments)])
+        self._capsys.readouterr()
         with pytest.raises(SystemExit) as end:
             main()
-        out, err = capsys.readouterr()
+        out, err = self._capsys.readouterr()
         assert "Traceback" not in out + err
         code = end.value.code
         assert code is None or isinstance(code, int)
         return Outcome(code or 0, out, err)
 
-    return run
+    def done(self, *arguments: object) -> Outcome:
+        """Run it, and it goes well."""
+        outcome = self(*arguments)
+        assert outcome.code == 0, f"{arguments}\n{outcome.err}\n{outcome.out}"
+        return outcome
+
+    def refused(self, *arguments: object) -> str:
+        """What it says to a mistake of the user."""
+        outcome = self(*arguments)
+        assert outcome.code == 2, f"{arguments}\n{outcome.err}\n{outcome.out}"
+        return outcome.err
+
+
+@pytest.fixture
+def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
+    return Command(monkeypatch, capsys)
+
+
+def module(*arguments: object, stdout: int = subprocess.PIPE) -> "subprocess.Popen[str]":
+    """The program in a process of its own."""
+    words = [sys.executable, "-m", "observer_rt", *map(str, arguments)]
+    return subprocess.Popen(words, stdout=stdout, stderr=subprocess.PIPE, text=True)
 
 
 def document(command: Command, *arguments: object) -> dict[str, Any]:
     """The JSON of an evaluation that went well."""
-    outcome = command("evaluate", *arguments, "--json")
-    assert outcome.code == 0, outcome.err
-    parsed: dict[str, Any] = json.loads(outcome.out, parse_constant=lambda name: pytest.fail(name))
+    printed = command.done("evaluate", *arguments, "--json").out
+    parsed: dict[str, Any] = json.loads(printed, parse_constant=lambda name: pytest.fail(name))
     return parsed
 
 

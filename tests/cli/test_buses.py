@@ -39,8 +39,7 @@ def log(twins: Path) -> Path:
 
 
 def masses(command: Command, *arguments: object) -> list[float]:
-    outcome = command("evaluate", *arguments, "--json")
-    assert outcome.code == 0, outcome.err
+    outcome = command.done("evaluate", *arguments, "--json")
     (recording,) = json.loads(outcome.out)["recordings"]
     return [injection["mass_mg"] for injection in recording["injections"]]
 
@@ -51,12 +50,11 @@ def test_a_log_of_three_buses_gives_what_the_recording_gives(
     found = masses(command, log, "--bench", twins)
     assert len(found) == 4
     numbered = tmp_path / "bus.blf"
-    assert command("convert", log, numbered).code == 0
+    command.done("convert", log, numbered)
     assert {entry.channel for entry in open_log(numbered)} == {"1", "2", "3"}
     assert masses(command, numbered, "--bench", twins) == found
     csv = tmp_path / "bus.csv"
-    outcome = command("convert", numbered, csv, "--bench", twins)
-    assert outcome.code == 0
+    outcome = command.done("convert", numbered, csv, "--bench", twins)
     assert "channel 1 is can0, 2 is lift (can1), 3 is line (can2)" in " ".join(outcome.err.split())
     assert masses(command, csv, "--bench", twins) == pytest.approx(found, rel=1e-9)
 
@@ -66,15 +64,11 @@ def test_channels_of_other_names_must_be_said(
 ) -> None:
     renamed = tmp_path / "other.log"
     renamed.write_text(log.read_text().replace(" can", " vcan"))
-    outcome = command("evaluate", renamed, "--bench", twins)
-    assert outcome.code == 2
-    assert "--from-channel lift=CHANNEL" in outcome.err
+    assert "--from-channel lift=CHANNEL" in command.refused("evaluate", renamed, "--bench", twins)
     said = ("--from-channel", "vcan0", "--from-channel", "lift=vcan1", "--from-channel", "line=vcan2")
     assert masses(command, renamed, "--bench", twins, *said) == masses(command, log, "--bench", twins)
     swapped = ("--from-channel", "vcan0", "--from-channel", "lift=vcan1", "--from-channel", "line=vcan7")
-    outcome = command("evaluate", renamed, "--bench", twins, *swapped)
-    assert outcome.code == 2
-    assert "has no channel vcan7" in outcome.err
+    assert "has no channel vcan7" in command.refused("evaluate", renamed, "--bench", twins, *swapped)
 
 
 @pytest.fixture
@@ -107,18 +101,15 @@ def test_replay_sends_every_message_on_its_bus(
         for word in ("--channel", f"{name}{channel}")
     ]
     arguments = ("--bench", bench, *said, "--speed", "0")
-    assert command("replay", worn, *arguments).code == 0
+    command.done("replay", worn, *arguments)
     sent = [heard(bus) for bus in ears]
     frames = frames_of(bench, worn_recording())
     assert [len(each) for each in sent] == [sum(f.bus == bus for f in frames) for bus in range(4)]
     log = tmp_path / "bus.log"
     log_of(bench, log)
-    outcome = command("replay", log, *arguments)
-    assert outcome.code == 2
-    assert f"--map-channel CHANNEL={channels[0]}" in outcome.err
+    assert f"--map-channel CHANNEL={channels[0]}" in command.refused("replay", log, *arguments)
     routes = ("can0=" + channels[0], "can1=lift", "can2=line")
-    outcome = command("replay", log, *arguments, *(word for to in routes for word in ("--map-channel", to)))
-    assert outcome.code == 0, outcome.err
+    command.done("replay", log, *arguments, *(word for to in routes for word in ("--map-channel", to)))
     assert [heard(bus) for bus in ears] == sent
 
 

@@ -10,15 +10,13 @@ from tests.cli.conftest import Command
 
 
 def test_example_bench_has_no_error(command: Command) -> None:
-    outcome = command("check")
-    assert outcome.code == 0
+    outcome = command.done("check")
     assert "steps a sample" in outcome.out
     assert "bus load" in outcome.out
 
 
 def test_json_document(command: Command, bench: Path) -> None:
-    outcome = command("check", "--bench", bench, "--json")
-    assert outcome.code == 0
+    outcome = command.done("check", "--bench", bench, "--json")
     found = json.loads(outcome.out)
     assert found["schema"] == 1
     assert found["errors"] == 0
@@ -44,8 +42,7 @@ def test_effects_in_force_are_named(command: Command, bench: Path, tmp_path: Pat
 def test_a_learned_state_is_looked_at_and_left_alone(command: Command, bench: Path, tmp_path: Path) -> None:
     state = tmp_path / "learned.json"
     state.write_text('{"version": 1}')
-    outcome = command("check", "--bench", bench, "--state", state, "--json")
-    assert outcome.code == 0
+    outcome = command.done("check", "--bench", bench, "--state", state, "--json")
     (finding,) = (f for f in json.loads(outcome.out)["findings"] if f["topic"] == "learned state")
     assert finding["level"] == "warning"
     assert "format is version 1" in finding["text"]
@@ -77,8 +74,7 @@ def test_file_that_must_change(command: Command, bench: Path, old: str, new: str
     text = bench.read_text()
     assert old in text
     bench.write_text(text.replace(old, new, 1))
-    outcome = command("run", "--bench", bench)
-    assert outcome.code == 2
-    assert str(bench.parent) in outcome.err
-    assert key in outcome.err
-    assert "remedy: " in outcome.err
+    said = command.refused("run", "--bench", bench)
+    assert str(bench.parent) in said
+    assert key in said
+    assert "remedy: " in said

@@ -22,8 +22,7 @@ def contents(path: Path) -> list[tuple[object, ...]]:
 def test_frames_survive_every_conversion(command: Command, tmp_path: Path, source: str, target: str) -> None:
     frames = mixture(".trc", 50)
     write_log(tmp_path / f"in{source}", frames)
-    outcome = command("convert", tmp_path / f"in{source}", tmp_path / f"out{target}")
-    assert outcome.code == 0
+    outcome = command.done("convert", tmp_path / f"in{source}", tmp_path / f"out{target}")
     assert outcome.out == f"{tmp_path / f'out{target}'}: 50 frames\n"
     assert contents(tmp_path / f"out{target}") == [tuple(frame.frame) for frame in frames]
 
@@ -32,18 +31,17 @@ def test_frames_survive_every_conversion(command: Command, tmp_path: Path, sourc
 def test_channels_stay_apart_and_one_can_be_chosen(command: Command, tmp_path: Path, target: str) -> None:
     frames = mixture(".trc", 50)
     write_log(tmp_path / "in.log", frames)
-    assert command("convert", tmp_path / "in.log", tmp_path / f"all{target}").code == 0
+    command.done("convert", tmp_path / "in.log", tmp_path / f"all{target}")
     assert list(open_log(tmp_path / f"all{target}")) == as_read(frames, target)
     chosen = ("--from-channel", "can1")
-    assert command("convert", tmp_path / "in.log", tmp_path / f"one{target}", *chosen).code == 0
+    command.done("convert", tmp_path / "in.log", tmp_path / f"one{target}", *chosen)
     assert len(list(open_log(tmp_path / f"one{target}"))) == sum(f.channel == "2" for f in frames)
 
 
 def test_signals_survive(command: Command, tmp_path: Path, worn: Path) -> None:
     first, second = tmp_path / "worn.mf4", tmp_path / "again.csv"
-    assert command("convert", worn, first).code == 0
-    outcome = command("convert", first, second)
-    assert outcome.code == 0
+    command.done("convert", worn, first)
+    outcome = command.done("convert", first, second)
     assert "samples at 50000 Hz" in outcome.out
     for name, values in read_recording(worn).signals.items():
         np.testing.assert_array_equal(read_recording(second).signals[name], values)
@@ -52,10 +50,9 @@ def test_signals_survive(command: Command, tmp_path: Path, worn: Path) -> None:
 
 def test_fd_does_not_go_into_a_classic_format(command: Command, tmp_path: Path) -> None:
     write_log(tmp_path / "in.blf", mixture(".blf", 20))
-    outcome = command("convert", tmp_path / "in.blf", tmp_path / "out.trc")
-    assert outcome.code == 2
-    assert "classic frames only" in outcome.err
-    assert "write a format that keeps CAN FD" in outcome.err
+    said = command.refused("convert", tmp_path / "in.blf", tmp_path / "out.trc")
+    assert "classic frames only" in said
+    assert "write a format that keeps CAN FD" in said
     assert sorted(path.name for path in tmp_path.iterdir()) == ["in.blf"]
 
 
@@ -63,11 +60,9 @@ def test_nothing_is_overwritten_unless_forced(command: Command, tmp_path: Path) 
     write_log(tmp_path / "in.blf", mixture(".trc", 20))
     there = tmp_path / "out.log"
     there.write_text("mine")
-    refused = command("convert", tmp_path / "in.blf", there)
-    assert refused.code == 2
-    assert "exists already" in refused.err
+    assert "exists already" in command.refused("convert", tmp_path / "in.blf", there)
     assert there.read_text() == "mine"
-    assert command("convert", tmp_path / "in.blf", there, "--force").code == 0
+    command.done("convert", tmp_path / "in.blf", there, "--force")
     assert len(contents(there)) == 20
 
 
@@ -76,17 +71,16 @@ def test_an_error_names_the_file_and_not_its_part(command: Command, tmp_path: Pa
     late = "".join(f"({1700000010 + n}.5) can0 100#00\n" for n in range(1000))
     log.write_text(f"{late}(1700000001.5) can1 100#00\n")
     for suffix in (".blf", ".asc", ".trc"):
-        outcome = command("convert", log, tmp_path / f"out{suffix}")
-        assert outcome.code == 2
-        assert f"{tmp_path}/out{suffix}: a frame is older than the first ones" in outcome.err
+        assert f"{tmp_path}/out{suffix}: a frame is older than the first ones" in command.refused(
+            "convert", log, tmp_path / f"out{suffix}"
+        )
     assert list(tmp_path.iterdir()) == [log]
 
 
 def test_what_is_lost_is_said(command: Command, tmp_path: Path) -> None:
     log = tmp_path / "in.log"
     log.write_text("(1.000000001) can0 100#00\n(1.1) can0 100#R\n(1.2) can0 100#00\n")
-    outcome = command("convert", log, tmp_path / "out.trc")
-    assert outcome.code == 0
+    outcome = command.done("convert", log, tmp_path / "out.trc")
     assert "left out: 1 remote frame" in outcome.err
     assert "1 stamps are rounded to multiples of 1000 ns" in outcome.err
 
@@ -99,8 +93,7 @@ def test_a_log_becomes_a_recording_by_a_bench_file(
     frames = sent_log(frames_of(bench, recording))
     write_log(tmp_path / "bus.blf", frames)
     for target in ("out.csv", "out.mf4"):
-        outcome = command("convert", tmp_path / "bus.blf", tmp_path / target, "--bench", bench)
-        assert outcome.code == 0
+        outcome = command.done("convert", tmp_path / "bus.blf", tmp_path / target, "--bench", bench)
         assert "at 50000 Hz, from sample index 0 on" in outcome.out
         found = read_recording(tmp_path / target)
         error = np.abs(found.rail_pressure[: recording.samples] - recording.rail_pressure)
@@ -126,7 +119,5 @@ def test_mistakes_are_named(
     log = tmp_path / "a.asc.log"
     log.write_text("(1.5) can0 100#00\n")
     filled = (one.format(here=tmp_path, log=log, csv=resting) for one in arguments.split())
-    outcome = command("convert", *filled)
-    assert outcome.code == 2
-    assert message in outcome.err
+    assert message in command.refused("convert", *filled)
     assert list(tmp_path.iterdir()) == [log]

@@ -1,27 +1,20 @@
 """The demonstration: what it shows came over a bus, and is right."""
 
-import sys
-import threading
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from observer_rt.cli.app import main
 from observer_rt.cli.demo import Demo
 from observer_rt.evaluation.evaluate import evaluate
-from observer_rt.service.screen.view import View
+from tests.cli.conftest import Command
 
 SPEED = 0.5
 
 
-def wait(_: View, until: threading.Event) -> None:
-    until.wait()
-
-
 def test_masses_decoded_from_the_bus_are_right_once_learned() -> None:
     scene = Demo(0.3, 4, seed=1)
-    result = scene.run(SPEED, wait)
+    result = scene.run(SPEED)
     assert [row.number for row in result.masses] == [1, 2, 3, 4]
     assert [row.valid for row in result.masses] == [False, False, True, True]
     for row in result.masses:
@@ -33,7 +26,7 @@ def test_masses_decoded_from_the_bus_are_right_once_learned() -> None:
 
 def test_every_demonstration_with_one_seed_is_the_same_and_that_of_evaluate() -> None:
     scene = Demo(-0.2, 3, seed=5)
-    result = scene.run(SPEED, wait)
+    result = scene.run(SPEED)
     (expected,) = evaluate(scene.bench, [scene.recording]).evaluations
     for curve, report in zip(result.curves.values(), (expected.reports[0], expected.reports[2]), strict=True):
         window = slice(report.start_index, report.end_index + 1)
@@ -41,24 +34,17 @@ def test_every_demonstration_with_one_seed_is_the_same_and_that_of_evaluate() ->
         np.testing.assert_allclose(curve.estimated, expected.trace.injection_rate[window], atol=0.0051e-6)
 
 
-def test_command_prints_the_table_and_writes_the_figure(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_command_prints_the_table_and_writes_the_figure(command: Command, tmp_path: Path) -> None:
     figure = tmp_path / "demo.png"
-    arguments = ["demo", "--injections", "3", "--speed", str(SPEED), "--figure", str(figure)]
-    monkeypatch.setattr(sys, "argv", ["observer-rt", *arguments])
-    with pytest.raises(SystemExit) as end:
-        main()
-    assert not end.value.code
-    out, err = capsys.readouterr()
-    rows = [line.split() for line in out.splitlines()[2:]]
+    done = command.done("demo", "--injections", 3, "--speed", SPEED, "--figure", figure)
+    rows = [line.split() for line in done.out.splitlines()[2:]]
     assert [row[0] for row in rows] == ["1", "2", "3"]
     assert rows[-1][-1] == "yes"
     assert float(rows[-1][3]) == pytest.approx(-20.5, abs=1.0)  # nominal model, percent
     assert abs(float(rows[-1][6])) < 1.0  # observer
-    assert max(map(len, out.splitlines())) <= 80
+    assert max(map(len, done.out.splitlines())) <= 80
     assert figure.read_bytes().startswith(b"\x89PNG")
-    assert str(figure) in err
+    assert str(figure) in done.err
 
 
 @pytest.mark.parametrize(
@@ -66,14 +52,7 @@ def test_command_prints_the_table_and_writes_the_figure(
     [("--figure", "no/demo.png"), ("--figure", "demo.doc"), ("--wear", "2"), ("--injections", "1")],
 )
 def test_mistakes_are_named(
-    arguments: tuple[str, ...],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    command: Command, arguments: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "argv", ["observer-rt", "demo", *arguments])
-    with pytest.raises(SystemExit) as end:
-        main()
-    assert end.value.code == 2
-    assert arguments[0] in capsys.readouterr().err
+    assert arguments[0] in command.refused("demo", *arguments)

@@ -1,4 +1,4 @@
-"""`observer-rt discover`: what it writes and prints; mistakes it names; an interruption it survives."""
+"""`observer-rt discover` and `compare`: what they write and print; mistakes they name; an interruption survived."""
 
 import json
 import re
@@ -21,8 +21,7 @@ def test_a_worn_nozzle_is_named_and_the_amended_model_explains_it(
     command: Command, worn: Path, tmp_path: Path
 ) -> None:
     found = tmp_path / "found"
-    done = command("discover", "--out", found, worn)
-    assert done.code == 0
+    done = command.done("discover", "--out", found, worn)
     assert done.out.startswith("named: orifice_area")
     assert "MPa" in done.out
     assert "mg" in done.out
@@ -41,24 +40,25 @@ def test_a_worn_nozzle_is_named_and_the_amended_model_explains_it(
     amended.write_bytes((found / "amended.toml").read_bytes())
     for name in ("findings.json", "report.html"):
         kept = (found / name).read_bytes()
-        refused = command("discover", "--model", amended, "--out", found, worn)
-        assert refused.code == 2
-        assert name in refused.err
-        assert "--force" in refused.err
+        said = command.refused("discover", "--model", amended, "--out", found, worn)
+        assert name in said
+        assert "--force" in said
         assert (found / name).read_bytes() == kept
-    again = command("discover", "--model", amended, "--out", found, "--json", "--force", worn)
-    assert again.code == 0
+    again = command.done("discover", "--model", amended, "--out", found, "--json", "--force", worn)
     assert json.loads(again.out)["verdict"] == "none"
     assert json.loads(again.out) == json.loads((found / "findings.json").read_text())
     assert not (found / "amended.toml").exists()  # that of another question
 
 
-def test_the_model_given_is_never_overwritten(command: Command, worn: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("named_by", ["--model", "--bench"])
+def test_the_model_is_never_overwritten(
+    command: Command, worn: Path, bench: Path, tmp_path: Path, named_by: str
+) -> None:
     model = tmp_path / "amended.toml"
     model.write_bytes(NOMINAL_INJECTOR.read_bytes())
-    done = command("discover", "--model", model, "--out", tmp_path, worn)
-    assert done.code == 2
-    assert "name another folder" in done.err
+    bench.write_text(bench.read_text().replace("[model]", '[model]\nfile = "amended.toml"'))
+    named = model if named_by == "--model" else bench
+    assert "name another folder" in command.refused("discover", named_by, named, "--out", tmp_path, worn)
     assert model.read_bytes() == NOMINAL_INJECTOR.read_bytes()
 
 
@@ -68,17 +68,16 @@ def test_of_two_that_are_tied_the_one_chosen_is_amended(command: Command, tmp_pa
         *("simulate", "--measured-rate", "--rail-pressure", "60,140", "--injections", "4"),
         *("--effect", "seat_area:v_S=-0.2", "--output", recording),
     )
-    done = command("discover", "--out", found, recording)
-    assert done.code == 0
+    done = command.done("discover", "--out", found, recording)
     headline, *rest = done.out.splitlines()
     assert re.match(r"ambiguous: (lift_gain, or seat_area|seat_area, or lift_gain) \(", headline)
     assert not (found / "amended.toml").exists()
     assert "--choose seat_area" in "".join(rest)
     advice = next(line for line in rest if line.strip().startswith("to tell"))
     assert "rate" not in advice  # which was measured
-    wrong = command("discover", "--out", found, "--force", "--choose", "orifice_area", recording)
-    assert wrong.code == 2
-    assert "which leave open: " in wrong.err
+    assert "which leave open: " in command.refused(
+        "discover", "--out", found, "--force", "--choose", "orifice_area", recording
+    )
     chosen = command("discover", "--out", found, "--force", "--choose", "seat_area", recording)
     assert chosen.out.startswith("ambiguous: seat_area, or lift_gain")
     (effect,) = load_injector(found / "amended.toml").effects
@@ -87,17 +86,16 @@ def test_of_two_that_are_tied_the_one_chosen_is_amended(command: Command, tmp_pa
 
 
 def test_a_choice_that_is_no_effect_is_refused_first(command: Command, worn: Path, tmp_path: Path) -> None:
-    done = command("discover", "--out", tmp_path / "found", "--choose", "seat_rea", worn)
-    assert done.code == 2
-    assert "nearest is 'seat_area'" in done.err
+    assert "nearest is 'seat_area'" in command.refused(
+        "discover", "--out", tmp_path / "found", "--choose", "seat_rea", worn
+    )
     assert not (tmp_path / "found").exists()
 
 
 def test_healthy_recordings_are_looked_at_first(
     command: Command, worn: Path, healthy: Path, tmp_path: Path
 ) -> None:
-    done = command("discover", "--out", tmp_path / "found", "--healthy", healthy, "--json", worn)
-    assert done.code == 0
+    done = command.done("discover", "--out", tmp_path / "found", "--healthy", healthy, "--json", worn)
     findings = json.loads(done.out)
     assert findings["effects"][0]["id"] == "orifice_area"
     assert findings["healthy_warning"] == ""
@@ -106,10 +104,9 @@ def test_healthy_recordings_are_looked_at_first(
 def test_a_model_that_is_wrong_on_healthy_recordings_is_told(
     command: Command, worn: Path, tmp_path: Path
 ) -> None:
-    done = command(
+    done = command.done(
         "discover", "--out", tmp_path / "found", "--healthy", _copy(worn, tmp_path), "--json", worn
     )
-    assert done.code == 0
     findings = json.loads(done.out)
     assert "orifice_area" in findings["healthy_warning"]
     assert findings["confidence"] <= 0.8
@@ -128,13 +125,12 @@ def test_an_interrupted_search_goes_on_where_it_was(
     assert done.code == 1
     assert "1 fitted candidates are kept" in done.err
     assert "same command" in done.err
-    done = command("discover", "--out", tmp_path / "found", worn)
-    assert done.code == 0
+    done = command.done("discover", "--out", tmp_path / "found", worn)
     assert "going on with 1" in done.err
 
 
 def test_without_recordings_there_is_nothing_to_find(command: Command, tmp_path: Path) -> None:
-    assert command("discover", "--out", tmp_path / "found").code == 2
+    command.refused("discover", "--out", tmp_path / "found")
 
 
 @pytest.mark.parametrize(
@@ -174,10 +170,9 @@ def test_mistakes_are_named_before_anything_is_written(
         case "cut short":
             lines = worn.read_text().splitlines(keepends=True)
             other.write_text("".join(lines[:1000]))
-    done = command("discover", "--out", out, worn, other)
-    assert done.code == 2
-    assert message in done.err
-    assert "remedy" in done.err
+    said = command.refused("discover", "--out", out, worn, other)
+    assert message in said
+    assert "remedy" in said
     assert not out.is_dir()
 
 
@@ -190,8 +185,7 @@ def test_a_log_of_the_replayed_recording_gives_the_same_verdict(
     messages = _replayed(command, signals, bench)
     _write_log(log, messages)
     expected = json.loads(command("discover", "--out", tmp_path / "a", "--json", signals).out)
-    done = command("discover", "--bench", bench, "--out", tmp_path / "b", "--json", log)
-    assert done.code == 0
+    done = command.done("discover", "--bench", bench, "--out", tmp_path / "b", "--json", log)
     assert "no gap, 4 of 4 injections judged" in done.err
     found = json.loads(done.out)
     assert found["verdict"] == expected["verdict"] == "named"
@@ -214,29 +208,17 @@ def test_a_log_with_gaps_is_judged_by_what_is_whole(
     assert "left out, samples are missing in it or beside it: at 0.15" in done.err
 
 
-def test_the_model_of_the_bench_file_is_the_one_amended(
-    command: Command, worn: Path, bench: Path, tmp_path: Path
-) -> None:
-    """So it is not overwritten."""
-    (tmp_path / "amended.toml").write_bytes(NOMINAL_INJECTOR.read_bytes())
-    bench.write_text(bench.read_text().replace("[model]", '[model]\nfile = "amended.toml"'))
-    done = command("discover", "--bench", bench, "--out", tmp_path, worn)
-    assert done.code == 2
-    assert "name another folder" in done.err
-
-
 def test_a_log_needs_a_bench_file_and_whole_injections(
     command: Command, worn: Path, bench: Path, tmp_path: Path
 ) -> None:
     log = tmp_path / "bus.log"
     _write_log(log, _replayed(command, worn, bench, "--windowed"))
-    done = command("discover", "--out", tmp_path / "found", log)
-    assert done.code == 2
-    assert f"--bench: is missing: it says which signals the frames of {log} carry" in done.err
-    done = command("discover", "--bench", bench, "--out", tmp_path / "found", log)
-    assert done.code == 2
-    assert "no complete injection; less than" in done.err
-    assert "; samples are missing in it or beside it" in done.err
+    assert f"--bench: is missing: it says which signals the frames of {log} carry" in command.refused(
+        "discover", "--out", tmp_path / "found", log
+    )
+    said = command.refused("discover", "--bench", bench, "--out", tmp_path / "found", log)
+    assert "no complete injection; less than" in said
+    assert "; samples are missing in it or beside it" in said
     assert not (tmp_path / "found").exists()
 
 
@@ -248,7 +230,7 @@ def _replayed(command: Command, recording: Path, bench: Path, *options: str) -> 
     """What a listener on the bus hears of `observer-rt replay`."""
     with can.Bus(interface="virtual", channel="discover-test", fd=True) as bus:
         on_bus = ("--channel", "discover-test", "--speed", "0")
-        assert command("replay", recording, "--bench", bench, *on_bus, *options).code == 0
+        command.done("replay", recording, "--bench", bench, *on_bus, *options)
         return list(iter(lambda: bus.recv(0.0), None))
 
 
@@ -271,3 +253,25 @@ def _copy(recording: Path, folder: Path) -> Path:
     path = folder / "copy.csv"
     path.write_bytes(recording.read_bytes())
     return path
+
+
+@pytest.mark.slow
+def test_wear_grew_from_one_run_to_the_next(command: Command, tmp_path: Path) -> None:
+    folders = []
+    for name, v_h in (("spring", 0.1), ("autumn", 0.2)):
+        recording, folder = tmp_path / f"{name}.csv", tmp_path / name
+        command("simulate", "--injections", 4, "--effect", f"orifice_area={v_h}", "--output", recording)
+        command.done("discover", "--out", folder, recording)
+        folders.append(folder)
+    done = command.done("compare", *folders)
+    assert "one operating point, nothing held out" in done.out
+    assert "spring.csv" in done.out
+    assert re.search(r"orifice_area v_H: \+0\.\d+ ± 0\.0\d+ \(95 %\), changed", done.out)
+    (change,) = json.loads(command("compare", "--json", *folders).out)["changes"]
+    assert change["significant"]
+    assert change["ci95"][0] < 0.1 < change["ci95"][1]
+
+
+def test_one_run_or_none_is_refused(command: Command, tmp_path: Path) -> None:
+    assert "two folders" in command("compare", tmp_path).err
+    assert "findings.json: no such file" in command.refused("compare", tmp_path, tmp_path)

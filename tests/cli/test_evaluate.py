@@ -11,37 +11,21 @@ import pytest
 
 from observer_rt.recording.formats import read_recording, write_recording
 from tests.cli.conftest import Command, document
+from tests.device import candump_lines, frames_of
 
+RECORDING_KEYS = {
+    *("file", "samples", "sample_rate_hz", "lost_samples", "spikes", "bridged_samples"),
+    *("checks", "injections", "summary"),
+}
 INJECTION_KEYS = {
-    "number",
-    "event",
-    "start_index",
-    "end_index",
-    "start_s",
-    "end_s",
-    "rail_pressure_MPa",
-    "mass_mg",
-    "mass_ci95_mg",
-    "nominal_mass_mg",
-    "measured_mass_mg",
-    "rate_rmse_mm3_per_ms",
-    "nominal_rate_rmse_mm3_per_ms",
-    "rate_ci95_halfwidth_mm3_per_ms",
-    "valid",
-    "reasons",
-    "state",
-    "phi_version",
-    "indicators",
+    *("number", "event", "start_index", "end_index", "start_s", "end_s", "rail_pressure_MPa", "mass_mg"),
+    *("mass_ci95_mg", "nominal_mass_mg", "measured_mass_mg", "rate_rmse_mm3_per_ms"),
+    *("nominal_rate_rmse_mm3_per_ms", "rate_ci95_halfwidth_mm3_per_ms", "valid", "reasons", "state"),
+    *("phi_version", "indicators"),
 }
 INDICATORS = {
-    "nozzle_v_H",
-    "seat_v_S",
-    "line_friction",
-    "guide_leakage",
-    "line_pressure_sensor_offset",
-    "line_pressure_sensor_lag",
-    "bulk_modulus",
-    "entrained_air",
+    *("nozzle_v_H", "seat_v_S", "line_friction", "guide_leakage", "line_pressure_sensor_offset"),
+    *("line_pressure_sensor_lag", "bulk_modulus", "entrained_air"),
 }
 
 
@@ -50,6 +34,8 @@ def test_json_document(command: Command, worn: Path) -> None:
     assert found.keys() == {"schema", "model_sha256", "recordings"}
     assert found["schema"] == 1
     (recording,) = found["recordings"]
+    assert recording.keys() == RECORDING_KEYS
+    assert recording["summary"].keys() == {"valid_share", "adoptions", "rejected_adoptions"}
     assert recording["file"] == str(worn)
     assert recording["sample_rate_hz"] == 50e3
     assert recording["lost_samples"] == 0
@@ -73,8 +59,7 @@ def test_json_document(command: Command, worn: Path) -> None:
 
 
 def test_table_fits_80_columns_and_tells_what_is_not_valid(command: Command, worn: Path) -> None:
-    outcome = command("evaluate", worn)
-    assert outcome.code == 0
+    outcome = command.done("evaluate", worn)
     title, *table = outcome.out.splitlines()
     assert title.startswith(f"{worn}: ")
     assert max(len(line.rstrip()) for line in table) <= 80
@@ -100,8 +85,7 @@ def test_table_without_a_measurement_says_how_sure_a_mass_is(
 
 def test_recording_without_injections(command: Command, resting: Path, tmp_path: Path) -> None:
     figure = tmp_path / "empty.svg"
-    outcome = command("evaluate", resting, "--plot", figure)
-    assert outcome.code == 0
+    outcome = command.done("evaluate", resting, "--plot", figure)
     assert "no injection found" in outcome.out
     assert "no injection found" in figure.read_text()
     (recording,) = document(command, resting)["recordings"]
@@ -128,7 +112,7 @@ def test_trace_agrees_with_the_document(command: Command, worn: Path, tmp_path: 
 @pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
 def test_figure(command: Command, worn: Path, tmp_path: Path, suffix: str) -> None:
     figure = tmp_path / f"worn{suffix}"
-    assert command("evaluate", worn, "--plot", figure).code == 0
+    command.done("evaluate", worn, "--plot", figure)
     start = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}[suffix]
     assert figure.read_bytes().startswith(start)
 
@@ -140,7 +124,7 @@ def _words(figure: Path) -> str:
 
 def test_chosen_injections_are_drawn_with_units(command: Command, worn: Path, tmp_path: Path) -> None:
     figure = tmp_path / "worn.svg"
-    assert command("evaluate", worn, "--plot", figure, "--injections", "2,4").code == 0
+    command.done("evaluate", worn, "--plot", figure, "--injections", "2,4")
     words = _words(figure)
     assert re.findall(r"injection (\d), ", words) == ["2", "4"]
     for name, unit in (
@@ -182,7 +166,7 @@ def test_several_recordings_share_their_axes(
 ) -> None:
     figure, again = tmp_path / "both.svg", tmp_path / "again.csv"
     again.write_bytes(worn.read_bytes())
-    assert command("evaluate", worn, again, resting, "--plot", figure).code == 0
+    command.done("evaluate", worn, again, resting, "--plot", figure)
     words = _words(figure)
     assert "3 recordings" in words
     assert re.findall(r"injection (\d)", words)[:3] == ["1", "3", "4"]
@@ -194,7 +178,7 @@ def test_traces_of_several_recordings_go_to_a_folder(
     command: Command, worn: Path, resting: Path, tmp_path: Path
 ) -> None:
     folder = tmp_path / "new" / "traces"
-    assert command("evaluate", worn, resting, "--output", folder).code == 0
+    command.done("evaluate", worn, resting, "--output", folder)
     assert {path.name for path in folder.iterdir()} == {"worn.csv.trace.csv", "resting.csv.trace.csv"}
 
 
@@ -254,6 +238,7 @@ def test_model_replaces_that_of_the_bench(command: Command, worn: Path, bench: P
         (("{worn}", "{resting}", "--save-state", "x.json"), "--save-state: needs one history"),
         (("{worn}", "--output", "{worn}"), "is a recording to be evaluated"),
         (("{worn}", "--output", "{here}/no/x.csv"), "--output: {here}/no: no such folder"),
+        (("{worn}", "--output", "{here}/x.xlsx"), "known suffixes: .csv, .mf4, .parquet"),
         (("{worn}", "--plot", "{here}/no/x.png"), "--plot: {here}/no: no such folder"),
         (("{worn}", "--plot", "{here}/x.bmp"), "known suffixes: .png, .svg, .pdf"),
         (("{worn}", "--plot", "{here}/x"), "known suffixes: .png, .svg, .pdf"),
@@ -283,12 +268,58 @@ def test_mistakes_are_named_before_the_work(
 def test_files_that_are_no_recordings(command: Command, tmp_path: Path, name: str) -> None:
     path = tmp_path / name
     path.write_bytes(bytes(range(256)) * 20)
-    outcome = command("evaluate", path)
-    assert outcome.code == 2
-    assert str(path) in outcome.err
+    assert str(path) in command.refused("evaluate", path)
 
 
 def test_recording_at_another_rate_than_the_users_bench(command: Command, resting: Path, bench: Path) -> None:
-    outcome = command("evaluate", resting, "--bench", bench)
-    assert outcome.code == 2
-    assert "sampling.rate_hz: is 50000 Hz" in outcome.err
+    assert "sampling.rate_hz: is 50000 Hz" in command.refused("evaluate", resting, "--bench", bench)
+
+
+def test_a_log_is_evaluated_as_the_recording_it_was_made_of(
+    command: Command, worn: Path, bench: Path, tmp_path: Path
+) -> None:
+    log = tmp_path / "bus.log"
+    log.write_text("(0.0) can0 123#R\n" + "".join(candump_lines(frames_of(bench, worn))))
+    expected = json.loads(command("evaluate", worn, "--bench", bench, "--json").out)["recordings"][0]
+    outcome = command.done("evaluate", log, "--bench", bench, "--json")
+    assert f"{log}: left out: 1 remote frame" in outcome.err
+    found = json.loads(outcome.out)["recordings"][0]
+    assert [i["mass_mg"] for i in found["injections"]] == [i["mass_mg"] for i in expected["injections"]]
+    command.refused("evaluate", log, "--bench", bench, "--from-channel", "can7")
+
+
+def test_logs_of_a_device_that_went_on_are_as_one(
+    command: Command, worn: Path, bench: Path, tmp_path: Path
+) -> None:
+    """Such as files a recorder began anew, here within the third injection."""
+    within = 1394  # frames of nine samples
+    assert read_recording(worn).needle_lift[9 * within] > 100e-6
+    lines = candump_lines(frames_of(bench, worn))
+    for name, part in (("whole", lines), ("first", lines[:within]), ("second", lines[within:])):
+        (tmp_path / f"{name}.log").write_text("".join(part))
+    (known,) = document(command, tmp_path / "whole.log", "--bench", bench)["recordings"]
+    parts = (tmp_path / "first.log", tmp_path / "second.log")
+    chained = document(command, *parts, "--bench", bench, "--chain")["recordings"]
+    found = [injection for part in chained for injection in part["injections"]]
+    assert [injection["number"] for injection in found] == [1, 2, 3, 4]
+    keys = ("mass_mg", "mass_ci95_mg", "valid", "phi_version", "indicators")
+    assert [[i[key] for key in keys] for i in found] == [
+        [i[key] for key in keys] for i in known["injections"]
+    ]
+    apart = document(command, *parts, "--bench", bench)["recordings"]
+    assert apart[1]["injections"][0]["number"] == 1
+
+
+@pytest.mark.parametrize("first", ["bus.log", "worn.csv"])
+def test_after_a_restart_a_log_goes_on_with_what_was_learned(
+    command: Command, worn: Path, bench: Path, tmp_path: Path, first: str
+) -> None:
+    log, state = tmp_path / "bus.log", tmp_path / "learned"
+    log.write_text("".join(candump_lines(frames_of(bench, worn))))
+    before = log if first == "bus.log" else worn
+    chained = document(command, before, log, "--bench", bench, "--chain")["recordings"]
+    document(command, before, "--bench", bench, "--save-state", state)
+    (known,) = document(command, log, "--bench", bench, "--state", state)["recordings"]
+    assert chained[1] == known
+    (fresh,) = document(command, log, "--bench", bench)["recordings"]
+    assert chained[1] != fresh

@@ -11,14 +11,7 @@ from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.recording.formats import read_recording, write_recording
 from tests.cli.conftest import Command, document
 from tests.device import candump_lines
-from tests.three_injectors import (
-    NAMES,
-    lift_id,
-    one_alone,
-    three_injectors,
-    three_on,
-    three_recordings,
-)
+from tests.three_injectors import NAMES, lift_id, one_alone, three_injectors, three_on, three_recordings
 
 
 @pytest.fixture(scope="module")
@@ -50,8 +43,7 @@ def test_tables_and_files_are_told_apart(
     monkeypatch.chdir(tmp_path)
     files = "--plot", "worn.png", "--output", "traces", "--save-state", "learned.json"
     arguments = "evaluate", folder / "bus.log", "--bench", folder / "bench.toml"
-    outcome = command(*arguments, *files)
-    assert outcome.code == 0, outcome.err
+    outcome = command.done(*arguments, *files)
     headings = [line for line in outcome.out.splitlines() if line.startswith("injector ")]
     assert headings == [f"injector {name}" for name in NAMES]
     made = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
@@ -60,12 +52,9 @@ def test_tables_and_files_are_told_apart(
         for name in NAMES
         for file in (f"worn_{name}.png", f"learned_{name}.json", f"traces/{name}/bus.log.trace.csv")
     }
-    again = command(*arguments, *files, "--force")
-    assert again.code == 0, again.err
+    command.done(*arguments, *files, "--force")
     (tmp_path / "worn_two.png").unlink()
-    refused = command(*arguments, "--plot", "worn.png")
-    assert refused.code == 2
-    assert "worn_one.png" in refused.err
+    assert "worn_one.png" in command.refused(*arguments, "--plot", "worn.png")
     assert not (tmp_path / "worn_two.png").exists()
     known = command(*arguments, "--state", "learned.json")
     assert known.err.count("learned state restored") == 3
@@ -73,22 +62,19 @@ def test_tables_and_files_are_told_apart(
 
 def test_a_recording_is_one_injectors(command: Command, folder: Path) -> None:
     arguments = "evaluate", folder / "two.csv", "--bench", folder / "bench.toml"
-    refused = command(*arguments)
-    assert refused.code == 2
-    assert "has the signals of one injector" in refused.err
-    assert "--injector one" in refused.err
-    assert command(*arguments, "--injector", "two").code == 0
+    said = command.refused(*arguments)
+    assert "has the signals of one injector" in said
+    assert "--injector one" in said
+    command.done(*arguments, "--injector", "two")
 
 
 def test_the_signals_of_one_out_of_a_log(command: Command, folder: Path, tmp_path: Path) -> None:
     arguments = "convert", folder / "bus.log", tmp_path / "two.csv", "--bench", folder / "bench.toml"
-    refused = command(*arguments)
-    assert refused.code == 2
-    assert "choose one, such as --injector one" in refused.err
-    assert command(*arguments, "--injector", "two").code == 0
+    assert "choose one, such as --injector one" in command.refused(*arguments)
+    command.done(*arguments, "--injector", "two")
     found, sent = read_recording(tmp_path / "two.csv"), read_recording(folder / "two.csv")
     assert abs(found.needle_lift - sent.needle_lift[: found.samples]).max() < 1e-8
-    assert command("convert", folder / "bus.log", tmp_path / "bus.blf", "--injector", "two").code == 2
+    command.refused("convert", folder / "bus.log", tmp_path / "bus.blf", "--injector", "two")
 
 
 def test_check_looks_at_the_log_for_each(command: Command, folder: Path) -> None:
@@ -105,8 +91,7 @@ def test_a_log_of_all_is_replayed_whole(command: Command, folder: Path, tmp_path
     path = three_injectors(tmp_path, tmp_path.name)
     lines = (folder / "bus.log").read_text().splitlines(keepends=True)
     (tmp_path / "part.log").write_text("".join([*lines[:700], f"(9.0) can0 302##1{'00' * 64}\n"]))
-    outcome = command("replay", tmp_path / "part.log", "--bench", path, "--speed", "0", "--json")
-    assert outcome.code == 0, outcome.err
+    outcome = command.done("replay", tmp_path / "part.log", "--bench", path, "--speed", "0", "--json")
     assert json.loads(outcome.out)["frames"] == 700  # not the recorded result
 
 

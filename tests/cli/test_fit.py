@@ -41,8 +41,7 @@ def test_a_fit_writes_the_file_the_figure_and_says_what_it_is_worth(
     command: Command, healthy: tuple[Path, ...], wrong: Path, tmp_path: Path
 ) -> None:
     fitted, figure = tmp_path / "fitted.toml", tmp_path / "fit.png"
-    done = command("fit", *healthy, "--model", wrong, "--output", fitted, "--plot", figure)
-    assert done.code == 0
+    done = command.done("fit", *healthy, "--model", wrong, "--output", fitted, "--plot", figure)
     for words in ("verdict: adequate", "one to one on A_L/(rho_L L_L)", "alpha_H", "chosen: one lump"):
         assert words in done.out
     assert "6 injections" not in done.err
@@ -52,11 +51,8 @@ def test_a_fit_writes_the_file_the_figure_and_says_what_it_is_worth(
     assert injector.baseline is not None
     assert injector.baseline.adequate
     assert figure.read_bytes().startswith(b"\x89PNG")
-    refused = command("fit", *healthy, "--model", wrong, "--output", fitted)
-    assert refused.code == 2
-    assert "--force" in refused.err
-    evaluated = command("evaluate", healthy[0], "--model", fitted, "--json")
-    assert evaluated.code == 0
+    assert "--force" in command.refused("fit", *healthy, "--model", wrong, "--output", fitted)
+    command.done("evaluate", healthy[0], "--model", fitted, "--json")
 
 
 @pytest.mark.slow
@@ -66,8 +62,7 @@ def test_json_holds_all_of_it(
     masses = tmp_path / "masses.csv"
     masses.write_text("recording,mass_mg\nhealthy_1.csv,144.2\n")
     fitted = tmp_path / "fitted.toml"
-    done = command("fit", *healthy, "--model", wrong, "--output", fitted, "--mass", masses, "--json")
-    assert done.code == 0
+    done = command.done("fit", *healthy, "--model", wrong, "--output", fitted, "--mass", masses, "--json")
     document = json.loads(done.out, parse_constant=lambda name: pytest.fail(name))
     assert document["schema"] == 1
     assert document["verdict"] == "adequate"
@@ -87,51 +82,39 @@ def test_json_holds_all_of_it(
     assert document["baseline"]["injections"] == 6
 
 
-def _refusal(command: Command, recording: Recording, folder: Path, *more: object) -> str:
-    path = folder / "recording.csv"
-    write_recording(path, recording)
-    done = command("fit", path, "--model", NOMINAL_INJECTOR, "--output", folder / "fitted.toml", *more)
-    assert done.code == 2
-    assert not (folder / "fitted.toml").exists()
-    assert "recording.csv" in done.err
-    return done.err
-
-
 RECORDING = simulations([(100e6, 1.9e-3)], injections=1)[0].recording
 
 
-def _first(recording: Recording, samples: int) -> Recording:
-    return Recording(
-        recording.time[:samples],
-        recording.rail_pressure[:samples],
-        recording.needle_lift[:samples],
-        recording.line_pressure[:samples],
-    )
+def _first(samples: int) -> Recording:
+    names = ("time", "rail_pressure", "needle_lift", "line_pressure")
+    return replace(RECORDING, **{name: getattr(RECORDING, name)[:samples] for name in names})
 
 
-def test_a_recording_without_an_injection_is_refused(command: Command, tmp_path: Path) -> None:
-    assert "no complete injection" in _refusal(command, _first(RECORDING, 10_000), tmp_path)
-
-
-def test_a_recording_that_ends_too_soon_is_refused(command: Command, tmp_path: Path) -> None:
-    assert "ms of shut needle follow" in _refusal(command, _first(RECORDING, 15_400), tmp_path)
-
-
-def test_another_unit_is_refused(command: Command, tmp_path: Path) -> None:
-    in_bar = replace(RECORDING, line_pressure=10.0 * RECORDING.line_pressure)
-    assert "unit" in _refusal(command, in_bar, tmp_path)
-
-
-def test_a_clipped_signal_is_refused(command: Command, tmp_path: Path) -> None:
-    clipped = replace(RECORDING, line_pressure=np.minimum(RECORDING.line_pressure, 103e6))
-    assert "is clipped" in _refusal(command, clipped, tmp_path)
+@pytest.mark.parametrize(
+    ("recording", "said"),
+    [
+        (_first(10_000), "no complete injection"),
+        (_first(15_400), "ms of shut needle follow"),
+        (replace(RECORDING, line_pressure=10.0 * RECORDING.line_pressure), "unit"),
+        (replace(RECORDING, line_pressure=np.minimum(RECORDING.line_pressure, 103e6)), "is clipped"),
+    ],
+)
+def test_a_recording_that_will_not_do_is_refused(
+    command: Command, tmp_path: Path, recording: Recording, said: str
+) -> None:
+    path, fitted = tmp_path / "recording.csv", tmp_path / "fitted.toml"
+    write_recording(path, recording)
+    told = command.refused("fit", path, "--model", NOMINAL_INJECTOR, "--output", fitted)
+    assert "recording.csv" in told
+    assert said in told
+    assert not fitted.exists()
 
 
 def test_the_model_is_not_written_over(command: Command, healthy: tuple[Path, ...], wrong: Path) -> None:
     before = wrong.read_bytes()
-    done = command("fit", *healthy, "--model", wrong, "--output", wrong, "--force")
-    assert done.code == 2
-    assert "is the model that is fitted" in done.err
+    assert "is the model that is fitted" in command.refused(
+        "fit", *healthy, "--model", wrong, "--output", wrong, "--force"
+    )
     assert wrong.read_bytes() == before
 
 
@@ -139,8 +122,9 @@ def test_the_model_is_not_written_over(command: Command, healthy: tuple[Path, ..
 def test_one_operating_point_is_warned_of(command: Command, tmp_path: Path) -> None:
     path = tmp_path / "one.csv"
     write_recording(path, RECORDING)
-    done = command("fit", path, "--model", NOMINAL_INJECTOR, "--output", tmp_path / "fitted.toml", "--json")
-    assert done.code == 0
+    done = command.done(
+        "fit", path, "--model", NOMINAL_INJECTOR, "--output", tmp_path / "fitted.toml", "--json"
+    )
     assert "one operating point only" in done.err
     assert any("one operating point only" in one for one in json.loads(done.out)["warnings"])
 

@@ -65,7 +65,7 @@ def test_a_log_format_from_outside(
     frames = sent_log(frames_of(bench, worn))
     log, blf = tmp_path / "bus.hexlog", tmp_path / "bus.blf"
     write_log(blf, frames)
-    assert command("convert", blf, log).code == 0
+    command.done("convert", blf, log)
     assert is_log(log)
     assert list(open_log(log)) == [frame._replace(channel="can0") for frame in frames]
     assert LogPart(log).extent().frames == len(frames)  # what `replay` sends
@@ -78,7 +78,7 @@ def test_a_recording_format_from_outside(
 ) -> None:
     install("arrays", SIGNALS)
     path = tmp_path / "worn.npy"
-    assert command("convert", worn, path).code == 0
+    command.done("convert", worn, path)
     np.testing.assert_array_equal(read_recording(path).line_pressure, read_recording(worn).line_pressure)
     ours, theirs = (document(command, each)["recordings"][0] for each in (worn, path))
     assert theirs["injections"] == ours["injections"] != []
@@ -103,10 +103,9 @@ def test_a_format_that_will_not_do_names_its_distribution(
 ) -> None:
     name = tmp_path.name  # a module of its own
     install(name, text)
-    outcome = command("evaluate", resting)
-    assert outcome.code == 2
-    assert f"format 'mine' of {name} 1.2: {name}:FORMAT {problem}" in outcome.err
-    assert "remedy: mend it, or uninstall that distribution" in outcome.err
+    said = command.refused("evaluate", resting)
+    assert f"format 'mine' of {name} 1.2: {name}:FORMAT {problem}" in said
+    assert "remedy: mend it, or uninstall that distribution" in said
     with pytest.raises(UserError):
         formats()
 

@@ -22,7 +22,7 @@ def test_every_structure_is_simulated_and_observed(
     model = injector(tmp_path / "injector.toml", line, outflow)
     made = tmp_path / "made.csv"
     points = ("--rail-pressure", "60,140", "--energizing-time", 1.1, "--injections", 4)
-    assert command("simulate", "--model", model, *points, "--output", made).code == 0
+    command.done("simulate", "--model", model, *points, "--output", made)
     (found,) = document(command, made, "--model", model)["recordings"]
     assert [one["valid"] for one in found["injections"]] == [False, False, True, True]
     rate = np.loadtxt(f"{made}.truth.csv", delimiter=",", skiprows=1)[:, 1]
@@ -54,16 +54,14 @@ def test_too_many_cells_are_refused_with_the_numbers(
     told = re.search(r"give (\d+) cells, or leave 'cells' out", said)
     assert told is not None
     model.write_text(model.read_text().replace("cells = 40", f"cells = {told[1]}"))
-    assert command("check", "--model", model).code == 0
+    command.done("check", "--model", model)
 
 
 def test_discovery_refuses_them_with_the_numbers_too(command: Command, tmp_path: Path) -> None:
     model, made = injector(tmp_path / "injector.toml", "wave", added="cells = 40\n"), tmp_path / "made.csv"
-    assert command("simulate", "--injections", "2", "--output", made).code == 0
-    outcome = command("discover", made, "--model", model, "--out", tmp_path / "out")
-    assert outcome.code == 2
+    command.done("simulate", "--injections", "2", "--output", made)
     assert "line.cells: 40 cells are not stable: sound crosses 3.21 of a cell" in " ".join(
-        outcome.err.split()
+        command.refused("discover", made, "--model", model, "--out", tmp_path / "out").split()
     )
     assert not (tmp_path / "out").exists()
 
@@ -98,8 +96,7 @@ def test_a_fit_that_will_not_do_is_told_at_once(
     command: Command, resting: Path, tmp_path: Path, adequate: str, rate: float, said: str | None
 ) -> None:
     model = injector(tmp_path / "injector.toml", end=FITTED.format(adequate=adequate, rate=rate))
-    evaluated = command("evaluate", resting, "--model", model)
-    assert evaluated.code == 0
+    evaluated = command.done("evaluate", resting, "--model", model)
     lines = [line for line in evaluated.err.splitlines() if line.startswith("warning")]
     (checked,) = (
         one for one in observer_findings(load_bench(model=model).injector) if one.topic == "fitted model"

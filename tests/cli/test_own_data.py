@@ -54,8 +54,7 @@ def foreign(worn: Path, tmp_path: Path) -> Path:
 
 
 def test_a_foreign_file_is_evaluated(command: Command, foreign: Path, own: Path, worn: Path) -> None:
-    outcome = command("evaluate", foreign, "--bench", own)
-    assert outcome.code == 0, outcome.err
+    outcome = command.done("evaluate", foreign, "--bench", own)
     assert "1 gaps are bridged" in outcome.err
     assert "split into 2 stretches" in outcome.err
     (found,) = document(command, foreign, "--bench", own)["recordings"]
@@ -87,18 +86,15 @@ def test_check_shows_what_it_makes_of_a_file(command: Command, foreign: Path, ow
 
 
 def test_a_foreign_file_without_a_mapping_names_the_way(command: Command, foreign: Path) -> None:
-    outcome = command("evaluate", foreign)
-    assert outcome.code == 2
-    assert "[recording] of a bench file" in outcome.err
+    assert "[recording] of a bench file" in command.refused("evaluate", foreign)
 
 
 def test_stretches_become_files(command: Command, foreign: Path, own: Path, tmp_path: Path) -> None:
-    outcome = command("convert", foreign, tmp_path / "x.parquet", "--bench", own)
-    assert outcome.code == 0, outcome.err
+    command.done("convert", foreign, tmp_path / "x.parquet", "--bench", own)
     first, second = (read_recording(tmp_path / f"x_000{number}.parquet") for number in (1, 2))
     assert (first.samples, first.sample_rate) == (6000, 50e3)
     assert second.time[0] == pytest.approx(7000 / 50e3)
-    assert command("convert", foreign, tmp_path / "x.parquet", "--bench", own).code == 2
+    command.refused("convert", foreign, tmp_path / "x.parquet", "--bench", own)
 
 
 @pytest.mark.parametrize("name", ["rail_pressure", "line_pressure", "needle_lift"])
@@ -120,10 +116,9 @@ def test_wrong_units_are_refused_by_every_command(
         "replay": ["--bench", bench],
         "discover": ["--out", tmp_path / "found"],
     }
-    outcome = command(name_of_command, path, *further[name_of_command])
-    assert outcome.code == 2
-    assert f"wrong.csv, {name}" in outcome.err
-    assert "mind the unit" in outcome.err
+    said = command.refused(name_of_command, path, *further[name_of_command])
+    assert f"wrong.csv, {name}" in said
+    assert "mind the unit" in said
     assert not (tmp_path / "out.csv").exists()
 
 
@@ -132,50 +127,47 @@ def test_time_in_ms_is_named(command: Command, worn: Path, tmp_path: Path) -> No
     slow = [f"{float(row.split(',', 1)[0]) * 1e3:.6g},{row.split(',', 1)[1]}" for row in rows]
     path = tmp_path / "ms.csv"
     path.write_text("\n".join([head, *slow]) + "\n")
-    outcome = command("evaluate", path)
-    assert outcome.code == 2
-    assert "is sampled at 50 Hz" in outcome.err
-    assert "unit of the time, which is likely ms" in outcome.err
+    said = command.refused("evaluate", path)
+    assert "is sampled at 50 Hz" in said
+    assert "unit of the time, which is likely ms" in said
 
 
 def test_nothing_is_overwritten_without_force(command: Command, worn: Path, tmp_path: Path) -> None:
     simulated = ("simulate", "--injections", 1, "--output", tmp_path / "s.csv")
-    assert command(*simulated).code == 0
+    command.done(*simulated)
     outcome = command(*simulated)
     assert (outcome.code, "add --force" in outcome.err) == (2, True)
-    assert command(*simulated, "--force").code == 0
+    command.done(*simulated, "--force")
     trace, plot, state = tmp_path / "t.csv", tmp_path / "p.png", tmp_path / "s.json"
     for option, path in (("--output", trace), ("--plot", plot), ("--save-state", state)):
         path.write_text("mine")
         outcome = command("evaluate", worn, option, path)
         assert (outcome.code, f"{option} {path}: exists already" in outcome.err) == (2, True)
         assert path.read_text() == "mine"
-        assert command("evaluate", worn, option, path, "--force").code == 0
+        command.done("evaluate", worn, option, path, "--force")
         assert path.read_bytes() != b"mine"
-    assert command("evaluate", worn, "--state", state, "--save-state", state).code == 0
+    command.done("evaluate", worn, "--state", state, "--save-state", state)
 
 
 def test_a_trace_needs_a_known_suffix(command: Command, worn: Path, tmp_path: Path) -> None:
-    outcome = command("evaluate", worn, "--output", tmp_path / "trace.xlsx")
-    assert outcome.code == 2
-    assert "known suffixes: .csv, .mf4, .parquet" in outcome.err
+    assert "known suffixes: .csv, .mf4, .parquet" in command.refused(
+        "evaluate", worn, "--output", tmp_path / "trace.xlsx"
+    )
 
 
 def test_truths_beside_recordings_are_left_out(command: Command, worn: Path, tmp_path: Path) -> None:
     shutil.copy(worn, tmp_path / "worn.csv")
     (tmp_path / "worn.csv.truth.csv").write_text("time_s,sac_pressure_MPa\n0,5\n")
-    outcome = command("evaluate", *sorted(tmp_path.glob("*.csv")))
-    assert outcome.code == 0, outcome.err
+    outcome = command.done("evaluate", *sorted(tmp_path.glob("*.csv")))
     assert "left out: 1 files truth.csv" in outcome.err
-    assert command("evaluate", tmp_path / "worn.csv.truth.csv").code == 2
+    command.refused("evaluate", tmp_path / "worn.csv.truth.csv")
 
 
 def test_a_recording_becomes_a_log_by_a_bench_file(
     command: Command, worn: Path, bench: Path, tmp_path: Path
 ) -> None:
-    assert command("convert", worn, tmp_path / "x.log").code == 2
-    outcome = command("convert", worn, tmp_path / "x.log", "--bench", bench)
-    assert outcome.code == 0, outcome.err
+    command.refused("convert", worn, tmp_path / "x.log")
+    command.done("convert", worn, tmp_path / "x.log", "--bench", bench)
     ours, theirs = (
         document(command, path, "--bench", bench)["recordings"][0]["injections"]
         for path in (worn, tmp_path / "x.log")
@@ -188,20 +180,18 @@ def test_a_log_with_a_restart_is_split(command: Command, worn: Path, bench: Path
     again = later(frames, frames[-1].time + 1.0)
     path = tmp_path / "bus.blf"
     write_log(path, sent_log([*frames, *again]))
-    outcome = command("evaluate", path, "--bench", bench)
-    assert outcome.code == 0, outcome.err
+    outcome = command.done("evaluate", path, "--bench", bench)
     assert "a device was restarted" in outcome.err
     (found,) = document(command, path, "--bench", bench)["recordings"]
     assert len(found["injections"]) == 8
-    assert command("convert", path, tmp_path / "x.csv", "--bench", bench).code == 0
+    command.done("convert", path, tmp_path / "x.csv", "--bench", bench)
     assert read_recording(tmp_path / "x_0001.csv").samples == read_recording(tmp_path / "x_0002.csv").samples
 
 
 def test_many_injections_are_summarised(command: Command, tmp_path: Path) -> None:
     path = tmp_path / "many.csv"
     arguments = ("--injections", 51, "--period", 12, "--energizing-time", 0.4, "--sample-rate", 50e3)
-    assert command("simulate", *arguments, "--output", path).code == 0
-    outcome = command("evaluate", path, "--no-learning")
-    assert outcome.code == 0
+    command.done("simulate", *arguments, "--output", path)
+    outcome = command.done("evaluate", path, "--no-learning")
     rows = [line for line in outcome.out.splitlines() if "-" in line.split(" ")[0] or " %" in line]
     assert 10 < len(rows) <= 20

@@ -3,7 +3,12 @@
 Those that need one run in tests/service/test_on_vcan_pages.py. A command that is added to a page is run as well.
 """
 
+import csv
+import importlib
+import json
 import re
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
@@ -11,13 +16,19 @@ import numpy as np
 import pytest
 import typer.main
 
+import observer_rt.discovery.findings
+from observer_rt.bus.mapping.bus_map import map_bench
 from observer_rt.check.findings import Level
 from observer_rt.check.machine import interface_findings
-from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
+from observer_rt.config.bench import EXAMPLE_BENCH, load_bench, load_injector
 from observer_rt.config.links import LinkConfig
 from observer_rt.config.signals import SignalConfig
-from observer_rt.recording.formats import read_recording
-from tests.cli.conftest import Command
+from observer_rt.model.baseline import Baseline
+from observer_rt.recording.formats import read_recording, write_recording
+from observer_rt.simulation.schedule import make_schedule
+from observer_rt.simulation.simulate import SimulatedNoise, simulate
+from tests import engine, own_injector
+from tests.cli.conftest import Command, document
 from tests.pages import PAGES, ROOT, Page, needs_bus, serves_a_page, words_of
 from tools.benchmarks.__main__ import app as bench
 
@@ -66,8 +77,7 @@ def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: Command) -> P
 def run_all(command: Command, commands: list[str]) -> None:
     for line in commands:
         words, into = words_of(line)
-        outcome = command(*words)
-        assert outcome.code == 0, f"{line}\n{outcome.err}\n{outcome.out}"
+        outcome = command.done(*words)
         if into is not None:
             into.write_text(outcome.out)
 
@@ -84,7 +94,7 @@ def without_bus(page: Page) -> list[str]:
 def test_the_commands_of_the_readme(command: Command, desk: Path) -> None:
     measured = desk / "measured"
     measured.mkdir()
-    assert command("simulate", *SEVERAL_POINTS, *WORN, "--output", measured / "injector_a.csv").code == 0
+    command.done("simulate", *SEVERAL_POINTS, *WORN, "--output", measured / "injector_a.csv")
     run_all(command, without_bus(Page("README.md")))
     made = {"worn.png", "figures", "found", "bench.toml", "results"}
     assert made <= {path.name for path in desk.iterdir()}
@@ -96,7 +106,7 @@ def test_the_commands_on_many_recordings(command: Command, desk: Path) -> None:
     for name, effect in (("a", ()), ("b", WORN)):
         path = desk / "measured" / f"injector_{name}" / "run.csv"
         path.parent.mkdir(parents=True)
-        assert command("simulate", *SEVERAL_POINTS, *effect, "--output", path).code == 0
+        command.done("simulate", *SEVERAL_POINTS, *effect, "--output", path)
     run_all(command, without_bus(Page("docs/batch.md")))
     page = (desk / "results" / "trend.html").read_text()
     assert page.index("#1") < page.index(">b<") < page.index(">a<")
@@ -106,9 +116,9 @@ def test_the_commands_on_many_recordings(command: Command, desk: Path) -> None:
 @pytest.mark.slow
 def test_the_commands_on_recordings(command: Command, desk: Path) -> None:
     page = Page("docs/recordings.md")
-    assert command("simulate", *SEVERAL_POINTS, *WORN, "--output", "worn.csv").code == 0
-    assert command("convert", "worn.csv", "made.log", "--bench", "bench.toml").code == 0
-    assert command("convert", "made.log", "bus.blf").code == 0
+    command.done("simulate", *SEVERAL_POINTS, *WORN, "--output", "worn.csv")
+    command.done("convert", "worn.csv", "made.log", "--bench", "bench.toml")
+    command.done("convert", "made.log", "bus.blf")
     write_mine(page, Path("worn.csv"))
     run_all(command, without_bus(page))
     mine, worn = read_recording(Path("mine.mf4")), read_recording(Path("worn.csv"))
@@ -118,9 +128,9 @@ def test_the_commands_on_recordings(command: Command, desk: Path) -> None:
 
 @pytest.mark.slow
 def test_the_commands_for_other_tools(command: Command, desk: Path) -> None:
-    assert command("simulate", "--injections", 4, *WORN, "--output", "worn.csv").code == 0
-    assert command("convert", "worn.csv", "made.log", "--bench", "bench.toml").code == 0
-    assert command("convert", "made.log", "bus.blf").code == 0
+    command.done("simulate", "--injections", 4, *WORN, "--output", "worn.csv")
+    command.done("convert", "worn.csv", "made.log", "--bench", "bench.toml")
+    command.done("convert", "made.log", "bus.blf")
     run_all(command, without_bus(Page("docs/measurement-tools.md")))
     assert {"bus.asc", "bus.mf4", "signals.mf4", "trace.mf4"} <= {path.name for path in desk.iterdir()}
 
@@ -212,3 +222,161 @@ def test_the_benchmarks_that_are_named_are_there() -> None:
 def test_links_lead_somewhere(page: Page) -> None:
     targets = re.findall(r"\]\((?!https?:)([^)#\s]+)", page.text)
     assert [target for target in targets if not (ROOT / page.path).parent.joinpath(target).exists()] == []
+
+
+@pytest.mark.slow
+def test_the_commands_of_a_fit(command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    commands = [line for line in Page("docs/fit.md").commands if "healthy_*" not in line]
+    assert len(commands) == 4
+    run_all(command, commands)
+    assert Path("fitted.toml").exists()
+    assert Path("fit.png").exists()
+
+
+def test_the_keys_of_the_baseline_are_those_there_are() -> None:
+    section = Page("docs/fit.md").text.split("## `[baseline]`\n")[1].split("\n## ")[0]
+    keys = {
+        key for row in re.findall(r"^\| (`.*?`) \|", section, re.M) for key in re.findall(r"`(\w+)`", row)
+    }
+    assert keys == set(Baseline.model_fields) - {"format"}
+
+
+@pytest.mark.slow
+def test_the_commands_of_a_discovery(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    of_ones_own, *alone, compare = (words_of(line)[0] for line in Page("docs/discovery.md").commands)
+    assert of_ones_own[:2] == ["discover", "--out"]  # the same with other files, of the README
+    assert [words[0] for words in alone] == ["simulate", "discover", "evaluate"]
+    for words in alone:
+        command.done(*words)
+    assert {path.suffix for path in Path("found/data").iterdir()} == {".csv", ".svg"}
+    Path("found").rename("found_later")
+    command.done(*alone[1])
+    done = command.done(*compare)
+    assert "no change that shows" in done.out
+
+
+def test_every_reservation_is_explained() -> None:
+    source = Path(observer_rt.discovery.findings.__file__).read_text(encoding="utf-8")
+    known = set(re.findall(r'Caveat\(\s*"(\w+)"', source))
+    assert len(known) > 5
+    assert set(re.findall(r"^\| `(\w+)` \|", Page("docs/discovery.md").text, re.MULTILINE)) - {"id"} == known
+
+
+LIBRARY = Page("docs/library.md")
+PROGRAMS = LIBRARY.fenced("python")
+NAMES = re.findall(r"^\|[^|]*\| `(observer_rt[\w.]+)` \| (.*) \|$", LIBRARY.text, flags=re.MULTILINE)
+
+
+def printed(program: str, folder: Path) -> list[str]:
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=folder, capture_output=True, text=True, check=True
+    )
+    return done.stdout.splitlines()
+
+
+@pytest.mark.slow
+def test_programs_do_what_the_page_says(tmp_path: Path) -> None:
+    recorded, framed = PROGRAMS
+    made = simulate(load_injector(), make_schedule([100e6], 3, 0.05, [1.1e-3]), 100e3, noise=SimulatedNoise())
+    write_recording(tmp_path / "worn.csv", made.recording)
+    lines = printed(recorded, tmp_path)
+    assert [re.sub(r"\d+\.\d mg", "x mg", line) for line in lines] == [
+        "1: x mg TOO_FEW_EVENTS",
+        "2: x mg TOO_FEW_EVENTS",
+        "3: x mg valid",
+    ]
+    assert printed(framed, tmp_path) == ["1 frame with a wrong CRC"]
+
+
+def test_every_name_of_the_page_is_there() -> None:
+    assert len(NAMES) > 8
+    for module, names in NAMES:
+        found = importlib.import_module(module)
+        for name in re.findall(r"`(\w+)`", names):
+            assert hasattr(found, name), f"{module}.{name}"
+
+
+@pytest.mark.slow
+def test_the_commands_on_several_injectors(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    engine.write_bench(tmp_path)
+    for words in engine.make_log():
+        command.done(*words)
+    engine.merge_logs(tmp_path)
+    command.done("convert", "engine.log", "engine.blf")
+    (tmp_path / "right.csv").unlink()
+    for line in engine.PAGE.commands:
+        if not needs_bus(line):
+            command.done(*words_of(line)[0])
+    assert {"engine_left.png", "engine_right.png", "right.csv"} <= {path.name for path in tmp_path.iterdir()}
+    assert read_recording(tmp_path / "right.csv").samples > 10_000
+
+
+def test_the_variant_with_one_bus(tmp_path: Path) -> None:
+    (tmp_path / "one.toml").write_text(engine.on_one_bus(tmp_path))
+    (tmp_path / "right.toml").write_text(engine.NOMINAL_INJECTOR.read_text())
+    sent = [(layout.name, layout.frame_id) for layout in map_bench(load_bench(tmp_path / "one.toml")).sent]
+    assert sent == [
+        (name, identifier + step)
+        for step in (0, 0x10)
+        for name, identifier in (
+            ("InjectionRate", 0x300),
+            ("InjectionSummary", 0x301),
+            ("ObserverStatus", 0x302),
+        )
+    ]
+
+
+@pytest.mark.slow
+def test_the_page_on_an_injector_of_ones_own(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    own_injector.write_files(tmp_path)
+    for line in own_injector.PAGE.commands:
+        if line.startswith(("sudo", "tools/vcan")) or needs_bus(line):
+            continue  # tests/service/test_on_vcan_pages.py
+        words, into = words_of(line)
+        outcome = command.done(*words)
+        if into is not None:
+            into.write_text(outcome.out)
+        if line == own_injector.PRINT_BENCH:
+            own_injector.change_bench(tmp_path / "bench.toml")
+        elif words[:2] == ["check", "--bench"]:
+            assert "fitted.toml: adequate" in " ".join(outcome.out.split())
+    the_fit_is_as_the_page_says()
+    the_worn_injector_is(
+        document(command, "worn.csv", "--model", "fitted.toml")["recordings"][0]["injections"]
+    )
+    assert json.loads(Path("found/findings.json").read_text())["verdict"] == "named"
+
+
+def the_fit_is_as_the_page_says() -> None:
+    plant, by_file, fitted = (
+        load_injector(Path(name)) for name in ("plant.toml", "by_file.toml", "fitted.toml")
+    )
+    for found in (by_file, fitted):
+        assert (found.line_outflow, found.line.model) == (plant.line_outflow, plant.line.model)
+        assert found.baseline is not None
+        assert found.baseline.adequate
+    assert by_file.line.diameter == 2.4e-3
+    assert fitted.line.diameter == pytest.approx(plant.line.diameter, rel=0.005)
+    assert fitted.nozzle.flow_coefficient == pytest.approx(plant.nozzle.flow_coefficient, rel=0.01)
+    assert fitted.fluid.bulk_modulus_line == pytest.approx(plant.fluid.bulk_modulus_line, rel=0.01)
+
+
+def the_worn_injector_is(injections: list[dict[str, float]]) -> None:
+    """Every mass from the third on, beside the truth."""
+    assert [bool(one["valid"]) for one in injections] == [False, False, *[True] * 4]
+    with Path("worn.csv.truth.csv").open() as file:
+        rows = [{name: float(text) for name, text in row.items()} for row in csv.DictReader(file)]
+    for one in injections[2:]:
+        first = int(one["start_index"])
+        rates = [row["injection_rate_mm3_per_ms"] for row in rows[first - 100 : first + 2000]]
+        assert one["mass_mg"] == pytest.approx(sum(rates) * 0.01 * 0.83, rel=0.006)

@@ -39,8 +39,7 @@ def indices(messages: list[can.Message]) -> list[int]:
 
 
 def test_recording_arrives_block_by_block(command: Command, bus: can.BusABC, worn: Path) -> None:
-    outcome = command("replay", worn, *ON_BUS, "--speed", "0")
-    assert outcome.code == 0
+    outcome = command.done("replay", worn, *ON_BUS, "--speed", "0")
     messages = received(bus)
     samples = len(worn.read_text().splitlines()) - 1
     assert indices(messages) == list(range(0, samples, 9))
@@ -53,8 +52,7 @@ def test_recording_arrives_block_by_block(command: Command, bus: can.BusABC, wor
 
 def test_part_in_loops_and_json(command: Command, bus: can.BusABC, worn: Path) -> None:
     part = ("--start", "0.1", "--stop", "0.11", "--loop", "2", "--json")
-    outcome = command("replay", worn, *ON_BUS, "--speed", "1", *part)
-    assert outcome.code == 0
+    outcome = command.done("replay", worn, *ON_BUS, "--speed", "1", *part)
     found = json.loads(outcome.out)
     messages = received(bus)
     assert found["frames"] == len(messages) == pytest.approx(2 * 500 / 9, abs=2)
@@ -65,7 +63,7 @@ def test_part_in_loops_and_json(command: Command, bus: can.BusABC, worn: Path) -
 
 
 def test_windowed_sends_the_injections_only(command: Command, bus: can.BusABC, worn: Path) -> None:
-    assert command("replay", worn, *ON_BUS, "--speed", "0", "--windowed").code == 0
+    command.done("replay", worn, *ON_BUS, "--speed", "0", "--windowed")
     starts = indices(received(bus))
     jumps = sum(later - earlier > 1000 for earlier, later in pairwise(starts))
     assert jumps == 3
@@ -75,7 +73,7 @@ def test_windowed_sends_the_injections_only(command: Command, bus: can.BusABC, w
 def test_log_is_sent_as_recorded(command: Command, bus: can.BusABC, tmp_path: Path) -> None:
     log = tmp_path / "bus.LOG"
     log.write_text("(100.000000) can0 123##1AABBCC\n(100.001000) can0 00000456#DD\n")
-    assert command("replay", log, *ON_BUS).code == 0
+    command.done("replay", log, *ON_BUS)
     first, second = received(bus)
     assert (first.arbitration_id, first.is_fd, bytes(first.data)) == (0x123, True, b"\xaa\xbb\xcc")
     assert (second.arbitration_id, second.is_extended_id, second.is_fd) == (0x456, True, False)
@@ -86,7 +84,7 @@ def test_the_flags_of_fd_frames_go_out_as_recorded(command: Command, bus: can.Bu
     log.write_text(
         "".join(f"(100.{n}) can0 123{mark}AA\n" for n, mark in enumerate(("##1", "##0", "##3", "##2", "#")))
     )
-    assert command("replay", log, *ON_BUS, "--speed", "0").code == 0
+    command.done("replay", log, *ON_BUS, "--speed", "0")
     assert [(m.is_fd, m.bitrate_switch, m.error_state_indicator) for m in received(bus)] == [
         (True, True, False),
         (True, False, False),
@@ -99,8 +97,7 @@ def test_the_flags_of_fd_frames_go_out_as_recorded(command: Command, bus: can.Bu
 def test_frames_go_out_under_other_identifiers(command: Command, bus: can.BusABC, tmp_path: Path) -> None:
     log = tmp_path / "bus.log"
     log.write_text("(100.000000) can0 123##1AABBCC\n(100.001000) can0 00000456#DD\n")
-    outcome = command("replay", log, *ON_BUS, "--map-id", "0x456=0x18DAF110")
-    assert outcome.code == 0
+    command.done("replay", log, *ON_BUS, "--map-id", "0x456=0x18DAF110")
     first, second = received(bus)
     assert (first.arbitration_id, first.is_extended_id) == (0x123, False)
     assert (second.arbitration_id, second.is_extended_id) == (0x18DAF110, True)
@@ -111,7 +108,7 @@ def test_channels_of_a_log_go_onto_their_own_bus(command: Command, bus: can.BusA
     log.write_text("(100.0) can0 100#00\n(100.1) can1 101#01\n(100.2) can2 102#02\n(100.3) can1 101#03\n")
     maps = ("--map-channel", "can0=elsewhere", "--map-channel", f"can1={CHANNEL}")
     with can.Bus(interface="virtual", channel="elsewhere") as other:
-        assert command("replay", log, *ON_BUS, "--speed", "0", *maps).code == 0
+        command.done("replay", log, *ON_BUS, "--speed", "0", *maps)
         assert [bytes(m.data) for m in received(other)] == [b"\x00"]
     assert [bytes(m.data) for m in received(bus)] == [b"\x01", b"\x03"]
     outcome = command("replay", log, *ON_BUS, "--speed", "0")
@@ -214,6 +211,5 @@ def test_values_the_bus_cannot_hold_are_told(command: Command, tmp_path: Path) -
     path = tmp_path / "high.csv"
     header = "time_s,rail_pressure_MPa,needle_lift_mm,line_pressure_MPa\n"
     path.write_text(header + "".join(f"{k * 1e-5:.5f},400,0,100\n" for k in range(50)))
-    outcome = command("replay", path, *ON_BUS)
-    assert outcome.code == 0
+    outcome = command.done("replay", path, *ON_BUS)
     assert "warning: rail_pressure: reaches 400 MPa, beyond 317.665 MPa, the limit of" in outcome.err

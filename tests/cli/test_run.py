@@ -2,14 +2,9 @@
 
 import contextlib
 import json
-import math
-import os
 import re
 import signal
 import socket
-import subprocess
-import sys
-import threading
 import time
 from pathlib import Path
 from typing import ClassVar
@@ -17,20 +12,19 @@ from typing import ClassVar
 import pytest
 
 from observer_rt.bus.links.link import Frame, Link, LinkDownError
-from observer_rt.bus.links.opening import open_link
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench, load_injector
 from observer_rt.foundation.errors import RunError
 from observer_rt.recording.formats import read_recording
 from observer_rt.recording.replay.framing import TimedFrame
-from observer_rt.recording.replay.player import play
 from observer_rt.service import opening
 from observer_rt.service.keeping.state_file import load_knowledge, model_hash
-from tests.cli.conftest import Command, Outcome
+from tests.cli.bench_engineer import run_and_stop
+from tests.cli.conftest import Command, module
 from tests.cli.injector_files import FITTED, injector
 from tests.device import frames_of
 from tests.links import FakeLink
 from tests.service.end_to_end import SUMMARY, Heard, decoded
-from tests.service.participants import BLOCK_ID, ScriptedLink, give_link, listening, until
+from tests.service.participants import BLOCK_ID, ScriptedLink, give_link
 
 
 @pytest.fixture
@@ -39,31 +33,6 @@ def bench(bench: Path, tmp_path: Path) -> Path:
     text = bench.read_text().replace("lockstep = false", "lockstep = true")
     bench.write_text(text.replace('"can0"', f'"{tmp_path.name}"'))
     return bench
-
-
-def run_and_stop(
-    observer_rt: Command, bench: Path, recording: Path, number: signal.Signals, *options: object
-) -> tuple[Outcome, Heard]:
-    """Play a recording to the command over the virtual bus, then send it a signal."""
-    channel = load_bench(bench).config.link.channel
-    frames = frames_of(bench, recording)
-
-    with listening("virtual", channel) as listener, open_link("virtual", channel, True, []) as player:
-
-        def bench_engineer() -> None:
-            try:
-                until(lambda: bool(listener.heard.statuses))
-                play(frames, player, math.inf)
-                until(lambda: listener.heard.last_status()["SamplesProcessed"] >= 9 * (len(frames) - 2))
-            finally:
-                os.kill(os.getpid(), number)
-
-        thread = threading.Thread(target=bench_engineer)
-        thread.start()
-        outcome = observer_rt("run", "--bench", bench, *options)
-        thread.join()
-        time.sleep(0.2)  # for the listener to hear the last frames
-    return outcome, listener.heard
 
 
 def valid_injections(heard: Heard) -> list[float]:
@@ -193,9 +162,7 @@ def test_without_a_terminal_the_view_gives_way_to_lines(command: Command, bench:
 def test_signal_while_starting_is_not_lost(bench: Path, tmp_path: Path, number: signal.Signals) -> None:
     """From the first message on the process can be stopped; it stops as soon as it may."""
     state = tmp_path / "learned.json"
-    process = subprocess.Popen(
-        command_line("run", "--bench", bench, "--state", state), stderr=subprocess.PIPE, text=True
-    )
+    process = module("run", "--bench", bench, "--state", state)
     assert process.stderr is not None
     assert "no learned state" in process.stderr.readline()
     time.sleep(0.2)
@@ -211,8 +178,7 @@ def test_signal_while_starting_is_not_lost(bench: Path, tmp_path: Path, number: 
     [("--print-example-bench", EXAMPLE_BENCH), ("--print-example-injector", NOMINAL_INJECTOR)],
 )
 def test_examples_can_be_used_as_they_are(command: Command, tmp_path: Path, option: str, path: Path) -> None:
-    outcome = command("run", option)
-    assert outcome.code == 0
+    outcome = command.done("run", option)
     assert outcome.out == path.read_text()
     (tmp_path / path.name).write_text(outcome.out)
     if option == "--print-example-bench":
@@ -222,60 +188,37 @@ def test_examples_can_be_used_as_they_are(command: Command, tmp_path: Path, opti
 
 
 def test_bench_file_is_required(command: Command) -> None:
-    outcome = command("run")
-    assert outcome.code == 2
-    assert "--print-example-bench" in outcome.err
+    assert "--print-example-bench" in command.refused("run")
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "place", "said"),
+    ("line", "place", "said"),
     [
         (
-            "# injection_rate_id = 0x200",
             "injection_rate_id = 0x100",
             "outputs.injection_rate_id",
             "SampleBlock and InjectionRate share 0x100",
         ),
-        (
-            "# injection_rate_id = 0x200",
-            "injection_rate_id = 0x201",
-            "outputs.injection_rate_id",
-            "InjectionRate and InjectionSummary share 0x201",
-        ),
-        (
-            "# status_id = 0x211",
-            "status_id = 0x200",
-            "outputs.status_id",
-            "InjectionRate and ObserverStatus share",
-        ),
-        (
-            'status = "ObserverStatus"',
-            'status = "InjectionSummary"',
-            "outputs",
-            "2 results have one the message",
-        ),
-        ('status = "ObserverStatus"', 'status = "SampleBlock"', "outputs.status_id", "share 0x100"),
-        (
-            'status = "ObserverStatus"',
-            'status = "Nothing"',
-            "outputs.status",
-            "message Nothing not in the bus database",
-        ),
-        ("fd = true", "fd = false", "link.fd", "SampleBlock is a CAN FD message, but link.fd is false"),
-        ("rate_hz = 50e3", "rate_hz = 500e3", "link.data_bit_rate", "17 injections/s of 6 ms: 130%"),
-        ("rate_hz = 50e3", "rate_hz = 1e3", "sampling.rate_hz", "integration steps a sample"),
+        ("injection_rate_id = 0x201", "outputs.injection_rate_id", "and InjectionSummary share 0x201"),
+        ("status_id = 0x200", "outputs.status_id", "InjectionRate and ObserverStatus share"),
+        ('status = "InjectionSummary"', "outputs", "2 results have one the message"),
+        ('status = "SampleBlock"', "outputs.status_id", "share 0x100"),
+        ('status = "Nothing"', "outputs.status", "message Nothing not in the bus database"),
+        ("fd = false", "link.fd", "SampleBlock is a CAN FD message, but link.fd is false"),
+        ("rate_hz = 500e3", "link.data_bit_rate", "17 injections/s of 6 ms: 130%"),
+        ("rate_hz = 1e3", "sampling.rate_hz", "integration steps a sample"),
     ],
 )
 def test_what_check_calls_an_error_does_not_start(
-    command: Command, bench: Path, old: str, new: str, place: str, said: str
+    command: Command, bench: Path, line: str, place: str, said: str
 ) -> None:
-    text = bench.read_text()
-    assert old in text
-    bench.write_text(text.replace(old, new, 1))
+    """line: in the place of that with its key, which may be commented out."""
+    key = line.split(" = ")[0]
+    before = bench.read_text()
+    (there, *_) = re.findall(rf"(?m)^{key} = .*$", before) or re.findall(rf"(?m)^# {key} = .*$", before)
+    bench.write_text(before.replace(there, line, 1))
     assert command("check", "--bench", bench).code == 1
-    outcome = command("run", "--bench", bench)
-    assert outcome.code == 2
-    error, remedy = outcome.err.splitlines()
+    error, remedy = command.refused("run", "--bench", bench).splitlines()
     assert error.startswith(f"error: {bench}: {place}: ")
     assert said in error
     assert remedy.startswith("  remedy: ")
@@ -290,14 +233,26 @@ def test_what_check_only_warns_of_starts(
     assert (outcome.code, "INFO start: ready" in outcome.err) == (1, True)
 
 
-@pytest.mark.parametrize("state", ["no/learned.json", "."])
-def test_state_that_could_not_be_saved_is_refused_at_the_start(
-    command: Command, bench: Path, tmp_path: Path, state: str
+@pytest.mark.parametrize(
+    ("option", "file", "said"),
+    [
+        ("--state", "no/learned.json", "no such folder"),
+        ("--state", ".", "is no file"),
+        ("--journal", "no/injections.sqlite", "--journal"),
+        ("--journal", ".", "--journal"),
+        ("--journal", "bench.toml", "is no journal of injections"),
+        ("--log", "no/run.log", "no such folder"),
+    ],
+)
+def test_what_could_not_be_written_is_refused_at_the_start(
+    command: Command, bench: Path, tmp_path: Path, option: str, file: str, said: str
 ) -> None:
-    outcome = command("run", "--bench", bench, "--state", tmp_path / state)
-    assert outcome.code == 2
-    assert "ready" not in outcome.err
-    assert str(tmp_path) in outcome.err
+    before = bench.read_bytes()
+    told = command.refused("run", "--bench", bench, option, tmp_path / file)
+    assert str(tmp_path) in told
+    assert said in told
+    assert "ready" not in told
+    assert bench.read_bytes() == before
 
 
 def test_an_interface_that_is_not_there_is_waited_for(
@@ -325,7 +280,7 @@ def test_an_interface_that_is_not_there_is_waited_for(
 def test_it_can_be_stopped_while_it_waits_for_its_interface(bench: Path) -> None:
     text = bench.read_text().replace('interface = "virtual"', 'interface = "serial"')
     bench.write_text(text.replace(load_bench(bench).config.link.channel, "/dev/no-such-line"))
-    process = subprocess.Popen(command_line("run", "--bench", bench), stderr=subprocess.PIPE, text=True)
+    process = module("run", "--bench", bench)
     assert process.stderr is not None
     told = ""
     while "waiting for the interface" not in told:
@@ -369,12 +324,6 @@ def test_injections_as_lines_of_json_and_a_log(
     assert lines[1:] == outcome.err.splitlines()
 
 
-def test_a_log_that_cannot_be_written_is_refused(command: Command, bench: Path, tmp_path: Path) -> None:
-    outcome = command("run", "--bench", bench, "--log", tmp_path / "no" / "run.log")
-    assert outcome.code == 2
-    assert "no such folder" in outcome.err
-
-
 def test_the_service_manager_hears_of_it(
     command: Command, bench: Path, worn: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -392,7 +341,3 @@ def test_the_service_manager_hears_of_it(
     assert heard[0] == "READY=1"
     assert heard[-1] == "STOPPING=1"
     assert "WATCHDOG=1" in heard
-
-
-def command_line(*arguments: object) -> list[str]:
-    return [sys.executable, "-m", "observer_rt", *map(str, arguments)]

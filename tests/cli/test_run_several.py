@@ -2,8 +2,6 @@
 
 import json
 import math
-import os
-import signal
 import sqlite3
 import threading
 import time
@@ -23,19 +21,12 @@ from observer_rt.foundation.errors import ObserverError, RunError, UserError
 from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.recording.replay.player import play
 from observer_rt.service import opening
+from tests.cli.bench_engineer import ended_when
 from tests.cli.conftest import Command, Outcome
 from tests.links import FakeLink
 from tests.service.end_to_end import STATUS, decoded
 from tests.service.participants import until
-from tests.three_injectors import (
-    NAMES,
-    STATUS_ID,
-    STEP,
-    SUMMARY_ID,
-    lift_id,
-    three_injectors,
-    three_on,
-)
+from tests.three_injectors import NAMES, STATUS_ID, STEP, SUMMARY_ID, lift_id, three_injectors, three_on
 
 Heard = dict[int, list[bytes]]
 EVERYONE = range(len(NAMES))
@@ -91,29 +82,19 @@ def processed(heard: Heard, number: int) -> float:
 
 
 def run_and_stop(
-    command: Command,
-    bench: Path,
-    frames: Sequence[TimedFrame],
-    served: Sequence[int],
-    *options: object,
+    command: Command, bench: Path, frames: Sequence[TimedFrame], served: Sequence[int], *options: object
 ) -> tuple[Outcome, Heard]:
     """Play frames to the command over the virtual bus, and stop it when those `served` have seen them."""
     samples = SAMPLES_A_FRAME * sum(frame.frame_id == RAIL_ID for frame in frames) - LOOK_AHEAD
     channel = load_bench(bench).config.link.channel
     with listening(channel) as heard, open_link("virtual", channel, True, []) as player:
 
-        def bench_engineer() -> None:
-            try:
-                until(lambda: all(processed(heard, number) == 0 for number in served))
-                play(frames, player, math.inf)
-                until(lambda: all(processed(heard, number) >= samples for number in served))
-            finally:
-                os.kill(os.getpid(), signal.SIGTERM)
+        def first() -> None:
+            until(lambda: all(processed(heard, number) == 0 for number in served))
+            play(frames, player, math.inf)
 
-        thread = threading.Thread(target=bench_engineer)
-        thread.start()
-        outcome = command("run", "--bench", bench, *options)
-        thread.join()
+        with ended_when(lambda: all(processed(heard, number) >= samples for number in served), first):
+            outcome = command("run", "--bench", bench, *options)
         time.sleep(0.2)  # for the listener to hear the last frames
     return outcome, heard
 
@@ -272,18 +253,9 @@ def test_what_is_wrong_with_their_bus_is_said_once(
             raise LinkDownError("can0 is down\n  remedy: raise it")
         return FakeLink()
 
-    def bench_engineer() -> None:
-        try:
-            until(lambda: len(links) == len(NAMES) and all(link.was_away and link.sent for link in links))
-        finally:
-            os.kill(os.getpid(), signal.SIGTERM)
-
     monkeypatch.setattr(opening, "open_link", opened)
-    thread = threading.Thread(target=bench_engineer)
-    thread.start()
-    outcome = command("run", "--bench", bench)
-    thread.join()
-    assert outcome.code == 0, outcome.err
+    with ended_when(lambda: len(links) == len(NAMES) and all(link.was_away and link.sent for link in links)):
+        outcome = command.done("run", "--bench", bench)
     channel = load_bench(bench).config.link.channel
     for line in (
         "WARNING link: waiting for the interface: can0 is down",
@@ -297,9 +269,7 @@ def test_what_is_wrong_with_their_bus_is_said_once(
 
 
 def test_one_of_them_can_be_run_by_itself(command: Command, bench: Path, traffic: Traffic) -> None:
-    outcome = command("run", "--bench", bench, "--injector", "tow")
-    assert outcome.code == 2
-    assert "did you mean 'two'?" in outcome.err
+    assert "did you mean 'two'?" in command.refused("run", "--bench", bench, "--injector", "tow")
 
 
 @pytest.mark.parametrize(
@@ -315,14 +285,11 @@ def test_what_they_cannot_share(command: Command, bench: Path, old: str, new: st
     text = bench.read_text()
     assert old in text
     bench.write_text(text.replace(old, new))
-    outcome = command("run", "--bench", bench)
-    assert outcome.code == 2
-    assert said in outcome.err
+    assert said in command.refused("run", "--bench", bench)
 
 
 @pytest.mark.parametrize(("option", "key"), [("--state", "file"), ("--journal", "journal")])
 def test_a_file_for_all_is_refused(command: Command, bench: Path, option: str, key: str) -> None:
-    outcome = command("run", "--bench", bench, option, "kept.json")
-    assert outcome.code == 2
-    assert "is one file for 3 injectors: one, two, three" in outcome.err
-    assert f'[state] {key} = "kept_{{injector}}.json"' in outcome.err
+    said = command.refused("run", "--bench", bench, option, "kept.json")
+    assert "is one file for 3 injectors: one, two, three" in said
+    assert f'[state] {key} = "kept_{{injector}}.json"' in said

@@ -20,18 +20,16 @@ def truth_columns(path: Path) -> dict[str, NDArray[np.float64]]:
 
 
 def test_known_effects_are_listed_as_they_are_written(command: Command, tmp_path: Path) -> None:
-    outcome = command("simulate", "--effect", "lift_ofset=20", "--output", tmp_path / "never.csv")
-    assert outcome.code == 2
-    assert "the nearest is 'lift_offset'" in outcome.err
-    assert "lift_dependent_seat_coefficient:a:x_c" in outcome.err
-    assert "lift_offset:x_0" in outcome.err
+    said = command.refused("simulate", "--effect", "lift_ofset=20", "--output", tmp_path / "never.csv")
+    assert "the nearest is 'lift_offset'" in said
+    assert "lift_dependent_seat_coefficient:a:x_c" in said
+    assert "lift_offset:x_0" in said
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".mf4"])
 def test_recording_and_its_truth(command: Command, tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"made{suffix}"
-    outcome = command("simulate", *FEW, "--measured-rate", "--output", path)
-    assert outcome.code == 0
+    outcome = command.done("simulate", *FEW, "--measured-rate", "--output", path)
     assert outcome.out == ""
     assert "2 events" in outcome.err
     recording = read_recording(path)
@@ -45,7 +43,7 @@ def test_recording_and_its_truth(command: Command, tmp_path: Path, suffix: str) 
 
 def test_without_noise_the_recording_is_the_truth(command: Command, tmp_path: Path) -> None:
     path = tmp_path / "clean.csv"
-    assert command("simulate", *FEW, "--noise", "off", "--output", path).code == 0
+    command.done("simulate", *FEW, "--noise", "off", "--output", path)
     recording = read_recording(path)
     truth = truth_columns(tmp_path / "clean.csv.truth.csv")
     np.testing.assert_allclose(recording.line_pressure / 1e6, truth["line_pressure_MPa"], rtol=1e-9)
@@ -59,7 +57,7 @@ def test_shots_pressures_and_effects(command: Command, tmp_path: Path) -> None:
     flows = []
     for name, effect in (("healthy", ()), ("worn", ("--effect", "orifice_area:v_H=0.3"))):
         path = tmp_path / f"{name}.csv"
-        assert command("simulate", *shots, *effect, "--output", path).code == 0
+        command.done("simulate", *shots, *effect, "--output", path)
         flows.append(truth_columns(Path(f"{path}.truth.csv"))["injection_rate_mm3_per_ms"])
     healthy, worn = flows
     starts = np.count_nonzero(np.diff((healthy > 1.0).astype(int)) == 1)
@@ -73,7 +71,7 @@ def test_same_seed_same_file(command: Command, tmp_path: Path) -> None:
     texts = []
     for name, seed in (("a", 5), ("b", 5), ("c", 6)):
         path = tmp_path / f"{name}.csv"
-        assert command("simulate", *FEW, "--seed", seed, "--output", path).code == 0
+        command.done("simulate", *FEW, "--measured-rate", "--seed", seed, "--output", path)
         texts.append(path.read_bytes())
     assert texts[0] == texts[1] != texts[2]
 
@@ -99,10 +97,9 @@ def test_same_seed_same_file(command: Command, tmp_path: Path) -> None:
 )
 def test_mistakes_are_named(command: Command, tmp_path: Path, arguments: tuple[str, ...], place: str) -> None:
     path = tmp_path / "never.csv"
-    outcome = command("simulate", "--output", path, *arguments)
-    assert outcome.code == 2
-    assert outcome.err.startswith(f"error: {place}")
-    assert "remedy: " in outcome.err
+    said = command.refused("simulate", "--output", path, *arguments)
+    assert said.startswith(f"error: {place}")
+    assert "remedy: " in said
     assert not path.exists()
 
 
@@ -113,7 +110,6 @@ def test_mistakes_are_named(command: Command, tmp_path: Path, arguments: tuple[s
 def test_output_is_refused_before_the_work(command: Command, tmp_path: Path, name: str, problem: str) -> None:
     folder = tmp_path / "a.csv"
     folder.mkdir()
-    outcome = command("simulate", "--injections", "3000", "--output", folder / name)
-    assert outcome.code == 2
-    assert outcome.err.startswith("error: --output")
-    assert problem in outcome.err
+    said = command.refused("simulate", "--injections", "3000", "--output", folder / name)
+    assert said.startswith("error: --output")
+    assert problem in said

@@ -8,13 +8,7 @@ from typing import get_args
 import pytest
 from pydantic import BaseModel
 
-from observer_rt.config.bench import (
-    EXAMPLE_BENCH,
-    NOMINAL_INJECTOR,
-    PACKAGE_DATA,
-    load_bench,
-    load_injector,
-)
+from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, PACKAGE_DATA, load_bench, load_injector
 from observer_rt.config.bench_file import BenchConfig, DatabaseConfig
 from observer_rt.config.signals import Role, SignalConfig
 from observer_rt.foundation.errors import UserError
@@ -119,122 +113,79 @@ def test_database_beside_the_bench_file_wins_over_the_shipped_one(tmp_path: Path
     assert load_bench(bench_file(tmp_path, BENCH)).databases == (tmp_path / "observer_fd.dbc",)
 
 
-NEAREST = {
-    "link.chanel": "channel",
-    "sampling.rate": "rate_hz",
-    "learning.event_gap": "event_gap_ms",
-    "noise.rail_pressure_mpa": "rail_pressure_MPa",
-    "outputs.injectionrate": "injection_rate",
-}
-
-
-@pytest.mark.parametrize(("place", "nearest"), NEAREST.items())
-def test_unknown_key_names_the_nearest(tmp_path: Path, place: str, nearest: str) -> None:
-    section, key = place.split(".")
-    error = bench_refusal(tmp_path, f"{BENCH}[{section}]\n{key} = 1\n")
-    assert error.place.endswith(f": {place}")
-    assert error.problem == "unknown key"
-    assert f"did you mean '{nearest}'?" in error.remedy
-
-
-@pytest.mark.parametrize(
-    ("section", "only", "other"),
-    [("learning.lookahead", "4", "2")],
-)
-def test_keys_of_earlier_versions_are_passed_over_with_the_one_value_they_could_have(
-    tmp_path: Path, section: str, only: str, other: str
-) -> None:
-    name, key = section.split(".")
-    bench = load_bench(bench_file(tmp_path, f"{BENCH}[{name}]\n{key} = {only}\n"))
+def test_keys_of_earlier_versions_are_passed_over_with_the_one_value_they_could_have(tmp_path: Path) -> None:
+    bench = load_bench(bench_file(tmp_path, f"{BENCH}[learning]\nlookahead = 4\n"))
     assert bench.injector.config == load_bench().injector.config
-    error = bench_refusal(tmp_path, f"{BENCH}[{name}]\n{key} = {other}\n")
-    assert (error.place.endswith(f": {section}"), error.problem) == (True, "unknown key")
+    error = bench_refusal(tmp_path, f"{BENCH}[learning]\nlookahead = 2\n")
+    assert (error.place.endswith(": learning.lookahead"), error.problem) == (True, "unknown key")
 
 
-def test_means_are_not_for_the_training_of_the_paper(tmp_path: Path) -> None:
-    learning = '[learning]\ntraining = "paper"\nidentification_gain = 1e5\n'
-    load_bench(bench_file(tmp_path, f"{BENCH}{learning}"))
-    error = bench_refusal(tmp_path, f'{BENCH}{learning}[sampling]\nmeaning = "mean"\n')
-    assert "knows no sampling.meaning = 'mean'" in error.problem
+PAPER = '[learning]\ntraining = "paper"\n'
+REFUSED = [
+    # unknown keys, of which the nearest is named
+    *(
+        (f"{BENCH}[{section}]\n{key} = 1\n", f"{section}.{key}", f"did you mean '{nearest}'?")
+        for section, key, nearest in (
+            ("link", "chanel", "channel"),
+            ("sampling", "rate", "rate_hz"),
+            ("learning", "event_gap", "event_gap_ms"),
+            ("noise", "rail_pressure_mpa", "rail_pressure_MPa"),
+            ("outputs", "injectionrate", "injection_rate"),
+        )
+    ),
+    (BENCH.replace("file =", "fil ="), "dbc.0.fil", "'file'"),
+    (BENCH.replace("pattern", "patern", 1), "signals.rail_pressure.patern", "'pattern'"),
+    (BENCH + "[lerning]\nenabled = false\n", "lerning", "'learning'"),
+    (BENCH.replace("[signals.needle_lift]", "[signals_]"), "signals_", "unknown key"),
+    # missing keys
+    (SIGNALS, "dbc", "is missing"),
+    ('[[dbc]]\nfile = "observer_fd.dbc"\n', "signals", "is missing"),
+    (BENCH.replace('message = "SampleBlock"\n', "", 1), "signals.rail_pressure.message", "is missing"),
+    # values
+    *(
+        (f"{BENCH}[{section}]\n{line}\n", f"{section}.{line.split(' = ')[0]}", "not allowed")
+        for section, line in (
+            ("sampling", "rate_hz = 0"),
+            ("sampling", "rate_hz = 10"),
+            ("sampling", "rate_hz = nan"),
+            ("sampling", 'rate_hz = "fast"'),
+            ("noise", "needle_lift_um = -0.4"),
+            ("noise", "line_pressure_MPa = inf"),
+            ("learning", "event_gap_ms = 0"),
+            ("learning", 'training = "none"'),
+            ("outputs", "injector_id = 256"),
+            ("link", "bit_rate = -1"),
+            ("link", 'fd = "perhaps"'),
+        )
+    ),
+    # what does not go together
+    (BENCH.replace("pattern =", 'signal = "A"\npattern =', 1), "signals.rail_pressure", "exactly one"),
+    (BENCH + PAPER, "learning", "needs 'identification_gain'"),
+    (
+        BENCH + "[learning]\nidentification_gain = 1e5\n",
+        "learning",
+        "no effect with training = 'prediction_error'",
+    ),
+    (BENCH + PAPER + "identification_gain = 0\n", "learning.identification_gain", "greater than 0"),
+    (
+        f'{BENCH}{PAPER}identification_gain = 1e5\n[sampling]\nmeaning = "mean"\n',
+        "file",
+        "knows no sampling.meaning = 'mean'",
+    ),
+]
 
 
-def test_unknown_key_in_a_list_and_deep_down(tmp_path: Path) -> None:
-    error = bench_refusal(tmp_path, BENCH.replace("file =", "fil ="))
-    assert error.place.endswith(": dbc.0.fil")
-    assert "'file'" in error.remedy
-    error = bench_refusal(tmp_path, BENCH.replace("pattern", "patern", 1))
-    assert error.place.endswith(": signals.rail_pressure.patern")
-    assert "'pattern'" in error.remedy
-
-
-def test_unknown_section(tmp_path: Path) -> None:
-    error = bench_refusal(tmp_path, BENCH + "[lerning]\nenabled = false\n")
-    assert error.place.endswith(": lerning")
-    assert "'learning'" in error.remedy
-
-
-@pytest.mark.parametrize(
-    ("text", "place"),
-    [
-        (SIGNALS, "dbc"),
-        ('[[dbc]]\nfile = "observer_fd.dbc"\n', "signals"),
-        (BENCH.replace("[signals.needle_lift]", "[signals_]"), "signals_"),
-        (BENCH.replace('message = "SampleBlock"\n', "", 1), "signals.rail_pressure.message"),
-    ],
-)
-def test_missing_keys(tmp_path: Path, text: str, place: str) -> None:
+@pytest.mark.parametrize(("text", "place", "said"), REFUSED, ids=[place for _, place, _ in REFUSED])
+def test_mistakes_are_named(tmp_path: Path, text: str, place: str, said: str) -> None:
     error = bench_refusal(tmp_path, text)
     assert error.place.endswith(f": {place}")
     assert error.remedy
+    assert said in f"{error.problem} {error.remedy}"
 
 
-@pytest.mark.parametrize(
-    ("lines", "place"),
-    [
-        ("[sampling]\nrate_hz = 0\n", "sampling.rate_hz"),
-        ("[sampling]\nrate_hz = 10\n", "sampling.rate_hz"),
-        ("[sampling]\nrate_hz = nan\n", "sampling.rate_hz"),
-        ('[sampling]\nrate_hz = "fast"\n', "sampling.rate_hz"),
-        ("[noise]\nneedle_lift_um = -0.4\n", "noise.needle_lift_um"),
-        ("[noise]\nline_pressure_MPa = inf\n", "noise.line_pressure_MPa"),
-        ("[learning]\nevent_gap_ms = 0\n", "learning.event_gap_ms"),
-        ('[learning]\ntraining = "none"\n', "learning.training"),
-        ("[outputs]\ninjector_id = 256\n", "outputs.injector_id"),
-        ("[link]\nbit_rate = -1\n", "link.bit_rate"),
-        ('[link]\nfd = "perhaps"\n', "link.fd"),
-    ],
-)
-def test_values_that_are_not_allowed(tmp_path: Path, lines: str, place: str) -> None:
-    error = bench_refusal(tmp_path, BENCH + lines)
-    assert error.place.endswith(f": {place}")
-    assert "not allowed" in error.problem
-    assert error.remedy
-
-
-@pytest.mark.parametrize(
-    ("lines", "problem"),
-    [
-        ('[learning]\ntraining = "paper"\n', "needs 'identification_gain'"),
-        ("[learning]\nidentification_gain = 1e5\n", "no effect with training = 'prediction_error'"),
-        ('[learning]\ntraining = "paper"\nidentification_gain = 0\n', "greater than 0"),
-    ],
-)
-def test_identification_gain_belongs_to_the_training_of_the_paper(
-    tmp_path: Path, lines: str, problem: str
-) -> None:
-    error = bench_refusal(tmp_path, BENCH + lines)
-    assert ": learning" in error.place
-    assert problem in error.problem
-    bench = load_bench(
-        bench_file(tmp_path, BENCH + '[learning]\ntraining = "paper"\nidentification_gain = 5e4\n')
-    )
+def test_the_training_of_the_paper_with_its_gain_is_read(tmp_path: Path) -> None:
+    bench = load_bench(bench_file(tmp_path, BENCH + PAPER + "identification_gain = 5e4\n"))
     assert bench.injector.config.learning.identification_gain == 5e4
-
-
-def test_one_way_to_name_the_samples(tmp_path: Path) -> None:
-    error = bench_refusal(tmp_path, BENCH.replace("pattern =", 'signal = "A"\npattern =', 1))
-    assert error.place.endswith(": signals.rail_pressure")
-    assert "exactly one" in error.problem
 
 
 def test_file_that_is_not_there(tmp_path: Path) -> None:
@@ -262,43 +213,31 @@ def test_file_that_is_no_text(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("place", "usual", "impossible"),
+    ("old", "new", "place", "said"),
     [
-        ("line.volume", "0.9e-6 ", -0.9e-6),
-        ("nozzle.sac_volume", "0.075e-6", 0.0),
-        ("fluid.density_line", "830.0", "nan"),
-        ("nozzle.holes", "8", 7.5),
-        ("seat.cone_angle", "60.0", 180.0),
-        ("seat.max_lift", "0.30e-3", '"0.3 mm"'),
+        ("volume = 0.9e-6 ", "volume = -0.9e-6 ", "line.volume", "not allowed"),
+        ("sac_volume = 0.075e-6", "sac_volume = 0.0", "nozzle.sac_volume", "not allowed"),
+        ("density_line = 830.0", "density_line = nan", "fluid.density_line", "not allowed"),
+        ("holes = 8", "holes = 7.5", "nozzle.holes", "not allowed"),
+        ("cone_angle = 60.0", "cone_angle = 180.0", "seat.cone_angle", "not allowed"),
+        ("max_lift = 0.30e-3", 'max_lift = "0.3 mm"', "seat.max_lift", "not allowed"),
+        ("loss_factor = 8.0", 'loss_factor = 8.0\nmodel = "wavy"', "line.model", "not allowed"),
+        ("\nloss_factor =", "\nlos_factor =", "line.los_factor", "did you mean 'loss_factor'?"),
+        (
+            "loss_factor = 8.0",
+            "",
+            "line.loss_factor",
+            "is missing add it; `observer-rt run --print-example-injector`",
+        ),
+        ("[chamber]", "[chambre]", "chambre", "'chamber'"),
     ],
 )
-def test_injector_with_impossible_values(
-    tmp_path: Path, place: str, usual: str, impossible: str | float
+def test_mistakes_in_an_injector_file_are_named(
+    tmp_path: Path, old: str, new: str, place: str, said: str
 ) -> None:
-    key = place.split(".")[1]
-    error = injector_refusal(tmp_path, f"{key} = {usual}", f"{key} = {impossible} ")
+    error = injector_refusal(tmp_path, old, new)
     assert error.place.endswith(f": {place}")
-    assert "not allowed" in error.problem
-
-
-def test_injector_with_an_unknown_model_of_the_line(tmp_path: Path) -> None:
-    error = injector_refusal(tmp_path, "loss_factor = 8.0", 'loss_factor = 8.0\nmodel = "wavy"')
-    assert error.place.endswith(": line.model")
-    assert "not allowed" in error.problem
-
-
-def test_injector_with_an_unknown_key(tmp_path: Path) -> None:
-    error = injector_refusal(tmp_path, "\nloss_factor =", "\nlos_factor =")
-    assert error.place.endswith(": line.los_factor")
-    assert "did you mean 'loss_factor'?" in error.remedy
-
-
-def test_injector_with_a_missing_key_or_section(tmp_path: Path) -> None:
-    error = injector_refusal(tmp_path, "loss_factor = 8.0", "")
-    assert error.place.endswith(": line.loss_factor")
-    assert error.problem == "is missing"
-    assert "--print-example-injector" in error.remedy
-    assert injector_refusal(tmp_path, "[chamber]", "[chambre]").place.endswith(": chambre")
+    assert said in f"{error.problem} {error.remedy}"
 
 
 def test_outflow_by_name(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import pytest
 
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_bench
 from observer_rt.foundation.errors import UserError
+from tests.config.test_bench import bench_refusal
 from tests.three_injectors import NAMES, RATE_ID, STEP, one_alone, three_injectors
 from tests.two_injectors import BOTH, one_injector, two_injectors
 
@@ -66,11 +67,9 @@ def test_names_and_identifiers_by_rule(tmp_path: Path) -> None:
     "outputs", ["id_step = 16", "id_step = 0\nstatus_id = 5", "id_step = 1\nstatus_id = 'a'"]
 )
 def test_a_step_needs_a_first_identifier(tmp_path: Path, outputs: str) -> None:
-    path = tmp_path / "bench.toml"
-    path.write_text(BOTH + f"[outputs]\n{outputs}\n")
-    with pytest.raises(UserError, match="all whole numbers") as refused:
-        load_bench(path)
-    assert refused.value.place == f"{path}: outputs.id_step"
+    error = bench_refusal(tmp_path, BOTH + f"[outputs]\n{outputs}\n")
+    assert error.place.endswith("bench.toml: outputs.id_step")
+    assert "all whole numbers" in error.problem
 
 
 def test_nine_are_too_many(tmp_path: Path) -> None:
@@ -100,18 +99,12 @@ def test_mistakes_are_named_where_they_are(tmp_path: Path, wrong: str) -> None:
     key = place.rpartition(".")[2]
     new = f"{key} = {value}" if value else "[" + place.replace("a b", "'a b'") + "]"
     assert old in BOTH
-    path = tmp_path / "bench.toml"
-    path.write_text(BOTH.replace(old, new))
-    with pytest.raises(UserError) as raised:
-        load_bench(path)
-    assert raised.value.place == f"{path}: {place}"
-    assert said in str(raised.value)
+    error = bench_refusal(tmp_path, BOTH.replace(old, new))
+    assert error.place.endswith(f"bench.toml: {place}")
+    assert said in str(error)
 
 
 def test_a_role_that_an_injector_has_not_is_missed(tmp_path: Path) -> None:
-    path = tmp_path / "bench.toml"
-    path.write_text(BOTH[: BOTH.index("[injectors.right.signals.line_pressure]")])
-    with pytest.raises(UserError) as raised:
-        load_bench(path)
-    assert raised.value.place.endswith("signals.line_pressure")
-    assert raised.value.problem == "is missing"
+    error = bench_refusal(tmp_path, BOTH[: BOTH.index("[injectors.right.signals.line_pressure]")])
+    assert error.place.endswith("signals.line_pressure")
+    assert error.problem == "is missing"

@@ -8,15 +8,14 @@ from observer_rt.config.bench import load_bench
 from observer_rt.config.bench_file import BusesConfig
 from observer_rt.config.links import of_links
 from observer_rt.foundation.errors import UserError
+from tests.config.test_bench import bench_file, bench_refusal
 
 ROOT = Path(__file__).parents[1]
 THREE = (ROOT / "bus" / "databases" / "three_buses.toml").read_text()
 
 
 def buses_of(folder: Path, text: str) -> BusesConfig:
-    path = folder / "bench.toml"
-    path.write_text(text)
-    return load_bench(path).config
+    return load_bench(bench_file(folder, text)).config
 
 
 def test_a_bench_with_one_link_has_one_bus() -> None:
@@ -54,10 +53,9 @@ def test_what_a_further_bus_leaves_out_is_as_in_the_first(tmp_path: Path) -> Non
 )
 def test_mistakes_are_named(tmp_path: Path, old: str, new: str, place: str, said: str) -> None:
     assert old in THREE
-    with pytest.raises(UserError) as raised:
-        buses_of(tmp_path, THREE.replace(old, new))
-    assert f"{tmp_path / 'bench.toml'}: {place}" in str(raised.value)
-    assert said in str(raised.value)
+    error = bench_refusal(tmp_path, THREE.replace(old, new))
+    assert error.place.endswith(f"bench.toml: {place}")
+    assert said in str(error)
 
 
 def test_a_link_where_there_are_none(tmp_path: Path) -> None:

@@ -8,13 +8,11 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_bench, load_injector
-from observer_rt.evaluation.evaluate import Evaluation, evaluate
+from observer_rt.evaluation.evaluate import Evaluation, evaluate, evaluate_stream
 from observer_rt.evaluation.figures import picture_of
-from observer_rt.evaluation.streamed import evaluate_stream
 from observer_rt.model.effective import coefficients
 from observer_rt.model.effects import sized
 from observer_rt.recording.replay.framing import bench_for
-from observer_rt.recording.signals.stream import HeldSignals
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.simulation.plant import Truth
 from observer_rt.simulation.schedule import Shot, make_schedule
@@ -163,8 +161,8 @@ def test_mean_half_width_of_the_rate_in_the_document() -> None:
 def test_figure_gets_the_sigma_of_its_injections() -> None:
     made = run(3, 0.3)
     results = made.found.injections
-    bench = bench_for(BENCH, made.found.recording)
-    (streamed,), _ = evaluate_stream(bench, [HeldSignals(made.found.recording)], curves_of=C)
+    bench = bench_for(BENCH, made.found.source)
+    (streamed,), _ = evaluate_stream(bench, [made.found.source], curves_of=C)
     picture = picture_of(streamed, {1, 3})
     assert set(picture.curves) == {1, 3}
     assert [row.ci95 for row in picture.masses] == [result.report.mass_ci95 for result in results]

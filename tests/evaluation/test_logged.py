@@ -9,18 +9,19 @@ import pytest
 
 from observer_rt.bus.links.link import Frame
 from observer_rt.config.bench import Bench, load_bench
-from observer_rt.evaluation.evaluate import History, evaluate, evaluate_logs
-from observer_rt.evaluation.logged import read_logged
+from observer_rt.evaluation.evaluate import History, evaluate
+from observer_rt.evaluation.logged import LoggedSignals
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.canlog.can_log import LogFrame
 from observer_rt.recording.formats import log_formats, suffixes_of
 from observer_rt.recording.replay.framing import Span, whole, windows
 from observer_rt.recording.signals.recording import Recording
-from tests.benches import bench_with
-from tests.device import frames_of, later, simulated
+from tests.benches import bench_with, block_bench
+from tests.device import frames_of, later, simulated, worn_recording
 from tests.recording.canlog.log_cases import sent_log, write_log
 from tests.service.time_frames import Clock, merged, plant, send, write_time_bench
 from tests.service.time_scenarios import LIFT_ALONE
+from tests.service.watch.watched import with_channel
 
 BENCH = load_bench()
 RATE = 100e3
@@ -84,9 +85,9 @@ Write = Callable[[list[LogFrame], str], Path]
 
 @pytest.mark.parametrize("suffix", HOLDING_FD)
 def test_the_same_frames_give_the_same_in_every_format(write: Write, suffix: str) -> None:
-    logged = read_logged(BENCH, write(frames(), suffix))
+    logged = LoggedSignals(BENCH, write(frames(), suffix))
     assert logged.notes == ()
-    history = evaluate_logs(BENCH, [logged])
+    history = evaluate(BENCH, [logged])
     assert history.frames == expected().frames
     assert len(history.evaluations[0].reports) == 3
     for name, values in vars(expected().evaluations[0].trace).items():
@@ -100,11 +101,11 @@ def test_the_same_classic_frames_give_the_same_in_every_format(
 ) -> None:
     recording = simulated(2, 0.0, (60e6,), 20e3, seed=4)
     path = write(log_of(recording, whole(recording), classic_bench), suffix)
-    logged = read_logged(classic_bench, path)
+    logged = LoggedSignals(classic_bench, path)
     assert logged.notes == ()
     known = evaluate(classic_bench, [recording])
     assert len(known.evaluations[0].reports) == 2
-    assert evaluate_logs(classic_bench, [logged]).frames == known.frames
+    assert evaluate(classic_bench, [logged]).frames == known.frames
 
 
 def test_a_classic_format_refuses_the_frames(write: Write) -> None:
@@ -120,14 +121,14 @@ def test_delays_stay_in_what_was_sent(write: Write) -> None:
         needle_lift={"filter_delay_us": 23.0, "lag_us": 16.0},
         line_pressure={"filter_delay_us": 7.0},
     )
-    found, sent = (read_logged(bench, path).recording for bench in (late, BENCH))
+    found, sent = (LoggedSignals(bench, path).collected() for bench in (late, BENCH))
     for name in ("time", "rail_pressure", "needle_lift", "line_pressure"):
         np.testing.assert_array_equal(getattr(found, name), getattr(sent, name))
-    assert evaluate_logs(late, [read_logged(late, path)]).frames == evaluate(late, [worn()]).frames
+    assert evaluate(late, [LoggedSignals(late, path)]).frames == evaluate(late, [worn()]).frames
 
 
 def test_what_the_observer_was_given(write: Write) -> None:
-    found = read_logged(BENCH, write(frames(), ".blf")).recording
+    found = LoggedSignals(BENCH, write(frames(), ".blf")).collected()
     known = worn()
     assert found.sample_rate == RATE
     assert known.samples <= found.samples < known.samples + 9
@@ -138,48 +139,42 @@ def test_what_the_observer_was_given(write: Write) -> None:
 
 def test_samples_that_were_lost_are_not_available(write: Write) -> None:
     kept = frames()[:100] + frames()[103:]
-    found = read_logged(BENCH, write(kept, ".log")).recording
+    found = LoggedSignals(BENCH, write(kept, ".log")).collected()
     assert np.flatnonzero(np.isnan(found.rail_pressure[: 9 * 1000])).tolist() == list(range(900, 927))
 
 
 def test_windows_of_a_source_keep_their_place(write: Write) -> None:
     spans = windows(worn())
-    logged = read_logged(BENCH, write(log_of(worn(), spans), ".log"))
-    assert logged.first_index == spans[0].start
-    sent = ~np.isnan(logged.recording.line_pressure)
+    logged = LoggedSignals(BENCH, write(log_of(worn(), spans), ".log"))
+    assert logged.logged[0].first_index == spans[0].start
+    sent = ~np.isnan(logged.collected().line_pressure)
     known = np.concatenate([np.arange(span.start, span.end) for span in spans])
     assert set(known - spans[0].start) <= set(np.flatnonzero(sent))
-    (found,) = evaluate_logs(BENCH, [logged]).evaluations
+    (found,) = evaluate(BENCH, [logged]).evaluations
     assert [report.start_index for report in found.reports] == pytest.approx(
         [report.start_index for report in expected().evaluations[0].reports], abs=2
     )
-
-
-def test_a_restarted_device_is_refused(write: Write) -> None:
-    again = log_of(worn(), [Span(0, 9000)], shift=1.0)
-    with pytest.raises(UserError, match="sample index begins anew after"):
-        read_logged(BENCH, write(frames()[:1000] + again, ".log"))
 
 
 def test_inputs_on_several_channels_need_a_choice(write: Write) -> None:
     doubled = [frame._replace(channel=channel) for frame in frames() for channel in "12"]
     path = write(doubled, ".blf")
     with pytest.raises(UserError, match="SampleBlock is on several channels: 1, 2"):
-        read_logged(BENCH, path)
-    assert evaluate_logs(BENCH, [read_logged(BENCH, path, ("2",))]).frames == expected().frames
+        LoggedSignals(BENCH, path)
+    assert evaluate(BENCH, [LoggedSignals(BENCH, path, ("2",))]).frames == expected().frames
     with pytest.raises(UserError, match="no channel 7"):
-        read_logged(BENCH, path, ("7",))
+        LoggedSignals(BENCH, path, ("7",))
 
 
 def test_a_log_of_another_bus_names_what_it_has(write: Write) -> None:
     other = [frame._replace(frame=frame.frame._replace(frame_id=0x555)) for frame in frames()[:5]]
     with pytest.raises(UserError, match=r"holds no frame of SampleBlock \(0x100\); it has 0x555"):
-        read_logged(BENCH, write(other, ".log"))
+        LoggedSignals(BENCH, write(other, ".log"))
 
 
 def test_stamps_that_contradict_the_sample_rate_are_told(write: Write) -> None:
     slow = [f._replace(frame=f.frame._replace(stamp_ns=START + 900_000 * n)) for n, f in enumerate(frames())]
-    (note,) = read_logged(BENCH, write(slow, ".log")).notes
+    (note,) = LoggedSignals(BENCH, write(slow, ".log")).notes
     assert "by its stamps 1e+04 samples a second were sent, the bench file says 100000" in note
 
 
@@ -189,9 +184,38 @@ def test_lift_of_another_clock_is_brought_to_the_samples_of_the_line_pressure(tm
     sent = merged(send("RailLine", Clock(20e3), end=1.2), send("Lift", Clock(20e3, 20e-6), end=1.2))
     path = tmp_path / "two_clocks.log"
     write_log(path, [LogFrame(Frame(f.frame_id, f.payload, f.stamp_ns), "1") for f in sent])
-    logged = read_logged(bench, path)
+    logged = LoggedSignals(bench, path)
     truth = plant()[1]
-    lift = np.interp(logged.recording.time + logged.first_index / 20e3, truth.time, truth.needle_lift)
-    moving = (lift > 50e-6) & (lift < 250e-6) & ~np.isnan(logged.recording.needle_lift)
+    found = logged.collected()
+    lift = np.interp(found.time + logged.logged[0].first_index / 20e3, truth.time, truth.needle_lift)
+    moving = (lift > 50e-6) & (lift < 250e-6) & ~np.isnan(found.needle_lift)
     assert moving.sum() > 20
-    assert np.abs(logged.recording.needle_lift - lift)[moving].max() < 8e-6
+    assert np.abs(found.needle_lift - lift)[moving].max() < 8e-6
+
+
+def test_a_message_that_is_not_in_the_log_is_named(tmp_path: Path) -> None:
+    """Not the bench file is blamed: the frames of the other messages are good."""
+    bench = block_bench(tmp_path, "virtual", ["x"])
+    sent = frames_of(bench, worn_recording())
+    write_log(tmp_path / "a.log", sent_log(frame for frame in sent if frame.frame_id != 0x111))
+    with pytest.raises(UserError) as refused:
+        LoggedSignals(load_bench(bench), tmp_path / "a.log")
+    assert "NeedleLiftBlock 0x111 (needle_lift): no frame in the log" in refused.value.problem
+    assert "--bench" not in (refused.value.remedy or "")
+
+
+def test_a_message_that_ends_early_is_named(tmp_path: Path) -> None:
+    bench = block_bench(tmp_path, "virtual", ["x"])
+    sent = frames_of(bench, worn_recording(injections=24))
+    part = [frame for frame in sent if frame.frame_id != 0x111 or frame.time < 0.5]
+    write_log(tmp_path / "a.log", sent_log(part))
+    notes = LoggedSignals(load_bench(bench), tmp_path / "a.log").notes
+    assert any("NeedleLiftBlock 0x111 (needle_lift): no frame in the last 0.9 s" in note for note in notes)
+
+
+def test_a_dead_sensor_in_a_log_is_named(tmp_path: Path) -> None:
+    bench = block_bench(tmp_path, "virtual", ["x"])
+    dead = with_channel(worn_recording(injections=12), needle_lift=lambda lift: np.zeros_like(lift))
+    write_log(tmp_path / "a.log", sent_log(frames_of(bench, dead)))
+    (note,) = LoggedSignals(load_bench(bench), tmp_path / "a.log").notes
+    assert "NeedleLiftBlock 0x111 (needle_lift): needle_lift is frozen" in note

@@ -1,12 +1,16 @@
-"""Rows as a batch writes them, made up."""
+"""Rows as a batch writes them, made up, and what should be in them."""
 
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
 
+from observer_rt.config.bench import load_bench
+from observer_rt.evaluation.evaluate import evaluate_stream
 from observer_rt.fleet.job import SCHEMA
+from observer_rt.recording.formats import open_recording
 
 BEGIN = datetime(2026, 1, 1, tzinfo=UTC)
 
@@ -32,3 +36,10 @@ def rows(sha256: str, injector: str, nozzle: Sequence[float], day: int = 0, **mo
         for number, value in enumerate(nozzle, 1)
     ]
     return pa.Table.from_pylist(made, SCHEMA)
+
+
+def masses(path: Path, model: Path | None = None, learning: bool = True) -> list[float]:
+    """Of the injections of a recording, as `evaluate` finds them [mg]."""
+    bench = load_bench(model=model)
+    (alone,), _ = evaluate_stream(bench, [open_recording(path, bench.injector)], learning=learning)
+    return [1e6 * report.mass for report in alone.reports]

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.config.bench import NOMINAL_INJECTOR, load_bench, load_injector
+from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.config.own_effects import use_effects
-from observer_rt.evaluation.streamed import evaluate_stream
 from observer_rt.fleet.dataset import read_injections
 from observer_rt.model.effects import sized
-from observer_rt.recording.formats import open_recording, write_recording
+from observer_rt.recording.formats import write_recording
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import SimulatedNoise, simulate
+from tests.fleet.rows import masses
 from tests.fleet.running import ended, started
 from tests.pages import Page
 
@@ -75,14 +75,6 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Desk:
     return Desk(folder)
 
 
-def expected(desk: Desk, model: Path) -> list[float]:
-    bench = load_bench(model=model)
-    (evaluation,), _ = evaluate_stream(
-        bench, [open_recording(desk.folder / "injector_a.csv", bench.injector)]
-    )
-    return [1e6 * each.report.mass for each in evaluation.injections]
-
-
 def test_effects_of_ones_own_are_in_force_and_found_on_a_scheduler_that_is_there(
     scheduler: str, desk: Desk
 ) -> None:
@@ -96,10 +88,10 @@ def test_effects_of_ones_own_are_in_force_and_found_on_a_scheduler_that_is_there
 
     own = ended(started(*common, "--out", "own", "--model", "amended.toml", cwd=desk.folder))
     assert (own["done"], own["failed"]) == (1, 0)
-    nominal = expected(desk, NOMINAL_INJECTOR)
+    nominal = masses(desk.folder / "injector_a.csv")
     try:
         use_effects([desk.folder / "my_effects.py"])
-        with_sac = expected(desk, desk.folder / "amended.toml")
+        with_sac = masses(desk.folder / "injector_a.csv", desk.folder / "amended.toml")
     finally:
         use_effects([])
     assert desk.masses("found") == pytest.approx(nominal, rel=1e-12)

@@ -48,8 +48,8 @@ def test_another_model_needs_another_folder(tmp_path: Path) -> None:
 
 def test_failures_are_a_table_of_the_last_run(tmp_path: Path) -> None:
     with Dataset(tmp_path, SETTINGS) as dataset:
-        dataset.take_failure(FailedFile(Path("bad.csv"), "cc", "bad.csv: is empty"))
-        dataset.take_failure(FailedFile(None, "", "no answer", "left"))
+        dataset.take_failures([FailedFile(Path("bad.csv"), "cc", "bad.csv: is empty")])
+        dataset.take_failures([FailedFile(None, "", "no answer", "left")])
     table = pq.read_table(tmp_path / "errors.parquet").to_pylist()
     assert table == [
         {"file": "bad.csv", "sha256": "cc", "injector": None, "problem": "bad.csv: is empty"},
@@ -65,7 +65,7 @@ def test_failures_are_there_while_a_batch_runs_and_when_it_is_interrupted(tmp_pa
     def run() -> None:
         with Dataset(tmp_path, SETTINGS) as dataset:
             for name in ("a", "b"):
-                dataset.take_failure(FailedFile(Path(name), "", f"{name}: is empty"))
+                dataset.take_failures([FailedFile(Path(name), "", f"{name}: is empty")])
             lines = (tmp_path / "errors.jsonl").read_text().splitlines()
             assert [json.loads(line)["file"] for line in lines] == ["a", "b"]
             raise KeyboardInterrupt
@@ -80,7 +80,7 @@ def test_a_failure_costs_the_same_however_many_there_were(tmp_path: Path) -> Non
     with Dataset(tmp_path, SETTINGS) as dataset:
         for number in range(200):
             before = {path: path.stat().st_size for path in tmp_path.iterdir()}
-            dataset.take_failure(FailedFile(Path(f"{number:03}.csv"), "", "is empty"))
+            dataset.take_failures([FailedFile(Path(f"{number:03}.csv"), "", "is empty")])
             written.append(sum(path.stat().st_size - before.get(path, 0) for path in tmp_path.iterdir()))
             assert all(path.stat().st_size >= size for path, size in before.items())
     assert len(set(written)) == 1

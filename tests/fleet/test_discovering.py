@@ -22,11 +22,7 @@ from tests.fleet.running import ended, started, wait_until, workers_of
 
 pytestmark = pytest.mark.slow
 POINTS = ((60e6, 1.9e-3), (140e6, 0.6e-3))
-HIDDEN = {
-    "bent": (sized("line_friction", k=0.6),),
-    "new": (),
-    "worn": (sized("orifice_area", v_H=0.1),),
-}
+HIDDEN = {"bent": (sized("line_friction", k=0.6),), "new": (), "worn": (sized("orifice_area", v_H=0.1),)}
 """What is in an injector, which only the truths beside its recordings say."""
 
 
@@ -134,12 +130,7 @@ def test_the_most_affected_come_first_and_those_without_an_answer_last(run: Run)
 def test_what_could_not_be_taken_is_said_of_its_injector(run: Run) -> None:
     errors = pq.read_table(run.folder / "errors.parquet").to_pylist()
     said = {(each["injector"], each["file"] and Path(each["file"]).name): each["problem"] for each in errors}
-    assert set(said) == {
-        (None, "damaged.csv"),
-        ("worn", "long_ago.csv"),
-        ("odd", "gaps.csv"),
-        ("odd", None),
-    }
+    assert set(said) == {(None, "damaged.csv"), ("worn", "long_ago.csv"), ("odd", "gaps.csv"), ("odd", None)}
     assert "is sampled at 50000 Hz" in said["worn", "long_ago.csv"]
     assert "no complete injection; samples are missing" in said["odd", "gaps.csv"]
     assert (run.rows["worn"]["recordings"], run.rows["worn"]["judged"], run.rows["worn"]["left_out"]) == (

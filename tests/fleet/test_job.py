@@ -9,7 +9,6 @@ import pyarrow as pa
 import pytest
 
 from observer_rt.config.bench import load_bench
-from observer_rt.evaluation.streamed import evaluate_stream
 from observer_rt.fleet.job import FailedFile, Task, evaluated
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.formats import open_recording, write_recording
@@ -18,6 +17,7 @@ from observer_rt.recording.signals.recording import Recording
 from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE
 from observer_rt.service.core.core import Core
 from tests.device import worn_recording
+from tests.fleet.rows import masses
 
 
 def worn() -> Recording:
@@ -28,20 +28,13 @@ def result_of(path: Path) -> pa.Table | FailedFile:
     return evaluated(Task(load_bench(), path.parent, learning=False), Path(path.name), "hash")
 
 
-def masses(path: Path) -> list[float]:
-    """As `evaluate` finds them [mg]."""
-    source = open_recording(path, load_bench().injector)
-    (alone,), _ = evaluate_stream(load_bench(), [source], learning=False)
-    return [1e6 * each.report.mass for each in alone.injections]
-
-
 def test_rows_are_those_of_evaluate(tmp_path: Path) -> None:
     path = tmp_path / "worn.parquet"
     write_recording(path, worn())
     table = result_of(path)
     assert isinstance(table, pa.Table)
     assert table.num_rows == 24
-    assert table["mass_mg"].to_pylist() == pytest.approx(masses(path), rel=1e-12)
+    assert table["mass_mg"].to_pylist() == pytest.approx(masses(path, learning=False), rel=1e-12)
 
 
 def test_a_rate_that_the_beginning_does_not_tell(tmp_path: Path) -> None:
@@ -52,7 +45,7 @@ def test_a_rate_that_the_beginning_does_not_tell(tmp_path: Path) -> None:
     assert open_recording(path).sample_rate < 49_999.5
     table = result_of(path)
     assert isinstance(table, pa.Table)
-    assert table["mass_mg"].to_pylist() == pytest.approx(masses(path), rel=1e-12)
+    assert table["mass_mg"].to_pylist() == pytest.approx(masses(path, learning=False), rel=1e-12)
 
 
 def test_what_is_no_injector_has_no_rows(tmp_path: Path) -> None:

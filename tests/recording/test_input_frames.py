@@ -7,7 +7,7 @@ import pytest
 from observer_rt.bus.links.link import Frame
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
-from observer_rt.evaluation.logged import read_logged
+from observer_rt.evaluation.logged import LoggedSignals
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.canlog.can_log import LogFrame
 from observer_rt.recording.channels import InputFrames
@@ -59,7 +59,7 @@ def test_frames_that_come_too_seldom_give_the_cause(tmp_path: Path) -> None:
     times = [(10 + n * 0.01, identifier) for n in range(50) for identifier in (GROUP, OTHER)]
     log.write_text("".join(f"({time:.6f}) can0 {identifier:08X}#{'00' * 8}\n" for time, identifier in times))
     with pytest.raises(UserError) as raised:
-        read_logged(load_bench(bench), log)
+        LoggedSignals(load_bench(bench), log)
     assert "its 100 input frames give 0 samples" in raised.value.problem
     assert "they come at 204 a second, where sampling.rate_hz is 100000" in raised.value.problem
     assert "set sampling.rate_hz" in raised.value.remedy

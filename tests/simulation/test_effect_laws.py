@@ -1,7 +1,7 @@
 """Every effect of the vocabulary in the simulated plant, against its law integrated by scipy in physical units."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 
@@ -165,22 +165,27 @@ def test_plant_follows_the_law(name: str, rail: float) -> None:
     assert (changed > 0.2e6) == works
 
 
-def recorded(name: str) -> tuple[Simulation, Simulation]:
-    """A simulation with a sensor effect, and the healthy one."""
-    return simulated(name, 100e6), simulated("", 100e6)
-
-
 def test_sensors_do_not_change_the_plant() -> None:
     for name in SENSORS:
-        one, healthy = recorded(name)
+        one, healthy = simulated(name, 100e6), simulated("", 100e6)
         np.testing.assert_array_equal(one.truth.injection_rate, healthy.truth.injection_rate)
         np.testing.assert_array_equal(one.truth.line_pressure, healthy.truth.line_pressure)
 
 
-def test_lift_recorded_too_low_while_open() -> None:
-    one, healthy = recorded("lift_offset")
-    true = healthy.truth.needle_lift
-    np.testing.assert_allclose(one.recording.needle_lift, np.maximum(true - 20e-6, 0.0), atol=1e-12)
+@pytest.mark.parametrize(
+    ("name", "signal", "law"),
+    [
+        ("lift_offset", "needle_lift", lambda true: np.maximum(true - 20e-6, 0.0)),
+        ("lift_gain", "needle_lift", lambda true: true / 1.1),
+        ("rail_pressure_sensor_gain", "rail_pressure", lambda true: 1.02 * true),
+        ("rail_pressure_sensor_offset", "rail_pressure", lambda true: true - 3e6),
+        ("line_pressure_sensor_offset", "line_pressure", lambda true: true + 0.8e6),
+    ],
+)
+def test_what_a_sensor_says_of_the_truth(name: str, signal: str, law: Callable[[Vector], Vector]) -> None:
+    found = getattr(simulated(name, 100e6).recording, signal)
+    expected = law(getattr(simulated("", 100e6).truth, signal))
+    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
 
 
 def test_lift_recorded_too_high_is_zero_while_shut() -> None:
@@ -190,11 +195,6 @@ def test_lift_recorded_too_high_is_zero_while_shut() -> None:
     np.testing.assert_allclose(
         found.recording.needle_lift, np.where(true > 0.0, true + 20e-6, 0.0), atol=1e-12
     )
-
-
-def test_lift_gain() -> None:
-    one, healthy = recorded("lift_gain")
-    np.testing.assert_allclose(one.recording.needle_lift * 1.1, healthy.truth.needle_lift, atol=1e-12)
 
 
 def test_slow_lift_sensor() -> None:
@@ -209,24 +209,12 @@ def test_slow_lift_sensor() -> None:
     assert np.abs(slow.needle_lift - simulated("", 100e6).recording.needle_lift).max() > 20e-6
 
 
-def test_rail_pressure_sensor() -> None:
-    one, healthy = recorded("rail_pressure_sensor_gain")
-    np.testing.assert_allclose(one.recording.rail_pressure, 1.02 * healthy.truth.rail_pressure)
-    one, healthy = recorded("rail_pressure_sensor_offset")
-    np.testing.assert_allclose(one.recording.rail_pressure, healthy.truth.rail_pressure - 3e6)
-
-
 def test_rail_pressure_recorded_late() -> None:
     schedule = make_schedule([60e6, 140e6], 2, 0.05, [OPEN_FOR])  # between them the rail is filled
     late = simulate(NOMINAL, schedule, 100e3, (sized("rail_pressure_skew", d=25e-6),)).recording
     expected = schedule.rail_pressure(late.time - 25e-6)
     np.testing.assert_allclose(late.rail_pressure, expected, atol=2e3)
     assert np.abs(late.rail_pressure - schedule.rail_pressure(late.time)).max() > 50e3
-
-
-def test_line_pressure_sensor_offset() -> None:
-    one, healthy = recorded("line_pressure_sensor_offset")
-    np.testing.assert_allclose(one.recording.line_pressure, healthy.truth.line_pressure + 0.8e6)
 
 
 @pytest.mark.parametrize("delay", [-23e-6, -4e-6, 4e-6, 10e-6, 57e-6])

@@ -3,21 +3,32 @@
 import csv
 import math
 from collections.abc import Sequence
+from importlib.resources import files
 from pathlib import Path
 
+import cantools
 import numpy as np
 import pytest
-from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
+from hypothesis import given
+from hypothesis import strategies as st
 
 from observer_rt.config.bench import load_injector
 from observer_rt.foundation.errors import UserError
-from observer_rt.model.effect import SizedEffect
-from observer_rt.model.effects import effective_model, sized
-from observer_rt.recording.formats import write_recording
+from observer_rt.model.effect import Effect, SizedEffect
+from observer_rt.model.effects import VOCABULARY, effective_model, sized
 from observer_rt.simulation.plant import Truth, run_plant
-from observer_rt.simulation.schedule import Schedule, Shot, Stroke, lift_of_stroke, make_schedule, strokes
-from observer_rt.simulation.simulate import SimulatedNoise, simulate, truth_path, write_truth
+from observer_rt.simulation.schedule import Schedule, Shot, Stroke, make_schedule
+from observer_rt.simulation.simulate import (
+    LIFT,
+    PRESSURE,
+    Quantisation,
+    SimulatedNoise,
+    parse_effects,
+    simulate,
+    truth_path,
+    write_truth,
+)
+from tests.simulation.test_effect_laws import Effects, reference
 
 NOMINAL = load_injector()
 DENSITY = NOMINAL.fluid.density_nozzle
@@ -63,45 +74,6 @@ def test_check_peaks_of_the_nominal_injector(rail_pressure: float, peak: float) 
     assert truth.injection_rate.max() * 1e6 == pytest.approx(peak, abs=0.5)
 
 
-def reference(
-    rail_pressure: float, v_h: float, v_s: float, times: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Injection rate [m3/s] by scipy from (19)-(23) in physical units, wear as factors on the flows."""
-    (needle,) = strokes(make_schedule([rail_pressure], 1, 0.05, [1.1e-3]), NOMINAL)
-    fluid, line, seat, nozzle = NOMINAL.fluid, NOMINAL.line, NOMINAL.seat, NOMINAL.nozzle
-    line_area = math.pi / 4 * line.diameter**2
-    hole_area = nozzle.holes * math.pi / 4 * nozzle.hole_diameter**2
-    cone = math.radians(seat.cone_angle)
-
-    def orifice(coefficient: float, area: float, drop: float) -> float:
-        smooth_root = drop / math.sqrt(math.hypot(drop, 0.5e6))
-        return coefficient * area * smooth_root * math.sqrt(2 / fluid.density_nozzle)
-
-    def nozzle_flow(p_sac: float) -> float:
-        worn = 1 + v_h
-        return worn * orifice(nozzle.flow_coefficient, hole_area, p_sac - NOMINAL.chamber.pressure)
-
-    def rates(time: float, state: NDArray[np.float64]) -> list[float]:
-        p_line, q_line, p_sac = state
-        lift = lift_of_stroke(time, needle)
-        seat_area = math.pi * lift * math.sin(cone / 2) * (seat.diameter - lift / 2 * math.sin(cone))
-        q_seat = (1 + v_s) * orifice(seat.flow_coefficient, seat_area, p_line - p_sac)
-        q_nozzle = nozzle_flow(p_sac)
-        inertia = line_area / (fluid.density_line * line.length) * (rail_pressure - p_line)
-        friction = line.loss_factor / (2 * line_area * line.length) * q_line * abs(q_line)
-        return [
-            fluid.bulk_modulus_line / line.volume * (q_line - q_nozzle),
-            inertia - friction,
-            fluid.bulk_modulus_sac / nozzle.sac_volume * (q_seat - q_nozzle),
-        ]
-
-    start = [rail_pressure, 0.0, NOMINAL.chamber.pressure]
-    solution = solve_ivp(
-        rates, times[[0, -1]], start, "LSODA", times, rtol=1e-8, atol=[1.0, 1e-12, 1.0], max_step=1e-5
-    )
-    return np.array([nozzle_flow(p_sac) for p_sac in solution.y[2]])
-
-
 @pytest.mark.parametrize(
     ("rail_pressure", "v_h", "v_s"), [(40e6, 0.0, 0.0), (100e6, 0.3, 0.0), (140e6, -0.3, -0.2)]
 )
@@ -109,7 +81,8 @@ def test_rate_agrees_with_an_independent_integration(rail_pressure: float, v_h: 
     effects = (sized("orifice_area", v_H=v_h), sized("seat_area", v_S=v_s))
     truth = run(make_schedule([rail_pressure], 1, 0.05, [1.1e-3]), effects)
     window = (truth.time > 0.1499) & (truth.time < 0.154)
-    expected = reference(rail_pressure, v_h, v_s, truth.time[window])
+    sizes = Effects({"orifice_area": {"v_H": v_h}, "seat_area": {"v_S": v_s}})
+    expected, _ = reference(rail_pressure, sizes, truth.time[window])
     np.testing.assert_allclose(truth.injection_rate[window], expected, atol=0.002e-6)
 
 
@@ -201,15 +174,6 @@ def test_measured_rate_has_one_gain_error_per_recording() -> None:
     assert abs(np.mean(gains)) < 0.003
 
 
-def test_same_seed_same_bytes(tmp_path: Path) -> None:
-    for name, seed in (("a", 7), ("b", 7), ("c", 8)):
-        made = simulate(NOMINAL, ONE, 50e3, noise=NOISE, measured_rate=True, seed=seed)
-        write_recording(tmp_path / f"{name}.csv", made.recording)
-    first, same, other = ((tmp_path / f"{name}.csv").read_bytes() for name in "abc")
-    assert first == same
-    assert first != other
-
-
 def test_measuring_the_rate_leaves_the_inputs_as_they_are() -> None:
     without = simulate(NOMINAL, ONE, 20e3, noise=NOISE, seed=3).recording
     measured = simulate(NOMINAL, ONE, 20e3, noise=NOISE, measured_rate=True, seed=3).recording
@@ -257,3 +221,137 @@ def test_truth_file(tmp_path: Path) -> None:
 def test_truth_file_that_cannot_be_written(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="no such file or folder"):
         write_truth(tmp_path / "absent" / "truth.csv", run(sample_rate=20e3))
+
+
+DATABASE = cantools.database.load_string((files("observer_rt.data") / "observer_fd.dbc").read_text("utf-8"))
+SIGNALS = {signal.name: signal for signal in DATABASE.get_message_by_name("SampleBlock").signals}
+
+QUANTITIES = pytest.mark.parametrize(
+    ("quantisation", "signal", "factor"),
+    [
+        (PRESSURE, "RailPressure_00", 1e6),
+        (PRESSURE, "LinePressure_00", 1e6),
+        (LIFT, "NeedleLift_00", 1e-6),
+    ],
+)
+
+
+@QUANTITIES
+def test_every_code_of_the_bus_is_left_as_it_is(
+    quantisation: Quantisation, signal: str, factor: float
+) -> None:
+    codes = np.arange(0xFFFE, dtype=np.float64)
+    values = (codes + quantisation.lowest) * quantisation.multiple / quantisation.divisor
+    assert np.array_equal(quantisation.apply(values), values)
+    physical = SIGNALS[signal]
+    shown = np.array([physical.raw_to_scaled(int(code)) for code in codes], dtype=np.float64)
+    np.testing.assert_allclose(values, shown * factor, rtol=1e-14, atol=1e-9 * factor)
+
+
+@QUANTITIES
+@given(value=st.floats(-9.0, 300.0))
+def test_values_are_rounded_as_on_the_bus(
+    quantisation: Quantisation, signal: str, factor: float, value: float
+) -> None:
+    (found,) = quantisation.apply(np.array([value * factor]))
+    physical = SIGNALS[signal]
+    exact = (value - float(physical.offset)) / float(physical.scale)
+    if abs(exact % 1.0 - 0.5) > 1e-6:  # ties may fall either way by the last bit of the arithmetic
+        assert physical.scaled_to_raw(found / factor) == round(exact)
+
+
+@QUANTITIES
+def test_out_of_range_is_clipped_below_the_error_code(
+    quantisation: Quantisation, signal: str, factor: float
+) -> None:
+    low, high = quantisation.apply(np.array([-1e4, 1e4]) * factor) / factor
+    assert low == pytest.approx(float(SIGNALS[signal].offset))
+    assert SIGNALS[signal].scaled_to_raw(high) == 0xFFFD
+
+
+def values(texts: list[str]) -> dict[str, tuple[float, ...]]:
+    """What was parsed, SI, by id."""
+    return {item.effect.id: item.values for item in parse_effects(texts)}
+
+
+def test_no_effect_is_a_healthy_injector() -> None:
+    assert parse_effects([]) == ()
+
+
+def test_parameter_may_be_left_out() -> None:
+    assert parse_effects(["orifice_area=0.3"]) == parse_effects(["orifice_area:v_H=0.3"])
+
+
+def test_several_effects_in_si_units() -> None:
+    texts = [
+        "orifice_area:v_H=0.3",
+        "seat_area=-0.2",
+        "line_pressure_sensor_offset:o=0.8",
+        "rail_pressure_sensor_offset=-3",
+        "lift_offset=20",
+        "channel_skew:d=-12.5",
+        "guide_leakage=3e-14",
+        "seat_outflow",
+    ]
+    expected = {
+        "orifice_area": 0.3,
+        "seat_area": -0.2,
+        "line_pressure_sensor_offset": 0.8e6,
+        "rail_pressure_sensor_offset": -3e6,
+        "lift_offset": 20e-6,
+        "channel_skew": -12.5e-6,
+        "guide_leakage": 3e-14,
+    }
+    found = values(texts)
+    assert found.pop("seat_outflow") == ()
+    assert {name: value for name, (value,) in found.items()} == pytest.approx(expected)
+
+
+def test_an_effect_with_two_parameters() -> None:
+    texts = ["lift_dependent_seat_coefficient:a=0.2", "lift_dependent_seat_coefficient:x_c=80"]
+    assert values(texts)["lift_dependent_seat_coefficient"] == pytest.approx((0.2, 80e-6))
+
+
+@pytest.mark.parametrize("effect", VOCABULARY.values(), ids=VOCABULARY)
+def test_the_whole_vocabulary_to_its_bounds(effect: Effect) -> None:
+    for name in ("lowest", "highest"):
+        limits = tuple(getattr(parameter, name) for parameter in effect.parameters)
+        texts = [f"{effect.id}:{p.name}={getattr(p, name) / p.si!r}" for p in effect.parameters]
+        assert values(texts or [effect.id])[effect.id] == pytest.approx(limits)
+
+
+def test_unknown_id_names_the_nearest_and_the_known() -> None:
+    with pytest.raises(UserError) as raised:
+        parse_effects(["orifice_aria=0.3"])
+    assert "the nearest is 'orifice_area'" in str(raised.value)
+    assert "seat_area:v_S" in raised.value.remedy
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "orifice_area",
+        "orifice_area:v_H",
+        "=0.3",
+        "orifice_area:v_S=0.3",
+        "orifice_area:=0.3",
+        "orifice_area=thirty",
+        "orifice_area=",
+        "orifice_area=nan",
+        "orifice_area=-1",
+        "seat_outflow=1",
+        "guide_leakage=-1e-14",
+        "lift_offset=2e-5e",
+        "lift_offset=80",
+        "seat_area=30",
+        "line_pressure_sensor_offset=1e6",
+    ],
+)
+def test_bad_effects(text: str) -> None:
+    with pytest.raises(UserError, match="--effect: "):
+        parse_effects([text])
+
+
+def test_an_effect_given_twice() -> None:
+    with pytest.raises(UserError, match="'seat_area:v_S' is given twice"):
+        parse_effects(["seat_area=0.1", "seat_area:v_S=0.2"])

@@ -24,12 +24,13 @@ from observer_rt.service.reports.judging import InlineExecutor
 from tools.benchmarks.cases import CLASSES, Case, make_case
 from tools.benchmarks.plant import Outcome, record
 from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore, EstimatorScore
-from tools.benchmarks.windowed import evaluate_windowed
+from tools.benchmarks.windowed import WindowedEvaluation, evaluate_windowed
 from tools.benchmarks.windows import Windows, covered_samples, score_rate, windows_of
 
 WARM_UP_EVENTS = 3
 PRESSURE_SCALE = 100 * MEGAPASCAL  # of x3
 NO_REPORT = "NO_REPORT"  # in the place of a reason
+Scored = Evaluation | WindowedEvaluation
 
 
 def score_case(case: Case, model: Path | None = None) -> CaseScore:
@@ -43,6 +44,7 @@ def score_outcome(
     """Score an observer by its bench and learner, and the nominal model beside it, on what a case came to."""
     recording = recording_of(outcome)
     with timed_training() as training:
+        evaluation: Scored
         if CLASSES[case.class_name].windowed:
             evaluation = evaluate_windowed(bench, recording, learner_of)
         else:
@@ -51,7 +53,7 @@ def score_outcome(
 
 
 def score_evaluation(
-    case: Case, outcome: Outcome, bench: Bench, evaluation: Evaluation, training: Sequence[float]
+    case: Case, outcome: Outcome, bench: Bench, evaluation: Scored, training: Sequence[float]
 ) -> CaseScore:
     """Score what an observer by its bench made of a case; training: milliseconds of each event."""
     windows = windows_of(outcome, case.bench.sample_rate)
@@ -132,7 +134,7 @@ def x3_of_rate(rate: NDArray[np.float64], bench: Bench) -> NDArray[np.float64]:
 
 
 def _judged(
-    evaluation: Evaluation, windows: Windows
+    evaluation: Scored, windows: Windows
 ) -> tuple[tuple[bool, ...], tuple[str, ...], tuple[tuple[float, float] | None, ...]]:
     """Validity, reasons and 95 % interval of the mass [mg] of every event, from the observer's own reports.
 
@@ -152,14 +154,14 @@ def _unnamed(reports: Sequence[InjectionReport]) -> str:
     return "" if reports else NO_REPORT
 
 
-def reports_of(evaluation: Evaluation, windows: Windows, event: int) -> tuple[InjectionReport, ...]:
+def reports_of(evaluation: Scored, windows: Windows, event: int) -> tuple[InjectionReport, ...]:
     """The reports of an event's openings, each once; empty when an opening has none."""
     found = [_report_of(evaluation, windows.ranges[i]) for i in windows.of_event[event]]
     reports = {report.number: report for report in found if report is not None}
     return () if None in found else tuple(reports.values())
 
 
-def _report_of(evaluation: Evaluation, window: slice) -> InjectionReport | None:
+def _report_of(evaluation: Scored, window: slice) -> InjectionReport | None:
     """The report whose window overlaps a true one most."""
 
     def overlap(report: InjectionReport) -> int:

@@ -10,9 +10,9 @@ from rich.console import Console
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.check.checkup import Level, checkup
 from observer_rt.config.bench import load_bench
-from observer_rt.evaluation.evaluate import evaluate, evaluate_logs
-from observer_rt.evaluation.logged import read_logged
-from observer_rt.evaluation.table import print_evaluation
+from observer_rt.evaluation.evaluate import evaluate
+from observer_rt.evaluation.logged import LoggedSignals
+from observer_rt.evaluation.results import print_evaluation
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effects import effective_model
 from observer_rt.recording.replay.framing import TimedFrame
@@ -119,7 +119,7 @@ def test_document_of_a_log(tmp_path: Path) -> None:
     bench = load_bench(pulse_bench(tmp_path, Told.TIME))
     log = tmp_path / "bus.log"
     write_log(log, sent_log(traffic(), EPOCH))
-    evaluation = evaluate_logs(bench, [read_logged(bench, log)], learning=False).evaluations[0]
+    evaluation = evaluate(bench, [LoggedSignals(bench, log)], learning=False).evaluations[0]
     c = effective_model(bench.injector.parameters).coefficients
     document = recording_json(evaluation, c)
     first, third = (one["energizing"] for one in document["injections"])

@@ -11,9 +11,9 @@ from rich.console import Console
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.check.checkup import Level, checkup
 from observer_rt.config.bench import load_bench
-from observer_rt.evaluation.evaluate import evaluate_logs
-from observer_rt.evaluation.logged import read_logged
-from observer_rt.evaluation.table import print_evaluation
+from observer_rt.evaluation.evaluate import evaluate
+from observer_rt.evaluation.logged import LoggedSignals
+from observer_rt.evaluation.results import print_evaluation
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effects import effective_model
 from observer_rt.recording.replay.framing import TimedFrame
@@ -161,7 +161,7 @@ def test_evaluating_a_log_compares_it(
     sent = inserted(frames, [(after(usual, 2, SOON), bed("Mass", 8.0))])
     log = tmp_path / "bus.log"
     write_log(log, sent_log(sent))
-    evaluation = evaluate_logs(bench, [read_logged(bench, log)]).evaluations[0]
+    evaluation = evaluate(bench, [LoggedSignals(bench, log)]).evaluations[0]
     c = effective_model(bench.injector.parameters).coefficients
     injections = recording_json(evaluation, c)["injections"]
     assert [one["measured_mass_mg"] for one in injections] == [None, pytest.approx(8.0), None]

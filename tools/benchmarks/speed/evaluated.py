@@ -8,8 +8,8 @@ from rich.console import Console
 
 from observer_rt.config.bench import Bench
 from observer_rt.evaluation.convert import convert
+from observer_rt.evaluation.evaluate import evaluate_stream
 from observer_rt.evaluation.logged import LoggedSignals
-from observer_rt.evaluation.streamed import evaluate_stream
 from observer_rt.recording.formats import open_recording
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.recording.signals.stream import HeldSignals, SignalStream

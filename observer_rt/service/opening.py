@@ -3,7 +3,7 @@
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, suppress
-from functools import partial
+from dataclasses import dataclass
 
 from observer_rt.bus.links.descriptor import IdleLink
 from observer_rt.bus.links.link import Link, LinkDownError
@@ -24,61 +24,72 @@ class StoppedError(Exception):
     """The service was told to stop while it waited for an interface."""
 
 
-def open_links(
-    bench: Bench,
-    bus: BusMap,
-    shared: Mapping[int, SharedBus],
-    tell: Listener,
-    stop: threading.Event,
-    on_alive: Callable[[], None],
-) -> Iterator[Link]:
-    """The links of all buses in order, each as soon as it can be opened; own identifiers are listened to, too.
+@dataclass(frozen=True)
+class LinkOpening:
+    """Opens the links of an injector. shared: those of buses it has with others; on_alive: called while it waits.
 
-    A bus that is none of this injector's is neither opened nor waited for. shared: those it opens with others.
-
-    Raises `StoppedError` when `stop` is set meanwhile, `UserError` or `RunError` for what waiting does not mend.
+    Its methods raise `StoppedError` when `stop` is set meanwhile, `UserError` or `RunError` for what waiting does
+    not mend.
     """
-    used = buses_of(bus)
-    for number, named in enumerate(bench.config.buses):
-        if number not in used:
-            yield IdleLink()
-            continue
-        opener = _opener(named, wanted_on(bus, number), len(used) > 1, shared.get(number))
-        link = _when_there(named, opener, tell, stop, on_alive)
-        yield link
-        on = f"{named.label}: " if len(used) > 1 else ""
-        tell(of_bus(Topic.START, f"{on}time stamps: {link.stamp_source}", is_over=True))
-        for warning in link.warnings:
-            tell(of_bus(Topic.LINK, warning))
 
+    bench: Bench
+    bus: BusMap
+    shared: Mapping[int, SharedBus]
+    tell: Listener
+    stop: threading.Event
+    on_alive: Callable[[], None]
 
-def tell_other_senders(
-    bench: Bench,
-    bus: BusMap,
-    shared: Mapping[int, SharedBus],
-    tell: Listener,
-    stop: threading.Event,
-    on_alive: Callable[[], None],
-) -> None:
-    """Listen a moment, before anything is sent, for others that send what this service will.
+    def links(self) -> Iterator[Link]:
+        """Of all buses in order, each as soon as it can be opened; own identifiers are listened to, too.
 
-    Waits for the interfaces, and raises, as `open_links` does.
-    """
-    with ExitStack() as stack, suppress(LinkDownError):  # which the daemon waits for
-        links = {}
-        for number in {layout.bus for layout in bus.sent}:
-            named = bench.config.buses[number]
-            opener = _opener(named, _own(bus, number), False, shared.get(number))
-            links[number] = stack.enter_context(_when_there(named, opener, tell, stop, on_alive))
-        heard = first_heard(links, stop)
-        if heard is not None:
-            on, frame = heard
-            name = next(
-                message_text(bus, layout)
-                for layout in bus.sent
-                if (layout.bus, layout.frame_id) == (on, frame.frame_id)
-            )
-            tell(Notice(Topic.SENDER, f"another node sends {name} already\n  remedy: {REMEDY}"))
+        A bus that is none of this injector's is neither opened nor waited for.
+        """
+        used = buses_of(self.bus)
+        for number, named in enumerate(self.bench.config.buses):
+            if number not in used:
+                yield IdleLink()
+                continue
+            link = self._when_there(number, wanted_on(self.bus, number), len(used) > 1)
+            yield link
+            on = f"{named.label}: " if len(used) > 1 else ""
+            self.tell(of_bus(Topic.START, f"{on}time stamps: {link.stamp_source}", is_over=True))
+            for warning in link.warnings:
+                self.tell(of_bus(Topic.LINK, warning))
+
+    def tell_other_senders(self) -> None:
+        """Listen a moment, before anything is sent, for others that send what this service will."""
+        with ExitStack() as stack, suppress(LinkDownError):  # which the daemon waits for
+            links = {}
+            for number in {layout.bus for layout in self.bus.sent}:
+                links[number] = stack.enter_context(self._when_there(number, _own(self.bus, number), False))
+            if heard := first_heard(links, self.stop):
+                on, frame = heard
+                name = next(
+                    message_text(self.bus, layout)
+                    for layout in self.bus.sent
+                    if (layout.bus, layout.frame_id) == (on, frame.frame_id)
+                )
+                text = f"another node sends {name} already\n  remedy: {REMEDY}"
+                self.tell(Notice(Topic.SENDER, text))
+
+    def _when_there(self, number: int, wanted: list[tuple[int, bool]], computer_time: bool) -> Link:
+        """The link of a bus, opened once its interface is there; wanted, computer_time: as of `open_link`."""
+        named, shared = self.bench.config.buses[number], self.shared.get(number)
+        told = ""
+        while True:
+            try:
+                link = shared.open(wanted) if shared else connected(named, wanted, computer_time)
+            except LinkDownError as error:
+                if str(error) != told:
+                    told = str(error)
+                    self.tell(of_bus(Topic.LINK, f"waiting for the interface: {told}"))
+            else:
+                if told:
+                    self.tell(of_bus(Topic.LINK, f"{named.label} is there", is_over=True))
+                return link
+            self.on_alive()
+            if self.stop.wait(RETRY):
+                raise StoppedError
 
 
 def buses_of(bus: BusMap) -> frozenset[int]:
@@ -95,39 +106,6 @@ def connected(named: NamedLink, wanted: list[tuple[int, bool]], computer_time: b
     """A link as the bench file says; wanted, computer_time: as of `open_link`."""
     config = named.config
     return open_link(config.interface, config.channel, config.fd, wanted, computer_time)
-
-
-def _opener(
-    named: NamedLink, wanted: list[tuple[int, bool]], computer_time: bool, shared: SharedBus | None
-) -> Callable[[], Link]:
-    if shared is not None:
-        return partial(shared.open, wanted)
-    return partial(connected, named, wanted, computer_time)
-
-
-def _when_there(
-    named: NamedLink,
-    opener: Callable[[], Link],
-    tell: Listener,
-    stop: threading.Event,
-    on_alive: Callable[[], None],
-) -> Link:
-    """The link, opened once its interface is there."""
-    told = ""
-    while True:
-        try:
-            link = opener()
-        except LinkDownError as error:
-            if str(error) != told:
-                told = str(error)
-                tell(of_bus(Topic.LINK, f"waiting for the interface: {told}"))
-        else:
-            if told:
-                tell(of_bus(Topic.LINK, f"{named.label} is there", is_over=True))
-            return link
-        on_alive()
-        if stop.wait(RETRY):
-            raise StoppedError
 
 
 def _own(bus: BusMap, number: int) -> list[tuple[int, bool]]:

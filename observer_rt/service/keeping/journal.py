@@ -153,7 +153,7 @@ class JournalWriter:
     def _writing(self) -> Iterator[sqlite3.Connection]:
         """A connection to the file that is there now: all of a transaction reaches the disk, or `RunError`."""
         try:
-            if self._connection is not None and not self._is_there():
+            if self._identity is not None and not is_at(self._path, self._identity):
                 self._give_up()
             if self._connection is None:
                 self._connection = _connected(self._path)
@@ -168,18 +168,20 @@ class JournalWriter:
             advice = "; move the file away, and a new one is begun" if is_damaged else ""
             raise RunError(f"{self._path}: the journal cannot be written: {error}{advice}") from error
 
-    def _is_there(self) -> bool:
-        try:
-            return self._identity is not None and os.path.samestat(self._path.stat(), self._identity)
-        except FileNotFoundError:
-            return False
-
     def _give_up(self) -> None:
         """Close what is open: the next write begins with a connection of its own."""
         if self._connection is not None:
             with contextlib.suppress(sqlite3.Error):
                 self._connection.close()
-        self._connection = None
+        self._connection = self._identity = None
+
+
+def is_at(path: Path, file: os.stat_result) -> bool:
+    """Whether a file that was opened is the one that is there now."""
+    try:
+        return os.path.samestat(path.stat(), file)
+    except FileNotFoundError:
+        return False
 
 
 def utc(unix_ns: int) -> str:

@@ -56,10 +56,6 @@ class Outbox:
             self.flush()
         self.discard()
 
-    def give_up(self, frames: Iterable[OutputFrame]) -> None:
-        """Send none of the frames."""
-        self.unsent += sum(1 for _ in frames)
-
     def discard(self) -> None:
         """Give up all that waits."""
         self.unsent += len(self._waiting)
@@ -174,7 +170,7 @@ class Port:
         if self.is_up:
             self._outbox.post(frames)
         else:
-            self._outbox.give_up(frames)
+            self.count_unsent(len(list(frames)))
 
     def count_unsent(self, frames: int) -> None:
         """So many results were given up by whoever sends them without this port."""
@@ -215,10 +211,8 @@ class Port:
 
     def _tell_outage(self, reason: str) -> bool:
         """Whether there was something new to tell."""
-        before, when = self._last_outage
-        now = time.monotonic()
+        (before, when), now = self._last_outage, time.monotonic()
         self._last_outage = reason, now
-        is_new = reason != before or now - when > SILENCE
-        if is_new:
+        if is_new := reason != before or now - when > SILENCE:
             self._tell(of_bus(Topic.LINK, f"waiting for the interface: {reason}"))
         return is_new

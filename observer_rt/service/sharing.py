@@ -69,7 +69,7 @@ class LearningQueue:
 
     def share(self) -> "Share":
         """The executor of one injector; its jobs are done in their order."""
-        share = Share(self._do_soon)
+        share = Share(lambda: self._thread.submit(self._do_next))
         with self._lock:
             self._in_turn.append(share)
         return share
@@ -77,9 +77,6 @@ class LearningQueue:
     def close(self) -> None:
         """Wait for the job that is being done; what waits is left."""
         self._thread.shutdown(cancel_futures=True)
-
-    def _do_soon(self) -> None:
-        self._thread.submit(self._do_next)
 
     def _do_next(self) -> None:
         """One job of whoever's turn it is, if any has one."""
@@ -102,7 +99,7 @@ class LearningQueue:
 class Share(Executor):
     """What one injector has in the queue."""
 
-    def __init__(self, do_soon: Callable[[], None]) -> None:
+    def __init__(self, do_soon: Callable[[], object]) -> None:
         self.waiting: deque[tuple[Future[Any], Callable[[], Any]]] = deque()
         self._do_soon = do_soon
 

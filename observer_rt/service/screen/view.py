@@ -13,6 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from observer_rt.config.bench import BenchInjector
+from observer_rt.service.core.core import Core
 from observer_rt.service.core.learners import noise_text
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.reports.injection_report import InjectionReport
@@ -84,7 +85,7 @@ class View:
         inner = max(1, min(width, WIDEST) - FRAME)
         if self._daemon is None:
             return Panel(Text("starting", style="dim"), title=self._title, expand=False)
-        said = [*lines(self._daemon, now, height), *self._noise_line(now)]
+        said = [*lines(self._daemon, now, height), *self._noise_line(self._daemon.core, now)]
         head = heading(self._daemon, now, inner)
         drawn = len(Console(width=inner).render_lines(head))  # long reasons take more lines than one
         left = max(0, height - BORDER - len(said) - drawn - HEADING)
@@ -102,11 +103,8 @@ class View:
             parts.append(Text("no injection yet", style="dim"))
         return Panel(Group(*parts), title=self._title, expand=False)
 
-    def _noise_line(self, now: int) -> list[Text]:
+    def _noise_line(self, core: Core, now: int) -> list[Text]:
         """What the noise is like, looked at every few seconds."""
-        if self._daemon is None:
-            return []
-        core = self._daemon.core
         white = core.standstill.noise
         if white is None:
             return []

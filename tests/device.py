@@ -188,14 +188,12 @@ class Result:
         return [report.commanded.command if report.commanded else None for report in self.reports]
 
     @property
-    def missing(self) -> list[int]:
-        """Numbers of the commands without an injection."""
-        return [one.number for one in self.notes.mismatches if one.is_missing]
-
-    @property
-    def uncommanded(self) -> list[int]:
-        """Numbers of the injections without a command."""
-        return [one.number for one in self.notes.mismatches if not one.is_missing]
+    def energized(self) -> tuple[list[int | None], list[int], list[int]]:
+        """Numbers of the injections' commands, of commands without an injection, of injections without a command."""
+        missing, uncommanded = (
+            [m.number for m in self.notes.mismatches if m.is_missing is so] for so in (True, False)
+        )
+        return self.commands, missing, uncommanded
 
     @property
     def rate_frames(self) -> Iterator[tuple[int, dict[str, int], list[int]]]:

@@ -1,6 +1,6 @@
 """A pulse generator that tells when it energizes the injector: its frames, beside those of the samples."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -10,23 +10,28 @@ import numpy as np
 from observer_rt.config.bench import load_injector
 from observer_rt.recording.replay.framing import Span, TimedFrame
 from observer_rt.recording.signals.recording import Recording
-from observer_rt.simulation.schedule import Schedule, Shot, make_schedule
+from observer_rt.simulation.schedule import Shot, make_schedule
 from observer_rt.simulation.simulate import SimulatedNoise, simulate
 from tests.benches import SAMPLE_RATE
 from tests.device import INDICES, Device, Result, encoded, merged, protected, run
-from tests.service.pulse_bench import BED, DATA_ID, LEVELS
+from tests.service.pulse_bench import BED, DATA_ID, LEVELS, Told
+
+MAIN = (Shot(1.1e-3),)
+PILOT_AND_MAIN = (Shot(0.3e-3, -1.5e-3), Shot(1.0e-3))
+Pulses = Sequence[tuple[float, float]]
+"""Start and duration [s] of energizings."""
 
 
 @cache
-def injected(injections: int, shots: tuple[Shot, ...] = (Shot(1.1e-3),)) -> tuple[Schedule, Recording]:
-    """Events every 50 ms, the first 0.15 s in, of a healthy injector, with noise."""
+def injected(
+    injections: int, shots: tuple[Shot, ...] = MAIN
+) -> tuple[tuple[tuple[float, float], ...], Recording]:
+    """Energizings of a healthy injector, events every 50 ms, the first 0.15 s in, and its samples with noise."""
     schedule = make_schedule([100e6], injections, 0.05, shots=shots)
-    return schedule, simulate(load_injector(), schedule, SAMPLE_RATE, (), SimulatedNoise(), seed=8).recording
-
-
-def commands(schedule: Schedule) -> list[tuple[float, float]]:
-    """Start and duration [s] of all energizings."""
-    return [(event.start + shot.offset, shot.duration) for event in schedule.events for shot in event.shots]
+    pulses = tuple(
+        (event.start + shot.offset, shot.duration) for event in schedule.events for shot in event.shots
+    )
+    return pulses, simulate(load_injector(), schedule, SAMPLE_RATE, (), SimulatedNoise(), seed=8).recording
 
 
 def samples(recording: Recording, *spans: tuple[float, float], index: int = 0) -> list[TimedFrame]:
@@ -46,7 +51,7 @@ def level_frame(name: str, level: int, time: float, index: int | None = None) ->
     return encoded(BED.get_message_by_name(name), values, time, scaling=False)
 
 
-def on_change(pulses: Iterable[tuple[float, float]], offset: int = 0) -> list[TimedFrame]:
+def on_change(pulses: Pulses, offset: int = 0) -> list[TimedFrame]:
     """`PulseLevel` as energizing starts and ends."""
     return [
         level_frame("PulseLevel", level, time, index_at(time, offset))
@@ -61,12 +66,12 @@ def duration_frame(duration: float, time: float, index: int) -> TimedFrame:
     return encoded(BED.get_message_by_name("PulseTime"), values, time)
 
 
-def durations(pulses: Iterable[tuple[float, float]]) -> list[TimedFrame]:
+def durations(pulses: Pulses) -> list[TimedFrame]:
     """`PulseTime` as energizing starts."""
     return [duration_frame(duration, start, index_at(start)) for start, duration in pulses]
 
 
-def safe_durations(pulses: Iterable[tuple[float, float]]) -> list[TimedFrame]:
+def safe_durations(pulses: Pulses) -> list[TimedFrame]:
     """`PulseSafe` as energizing starts, its counter going on."""
     message = BED.get_message_by_name("PulseSafe")
     return [
@@ -75,17 +80,17 @@ def safe_durations(pulses: Iterable[tuple[float, float]]) -> list[TimedFrame]:
     ]
 
 
-def is_on(pulses: Sequence[tuple[float, float]], time: float) -> bool:
+def is_on(pulses: Pulses, time: float) -> bool:
     return any(start <= time < start + duration for start, duration in pulses)
 
 
-def cyclic(pulses: Sequence[tuple[float, float]], end: float, phase: float = 0.0004) -> list[TimedFrame]:
+def cyclic(pulses: Pulses, end: float, phase: float = 0.0004) -> list[TimedFrame]:
     """`PulseCyclic` every millisecond."""
     times = (phase + 1e-3 * np.arange(int((end - phase) / 1e-3))).tolist()
     return [level_frame("PulseCyclic", int(is_on(pulses, time)), time) for time in times]
 
 
-def blocks(pulses: Sequence[tuple[float, float]], begin: float, end: float) -> list[TimedFrame]:
+def blocks(pulses: Pulses, begin: float, end: float) -> list[TimedFrame]:
     """`PulseBlock`: levels of all samples, each block with its last one."""
     message = BED.get_message_by_name("PulseBlock")
     sent = []
@@ -97,7 +102,7 @@ def blocks(pulses: Sequence[tuple[float, float]], begin: float, end: float) -> l
     return sent
 
 
-def safe_blocks(pulses: Sequence[tuple[float, float]], *spans: tuple[float, float]) -> list[TimedFrame]:
+def safe_blocks(pulses: Pulses, *spans: tuple[float, float]) -> list[TimedFrame]:
     """The same as `PulseSafeBlock` in spans of time [s], its counter going on from span to span."""
     message = BED.get_message_by_name("PulseSafeBlock")
     plain = BED.get_message_by_name("PulseBlock")
@@ -109,9 +114,20 @@ def safe_blocks(pulses: Sequence[tuple[float, float]], *spans: tuple[float, floa
     return sent
 
 
-def watch(bench: Path, *sources: Iterable[TimedFrame]) -> Result:
-    """The frames of all sources through a core that does not learn, in order of time."""
-    return run(bench, merged(*sources), learning=False)
+SOURCES: dict[str, tuple[str, Callable[[Pulses], list[TimedFrame]]]] = {
+    "level": (Told.LEVEL, on_change),
+    "duration": (Told.TIME, durations),
+    "block": (Told.LEVELS_IN_BLOCK, lambda pulses: blocks(pulses, 0.0, 0.3)),
+    "by stamp": (Told.TIME_BY_STAMP, durations),
+    "protected": (Told.SAFE, safe_durations),
+    "cyclic": (Told.CYCLIC, lambda pulses: cyclic(pulses, 0.3)),
+}
+"""Ways to tell of pulses: lines of [signals.energizing], and the frames."""
+
+
+def watch(bench: Path, sent: Recording | Iterable[TimedFrame], *told: Iterable[TimedFrame]) -> Result:
+    """Samples, of a whole recording or as frames, and what is told, by time, through a core that does not learn."""
+    return run(bench, merged(samples(sent) if isinstance(sent, Recording) else sent, *told), learning=False)
 
 
 def misfired(recording: Recording, *spans: tuple[float, float]) -> Recording:

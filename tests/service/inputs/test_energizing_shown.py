@@ -24,13 +24,12 @@ from tests.evaluation.documents import recording_json
 from tests.recording.canlog.log_cases import sent_log, write_log
 from tests.service.participants import BLOCK_ID, ScriptedLink, assert_warm_up_takes_all, serving, until
 from tests.service.pulse_bench import BED, Told, pulse_bench, triple_bench
-from tests.service.pulse_frames import commands, durations, injected, misfired, samples
+from tests.service.pulse_frames import durations, injected, misfired, samples
 
 
 def traffic() -> list[TimedFrame]:
     """Three injections; the second command misfires, the third injection has none."""
-    schedule, recording = injected(3)
-    pulses = commands(schedule)
+    pulses, recording = injected(3)
     shut = misfired(recording, (pulses[1][0], pulses[1][0] + 5e-3))
     return merged(samples(shut), durations(pulses[:2]))
 

@@ -241,6 +241,23 @@ def run(bench: Path | Bench, frames: Iterable[TimedFrame], **options: Any) -> Re
     return Result(core, out + core.finish(), notes)
 
 
+@dataclass(frozen=True)
+class Traffic:
+    """Frames of the bench, and what the core makes of them undisturbed."""
+
+    bench: Path
+    frames: list[TimedFrame]
+    result: Result
+
+    def run(self, frames: Iterable[TimedFrame], **options: Any) -> Result:
+        """What it makes of others; options: of `Core`."""
+        return run(self.bench, frames, **options)
+
+    def without(self, number: int) -> Result:
+        """What it makes of them when one is lost."""
+        return self.run([*self.frames[:number], *self.frames[number + 1 :]])
+
+
 def hand(core: Core, frames: Iterable[TimedFrame]) -> list[OutputFrame]:
     """Frames to a core, stamped by their times; what it answers at once."""
     out: list[OutputFrame] = []

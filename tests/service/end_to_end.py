@@ -5,17 +5,20 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import can
 import cantools.database
 import numpy as np
+from cantools.database.can import Message
 from numpy.typing import NDArray
 
+from observer_rt.bus.links.link import Frame
 from observer_rt.config.bench import EXAMPLE_BENCH, PACKAGE_DATA, load_bench
 from observer_rt.observer.stream.front_end import samples_ahead
+from observer_rt.service.core.messages import OutputFrame
 
 DATABASE = cantools.database.load_file(PACKAGE_DATA / "observer_fd.dbc")
 RATE = DATABASE.get_message_by_name("InjectionRate")
@@ -54,12 +57,27 @@ class Heard:
     summaries: list[bytes]
     statuses: list[bytes]
 
+    @property
+    def results(self) -> tuple[list[bytes], list[bytes]]:
+        """Rates and summaries, as of `results_of`."""
+        return self.rates, self.summaries
+
     def last_status(self) -> dict[str, float]:
         """The last status frame, decoded."""
         return decoded(STATUS, self.statuses[-1])
 
 
-def decoded(message: cantools.database.Message, payload: bytes) -> dict[str, float]:
+def payloads(frames: Iterable[OutputFrame] | Iterable[Frame], message: Message) -> list[bytes]:
+    """What frames of a message carry."""
+    return [frame.payload for frame in frames if frame.frame_id == message.frame_id]
+
+
+def results_of(frames: Sequence[OutputFrame]) -> tuple[list[bytes], list[bytes]]:
+    """What rates carry, and summaries."""
+    return payloads(frames, RATE), payloads(frames, SUMMARY)
+
+
+def decoded(message: Message, payload: bytes) -> dict[str, float]:
     """Signals as numbers, by cantools."""
     values = message.decode(payload, decode_choices=False, scaling=True)
     assert isinstance(values, dict)

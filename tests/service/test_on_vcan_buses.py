@@ -7,20 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.recording.formats import read_recording, write_recording
 from observer_rt.recording.replay.player import play
-from observer_rt.service.daemon import Daemon
-from observer_rt.service.reports.news import Notes
-from observer_rt.service.warm_up import warm_up
 from tests.benches import block_bench
 from tests.device import frames_of, worn_recording
 from tests.interface import OwnInterface
-from tests.service.end_to_end import RATE, SUMMARY, output_bus, run_over
-from tests.service.participants import serving, until
-from tests.service.test_daemon_buses import opened
+from tests.service.end_to_end import output_bus, results_of, run_over
+from tests.service.participants import HeardDaemon, opened, serving, until
 
 SPEED = 0.05  # of replay: user-mode Linux has one processor for daemon, replay and listener
 OTHERS = ("vcan1", "vcan2", "vcan3")
@@ -53,8 +48,7 @@ def test_results_over_four_interfaces_equal_those_of_one_bus(
         heard = run_over(four, csv, bus, SPEED, recording.samples)
     if heard.last_status()["DroppedFrames"]:
         pytest.fail("machine too slow: a socket of the daemon dropped frames")
-    assert heard.rates == [f.payload for f in expected if f.frame_id == RATE.frame_id]
-    assert heard.summaries == [f.payload for f in expected if f.frame_id == SUMMARY.frame_id]
+    assert heard.results == results_of(expected)
     assert len(heard.summaries) == 4
     assert heard.last_status()["TroubledBus"] == 0
 
@@ -64,27 +58,22 @@ def test_one_interface_of_several_goes_and_comes_back(
     tmp_path: Path, vcan: str, interfaces: list[OwnInterface]
 ) -> None:
     path = block_bench(tmp_path / "four", "socketcan", [vcan, *OTHERS])
-    bench = load_bench(path)
-    bus = map_bus(bench)
-    warm_up(bench, bus)
     frames = frames_of(path, worn_recording())
     first, during, last = frames[:600], frames[600:780], frames[780:]
-    notes = Notes()
-    messages = notes.messages
     with opened(path, sending=False) as links, opened(path, sending=True) as players:
-        daemon = Daemon(bench, bus, links, listeners=[notes])
+        daemon = HeardDaemon(path, *links, is_warm=True)
         by_bus = dict(enumerate(players))
         with serving(daemon):
             until(daemon.ready.is_set)
             play(first, players[0], math.inf, by_bus=by_bus)
             until(lambda: daemon.core.counters.frames == len(first))
             interfaces[0].remove()
-            until(lambda: any("there is no interface vcan1" in message for message in messages))
+            until(lambda: any("there is no interface vcan1" in message for message in daemon.messages))
             others = [frame for frame in during if frame.bus != 1]
             play(others, players[0], math.inf, by_bus=by_bus)
             until(lambda: daemon.core.counters.frames == len(first) + len(others))
             interfaces[0].add()
-            until(lambda: messages[-1] == "lift (vcan1) is back")
+            until(lambda: daemon.messages[-1] == "lift (vcan1) is back")
             players[1].reconnect()
             play(last, players[0], math.inf, by_bus=by_bus)
             until(lambda: daemon.core.counters.frames == len(frames) - len(during) + len(others))

@@ -1,17 +1,25 @@
-"""The daemon on a real SocketCAN interface, with all participants in one process: cheaper than three."""
+"""The daemon on a real SocketCAN interface, with all participants in one process: cheaper than three.
 
+Also one that carries less than is sent, so that results wait, and one that goes down, and away, in the middle.
+"""
+
+import math
+from collections.abc import Callable
 from pathlib import Path
 
+import can
 import numpy as np
 import pytest
 
 from observer_rt.config.bench import load_bench
 from observer_rt.evaluation.evaluate import evaluate
-from observer_rt.recording.replay.framing import Span, TimedFrame, whole, windows
+from observer_rt.recording.replay.framing import TimedFrame, windows
+from observer_rt.recording.replay.player import play
 from observer_rt.recording.signals.recording import Recording
 from tests.device import frames_of, worn_recording
-from tests.service.end_to_end import RATE, SUMMARY, published_rates
-from tests.service.participants import bench_file, over_bus
+from tests.interface import FRAME_BYTES, OwnInterface
+from tests.service.end_to_end import STATUS, decoded, published_rates, results_of
+from tests.service.participants import HeardDaemon, bench_file, opened, over_bus, serving, until
 
 SPEED = 0.1
 BLOCK = 9  # samples of a SampleBlock
@@ -27,32 +35,23 @@ def bench(tmp_path: Path, vcan: str) -> Path:
     return bench_file(tmp_path, vcan, "socketcan")
 
 
-def framed(bench: Path, recording: Recording, spans: list[Span]) -> list[TimedFrame]:
-    return frames_of(bench, recording, spans)
-
-
 @pytest.mark.vcan
 def test_evaluate_the_bus_of_a_process_and_vcan_give_the_same_frames(
     bench: Path, recording: Recording, tmp_path: Path
 ) -> None:
-    frames = framed(bench, recording, whole(recording))
+    frames = frames_of(bench, recording)
     on_vcan, daemon = over_bus(bench, frames, SPEED)
     inside, _ = over_bus(bench_file(tmp_path, "in-process"), frames)
     expected = evaluate(load_bench(bench), [recording]).frames
     assert daemon.core.counters.adoptions >= 1
-    assert on_vcan.rates == inside.rates == [f.payload for f in expected if f.frame_id == RATE.frame_id]
+    assert on_vcan.results == inside.results == results_of(expected)
     assert len(on_vcan.summaries) == 3
-    assert (
-        on_vcan.summaries
-        == inside.summaries
-        == [f.payload for f in expected if f.frame_id == SUMMARY.frame_id]
-    )
 
 
 @pytest.mark.vcan
 def test_windowed_source_every_index_sent_once(bench: Path, recording: Recording) -> None:
     spans = windows(recording)
-    heard, daemon = over_bus(bench, framed(bench, recording, spans), SPEED)
+    heard, daemon = over_bus(bench, frames_of(bench, recording, spans), SPEED)
     _, count = published_rates(heard.rates, recording.samples)
     assert count.max() == 1
     assert all((count[span.start : span.end] == 1).all() for span in spans)
@@ -62,7 +61,7 @@ def test_windowed_source_every_index_sent_once(bench: Path, recording: Recording
 
 @pytest.mark.vcan
 def test_lost_frame_is_not_available_and_counted(bench: Path, recording: Recording) -> None:
-    frames = framed(bench, recording, whole(recording))
+    frames = frames_of(bench, recording)
     gone = 200
     heard, _ = over_bus(bench, frames[:gone] + frames[gone + 1 : 600], SPEED)
     rate, count = published_rates(heard.rates, 600 * BLOCK)
@@ -71,3 +70,78 @@ def test_lost_frame_is_not_available_and_counted(bench: Path, recording: Recordi
     assert not np.isnan(rate[gone * BLOCK - 1])
     assert not np.isnan(rate[(gone + 50) * BLOCK])
     assert heard.last_status()["LostSamples"] == BLOCK
+
+
+BUS = 1000  # frames/s: fewer than the slowest machine sends
+QUEUE = 20  # frames
+
+
+@pytest.mark.vcan
+def test_inputs_and_results_wait_for_one_full_queue(own_interface: OwnInterface, tmp_path: Path) -> None:
+    """Replay sends as fast as it may: it and the daemon find the queue full, and share what leaves it."""
+    own_interface.slow_down(BUS * FRAME_BYTES, QUEUE * FRAME_BYTES)
+    path = bench_file(tmp_path, own_interface.name, "socketcan")
+    recording = worn_recording(2)
+    expected = evaluate(load_bench(path), [recording]).frames
+    heard, daemon = over_bus(path, frames_of(path, recording))
+    assert own_interface.refused > 0
+    assert (daemon.unsent, daemon.dropped, daemon.core.counters.lost_samples) == (0, 0, 0)
+    assert heard.results == results_of(expected)
+    assert len(heard.summaries) == 2
+
+
+FIRST, LOST, LAST = 600, 200, 600  # frames before, during and after the outage
+
+
+def taken_down(interface: OwnInterface, until_noticed: Callable[[], None]) -> None:
+    interface.down()
+    until_noticed()
+    interface.up()
+
+
+def unplugged(interface: OwnInterface, until_noticed: Callable[[], None]) -> None:
+    interface.remove()
+    until_noticed()
+    interface.add()
+
+
+@pytest.mark.slow
+@pytest.mark.vcan
+@pytest.mark.parametrize(
+    ("outage", "said"), [(taken_down, "vcan9 is down"), (unplugged, "there is no interface vcan9")]
+)
+def test_the_daemon_stays_and_goes_on(
+    own_interface: OwnInterface,
+    tmp_path: Path,
+    outage: Callable[[OwnInterface, Callable[[], None]], None],
+    said: str,
+) -> None:
+    name = own_interface.name
+    path = bench_file(tmp_path, name, "socketcan")
+    frames = frames_of(path, worn_recording())
+    with opened(path, sending=False) as [link], opened(path, sending=True) as [player]:
+        daemon = HeardDaemon(path, link, is_warm=True)
+
+        def play_to_it(part: list[TimedFrame]) -> None:
+            received = daemon.core.counters.frames + len(part)
+            play(part, player, math.inf)
+            until(lambda: daemon.core.counters.frames == received)
+
+        with serving(daemon):
+            until(daemon.ready.is_set)
+            play_to_it(frames[:FIRST])
+            outage(own_interface, lambda: until(lambda: any(said in message for message in daemon.messages)))
+            until(lambda: daemon.messages[-1] == f"{name} is back")
+            with can.Bus(interface="socketcan", channel=name, fd=True) as listener:
+                player.reconnect()
+                play_to_it(frames[FIRST + LOST : FIRST + LOST + LAST])
+                listener.set_filters([{"can_id": STATUS.frame_id, "can_mask": 0x7FF}])
+                status = None
+                while status is None or status["SamplesProcessed"] < (FIRST + LAST - 1) * BLOCK:
+                    message = listener.recv(5.0)
+                    assert message is not None
+                    if message.arbitration_id == STATUS.frame_id:
+                        status = decoded(STATUS, bytes(message.data))
+    assert status["LinkTroubles"] == 1
+    assert status["LostSamples"] == LOST * BLOCK
+    assert status["DroppedFrames"] == 0

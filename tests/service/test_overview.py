@@ -3,14 +3,13 @@
 from pathlib import Path
 
 import pytest
-from rich.console import Console
 
 from observer_rt.bus.mapping.bus_map import map_bench
 from observer_rt.config.bench import load_bench
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.screen.view import TURN, Overview, View
 from tests.device import worn_recording
-from tests.service.participants import ScriptedLink, serving, until
+from tests.service.participants import ScriptedLink, drawn, serving, until
 from tests.three_injectors import NAMES, frames_of_all, one_alone, three_injectors
 
 
@@ -29,17 +28,10 @@ def overview(tmp_path: Path) -> Overview:
     return Overview(views)
 
 
-def drawn(overview: Overview, now: int, width: int, height: int) -> list[str]:
-    console = Console(width=width, height=height, color_system=None)
-    with console.capture() as capture:
-        console.print(overview.render(now, width, height))
-    return [line.rstrip() for line in capture.get().splitlines()]
-
-
 @pytest.mark.parametrize(("width", "height"), [(80, 24), (120, 40)])
 def test_all_of_them_and_one_as_a_whole(overview: Overview, width: int, height: int) -> None:
     for turn, name in enumerate((*NAMES, NAMES[0])):
-        lines = drawn(overview, turn * TURN, width, height)
+        lines = [line.rstrip() for line in drawn(overview, width, height, turn * TURN)]
         assert len(lines) <= height
         assert max(map(len, lines)) <= width
         first, second, third = lines[1:4]

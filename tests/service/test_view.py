@@ -1,32 +1,21 @@
 """The terminal view: everything on one screen, whatever its size."""
 
-import io
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from rich.console import Console
 
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.service.core.core import Core
-from observer_rt.service.daemon import Daemon
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import Notes
 from observer_rt.service.screen.curves import ComparedRate, NominalInjection
 from observer_rt.service.screen.view import View
 from tests.device import frames_of, hand, worn_recording
-from tests.service.participants import ScriptedLink, bench_file, serving, until
-
-
-def drawn(view: View, width: int, height: int, now: int | None = None) -> list[str]:
-    """Lines on a terminal of this size."""
-    file = io.StringIO()
-    console = Console(file=file, width=width, height=height, force_terminal=True, color_system=None)
-    console.print(view.render(now or time.monotonic_ns(), width, height))
-    return file.getvalue().splitlines()
+from tests.service.participants import HeardDaemon, ScriptedLink, bench_file, drawn, serving, until
 
 
 @pytest.fixture
@@ -37,19 +26,15 @@ def path(tmp_path: Path) -> Path:
 @pytest.fixture
 def view(path: Path) -> View:
     """After twelve injections, compared with a reference."""
-    recording = worn_recording(injections=12)
 
     def references(report: InjectionReport, rows: NDArray[np.void]) -> list[ComparedRate]:
         return [ComparedRate("bought", np.full(len(rows), 50e-6), 123.45e-6)]
 
-    bench = load_bench(path)
-    view = View("title of the view", bench.injector, references)
-    link = ScriptedLink(frames_of(bench, recording))
-    daemon = Daemon(bench, map_bus(bench), [link], listeners=[view.hear])
-    view.watch(daemon)
+    link = ScriptedLink(frames_of(path, worn_recording(injections=12)))
+    daemon = HeardDaemon(path, link, references=references)
     with serving(daemon):
         until(link.empty.is_set)
-    return view
+    return daemon.view
 
 
 @pytest.mark.parametrize(("width", "height"), [(80, 24), (80, 50), (120, 40), (200, 60)])
@@ -70,12 +55,11 @@ def test_fits_the_terminal_and_shows_it_all(view: View, width: int, height: int)
 
 
 def test_failed_writes_are_shown_once_there_are_any(path: Path) -> None:
-    bench, failed = load_bench(path), 0
-    view = View("title", bench.injector)
-    view.watch(Daemon(bench, map_bus(bench), [ScriptedLink(())], failed_writes=lambda: failed))
-    assert "failed writes" not in "\n".join(drawn(view, 80, 24))
+    failed = 0
+    daemon = HeardDaemon(path, ScriptedLink(), failed_writes=lambda: failed)
+    assert "failed writes" not in daemon.drawn()
     failed = 3
-    assert "3 failed writes of learned state, journal or log" in "\n".join(drawn(view, 80, 24))
+    assert "3 failed writes of learned state, journal or log" in daemon.drawn()
 
 
 def test_more_injections_where_there_is_room(view: View) -> None:
@@ -126,10 +110,7 @@ def test_tiny_terminal_is_survived(view: View, width: int, height: int) -> None:
 
 
 def test_before_the_first_injection(path: Path) -> None:
-    bench = load_bench(path)
-    view = View("title", bench.injector)
-    assert "starting" in "\n".join(drawn(view, 80, 24))
-    view.watch(Daemon(bench, map_bus(bench), [ScriptedLink()], listeners=[view.hear]))
-    text = "\n".join(drawn(view, 80, 24))
+    assert "starting" in "\n".join(drawn(View("title", load_bench(path).injector)))
+    text = HeardDaemon(path, ScriptedLink()).drawn()
     assert "WAITING_FOR_DATA" in text
     assert "no injection yet" in text

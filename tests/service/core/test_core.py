@@ -11,44 +11,39 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.observer.stream.state import Reason, State
-from observer_rt.recording.replay.framing import Span, TimedFrame
+from observer_rt.recording.replay.framing import Span
 from observer_rt.service.core.core import Core
 from tests.benches import ONE_MESSAGE, SAMPLE_RATE, THREE_MESSAGES, sample_bench
-from tests.device import RATES, Device, Result, hand, run, simulated
+from tests.device import RATES, Device, Traffic, hand, run, simulated
 
 
-@pytest.fixture(scope="module")
-def result(bench: Path, frames: list[TimedFrame]) -> Result:
-    return run(bench, frames)
-
-
-def test_every_index_is_published_exactly_once(result: Result, frames: list[TimedFrame]) -> None:
-    sent = 9 * len(frames)
-    covered = result.covered
+def test_every_index_is_published_exactly_once(clean: Traffic) -> None:
+    sent = 9 * len(clean.frames)
+    covered = clean.result.covered
     assert covered[:sent] == list(range(sent))
     assert len(covered) - sent < RATES  # the last frame is filled up
-    assert set(result.rates) == set(range(50, sent))  # available after 1 ms of standstill
-    assert result.core.counters.samples == sent
+    assert set(clean.result.rates) == set(range(50, sent))  # available after 1 ms of standstill
+    assert clean.result.core.counters.samples == sent
 
 
-def test_published_rate_is_that_of_the_observer(result: Result) -> None:
+def test_published_rate_is_that_of_the_observer(clean: Traffic) -> None:
     """Codes of 0.01 mm3/ms from -100 on, rounded; the last samples are still in the core's memory."""
-    rows = result.core.rows(0, result.core.processed)
-    codes = result.rates
+    rows = clean.result.core.rows(0, clean.result.core.processed)
+    codes = clean.result.rates
     for row in rows[~np.isnan(rows["injection_rate"])]:
         expected = (float(row["injection_rate"]) / 1e-6 + 100.0) / 0.01
         assert abs(codes[int(row["index"])] - expected) <= 0.5 + 1e-6
 
 
-def test_evaluation_of_the_recording_gives_the_same_frames(bench: Path, result: Result) -> None:
+def test_evaluation_of_the_recording_gives_the_same_frames(clean: Traffic) -> None:
     """`evaluate` codes the recording by its own encoder: what comes out is the same, bit for bit."""
-    history = evaluate(load_bench(bench), [simulated()])
+    history = evaluate(load_bench(clean.bench), [simulated()])
     own = [frame.payload for frame in history.frames]
-    assert own[: len(result.frames) - 5] == [frame.payload for frame in result.frames][:-5]
+    assert own[: len(clean.result.frames) - 5] == [frame.payload for frame in clean.result.frames][:-5]
 
 
-def test_same_frames_same_bytes(bench: Path, frames: list[TimedFrame], result: Result) -> None:
-    assert run(bench, frames).frames == result.frames
+def test_same_frames_same_bytes(clean: Traffic) -> None:
+    assert clean.run(clean.frames).frames == clean.result.frames
 
 
 @pytest.mark.parametrize("messages", [ONE_MESSAGE, THREE_MESSAGES], ids=["one message", "three messages"])
@@ -65,45 +60,43 @@ def test_stamps_change_nothing_where_messages_share_an_index(
     assert run(bench, wild).frames == run(bench, still).frames == expected
 
 
-def test_frames_of_others_change_nothing(bench: Path, frames: list[TimedFrame], result: Result) -> None:
-    loaded = load_bench(bench)
+def test_frames_of_others_change_nothing(clean: Traffic) -> None:
+    loaded = load_bench(clean.bench)
     core = Core(loaded.injector, map_bus(loaded))
     out = []
-    for frame in frames:
+    for frame in clean.frames:
         out += core.handle(0x7FF, False, b"\x00" * 8, 0)
         out += core.handle(frame.frame_id, True, frame.payload, 0)  # an extended frame with our number
         out += hand(core, [frame])
         out += core.handle(0x200, False, frame.payload, 0)  # our own output, by somebody else
-    assert out + core.finish() == result.frames
-    assert core.counters.frames == len(frames)
+    assert out + core.finish() == clean.result.frames
+    assert core.counters.frames == len(clean.frames)
 
 
-def test_three_messages_give_the_same_rates(tmp_path: Path, result: Result) -> None:
+def test_three_messages_give_the_same_rates(tmp_path: Path, clean: Traffic) -> None:
     bench = sample_bench(tmp_path, THREE_MESSAGES)
     three = run(bench, Device(bench).send(simulated()))
     common = 28 * (simulated().samples // 28)
     assert three.core.counters.samples == common
-    assert {i: c for i, c in three.rates.items() if i < common - 40} == {
-        i: c for i, c in result.rates.items() if i < common - 40
-    }
-    first_summaries = [summary["Mass"] for summary in three.summaries]
-    assert first_summaries == [summary["Mass"] for summary in result.summaries]
+    rates, one = ({i: c for i, c in of.rates.items() if i < common - 40} for of in (three, clean.result))
+    assert rates == one
+    assert [each["Mass"] for each in three.summaries] == [each["Mass"] for each in clean.result.summaries]
 
 
 @pytest.mark.parametrize("start", [0xFFFFFFFF - 5000, 3_000_000_000])
-def test_index_wraps_and_starts_anywhere(bench: Path, result: Result, start: int) -> None:
-    moved = run(bench, Device(bench, index=start).send(simulated()))
+def test_index_wraps_and_starts_anywhere(clean: Traffic, start: int) -> None:
+    moved = clean.run(Device(clean.bench, index=start).send(simulated()))
     assert moved.core.counters.lost_samples == 0
     assert moved.core.counters.restarts == 0
     codes = {(index - start) % (1 << 32): code for index, code in moved.rates.items()}
-    assert codes == result.rates
+    assert codes == clean.result.rates
 
 
-def test_summary_agrees_with_the_published_rate(result: Result) -> None:
+def test_summary_agrees_with_the_published_rate(clean: Traffic) -> None:
     """Mass by the trapezoidal rule from the decoded rate frames, and the window it is taken over."""
-    codes = result.rates
-    assert [summary["InjectionNumber"] for summary in result.summaries] == [1, 2, 3]
-    for summary in result.summaries:
+    codes = clean.result.rates
+    assert [summary["InjectionNumber"] for summary in clean.result.summaries] == [1, 2, 3]
+    for summary in clean.result.summaries:
         window = range(int(summary["SampleIndex"]), int(summary["EndIndex"]) + 1)
         rate = np.array([codes[index] * 0.01 - 100.0 for index in window])  # mm3/ms
         volume = float(np.trapezoid(rate)) / SAMPLE_RATE * 1e3  # mm3
@@ -114,16 +107,16 @@ def test_summary_agrees_with_the_published_rate(result: Result) -> None:
         assert summary["InjectorId"] == 1
 
 
-def test_wear_goes_out_with_the_summary(result: Result) -> None:
-    last = result.summaries[-1]
+def test_wear_goes_out_with_the_summary(clean: Traffic) -> None:
+    last = clean.result.summaries[-1]
     assert last["NozzleWear"] == pytest.approx(0.2, abs=0.03)
     assert 0.0 < last["NozzleWearSigma"] < 0.05
     assert last["Learning"] == 1
 
 
-def test_sigma_of_the_mass_spans_its_interval(result: Result) -> None:
+def test_sigma_of_the_mass_spans_its_interval(clean: Traffic) -> None:
     """The interval lies round the mass as learned later: 1.96 sigma round the published one must reach its ends."""
-    for report, summary in zip(result.reports, result.summaries, strict=True):
+    for report, summary in zip(clean.result.reports, clean.result.summaries, strict=True):
         assert report.mass_ci95 is not None
         reach = 1.96 * summary["MassSigma"] * 1e-6  # kg
         low, high = report.mass - reach, report.mass + reach
@@ -132,9 +125,9 @@ def test_sigma_of_the_mass_spans_its_interval(result: Result) -> None:
         assert min(abs(low - report.mass_ci95[0]), abs(high - report.mass_ci95[1])) < 2e-9  # and no further
 
 
-def test_header_tells_validity_and_state(result: Result) -> None:
+def test_header_tells_validity_and_state(clean: Traffic) -> None:
     """Valid from the second judged event on; adapted once a phi was adopted."""
-    headers = {first: header for first, header, _ in result.rate_frames}
+    headers = {first: header for first, header, _ in clean.result.rate_frames}
     shut = 0.2 + 1.1e-3 + 0.27e-3 + 0.33e-3  # s: energizing, closing delay, fall of the needle
     second_judged = round((shut + 0.010 + 0.020) * SAMPLE_RATE)
     valid = [first for first, header in headers.items() if header["Valid"]]
@@ -144,11 +137,11 @@ def test_header_tells_validity_and_state(result: Result) -> None:
     assert states[0] is State.STARTING
     assert State.RUNNING_NOMINAL in states
     assert states[-1] is State.ADAPTED
-    assert result.core.state == (State.ADAPTED, Reason.NONE)
+    assert clean.result.core.state == (State.ADAPTED, Reason.NONE)
 
 
-def test_learning_switched_off(bench: Path, frames: list[TimedFrame]) -> None:
-    core = run(bench, frames, learning=False).core
+def test_learning_switched_off(clean: Traffic) -> None:
+    core = clean.run(clean.frames, learning=False).core
     assert core.counters.adoptions == 0
     assert core.counters.events == 3
     assert core.state == (State.DEGRADED, Reason.MODEL_INADEQUATE)  # worn by 20 %, which it cannot know
@@ -161,12 +154,10 @@ class NeverDone(Executor):
         return Future()
 
 
-def test_learning_that_never_ends_is_counted_and_keeps_nothing_from_being_judged(
-    bench: Path, frames: list[TimedFrame]
-) -> None:
-    loaded = load_bench(bench)
+def test_learning_that_never_ends_is_counted_and_keeps_nothing_from_being_judged(clean: Traffic) -> None:
+    loaded = load_bench(clean.bench)
     core = Core(loaded.injector, map_bus(loaded), executor=NeverDone())
-    hand(core, frames)
+    hand(core, clean.frames)
     assert core.counters.events == 3
     assert core.counters.late_adoptions == 1
     assert core.counters.passed_over == 1  # and one would be next
@@ -174,10 +165,8 @@ def test_learning_that_never_ends_is_counted_and_keeps_nothing_from_being_judged
     assert core.counters.samples > 14_900
 
 
-def test_restored_knowledge_is_valid_one_event_earlier(
-    bench: Path, frames: list[TimedFrame], result: Result
-) -> None:
-    restored = run(bench, frames, knowledge=result.core.knowledge)
+def test_restored_knowledge_is_valid_one_event_earlier(clean: Traffic) -> None:
+    restored = clean.run(clean.frames, knowledge=clean.result.core.knowledge)
     assert [report.valid for report in restored.reports] == [False, True, True]
-    assert restored.reports[0].phi_version == result.core.knowledge.phi_version
-    assert restored.reports[0].mass == pytest.approx(result.reports[2].mass, rel=0.02)
+    assert restored.reports[0].phi_version == clean.result.core.knowledge.phi_version
+    assert restored.reports[0].mass == pytest.approx(clean.result.reports[2].mass, rel=0.02)

@@ -161,7 +161,9 @@ CASES = {
     "a lost start costs one alarm": Case(
         Told.LEVEL, lambda p: but(on_change(p), 2), ([1, None, 2, 3], [], [2])
     ),
-    "a lost end costs one alarm": Case(Told.LEVEL, lambda p: but(on_change(p), 3), ([1, 2, None, 3], [], [3])),
+    "a lost end costs one alarm": Case(
+        Told.LEVEL, lambda p: but(on_change(p), 3), ([1, 2, None, 3], [], [3])
+    ),
     "lost blocks with a start cost none": Case(
         Told.LEVELS_IN_BLOCK,
         lambda p: without(blocks(p, 0.0, 0.35), p[1][0], p[1][0] + 0.8e-3),
@@ -196,7 +198,10 @@ CASES = {
     ),
     # the needle is shut in a legal pause; so it is where one begins 2 ms after a command
     "a window that ends in a pause is seen": Case(
-        *(Told.LEVEL, on_change, ([1, 3], [2], []), 3),
+        Told.LEVEL,
+        on_change,
+        ([1, 3], [2], []),
+        injections=3,
         sent=lambda r, p: samples(misfired(r, windows(p, 2e-3)[1]), *windows(p, 2e-3)),
     ),
     # in the pause before its window an injection had no command; not so if blocks were lost

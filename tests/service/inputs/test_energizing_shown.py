@@ -1,7 +1,6 @@
 """Where the energizing is shown: `check`, the view, the status, the document of `evaluate`; and its mistakes."""
 
 import io
-import time
 from pathlib import Path
 
 import pytest
@@ -16,13 +15,17 @@ from observer_rt.evaluation.table import print_evaluation
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effects import effective_model
 from observer_rt.recording.replay.framing import TimedFrame
-from observer_rt.service.daemon import Daemon
-from observer_rt.service.reports.news import Notes
-from observer_rt.service.screen.view import View
 from tests.device import EPOCH, frames_of, merged
 from tests.evaluation.documents import recording_json
 from tests.recording.canlog.log_cases import sent_log, write_log
-from tests.service.participants import BLOCK_ID, ScriptedLink, assert_warm_up_takes_all, serving, until
+from tests.service.participants import (
+    BLOCK_ID,
+    HeardDaemon,
+    ScriptedLink,
+    assert_warm_up_takes_all,
+    serving,
+    until,
+)
 from tests.service.pulse_bench import BED, Told, pulse_bench, triple_bench
 from tests.service.pulse_frames import durations, injected, misfired, samples
 
@@ -171,25 +174,17 @@ def test_frames_of_a_recording_say_nothing_of_it(tmp_path: Path, signal: str, co
 def test_view_and_status(tmp_path: Path) -> None:
     """Of a daemon on a bench whose status message has the counts."""
     path = pulse_bench(tmp_path, Told.TIME, '[outputs]\nstatus = "BedStatus"\n[learning]\nenabled = false\n')
-    bench = load_bench(path)
-    view = View("title", bench.injector)
-    notes = Notes()
     frames = traffic()
     link = ScriptedLink(frames)
-    daemon = Daemon(bench, map_bus(bench), [link], listeners=[view.hear, notes])
-    view.watch(daemon)
+    daemon = HeardDaemon(path, link)
     with serving(daemon) as stop:
         until(lambda: daemon.core.frames_taken == sum(frame.frame_id == BLOCK_ID for frame in frames))
         stop.set()
-    screen = io.StringIO()
-    Console(file=screen, width=80, color_system=None).print(view.render(time.monotonic_ns(), 80, 24))
-    drawn = screen.getvalue().splitlines()
-    assert len(drawn) <= 24
-    assert any(
-        "2 commands, 1 injections missing, 1 without a command, opening delay 3" in line for line in drawn
-    )
-    assert any("command" in line and "delay" in line for line in drawn)
+    lines = daemon.drawn().splitlines()
+    assert len(lines) <= 24
+    assert "2 commands, 1 injections missing, 1 without a command, opening delay 3" in daemon.drawn()
+    assert any("command" in line and "delay" in line for line in lines)
     status = BED.get_message_by_name("BedStatus")
     last = [frame.payload for frame in link.sent if frame.frame_id == status.frame_id][-1]
     assert status.decode(last) == {"MissingInjections": 1, "UncommandedInjections": 1}
-    assert sorted(one.is_missing for one in notes.mismatches) == [False, True]
+    assert sorted(one.is_missing for one in daemon.notes.mismatches) == [False, True]

@@ -1,7 +1,6 @@
 """The optional input `fuel_temperature`: the model follows it, and nothing is valid without it."""
 
 import gc
-import io
 import weakref
 from collections.abc import Sequence
 from functools import cache
@@ -11,7 +10,6 @@ from pathlib import Path
 import cantools
 import numpy as np
 import pytest
-from rich.console import Console
 
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.check.checkup import Level, checkup
@@ -23,15 +21,13 @@ from observer_rt.model.effects import sized
 from observer_rt.observer.stream.state import Observer, Reason, State
 from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.service.core.core import Core
-from observer_rt.service.daemon import Daemon
-from observer_rt.service.screen.view import View
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import SimulatedNoise, Simulation, simulate
 from tests.benches import SAMPLE_RATE, sample_bench
 from tests.device import Device, Result, encoded, hand, inserted, recoded, run
 from tests.evaluation.documents import recording_json
 from tests.service.end_to_end import DATABASE
-from tests.service.participants import ScriptedLink
+from tests.service.participants import HeardDaemon, ScriptedLink
 
 NOMINAL = load_injector()
 REFERENCE, HOT = 40.0, 85.0  # degC
@@ -242,14 +238,9 @@ def test_a_recording_is_taken_to_be_at_the_reference(tmp_path: Path) -> None:
 
 
 def test_the_view_shows_it(tmp_path: Path) -> None:
-    path = load_bench(bench(tmp_path))
-    daemon = Daemon(path, map_bus(path), [ScriptedLink([])])
+    daemon = HeardDaemon(bench(tmp_path), ScriptedLink())
     hand(daemon.core, [sensor(62.5), *frames_at(REFERENCE)[:50]])
-    view = View("bench", path.injector)
-    view.watch(daemon)
-    text = io.StringIO()
-    Console(file=text, width=100).print(view.render(0, 100, 30))
-    assert "fuel 62.5 °C" in text.getvalue()
+    assert "fuel 62.5 °C" in daemon.drawn(100, 30)
 
 
 def test_check_shows_the_law(tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 import socket
 import threading
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -24,9 +24,8 @@ from observer_rt.service.watch.arrivals import Arrivals
 from tests.benches import SAMPLE_RATE
 from tests.bus.j1939_bench import GROUP, write_j1939_bench
 from tests.device import frames_of, worn_recording
-from tests.service.end_to_end import RATE
-from tests.service.participants import PATIENCE, bench_file, until
-from tests.service.test_daemon_link import TroubledLink
+from tests.service.end_to_end import RATE, payloads
+from tests.service.participants import PATIENCE, TroubledLink, bench_file, until
 
 BEGIN = 1_700_000_000_000_000_000  # ns
 FRAMES = 600
@@ -67,13 +66,9 @@ def device_frames(path: Path, injections: int = 2) -> list[TimedFrame]:
     return frames_of(path, worn_recording(injections))
 
 
-def rates_of(frames: Iterable[OutputFrame] | Iterable[Frame]) -> list[bytes]:
-    return [frame.payload for frame in frames if frame.frame_id == RATE.frame_id]
-
-
 def published(path: Path) -> list[bytes]:
     """All rates that the frames of `device_frames` cause."""
-    return rates_of(evaluate(load_bench(path), [worn_recording(2)]).frames)
+    return payloads(evaluate(load_bench(path), [worn_recording(2)]).frames, RATE)
 
 
 @pytest.fixture
@@ -135,7 +130,7 @@ def test_rates_that_found_no_room_are_handed_over_in_order(path: Path) -> None:
     link.has_room = False
     with fed(path, link) as it:
         handed = [*it.serve_until_taken(len(frames)), *it.pump.finish()]
-    assert rates_of(handed) == published(path)
+    assert payloads(handed, RATE) == published(path)
     assert not link.sent
     assert not it.unsent
 
@@ -153,7 +148,7 @@ def test_some_sent_then_none_lost(path: Path) -> None:
     with fed(path, link) as it:
         handed = [*it.serve_until_taken(len(frames)), *it.pump.finish()]
     assert 0 < len(link.sent) <= 100
-    assert rates_of(link.sent) + rates_of(handed) == published(path)
+    assert payloads(link.sent, RATE) + payloads(handed, RATE) == published(path)
 
 
 def test_rates_on_their_way_to_a_link_that_goes_down_are_counted(path: Path) -> None:
@@ -167,7 +162,7 @@ def test_rates_on_their_way_to_a_link_that_goes_down_are_counted(path: Path) -> 
             until(lambda: bool(it.pump.serve(1e-3)))
         it.pump.leave_out(raised.value.bus)
         handed = it.pump.finish()
-    assert sum(it.unsent) + len(rates_of(handed)) == len(published(path))
+    assert sum(it.unsent) + len(payloads(handed, RATE)) == len(published(path))
     assert sum(it.unsent) > 100
 
 

@@ -26,7 +26,7 @@ from observer_rt.service.daemon import Daemon
 from observer_rt.service.pump.pump import FramePump
 from observer_rt.service.watch.arrivals import Arrivals
 from tests.device import RATES, Device, encoded, frames_of, inserted, run, simulated, worn_recording
-from tests.service.end_to_end import RATE, STATUS, SUMMARY, decoded, published_rates
+from tests.service.end_to_end import RATE, STATUS, SUMMARY, decoded, payloads, published_rates, results_of
 from tests.service.inputs.test_fuel_temperature import bench as temperature_bench
 from tests.service.inputs.test_fuel_temperature import sensor
 from tests.service.participants import bench_file, serving, until
@@ -123,9 +123,7 @@ def test_same_frames_as_evaluate(tmp_path: Path) -> None:
             device.send(frames)
             until(lambda: daemon.core.counters.frames == len(frames))
         device.read()
-    for message in (RATE, SUMMARY):
-        expected = [frame.payload for frame in history.frames if frame.frame_id == message.frame_id]
-        assert device.received[message.frame_id] == expected
+    assert (device.received[RATE.frame_id], device.received[SUMMARY.frame_id]) == results_of(history.frames)
     last = decoded(STATUS, device.received[STATUS.frame_id][-1])
     assert last["SamplesProcessed"] == worn.samples
     assert last["DroppedFrames"] == last["LateAdoptions"] == 0
@@ -137,7 +135,7 @@ def test_while_another_node_sends_the_same_no_rate_is_valid(tmp_path: Path) -> N
     path = bench_file(tmp_path, "0")
     worn = worn_recording()
     frames = frames_of(path, worn)
-    history = [f.payload for f in evaluate(load_bench(path), [worn]).frames if f.frame_id == RATE.frame_id]
+    history = payloads(evaluate(load_bench(path), [worn]).frames, RATE)
     with connected(path) as (device, daemon):
         with serving(daemon):
             device.send(frames[:-200])
@@ -214,9 +212,7 @@ def test_optional_inputs_take_effect_where_they_do_without_a_pump(
     path, frames = case(tmp_path)
     alone = run(path, frames)
     through = through_pump(path, frames)
-    for message in (RATE, SUMMARY):
-        expected = [frame.payload for frame in alone.frames if frame.frame_id == message.frame_id]
-        assert through[message.frame_id] == expected
+    assert (through[RATE.frame_id], through[SUMMARY.frame_id]) == results_of(alone.frames)
     assert len(alone.reports) == 3
 
 
@@ -249,8 +245,7 @@ def test_rates_that_wait_at_the_end_are_handed_over(tmp_path: Path) -> None:
         while it.core.processed <= worn.samples - RATES:
             handed += it.pump.serve(1e-3)
         handed += it.pump.finish()
-    rates = [frame.payload for frame in evaluate(bench, [worn]).frames if frame.frame_id == RATE.frame_id]
-    late = [frame.payload for frame in handed if frame.frame_id == RATE.frame_id]
+    rates, late = payloads(evaluate(bench, [worn]).frames, RATE), payloads(handed, RATE)
     assert 0 < len(it.device.received[RATE.frame_id]) < len(rates) - 1
     assert it.device.received[RATE.frame_id] + late == rates
     assert not it.unsent

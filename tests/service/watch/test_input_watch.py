@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from observer_rt.observer.stream.standstill import LiftFigures
 from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.recording.signals.recording import Recording
+from observer_rt.service.watch.input_watch import LiftWatch
 from tests.benches import SAMPLE_RATE, block_bench
 from tests.device import frames_of, later, worn_recording
 from tests.service.watch.watched import LIFT, LINE, RAIL, told_of, with_channel
@@ -126,3 +128,28 @@ def test_a_lift_that_is_cut_off_at_rest_is_not_called_frozen(bench: Path, record
     """Its noise does not show while the needle is shut, and the line still swings then."""
     spoilt = with_channel(recording, needle_lift=lambda lift: np.where(lift < 20e-6, 0.0, lift))
     assert told_of(bench, frames_of(bench, spoilt)) == []
+
+
+FINE = LiftFigures(at_stop=0.3e-3, stop=0.3e-3)
+
+
+def test_crosstalk_is_told_once() -> None:
+    watch = LiftWatch()
+    pressed = LiftFigures(crosstalk=0.15e-12)
+    (found,) = watch.look(pressed)
+    assert "1.5 um per 10 MPa" in found.text
+    assert watch.look(pressed) == []
+    (over,) = watch.look(FINE)
+    assert over.is_over
+
+
+def test_scale_is_told_once() -> None:
+    watch = LiftWatch()
+    assert watch.look(LiftFigures()) == []
+    short = LiftFigures(at_stop=0.27e-3, stop=0.3e-3)
+    (found,) = watch.look(short)
+    assert "270 um" in found.text
+    assert "seat.max_lift = 300 um" in found.text
+    assert not found.is_over
+    assert watch.look(short) == []
+    assert [one.is_over for one in watch.look(FINE)] == [True]

@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import pytest
 from rich.console import Console
@@ -24,7 +24,10 @@ from observer_rt.observer.stream.state import Reason, State
 from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.recording.replay.player import play
 from observer_rt.service import opening
+from observer_rt.service.core.core import Core
+from observer_rt.service.core.messages import OutputFrame
 from observer_rt.service.daemon import Daemon
+from observer_rt.service.pump.pump import FramePump
 from observer_rt.service.reports.news import Notes
 from observer_rt.service.screen.curves import References
 from observer_rt.service.screen.view import Screen, View
@@ -135,6 +138,39 @@ class HeardDaemon(Daemon):
     def now(self) -> tuple[State, Reason]:
         """State and reason."""
         return self.state(time.monotonic_ns())
+
+
+class Pumped:
+    """A pump without a daemon on one link, closed at the end; unsent: counts of rates it gave up."""
+
+    def __init__(self, path: Path, link: Link, waits_for_verdicts: bool = True) -> None:
+        bench = load_bench(path)
+        bus = map_bus(bench)
+        self.core, self.arrivals, self.unsent = Core(bench.injector, bus), Arrivals(bus), list[int]()
+        self.core.compiled.observer.memory["waits_for_verdicts"] = waits_for_verdicts
+        self.pump = FramePump([link], self.core, bus, self.arrivals, self.unsent.append)
+
+    def serve_until_taken(self, frames: int) -> list[OutputFrame]:
+        """What is handed over meanwhile."""
+        handed: list[OutputFrame] = []
+        end = time.monotonic() + PATIENCE
+        while self.arrivals.frames < frames:
+            assert time.monotonic() < end
+            handed += self.pump.serve(1e-3)
+        return handed
+
+    def ends(self) -> bool:
+        """Whether it comes to its end while nobody attends to it."""
+        ending = threading.Thread(target=self.pump.finish, daemon=True)
+        ending.start()
+        ending.join(PATIENCE)
+        return not ending.is_alive()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.pump.close()
 
 
 def drawn(screen: Screen, width: int = 80, height: int = 24, now: int | None = None) -> list[str]:

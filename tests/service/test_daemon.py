@@ -1,5 +1,6 @@
 """The daemon on the bus of this process: what it publishes, what it says of itself, and whether it is alive."""
 
+import math
 import threading
 import time
 from pathlib import Path
@@ -13,7 +14,6 @@ from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.foundation.errors import RunError
 from observer_rt.observer.stream.state import Reason, State
 from observer_rt.recording.replay.framing import TimedFrame, windows
-from observer_rt.recording.signals.recording import Recording
 from tests.device import frames_of, worn_recording
 from tests.service.end_to_end import RATE, SUMMARY, decoded, payloads, published_rates, results_of
 from tests.service.participants import HeardDaemon, ScriptedLink, bench_file, over_bus, serving, until
@@ -22,23 +22,28 @@ BLOCK = 9  # samples of a SampleBlock
 
 
 @pytest.fixture(scope="module")
-def recording() -> Recording:
-    return worn_recording()
-
-
-@pytest.fixture(scope="module")
 def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return bench_file(tmp_path_factory.mktemp("bench"), "daemon-test")
 
 
 @pytest.fixture(scope="module")
-def frames(bench: Path, recording: Recording) -> list[TimedFrame]:
-    return frames_of(bench, recording)
+def frames(bench: Path) -> list[TimedFrame]:
+    return frames_of(bench, worn_recording())
 
 
-def test_frames_equal_those_of_evaluate(bench: Path, frames: list[TimedFrame], recording: Recording) -> None:
+@pytest.fixture(params=["virtual", pytest.param("socketcan", marks=pytest.mark.vcan)])
+def bus(request: pytest.FixtureRequest, tmp_path: Path) -> tuple[Path, float]:
+    """A bench on the bus of this process, or on a real interface, and the speed of replay on it."""
+    if request.param == "virtual":
+        return bench_file(tmp_path, "daemon-test"), math.inf
+    return bench_file(tmp_path, request.getfixturevalue("vcan"), "socketcan"), 0.1
+
+
+def test_frames_equal_those_of_evaluate(bus: tuple[Path, float]) -> None:
     """Bit for bit: a worker thread over a bus, and everything in one thread without a bus; learning included."""
-    heard, daemon = over_bus(bench, frames)
+    bench, speed = bus
+    recording = worn_recording()
+    heard, daemon = over_bus(bench, frames_of(bench, recording), speed)
     assert heard.results == results_of(evaluate(load_bench(bench), [recording]).frames)
     assert len(heard.summaries) == 4
     assert daemon.core.counters.adoptions >= 2
@@ -51,35 +56,33 @@ def test_frames_equal_those_of_evaluate(bench: Path, frames: list[TimedFrame], r
     assert last["LostSamples"] == last["DroppedFrames"] == last["LateAdoptions"] == 0
 
 
-def test_windowed_source_every_index_sent_once(bench: Path, recording: Recording) -> None:
+def test_windowed_source_every_index_sent_once(bus: tuple[Path, float]) -> None:
+    bench, speed = bus
+    recording = worn_recording()
     spans = windows(recording)
-    frames = frames_of(bench, recording, spans)
-    heard, daemon = over_bus(bench, frames)
+    heard, daemon = over_bus(bench, frames_of(bench, recording, spans), speed)
     rate, count = published_rates(heard.rates, recording.samples)
     assert count.max() == 1
     assert len(heard.summaries) == len(spans) == 4
-    for span in spans:
-        assert (count[span.start : span.end] == 1).all()
-    for span in spans:
-        injection = slice(span.start + 75, span.end)  # from 0.5 ms before the opening on
-        assert not np.isnan(rate[injection]).any()
     outside = np.ones(recording.samples, bool)
     for span in spans:
+        assert (count[span.start : span.end] == 1).all()
+        assert not np.isnan(rate[span.start + 75 : span.end]).any()  # from 0.5 ms before the opening on
         outside[span.start : span.end] = False
     assert np.isnan(rate[outside]).all()
     assert daemon.core.counters.lost_samples == 0
     assert [decoded(SUMMARY, s)["Valid"] for s in heard.summaries] == [0, 0, 1, 1]
 
 
-def test_lost_frame_is_not_available_and_counted(
-    bench: Path, frames: list[TimedFrame], recording: Recording
-) -> None:
-    gone = 1000
-    heard, _ = over_bus(bench, frames[:gone] + frames[gone + 1 :])
-    rate, count = published_rates(heard.rates, recording.samples)
+def test_lost_frame_is_not_available_and_counted(bus: tuple[Path, float]) -> None:
+    bench, speed = bus
+    frames, gone = frames_of(bench, worn_recording()), 200
+    heard, _ = over_bus(bench, frames[:gone] + frames[gone + 1 : 600], speed)
+    rate, count = published_rates(heard.rates, 600 * BLOCK)
     assert count.max() == 1
     assert np.isnan(rate[gone * BLOCK : (gone + 1) * BLOCK]).all()
     assert not np.isnan(rate[gone * BLOCK - 1])
+    assert not np.isnan(rate[(gone + 50) * BLOCK])
     assert heard.last_status()["LostSamples"] == BLOCK
 
 
@@ -126,13 +129,11 @@ def test_failing_link_ends_the_loop(bench: Path, frames: list[TimedFrame]) -> No
     assert "learning" not in [thread.name.split("_")[0] for thread in left]
 
 
-def test_learning_that_is_switched_off(
-    bench: Path, frames: list[TimedFrame], recording: Recording, tmp_path: Path
-) -> None:
+def test_learning_that_is_switched_off(bench: Path, frames: list[TimedFrame], tmp_path: Path) -> None:
     path = tmp_path / "bench.toml"
     path.write_text(bench.read_text().replace("enabled = true", "enabled = false"))
     heard, _ = over_bus(path, frames)
-    expected = evaluate(load_bench(path), [recording], learning=False)
+    expected = evaluate(load_bench(path), [worn_recording()], learning=False)
     assert heard.rates == payloads(expected.frames, RATE)
     last = heard.last_status()
     assert (last["Learning"], last["Adoptions"], last["State"]) == (0, 0, State.DEGRADED)  # worn

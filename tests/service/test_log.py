@@ -22,13 +22,14 @@ def lines_of(path: Path) -> list[str]:
     return path.read_text().splitlines()
 
 
-def console_on(path: Path) -> Console:
-    return Console(file=path.open("w"), width=80)
+@pytest.fixture
+def err(tmp_path: Path) -> Console:
+    """That writes into a file of this name."""
+    return Console(file=(tmp_path / "err").open("w"), width=80)
 
 
-def test_lines_have_time_level_and_topic(tmp_path: Path) -> None:
-    console = console_on(tmp_path / "err")
-    with ServiceLog(console, tmp_path / "log") as log:
+def test_lines_have_time_level_and_topic(tmp_path: Path, err: Console) -> None:
+    with ServiceLog(err, tmp_path / "log") as log:
         log.say(Topic.START, "ready")
         log.say(Topic.INPUT, "Block 0x1 (lift): no frame\n  remedy: check it")
         log.say(Topic.INPUT, "comes again", is_over=True)
@@ -44,32 +45,31 @@ def test_lines_have_time_level_and_topic(tmp_path: Path) -> None:
         assert [line.split(" ", 1)[1] for line in lines_of(path)] == expected
 
 
-def test_the_journal_gets_priorities_and_no_time(tmp_path: Path) -> None:
-    console = console_on(tmp_path / "err")
-    status = os.fstat(console.file.fileno())
-    with ServiceLog(console, environment={"JOURNAL_STREAM": f"{status.st_dev}:{status.st_ino}"}) as log:
+def test_the_journal_gets_priorities_and_no_time(tmp_path: Path, err: Console) -> None:
+    status = os.fstat(err.file.fileno())
+    with ServiceLog(err, environment={"JOURNAL_STREAM": f"{status.st_dev}:{status.st_ino}"}) as log:
         log.say(Topic.START, "ready")
         log.say(Topic.SENDER, "another node")
     assert lines_of(tmp_path / "err") == ["<6>start: ready", "<4>sender: another node"]
 
 
-def test_a_journal_that_is_not_this_stream_changes_nothing(tmp_path: Path) -> None:
-    with ServiceLog(console_on(tmp_path / "err"), environment={"JOURNAL_STREAM": "1:2"}) as log:
+def test_a_journal_that_is_not_this_stream_changes_nothing(tmp_path: Path, err: Console) -> None:
+    with ServiceLog(err, environment={"JOURNAL_STREAM": "1:2"}) as log:
         log.say(Topic.START, "ready")
     assert re.match(STAMPED, lines_of(tmp_path / "err")[0])
 
 
-def test_beside_the_view_only_what_it_does_not_show(tmp_path: Path) -> None:
-    with ServiceLog(console_on(tmp_path / "err"), tmp_path / "log", quiet=True) as log:
+def test_beside_the_view_only_what_it_does_not_show(tmp_path: Path, err: Console) -> None:
+    with ServiceLog(err, tmp_path / "log", quiet=True) as log:
         log.say(Topic.INJECTION, "injection 1")
         log.say(Topic.LINK, "can0 is back")
     assert [line.split(" ", 2)[2] for line in lines_of(tmp_path / "err")] == ["link: can0 is back"]
     assert len(lines_of(tmp_path / "log")) == 2
 
 
-def test_records_are_lines_of_json_with_their_time(tmp_path: Path) -> None:
+def test_records_are_lines_of_json_with_their_time(tmp_path: Path, err: Console) -> None:
     stream = io.StringIO()
-    with ServiceLog(console_on(tmp_path / "err"), stream=stream) as log:
+    with ServiceLog(err, stream=stream) as log:
         log.record({"number": 1, "mass_mg": None})
         log.record({"number": 2, "mass_mg": 3.5})
     records = [json.loads(line) for line in stream.getvalue().splitlines()]
@@ -77,8 +77,8 @@ def test_records_are_lines_of_json_with_their_time(tmp_path: Path) -> None:
     assert all(re.fullmatch(STAMPED.strip(), record["time"]) for record in records)
 
 
-def test_a_log_that_was_moved_away_is_begun_anew(tmp_path: Path) -> None:
-    with ServiceLog(console_on(tmp_path / "err"), tmp_path / "log") as log:
+def test_a_log_that_was_moved_away_is_begun_anew(tmp_path: Path, err: Console) -> None:
+    with ServiceLog(err, tmp_path / "log") as log:
         log.say(Topic.START, "before")
         until_lines(tmp_path / "log", 1)
         (tmp_path / "log").rename(tmp_path / "log.1")
@@ -87,8 +87,8 @@ def test_a_log_that_was_moved_away_is_begun_anew(tmp_path: Path) -> None:
     assert lines_of(tmp_path / "log")[0].endswith("after")
 
 
-def test_a_disk_that_is_full_is_told_once_and_again_when_it_comes_back(tmp_path: Path) -> None:
-    with ServiceLog(console_on(tmp_path / "err"), Path("/dev/full")) as log:
+def test_a_disk_that_is_full_is_told_once_and_again_when_it_comes_back(tmp_path: Path, err: Console) -> None:
+    with ServiceLog(err, Path("/dev/full")) as log:
         for number in range(5):
             log.say(Topic.START, f"line {number}")
         end = time.monotonic() + 10.0
@@ -100,10 +100,10 @@ def test_a_disk_that_is_full_is_told_once_and_again_when_it_comes_back(tmp_path:
     assert "lines for /dev/full are lost: [Errno 28]" in told[0]
 
 
-def test_a_reader_that_stops_reading_holds_nothing_up(tmp_path: Path) -> None:
+def test_a_reader_that_stops_reading_holds_nothing_up(tmp_path: Path, err: Console) -> None:
     source, sink = os.pipe()
     stream = os.fdopen(sink, "w")
-    with ServiceLog(console_on(tmp_path / "err"), stream=stream) as log:
+    with ServiceLog(err, stream=stream) as log:
         start = time.monotonic()
         for number in range(CAPACITY + 5000):
             log.record({"number": number})
@@ -115,11 +115,11 @@ def test_a_reader_that_stops_reading_holds_nothing_up(tmp_path: Path) -> None:
     assert any("records on stdout are lost: too slow a reader" in line for line in lines_of(tmp_path / "err"))
 
 
-def test_a_reader_that_is_gone_is_told_once(tmp_path: Path) -> None:
+def test_a_reader_that_is_gone_is_told_once(tmp_path: Path, err: Console) -> None:
     source, sink = os.pipe()
     os.close(source)
     stream = os.fdopen(sink, "w")
-    with ServiceLog(console_on(tmp_path / "err"), stream=stream) as log:
+    with ServiceLog(err, stream=stream) as log:
         for number in range(3):
             log.record({"number": number})
     with pytest.raises(BrokenPipeError):

@@ -1,6 +1,6 @@
 """A user's own bus database: other byte order, scale, unit, frame format and division, the same rates."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import cantools
@@ -9,15 +9,14 @@ import pytest
 from cantools.database.can import Database
 
 from observer_rt.recording.replay.framing import TimedFrame
-from tests.benches import SAMPLE_RATE, sample_bench
-from tests.device import Device, encoded, run, simulated
+from tests.benches import SAMPLE_RATE
+from tests.device import Traffic, encoded, run, simulated
 
 SAMPLES = 6  # in a block
 FD = """BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","ExtendedCAN","a","b","c","d","e","f","g","h","i","j","k","l",\
 "StandardCAN_FD","ExtendedCAN_FD";
 BA_DEF_DEF_ "VFrameFormat" "StandardCAN";
 """
-LIFT = "signals.needle_lift"
 
 
 def _block_database() -> str:
@@ -49,82 +48,58 @@ def _single_database() -> str:
     return head + f"SIG_VALTYPE_ {(1 << 31) + 0x18FF0002} Lift : 1;\n"
 
 
-def _bench(folder: Path, database: str, roles: dict[str, str]) -> Path:
-    (folder / "user.dbc").write_text(database)
-    text = '[[dbc]]\nfile = "user.dbc"\n[[dbc]]\nfile = "observer_fd.dbc"\n'
-    text += "".join(f"[signals.{role}]\n{lines}\n" for role, lines in roles.items())
-    path = folder / "bench.toml"
-    path.write_text(text + f"[sampling]\nrate_hz = {SAMPLE_RATE}\n")
-    return path
+def blocks(database: Database) -> Iterator[TimedFrame]:
+    """Of six samples of all roles."""
+    data, message = simulated(), database.get_message_by_name("Block")
+    for first in range(0, data.samples - SAMPLES + 1, SAMPLES):
+        values: dict[str, float] = {"First": first}
+        for k in range(SAMPLES):
+            values[f"Rail{k}"] = data.rail_pressure[first + k] / 1e5
+            values[f"Line{k}"] = data.line_pressure[first + k] / 1e5
+            values[f"Lift{k}"] = data.needle_lift[first + k] / 1e-6
+        yield encoded(message, values)
 
 
-@pytest.fixture(scope="module")
-def usual(tmp_path_factory: pytest.TempPathFactory) -> dict[int, int]:
-    """Codes of the rate by sample index, in our own layout."""
-    path = sample_bench(tmp_path_factory.mktemp("layout"))
-    return run(path, Device(path).send(simulated())).rates
+def singles(database: Database) -> Iterator[TimedFrame]:
+    """Of one sample of one role."""
+    data, factors = simulated(), {"Rail": 1.0, "Line": 1e3, "Lift": 1e-3}
+    for index in range(data.samples):
+        for role, name in NAMES.items():
+            message = database.get_message_by_name(f"{name}Frame")
+            value = getattr(data, role)[index] / factors[name]
+            yield encoded(message, {"Index": index, name: float(value)})
 
 
-def _check_same(rates: dict[int, int], usual: dict[int, int]) -> None:
+NAMES = {"rail_pressure": "Rail", "needle_lift": "Lift", "line_pressure": "Line"}
+LISTED = 'message = "Block"\nindex = "First"\nsignals = [{}]'
+IN_BLOCKS = {
+    role: LISTED.format(", ".join(f'"{name}{k}"' for k in range(SAMPLES))) for role, name in NAMES.items()
+} | {"needle_lift": 'message = "Block"\nindex = "First"\npattern = "Lift{}"'}
+SINGLE = {
+    role: f'message = "{name}Frame"\nindex = "Index"\nsignal = "{name}"' for role, name in NAMES.items()
+}
+
+
+@pytest.mark.parametrize(
+    ("text", "roles", "sent"),
+    [(_block_database(), IN_BLOCKS, blocks), (_single_database(), SINGLE, singles)],
+    ids=["big-endian blocks in other units", "one sample a frame in three extended messages"],
+)
+def test_the_same_rates_by_a_database_of_ones_own(
+    tmp_path: Path,
+    clean: Traffic,
+    text: str,
+    roles: dict[str, str],
+    sent: Callable[[Database], Iterator[TimedFrame]],
+) -> None:
+    (tmp_path / "user.dbc").write_text(text)
+    bench = tmp_path / "bench.toml"
+    signals = "".join(f"[signals.{role}]\n{lines}\n" for role, lines in roles.items())
+    files = '[[dbc]]\nfile = "user.dbc"\n[[dbc]]\nfile = "observer_fd.dbc"\n'
+    bench.write_text(f"{files}{signals}[sampling]\nrate_hz = {SAMPLE_RATE}\n")
+    rates, usual = run(bench, sent(cantools.database.load_string(text, "dbc"))).rates, clean.result.rates
     common = sorted(set(rates) & set(usual))
     assert len(common) > 14_800
     difference = np.array([rates[index] - usual[index] for index in common])
     assert np.abs(difference).max() <= 1  # the last bit, where a rate lies between two codes
     assert max(rates.values()) > 15_000  # 50 mm3/ms: there was something to compare
-
-
-def test_big_endian_blocks_in_other_units(tmp_path: Path, usual: dict[int, int]) -> None:
-    def names(signal: str) -> str:
-        listed = ", ".join(f'"{signal}{k}"' for k in range(SAMPLES))
-        return f'message = "Block"\nindex = "First"\nsignals = [{listed}]'
-
-    bench = _bench(
-        tmp_path,
-        _block_database(),
-        {
-            "rail_pressure": names("Rail"),
-            "needle_lift": 'message = "Block"\nindex = "First"\npattern = "Lift{}"',
-            "line_pressure": names("Line"),
-        },
-    )
-    message = _load(tmp_path).get_message_by_name("Block")
-
-    def frames() -> Iterator[TimedFrame]:
-        data = simulated()
-        for first in range(0, data.samples - SAMPLES + 1, SAMPLES):
-            values: dict[str, float] = {"First": first}
-            for k in range(SAMPLES):
-                values[f"Rail{k}"] = data.rail_pressure[first + k] / 1e5
-                values[f"Line{k}"] = data.line_pressure[first + k] / 1e5
-                values[f"Lift{k}"] = data.needle_lift[first + k] / 1e-6
-            yield encoded(message, values)
-
-    _check_same(run(bench, frames()).rates, usual)
-
-
-def test_one_sample_a_frame_in_three_extended_messages(tmp_path: Path, usual: dict[int, int]) -> None:
-    roles = {"rail_pressure": "Rail", "needle_lift": "Lift", "line_pressure": "Line"}
-    bench = _bench(
-        tmp_path,
-        _single_database(),
-        {
-            role: f'message = "{name}Frame"\nindex = "Index"\nsignal = "{name}"'
-            for role, name in roles.items()
-        },
-    )
-    database = _load(tmp_path)
-
-    def frames() -> Iterator[TimedFrame]:
-        data = simulated()
-        factors = {"Rail": 1.0, "Line": 1e3, "Lift": 1e-3}
-        for index in range(data.samples):
-            for role, name in roles.items():
-                message = database.get_message_by_name(f"{name}Frame")
-                value = getattr(data, role)[index] / factors[name]
-                yield encoded(message, {"Index": index, name: float(value)})
-
-    _check_same(run(bench, frames()).rates, usual)
-
-
-def _load(folder: Path) -> Database:
-    return cantools.database.load_file(folder / "user.dbc")

@@ -29,6 +29,9 @@ from tests.service.participants import (
 from tests.service.pulse_bench import BED, Told, pulse_bench, triple_bench
 from tests.service.pulse_frames import durations, injected, misfired, samples
 
+TWO = 'signals = ["{0}_00", "{0}_01"]\n'
+BY_INDEX = "sample index, to 20 us"
+
 
 def traffic() -> list[TimedFrame]:
     """Three injections; the second command misfires, the third injection has none."""
@@ -46,19 +49,9 @@ def findings(bench: Path, topic: str, name: str) -> list[tuple[Level, str]]:
 @pytest.mark.parametrize(
     ("lines", "mapping", "level", "accuracy"),
     [
-        (
-            Told.LEVEL,
-            "PulseLevel 0x330, Energized, energized while it is not 0",
-            Level.OK,
-            "sample index, to 20 us",
-        ),
-        (Told.TIME, "PulseTime 0x331, Duration, energizing time", Level.OK, "sample index, to 20 us"),
-        (
-            Told.LEVELS_IN_BLOCK,
-            "20 samples a frame, Level_00 to Level_19",
-            Level.OK,
-            "sample index, to 20 us",
-        ),
+        (Told.LEVEL, "PulseLevel 0x330, Energized, energized while it is not 0", Level.OK, BY_INDEX),
+        (Told.TIME, "PulseTime 0x331, Duration, energizing time", Level.OK, BY_INDEX),
+        (Told.LEVELS_IN_BLOCK, "20 samples a frame, Level_00 to Level_19", Level.OK, BY_INDEX),
         (Told.TIME_BY_STAMP + "delay_us = 50\n", "energizing time", Level.WARNING, "stamps, 50 us after it"),
         (Told.CYCLIC, "Energized", Level.WARNING, "500 us more between two frames"),
     ],
@@ -86,15 +79,11 @@ def test_check_says_what_to_expect(
         (Told.LEVEL.replace("PulseIndex", "Energized"), "signals.energizing.index", "32 bits"),
         (Told.LEVEL + 'time_base = "other"\n', "signals.energizing.index", "stamps"),
         (
-            'message = "SampleBlock"\nsignals = ["RailPressure_00", "RailPressure_01"]\nunit = "-"\n',
+            f'message = "SampleBlock"\n{TWO.format("RailPressure")}unit = "-"\n',
             "signals.energizing",
             "9 samples",
         ),
-        (
-            'message = "PulseBlock"\nsignals = ["Level_00", "Level_01"]\nunit = "us"\n',
-            "signals.energizing",
-            "levels",
-        ),
+        (f'message = "PulseBlock"\n{TWO.format("Level")}unit = "us"\n', "signals.energizing", "levels"),
     ],
 )
 def test_mistakes_name_the_key(tmp_path: Path, lines: str, place: str, word: str) -> None:
@@ -141,25 +130,22 @@ def test_document_of_a_log(tmp_path: Path) -> None:
     assert "2 commands, 1 injections missing, 1 without a command" in screen.getvalue()
 
 
-def test_document_of_a_recording_which_has_no_energizing(tmp_path: Path) -> None:
-    _, recording = injected(2)
-    bench = load_bench(pulse_bench(tmp_path, Told.TIME))
-    c = effective_model(bench.injector.parameters).coefficients
-    document = recording_json(evaluate(bench, [recording], learning=False).evaluations[0], c)
-    assert [one["energizing"] for one in document["injections"]] == [None, None]
-    assert document["summary"]["energizing"]["missing_injections"] == 0
-    assert document["summary"]["energizing"]["mean_opening_delay_us"] is None
-
-
-def test_document_of_a_bench_without_energizing(tmp_path: Path) -> None:
-    _, recording = injected(2)
+@pytest.mark.parametrize("has_energizing", [True, False])
+def test_document_of_a_recording(tmp_path: Path, has_energizing: bool) -> None:
+    """Which has no energizing, on a bench with and without."""
     path = pulse_bench(tmp_path, Told.TIME)
-    path.write_text(path.read_text().partition("[signals.energizing]")[0])
+    if not has_energizing:
+        path.write_text(path.read_text().partition("[signals.energizing]")[0])
     bench = load_bench(path)
     c = effective_model(bench.injector.parameters).coefficients
-    document = recording_json(evaluate(bench, [recording], learning=False).evaluations[0], c)
-    assert "energizing" not in document["summary"]
-    assert not any("energizing" in one for one in document["injections"])
+    document = recording_json(evaluate(bench, [injected(2)[1]], learning=False).evaluations[0], c)
+    if has_energizing:
+        assert [one["energizing"] for one in document["injections"]] == [None, None]
+        assert document["summary"]["energizing"]["missing_injections"] == 0
+        assert document["summary"]["energizing"]["mean_opening_delay_us"] is None
+    else:
+        assert "energizing" not in document["summary"]
+        assert not any("energizing" in one for one in document["injections"])
 
 
 @pytest.mark.parametrize(("signal", "code"), [("Level", 3), ("LevelPlain", 0), ("Time", 20)])

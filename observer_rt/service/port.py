@@ -88,23 +88,21 @@ class LinkWatch:
             for text in condition_messages(self._channel, self._condition, self._link.condition)
         ]
         self._condition = self._link.condition
-        if self._link.dropped > self._dropped:
+        if dropped := self._link.dropped - self._dropped:
+            self._dropped += dropped
             text = (
-                f"{self._link.dropped - self._dropped} frames of {self._channel} were lost before this process could "
-                "read them\n"
+                f"{dropped} frames of {self._channel} were lost before this process could read them\n"
                 "  remedy: give it a processor of its own (taskset) and real-time priority (chrt)"
             )
             told.append(Notice(Topic.LINK, text, incident=f"frames of {self._channel} lost"))
-            self._dropped = self._link.dropped
-        if self._outbox.unsent > self._unsent:
+        if unsent := self._outbox.unsent - self._unsent:
+            self._unsent += unsent
             text = (
-                f"{self._outbox.unsent - self._unsent} results were not sent, the transmit queue of "
-                f"{self._channel} is full\n"
+                f"{unsent} results were not sent, the transmit queue of {self._channel} is full\n"
                 "  remedy: check that another node acknowledges, the bus load, and the length of the queue "
                 f"(SocketCAN: sudo ip link set {self._channel} txqueuelen 1000)"
             )
             told.append(Notice(Topic.LINK, text, incident=f"transmit queue of {self._channel} full"))
-            self._unsent = self._outbox.unsent
         if told:
             self._next = now + round(PERIOD * 1e9)
         return told

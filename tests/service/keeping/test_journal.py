@@ -6,6 +6,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -113,10 +114,9 @@ def test_an_injection_is_a_row_of_typed_columns(path: Path, journal: JournalWrit
 
 
 def test_what_is_not_known_is_null(path: Path, journal: JournalWriter) -> None:
-    unknown = dict.fromkeys(("mass_ci95", "fuel_temperature", "commanded"))
-    report = some_report(
-        mass=math.nan, peak_rate=math.nan, valid=False, reason=Reason.SAMPLES_LOST, **unknown
-    )
+    unknown: dict[str, Any] = dict.fromkeys(("mass_ci95", "fuel_temperature", "commanded"))
+    unknown |= {"mass": math.nan, "peak_rate": math.nan, "valid": False, "reason": Reason.SAMPLES_LOST}
+    report = some_report(1, **unknown)
     journal(report)
     journal.write()
     (row,) = rows(path)

@@ -5,7 +5,7 @@ plain cantools. Further functions alter frames as buses, wires and clocks do; fr
 slicing their list. `run` hands them to a core, and `Result` is what came back, read by plain cantools and
 autosar-e2e.
 
-Beside this, in `tests.service`: `participants` sends frames on a link or a bus, `pulse_frames` and `slow_frames` are
+Beside this, in `tests.service`: `participants` sends frames on a link or a bus, `pulses` and `slow_frames` are
 a pulse generator and a test bed, `foreign_frames` the devices of other databases, and `time_frames` devices that
 sample with clocks of their own.
 """

@@ -10,8 +10,7 @@ from tests.cli.bench_engineer import bench_engineer
 from tests.cli.conftest import Command
 from tests.device import frames_of, merged
 from tests.service.participants import listening
-from tests.service.pulse_bench import TEXT, Told
-from tests.service.pulse_frames import durations
+from tests.service.pulses import TEXT, Told, durations
 
 # Those of the recording, and one that does nothing.
 PULSES = [(0.12, 0.5e-3), *((0.15 + 0.05 * number, 1.1e-3) for number in range(4))]

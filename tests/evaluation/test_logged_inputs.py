@@ -1,5 +1,6 @@
 """Which cable was off while a log was recorded: its inputs are watched as the daemon watches them."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,6 @@ from observer_rt.foundation.errors import UserError
 from tests.benches import block_bench
 from tests.device import frames_of, worn_recording
 from tests.recording.canlog.log_cases import sent_log, write_log
-from tests.service.watch.watched import with_channel
 
 
 def test_a_message_that_is_not_in_the_log_is_named(tmp_path: Path) -> None:
@@ -36,7 +36,8 @@ def test_a_message_that_ends_early_is_named(tmp_path: Path) -> None:
 
 def test_a_dead_sensor_in_a_log_is_named(tmp_path: Path) -> None:
     bench = block_bench(tmp_path, "virtual", ["x"])
-    dead = with_channel(worn_recording(injections=12), needle_lift=lambda lift: np.zeros_like(lift))
+    recording = worn_recording(injections=12)
+    dead = replace(recording, needle_lift=np.zeros_like(recording.needle_lift))
     write_log(tmp_path / "a.log", sent_log(frames_of(bench, dead)))
     (note,) = read_logged(load_bench(bench), tmp_path / "a.log").notes
     assert "NeedleLiftBlock 0x111 (needle_lift): needle_lift is frozen" in note

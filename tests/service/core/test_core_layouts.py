@@ -1,4 +1,7 @@
-"""A user's own bus database: other byte order, scale, unit, frame format and division, the same rates."""
+"""A user's own bus database: other byte order, scale, unit, frame format and division, the same rates.
+
+Frames that take turns, protected and windowed: a pause is legal only if the counter went on over all of them.
+"""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -8,9 +11,12 @@ import numpy as np
 import pytest
 from cantools.database.can import Database
 
-from observer_rt.recording.replay.framing import TimedFrame
+from observer_rt.config.bench import Bench, load_bench
+from observer_rt.recording.replay.framing import Span, TimedFrame
+from observer_rt.recording.signals.recording import Recording
+from observer_rt.service.core.messages import Counters
 from tests.benches import SAMPLE_RATE
-from tests.device import Traffic, encoded, run, simulated
+from tests.device import Traffic, damaged, encoded, frames_of, run, simulated
 
 SAMPLES = 6  # in a block
 FD = """BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","ExtendedCAN","a","b","c","d","e","f","g","h","i","j","k","l",\
@@ -103,3 +109,87 @@ def test_the_same_rates_by_a_database_of_ones_own(
     difference = np.array([rates[index] - usual[index] for index in common])
     assert np.abs(difference).max() <= 1  # the last bit, where a rate lies between two codes
     assert max(rates.values()) > 15_000  # 50 mm3/ms: there was something to compare
+
+
+WINDOWS = [Span(0, 600), Span(3000, 3600)]
+TURNS = """VERSION ""
+BU_: Daq
+BO_ 291 Turns: 12 Daq
+ SG_ Channel M : 12|4@1+ (1,0) [0|0] "" Daq
+ SG_ Index : 16|32@1+ (1,0) [0|0] "" Daq
+{signals}
+BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","ExtendedCAN","a","b","c","d","e","f","g","h","i","j","k","l","FD";
+BA_DEF_ BO_ "E2EProfile" INT 0 22;
+BA_DEF_ BO_ "E2EDataId" INT 0 65535;
+BA_DEF_DEF_ "VFrameFormat" "StandardCAN";
+BA_DEF_DEF_ "E2EProfile" 0;
+BA_DEF_DEF_ "E2EDataId" 0;
+BA_ "VFrameFormat" BO_ 291 14;
+BA_ "E2EProfile" BO_ 291 1;
+BA_ "E2EDataId" BO_ 291 291;
+"""
+
+
+@pytest.fixture(scope="module")
+def turns(tmp_path_factory: pytest.TempPathFactory) -> Bench:
+    """Three samples of one of three channels in a frame, profile 1."""
+    folder = tmp_path_factory.mktemp("turns")
+    channels = (
+        ("Rail", '(0.005,0) [0|0] "MPa"'),
+        ("Lift", '(0.01,-50) [0|0] "um"'),
+        ("Line", '(0.005,0) [0|0] "MPa"'),
+    )
+    signals = [
+        f" SG_ {name}{k} m{channel} : {48 + 16 * k}|16@1+ {code} Daq"
+        for channel, (name, code) in enumerate(channels)
+        for k in range(3)
+    ]
+    (folder / "turns.dbc").write_text(TURNS.format(signals="\n".join(signals)))
+    text = '[[dbc]]\nfile = "turns.dbc"\n[[dbc]]\nfile = "observer_fd.dbc"\n'
+    for role, (name, _) in zip(("rail_pressure", "needle_lift", "line_pressure"), channels, strict=True):
+        text += f'[signals.{role}]\nmessage = "Turns"\nindex = "Index"\npattern = "{name}{{}}"\n'
+    path = Path(folder, "bench.toml")
+    path.write_text(text + f"[sampling]\nrate_hz = {SAMPLE_RATE}\n")
+    return load_bench(path)
+
+
+def standstill_frames(turns: Bench) -> list[TimedFrame]:
+    """Two windows of a closed needle."""
+    samples = 4000
+    pressure = np.full(samples, 100e6)
+    recording = Recording(np.arange(samples) / SAMPLE_RATE, pressure, np.zeros(samples), pressure)
+    return frames_of(turns, recording, WINDOWS)
+
+
+def counted(turns: Bench, frames: list[TimedFrame]) -> Counters:
+    return run(turns, frames).core.counters
+
+
+def test_a_pause_is_no_loss(turns: Bench) -> None:
+    counters = counted(turns, standstill_frames(turns))
+    assert (counters.jumps, counters.lost_samples, counters.sequence_errors) == (1, 0, 0)
+    assert counters.samples == 1200
+
+
+@pytest.mark.parametrize("missing", range(6))
+def test_a_frame_lost_at_a_pause_makes_it_a_loss(turns: Bench, missing: int) -> None:
+    """Any of the last three frames before it and the first three after it."""
+    frames = standstill_frames(turns)
+    first = len(frames) // 2 - 3 + missing
+    counters = counted(turns, frames[:first] + frames[first + 1 :])
+    assert counters.jumps == 0
+    assert counters.lost_samples >= 2400
+
+
+def test_a_repeated_frame_changes_nothing(turns: Bench) -> None:
+    frames = standstill_frames(turns)
+    last = len(frames) // 2 - 1
+    counters = counted(turns, [*frames[: last + 1], frames[last], *frames[last + 1 :]])
+    assert (counters.jumps, counters.lost_samples, counters.repeated_frames) == (1, 0, 1)
+
+
+def test_damaged_frames_are_counted_once(turns: Bench) -> None:
+    frames = standstill_frames(turns)
+    frames[9] = damaged(frames[9], 56)
+    counters = counted(turns, frames)
+    assert (counters.crc_errors, counters.frames, counters.lost_samples) == (1, len(frames), 3)

@@ -26,8 +26,7 @@ from tests.device import (
     worn_recording,
 )
 from tests.service.inputs import test_fuel_temperature
-from tests.service.pulse_bench import pulse_bench
-from tests.service.pulse_frames import PILOT_AND_MAIN, SOURCES, injected, misfired, samples
+from tests.service.pulses import PILOT_AND_MAIN, SOURCES, injected, misfired, pulse_bench, samples
 from tests.service.slow_frames import bed, slow_bench
 
 BLOCK = 9  # samples in a frame

@@ -7,15 +7,18 @@ import pytest
 from observer_rt.config.bench import load_injector
 from tests.benches import SAMPLE_RATE
 from tests.device import encoded, later, merged, run
-from tests.service.pulse_bench import BED, Told, pulse_bench, triple_bench
-from tests.service.pulse_frames import (
+from tests.service.pulses import (
+    BED,
     PILOT_AND_MAIN,
     SOURCES,
+    Told,
     durations,
     index_at,
     injected,
     is_on,
+    pulse_bench,
     samples,
+    triple_bench,
     watch,
 )
 

@@ -17,12 +17,12 @@ from observer_rt.service.core.core import Core
 from observer_rt.simulation.schedule import Shot
 from tests.benches import SAMPLE_RATE
 from tests.device import INDICES, damaged, later, merged, run
-from tests.service.pulse_bench import Told, pulse_bench
-from tests.service.pulse_frames import (
+from tests.service.pulses import (
     MAIN,
     PILOT_AND_MAIN,
     SOURCES,
     Pulses,
+    Told,
     blocks,
     cyclic,
     duration_frame,
@@ -32,6 +32,7 @@ from tests.service.pulse_frames import (
     level_frame,
     misfired,
     on_change,
+    pulse_bench,
     safe_blocks,
     safe_durations,
     samples,

@@ -26,8 +26,7 @@ from tests.service.participants import (
     serving,
     until,
 )
-from tests.service.pulse_bench import BED, Told, pulse_bench, triple_bench
-from tests.service.pulse_frames import durations, injected, misfired, samples
+from tests.service.pulses import BED, Told, durations, injected, misfired, pulse_bench, samples, triple_bench
 
 TWO = 'signals = ["{0}_00", "{0}_01"]\n'
 BY_INDEX = "sample index, to 20 us"

@@ -1,19 +1,27 @@
 """Which cable is off: faults cut into the frames of a healthy bench are named by message and identifier."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import load_bench
 from observer_rt.observer.stream.standstill import LiftFigures
 from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.recording.signals.recording import Recording
-from observer_rt.service.watch.input_watch import LiftWatch
+from observer_rt.service.core.core import Core
+from observer_rt.service.watch.arrivals import SECOND
+from observer_rt.service.watch.input_watch import PERIOD, InputWatch, LiftWatch
 from tests.benches import SAMPLE_RATE, block_bench
 from tests.device import frames_of, later, worn_recording
-from tests.service.watch.watched import LIFT, LINE, RAIL, told_of, with_channel
 
+LIFT = "NeedleLiftBlock 0x111 (needle_lift)"
+RAIL = "RailPressureBlock 0x110 (rail_pressure)"
+LINE = "LinePressureBlock 0x112 (line_pressure)"
 Values = NDArray[np.float64]
 LIFT_ID = 0x111
 
@@ -32,6 +40,32 @@ def recording() -> Recording:
 @pytest.fixture(scope="module")
 def frames(bench: Path, recording: Recording) -> list[TimedFrame]:
     return frames_of(bench, recording)
+
+
+def told_of(bench: Path, frames: Sequence[TimedFrame], silence: float = 0.0) -> list[str]:
+    """What the watch says of frames, by their times, and of so many seconds [s] without any after them.
+
+    It looks while no frame comes, too.
+    """
+    loaded = load_bench(bench)
+    bus = map_bus(loaded)
+    core = Core(loaded.injector, bus, learning=False)
+    watch = InputWatch(loaded.injector, bus, core)
+    watch.arrivals.begin(frames[0].stamp_ns)
+    told: list[str] = []
+    due = frames[0].stamp_ns
+    for frame in frames:
+        while due < frame.stamp_ns - PERIOD:
+            due += PERIOD
+            told += [notice.text for notice in watch.look(due)]
+        core.handle(frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns)
+        watch.arrivals.note(0, frame.frame_id, frame.is_extended, frame.stamp_ns)
+        if frame.stamp_ns >= due:
+            due = frame.stamp_ns + PERIOD
+            told += [notice.text for notice in watch.look(frame.stamp_ns)]
+    for late in np.arange(0.0, silence, PERIOD / SECOND):
+        told += [notice.text for notice in watch.look(frames[-1].stamp_ns + round(late * SECOND))]
+    return told
 
 
 def frozen(values: Values) -> Values:
@@ -108,7 +142,7 @@ def test_frames_that_cannot_be_used(bench: Path, frames: list[TimedFrame]) -> No
     ],
 )
 def test_a_bad_sensor(bench: Path, recording: Recording, role: str, name: str, fault, said: str) -> None:  # type: ignore[no-untyped-def]
-    spoilt = with_channel(recording, **{role: fault})
+    spoilt = replace(recording, **{role: fault(getattr(recording, role))})
     (told,) = told_of(bench, frames_of(bench, spoilt))
     assert told.startswith(f"{name}: {role} {said}")
 
@@ -118,7 +152,7 @@ def test_a_sensor_that_is_mended(bench: Path, recording: Recording) -> None:
         second = np.arange(len(values)) // round(SAMPLE_RATE)
         return np.where(second == 1, values[0], values)
 
-    spoilt = with_channel(recording, line_pressure=for_a_second)
+    spoilt = replace(recording, line_pressure=for_a_second(recording.line_pressure))
     told = told_of(bench, frames_of(bench, spoilt))
     assert len(told) == 2
     assert told[1] == f"{LINE}: line_pressure moves again"
@@ -126,7 +160,9 @@ def test_a_sensor_that_is_mended(bench: Path, recording: Recording) -> None:
 
 def test_a_lift_that_is_cut_off_at_rest_is_not_called_frozen(bench: Path, recording: Recording) -> None:
     """Its noise does not show while the needle is shut, and the line still swings then."""
-    spoilt = with_channel(recording, needle_lift=lambda lift: np.where(lift < 20e-6, 0.0, lift))
+    spoilt = replace(
+        recording, needle_lift=np.where(recording.needle_lift < 20e-6, 0.0, recording.needle_lift)
+    )
     assert told_of(bench, frames_of(bench, spoilt)) == []
 
 

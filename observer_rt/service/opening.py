@@ -1,9 +1,10 @@
 """The links of a daemon at its start: interfaces that are not there yet are waited for, other senders heard."""
 
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
+from functools import partial
 
 from observer_rt.bus.links.descriptor import IdleLink
 from observer_rt.bus.links.link import Link, LinkDownError
@@ -18,6 +19,7 @@ from observer_rt.service.watch.input_watch import REMEDY
 from observer_rt.service.words import Topic
 
 RETRY = 0.25  # s between two tries to open an interface
+OPENED_OFTEN = ("socketcan", "virtual")  # interfaces whose channels can be opened several times
 
 
 class StoppedError(Exception):
@@ -49,7 +51,7 @@ class LinkOpening:
             if number not in used:
                 yield IdleLink()
                 continue
-            link = self._when_there(number, wanted_on(self.bus, number), len(used) > 1)
+            link = self._when_there(number, _wanted_on(self.bus, number), len(used) > 1)
             yield link
             on = f"{named.label}: " if len(used) > 1 else ""
             self.tell(of_bus(Topic.START, f"{on}time stamps: {link.stamp_source}", is_over=True))
@@ -78,7 +80,7 @@ class LinkOpening:
         told = ""
         while True:
             try:
-                link = shared.open(wanted) if shared else connected(named, wanted, computer_time)
+                link = shared.open(wanted) if shared else _connected(named, wanted, computer_time)
             except LinkDownError as error:
                 if str(error) != told:
                     told = str(error)
@@ -97,12 +99,24 @@ def buses_of(bus: BusMap) -> frozenset[int]:
     return frozenset(layout.bus for layout in (*bus.received, *bus.sent))
 
 
-def wanted_on(bus: BusMap, number: int) -> list[tuple[int, bool]]:
+def shared_buses(bench: Bench, maps: Iterable[BusMap]) -> dict[int, SharedBus]:
+    """The buses, by their numbers, that several injectors use and that can be opened once only."""
+    shared = {}
+    for number, named in enumerate(bench.config.buses):
+        users = [bus for bus in maps if number in buses_of(bus)]
+        if len(users) > 1 and named.config.interface not in OPENED_OFTEN:
+            wanted = list(dict.fromkeys(each for bus in users for each in _wanted_on(bus, number)))
+            computer_time = any(len(buses_of(bus)) > 1 for bus in users)
+            shared[number] = SharedBus(partial(_connected, named, wanted, computer_time))
+    return shared
+
+
+def _wanted_on(bus: BusMap, number: int) -> list[tuple[int, bool]]:
     """(identifier, is extended) to be read from a bus: the inputs, and what nobody else should send."""
     return list(dict.fromkeys([*bus.received_on(number), *_own(bus, number)]))
 
 
-def connected(named: NamedLink, wanted: list[tuple[int, bool]], computer_time: bool) -> Link:
+def _connected(named: NamedLink, wanted: list[tuple[int, bool]], computer_time: bool) -> Link:
     """A link as the bench file says; wanted, computer_time: as of `open_link`."""
     config = named.config
     return open_link(config.interface, config.channel, config.fd, wanted, computer_time)

@@ -5,20 +5,24 @@ Each injector is served in a thread of its own, and its failure is its own.
 
 import gc
 import sys
-from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from threading import Event, Lock, Thread
+from typing import Any
 
 from rich.console import Console
 
+from observer_rt.bus.links.opening import SharedBus
 from observer_rt.bus.mapping.bus_map import BusMap, map_bench
 from observer_rt.config.bench import Bench
+from observer_rt.config.bench_file import NAME_PLACE
 from observer_rt.foundation.compilation import compiled_code
-from observer_rt.foundation.errors import CombinedError, ObserverError
+from observer_rt.foundation.errors import CombinedError, ObserverError, UserError
 from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.units import MICROSECOND
 from observer_rt.service.compiled.constants import bench_constants
@@ -28,15 +32,23 @@ from observer_rt.service.keeping.keeper import Keeper, keeper_of
 from observer_rt.service.keeping.state_file import model_hash, restored_knowledge
 from observer_rt.service.log import ServiceLog, Voice
 from observer_rt.service.notify import Notifier, WatchdogPulse
-from observer_rt.service.opening import LinkOpening, StoppedError, buses_of
-from observer_rt.service.reports.news import News, Teller
-from observer_rt.service.rights import REMEDY, leave_to_loops, lock_memory, processors, rights
+from observer_rt.service.opening import LinkOpening, StoppedError, buses_of, shared_buses
+from observer_rt.service.reports.news import News, Once, Teller
+from observer_rt.service.rights import REMEDY, leave_to_loops, lock_memory, processors, rights, take_time
 from observer_rt.service.screen.view import Overview, View, draw
-from observer_rt.service.sharing import LearningQueue, Shared, refuse_shared, shared_buses
 from observer_rt.service.warm_up import warm_up
 from observer_rt.service.words import Topic
 from observer_rt.terminal.compiling import tell_compiling
 from observer_rt.terminal.console import check_destination, stop_on_signals
+
+
+@dataclass(frozen=True)
+class Shared:
+    """What all injectors use. buses: by their number, those that can be opened once only; once: what was said."""
+
+    notifier: Notifier
+    buses: Mapping[int, SharedBus]
+    once: Once = field(default_factory=Once)
 
 
 class InjectorService:
@@ -154,6 +166,61 @@ class InjectorService:
         )
 
 
+class LearningQueue:
+    """However many events one injector has waiting, the others' next ones come before its second."""
+
+    def __init__(self) -> None:
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="learning", initializer=take_time)
+        self._lock = Lock()
+        self._in_turn: deque[Share] = deque()
+
+    def share(self) -> "Share":
+        """The executor of one injector; its jobs are done in their order."""
+        share = Share(lambda: self._thread.submit(self._do_next))
+        with self._lock:
+            self._in_turn.append(share)
+        return share
+
+    def close(self) -> None:
+        """Wait for the job that is being done; what waits is left."""
+        self._thread.shutdown(cancel_futures=True)
+
+    def _do_next(self) -> None:
+        """One job of whoever's turn it is, if any has one."""
+        with self._lock:
+            turn = next((n for n, share in enumerate(self._in_turn) if share.waiting), None)
+            if turn is None:
+                return
+            self._in_turn.rotate(-1 - turn)
+            future, job = self._in_turn[-1].waiting.popleft()
+        if future.set_running_or_notify_cancel():
+            try:
+                future.set_result(job())
+            except BaseException as error:
+                future.set_exception(error)
+
+
+class Share(Executor):
+    """What one injector has in the queue."""
+
+    def __init__(self, do_soon: Callable[[], object]) -> None:
+        self.waiting: deque[tuple[Future[Any], Callable[[], Any]]] = deque()
+        self._do_soon = do_soon
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """Have `fn` called in its turn."""
+        future: Future[Any] = Future()
+        self.waiting.append((future, lambda: fn(*args, **kwargs)))
+        self._do_soon()
+        return future
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Leave what waits, if so asked; the queue goes on for the others."""
+        while cancel_futures and self.waiting:
+            future, _ = self.waiting.popleft()
+            future.cancel()
+
+
 def serve_side_by_side(
     services: Sequence[InjectorService],
     notifier: Notifier,
@@ -216,13 +283,25 @@ class RunOptions:
     journal: Path | None = None
 
 
+def _refuse_shared(bench: Bench, state: Path | None, journal: Path | None) -> None:
+    """Raise `UserError` where several injectors would have one file of the command line."""
+    names = [injector.name for injector in bench.injectors]
+    for option, key, path in (("--state", "file", state), ("--journal", "journal", journal)):
+        if path is not None and len(names) > 1:
+            raise UserError(
+                f"{option} {path}",
+                f"is one file for {len(names)} injectors: {', '.join(names)}",
+                f'leave it out, and state [state] {key} = "{path.stem}_{NAME_PLACE}{path.suffix}" in the bench file',
+            )
+
+
 def serve(bench: Bench, options: RunOptions, console: Console) -> None:
     """Run the daemons of all injectors until SIGINT or SIGTERM, with files instead of those the bench file names.
 
     Raises `UserError` for files that do not fit, `RunError` when links fail.
     """
     mapped = map_bench(bench)
-    refuse_shared(bench, options.state, options.journal)
+    _refuse_shared(bench, options.state, options.journal)
     has_view = options.view and console.is_terminal
     notifier = Notifier()
     with ExitStack() as stack:

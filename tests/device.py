@@ -232,11 +232,16 @@ class Result:
         return [SUMMARY.decode(frame.payload, decode_choices=False) for frame in found]
 
 
+def core_of(bench: Path | Bench, **options: Any) -> Core:
+    """The core of a bench; options: its own."""
+    loaded = _loaded(bench)
+    return Core(loaded.injector, map_bus(loaded), **options)
+
+
 def run(bench: Path | Bench, frames: Iterable[TimedFrame], **options: Any) -> Result:
     """Frames through a fresh core in lockstep, to the end, stamped by their times; options: of `Core`."""
-    loaded = _loaded(bench)
     notes = Notes()
-    core = Core(loaded.injector, map_bus(loaded), listeners=[notes], **options)
+    core = core_of(bench, listeners=[notes], **options)
     out = hand(core, frames)
     return Result(core, out + core.finish(), notes)
 

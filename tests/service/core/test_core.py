@@ -11,16 +11,26 @@ from typing import Any
 import numpy as np
 import pytest
 
-from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.estimation.scalars import NOZZLE
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.observer.stream.state import Reason, State
 from observer_rt.recording.replay.framing import Span
-from observer_rt.service.core.core import Core
 from observer_rt.simulation.simulate import SimulatedNoise
 from tests.benches import ONE_MESSAGE, SAMPLE_RATE, THREE_MESSAGES, bench_text, sample_bench
-from tests.device import RATES, Device, Traffic, damaged, hand, later, protected, recoded, run, simulated
+from tests.device import (
+    RATES,
+    Device,
+    Traffic,
+    core_of,
+    damaged,
+    hand,
+    later,
+    protected,
+    recoded,
+    run,
+    simulated,
+)
 
 
 def test_every_index_is_published_exactly_once(clean: Traffic) -> None:
@@ -67,8 +77,7 @@ def test_stamps_change_nothing_where_messages_share_an_index(
 
 
 def test_frames_of_others_change_nothing(clean: Traffic) -> None:
-    loaded = load_bench(clean.bench)
-    core = Core(loaded.injector, map_bus(loaded))
+    core = core_of(clean.bench)
     out = []
     for frame in clean.frames:
         out += core.handle(0x7FF, False, b"\x00" * 8, 0)
@@ -161,8 +170,7 @@ class NeverDone(Executor):
 
 
 def test_learning_that_never_ends_is_counted_and_keeps_nothing_from_being_judged(clean: Traffic) -> None:
-    loaded = load_bench(clean.bench)
-    core = Core(loaded.injector, map_bus(loaded), executor=NeverDone())
+    core = core_of(clean.bench, executor=NeverDone())
     hand(core, clean.frames)
     assert core.counters.events == 3
     assert core.counters.late_adoptions == 1

@@ -8,15 +8,12 @@ import numpy as np
 import pytest
 
 from observer_rt.bus.links.link import BusFrame, Frame, block_of
-from observer_rt.bus.mapping.bus_map import map_bus
-from observer_rt.config.bench import load_bench
 from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.compiled.input_memory import READINGS
-from observer_rt.service.core.core import Core
 from observer_rt.simulation.schedule import Shot
 from tests.benches import SAMPLE_RATE
-from tests.device import INDICES, damaged, later, merged, run
+from tests.device import INDICES, core_of, damaged, later, merged, run
 from tests.service.pulses import (
     MAIN,
     PILOT_AND_MAIN,
@@ -292,8 +289,7 @@ def test_it_changes_no_result(tmp_path: Path, kind: str) -> None:
 
 
 def test_of_more_commands_than_wait_for_python_the_oldest_are_lost(tmp_path: Path) -> None:
-    loaded = load_bench(pulse_bench(tmp_path, Told.SAFE))
-    core = Core(loaded.injector, map_bus(loaded))
+    core = core_of(pulse_bench(tmp_path, Told.SAFE))
     told = safe_durations([(1e-3 * n, 0.5e-3) for n in range(READINGS + 5)])
     block = block_of([BusFrame(one.bus, Frame(one.frame_id, one.payload, one.stamp_ns)) for one in told])
     number = 0

@@ -20,11 +20,10 @@ from observer_rt.model.effective import coefficients
 from observer_rt.model.effects import sized
 from observer_rt.observer.stream.state import Observer, Reason, State
 from observer_rt.recording.replay.framing import TimedFrame
-from observer_rt.service.core.core import Core
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import SimulatedNoise, Simulation, simulate
 from tests.benches import SAMPLE_RATE, sample_bench
-from tests.device import Device, Result, encoded, hand, inserted, recoded, run
+from tests.device import Device, Result, core_of, encoded, hand, inserted, recoded, run
 from tests.evaluation.documents import recording_json
 from tests.service.end_to_end import DATABASE
 from tests.service.participants import HeardDaemon, ScriptedLink
@@ -202,8 +201,7 @@ def test_the_same_frames_give_the_same_results(tmp_path: Path) -> None:
 
 
 def test_nobody_keeps_the_constants_of_other_fuel(tmp_path: Path) -> None:
-    loaded = load_bench(bench(tmp_path))
-    core = Core(loaded.injector, map_bus(loaded))
+    core = core_of(bench(tmp_path))
     before = core.compiled.observer.constants
     hand(core, [*frames_at(REFERENCE)[:10], sensor(HOT)])
     now = core.compiled.observer
@@ -213,8 +211,7 @@ def test_nobody_keeps_the_constants_of_other_fuel(tmp_path: Path) -> None:
 
 
 def test_what_compiled_code_is_at_work_with_stays(tmp_path: Path) -> None:
-    loaded = load_bench(bench(tmp_path))
-    core = Core(loaded.injector, map_bus(loaded))
+    core = core_of(bench(tmp_path))
     at_work = core.compiled.held
     stepper = weakref.ref(core.compiled.observer.kept[1])  # the leaves it is called with
     core.compiled.change_constants(core.compiled.observer.constants)
@@ -256,7 +253,7 @@ def test_an_injector_without_a_reference_is_refused(tmp_path: Path) -> None:
     (tmp_path / "injector.toml").write_text(text.replace("reference_temperature", "# reference_temperature"))
     loaded = load_bench(path, model=tmp_path / "injector.toml")
     with pytest.raises(UserError, match=r"injector\.toml: fluid\.reference_temperature"):
-        Core(loaded.injector, map_bus(loaded))
+        core_of(loaded)
     assert any(f.level is Level.ERROR and "reference_temperature" in f.text for f in checkup(loaded))
 
 

@@ -13,10 +13,9 @@ from observer_rt.config.bench import load_bench
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.foundation.errors import RunError
 from observer_rt.recording.replay.framing import TimedFrame
-from observer_rt.service.core.core import Core
 from tests.benches import SAMPLE_RATE
 from tests.bus.j1939_bench import GROUP, write_j1939_bench
-from tests.device import frames_of, worn_recording
+from tests.device import core_of, frames_of, worn_recording
 from tests.service.end_to_end import RATE, payloads
 from tests.service.participants import Pumped, TroubledLink, bench_file, until
 
@@ -57,8 +56,7 @@ def test_stamps_are_kept_to_the_nanosecond(grouped: Path) -> None:
     wanted = [BEGIN + 20_000 * n + n * 7919 % 1013 for n in range(FRAMES)]
     stamps = iter(wanted)
     frames = device_frames(grouped)[:FRAMES]
-    bench = load_bench(grouped)
-    alone = Core(bench.injector, map_bus(bench))
+    alone = core_of(grouped)
     for frame, stamp in zip(frames, wanted, strict=True):
         alone.handle(frame.frame_id, frame.is_extended, frame.payload, stamp)
     with Pumped(grouped, StampingLink(frames)) as it:

@@ -7,15 +7,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.bus.mapping.bus_map import map_bench, map_bus
+from observer_rt.bus.mapping.bus_map import map_bench
 from observer_rt.config.bench import load_bench
-from observer_rt.service.core.core import Core
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import Notes
 from observer_rt.service.screen.curves import ComparedRate, NominalInjection
 from observer_rt.service.screen.view import TURN, Overview, View
-from tests.device import frames_of, hand, worn_recording
+from tests.device import core_of, frames_of, hand, worn_recording
 from tests.service.participants import HeardDaemon, ScriptedLink, bench_file, drawn, serving, until
 from tests.three_injectors import NAMES, frames_of_all, one_alone, three_injectors
 
@@ -88,7 +87,7 @@ def test_the_nominal_model_is_what_an_injector_that_learned_nothing_shows(path: 
     nominal = NominalInjection(bench.injector)
     found: list[tuple[float, float]] = []
     notes = Notes()
-    core = Core(bench.injector, map_bus(bench), learning=False, listeners=[notes])
+    core = core_of(bench, learning=False, listeners=[notes])
     for frame in frames_of(bench, worn_recording(v_h=0.0)):
         hand(core, [frame])
         for report in notes.injections[len(found) :]:

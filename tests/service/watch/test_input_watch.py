@@ -60,7 +60,7 @@ class Watched:
 
     def tells_of(self, role: str, law: Callable[[Values], Values]) -> list[str]:
         """What it says of another signal."""
-        spoilt = replace(self.recording, **{role: law(getattr(self.recording, role))})
+        spoilt = replace(self.recording, **{role: law(getattr(self.recording, role))})  # type: ignore[arg-type]
         return self.tells(frames_of(self.bench, spoilt))
 
 

@@ -5,7 +5,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -146,7 +146,7 @@ def run_over(
     listener = Listener(bus)
     daemon = subprocess.Popen(command("run", "--bench", bench, *options), stderr=subprocess.PIPE, text=True)
     try:
-        _wait_until(lambda: bool(listener.heard.statuses), START_TIMEOUT, daemon)
+        wait_for(lambda: bool(listener.heard.statuses), START_TIMEOUT, daemon)
         player = subprocess.run(
             command("replay", recording, "--bench", bench, "--speed", str(speed)),
             capture_output=True,
@@ -155,7 +155,7 @@ def run_over(
         )
         assert player.returncode == 0, player.stderr
         ahead = samples_ahead(1.0 / load_bench(bench).injector.config.sampling.rate_hz)
-        _wait_until(lambda: _processed(listener.heard) + ahead >= samples, END_TIMEOUT, daemon)
+        wait_for(lambda: _processed(listener.heard) + ahead >= samples, END_TIMEOUT, daemon)
         daemon.send_signal(signal.SIGTERM)
         _, messages = daemon.communicate(timeout=END_TIMEOUT)
         assert daemon.returncode == 0, messages
@@ -171,7 +171,8 @@ def _processed(heard: Heard) -> int:
     return int(status["SamplesProcessed"] + status["LostSamples"])
 
 
-def _wait_until(condition, timeout: float, daemon: subprocess.Popen[str]) -> None:  # type: ignore[no-untyped-def]
+def wait_for(condition: Callable[[], bool], timeout: float, daemon: subprocess.Popen[str]) -> None:
+    """Wait until it holds, the daemon still there."""
     end = time.monotonic() + timeout
     while not condition():
         assert daemon.poll() is None, f"the daemon ended: {daemon.stderr.read() if daemon.stderr else ''}"

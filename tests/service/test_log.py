@@ -14,6 +14,7 @@ from rich.console import Console
 
 from observer_rt.service.log import CAPACITY, ServiceLog, one_line
 from observer_rt.service.words import Topic
+from tests.service.participants import until
 
 STAMPED = r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}[+-]\d\d:\d\d "
 
@@ -80,7 +81,7 @@ def test_records_are_lines_of_json_with_their_time(tmp_path: Path, err: Console)
 def test_a_log_that_was_moved_away_is_begun_anew(tmp_path: Path, err: Console) -> None:
     with ServiceLog(err, tmp_path / "log") as log:
         log.say(Topic.START, "before")
-        until_lines(tmp_path / "log", 1)
+        until(lambda: len(lines_of(tmp_path / "log")) == 1)
         (tmp_path / "log").rename(tmp_path / "log.1")
         log.say(Topic.START, "after")
     assert lines_of(tmp_path / "log.1")[0].endswith("before")
@@ -91,10 +92,7 @@ def test_a_disk_that_is_full_is_told_once_and_again_when_it_comes_back(tmp_path:
     with ServiceLog(err, Path("/dev/full")) as log:
         for number in range(5):
             log.say(Topic.START, f"line {number}")
-        end = time.monotonic() + 10.0
-        while log.lost < 5:
-            assert time.monotonic() < end
-            time.sleep(0.01)
+        until(lambda: log.lost >= 5)
     told = [line for line in lines_of(tmp_path / "err") if " stream: " in line]
     assert len(told) == 1
     assert "lines for /dev/full are lost: [Errno 28]" in told[0]
@@ -132,10 +130,3 @@ def test_a_reader_that_is_gone_is_told_once(tmp_path: Path, err: Console) -> Non
 @given(st.text())
 def test_a_message_is_one_line_whatever_it_holds(text: str) -> None:
     assert len(one_line(text).splitlines()) <= 1
-
-
-def until_lines(path: Path, count: int) -> None:
-    end = time.monotonic() + 10.0
-    while len(lines_of(path)) < count:
-        assert time.monotonic() < end
-        time.sleep(0.01)

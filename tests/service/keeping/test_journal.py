@@ -21,9 +21,8 @@ from observer_rt.service.keeping.keeper import keeper_of
 from observer_rt.service.keeping.state_file import model_hash
 from observer_rt.service.reports.injection_report import INDICATORS
 from observer_rt.service.reports.news import MeasuredMass, Mismatch
-from tests.service.keeping.report_samples import some_report
-from tests.service.knowledge_samples import some_knowledge
 from tests.service.participants import until
+from tests.service.samples import some_knowledge, some_report
 
 
 @pytest.fixture(scope="session")

@@ -16,8 +16,8 @@ from observer_rt.config.injector import LearningConfig, StateConfig, Training
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.service.keeping.keeper import Keeper, keeper_of
 from observer_rt.service.keeping.state_file import load_knowledge, model_hash
-from tests.service.knowledge_samples import some_knowledge
 from tests.service.participants import until
+from tests.service.samples import some_knowledge
 
 INTERVAL = 0.25  # s, between two writes
 

@@ -23,7 +23,7 @@ from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.observer.learning.knowledge import Knowledge, no_knowledge
 from observer_rt.observer.learning.memory import NOTHING
 from observer_rt.service.keeping.state_file import Restored, load_knowledge, model_hash, save_knowledge
-from tests.service.knowledge_samples import PRESSURE_SCALE, damage, some_knowledge
+from tests.service.samples import PRESSURE_SCALE, damage, some_knowledge
 
 MODEL = model_hash(load_injector())
 NOISE = NoiseLevels(rail_pressure=0.1e6, line_pressure=0.15e6, needle_lift=0.4e-6)

@@ -202,7 +202,7 @@ class ObserverRun:
     @property
     def has_energizing(self) -> bool:
         """Whether the bench has this input."""
-        return self._core.energizing is not None
+        return self._core.optional.energizing is not None
 
     def finish(self) -> None:
         """No recording will come: judge every event."""

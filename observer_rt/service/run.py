@@ -153,8 +153,8 @@ class InjectorService:
         say, core = self._voice.say, daemon.core
         for timing in core.timing:
             say(Topic.STOP, timing.as_text())
-        if core.energizing is not None:
-            say(Topic.STOP, f"energizing: {core.energizing.as_text()}")
+        if core.optional.energizing is not None:
+            say(Topic.STOP, f"energizing: {core.optional.energizing.as_text()}")
         counters = core.counters
         lost = f", {self._voice.log.lost} log lines lost" if self._voice.log.lost else ""
         say(

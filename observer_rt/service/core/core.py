@@ -34,7 +34,6 @@ from observer_rt.service.compiled.pipeline import Pipeline, make_receiver
 from observer_rt.service.compiled.publisher import flush, make_publisher
 from observer_rt.service.core.learners import LearnerFactory, healthy_injector, make_learner, slow_noise_of
 from observer_rt.service.core.messages import Counters, OutputFrame, ResultFrames, counted
-from observer_rt.service.inputs.energizing import EnergizingFigures
 from observer_rt.service.inputs.optional_inputs import OptionalInputs
 from observer_rt.service.reports.injection_report import report_of
 from observer_rt.service.reports.judging import EventRecord, InlineExecutor, Judging
@@ -120,7 +119,8 @@ class Core:
         self._judging = Judging(self.compiled, learner, executor or InlineExecutor(), start, healthy)
         self._tell = to_all(listeners)
         self._writes_summaries = writes_summaries
-        self._inputs = OptionalInputs(fitted, bus, self.compiled, self._tell, is_restored)
+        self.optional = OptionalInputs(fitted, bus, self.compiled, self._tell, is_restored)
+        """What came of energizing, fuel temperature and learning enable."""
         self.contest = Contest(self.compiled.pipeline.publisher.memory, self.compiled.observer.memory)
         """Whether another node sends the same results."""
         self._results = ResultFrames(bus, self.compiled.pipeline.publisher, config.outputs.injector_id)
@@ -151,7 +151,7 @@ class Core:
         """
         self._follow()
         self._judging.post()
-        self._inputs.look()
+        self.optional.look()
         return self._results.taken()
 
     def answer(self) -> list[OutputFrame]:
@@ -221,21 +221,6 @@ class Core:
         return state_of_service(newest, Surroundings(is_stale=is_stale(self.compiled.pipeline.alignment)))
 
     @property
-    def learning(self) -> bool:
-        """Whether learning is enabled, by the bench and by its learning enable, if it has one."""
-        return self._inputs.learning
-
-    @property
-    def fuel_temperature(self) -> float | None:
-        """Of the fuel in force [K]; None where it is not measured."""
-        return self._inputs.fuel_temperature
-
-    @property
-    def energizing(self) -> EnergizingFigures | None:
-        """Commands, openings and their delay so far; None for a bench without energizing."""
-        return self._inputs.energizing
-
-    @property
     def last_index(self) -> int:
         """Device index of the last processed sample, 0 before the first."""
         return int(self.compiled.observer.ring[(self.processed - 1) % RING]["index"]) if self.processed else 0
@@ -272,7 +257,7 @@ class Core:
     @property
     def counters(self) -> Counters:
         """What was counted so far."""
-        return counted(self.compiled.pipeline, self._inputs.energizing, self._judging)
+        return counted(self.compiled.pipeline, self.optional.energizing, self._judging)
 
     @property
     def frames_taken(self) -> int:
@@ -288,30 +273,30 @@ class Core:
             waiting = self.compiled.proceed()
             self._follow()
         self._judging.post()
-        self._inputs.look()
+        self.optional.look()
 
     def _answer(self) -> None:
         """Give the stream the model or the verdict that it waits for."""
-        if self._inputs.is_model_due:
-            self._inputs.change_model()
+        if self.optional.is_model_due:
+            self.optional.change_model()
         else:
             self._judging.answer()
 
     def _follow(self) -> None:
         """Hand over closed events, report judged ones."""
-        for judged in self._judging.follow(self.learning, self.fuel_temperature):
+        for judged in self._judging.follow(self.optional.learning, self.optional.fuel_temperature):
             self._report(judged)
 
     def _report(self, judged: EventRecord) -> None:
         """Say of the injections of a judged event what was found, with what came before it was."""
-        self._inputs.read()
+        self.optional.read()
         for injection in self._judging.injections(judged):
-            commanded = self._inputs.opening_of(injection)
+            commanded = self.optional.opening_of(injection)
             report = report_of(injection, judged, commanded, self.contest.concerns(injection))
             if self._writes_summaries:
-                self._results.add_summary(report, self.learning, self._pressure_scale)
+                self._results.add_summary(report, self.optional.learning, self._pressure_scale)
             self._tell(report)
-            self._inputs.on_injection(report)
+            self.optional.on_injection(report)
 
     @property
     def _pressure_scale(self) -> float:
@@ -332,7 +317,7 @@ def status_values(
     return StatusValues(**counts)._replace(
         sample_index=core.last_index & 0xFFFFFFFF,
         valid=valid and state in (State.RUNNING_NOMINAL, State.ADAPTED),
-        learning=core.learning,
+        learning=core.optional.learning,
         state=state,
         reason=reason,
         injector_id=injector_id,

@@ -94,8 +94,8 @@ def test_level_beside_samples_without_an_index(tmp_path: Path) -> None:
         sent.append(encoded(message, values, n / SAMPLE_RATE))
     watched = watch(triple_bench(tmp_path, "Level"), sent)
     assert watched.energized == ([1, 2], [], [])
-    assert watched.core.energizing is not None
-    assert watched.core.energizing.mean_delay == pytest.approx(DELAY, abs=1.5 * SAMPLE)
+    assert watched.core.optional.energizing is not None
+    assert watched.core.optional.energizing.mean_delay == pytest.approx(DELAY, abs=1.5 * SAMPLE)
 
 
 def test_multiplexed_message(tmp_path: Path) -> None:
@@ -115,7 +115,7 @@ def test_mean_and_spread_of_the_delays(tmp_path: Path) -> None:
     """Commands told 40 us too late and too early in turn."""
     pulses, recording = injected(4)
     moved = [(start + 40e-6 * (-1) ** n, duration) for n, (start, duration) in enumerate(pulses)]
-    figures = watch(pulse_bench(tmp_path, Told.TIME), recording, durations(moved)).core.energizing
+    figures = watch(pulse_bench(tmp_path, Told.TIME), recording, durations(moved)).core.optional.energizing
     assert figures is not None
     assert figures.commands == 4
     assert figures.mean_delay == pytest.approx(DELAY, abs=1.5 * SAMPLE)

@@ -284,8 +284,8 @@ def test_it_changes_no_result(tmp_path: Path, kind: str) -> None:
     bench = pulse_bench(tmp_path, lines)
     without_it = watch(bench, recording)
     assert watch(bench, recording, source(pulses)).frames == without_it.frames
-    assert without_it.core.energizing is not None
-    assert without_it.core.energizing.commands == 0
+    assert without_it.core.optional.energizing is not None
+    assert without_it.core.optional.energizing.commands == 0
 
 
 def test_of_more_commands_than_wait_for_python_the_oldest_are_lost(tmp_path: Path) -> None:
@@ -296,8 +296,8 @@ def test_of_more_commands_than_wait_for_python_the_oldest_are_lost(tmp_path: Pat
     while number < block.frames:
         number, _ = core.compiled.take_many(block, number)
     core.attend()
-    assert core.energizing is not None
-    assert core.energizing.commands == READINGS
+    assert core.optional.energizing is not None
+    assert core.optional.energizing.commands == READINGS
 
 
 @pytest.mark.parametrize("first", [0, (1 << 32) - 8000])

@@ -172,10 +172,9 @@ def counted(pipeline: Pipeline, energizing: EnergizingFigures | None, judging: J
         interpolated_samples=int(memory["interpolated"]),
         spikes=int(memory["spikes"]),
         bridged_samples=int(memory["bridged"]),
-        frames=int(receiver["frames"]),
-        crc_errors=int(receiver["crc_errors"]),
-        length_errors=int(receiver["length_errors"]),
-        sequence_errors=int(receiver["sequence_errors"]),
+        **{
+            name: int(receiver[name]) for name in ("frames", "crc_errors", "length_errors", "sequence_errors")
+        },
         repeated_frames=int(alignment["repeated"]),
         old_frames=int(alignment["old"]),
         restarts=int(alignment["restarts"]),

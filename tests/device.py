@@ -5,7 +5,7 @@ plain cantools. Further functions alter frames as buses, wires and clocks do; fr
 slicing their list. `run` hands them to a core, and `Result` is what came back, read by plain cantools and
 autosar-e2e.
 
-Beside this, in `tests.service`: `participants` sends frames on a link or a bus, `pulse_frames` and `slow_frames` are
+Beside this, in `tests.service`: `participants` sends frames on a link or a bus, `pulses` and `slow_frames` are
 a pulse generator and a test bed, `foreign_frames` the devices of other databases, and `time_frames` devices that
 sample with clocks of their own.
 """
@@ -188,14 +188,12 @@ class Result:
         return [report.commanded.command if report.commanded else None for report in self.reports]
 
     @property
-    def missing(self) -> list[int]:
-        """Numbers of the commands without an injection."""
-        return [one.number for one in self.notes.mismatches if one.is_missing]
-
-    @property
-    def uncommanded(self) -> list[int]:
-        """Numbers of the injections without a command."""
-        return [one.number for one in self.notes.mismatches if not one.is_missing]
+    def energized(self) -> tuple[list[int | None], list[int], list[int]]:
+        """Numbers of the injections' commands, of commands without an injection, of injections without a command."""
+        missing, uncommanded = (
+            [m.number for m in self.notes.mismatches if m.is_missing is so] for so in (True, False)
+        )
+        return self.commands, missing, uncommanded
 
     @property
     def rate_frames(self) -> Iterator[tuple[int, dict[str, int], list[int]]]:
@@ -234,13 +232,35 @@ class Result:
         return [SUMMARY.decode(frame.payload, decode_choices=False) for frame in found]
 
 
+def core_of(bench: Path | Bench, **options: Any) -> Core:
+    """The core of a bench; options: its own."""
+    loaded = _loaded(bench)
+    return Core(loaded.injector, map_bus(loaded), **options)
+
+
 def run(bench: Path | Bench, frames: Iterable[TimedFrame], **options: Any) -> Result:
     """Frames through a fresh core in lockstep, to the end, stamped by their times; options: of `Core`."""
-    loaded = _loaded(bench)
     notes = Notes()
-    core = Core(loaded.injector, map_bus(loaded), listeners=[notes], **options)
+    core = core_of(bench, listeners=[notes], **options)
     out = hand(core, frames)
     return Result(core, out + core.finish(), notes)
+
+
+@dataclass(frozen=True)
+class Traffic:
+    """Frames of the bench, and what the core makes of them undisturbed."""
+
+    bench: Path
+    frames: list[TimedFrame]
+    result: Result
+
+    def run(self, frames: Iterable[TimedFrame], **options: Any) -> Result:
+        """What it makes of others; options: of `Core`."""
+        return run(self.bench, frames, **options)
+
+    def without(self, number: int) -> Result:
+        """What it makes of them when one is lost."""
+        return self.run([*self.frames[:number], *self.frames[number + 1 :]])
 
 
 def hand(core: Core, frames: Iterable[TimedFrame]) -> list[OutputFrame]:

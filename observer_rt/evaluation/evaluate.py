@@ -248,7 +248,7 @@ def _observed(
         if evaluation is evaluations[-1]:
             run.finish()
         evaluation.counters, evaluation.standstill = core.counters.since(before), core.standstill
-        evaluation.has_energizing = core.energizing is not None
+        evaluation.has_energizing = core.optional.energizing is not None
         before = core.counters
     for evaluation in evaluations:
         evaluation.finish()

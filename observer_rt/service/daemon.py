@@ -14,7 +14,7 @@ from observer_rt.config.signals import Role
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.observer.stream.state import Reason, State
 from observer_rt.observer.stream.validity import Surroundings, contested, state_of_service
-from observer_rt.service.core.core import Core, OutsideFigures, status_values
+from observer_rt.service.core.core import Core, status_values
 from observer_rt.service.core.messages import FrameWriter, OutputFrame
 from observer_rt.service.keeping.state_file import model_hash
 from observer_rt.service.opening import buses_of
@@ -57,15 +57,10 @@ class Daemon:
         self._tell = to_all(listeners)
         self._on_alive = on_alive
         self._failed_writes = failed_writes
+        with_inputs = {layout.bus for layout in bus.received}
         self.ports = tuple(
-            Port(
-                named.label,
-                named.config.channel,
-                each,
-                any(layout.bus == number for layout in bus.received),
-                self._tell,
-            )
-            for number, (named, each) in enumerate(zip(bench.config.buses, self._links, strict=True))
+            Port(named.label, named.config.channel, link, number in with_inputs, self._tell)
+            for number, (named, link) in enumerate(zip(bench.config.buses, links, strict=True))
         )
         self._executor = learning or ThreadPoolExecutor(
             1, thread_name_prefix="learning", initializer=take_time
@@ -119,7 +114,7 @@ class Daemon:
             self._lose(error.bus, error)
             return
         now = time.monotonic_ns()
-        self.core.note_contest(self.arrivals.is_contested(now))
+        self.core.contest.note(self.arrivals.is_contested(now))
         if self.core.frames_taken != self._frames_seen:
             self._frames_seen, self._last_input = self.core.frames_taken, now
         if results or self._is_waiting:
@@ -181,18 +176,16 @@ class Daemon:
 
     def standing(self, now: int) -> tuple[State, tuple[Reason, ...]]:
         """State and all its reasons, the most severe first, at a monotonic time [ns]."""
-        state, reason = state_of_service(self.core.state, self._surroundings(now))
-        if self.arrivals.is_contested(now):
-            return contested(state, reason)
-        return state, (reason,) if reason else ()
-
-    def _surroundings(self, now: int) -> Surroundings:
         is_down = any(self.ports[bus].has_inputs for bus in self._down)
-        return Surroundings(
+        surroundings = Surroundings(
             has_frames=self._frames_seen > 0,
             is_cut_off=is_down or now - self._last_input > INPUT_TIMEOUT * 1e9,
             is_stale=bool(self.arrivals.stale(now)),
         )
+        state, reason = state_of_service(self.core.state, surroundings)
+        if self.arrivals.is_contested(now):
+            return contested(state, reason)
+        return state, (reason,) if reason else ()
 
     @property
     def dropped(self) -> int:
@@ -215,20 +208,16 @@ class Daemon:
         return sum(port.troubles for port in self.ports)
 
     def _status(self, now: int) -> list[OutputFrame]:
-        state, reason = self.state(now)
-        troubled = next((n for n, port in enumerate(self.ports, 1) if port.is_in_trouble), 0)
         rail, lift, line = (self.arrivals.age_of(role, now) for role in Role)
-        figures = OutsideFigures(
+        injector_id = self._injector.config.outputs.injector_id
+        values = status_values(self.core, *self.state(now), injector_id, self._hashes)._replace(
             dropped_frames=self.dropped,
             link_troubles=self.troubles,
-            troubled_bus=troubled,
+            troubled_bus=next((n for n, port in enumerate(self.ports, 1) if port.is_in_trouble), 0),
             foreign_frames=self.arrivals.foreign_frames,
             rail_pressure_age=rail,
             needle_lift_age=lift,
             line_pressure_age=line,
             failed_writes=self.failed_writes,
         )
-        injector_id = self._injector.config.outputs.injector_id
-        return self._status_writer.write(
-            status_values(self.core, state, reason, injector_id, self._hashes, figures)
-        )
+        return self._status_writer.write(values)

@@ -41,15 +41,15 @@ class ServiceLog:
 
         quiet: leave to the view what it shows. Raises `OSError` when the file cannot be opened.
         """
-        line = _JournalLine() if is_journal(console.file, environment) else _LogLine()
-        shown = _Shown(console, line)
+        shown = _Shown(console)
+        shown.setFormatter(_Line(is_journal(console.file, environment)))
         if quiet:
             shown.addFilter(lambda record: record.__dict__["topic"] not in QUIET_TOPICS)
         screen = _Outlet(shown)
         self._outlets = [screen]
         if file is not None:
             written = WatchedFileHandler(file, encoding="utf-8")
-            written.setFormatter(_LogLine())
+            written.setFormatter(_Line())
             self._outlets.append(_Outlet(written, partial(_tell_loss, screen, f"lines for {file}")))
         self._records: _Outlet | None = None
         if stream is not None:
@@ -134,27 +134,27 @@ def _now() -> datetime:
     return datetime.now(UTC).astimezone()
 
 
-class _LogLine(logging.Formatter):
-    """`2026-03-01T12:00:00.000+01:00 WARNING input: text`."""
+class _Line(logging.Formatter):
+    """`2026-03-01T12:00:00.000+01:00 WARNING input: text`.
+
+    Of the journal `<4>input: text`: it has a time of its own, and takes the level from the number.
+    """
+
+    def __init__(self, of_journal: bool = False) -> None:
+        super().__init__()
+        self._of_journal = of_journal
 
     def format(self, record: logging.LogRecord) -> str:
         made = datetime.fromtimestamp(record.created, UTC).astimezone().isoformat(timespec="milliseconds")
-        return f"{made} {record.levelname} {record.__dict__['topic']}: {one_line(record.getMessage())}"
-
-
-class _JournalLine(logging.Formatter):
-    """`<4>input: text`: the journal has a time of its own, and takes the level from the number."""
-
-    def format(self, record: logging.LogRecord) -> str:
-        return f"<{_PRIORITIES[record.levelno]}>{record.__dict__['topic']}: {one_line(record.getMessage())}"
+        level = f"<{_PRIORITIES[record.levelno]}>" if self._of_journal else f"{made} {record.levelname} "
+        return f"{level}{record.__dict__['topic']}: {one_line(record.getMessage())}"
 
 
 class _Shown(logging.Handler):
     """Onto the console, above the view where there is one."""
 
-    def __init__(self, console: Console, line: logging.Formatter) -> None:
+    def __init__(self, console: Console) -> None:
         super().__init__()
-        self.setFormatter(line)
         self._console = console
 
     def emit(self, record: logging.LogRecord) -> None:

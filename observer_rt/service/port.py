@@ -56,10 +56,6 @@ class Outbox:
             self.flush()
         self.discard()
 
-    def give_up(self, frames: Iterable[OutputFrame]) -> None:
-        """Send none of the frames."""
-        self.unsent += sum(1 for _ in frames)
-
     def discard(self) -> None:
         """Give up all that waits."""
         self.unsent += len(self._waiting)
@@ -92,23 +88,21 @@ class LinkWatch:
             for text in condition_messages(self._channel, self._condition, self._link.condition)
         ]
         self._condition = self._link.condition
-        if self._link.dropped > self._dropped:
+        if dropped := self._link.dropped - self._dropped:
+            self._dropped += dropped
             text = (
-                f"{self._link.dropped - self._dropped} frames of {self._channel} were lost before this process could "
-                "read them\n"
+                f"{dropped} frames of {self._channel} were lost before this process could read them\n"
                 "  remedy: give it a processor of its own (taskset) and real-time priority (chrt)"
             )
             told.append(Notice(Topic.LINK, text, incident=f"frames of {self._channel} lost"))
-            self._dropped = self._link.dropped
-        if self._outbox.unsent > self._unsent:
+        if unsent := self._outbox.unsent - self._unsent:
+            self._unsent += unsent
             text = (
-                f"{self._outbox.unsent - self._unsent} results were not sent, the transmit queue of "
-                f"{self._channel} is full\n"
+                f"{unsent} results were not sent, the transmit queue of {self._channel} is full\n"
                 "  remedy: check that another node acknowledges, the bus load, and the length of the queue "
                 f"(SocketCAN: sudo ip link set {self._channel} txqueuelen 1000)"
             )
             told.append(Notice(Topic.LINK, text, incident=f"transmit queue of {self._channel} full"))
-            self._unsent = self._outbox.unsent
         if told:
             self._next = now + round(PERIOD * 1e9)
         return told
@@ -174,7 +168,7 @@ class Port:
         if self.is_up:
             self._outbox.post(frames)
         else:
-            self._outbox.give_up(frames)
+            self.count_unsent(len(list(frames)))
 
     def count_unsent(self, frames: int) -> None:
         """So many results were given up by whoever sends them without this port."""
@@ -215,10 +209,8 @@ class Port:
 
     def _tell_outage(self, reason: str) -> bool:
         """Whether there was something new to tell."""
-        before, when = self._last_outage
-        now = time.monotonic()
+        (before, when), now = self._last_outage, time.monotonic()
         self._last_outage = reason, now
-        is_new = reason != before or now - when > SILENCE
-        if is_new:
+        if is_new := reason != before or now - when > SILENCE:
             self._tell(of_bus(Topic.LINK, f"waiting for the interface: {reason}"))
         return is_new

@@ -3,20 +3,22 @@
 Used where Linux grants it; processors are those the bench file names, else those Linux keeps apart.
 """
 
-import contextlib
 import ctypes
 import os
 import resource
-import threading
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeVar
 
 PRIORITY = 50  # of SCHED_FIFO, that of the kernel's own interrupt threads
 _CURRENT, _FUTURE, _ON_FAULT = 1, 2, 4  # mlockall(2)
 _PR_SET_TIMERSLACK = 29
 _CAP_IPC_LOCK = 1 << 14
+_ISOLATED = Path("/sys/devices/system/cpu/isolated")
+_T = TypeVar("_T")
 
 
 @dataclass(frozen=True)
@@ -37,16 +39,13 @@ class Rights:
 
 def rights() -> Rights:
     """Of this process, whose limits are raised as far as they can be."""
-    granted: list[bool] = []
-    trial = threading.Thread(
-        target=lambda: granted.append(hurry())
-    )  # limits do not tell what a sandbox forbids
-    trial.start()
-    trial.join()
+    may_hurry = _tried(hurry)  # limits do not tell what a sandbox forbids
     _raise_limit(resource.RLIMIT_MEMLOCK)
     memory, _ = resource.getrlimit(resource.RLIMIT_MEMLOCK)
-    is_unlimited = memory == resource.RLIM_INFINITY or bool(_effective_capabilities() & _CAP_IPC_LOCK)
-    return Rights(any(granted), is_unlimited)
+    lines = Path("/proc/self/status").read_text().splitlines()
+    capabilities = next((int(line.split()[1], 16) for line in lines if line.startswith("CapEff:")), 0)
+    is_unlimited = memory == resource.RLIM_INFINITY or bool(capabilities & _CAP_IPC_LOCK)
+    return Rights(may_hurry, is_unlimited)
 
 
 def lock_memory(granted: Rights) -> Rights:
@@ -63,7 +62,7 @@ def hurry(processor: int | None = None) -> bool:
     processor: that it is to stay on, if it still may.
     """
     if processor is not None:
-        with contextlib.suppress(OSError):
+        with suppress(OSError):
             os.sched_setaffinity(0, {processor})
     ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
     _raise_limit(resource.RLIMIT_RTPRIO)
@@ -72,6 +71,12 @@ def hurry(processor: int | None = None) -> bool:
     except PermissionError:
         return False
     return True
+
+
+def _tried(what: Callable[[], _T]) -> _T:
+    """What comes of it in a thread that ends with it."""
+    with ThreadPoolExecutor(1) as trial:
+        return trial.submit(what).result()
 
 
 def take_time() -> None:
@@ -83,18 +88,8 @@ def take_time() -> None:
 def _raise_limit(which: int) -> None:
     """The soft limit to the hard one."""
     _, most = resource.getrlimit(which)
-    with contextlib.suppress(ValueError, OSError):
+    with suppress(ValueError, OSError):
         resource.setrlimit(which, (most, most))
-
-
-def _effective_capabilities() -> int:
-    for line in Path("/proc/self/status").read_text().splitlines():
-        if line.startswith("CapEff:"):
-            return int(line.split()[1], 16)
-    return 0
-
-
-_ISOLATED = Path("/sys/devices/system/cpu/isolated")
 
 
 @dataclass(frozen=True)
@@ -137,11 +132,8 @@ def processors(asked: Sequence[int] | None, loops: int) -> Processors:
     """What `loops` loops can have of the CPUs asked for, of those that are isolated if None. Each is tried."""
     isolated = numbers_in(_ISOLATED.read_text()) if _ISOLATED.exists() else ()
     wanted = tuple(dict.fromkeys(isolated if asked is None else asked))
-    granted: set[int] = set()
-    trial = threading.Thread(target=lambda: granted.update(filter(_may_stay_on, wanted)))
-    trial.start()
-    trial.join()
-    own = tuple(each for each in wanted if each in granted)[:loops]
+    granted = _tried(lambda: tuple(filter(_may_stay_on, wanted)))
+    own = granted[:loops]
     return Processors(
         own,
         () if asked is None else tuple(each for each in wanted if each not in granted),

@@ -6,7 +6,7 @@ The one table of them. The log, the view and the databases' value tables use `Wo
 import logging
 from collections.abc import Mapping
 from dataclasses import dataclass
-from enum import IntEnum, StrEnum
+from enum import StrEnum
 
 from observer_rt.observer.stream.state import Reason, State
 
@@ -243,8 +243,3 @@ def named(value: State | Reason) -> str:
 def is_good(state: State) -> bool:
     """Whether results can be valid in this state."""
     return state in (State.RUNNING_NOMINAL, State.ADAPTED)
-
-
-def value_table(members: type[IntEnum]) -> str:
-    """The entries of a database's `VAL_` for all states or reasons."""
-    return " ".join(f'{int(member)} "{named(member)}"' for member in members)  # type: ignore[arg-type]

@@ -12,7 +12,7 @@ from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench
 from observer_rt.observer.learning.knowledge import no_knowledge
 from observer_rt.service.compiled.constants import configured_noise
 from observer_rt.service.keeping.state_file import load_knowledge, model_hash, save_knowledge
-from tests.service.knowledge_samples import PRESSURE_SCALE, damage, some_knowledge
+from tests.service.samples import PRESSURE_SCALE, damage, some_knowledge
 
 MODEL = model_hash(load_injector())
 

@@ -14,8 +14,8 @@ from observer_rt.service.keeping.journal import JournalWriter
 from observer_rt.service.keeping.keeper import sole_writer
 from tests.cli.conftest import Command
 from tests.device import frames_of
-from tests.service.keeping.report_samples import some_report
 from tests.service.participants import ScriptedLink, give_link
+from tests.service.samples import some_report
 
 
 @pytest.fixture

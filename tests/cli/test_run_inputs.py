@@ -9,8 +9,8 @@ from observer_rt.recording.replay.framing import TimedFrame
 from tests.cli.bench_engineer import run_and_stop
 from tests.cli.conftest import Command
 from tests.device import frames_of, merged
-from tests.service import pulse_bench, slow_frames
-from tests.service.pulse_frames import durations
+from tests.service import pulses, slow_frames
+from tests.service.pulses import durations
 
 # Those of the recording, and one that does nothing.
 PULSES = [(0.12, 0.5e-3), *((0.15 + 0.05 * number, 1.1e-3) for number in range(4))]
@@ -20,11 +20,11 @@ OPENED = re.compile(r"injection (\d+) at .* command (\d+), opened after (\d+) us
 def test_commands_and_missing_injections_are_printed(
     command: Command, bench: Path, worn: Path, tmp_path: Path
 ) -> None:
-    (tmp_path / "bed.dbc").write_text(pulse_bench.TEXT)
+    (tmp_path / "bed.dbc").write_text(pulses.TEXT)
     text = (
         bench.read_text().replace('"can0"', f'"{tmp_path.name}"').replace("enabled = true", "enabled = false")
     )
-    bench.write_text(f'{text}\n[[dbc]]\nfile = "bed.dbc"\n[signals.energizing]\n{pulse_bench.Told.TIME}')
+    bench.write_text(f'{text}\n[[dbc]]\nfile = "bed.dbc"\n[signals.energizing]\n{pulses.Told.TIME}')
     frames = merged(frames_of(bench, worn), durations(PULSES))
     outcome, _ = run_and_stop(command, bench, frames)
     assert outcome.code == 0

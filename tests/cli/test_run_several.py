@@ -140,7 +140,7 @@ def test_on_an_interface_that_opens_once_they_share_the_connection(
         return open_link(interface, channel, fd, wanted, stamps)
 
     monkeypatch.setattr(opening, "open_link", connect)
-    monkeypatch.setattr("observer_rt.service.sharing.OPENED_OFTEN", ())
+    monkeypatch.setattr("observer_rt.service.opening.OPENED_OFTEN", ())
     outcome, heard = run_and_stop(command, bench, traffic.frames, EVERYONE)
     assert outcome.code == 0, outcome.err
     for number in EVERYONE:

@@ -1,6 +1,7 @@
 """CAN logs through the observer: the same frames in every format give the same, bit for bit."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -21,7 +22,6 @@ from tests.device import frames_of, later, simulated, worn_recording
 from tests.recording.canlog.log_cases import sent_log, write_log
 from tests.service.time_frames import Clock, merged, plant, send, write_time_bench
 from tests.service.time_scenarios import LIFT_ALONE
-from tests.service.watch.watched import with_channel
 
 BENCH = load_bench()
 RATE = 100e3
@@ -215,7 +215,8 @@ def test_a_message_that_ends_early_is_named(tmp_path: Path) -> None:
 
 def test_a_dead_sensor_in_a_log_is_named(tmp_path: Path) -> None:
     bench = block_bench(tmp_path, "virtual", ["x"])
-    dead = with_channel(worn_recording(injections=12), needle_lift=lambda lift: np.zeros_like(lift))
+    recording = worn_recording(injections=12)
+    dead = replace(recording, needle_lift=np.zeros_like(recording.needle_lift))
     write_log(tmp_path / "a.log", sent_log(frames_of(bench, dead)))
     (note,) = LoggedSignals(load_bench(bench), tmp_path / "a.log").notes
     assert "NeedleLiftBlock 0x111 (needle_lift): needle_lift is frozen" in note

@@ -5,17 +5,20 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import can
 import cantools.database
 import numpy as np
+from cantools.database.can import Message
 from numpy.typing import NDArray
 
+from observer_rt.bus.links.link import Frame
 from observer_rt.config.bench import EXAMPLE_BENCH, PACKAGE_DATA, load_bench
 from observer_rt.observer.stream.front_end import samples_ahead
+from observer_rt.service.core.messages import OutputFrame
 
 DATABASE = cantools.database.load_file(PACKAGE_DATA / "observer_fd.dbc")
 RATE = DATABASE.get_message_by_name("InjectionRate")
@@ -54,12 +57,27 @@ class Heard:
     summaries: list[bytes]
     statuses: list[bytes]
 
+    @property
+    def results(self) -> tuple[list[bytes], list[bytes]]:
+        """Rates and summaries, as of `results_of`."""
+        return self.rates, self.summaries
+
     def last_status(self) -> dict[str, float]:
         """The last status frame, decoded."""
         return decoded(STATUS, self.statuses[-1])
 
 
-def decoded(message: cantools.database.Message, payload: bytes) -> dict[str, float]:
+def payloads(frames: Iterable[OutputFrame] | Iterable[Frame], message: Message) -> list[bytes]:
+    """What frames of a message carry."""
+    return [frame.payload for frame in frames if frame.frame_id == message.frame_id]
+
+
+def results_of(frames: Sequence[OutputFrame]) -> tuple[list[bytes], list[bytes]]:
+    """What rates carry, and summaries."""
+    return payloads(frames, RATE), payloads(frames, SUMMARY)
+
+
+def decoded(message: Message, payload: bytes) -> dict[str, float]:
     """Signals as numbers, by cantools."""
     values = message.decode(payload, decode_choices=False, scaling=True)
     assert isinstance(values, dict)
@@ -128,7 +146,7 @@ def run_over(
     listener = Listener(bus)
     daemon = subprocess.Popen(command("run", "--bench", bench, *options), stderr=subprocess.PIPE, text=True)
     try:
-        _wait_until(lambda: bool(listener.heard.statuses), START_TIMEOUT, daemon)
+        wait_for(lambda: bool(listener.heard.statuses), START_TIMEOUT, daemon)
         player = subprocess.run(
             command("replay", recording, "--bench", bench, "--speed", str(speed)),
             capture_output=True,
@@ -137,7 +155,7 @@ def run_over(
         )
         assert player.returncode == 0, player.stderr
         ahead = samples_ahead(1.0 / load_bench(bench).injector.config.sampling.rate_hz)
-        _wait_until(lambda: _processed(listener.heard) + ahead >= samples, END_TIMEOUT, daemon)
+        wait_for(lambda: _processed(listener.heard) + ahead >= samples, END_TIMEOUT, daemon)
         daemon.send_signal(signal.SIGTERM)
         _, messages = daemon.communicate(timeout=END_TIMEOUT)
         assert daemon.returncode == 0, messages
@@ -153,7 +171,8 @@ def _processed(heard: Heard) -> int:
     return int(status["SamplesProcessed"] + status["LostSamples"])
 
 
-def _wait_until(condition, timeout: float, daemon: subprocess.Popen[str]) -> None:  # type: ignore[no-untyped-def]
+def wait_for(condition: Callable[[], bool], timeout: float, daemon: subprocess.Popen[str]) -> None:
+    """Wait until it holds, the daemon still there."""
     end = time.monotonic() + timeout
     while not condition():
         assert daemon.poll() is None, f"the daemon ended: {daemon.stderr.read() if daemon.stderr else ''}"

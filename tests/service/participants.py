@@ -1,25 +1,36 @@
 """Others on the bus of a daemon under test: a measuring device, a listener, and a link that obeys the test."""
 
+import io
 import math
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from typing import Any, Self
 
 import pytest
+from rich.console import Console
 
 from observer_rt.bus.database.lookup import MessageLayout
-from observer_rt.bus.links.link import Frame, Link
+from observer_rt.bus.links.controller import BusCondition
+from observer_rt.bus.links.link import Frame, Link, LinkDownError
 from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench, load_bench
 from observer_rt.foundation.errors import RunError
+from observer_rt.observer.stream.state import Reason, State
 from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.recording.replay.player import play
 from observer_rt.service import opening
+from observer_rt.service.core.core import Core
+from observer_rt.service.core.messages import OutputFrame
 from observer_rt.service.daemon import Daemon
+from observer_rt.service.pump.pump import FramePump
+from observer_rt.service.reports.news import Notes
+from observer_rt.service.screen.curves import References
+from observer_rt.service.screen.view import Screen, View
 from observer_rt.service.warm_up import warm_up
 from observer_rt.service.watch.arrivals import Arrivals
 from tests.benches import SAMPLE_RATE
@@ -60,6 +71,114 @@ class ScriptedLink(FakeLink):
     def statuses(self) -> list[dict[str, float]]:
         """Status frames sent so far, decoded by cantools."""
         return [decoded(STATUS, f.payload) for f in self.sent if f.frame_id == STATUS.frame_id]
+
+
+class TroubledLink(ScriptedLink):
+    """A scripted link that can be unplugged, and whose transmit queue can be full."""
+
+    def __init__(self, frames: Iterable[TimedFrame] = ()) -> None:
+        super().__init__(frames)
+        self.plugged = threading.Event()
+        self.plugged.set()
+        self.has_room = True
+        self.why = "can5 is down\n  remedy: plug it in"
+        self.told = BusCondition()
+
+    def receive(self, timeout_s: float) -> Frame | None:
+        self._require()
+        return super().receive(timeout_s)
+
+    def try_send(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool) -> bool:
+        self._require()
+        if self.has_room:
+            self.send(frame_id, payload, is_extended, is_fd)
+        return self.has_room
+
+    def reconnect(self) -> None:
+        self._require()
+
+    def deliver(self, frames: Iterable[TimedFrame]) -> None:
+        self.empty.clear()
+        self._frames = deque(frames)
+
+    @property
+    def condition(self) -> BusCondition:
+        return self.told
+
+    def _require(self) -> None:
+        if not self.plugged.is_set():
+            raise LinkDownError(self.why)
+
+
+class HeardDaemon(Daemon):
+    """A daemon of a bench on the links given, whose news are kept, and shown by a view."""
+
+    def __init__(
+        self,
+        bench: Path | Bench,
+        *links: Link,
+        is_warm: bool = False,
+        references: References | None = None,
+        **options: Any,
+    ) -> None:
+        """is_warm: all that it calls was called before; references: of `View`; options: of `Daemon`."""
+        loaded = bench if isinstance(bench, Bench) else load_bench(bench)
+        bus = map_bus(loaded)
+        if is_warm:
+            warm_up(loaded, bus)
+        self.notes, self.view = Notes(), View("title of the view", loaded.injector, references)
+        super().__init__(loaded, bus, links, listeners=[self.notes, self.view.hear], **options)
+        self.view.watch(self)
+        self.messages = self.notes.messages
+
+    def drawn(self, width: int = 80, height: int = 24) -> str:
+        """Its view on a terminal of this size."""
+        return "\n".join(drawn(self.view, width, height))
+
+    def now(self) -> tuple[State, Reason]:
+        """State and reason."""
+        return self.state(time.monotonic_ns())
+
+
+class Pumped:
+    """A pump without a daemon on one link, closed at the end; unsent: counts of rates it gave up."""
+
+    def __init__(self, path: Path, link: Link, waits_for_verdicts: bool = True) -> None:
+        bench = load_bench(path)
+        bus = map_bus(bench)
+        self.core, self.arrivals, self.unsent = Core(bench.injector, bus), Arrivals(bus), list[int]()
+        self.core.compiled.observer.memory["waits_for_verdicts"] = waits_for_verdicts
+        self.pump = FramePump([link], self.core, bus, self.arrivals, self.unsent.append)
+
+    def serve_until_taken(self, frames: int) -> list[OutputFrame]:
+        """What is handed over meanwhile."""
+        handed: list[OutputFrame] = []
+        end = time.monotonic() + PATIENCE
+        while self.arrivals.frames < frames:
+            assert time.monotonic() < end
+            handed += self.pump.serve(1e-3)
+        return handed
+
+    def ends(self) -> bool:
+        """Whether it comes to its end while nobody attends to it."""
+        ending = threading.Thread(target=self.pump.finish, daemon=True)
+        ending.start()
+        ending.join(PATIENCE)
+        return not ending.is_alive()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.pump.close()
+
+
+def drawn(screen: Screen, width: int = 80, height: int = 24, now: int | None = None) -> list[str]:
+    """Lines on a terminal of this size; now: a monotonic time [ns]."""
+    file = io.StringIO()
+    console = Console(file=file, width=width, height=height, force_terminal=True, color_system=None)
+    console.print(screen.render(time.monotonic_ns() if now is None else now, width, height))
+    return file.getvalue().splitlines()
 
 
 @contextmanager
@@ -129,21 +248,34 @@ def assert_warm_up_takes_all(bench: Bench) -> None:
     assert counters.crc_errors == counters.length_errors == 0
 
 
-def over_bus(path: Path, frames: Sequence[TimedFrame], speed: float = math.inf) -> tuple[Heard, Daemon]:
-    """Frames played to a daemon over the bench's bus; what a third participant heard, all in this process."""
+@contextmanager
+def opened(path: Path, sending: bool) -> Iterator[list[Link]]:
+    """A link to each bus of a bench, for the daemon or for the measuring devices."""
     bench = load_bench(path)
     bus = map_bus(bench)
-    link = bench.config.link
-    warm_up(bench, bus)
-    inputs = [(layout.frame_id, layout.is_extended) for layout in bus.input_layouts]
+    with ExitStack() as stack:
+        links = []
+        for number, each in enumerate(bench.config.buses):
+            inputs = [] if sending else bus.received_on(number)
+            computer_time = not sending and len(bench.config.buses) > 1
+            link = open_link(each.config.interface, each.config.channel, True, inputs, computer_time)
+            links.append(stack.enter_context(link))
+        yield links
+
+
+def over_bus(path: Path, frames: Sequence[TimedFrame], speed: float = math.inf) -> tuple[Heard, Daemon]:
+    """Frames played to a daemon over the buses of a bench; what is heard on the last, all in this process."""
+    bench = load_bench(path)
+    warm_up(bench, map_bus(bench))
+    results = bench.config.buses[-1].config
     with (
-        listening(link.interface, link.channel) as listener,
-        open_link(link.interface, link.channel, True, inputs) as daemon_link,
-        open_link(link.interface, link.channel, True, []) as player_link,
+        listening(results.interface, results.channel) as listener,
+        opened(path, sending=False) as links,
+        opened(path, sending=True) as players,
     ):
-        daemon = Daemon(bench, bus, [daemon_link])
+        daemon = HeardDaemon(bench, *links)
         with serving(daemon):
-            play(frames, player_link, speed)
+            play(frames, players[0], speed, by_bus=dict(enumerate(players)))
             until(lambda: daemon.core.counters.frames + daemon.dropped >= len(frames))
         until(lambda: bool(listener.heard.statuses) and _samples(listener.heard) == daemon.core.processed)
     if daemon.dropped:

@@ -1,5 +1,6 @@
-"""The daemon on the bus of this process: what it publishes, and what it says of itself."""
+"""The daemon on the bus of this process: what it publishes, what it says of itself, and whether it is alive."""
 
+import math
 import threading
 import time
 from pathlib import Path
@@ -7,25 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.bus.links.link import Frame
 from observer_rt.config.bench import load_bench
-from observer_rt.evaluation.evaluate import History, evaluate
+from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.foundation.errors import RunError
 from observer_rt.observer.stream.state import Reason, State
 from observer_rt.recording.replay.framing import TimedFrame, windows
-from observer_rt.recording.signals.recording import Recording
-from observer_rt.service.daemon import Daemon
-from observer_rt.service.warm_up import warm_up
 from tests.device import frames_of, worn_recording
-from tests.service.end_to_end import RATE, SUMMARY, decoded, published_rates
-from tests.service.participants import ScriptedLink, bench_file, over_bus, serving, until
+from tests.service.end_to_end import RATE, SUMMARY, decoded, payloads, published_rates, results_of
+from tests.service.participants import HeardDaemon, ScriptedLink, bench_file, over_bus, serving, until
 
 BLOCK = 9  # samples of a SampleBlock
-
-
-@pytest.fixture(scope="module")
-def recording() -> Recording:
-    return worn_recording()
 
 
 @pytest.fixture(scope="module")
@@ -34,26 +27,24 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def frames(bench: Path, recording: Recording) -> list[TimedFrame]:
-    return frames_of(bench, recording)
+def frames(bench: Path) -> list[TimedFrame]:
+    return frames_of(bench, worn_recording())
 
 
-@pytest.fixture(scope="module")
-def history(bench: Path, recording: Recording) -> History:
-    return evaluate(load_bench(bench), [recording])
+@pytest.fixture(params=["virtual", pytest.param("socketcan", marks=pytest.mark.vcan)])
+def bus(request: pytest.FixtureRequest, tmp_path: Path) -> tuple[Path, float]:
+    """A bench on the bus of this process, or on a real interface, and the speed of replay on it."""
+    if request.param == "virtual":
+        return bench_file(tmp_path, "daemon-test"), math.inf
+    return bench_file(tmp_path, request.getfixturevalue("vcan"), "socketcan"), 0.1
 
 
-def payloads(history: History, frame_id: int) -> list[bytes]:
-    return [frame.payload for frame in history.frames if frame.frame_id == frame_id]
-
-
-def test_frames_equal_those_of_evaluate(
-    bench: Path, frames: list[TimedFrame], recording: Recording, history: History
-) -> None:
+def test_frames_equal_those_of_evaluate(bus: tuple[Path, float]) -> None:
     """Bit for bit: a worker thread over a bus, and everything in one thread without a bus; learning included."""
-    heard, daemon = over_bus(bench, frames)
-    assert heard.rates == payloads(history, RATE.frame_id)
-    assert heard.summaries == payloads(history, SUMMARY.frame_id)
+    bench, speed = bus
+    recording = worn_recording()
+    heard, daemon = over_bus(bench, frames_of(bench, recording), speed)
+    assert heard.results == results_of(evaluate(load_bench(bench), [recording]).frames)
     assert len(heard.summaries) == 4
     assert daemon.core.counters.adoptions >= 2
     _, count = published_rates(heard.rates, recording.samples)
@@ -65,69 +56,61 @@ def test_frames_equal_those_of_evaluate(
     assert last["LostSamples"] == last["DroppedFrames"] == last["LateAdoptions"] == 0
 
 
-def test_windowed_source_every_index_sent_once(bench: Path, recording: Recording) -> None:
+def test_windowed_source_every_index_sent_once(bus: tuple[Path, float]) -> None:
+    bench, speed = bus
+    recording = worn_recording()
     spans = windows(recording)
-    frames = frames_of(bench, recording, spans)
-    heard, daemon = over_bus(bench, frames)
+    heard, daemon = over_bus(bench, frames_of(bench, recording, spans), speed)
     rate, count = published_rates(heard.rates, recording.samples)
     assert count.max() == 1
     assert len(heard.summaries) == len(spans) == 4
-    for span in spans:
-        assert (count[span.start : span.end] == 1).all()
-    for span in spans:
-        injection = slice(span.start + 75, span.end)  # from 0.5 ms before the opening on
-        assert not np.isnan(rate[injection]).any()
     outside = np.ones(recording.samples, bool)
     for span in spans:
+        assert (count[span.start : span.end] == 1).all()
+        assert not np.isnan(rate[span.start + 75 : span.end]).any()  # from 0.5 ms before the opening on
         outside[span.start : span.end] = False
     assert np.isnan(rate[outside]).all()
     assert daemon.core.counters.lost_samples == 0
     assert [decoded(SUMMARY, s)["Valid"] for s in heard.summaries] == [0, 0, 1, 1]
 
 
-def test_lost_frame_is_not_available_and_counted(
-    bench: Path, frames: list[TimedFrame], recording: Recording
-) -> None:
-    gone = 1000
-    heard, _ = over_bus(bench, frames[:gone] + frames[gone + 1 :])
-    rate, count = published_rates(heard.rates, recording.samples)
+def test_lost_frame_is_not_available_and_counted(bus: tuple[Path, float]) -> None:
+    bench, speed = bus
+    frames, gone = frames_of(bench, worn_recording()), 200
+    heard, _ = over_bus(bench, frames[:gone] + frames[gone + 1 : 600], speed)
+    rate, count = published_rates(heard.rates, 600 * BLOCK)
     assert count.max() == 1
     assert np.isnan(rate[gone * BLOCK : (gone + 1) * BLOCK]).all()
     assert not np.isnan(rate[gone * BLOCK - 1])
+    assert not np.isnan(rate[(gone + 50) * BLOCK])
     assert heard.last_status()["LostSamples"] == BLOCK
 
 
 def test_states_before_frames_between_and_after(bench: Path, frames: list[TimedFrame]) -> None:
-    loaded = load_bench(bench)
-    link = ScriptedLink(frames)
-    waiting = ScriptedLink()
-    bus = map_bus(loaded)
-    warm_up(loaded, bus)
-    with serving(Daemon(loaded, bus, [waiting])):
+    link, waiting = ScriptedLink(frames), ScriptedLink()
+    with serving(HeardDaemon(bench, waiting, is_warm=True)):
         until(lambda: len(waiting.statuses()) >= 2)
     for status in waiting.statuses():
         assert (status["State"], status["Reason"]) == (State.WAITING_FOR_DATA, Reason.STARTING)
         assert status["Valid"] == 0
-    daemon = Daemon(loaded, bus, [link])
+    daemon = HeardDaemon(bench, link)
     with serving(daemon):
-        until(lambda: daemon.state(time.monotonic_ns()) == (State.ADAPTED, Reason.NONE))
+        until(lambda: daemon.now() == (State.ADAPTED, Reason.NONE))
         until(lambda: link.statuses()[-1]["Reason"] == Reason.INPUT_TIMEOUT)
         assert link.statuses()[-1]["State"] == State.WAITING_FOR_DATA
         assert link.statuses()[-1]["Valid"] == 0
 
 
 def test_status_comes_in_its_period(bench: Path) -> None:
-    loaded = load_bench(bench)
     link = ScriptedLink()
-    with serving(Daemon(loaded, map_bus(loaded), [link])):
+    with serving(HeardDaemon(bench, link)):
         time.sleep(1.0)
     assert 5 <= len(link.statuses()) <= 12  # every 100 ms if the machine lets it, and the last
 
 
 def test_dropped_frames_are_told(bench: Path, frames: list[TimedFrame]) -> None:
-    loaded = load_bench(bench)
     link = ScriptedLink(frames[:10])
-    with serving(Daemon(loaded, map_bus(loaded), [link])):
+    with serving(HeardDaemon(bench, link)):
         until(lambda: bool(link.statuses()))
         link.lost = 7
     assert link.statuses()[0]["DroppedFrames"] == 0
@@ -136,10 +119,8 @@ def test_dropped_frames_are_told(bench: Path, frames: list[TimedFrame]) -> None:
 
 def test_failing_link_ends_the_loop(bench: Path, frames: list[TimedFrame]) -> None:
     """With its reason, and with all that was learned until then."""
-    loaded = load_bench(bench)
-    link = ScriptedLink(frames, RunError("the interface went away"))
     others = set(threading.enumerate())
-    daemon = Daemon(loaded, map_bus(loaded), [link])
+    daemon = HeardDaemon(bench, ScriptedLink(frames, RunError("the interface went away")))
     with pytest.raises(RunError, match="the interface went away"):
         daemon.run(threading.Event())
     assert daemon.core.knowledge.events >= 3
@@ -148,23 +129,48 @@ def test_failing_link_ends_the_loop(bench: Path, frames: list[TimedFrame]) -> No
     assert "learning" not in [thread.name.split("_")[0] for thread in left]
 
 
-def test_learning_that_is_switched_off(
-    bench: Path, frames: list[TimedFrame], recording: Recording, tmp_path: Path
-) -> None:
+def test_learning_that_is_switched_off(bench: Path, frames: list[TimedFrame], tmp_path: Path) -> None:
     path = tmp_path / "bench.toml"
     path.write_text(bench.read_text().replace("enabled = true", "enabled = false"))
     heard, _ = over_bus(path, frames)
-    expected = evaluate(load_bench(path), [recording], learning=False)
-    assert heard.rates == payloads(expected, RATE.frame_id)
+    expected = evaluate(load_bench(path), [worn_recording()], learning=False)
+    assert heard.rates == payloads(expected.frames, RATE)
     last = heard.last_status()
     assert (last["Learning"], last["Adoptions"], last["State"]) == (0, 0, State.DEGRADED)  # worn
 
 
 def test_writes_that_failed_are_counted_in_the_status(bench: Path, frames: list[TimedFrame]) -> None:
     """Of those who write files beside the loop; the count stays at its largest value."""
-    loaded = load_bench(bench)
     for failed, shown in ((3, 3), (100_000, 65535)):
         link = ScriptedLink(frames[:10])
-        with serving(Daemon(loaded, map_bus(loaded), [link], failed_writes=lambda: failed)):  # noqa: B023
+        with serving(HeardDaemon(bench, link, failed_writes=lambda: failed)):  # noqa: B023
             until(link.empty.is_set)
         assert link.statuses()[-1]["FailedWrites"] == shown
+
+
+class HangingLink(ScriptedLink):
+    """Does not come back from `receive` while it is told so."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.may_return = threading.Event()
+        self.may_return.set()
+
+    def receive(self, timeout_s: float) -> Frame | None:
+        self.may_return.wait()
+        return super().receive(timeout_s)
+
+
+def test_a_loop_that_hangs_is_not_alive(bench: Path) -> None:
+    """Who watches the loop hears of completed steps only: a link that hangs is not hidden by anything beside it."""
+    link, alive = HangingLink(), list[float]()
+    daemon = HeardDaemon(bench, link, on_alive=lambda: alive.append(time.monotonic()))
+    with serving(daemon):
+        until(lambda: len(alive) >= 5)
+        link.may_return.clear()
+        time.sleep(0.2)
+        count = len(alive)
+        time.sleep(0.5)
+        assert len(alive) == count
+        link.may_return.set()
+        until(lambda: len(alive) > count + 3)

@@ -5,7 +5,7 @@ from concurrent.futures import CancelledError
 
 import pytest
 
-from observer_rt.service.sharing import LearningQueue
+from observer_rt.service.run import LearningQueue
 
 
 def test_an_injector_with_many_events_does_not_keep_the_others_waiting() -> None:

@@ -19,6 +19,9 @@ from observer_rt.observer.stream.state import Reason, State
 from observer_rt.recording.formats import read_recording, write_recording
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import SimulatedNoise, simulate
+from tests.benches import block_bench
+from tests.device import worn_recording
+from tests.interface import OwnInterface
 from tests.service.end_to_end import (
     RATE,
     STATUS,
@@ -27,6 +30,7 @@ from tests.service.end_to_end import (
     decoded,
     output_bus,
     published_rates,
+    results_of,
     run_over,
     write_bench,
 )
@@ -163,6 +167,24 @@ def assert_published_once(run: Run) -> None:
 
 def assert_equal_to_evaluation(run: Run) -> None:
     """`evaluate --bench` and the daemon on vcan give the same frames, bit for bit, learning included."""
-    expected = {RATE.frame_id: run.heard.rates, SUMMARY.frame_id: run.heard.summaries}
-    for frame_id, heard in expected.items():
-        assert [f.payload for f in run.history.frames if f.frame_id == frame_id] == heard
+    assert run.heard.results == results_of(run.history.frames)
+
+
+@pytest.mark.slow
+@pytest.mark.vcan
+def test_results_over_four_interfaces_equal_those_of_one_bus(
+    tmp_path: Path, vcan: str, interfaces: list[OwnInterface]
+) -> None:
+    csv = tmp_path / "worn.csv"
+    write_recording(csv, worn_recording())
+    recording = read_recording(csv)
+    one = block_bench(tmp_path / "one", "virtual", ["one"])
+    expected = evaluate(load_bench(one), [recording]).frames
+    four = block_bench(tmp_path / "four", "socketcan", [vcan, *(each.name for each in interfaces)])
+    with output_bus("socketcan", interfaces[-1].name) as bus:
+        heard = run_over(four, csv, bus, 0.05, recording.samples)
+    if heard.last_status()["DroppedFrames"]:
+        pytest.fail("machine too slow: a socket of the daemon dropped frames")
+    assert heard.results == results_of(expected)
+    assert len(heard.summaries) == 4
+    assert heard.last_status()["TroubledBus"] == 0

@@ -3,7 +3,6 @@
 import re
 import signal
 import subprocess
-import sys
 import threading
 import time
 from pathlib import Path
@@ -13,7 +12,7 @@ import pytest
 
 from observer_rt.bus.links.opening import open_link
 from observer_rt.recording.replay.player import play
-from tests.service.end_to_end import END_TIMEOUT, START_TIMEOUT, STATUS, decoded
+from tests.service.end_to_end import END_TIMEOUT, START_TIMEOUT, STATUS, command, decoded, wait_for
 from tests.service.participants import until
 from tests.three_injectors import (
     NAMES,
@@ -51,20 +50,15 @@ def test_each_is_observed_as_if_it_were_alone(tmp_path: Path, vcan: str) -> None
             if (message := bus.recv(0.1)) is not None:
                 heard[message.arbitration_id].append(bytes(message.data))
 
-    command = [sys.executable, "-m", "observer_rt", "run", "--bench", str(three.bench)]
     with (
         can.Bus(interface="socketcan", channel=vcan, fd=True, can_filters=filters) as bus,
         open_link("socketcan", vcan, True, []) as player,
     ):
         listener = threading.Thread(target=listen, args=(bus,))
         listener.start()
-        daemon = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+        daemon = subprocess.Popen(command("run", "--bench", three.bench), stderr=subprocess.PIPE, text=True)
         try:
-            end = time.monotonic() + START_TIMEOUT
-            while least_processed() < 0:
-                assert daemon.poll() is None, daemon.stderr and daemon.stderr.read()
-                assert time.monotonic() < end
-                time.sleep(0.1)
+            wait_for(lambda: least_processed() >= 0, START_TIMEOUT, daemon)
             play(three.frames, player, SPEED)
             until(lambda: least_processed() >= three.recordings[0].samples - LOOK_AHEAD)
             daemon.send_signal(signal.SIGTERM)

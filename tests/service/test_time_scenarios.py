@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from observer_rt.observer.stream.state import State
-from tests.service.time_frames import Clock, merged, observe, send, write_time_bench
+from tests.service.time_frames import Clock, Outcome, merged, observe, send, write_time_bench
 from tests.service.time_scenarios import (
     DISTURBED,
     GOOD,
@@ -49,20 +49,21 @@ def test_nothing_wrong_is_marked_valid(scenario: Scenario, tmp_path: Path) -> No
         assert outcome.times[-1] < DISTURBED + 0.01  # nothing is published of what is not known
 
 
+def from_two(folder: Path, signals: dict[str, str], other: Clock) -> Outcome:
+    """Of line pressure by the clock of the grid, rail pressure and lift by another."""
+    frames = merged(send("Line", GRID), send("RailLift", other))
+    return observe(write_time_bench(folder, RATE, signals), frames, GRID)
+
+
 def test_skew_that_nobody_tells_of_is_seen_in_the_error(tmp_path: Path) -> None:
     """So that the above can fail: three samples between two devices that share an index spoil the rates."""
     late = Clock(RATE, 150e-6)
-    outcome = observe(
-        write_time_bench(tmp_path, RATE, ONE_BASE), merged(send("Line", GRID), send("RailLift", late)), GRID
-    )
-    injections = outcome.injections()
+    injections = from_two(tmp_path, ONE_BASE, late).injections()
     assert max(injection.rmse for injection in injections) > 2 * SCENARIOS[0].rmse
 
 
 def test_times_are_told(tmp_path: Path) -> None:
-    outcome = observe(
-        write_time_bench(tmp_path, RATE, TWO_BASES), merged(send("Line", GRID), send("RailLift", OTHER)), GRID
-    )
+    outcome = from_two(tmp_path, TWO_BASES, OTHER)
     line, other = sorted(outcome.core.timing, key=lambda timing: timing.name)
     assert (line.name, other.name) == ("Line", "RailLift")
     assert other.drift - line.drift == pytest.approx(50e-6, abs=1e-6)
@@ -74,8 +75,6 @@ def test_times_are_told(tmp_path: Path) -> None:
 
 
 def test_first_second_of_two_bases_is_not_valid(tmp_path: Path) -> None:
-    outcome = observe(
-        write_time_bench(tmp_path, RATE, TWO_BASES), merged(send("Line", GRID), send("RailLift", OTHER)), GRID
-    )
+    outcome = from_two(tmp_path, TWO_BASES, OTHER)
     assert not outcome.valid[outcome.times < 0.8].any()
     assert {state for state, _ in outcome.states(0.0, 0.75)} <= {State.STARTING, State.DEGRADED}

@@ -9,7 +9,7 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.foundation.errors import RunError
 from observer_rt.observer.stream.state import Reason, State
-from observer_rt.service.warm_up import INJECTIONS, warm_up
+from observer_rt.service.warm_up import INJECTIONS, learning_compiled_beside, warm_up
 from tests.service.participants import bench_file
 
 
@@ -61,3 +61,9 @@ def test_nothing_is_observed_once_it_is_to_stop(bench: Path) -> None:
     stop = threading.Event()
     stop.set()
     assert warm_up(loaded, map_bus(loaded), stop).processed == 0
+
+
+def test_another_process_compiles_what_learning_calls(bench: Path) -> None:
+    """It learns from the bench's own injections without a failure."""
+    with learning_compiled_beside(load_bench(bench).injector) as wait:
+        assert wait() == 0

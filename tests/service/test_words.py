@@ -17,7 +17,7 @@ from observer_rt.service.notify import Notifier
 from observer_rt.service.reports.news import Once, Teller
 from observer_rt.service.words import COUNTERS, REASONS, STATES, TOPICS, Topic, named
 from tests.pages import Page
-from tests.service.keeping.report_samples import some_report
+from tests.service.samples import some_report
 from tools.lib.word_tables import DATABASES, database_with_words, page_with_words
 
 PAGE = Page("docs/operating.md")

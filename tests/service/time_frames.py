@@ -9,8 +9,7 @@ import cantools
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.mapping.bus_map import map_bus
-from observer_rt.config.bench import load_bench, load_injector
+from observer_rt.config.bench import load_injector
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import effective_model, sized
@@ -21,6 +20,7 @@ from observer_rt.service.reports.news import Notes
 from observer_rt.simulation.plant import Truth, run_plant
 from observer_rt.simulation.schedule import make_schedule, strokes
 from observer_rt.simulation.simulate import LIFT, PRESSURE, Quantisation, SimulatedNoise
+from tests.device import core_of
 
 EPOCH = 1_700_000_000_000_000_000  # ns, of the receiver's clock
 PLANT_RATE = 200e3
@@ -269,9 +269,8 @@ def observe(
     wear: float = 0.0,
 ) -> Outcome:
     """Frames through a core; `grid` is the clock of the line pressure, which began anew at `restart` [s]."""
-    loaded = load_bench(bench)
     notes = Notes()
-    core = Core(loaded.injector, map_bus(loaded), learning=learning, listeners=[notes])
+    core = core_of(bench, learning=learning, listeners=[notes])
     rows, sent, seen = [], [], 0
     for frame in [*frames, None]:
         out = core.handle(frame.frame_id, False, frame.payload, frame.stamp_ns) if frame else core.finish()

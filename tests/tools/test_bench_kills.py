@@ -11,8 +11,7 @@ import pytest
 from observer_rt.config.bench import load_bench
 from observer_rt.service.keeping.journal import JournalWriter
 from observer_rt.service.keeping.state_file import model_hash, save_knowledge
-from tests.service.keeping.report_samples import some_report
-from tests.service.knowledge_samples import some_knowledge
+from tests.service.samples import some_knowledge, some_report
 from tools.benchmarks.kills.campaign import Plan, Strike, kills_document, run_campaign
 from tools.benchmarks.kills.checks import Kept, Line, differences, injections_of, loss, read_back
 from tools.benchmarks.kills.victim import Scene

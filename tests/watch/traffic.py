@@ -9,14 +9,13 @@ from observer_rt.config.bench import Bench
 from observer_rt.recording.canlog.can_log import LogFrame
 from observer_rt.recording.canlog.candump import CandumpWriter
 from observer_rt.recording.replay.framing import TimedFrame
-from observer_rt.service.core.core import Core, OutsideFigures, status_values
+from observer_rt.service.core.core import Core, status_values
 from observer_rt.service.core.messages import FrameWriter, OutputFrame
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import News
 
 BEGIN = 1_780_000_000_000_000_000  # ns since 1970
 STATUS_EVERY = 100_000_000  # ns
-_NOTHING_OUTSIDE = OutsideFigures(0, 0, 0, 0, 0.0, 0.0, 0.0, 0)
 
 
 class Observed:
@@ -36,10 +35,8 @@ class Observed:
         if frame.stamp_ns >= self._due:
             self._due = frame.stamp_ns + STATUS_EVERY
             state, reason = self._core.state
-            injector_id = self._outputs.injector_id
-            sent = sent + self._status.write(
-                status_values(self._core, state, reason, injector_id, (0, 0), _NOTHING_OUTSIDE)
-            )
+            values = status_values(self._core, state, reason, self._outputs.injector_id, (0, 0))
+            sent = sent + self._status.write(values)
         return sent
 
     def _hear(self, news: News) -> None:

@@ -6,7 +6,7 @@ Where another node sends what only this service should, no receiver knows whose 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +34,6 @@ from observer_rt.service.compiled.pipeline import Pipeline, make_receiver
 from observer_rt.service.compiled.publisher import flush, make_publisher
 from observer_rt.service.core.learners import LearnerFactory, healthy_injector, make_learner, slow_noise_of
 from observer_rt.service.core.messages import Counters, OutputFrame, ResultFrames, counted
-from observer_rt.service.inputs.energizing import EnergizingFigures
 from observer_rt.service.inputs.optional_inputs import OptionalInputs
 from observer_rt.service.reports.injection_report import report_of
 from observer_rt.service.reports.judging import EventRecord, InlineExecutor, Judging
@@ -120,8 +119,10 @@ class Core:
         self._judging = Judging(self.compiled, learner, executor or InlineExecutor(), start, healthy)
         self._tell = to_all(listeners)
         self._writes_summaries = writes_summaries
-        self._inputs = OptionalInputs(fitted, bus, self.compiled, self._tell, is_restored)
-        self._contest = Contest(self.compiled.pipeline.publisher.memory, self.compiled.observer.memory)
+        self.optional = OptionalInputs(fitted, bus, self.compiled, self._tell, is_restored)
+        """What came of energizing, fuel temperature and learning enable."""
+        self.contest = Contest(self.compiled.pipeline.publisher.memory, self.compiled.observer.memory)
+        """Whether another node sends the same results."""
         self._results = ResultFrames(bus, self.compiled.pipeline.publisher, config.outputs.injector_id)
 
     def handle(
@@ -150,18 +151,14 @@ class Core:
         """
         self._follow()
         self._judging.post()
-        self._inputs.look()
-        return self._results.reports()
+        self.optional.look()
+        return self._results.taken()
 
     def answer(self) -> list[OutputFrame]:
         """As `attend`, with the verdict or the model that the stream waits for."""
         self._follow()
         self._answer()
-        return self._results.reports()
-
-    def note_contest(self, is_contested: bool) -> None:
-        """Whether another node sends the same results: meanwhile none that goes out is valid."""
-        self._contest.note(is_contested)
+        return self._results.taken()
 
     @property
     def is_idle(self) -> bool:
@@ -175,6 +172,7 @@ class Core:
         self._go_on(self.compiled.proceed())
         self._results.collect_rates()
         flush(self.compiled.pipeline.publisher)
+        self._results.collect_rates()
         return self._results.taken()
 
     @property
@@ -223,21 +221,6 @@ class Core:
         return state_of_service(newest, Surroundings(is_stale=is_stale(self.compiled.pipeline.alignment)))
 
     @property
-    def learning(self) -> bool:
-        """Whether learning is enabled, by the bench and by its learning enable, if it has one."""
-        return self._inputs.learning
-
-    @property
-    def fuel_temperature(self) -> float | None:
-        """Of the fuel in force [K]; None where it is not measured."""
-        return self._inputs.fuel_temperature
-
-    @property
-    def energizing(self) -> EnergizingFigures | None:
-        """Commands, openings and their delay so far; None for a bench without energizing."""
-        return self._inputs.energizing
-
-    @property
     def last_index(self) -> int:
         """Device index of the last processed sample, 0 before the first."""
         return int(self.compiled.observer.ring[(self.processed - 1) % RING]["index"]) if self.processed else 0
@@ -274,7 +257,7 @@ class Core:
     @property
     def counters(self) -> Counters:
         """What was counted so far."""
-        return counted(self.compiled.pipeline, self._inputs.energizing, self._judging)
+        return counted(self.compiled.pipeline, self.optional.energizing, self._judging)
 
     @property
     def frames_taken(self) -> int:
@@ -290,82 +273,58 @@ class Core:
             waiting = self.compiled.proceed()
             self._follow()
         self._judging.post()
-        self._inputs.look()
+        self.optional.look()
 
     def _answer(self) -> None:
-        if self._inputs.is_model_due:
-            self._inputs.change_model()
+        """Give the stream the model or the verdict that it waits for."""
+        if self.optional.is_model_due:
+            self.optional.change_model()
         else:
             self._judging.answer()
 
     def _follow(self) -> None:
         """Hand over closed events, report judged ones."""
-        for judged in self._judging.follow(self.learning, self.fuel_temperature):
+        for judged in self._judging.follow(self.optional.learning, self.optional.fuel_temperature):
             self._report(judged)
 
     def _report(self, judged: EventRecord) -> None:
         """Say of the injections of a judged event what was found, with what came before it was."""
-        self._inputs.read()
+        self.optional.read()
         for injection in self._judging.injections(judged):
-            commanded = self._inputs.opening_of(injection)
-            report = report_of(injection, judged, commanded, self._contest.concerns(injection))
+            commanded = self.optional.opening_of(injection)
+            report = report_of(injection, judged, commanded, self.contest.concerns(injection))
             if self._writes_summaries:
-                self._results.add_summary(report, self.learning, self._pressure_scale)
+                self._results.add_summary(report, self.optional.learning, self._pressure_scale)
             self._tell(report)
-            self._inputs.on_injection(report)
+            self.optional.on_injection(report)
 
     @property
     def _pressure_scale(self) -> float:
         return self.compiled.observer.constants.coefficients.pressure_scale
 
 
-class OutsideFigures(NamedTuple):
-    """What the status says of links and files: frames lost before the loop, how often a link was in trouble, which.
-
-    troubled_bus: the first that is, counted from 1; 0: none. foreign_frames: of others under our identifiers; the
-    ages [s] of the last frames, nan: none came. failed_writes: of what the daemon keeps, and of its log.
-    """
-
-    dropped_frames: int
-    link_troubles: int
-    troubled_bus: int
-    foreign_frames: int
-    rail_pressure_age: float
-    needle_lift_age: float
-    line_pressure_age: float
-    failed_writes: int
-
-
-def software_version() -> tuple[int, int, int]:
-    """Major, minor and patch number of this software."""
-    major, minor, patch = (int(part) for part in __version__.split(".")[:3])
-    return major, minor, patch
-
-
 def status_values(
-    core: Core, state: State, reason: Reason, injector_id: int, hashes: tuple[int, int], link: OutsideFigures
+    core: Core, state: State, reason: Reason, injector_id: int, hashes: tuple[int, int]
 ) -> StatusValues:
-    """What the status says, every counter that it has a signal for included.
+    """What the status says, every counter that it has a signal for included; of links and files 0.
 
     hashes: of model and bus databases (first 32 bits).
     """
-    counters = core.counters
-    major, minor, patch = software_version()
-    model_hash, database_hash = hashes
+    major, minor, patch = (int(part) for part in __version__.split(".")[:3])
     valid = core.processed > 0 and bool(core.rows(core.processed - 1, core.processed)["valid"][0])
-    return StatusValues(
+    counters = core.counters
+    counts: dict[str, Any] = {name: getattr(counters, name, 0) for name in StatusValues._fields}
+    return StatusValues(**counts)._replace(
         sample_index=core.last_index & 0xFFFFFFFF,
         valid=valid and state in (State.RUNNING_NOMINAL, State.ADAPTED),
-        learning=core.learning,
+        learning=core.optional.learning,
         state=state,
         reason=reason,
         injector_id=injector_id,
         version_major=major,
         version_minor=minor,
         version_patch=patch,
-        model_hash=model_hash,
-        database_hash=database_hash,
+        model_hash=hashes[0],
+        database_hash=hashes[1],
         samples_processed=counters.samples & 0xFFFFFFFF,
-        **link._asdict(),
-        **{name: count for name, count in vars(counters).items() if name in StatusValues._fields},
     )

@@ -9,7 +9,7 @@ from observer_rt.bus.database.codec import encode
 from observer_rt.bus.database.e2e import UNPROTECTED, protect
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.mapping.bus_map import BusMap
-from observer_rt.bus.mapping.output_messages import OutputMessage, OutputPage, StatusValues, SummaryValues
+from observer_rt.bus.mapping.output_messages import OutputMessage, StatusValues, SummaryValues
 from observer_rt.estimation.scalars import NOZZLE, OFFSET, SEAT
 from observer_rt.foundation.units import CUBIC_MILLIMETRE, MEGAPASCAL, MILLIGRAM, MM3_PER_MS
 from observer_rt.service.compiled.pipeline import Pipeline
@@ -45,21 +45,16 @@ class FrameWriter:
     def write(self, values: SummaryValues | StatusValues) -> list[OutputFrame]:
         """A frame for every page; nan is not available."""
         in_order = np.array(values, np.float64)
-        return [self._write(page, in_order[page.places]) for page in self._message.pages]
-
-    def _write(self, page: OutputPage, values: np.typing.NDArray[np.float64]) -> OutputFrame:
         layout = self._message.layout
-        payload = page.blank.copy()
-        encode(values, page.table, payload)
-        protect(
-            payload,
-            layout.length,
-            layout.e2e_profile or UNPROTECTED,
-            layout.e2e_data_id or 0,
-            self._counter,
-        )
-        self._counter += 1
-        return output_frame(layout, payload.tobytes())
+        profile, data_id = layout.e2e_profile or UNPROTECTED, layout.e2e_data_id or 0
+        frames = []
+        for page in self._message.pages:
+            payload = page.blank.copy()
+            encode(in_order[page.places], page.table, payload)
+            protect(payload, layout.length, profile, data_id, self._counter)
+            self._counter += 1
+            frames.append(output_frame(layout, payload.tobytes()))
+        return frames
 
 
 class ResultFrames:
@@ -88,12 +83,7 @@ class ResultFrames:
         self._frames += self._summary_writer.write(values)
 
     def taken(self) -> list[OutputFrame]:
-        """All frames since the last call."""
-        self.collect_rates()
-        return self.reports()
-
-    def reports(self) -> list[OutputFrame]:
-        """The same, but for rates that nobody has collected."""
+        """All frames since the last call, but for rates that nobody has collected."""
         frames, self._frames = self._frames, []
         return frames
 
@@ -102,7 +92,10 @@ def summary_values(
     report: InjectionReport, injector_id: int, learning: bool, pressure_scale: float
 ) -> SummaryValues:
     """The summary of an injection; pressure_scale p_0 [Pa]."""
-    wear = report.indicators
+    nozzle, seat, offset = (report.indicators[name] for name in (NOZZLE, SEAT, OFFSET))
+    mass_sigma = np.nan
+    if report.mass_ci95 is not None:  # within 1.96 of it lies the interval, whose middle is another mass
+        mass_sigma = max(abs(bound - report.mass) for bound in report.mass_ci95) / 1.96
     return SummaryValues(
         sample_index=report.start_index & 0xFFFFFFFF,
         valid=report.valid,
@@ -115,30 +108,16 @@ def summary_values(
         injector_id=injector_id,
         reason=report.reason,
         mass=report.mass / MILLIGRAM,
-        mass_sigma=_mass_sigma(report) / MILLIGRAM,
+        mass_sigma=mass_sigma / MILLIGRAM,
         volume=report.volume / CUBIC_MILLIMETRE,
         rail_pressure_at_start=report.rail_pressure / MEGAPASCAL,
         peak_injection_rate=report.peak_rate / MM3_PER_MS,
-        nozzle_wear=wear[NOZZLE].value,
-        nozzle_wear_sigma=_known(wear[NOZZLE].sigma),
-        seat_wear=wear[SEAT].value,
-        seat_wear_sigma=_known(wear[SEAT].sigma),
-        line_pressure_offset=wear[OFFSET].value * pressure_scale / MEGAPASCAL,
+        nozzle_wear=nozzle.value,
+        nozzle_wear_sigma=np.nan if nozzle.sigma is None else nozzle.sigma,
+        seat_wear=seat.value,
+        seat_wear_sigma=np.nan if seat.sigma is None else seat.sigma,
+        line_pressure_offset=offset.value * pressure_scale / MEGAPASCAL,
     )
-
-
-def _known(sigma: float | None) -> float:
-    return np.nan if sigma is None else sigma
-
-
-def _mass_sigma(report: InjectionReport) -> float:
-    """Standard deviation [kg] of the mass: within 1.96 of it lies the 95 % interval, whose middle is another mass.
-
-    nan without an interval.
-    """
-    if report.mass_ci95 is None:
-        return np.nan
-    return max(abs(bound - report.mass) for bound in report.mass_ci95) / 1.96
 
 
 @dataclass(frozen=True)
@@ -193,10 +172,9 @@ def counted(pipeline: Pipeline, energizing: EnergizingFigures | None, judging: J
         interpolated_samples=int(memory["interpolated"]),
         spikes=int(memory["spikes"]),
         bridged_samples=int(memory["bridged"]),
-        frames=int(receiver["frames"]),
-        crc_errors=int(receiver["crc_errors"]),
-        length_errors=int(receiver["length_errors"]),
-        sequence_errors=int(receiver["sequence_errors"]),
+        **{
+            name: int(receiver[name]) for name in ("frames", "crc_errors", "length_errors", "sequence_errors")
+        },
         repeated_frames=int(alignment["repeated"]),
         old_frames=int(alignment["old"]),
         restarts=int(alignment["restarts"]),

@@ -1,22 +1,171 @@
-"""Commands of the injector and openings of its needle: delays, injections missing, injections without a command."""
+"""Energizing of the injector: its commands, from levels or durations as they come, and the openings they have.
+
+Delays, injections missing, injections without a command.
+"""
 
 import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.bus.alignment.timekeeping import is_prompt, place_at
-from observer_rt.bus.mapping.optional_inputs import EnergizingLayout
+from observer_rt.bus.mapping.optional_inputs import NANOSECONDS, EnergizingLayout, EnergizingSignal
+from observer_rt.bus.mapping.timing import SLOTS
 from observer_rt.foundation.units import MICROSECOND, MILLISECOND
 from observer_rt.observer.observer import was_shut
 from observer_rt.observer.stream.state import INJECTIONS, RING
 from observer_rt.service.compiled.by_reference import CompiledPipeline
-from observer_rt.service.inputs.energizing_commands import Command, CommandReader, samples_between
 from observer_rt.service.reports.injection_report import CommandedOpening
 from observer_rt.service.reports.news import Mismatch
+
+INDICES = 1 << 32  # after which a sample index begins again
+SPANS = 8  # in which commands may have been lost
+OVERTAKEN = 10 * MILLISECOND  # by which a frame may be older than the one before; more is a new count
+
+
+def samples_between(earlier: float, later: float) -> float:
+    """From one sample index to another, either of them modulo 2^32; nan if one is not known."""
+    return (later - earlier + INDICES / 2) % INDICES - INDICES / 2
+
+
+@dataclass(eq=False)
+class Command:
+    """One energizing of the injector; moments are sample indices, or ns by the clock of the stamps.
+
+    margin [samples]: what the start may lie beside `start`; duration [s], nan while not known. A command that is
+    not certain may be the end of one before it: frames between the two were lost. came: samples processed when it
+    did; was_shut: the needle as it started, None while not known.
+    """
+
+    start: int
+    margin: float
+    is_certain: bool = True
+    duration: float = math.nan
+    number: int = 0  # from 1, once it is certain
+    came: int = 0
+    was_shut: bool | None = None
+    has_opened: bool = False
+
+
+class CommandReader:
+    """Finds the commands in what the frames say; `by_index`: moments are sample indices."""
+
+    def __init__(self, energizing: EnergizingLayout, sample_rate: float) -> None:
+        """sample_rate: of the grid [Hz]."""
+        self.by_index = energizing.index is not None
+        self._is_level = energizing.is_level
+        self._samples = len(energizing.names)
+        self._units = 1.0 if self.by_index else NANOSECONDS / sample_rate  # from sample to sample
+        self._sample_rate = sample_rate
+        self._cycle = None if energizing.cycle is None else energizing.cycle * sample_rate  # samples
+        # from the last sample of a frame to the first of the next; the index of a duration is that of its start
+        self._longest = math.inf
+        if self._cycle is not None and (self._is_level or not self.by_index):
+            self._longest = 1.5 * self._cycle - (self._samples - 1)
+        self._level: bool | None = None
+        self._under_way: Command | None = None
+        self._last: int | None = None  # moment at which something was known last
+        self._lost: deque[tuple[int, int]] = deque(maxlen=SPANS)
+
+    @property
+    def lost(self) -> Sequence[tuple[int, int]]:
+        """Spans (from, to) in which commands may have come unseen."""
+        return self._lost
+
+    @property
+    def known_until(self) -> int | None:
+        """The moment after which nothing is known of the energizing; None: silence means there is none."""
+        if not self._is_level or self._cycle is None or self._last is None:
+            return None
+        return self._last + round(self._longest * self._units)
+
+    def read(self, reading: EnergizingSignal) -> list[Command]:
+        """Commands that start in a frame."""
+        if reading.first is not None:
+            first = reading.first
+        else:
+            first = reading.taken - round((self._samples - 1) * self._units)
+        since = math.inf if self._last is None else self._distance(self._last, first)
+        if self.by_index and -OVERTAKEN * self._sample_rate < since <= 0:
+            return []  # repeated, or overtaken
+        if self._last is None or since < 0:  # the first one, or all begins anew
+            self._last = None
+            self._lose(first - round(SLOTS * self._units), first)
+        elif self._tells_loss(reading, since):
+            self._lose(self._last, first)
+        if not self._is_level:
+            return self._read_duration(first, float(reading.values[0]))
+        steady = self._level is not None and bool(((reading.values != 0.0) == self._level).all())
+        if steady and not math.isnan(reading.values.sum()):
+            self._last = first + round((self._samples - 1) * self._units)
+            return []
+        commands = []
+        for place, value in enumerate(reading.values.tolist()):
+            command = self._read_level(first + round(place * self._units), value)
+            if command is not None:
+                commands.append(command)
+        return commands
+
+    def _tells_loss(self, reading: EnergizingSignal, since: float) -> bool:
+        """Whether frames were lost before this one; since [samples]: from the last moment known."""
+        if since > self._longest:
+            is_pause = reading.follows and self._level is False and reading.values[0] == 0.0
+            return not is_pause
+        return reading.follows is False and not (self.by_index and self._longest < math.inf)
+
+    def _distance(self, earlier: int, later: int) -> float:
+        """Samples."""
+        return samples_between(earlier, later) if self.by_index else (later - earlier) / self._units
+
+    def _lose(self, begin: int, end: int) -> None:
+        self._level = None
+        self._under_way = None
+        if self._lost and self._lost[-1][0] == begin:
+            self._lost.pop()  # it goes on
+        self._lost.append((begin, end))
+
+    def _read_duration(self, moment: int, duration: float) -> list[Command]:
+        self._last = moment
+        return [Command(moment, 0.0, duration=duration)] if 0.0 < duration < math.inf else []
+
+    def _read_level(self, moment: int, value: float) -> Command | None:
+        """One sample; a command where energizing starts with it."""
+        if math.isnan(value):
+            self._level = None
+            self._under_way = None
+            return None
+        was, before = self._level, self._last
+        if was is None and before is not None:
+            self._lose(before, moment)
+        self._level, self._last = value != 0.0, moment
+        if self._level == was:
+            return None
+        if not self._level:
+            if self._under_way is not None:
+                end, _ = self._edge(before, moment)
+                lasted = self._distance(self._under_way.start, end)
+                self._under_way.duration = lasted / self._sample_rate
+            return None
+        if was is None and self._cycle is not None:
+            return Command(moment, 0.0, is_certain=False)
+        self._under_way = Command(*self._edge(before, moment))
+        return self._under_way
+
+    def _edge(self, before: int | None, moment: int) -> tuple[int, float]:
+        """When a level changed that is another at `moment` than before, and by how many samples that may be off.
+
+        Among the samples of a block, and of a message sent on change, at `moment`; between two cyclic frames in the
+        middle.
+        """
+        if before is None or self._samples > 1 or self._cycle is None:
+            return moment, 0.0
+        distance = self._distance(before, moment)
+        return moment - round(distance / 2 * self._units), distance / 2
+
 
 REMEMBERED = 64  # commands
 RECENT = 100  # delays that mean and spread are of
@@ -44,15 +193,6 @@ class EnergizingFigures:
         )
 
 
-@dataclass(eq=False)
-class _WaitingCommand:
-    """A command whose opening is not decided; came: samples processed when it did; was_shut: None while under way."""
-
-    command: Command
-    came: int
-    was_shut: bool | None = None
-
-
 class EnergizingWatch:
     """Joins commands and openings, whichever is known first.
 
@@ -78,7 +218,7 @@ class EnergizingWatch:
         self._keeping = compiled.pipeline.keeping
         self._compiled = compiled
         self._on_mismatch = on_mismatch
-        self._waiting: deque[_WaitingCommand] = deque(maxlen=REMEMBERED)
+        self._waiting: deque[Command] = deque(maxlen=REMEMBERED)
         # indices of openings without a command, and samples processed when they were reported
         self._unasked: deque[tuple[int, int]] = deque(maxlen=REMEMBERED)
         self._delays: deque[float] = deque(maxlen=RECENT)
@@ -92,7 +232,8 @@ class EnergizingWatch:
         for command in self._reader.read(self._energizing.reading(values, stamp, follows)):
             if command.is_certain:
                 self._number(command)
-            self._waiting.append(_WaitingCommand(command, processed))
+            command.came = processed
+            self._waiting.append(command)
 
     @property
     def looks_at_each(self) -> bool:
@@ -129,15 +270,15 @@ class EnergizingWatch:
         if self._newest < before and self._reader.by_index:
             self._forget(before)
         undecided = self._undecided_openings()
-        for waiting in [*self._waiting]:
-            end = self._place(waiting.command.start) + waiting.command.margin + self._window
-            if not (samples_between(end, self._newest) > 0 and self._processed - waiting.came > self._window):
+        for command in [*self._waiting]:
+            end = self._place(command.start) + command.margin + self._window
+            if not (samples_between(end, self._newest) > 0 and self._processed - command.came > self._window):
                 continue
-            if waiting.was_shut is None:
-                waiting.was_shut = self._was_shut(waiting.command)
+            if command.was_shut is None:
+                command.was_shut = self._was_shut(command)
             if not any(samples_between(opening, end) >= 0 for opening in undecided):
-                self._waiting.remove(waiting)
-                self._judge(waiting)
+                self._waiting.remove(command)
+                self._judge(command)
 
     @property
     def figures(self) -> EnergizingFigures:
@@ -164,19 +305,17 @@ class EnergizingWatch:
 
     def _command_of(self, opening: int) -> Command | None:
         """The command that an opening belongs to, None if there is none."""
-        since = [
-            (samples_between(self._place(one.command.start), opening), one.command) for one in self._waiting
-        ]
-        started = [one for one in since if -one[1].margin <= one[0] <= self._window + one[1].margin]
+        since = [(samples_between(self._place(one.start), opening), one) for one in self._waiting]
+        started = [each for each in since if -each[1].margin <= each[0] <= self._window + each[1].margin]
         elapsed, last = _latest(started, is_certain=True)
         if last is not None and not last.has_opened:
             return last
         elapsed_doubtful, doubtful = _latest(started, is_certain=False)
         if doubtful is not None and not doubtful.has_opened and elapsed_doubtful < elapsed:
             return doubtful
-        late = [one for one in since if -self._late <= one[0] + one[1].margin < 0.0]
-        late = [one for one in late if one[1].is_certain and not one[1].has_opened]
-        return max(late, key=_elapsed)[1] if late else None
+        late = [each for each in since if -self._late <= each[0] + each[1].margin < 0.0]
+        late = [each for each in late if each[1].is_certain and not each[1].has_opened]
+        return max(late, key=itemgetter(0))[1] if late else None
 
     @property
     def _has_time(self) -> bool:
@@ -205,28 +344,23 @@ class EnergizingWatch:
 
     def _forget(self, before: int) -> None:
         """The index began anew after `before`: the commands of the old count have no openings any more."""
-        kept = [
-            one
-            for one in self._waiting
-            if abs(samples_between(self._newest, one.command.start))
-            < abs(samples_between(before, one.command.start))
-        ]
-        self._waiting.clear()
-        self._waiting.extend(kept)
+        for command in [*self._waiting]:
+            now, then = (abs(samples_between(index, command.start)) for index in (self._newest, before))
+            if not now < then:
+                self._waiting.remove(command)
 
     def _was_shut(self, command: Command) -> bool:
         """Whether the needle was shut as a command started, and samples tell what it did in its window."""
         begin = samples_between(self._newest, self._place(command.start)) + self._newest - command.margin
         return was_shut(self._compiled.observer, begin, begin + 2 * command.margin + self._window)
 
-    def _judge(self, waiting: _WaitingCommand) -> None:
+    def _judge(self, command: Command) -> None:
         """The window of a command is over and its openings are decided."""
-        command = waiting.command
-        if command.has_opened or not command.is_certain or not waiting.was_shut:
+        if command.has_opened or not command.is_certain or not command.was_shut:
             return
         start = self._place(command.start)
         if any(
-            waiting.came >= reported and 0.0 <= samples_between(start, opening) <= self._window
+            command.came >= reported and 0.0 <= samples_between(start, opening) <= self._window
             for opening, reported in self._unasked
         ):
             return  # the command of an opening that was already reported
@@ -240,9 +374,4 @@ class EnergizingWatch:
 def _latest(since: Sequence[tuple[float, Command]], is_certain: bool) -> tuple[float, Command | None]:
     """Of the certain or of the doubtful commands the last one, and samples since it; (inf, None): there is none."""
     alike = [one for one in since if one[1].is_certain is is_certain]
-    return min(alike, key=_elapsed, default=(math.inf, None))
-
-
-def _elapsed(since: tuple[float, Command]) -> float:
-    """Samples since a command."""
-    return since[0]
+    return min(alike, key=itemgetter(0), default=(math.inf, None))

@@ -5,7 +5,7 @@ import os
 import sqlite3
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -20,7 +20,6 @@ from observer_rt.service.reports.injection_report import (
     FIELDS,
     InjectionReport,
     Output,
-    Value,
     columns_of,
     row_of,
 )
@@ -57,7 +56,7 @@ _ADD_INJECTION = (
     f"INSERT OR IGNORE INTO injection (run, judged_utc, {', '.join(_SAID)}) "
     f"VALUES (:run, :judged_utc, {', '.join(f':{name}' for name in _SAID)})"
 )
-_ADD_MASS = "UPDATE injection SET measured_mass_mg = :mass_mg WHERE run = :run AND number = :number"
+_ADD_MASS = "UPDATE injection SET measured_mass_mg = ? WHERE run = ? AND number = ?"
 
 
 class JournalWriter:
@@ -122,7 +121,7 @@ class JournalWriter:
                 connection.execute("BEGIN IMMEDIATE")
                 connection.execute(_ADD_RUN, self._about_run)
                 for at, entry in batch:  # one by one, so that the loop gets its turn between two of them
-                    connection.execute(*self._statement(at, entry))
+                    self._add(connection, at, entry)
             self._is_begun = True
             for _ in batch:
                 _, entry = self._waiting.popleft()
@@ -141,19 +140,19 @@ class JournalWriter:
         self._give_up()
         return f"{self.written} injections in the journal {self._path}"
 
-    def _statement(self, at: int, entry: InjectionReport | MeasuredMass) -> tuple[str, Mapping[str, Value]]:
-        """SQL and its values; at: Unix time [ns]."""
+    def _add(self, connection: sqlite3.Connection, at: int, entry: InjectionReport | MeasuredMass) -> None:
+        """at: Unix time [ns]."""
         if isinstance(entry, MeasuredMass):
-            mass = entry.mass / MILLIGRAM
-            return _ADD_MASS, {"mass_mg": mass, "run": self._run, "number": entry.report.number}
-        said = row_of(FIELDS, Output.JOURNAL, entry, self._c)
-        return _ADD_INJECTION, {"run": self._run, "judged_utc": utc(at), **said}
+            connection.execute(_ADD_MASS, (entry.mass / MILLIGRAM, self._run, entry.report.number))
+        else:
+            said = row_of(FIELDS, Output.JOURNAL, entry, self._c)
+            connection.execute(_ADD_INJECTION, {"run": self._run, "judged_utc": utc(at), **said})
 
     @contextlib.contextmanager
     def _writing(self) -> Iterator[sqlite3.Connection]:
         """A connection to the file that is there now: all of a transaction reaches the disk, or `RunError`."""
         try:
-            if self._connection is not None and not self._is_there():
+            if self._identity is not None and not is_at(self._path, self._identity):
                 self._give_up()
             if self._connection is None:
                 self._connection = _connected(self._path)
@@ -168,18 +167,20 @@ class JournalWriter:
             advice = "; move the file away, and a new one is begun" if is_damaged else ""
             raise RunError(f"{self._path}: the journal cannot be written: {error}{advice}") from error
 
-    def _is_there(self) -> bool:
-        try:
-            return self._identity is not None and os.path.samestat(self._path.stat(), self._identity)
-        except FileNotFoundError:
-            return False
-
     def _give_up(self) -> None:
         """Close what is open: the next write begins with a connection of its own."""
         if self._connection is not None:
             with contextlib.suppress(sqlite3.Error):
                 self._connection.close()
-        self._connection = None
+        self._connection = self._identity = None
+
+
+def is_at(path: Path, file: os.stat_result) -> bool:
+    """Whether a file that was opened is the one that is there now."""
+    try:
+        return os.path.samestat(path.stat(), file)
+    except FileNotFoundError:
+        return False
 
 
 def utc(unix_ns: int) -> str:

@@ -136,7 +136,11 @@ def reading_journal(path: Path) -> Iterator[JournalReader]:
     try:
         with contextlib.closing(sqlite3.connect(place, uri=True, timeout=PATIENCE)) as connection:
             connection.execute("BEGIN")  # one state of the file for all that is asked
-            yield JournalReader(connection if _is_begun(connection) else _empty())
+            (tables,) = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
+            if not tables:  # a daemon may have been killed, or be, on the way to its first row
+                connection = sqlite3.connect(":memory:")
+                make_tables(connection)
+            yield JournalReader(connection)
     except sqlite3.OperationalError as error:
         raise UserError(
             str(path),
@@ -149,15 +153,3 @@ def reading_journal(path: Path) -> Iterator[JournalReader]:
             f"is damaged: {error}",
             f"save what is left: sqlite3 {path} .recover | sqlite3 saved.sqlite",
         ) from None
-
-
-def _is_begun(connection: sqlite3.Connection) -> bool:
-    """Whether there is anything in it: a daemon may have been killed, or be, on the way to its first row."""
-    (tables,) = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
-    return bool(tables)
-
-
-def _empty() -> sqlite3.Connection:
-    connection = sqlite3.connect(":memory:")
-    make_tables(connection)
-    return connection

@@ -13,7 +13,7 @@ from observer_rt.config.bench import Bench, BenchInjector
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.service.core.learners import refuse_state
-from observer_rt.service.keeping.journal import JournalWriter
+from observer_rt.service.keeping.journal import JournalWriter, is_at
 from observer_rt.service.keeping.state_file import model_hash, save_knowledge
 from observer_rt.service.reports.news import Listener
 from observer_rt.terminal.console import check_destination, check_folder
@@ -36,7 +36,7 @@ def sole_writer(path: Path) -> Iterator[None]:
         yield
     finally:
         with contextlib.suppress(OSError):  # the folder may have become read-only: then it stays
-            if _is_at(lock, descriptor):
+            if is_at(lock, os.fstat(descriptor)):
                 lock.unlink()
         os.close(descriptor)
 
@@ -50,8 +50,10 @@ def _locked(lock: Path, path: Path) -> int:
             raise _no_lock(lock, error) from None
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            if _is_at(lock, descriptor):
-                _write_id(descriptor)
+            if is_at(lock, os.fstat(descriptor)):
+                with contextlib.suppress(OSError):  # a full disk: locked all the same, if by nobody known
+                    os.ftruncate(descriptor, 0)
+                    os.pwrite(descriptor, str(os.getpid()).encode(), 0)
                 return descriptor
         except BlockingIOError:
             holder = os.read(descriptor, LONGEST_ID).decode("ascii", "replace").strip()
@@ -65,20 +67,6 @@ def _locked(lock: Path, path: Path) -> int:
             os.close(descriptor)
             raise _no_lock(lock, error) from None
         os.close(descriptor)  # its owner removed it meanwhile
-
-
-def _is_at(lock: Path, descriptor: int) -> bool:
-    """Whether the open file is the one that is there now."""
-    try:
-        return os.path.samestat(lock.stat(), os.fstat(descriptor))
-    except FileNotFoundError:
-        return False
-
-
-def _write_id(descriptor: int) -> None:
-    with contextlib.suppress(OSError):  # a full disk: locked all the same, if by nobody known
-        os.ftruncate(descriptor, 0)
-        os.pwrite(descriptor, str(os.getpid()).encode(), 0)
 
 
 def _no_lock(lock: Path, error: OSError) -> UserError:
@@ -135,13 +123,14 @@ class RetryingWriter:
                 self._tell(f"{self._file.name} is written again, after {failed} failed attempts")
                 self._since, self._told = self.failures, ""
 
-    def finish(self) -> None:
-        """Write a last time. Raises `RunError`."""
+    def finish(self) -> str:
+        """Write a last time; what was in its way, empty: nothing."""
         failed = f" ({self.failures} attempts failed before)" if self.failures else ""
         try:
             self._tell(f"{self._file.finish()}{failed}")
         except RunError as error:
-            raise RunError(f"{error}{failed}") from error
+            return f"{error}{failed}"
+        return ""
 
 
 class Keeper:
@@ -184,7 +173,9 @@ class Keeper:
         finally:
             stop.set()
             thread.join()
-            self._finish()
+            problems = [problem for writer in self._writers if (problem := writer.finish())]
+            if problems:
+                raise RunError("\n".join(problems))
 
     def _write(self, interval: float, stop: threading.Event) -> None:
         """Write again and again, `interval` seconds from begin to begin, until stopped."""
@@ -201,17 +192,6 @@ class Keeper:
                     f"warning: it took {took:.1f} s to write what is kept: a kill may cost more than save_within_s\n"
                     "  remedy: keep it on a faster disk, or raise save_within_s in [state]"
                 )
-
-    def _finish(self) -> None:
-        """Write everything a last time, one whether or not another fails."""
-        problems = []
-        for writer in self._writers:
-            try:
-                writer.finish()
-            except RunError as error:
-                problems.append(str(error))
-        if problems:
-            raise RunError("\n".join(problems))
 
 
 class LearnedState:

@@ -27,6 +27,15 @@ from observer_rt.observer.learning.interval import EventPoint
 from observer_rt.observer.learning.knowledge import Knowledge, no_knowledge
 from observer_rt.observer.learning.memory import NOTHING, Memory
 
+VERSION = 4
+OLDEST = 3  # version that is still read
+_COLUMNS_OF_3 = (  # which it does not name
+    *("nozzle_bias", "nozzle_weight_1", "nozzle_weight_2", "nozzle_weight_3", "nozzle_weight_4"),
+    *("nozzle_weight_5", "seat_bias", "offset", "friction", "leakage", "stiffness", "lag", "air"),
+    *("back_pressure_1", "back_pressure_2"),
+)
+LARGEST_FILE = 1 << 20  # bytes, far more than any state takes
+PRESSURE_SCALE = float(Scaling.model_fields["pressure"].default)  # p_0 unless the injector says otherwise, Pa
 LARGEST_NOISE = NoiseLevels(  # beyond these the sensor is broken, or the needle would never count as open
     rail_pressure=10 * MEGAPASCAL, line_pressure=10 * MEGAPASCAL, needle_lift=20 * MICROMETRE
 )
@@ -65,10 +74,8 @@ def problem_of(knowledge: Knowledge, pressure_scale: float) -> str | None:
             return f"the noise of the {signal.replace('_', ' ')} is {sigma:g} (SI units)"
     if not np.all(np.isfinite(knowledge.learned_at)):
         return "the operating points learned at are not finite numbers"
-    return None if knowledge.colour is None else _problem_of_colour(knowledge.colour)
-
-
-def _problem_of_colour(colour: Colour) -> str | None:
+    if (colour := knowledge.colour) is None:
+        return None
     whitening = colour.whitening
     if whitening.taps.ndim != 1 or whitening.taps.size > ORDERS or not np.all(np.isfinite(whitening.taps)):
         return f"the colour of the noise is no filter of at most {ORDERS} taps"
@@ -89,24 +96,6 @@ def _is_positive_definite(matrix: NDArray[np.float64]) -> bool:
     except np.linalg.LinAlgError:
         return False
     return True
-
-
-VERSION = 4
-OLDEST = 3  # version that is still read
-_COLUMNS_OF_3 = (
-    *(
-        "nozzle_bias",
-        *(f"nozzle_weight_{i}" for i in range(1, 6)),
-        "seat_bias",
-        "offset",
-        "friction",
-        "leakage",
-    ),
-    *("stiffness", "lag", "air", "back_pressure_1", "back_pressure_2"),
-)
-_GATED = [SCALARS.names[column] for column in SCALARS.gate.columns]
-LARGEST_FILE = 1 << 20  # bytes, far more than any state takes
-PRESSURE_SCALE = float(Scaling.model_fields["pressure"].default)  # p_0 unless the injector says otherwise, Pa
 
 
 class _UnusableError(Exception):
@@ -133,6 +122,9 @@ class _Colour(BaseModel, extra="forbid", strict=True):
     taps: _Array
     sigma: float
 
+    def restored(self) -> Colour:
+        return Colour(Whitening(self.forgetting, self.taps), self.interval, self.sigma)
+
 
 class _Memory(BaseModel, extra="forbid", strict=True):
     interval: float
@@ -155,9 +147,8 @@ class _Content(BaseModel, strict=True):
     error_covariance: _Array
     noise: _Noise
     colour: _Colour | None = None  # of files without it, the noise is taken for white until an event tells
-    learned_at: list[
-        EventPoint
-    ] = []  # of files without it, every operating point counts as new until learned at
+    # of files without it, every operating point counts as new until learned at
+    learned_at: list[EventPoint] = []
     memory: _Memory | None = None  # of files without it, it is found again over the next events
 
 
@@ -205,9 +196,9 @@ def save_knowledge(
     Raises:
         RunError: it cannot be written, or is nothing that could be restored; the old file is then unchanged.
     """
-    problem = problem_of(knowledge, pressure_scale)
-    if problem is not None:
+    if problem := problem_of(knowledge, pressure_scale):
         raise RunError(f"{path}: what was learned is not saved, for {problem}")
+    colour = knowledge.colour
     content = _Content.model_construct(
         package_version=__version__,
         model_sha256=model,
@@ -221,7 +212,8 @@ def save_knowledge(
         covariance=knowledge.belief.covariance,
         error_covariance=knowledge.belief.error_covariance,
         noise=_Noise(**asdict(knowledge.noise)),
-        colour=_saved(knowledge.colour),
+        colour=colour
+        and _Colour.model_construct(interval=colour.interval, sigma=colour.sigma, **vars(colour.whitening)),
         learned_at=list(knowledge.learned_at),
         memory=_Memory.model_construct(**vars(knowledge.memory)),
     ).model_dump()
@@ -260,8 +252,7 @@ def load_knowledge(
         raise UserError(str(path), f"cannot be read: {error.strerror}", "check path and rights") from None
     try:
         knowledge = _knowledge_in(data, model, pressure_scale)
-        problem = problem_of(knowledge, pressure_scale)
-        if problem is not None:
+        if problem := problem_of(knowledge, pressure_scale):
             raise _UnusableError(problem)
     except _UnusableError as reason:
         if not set_aside:
@@ -274,18 +265,6 @@ def load_knowledge(
         f"learned state restored from {path}: phi version {knowledge.phi_version}, "
         f"learned from {knowledge.events} events",
     )
-
-
-def _saved(colour: Colour | None) -> _Colour | None:
-    if colour is None:
-        return None
-    return _Colour.model_construct(interval=colour.interval, sigma=colour.sigma, **vars(colour.whitening))
-
-
-def _restored(colour: _Colour | None) -> Colour | None:
-    if colour is None:
-        return None
-    return Colour(Whitening(colour.forgetting, colour.taps), colour.interval, colour.sigma)
 
 
 def _digest(content: object) -> str:
@@ -348,7 +327,7 @@ def _knowledge_in(data: bytes, model: str, pressure_scale: float) -> Knowledge:
             events=content.events,
             active=frozenset(content.active),
             statistics=PhaseStatistics(**content.statistics),
-            colour=_restored(content.colour),
+            colour=content.colour.restored() if content.colour else None,
             learned_at=tuple(content.learned_at),
             memory=Memory(**vars(content.memory)) if content.memory else NOTHING,
         )
@@ -369,7 +348,8 @@ def _by_name(found: Knowledge, names: tuple[str, ...], pressure_scale: float) ->
     parts = found.belief.parts | {"in_force": found.in_force}
     if any(size != width for part in parts.values() for size in part.shape) or len(set(names)) != width:
         raise _UnusableError(f"it does not hold as many parameters as it names, {width}")
-    if not found.active <= {names.index(name) for name in _GATED if name in names}:
+    gated = {SCALARS.names[column] for column in SCALARS.gate.columns}
+    if not found.active <= {column for column, name in enumerate(names) if name in gated}:
         raise _UnusableError("it leaves out a parameter that cannot be left out")
     if names == SCALARS.names:
         return found

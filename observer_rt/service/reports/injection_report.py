@@ -81,6 +81,9 @@ class InjectionReport:
         return () if self.valid else (self.reason, *self.further)
 
 
+_NUMBERS = ("number", "event", "start", "end", "start_index", "end_index", "phi_version")
+
+
 def report_of(
     injection: np.void, judged: EventRecord, commanded: CommandedOpening | None, is_contested: bool = False
 ) -> InjectionReport:
@@ -121,12 +124,7 @@ def report_of(
     if is_contested:
         state, reasons = contested(state, reason)
     return InjectionReport(
-        number=int(injection["number"]),
-        event=int(injection["event"]),
-        start=int(injection["start"]),
-        end=int(injection["end"]),
-        start_index=int(injection["start_index"]),
-        end_index=int(injection["end_index"]),
+        **{name: int(injection[name]) for name in _NUMBERS},
         volume=volume,
         mass=volume * c.density,
         peak_rate=float(injection["peak_rate"]),
@@ -136,7 +134,6 @@ def report_of(
         valid=reasons[0] is Reason.NONE,
         reason=reasons[0],
         state=state,
-        phi_version=int(injection["phi_version"]),
         indicators=indicators,
         density=c.density,
         fuel_temperature=judged.fuel.temperature,

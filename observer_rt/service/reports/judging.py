@@ -276,16 +276,13 @@ class Judging:
         elif closed.earlier is not None:
             self._late = closed.earlier
         if outcome is None and closed.learning is not None:
-            self._note_late(closed, closed.learning)
+            # it was taken before what is learned from it was known, or just before that was posted
+            self.late += 1
+            if closed is not self._learned_from and closed.learning.done():
+                self._late = closed.learning.result()
         return EventRecord(
             event, objections, outcome, self._carried, self._compiled.observer.phi, closed.fuel
         )
-
-    def _note_late(self, closed: _Closed, learning: Future[Outcome]) -> None:
-        """An event was taken before what is learned from it was known, or just before that was posted."""
-        self.late += 1
-        if closed is not self._learned_from and learning.done():
-            self._late = learning.result()
 
     def _put_into_force(self, outcome: Outcome) -> None:
         """The stream carries it from now on."""

@@ -2,13 +2,9 @@
 
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from observer_rt.bus.links.link import Frame
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench import BenchInjector
-from observer_rt.config.signals import Role
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 from observer_rt.observer.stream.standstill import LiftFigures
 from observer_rt.observer.stream.state import Reason, State
@@ -16,7 +12,7 @@ from observer_rt.service.compiled.constants import configured_noise
 from observer_rt.service.core.core import Core
 from observer_rt.service.reports.news import Notice
 from observer_rt.service.watch.arrivals import SECOND, STALE, Arrivals, message_text
-from observer_rt.service.watch.silence import SilenceWatch, ValueWatch, WatchFinding
+from observer_rt.service.watch.silence import SilenceWatch, ValueWatch
 from observer_rt.service.words import Topic, is_good, named
 
 REMEDY = "stop the other daemon or replay; two on one bus need messages of their own in [outputs]"
@@ -33,24 +29,23 @@ class SenderWatch:
         self._next = 0
         self._is_contested = False
 
-    def look(self, now: int) -> list[WatchFinding]:
+    def look(self, now: int) -> list[Notice]:
         """News at a time [ns]."""
         frames = self._arrivals.foreign_frames
         if self._is_contested and not self._arrivals.is_contested(now):
             self._is_contested = False
-            return [WatchFinding(f"the other sender is silent after {frames} frames", is_over=True)]
+            return [Notice(Topic.SENDER, f"the other sender is silent after {frames} frames", is_over=True)]
         if frames == self._told or now < self._next:
             return []
         self._is_contested = True
         self._told, self._next = frames, now + round(TOLD_EVERY * SECOND)
         names = ", ".join(message_text(self._bus, layout) for layout, _ in self._arrivals.foreign)
-        return [WatchFinding(f"another node sends {names}: {frames} frames so far\n  remedy: {REMEDY}")]
+        text = f"another node sends {names}: {frames} frames so far\n  remedy: {REMEDY}"
+        return [Notice(Topic.SENDER, text)]
 
 
 PERIOD = 100_000_000  # ns between two looks
 MOST_SAMPLES = 1024  # of a look, which the loop waits for
-_PER = 10 * MEGAPASCAL
-_NO_CROSSTALK = "needle_lift: the line pressure shows in it no more"
 
 
 class InputWatch:
@@ -69,65 +64,47 @@ class InputWatch:
     def look(self, now: int) -> list[Notice]:
         """News at a time [ns] of the arrivals' clock; to be called every `PERIOD`."""
         core = self._core
-        found = self._silence.look(now, core.progress)
-        values = []
+        told = self._silence.look(now, core.progress)
         has_frames = core.frames_taken > self._frames
         self._frames = core.frames_taken
         if has_frames and self.arrivals.is_complete and not self.arrivals.stale(now):
-            values = self._values.look(core.newest, self._samples())
-        return [
-            *_notices(Topic.INPUT, found),
-            *_notices(Topic.VALUE, values),
-            *_notices(Topic.VALUE, self._lift.look(core.lift)),
-            *_notices(Topic.SENDER, self._senders.look(now)),
-        ]
-
-    def _samples(self) -> dict[Role, NDArray[np.float64]]:
-        samples = self._core.inputs(self._seen, MOST_SAMPLES)
-        self._seen = self._core.processed
-        return samples
-
-
-def _notices(topic: Topic, findings: list[WatchFinding]) -> list[Notice]:
-    return [Notice(topic, found.text, found.is_over) for found in findings]
+            samples = core.inputs(self._seen, MOST_SAMPLES)
+            self._seen = core.processed
+            told += self._values.look(core.newest, samples)
+        return [*told, *self._lift.look(core.lift), *self._senders.look(now)]
 
 
 class LiftWatch:
     """Looks at the figures of the lift sensor."""
 
     def __init__(self) -> None:
-        self._pressed = False
-        self._to_scale = True
+        self._before = LiftFigures()
 
-    def look(self, figures: LiftFigures) -> list[WatchFinding]:
+    def look(self, figures: LiftFigures) -> list[Notice]:
         """News."""
+        before, self._before = self._before, figures
         told = []
-        pressed = figures.crosstalk != 0.0
-        if pressed != self._pressed:
-            self._pressed = pressed
-            told.append(_crosstalk(figures) if pressed else WatchFinding(_NO_CROSSTALK, is_over=True))
-        if figures.is_to_scale != self._to_scale:
-            self._to_scale = figures.is_to_scale
-            told.append(_scale(figures))
+        is_pressed = figures.crosstalk != 0.0
+        if is_pressed != (before.crosstalk != 0.0):
+            found = "the line pressure shows in it no more"
+            if is_pressed:
+                size = figures.crosstalk * 10 * MEGAPASCAL / MICROMETRE
+                found = (
+                    f"the line pressure shows in it, {size:.2g} um per 10 MPa, which is taken out\n"
+                    "  remedy: none is needed; see to mounting, cable and ground of the needle-lift sensor"
+                )
+            told.append(Notice(Topic.VALUE, f"needle_lift: {found}", not is_pressed))
+        if figures.is_to_scale != before.is_to_scale:
+            found = "as the injector file says"
+            if not figures.is_to_scale:
+                found = (
+                    f"not at seat.max_lift = {figures.stop / MICROMETRE:.0f} um of the injector file\n"
+                    "  remedy: calibrate the needle-lift sensor (or correct its factor), or correct seat.max_lift"
+                )
+            at = f"{figures.at_stop / MICROMETRE:.0f} um"
+            text = f"needle_lift: long openings stay at {at}, {found}"
+            told.append(Notice(Topic.VALUE, text, figures.is_to_scale))
         return told
-
-
-def _crosstalk(figures: LiftFigures) -> WatchFinding:
-    size = figures.crosstalk * _PER / MICROMETRE
-    return WatchFinding(
-        f"needle_lift: the line pressure shows in it, {size:.2g} um per 10 MPa, which is taken out\n"
-        "  remedy: none is needed; see to mounting, cable and ground of the needle-lift sensor"
-    )
-
-
-def _scale(figures: LiftFigures) -> WatchFinding:
-    found = f"needle_lift: long openings stay at {figures.at_stop / MICROMETRE:.0f} um"
-    if figures.is_to_scale:
-        return WatchFinding(f"{found}, as the injector file says", is_over=True)
-    return WatchFinding(
-        f"{found}, not at seat.max_lift = {figures.stop / MICROMETRE:.0f} um of the injector file\n"
-        "  remedy: calibrate the needle-lift sensor (or correct its factor), or correct seat.max_lift"
-    )
 
 
 LASTING = 1.0  # s that a state must last to be told: a source that sends windows changes it at each of them

@@ -6,13 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.bus.mapping.bus_map import map_bus
-from observer_rt.config.bench import load_bench
 from observer_rt.recording.replay.framing import Span, TimedFrame
 from observer_rt.service.compiled.input_memory import GRACE
-from observer_rt.service.core.core import Core
 from tests.benches import SAMPLE_RATE
-from tests.device import Device, hand, simulated
+from tests.device import Device, core_of, hand, simulated
 from tests.service.inputs.test_fuel_temperature import BLOCK, bench, sensor
 
 Fuel = Callable[..., float | None]
@@ -21,7 +18,7 @@ Fuel = Callable[..., float | None]
 def made(folder: Path, timeout: float) -> Fuel:
     """The temperature that counts [degC] at a time [s], after a frame that is told then; timeout [s]."""
     path = bench(folder, "" if math.isinf(timeout) else f"timeout_ms = {1e3 * timeout}\n")
-    core, device = Core(load_bench(path).injector, map_bus(load_bench(path))), Device(path)
+    core, device = core_of(path), Device(path)
 
     def at(time: float, *told: TimedFrame) -> float | None:
         device.index = round(time * SAMPLE_RATE)

@@ -1,6 +1,9 @@
-"""A user's own bus database: other byte order, scale, unit, frame format and division, the same rates."""
+"""A user's own bus database: other byte order, scale, unit, frame format and division, the same rates.
 
-from collections.abc import Iterator
+Frames that take turns, protected and windowed: a pause is legal only if the counter went on over all of them.
+"""
+
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import cantools
@@ -8,16 +11,18 @@ import numpy as np
 import pytest
 from cantools.database.can import Database
 
-from observer_rt.recording.replay.framing import TimedFrame
-from tests.benches import SAMPLE_RATE, sample_bench
-from tests.device import Device, encoded, run, simulated
+from observer_rt.config.bench import Bench, load_bench
+from observer_rt.recording.replay.framing import Span, TimedFrame
+from observer_rt.recording.signals.recording import Recording
+from observer_rt.service.core.messages import Counters
+from tests.benches import SAMPLE_RATE
+from tests.device import Traffic, damaged, encoded, frames_of, run, simulated
 
 SAMPLES = 6  # in a block
 FD = """BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","ExtendedCAN","a","b","c","d","e","f","g","h","i","j","k","l",\
 "StandardCAN_FD","ExtendedCAN_FD";
 BA_DEF_DEF_ "VFrameFormat" "StandardCAN";
 """
-LIFT = "signals.needle_lift"
 
 
 def _block_database() -> str:
@@ -49,23 +54,56 @@ def _single_database() -> str:
     return head + f"SIG_VALTYPE_ {(1 << 31) + 0x18FF0002} Lift : 1;\n"
 
 
-def _bench(folder: Path, database: str, roles: dict[str, str]) -> Path:
-    (folder / "user.dbc").write_text(database)
-    text = '[[dbc]]\nfile = "user.dbc"\n[[dbc]]\nfile = "observer_fd.dbc"\n'
-    text += "".join(f"[signals.{role}]\n{lines}\n" for role, lines in roles.items())
-    path = folder / "bench.toml"
-    path.write_text(text + f"[sampling]\nrate_hz = {SAMPLE_RATE}\n")
-    return path
+def blocks(database: Database) -> Iterator[TimedFrame]:
+    """Of six samples of all roles."""
+    data, message = simulated(), database.get_message_by_name("Block")
+    for first in range(0, data.samples - SAMPLES + 1, SAMPLES):
+        values: dict[str, float] = {"First": first}
+        for k in range(SAMPLES):
+            values[f"Rail{k}"] = data.rail_pressure[first + k] / 1e5
+            values[f"Line{k}"] = data.line_pressure[first + k] / 1e5
+            values[f"Lift{k}"] = data.needle_lift[first + k] / 1e-6
+        yield encoded(message, values)
 
 
-@pytest.fixture(scope="module")
-def usual(tmp_path_factory: pytest.TempPathFactory) -> dict[int, int]:
-    """Codes of the rate by sample index, in our own layout."""
-    path = sample_bench(tmp_path_factory.mktemp("layout"))
-    return run(path, Device(path).send(simulated())).rates
+def singles(database: Database) -> Iterator[TimedFrame]:
+    """Of one sample of one role."""
+    data, factors = simulated(), {"Rail": 1.0, "Line": 1e3, "Lift": 1e-3}
+    for index in range(data.samples):
+        for role, name in NAMES.items():
+            message = database.get_message_by_name(f"{name}Frame")
+            value = getattr(data, role)[index] / factors[name]
+            yield encoded(message, {"Index": index, name: float(value)})
 
 
-def _check_same(rates: dict[int, int], usual: dict[int, int]) -> None:
+NAMES = {"rail_pressure": "Rail", "needle_lift": "Lift", "line_pressure": "Line"}
+LISTED = 'message = "Block"\nindex = "First"\nsignals = [{}]'
+IN_BLOCKS = {
+    role: LISTED.format(", ".join(f'"{name}{k}"' for k in range(SAMPLES))) for role, name in NAMES.items()
+} | {"needle_lift": 'message = "Block"\nindex = "First"\npattern = "Lift{}"'}
+SINGLE = {
+    role: f'message = "{name}Frame"\nindex = "Index"\nsignal = "{name}"' for role, name in NAMES.items()
+}
+
+
+@pytest.mark.parametrize(
+    ("text", "roles", "sent"),
+    [(_block_database(), IN_BLOCKS, blocks), (_single_database(), SINGLE, singles)],
+    ids=["big-endian blocks in other units", "one sample a frame in three extended messages"],
+)
+def test_the_same_rates_by_a_database_of_ones_own(
+    tmp_path: Path,
+    clean: Traffic,
+    text: str,
+    roles: dict[str, str],
+    sent: Callable[[Database], Iterator[TimedFrame]],
+) -> None:
+    (tmp_path / "user.dbc").write_text(text)
+    bench = tmp_path / "bench.toml"
+    signals = "".join(f"[signals.{role}]\n{lines}\n" for role, lines in roles.items())
+    files = '[[dbc]]\nfile = "user.dbc"\n[[dbc]]\nfile = "observer_fd.dbc"\n'
+    bench.write_text(f"{files}{signals}[sampling]\nrate_hz = {SAMPLE_RATE}\n")
+    rates, usual = run(bench, sent(cantools.database.load_string(text, "dbc"))).rates, clean.result.rates
     common = sorted(set(rates) & set(usual))
     assert len(common) > 14_800
     difference = np.array([rates[index] - usual[index] for index in common])
@@ -73,58 +111,85 @@ def _check_same(rates: dict[int, int], usual: dict[int, int]) -> None:
     assert max(rates.values()) > 15_000  # 50 mm3/ms: there was something to compare
 
 
-def test_big_endian_blocks_in_other_units(tmp_path: Path, usual: dict[int, int]) -> None:
-    def names(signal: str) -> str:
-        listed = ", ".join(f'"{signal}{k}"' for k in range(SAMPLES))
-        return f'message = "Block"\nindex = "First"\nsignals = [{listed}]'
+WINDOWS = [Span(0, 600), Span(3000, 3600)]
+TURNS = """VERSION ""
+BU_: Daq
+BO_ 291 Turns: 12 Daq
+ SG_ Channel M : 12|4@1+ (1,0) [0|0] "" Daq
+ SG_ Index : 16|32@1+ (1,0) [0|0] "" Daq
+{signals}
+BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","ExtendedCAN","a","b","c","d","e","f","g","h","i","j","k","l","FD";
+BA_DEF_ BO_ "E2EProfile" INT 0 22;
+BA_DEF_ BO_ "E2EDataId" INT 0 65535;
+BA_DEF_DEF_ "VFrameFormat" "StandardCAN";
+BA_DEF_DEF_ "E2EProfile" 0;
+BA_DEF_DEF_ "E2EDataId" 0;
+BA_ "VFrameFormat" BO_ 291 14;
+BA_ "E2EProfile" BO_ 291 1;
+BA_ "E2EDataId" BO_ 291 291;
+"""
 
-    bench = _bench(
-        tmp_path,
-        _block_database(),
-        {
-            "rail_pressure": names("Rail"),
-            "needle_lift": 'message = "Block"\nindex = "First"\npattern = "Lift{}"',
-            "line_pressure": names("Line"),
-        },
+
+@pytest.fixture(scope="module")
+def turns(tmp_path_factory: pytest.TempPathFactory) -> Bench:
+    """Three samples of one of three channels in a frame, profile 1."""
+    folder = tmp_path_factory.mktemp("turns")
+    channels = (
+        ("Rail", '(0.005,0) [0|0] "MPa"'),
+        ("Lift", '(0.01,-50) [0|0] "um"'),
+        ("Line", '(0.005,0) [0|0] "MPa"'),
     )
-    message = _load(tmp_path).get_message_by_name("Block")
-
-    def frames() -> Iterator[TimedFrame]:
-        data = simulated()
-        for first in range(0, data.samples - SAMPLES + 1, SAMPLES):
-            values: dict[str, float] = {"First": first}
-            for k in range(SAMPLES):
-                values[f"Rail{k}"] = data.rail_pressure[first + k] / 1e5
-                values[f"Line{k}"] = data.line_pressure[first + k] / 1e5
-                values[f"Lift{k}"] = data.needle_lift[first + k] / 1e-6
-            yield encoded(message, values)
-
-    _check_same(run(bench, frames()).rates, usual)
-
-
-def test_one_sample_a_frame_in_three_extended_messages(tmp_path: Path, usual: dict[int, int]) -> None:
-    roles = {"rail_pressure": "Rail", "needle_lift": "Lift", "line_pressure": "Line"}
-    bench = _bench(
-        tmp_path,
-        _single_database(),
-        {
-            role: f'message = "{name}Frame"\nindex = "Index"\nsignal = "{name}"'
-            for role, name in roles.items()
-        },
-    )
-    database = _load(tmp_path)
-
-    def frames() -> Iterator[TimedFrame]:
-        data = simulated()
-        factors = {"Rail": 1.0, "Line": 1e3, "Lift": 1e-3}
-        for index in range(data.samples):
-            for role, name in roles.items():
-                message = database.get_message_by_name(f"{name}Frame")
-                value = getattr(data, role)[index] / factors[name]
-                yield encoded(message, {"Index": index, name: float(value)})
-
-    _check_same(run(bench, frames()).rates, usual)
+    signals = [
+        f" SG_ {name}{k} m{channel} : {48 + 16 * k}|16@1+ {code} Daq"
+        for channel, (name, code) in enumerate(channels)
+        for k in range(3)
+    ]
+    (folder / "turns.dbc").write_text(TURNS.format(signals="\n".join(signals)))
+    text = '[[dbc]]\nfile = "turns.dbc"\n[[dbc]]\nfile = "observer_fd.dbc"\n'
+    for role, (name, _) in zip(("rail_pressure", "needle_lift", "line_pressure"), channels, strict=True):
+        text += f'[signals.{role}]\nmessage = "Turns"\nindex = "Index"\npattern = "{name}{{}}"\n'
+    path = Path(folder, "bench.toml")
+    path.write_text(text + f"[sampling]\nrate_hz = {SAMPLE_RATE}\n")
+    return load_bench(path)
 
 
-def _load(folder: Path) -> Database:
-    return cantools.database.load_file(folder / "user.dbc")
+def standstill_frames(turns: Bench) -> list[TimedFrame]:
+    """Two windows of a closed needle."""
+    samples = 4000
+    pressure = np.full(samples, 100e6)
+    recording = Recording(np.arange(samples) / SAMPLE_RATE, pressure, np.zeros(samples), pressure)
+    return frames_of(turns, recording, WINDOWS)
+
+
+def counted(turns: Bench, frames: list[TimedFrame]) -> Counters:
+    return run(turns, frames).core.counters
+
+
+def test_a_pause_is_no_loss(turns: Bench) -> None:
+    counters = counted(turns, standstill_frames(turns))
+    assert (counters.jumps, counters.lost_samples, counters.sequence_errors) == (1, 0, 0)
+    assert counters.samples == 1200
+
+
+@pytest.mark.parametrize("missing", range(6))
+def test_a_frame_lost_at_a_pause_makes_it_a_loss(turns: Bench, missing: int) -> None:
+    """Any of the last three frames before it and the first three after it."""
+    frames = standstill_frames(turns)
+    first = len(frames) // 2 - 3 + missing
+    counters = counted(turns, frames[:first] + frames[first + 1 :])
+    assert counters.jumps == 0
+    assert counters.lost_samples >= 2400
+
+
+def test_a_repeated_frame_changes_nothing(turns: Bench) -> None:
+    frames = standstill_frames(turns)
+    last = len(frames) // 2 - 1
+    counters = counted(turns, [*frames[: last + 1], frames[last], *frames[last + 1 :]])
+    assert (counters.jumps, counters.lost_samples, counters.repeated_frames) == (1, 0, 1)
+
+
+def test_damaged_frames_are_counted_once(turns: Bench) -> None:
+    frames = standstill_frames(turns)
+    frames[9] = damaged(frames[9], 56)
+    counters = counted(turns, frames)
+    assert (counters.crc_errors, counters.frames, counters.lost_samples) == (1, len(frames), 3)

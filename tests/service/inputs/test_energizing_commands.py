@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.bus.mapping.optional_inputs import EnergizingLayout, EnergizingSignal
 from observer_rt.config.bench import load_bench
-from observer_rt.service.inputs.energizing_commands import Command, CommandReader
+from observer_rt.service.inputs.energizing import Command, CommandReader
 from tests.benches import SAMPLE_RATE
-from tests.service.pulse_bench import LEVELS, Told, pulse_bench
+from tests.service.pulses import LEVELS, Told, pulse_bench
 
 INDICES = 1 << 32
 FIRST = st.sampled_from([0, 12345, INDICES - 70])  # of the samples: the count may begin again among them

@@ -1,7 +1,6 @@
 """Where the energizing is shown: `check`, the view, the status, the document of `evaluate`; and its mistakes."""
 
 import io
-import time
 from pathlib import Path
 
 import pytest
@@ -16,21 +15,26 @@ from observer_rt.evaluation.results import print_evaluation
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effects import effective_model
 from observer_rt.recording.replay.framing import TimedFrame
-from observer_rt.service.daemon import Daemon
-from observer_rt.service.reports.news import Notes
-from observer_rt.service.screen.view import View
 from tests.device import EPOCH, frames_of, merged
 from tests.evaluation.documents import recording_json
 from tests.recording.canlog.log_cases import sent_log, write_log
-from tests.service.participants import BLOCK_ID, ScriptedLink, assert_warm_up_takes_all, serving, until
-from tests.service.pulse_bench import BED, Told, pulse_bench, triple_bench
-from tests.service.pulse_frames import commands, durations, injected, misfired, samples
+from tests.service.participants import (
+    BLOCK_ID,
+    HeardDaemon,
+    ScriptedLink,
+    assert_warm_up_takes_all,
+    serving,
+    until,
+)
+from tests.service.pulses import BED, Told, durations, injected, misfired, pulse_bench, samples, triple_bench
+
+TWO = 'signals = ["{0}_00", "{0}_01"]\n'
+BY_INDEX = "sample index, to 20 us"
 
 
 def traffic() -> list[TimedFrame]:
     """Three injections; the second command misfires, the third injection has none."""
-    schedule, recording = injected(3)
-    pulses = commands(schedule)
+    pulses, recording = injected(3)
     shut = misfired(recording, (pulses[1][0], pulses[1][0] + 5e-3))
     return merged(samples(shut), durations(pulses[:2]))
 
@@ -44,19 +48,9 @@ def findings(bench: Path, topic: str, name: str) -> list[tuple[Level, str]]:
 @pytest.mark.parametrize(
     ("lines", "mapping", "level", "accuracy"),
     [
-        (
-            Told.LEVEL,
-            "PulseLevel 0x330, Energized, energized while it is not 0",
-            Level.OK,
-            "sample index, to 20 us",
-        ),
-        (Told.TIME, "PulseTime 0x331, Duration, energizing time", Level.OK, "sample index, to 20 us"),
-        (
-            Told.LEVELS_IN_BLOCK,
-            "20 samples a frame, Level_00 to Level_19",
-            Level.OK,
-            "sample index, to 20 us",
-        ),
+        (Told.LEVEL, "PulseLevel 0x330, Energized, energized while it is not 0", Level.OK, BY_INDEX),
+        (Told.TIME, "PulseTime 0x331, Duration, energizing time", Level.OK, BY_INDEX),
+        (Told.LEVELS_IN_BLOCK, "20 samples a frame, Level_00 to Level_19", Level.OK, BY_INDEX),
         (Told.TIME_BY_STAMP + "delay_us = 50\n", "energizing time", Level.WARNING, "stamps, 50 us after it"),
         (Told.CYCLIC, "Energized", Level.WARNING, "500 us more between two frames"),
     ],
@@ -84,15 +78,11 @@ def test_check_says_what_to_expect(
         (Told.LEVEL.replace("PulseIndex", "Energized"), "signals.energizing.index", "32 bits"),
         (Told.LEVEL + 'time_base = "other"\n', "signals.energizing.index", "stamps"),
         (
-            'message = "SampleBlock"\nsignals = ["RailPressure_00", "RailPressure_01"]\nunit = "-"\n',
+            f'message = "SampleBlock"\n{TWO.format("RailPressure")}unit = "-"\n',
             "signals.energizing",
             "9 samples",
         ),
-        (
-            'message = "PulseBlock"\nsignals = ["Level_00", "Level_01"]\nunit = "us"\n',
-            "signals.energizing",
-            "levels",
-        ),
+        (f'message = "PulseBlock"\n{TWO.format("Level")}unit = "us"\n', "signals.energizing", "levels"),
     ],
 )
 def test_mistakes_name_the_key(tmp_path: Path, lines: str, place: str, word: str) -> None:
@@ -139,25 +129,22 @@ def test_document_of_a_log(tmp_path: Path) -> None:
     assert "2 commands, 1 injections missing, 1 without a command" in screen.getvalue()
 
 
-def test_document_of_a_recording_which_has_no_energizing(tmp_path: Path) -> None:
-    _, recording = injected(2)
-    bench = load_bench(pulse_bench(tmp_path, Told.TIME))
-    c = effective_model(bench.injector.parameters).coefficients
-    document = recording_json(evaluate(bench, [recording], learning=False).evaluations[0], c)
-    assert [one["energizing"] for one in document["injections"]] == [None, None]
-    assert document["summary"]["energizing"]["missing_injections"] == 0
-    assert document["summary"]["energizing"]["mean_opening_delay_us"] is None
-
-
-def test_document_of_a_bench_without_energizing(tmp_path: Path) -> None:
-    _, recording = injected(2)
+@pytest.mark.parametrize("has_energizing", [True, False])
+def test_document_of_a_recording(tmp_path: Path, has_energizing: bool) -> None:
+    """Which has no energizing, on a bench with and without."""
     path = pulse_bench(tmp_path, Told.TIME)
-    path.write_text(path.read_text().partition("[signals.energizing]")[0])
+    if not has_energizing:
+        path.write_text(path.read_text().partition("[signals.energizing]")[0])
     bench = load_bench(path)
     c = effective_model(bench.injector.parameters).coefficients
-    document = recording_json(evaluate(bench, [recording], learning=False).evaluations[0], c)
-    assert "energizing" not in document["summary"]
-    assert not any("energizing" in one for one in document["injections"])
+    document = recording_json(evaluate(bench, [injected(2)[1]], learning=False).evaluations[0], c)
+    if has_energizing:
+        assert [one["energizing"] for one in document["injections"]] == [None, None]
+        assert document["summary"]["energizing"]["missing_injections"] == 0
+        assert document["summary"]["energizing"]["mean_opening_delay_us"] is None
+    else:
+        assert "energizing" not in document["summary"]
+        assert not any("energizing" in one for one in document["injections"])
 
 
 @pytest.mark.parametrize(("signal", "code"), [("Level", 3), ("LevelPlain", 0), ("Time", 20)])
@@ -172,25 +159,17 @@ def test_frames_of_a_recording_say_nothing_of_it(tmp_path: Path, signal: str, co
 def test_view_and_status(tmp_path: Path) -> None:
     """Of a daemon on a bench whose status message has the counts."""
     path = pulse_bench(tmp_path, Told.TIME, '[outputs]\nstatus = "BedStatus"\n[learning]\nenabled = false\n')
-    bench = load_bench(path)
-    view = View("title", bench.injector)
-    notes = Notes()
     frames = traffic()
     link = ScriptedLink(frames)
-    daemon = Daemon(bench, map_bus(bench), [link], listeners=[view.hear, notes])
-    view.watch(daemon)
+    daemon = HeardDaemon(path, link)
     with serving(daemon) as stop:
         until(lambda: daemon.core.frames_taken == sum(frame.frame_id == BLOCK_ID for frame in frames))
         stop.set()
-    screen = io.StringIO()
-    Console(file=screen, width=80, color_system=None).print(view.render(time.monotonic_ns(), 80, 24))
-    drawn = screen.getvalue().splitlines()
-    assert len(drawn) <= 24
-    assert any(
-        "2 commands, 1 injections missing, 1 without a command, opening delay 3" in line for line in drawn
-    )
-    assert any("command" in line and "delay" in line for line in drawn)
+    lines = daemon.drawn().splitlines()
+    assert len(lines) <= 24
+    assert "2 commands, 1 injections missing, 1 without a command, opening delay 3" in daemon.drawn()
+    assert any("command" in line and "delay" in line for line in lines)
     status = BED.get_message_by_name("BedStatus")
     last = [frame.payload for frame in link.sent if frame.frame_id == status.frame_id][-1]
     assert status.decode(last) == {"MissingInjections": 1, "UncommandedInjections": 1}
-    assert sorted(one.is_missing for one in notes.mismatches) == [False, True]
+    assert sorted(one.is_missing for one in daemon.notes.mismatches) == [False, True]

@@ -1,7 +1,6 @@
 """The optional input `fuel_temperature`: the model follows it, and nothing is valid without it."""
 
 import gc
-import io
 import weakref
 from collections.abc import Sequence
 from functools import cache
@@ -11,7 +10,6 @@ from pathlib import Path
 import cantools
 import numpy as np
 import pytest
-from rich.console import Console
 
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.check.checkup import Level, checkup
@@ -22,16 +20,13 @@ from observer_rt.model.effective import coefficients
 from observer_rt.model.effects import sized
 from observer_rt.observer.stream.state import Observer, Reason, State
 from observer_rt.recording.replay.framing import TimedFrame
-from observer_rt.service.core.core import Core
-from observer_rt.service.daemon import Daemon
-from observer_rt.service.screen.view import View
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import SimulatedNoise, Simulation, simulate
 from tests.benches import SAMPLE_RATE, sample_bench
-from tests.device import Device, Result, encoded, hand, inserted, recoded, run
+from tests.device import Device, Result, core_of, encoded, hand, inserted, recoded, run
 from tests.evaluation.documents import recording_json
 from tests.service.end_to_end import DATABASE
-from tests.service.participants import ScriptedLink
+from tests.service.participants import HeardDaemon, ScriptedLink
 
 NOMINAL = load_injector()
 REFERENCE, HOT = 40.0, 85.0  # degC
@@ -206,8 +201,7 @@ def test_the_same_frames_give_the_same_results(tmp_path: Path) -> None:
 
 
 def test_nobody_keeps_the_constants_of_other_fuel(tmp_path: Path) -> None:
-    loaded = load_bench(bench(tmp_path))
-    core = Core(loaded.injector, map_bus(loaded))
+    core = core_of(bench(tmp_path))
     before = core.compiled.observer.constants
     hand(core, [*frames_at(REFERENCE)[:10], sensor(HOT)])
     now = core.compiled.observer
@@ -217,8 +211,7 @@ def test_nobody_keeps_the_constants_of_other_fuel(tmp_path: Path) -> None:
 
 
 def test_what_compiled_code_is_at_work_with_stays(tmp_path: Path) -> None:
-    loaded = load_bench(bench(tmp_path))
-    core = Core(loaded.injector, map_bus(loaded))
+    core = core_of(bench(tmp_path))
     at_work = core.compiled.held
     stepper = weakref.ref(core.compiled.observer.kept[1])  # the leaves it is called with
     core.compiled.change_constants(core.compiled.observer.constants)
@@ -242,14 +235,9 @@ def test_a_recording_is_taken_to_be_at_the_reference(tmp_path: Path) -> None:
 
 
 def test_the_view_shows_it(tmp_path: Path) -> None:
-    path = load_bench(bench(tmp_path))
-    daemon = Daemon(path, map_bus(path), [ScriptedLink([])])
+    daemon = HeardDaemon(bench(tmp_path), ScriptedLink())
     hand(daemon.core, [sensor(62.5), *frames_at(REFERENCE)[:50]])
-    view = View("bench", path.injector)
-    view.watch(daemon)
-    text = io.StringIO()
-    Console(file=text, width=100).print(view.render(0, 100, 30))
-    assert "fuel 62.5 °C" in text.getvalue()
+    assert "fuel 62.5 °C" in daemon.drawn(100, 30)
 
 
 def test_check_shows_the_law(tmp_path: Path) -> None:
@@ -265,7 +253,7 @@ def test_an_injector_without_a_reference_is_refused(tmp_path: Path) -> None:
     (tmp_path / "injector.toml").write_text(text.replace("reference_temperature", "# reference_temperature"))
     loaded = load_bench(path, model=tmp_path / "injector.toml")
     with pytest.raises(UserError, match=r"injector\.toml: fluid\.reference_temperature"):
-        Core(loaded.injector, map_bus(loaded))
+        core_of(loaded)
     assert any(f.level is Level.ERROR and "reference_temperature" in f.text for f in checkup(loaded))
 
 

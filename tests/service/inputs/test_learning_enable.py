@@ -1,11 +1,9 @@
 """The optional input `learning_enable`: what it stops, what it leaves, what is no word of it."""
 
-import io
-import time
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import pytest
-from rich.console import Console
 
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.check.checkup import Level, checkup
@@ -14,12 +12,9 @@ from observer_rt.estimation.scalars import NOZZLE, OFFSET
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.replay.framing import TimedFrame
-from observer_rt.service.daemon import Daemon
-from observer_rt.service.screen.view import View
-from tests.benches import sample_bench
 from tests.check.test_checkup import worst
-from tests.device import Result, damaged, hand, inserted, run, simulated
-from tests.service.participants import ScriptedLink
+from tests.device import Result, Traffic, damaged, hand, inserted, run, simulated
+from tests.service.participants import HeardDaemon, ScriptedLink
 from tests.service.slow_frames import bed, safe_bed, slow_bench
 
 ENABLE = {"learning_enable": ("Bed", "LearnEnable")}
@@ -27,10 +22,17 @@ SAFE_ENABLE = {"learning_enable": ("SafeBed", "LearnEnableSafe")}
 BLOCK = 9  # samples in a frame
 
 
-@pytest.fixture(scope="module")
-def usual(tmp_path_factory: pytest.TempPathFactory, frames: list[TimedFrame]) -> Result:
-    """Without optional inputs."""
-    return run(sample_bench(tmp_path_factory.mktemp("usual")), frames)
+Words = Iterable[tuple[int, TimedFrame]]
+
+
+@pytest.fixture
+def told(tmp_path: Path, clean: Traffic) -> Callable[..., Result]:
+    """What a core makes of clean traffic and of words before the frames of some numbers; extra: of `slow_bench`."""
+
+    def through(words: Words, roles: dict[str, tuple[str, str]] = ENABLE, extra: str = "") -> Result:
+        return run(slow_bench(tmp_path, roles, extra), inserted(clean.frames, words))
+
+    return through
 
 
 def after_injection(result: Result, number: int) -> int:
@@ -45,33 +47,28 @@ def flags(result: Result) -> list[int]:
 
 @pytest.mark.parametrize("value", [1, 2, None])
 def test_enabled_or_not_known_changes_nothing(
-    tmp_path: Path, frames: list[TimedFrame], usual: Result, value: int | None
+    clean: Traffic, told: Callable[..., Result], value: int | None
 ) -> None:
-    path = slow_bench(tmp_path, ENABLE)
-    sent = run(path, inserted(frames, [(n, bed("LearnEnable", value)) for n in range(0, 1600, 100)]))
-    assert sent.frames == usual.frames
-    assert run(path, frames).frames == usual.frames
+    assert told((n, bed("LearnEnable", value)) for n in range(0, 1600, 100)).frames == clean.result.frames
+    assert told([]).frames == clean.result.frames
 
 
-def test_off_from_the_start_is_as_switched_off_by_the_bench(tmp_path: Path, frames: list[TimedFrame]) -> None:
-    held = run(slow_bench(tmp_path, ENABLE), inserted(frames, [(0, bed("LearnEnable", 0))]))
-    off = run(slow_bench(tmp_path, ENABLE, "[learning]\nenabled = false"), frames)
-    assert held.frames == off.frames
+def test_off_from_the_start_is_as_switched_off_by_the_bench(told: Callable[..., Result]) -> None:
+    held = told([(0, bed("LearnEnable", 0))])
+    assert held.frames == told([], extra="[learning]\nenabled = false").frames
     assert set(flags(held)) == {0}
     assert held.core.counters.adoptions == 0
 
 
-def test_bench_that_switches_learning_off_cannot_be_overruled(
-    tmp_path: Path, frames: list[TimedFrame]
-) -> None:
-    path = slow_bench(tmp_path, ENABLE, "[learning]\nenabled = false")
-    assert set(flags(run(path, inserted(frames, [(0, bed("LearnEnable", 1))])))) == {0}
+def test_bench_that_switches_learning_off_cannot_be_overruled(told: Callable[..., Result]) -> None:
+    result = told([(0, bed("LearnEnable", 1))], extra="[learning]\nenabled = false")
+    assert set(flags(result)) == {0}
 
 
-def test_what_was_learned_stays_in_force(tmp_path: Path, frames: list[TimedFrame], usual: Result) -> None:
+def test_what_was_learned_stays_in_force(clean: Traffic, told: Callable[..., Result]) -> None:
     """Off after the first of three events."""
-    off = after_injection(usual, 1)
-    held = run(slow_bench(tmp_path, ENABLE), inserted(frames, [(off, bed("LearnEnable", 0))]))
+    usual = clean.result
+    held = told([(after_injection(usual, 1), bed("LearnEnable", 0))])
     first, second, third = held.reports
     assert held.core.counters.adoptions == 1 < usual.core.counters.adoptions
     assert first.mass_ci95 == usual.reports[0].mass_ci95
@@ -88,35 +85,27 @@ def test_what_was_learned_stays_in_force(tmp_path: Path, frames: list[TimedFrame
 
 @pytest.mark.parametrize("on", [1, None])
 def test_learning_goes_on_when_it_is_on_again(
-    tmp_path: Path, frames: list[TimedFrame], usual: Result, on: int | None
+    clean: Traffic, told: Callable[..., Result], on: int | None
 ) -> None:
-    words = [(0, bed("LearnEnable", 0)), (after_injection(usual, 1), bed("LearnEnable", on))]
-    result = run(slow_bench(tmp_path, ENABLE), inserted(frames, words))
+    result = told([(0, bed("LearnEnable", 0)), (after_injection(clean.result, 1), bed("LearnEnable", on))])
     assert [report.mass_ci95 is None for report in result.reports] == [True, False, False]
     assert result.core.counters.adoptions == 2
 
 
-def test_another_page_of_its_message_is_no_word_of_it(
-    tmp_path: Path, frames: list[TimedFrame], usual: Result
-) -> None:
+def test_another_page_of_its_message_is_no_word_of_it(clean: Traffic, told: Callable[..., Result]) -> None:
     """The byte of the signal is 0 there."""
-    sent = inserted(frames, [(0, bed("Mass", 0.0))])
-    assert run(slow_bench(tmp_path, ENABLE), sent).frames == usual.frames
+    assert told([(0, bed("Mass", 0.0))]).frames == clean.result.frames
 
 
-def test_damaged_frames_are_counted_and_change_nothing(
-    tmp_path: Path, frames: list[TimedFrame], usual: Result
-) -> None:
+def test_damaged_frames_are_counted_and_change_nothing(clean: Traffic, told: Callable[..., Result]) -> None:
     good = safe_bed(7, enable=0)
-    words = [(0, damaged(good, 40)), (1, good._replace(payload=good.payload[:-1]))]
-    result = run(slow_bench(tmp_path, SAFE_ENABLE), inserted(frames, words))
-    assert result.frames == usual.frames
+    result = told([(0, damaged(good, 40)), (1, good._replace(payload=good.payload[:-1]))], SAFE_ENABLE)
+    assert result.frames == clean.result.frames
     assert (result.core.counters.crc_errors, result.core.counters.length_errors) == (1, 1)
-    heeded = run(slow_bench(tmp_path, SAFE_ENABLE), inserted(frames, [(0, good)]))
-    assert set(flags(heeded)) == {0}
+    assert set(flags(told([(0, good)], SAFE_ENABLE))) == {0}
 
 
-def test_a_recording_does_not_switch_learning_off(tmp_path: Path, usual: Result) -> None:
+def test_a_recording_does_not_switch_learning_off(tmp_path: Path) -> None:
     """Also where the signal is in the message of the samples, whose frames are made of the recording then."""
     path = slow_bench(tmp_path, {"learning_enable": ("SampleBlock", "FuelTemperature")})
     assert evaluate(load_bench(path), [simulated()]).evaluations[0].counters.adoptions > 0
@@ -158,30 +147,17 @@ def test_unknown_key_of_an_optional_role(tmp_path: Path) -> None:
 
 
 def test_view_says_that_learning_is_off(tmp_path: Path) -> None:
-    bench = load_bench(slow_bench(tmp_path, ENABLE))
-    daemon = Daemon(bench, map_bus(bench), [ScriptedLink()])
-    view = View("title", bench.injector)
-    view.watch(daemon)
-
-    def drawn() -> str:
-        screen = io.StringIO()
-        Console(file=screen, width=80, color_system=None).print(view.render(time.monotonic_ns(), 80, 24))
-        return screen.getvalue()
-
+    daemon = HeardDaemon(slow_bench(tmp_path, ENABLE), ScriptedLink())
     for value, expected in ((1, "(0 refused, 0 late)"), (0, "; learning is off")):
         hand(daemon.core, [bed("LearnEnable", value)])
-        assert expected in drawn()
+        assert expected in daemon.drawn()
 
 
-def test_a_switch_that_stays_away_holds_nothing_up(
-    tmp_path: Path, frames: list[TimedFrame], usual: Result
-) -> None:
+def test_a_switch_that_stays_away_holds_nothing_up(tmp_path: Path, clean: Traffic) -> None:
     """Off before the first injection, and never heard of again: it counts for 80 ms."""
     path = slow_bench(tmp_path, ENABLE)
     path.write_text(path.read_text() + "timeout_ms = 80\n")
-    off = inserted(frames, [(0, bed("LearnEnable", 0))])
-    result = run(path, off)
-    assert flags(result)[0] == 0
-    assert flags(result)[-1] == 1
-    assert result.core.counters.adoptions == usual.core.counters.adoptions
+    result = run(path, inserted(clean.frames, [(0, bed("LearnEnable", 0))]))
+    assert (flags(result)[0], flags(result)[-1]) == (0, 1)
+    assert result.core.counters.adoptions == clean.result.core.counters.adoptions
     assert "a value counts for 0.08 s" in "".join(finding.text for finding in checkup(load_bench(path)))

@@ -1,8 +1,6 @@
 """The optional input `measured_mass`: which injection a value belongs to, and where its comparison is shown."""
 
 import io
-import time
-from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
@@ -17,13 +15,10 @@ from observer_rt.evaluation.results import print_evaluation
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effects import effective_model
 from observer_rt.recording.replay.framing import TimedFrame
-from observer_rt.service.daemon import Daemon
-from observer_rt.service.reports.news import MeasuredMass, Notes
-from observer_rt.service.screen.view import View
-from tests.device import Result, damaged, hand, inserted, run
+from tests.device import Result, Traffic, damaged, hand, inserted, run
 from tests.evaluation.documents import recording_json
 from tests.recording.canlog.log_cases import sent_log, write_log
-from tests.service.participants import ScriptedLink, assert_warm_up_takes_all
+from tests.service.participants import HeardDaemon, ScriptedLink, assert_warm_up_takes_all
 from tests.service.slow_frames import bed, safe_bed, slow_bench
 
 MASS = {"measured_mass": ("Bed", "Mass")}
@@ -32,107 +27,92 @@ BLOCK = 9  # samples in a frame
 SOON, LATE = 20, 250  # frames after an injection's end: before, and after, it is reported
 
 
-@pytest.fixture(scope="module")
-def usual(tmp_path_factory: pytest.TempPathFactory, frames: list[TimedFrame]) -> Result:
-    """With the role in the bench file, but no frame of it."""
-    return run(slow_bench(tmp_path_factory.mktemp("usual"), MASS), frames)
+class Scale:
+    """A balance beside clean traffic."""
+
+    def __init__(self, folder: Path, clean: Traffic) -> None:
+        self.path = slow_bench(folder, MASS)
+        self.frames, self.usual = clean.frames, clean.result
+
+    def after(self, injection: int, frames: int = SOON) -> int:
+        """Number of a frame so many after the end of an injection (1, 2, 3)."""
+        return self.usual.reports[injection - 1].end_index // BLOCK + frames
+
+    def tells(self, *told: tuple[int, TimedFrame]) -> Result:
+        """What a core makes of frames before those of the numbers given."""
+        return run(self.path, inserted(self.frames, told))
+
+    def masses(self, *told: tuple[int, TimedFrame]) -> list[tuple[int, float]]:
+        """Injection and mass [mg]."""
+        found = self.tells(*told).notes.measured
+        return [(one.report.number, round(one.mass * 1e6, 6)) for one in found]
 
 
 @pytest.fixture
-def path(tmp_path: Path) -> Path:
-    return slow_bench(tmp_path, MASS)
+def scale(tmp_path: Path, clean: Traffic) -> Scale:
+    return Scale(tmp_path, clean)
 
 
-def after(result: Result, injection: int, frames: int) -> int:
-    """Number of a frame so many after the end of an injection (1, 2, 3)."""
-    return result.reports[injection - 1].end_index // BLOCK + frames
-
-
-def measured(bench: Path, frames: Iterable[TimedFrame]) -> list[MeasuredMass]:
-    return run(bench, frames).notes.measured
-
-
-def masses(found: Iterable[MeasuredMass]) -> list[tuple[int, float]]:
-    """Injection and mass [mg]."""
-    return [(one.report.number, round(one.mass * 1e6, 6)) for one in found]
+@pytest.fixture
+def path(scale: Scale) -> Path:
+    return scale.path
 
 
 @pytest.mark.parametrize("delay", [SOON, LATE])
-def test_a_value_belongs_to_the_injection_before_it(
-    path: Path, frames: list[TimedFrame], usual: Result, delay: int
-) -> None:
-    sent = [
-        (after(usual, 1, delay), bed("Mass", 10.0)),
-        (after(usual, 2, delay), bed("Mass", 8.0)),
-        (after(usual, 3, delay), bed("Mass", 9.0)),
-    ]
-    found = measured(path, inserted(frames, sent))
-    assert masses(found) == [(1, 10.0), (2, 8.0), (3, 9.0)]
-    for one, report in zip(found, usual.reports, strict=True):
+def test_a_value_belongs_to_the_injection_before_it(scale: Scale, delay: int) -> None:
+    sent = [(scale.after(n, delay), bed("Mass", mass)) for n, mass in ((1, 10.0), (2, 8.0), (3, 9.0))]
+    assert scale.masses(*sent) == [(1, 10.0), (2, 8.0), (3, 9.0)]
+    for one, report in zip(scale.tells(*sent).notes.measured, scale.usual.reports, strict=True):
         assert one.error == pytest.approx((report.mass - one.mass) / one.mass)
         assert f"injection {report.number}: measured {one.mass * 1e6:.2f} mg" in one.as_text()
 
 
-def test_it_changes_no_result(path: Path, frames: list[TimedFrame], usual: Result) -> None:
-    sent = [(after(usual, number, SOON), bed("Mass", 100.0 * number)) for number in (1, 2, 3)]
-    assert run(path, inserted(frames, sent)).frames == usual.frames
+def test_it_changes_no_result(scale: Scale) -> None:
+    sent = [(scale.after(number), bed("Mass", 100.0 * number)) for number in (1, 2, 3)]
+    assert scale.tells(*sent).frames == scale.usual.frames
 
 
-def test_what_a_cyclic_message_repeats_is_not_new(
-    path: Path, frames: list[TimedFrame], usual: Result
-) -> None:
+def test_what_a_cyclic_message_repeats_is_not_new(scale: Scale) -> None:
     """The value of an injection changes soon after it and is sent until the next one's."""
-    changes = [(0, 5.0), (after(usual, 1, SOON), 10.0), (after(usual, 2, SOON), 8.0)]
+    changes = [(0, 5.0), (scale.after(1), 10.0), (scale.after(2), 8.0)]
     sent = []
-    for number in range(0, len(frames), 10):
+    for number in range(0, len(scale.frames), 10):
         sent.append((number, bed("Mass", [value for since, value in changes if since <= number][-1])))
-    assert masses(measured(path, inserted(frames, sent))) == [(1, 10.0), (2, 8.0)]
+    assert scale.masses(*sent) == [(1, 10.0), (2, 8.0)]
 
 
 @pytest.mark.parametrize("nothing", [0.0, None])
-def test_nothing_in_between_makes_an_equal_value_new(
-    path: Path, frames: list[TimedFrame], usual: Result, nothing: float | None
-) -> None:
-    sent = [
-        (after(usual, 1, SOON), bed("Mass", 10.0)),
-        (after(usual, 2, 0) - 20, bed("Mass", nothing)),
-        (after(usual, 2, SOON), bed("Mass", 10.0)),
-    ]
-    assert masses(measured(path, inserted(frames, sent))) == [(1, 10.0), (2, 10.0)]
+def test_nothing_in_between_makes_an_equal_value_new(scale: Scale, nothing: float | None) -> None:
+    first, second = ((scale.after(n), bed("Mass", 10.0)) for n in (1, 2))
+    between = scale.after(2, -20), bed("Mass", nothing)
+    assert scale.masses(first, between, second) == [(1, 10.0), (2, 10.0)]
 
 
-def test_of_several_for_one_injection_the_first_counts(
-    path: Path, frames: list[TimedFrame], usual: Result
-) -> None:
-    sent = [(after(usual, 1, SOON + k), bed("Mass", 10.0 + k)) for k in range(3)]
-    assert masses(measured(path, inserted(frames, sent))) == [(1, 10.0)]
+def test_of_several_for_one_injection_the_first_counts(scale: Scale) -> None:
+    sent = [(scale.after(1, SOON + k), bed("Mass", 10.0 + k)) for k in range(3)]
+    assert scale.masses(*sent) == [(1, 10.0)]
 
 
-def test_a_value_before_any_injection_belongs_to_none(path: Path, frames: list[TimedFrame]) -> None:
-    assert not measured(path, inserted(frames, [(0, bed("Mass", 10.0))]))
+def test_a_value_before_any_injection_belongs_to_none(scale: Scale) -> None:
+    assert not scale.masses((0, bed("Mass", 10.0)))
 
 
-def test_protected_message_in_kilograms(tmp_path: Path, frames: list[TimedFrame], usual: Result) -> None:
+def test_protected_message_in_kilograms(tmp_path: Path, scale: Scale) -> None:
     """A damaged frame and a repeated one count for nothing."""
-    first, second = after(usual, 1, SOON), after(usual, 2, SOON)
-    good = safe_bed(1, mass=12e-6)
+    scale.path = slow_bench(tmp_path, SAFE_MASS)
+    first, second = scale.after(1), scale.after(2)
     sent = [
         (first, damaged(safe_bed(0, mass=11e-6), 40)),
-        (first + 1, good),
+        (first + 1, safe_bed(1, mass=12e-6)),
         (second, safe_bed(1, mass=13e-6)),
         (second + 1, safe_bed(2, mass=14e-6)),
     ]
-    bench = slow_bench(tmp_path, SAFE_MASS)
-    assert masses(measured(bench, inserted(frames, sent))) == [(1, 12.0), (2, 14.0)]
+    assert scale.masses(*sent) == [(1, 12.0), (2, 14.0)]
 
 
-def test_unit_of_the_bench_file_goes_before_the_databases(
-    tmp_path: Path, frames: list[TimedFrame], usual: Result
-) -> None:
-    bench = slow_bench(tmp_path, MASS)
-    bench.write_text(bench.read_text() + 'unit = "g"\n')
-    sent = [(after(usual, 1, SOON), bed("Mass", 0.5))]
-    assert masses(measured(bench, inserted(frames, sent))) == [(1, 500.0)]
+def test_unit_of_the_bench_file_goes_before_the_databases(scale: Scale) -> None:
+    scale.path.write_text(scale.path.read_text() + 'unit = "g"\n')
+    assert scale.masses((scale.after(1), bed("Mass", 0.5))) == [(1, 500.0)]
 
 
 def test_unknown_unit(path: Path) -> None:
@@ -153,12 +133,10 @@ def test_warm_up_takes_a_bench_with_optional_inputs(tmp_path: Path) -> None:
     assert_warm_up_takes_all(load_bench(slow_bench(tmp_path, SAFE_MASS)))
 
 
-def test_evaluating_a_log_compares_it(
-    path: Path, frames: list[TimedFrame], usual: Result, tmp_path: Path
-) -> None:
+def test_evaluating_a_log_compares_it(scale: Scale, tmp_path: Path) -> None:
     """In the document and in the table."""
-    bench = load_bench(path)
-    sent = inserted(frames, [(after(usual, 2, SOON), bed("Mass", 8.0))])
+    bench = load_bench(scale.path)
+    sent = inserted(scale.frames, [(scale.after(2), bed("Mass", 8.0))])
     log = tmp_path / "bus.log"
     write_log(log, sent_log(sent))
     evaluation = evaluate(bench, [LoggedSignals(bench, log)]).evaluations[0]
@@ -172,22 +150,14 @@ def test_evaluating_a_log_compares_it(
     assert {"8.00", f"{error:.2f}"} <= set(row.split())
 
 
-def test_view_shows_it_beside_the_estimate(tmp_path: Path, frames: list[TimedFrame], usual: Result) -> None:
-    bench = load_bench(slow_bench(tmp_path, MASS, "[learning]\nlockstep = true"))
-    view, notes = View("title", bench.injector), Notes()
-    daemon = Daemon(bench, map_bus(bench), [ScriptedLink()], listeners=[view.hear, notes])
-    view.watch(daemon)
-
-    def drawn() -> str:
-        screen = io.StringIO()
-        Console(file=screen, width=80, color_system=None).print(view.render(time.monotonic_ns(), 80, 40))
-        return screen.getvalue()
-
-    sent = inserted(frames, [(after(usual, 2, LATE), bed("Mass", 7.77))])
-    hand(daemon.core, sent[: after(usual, 2, LATE)])
-    assert " measured " not in drawn()
-    hand(daemon.core, sent[after(usual, 2, LATE) :])
+def test_view_shows_it_beside_the_estimate(tmp_path: Path, scale: Scale) -> None:
+    daemon = HeardDaemon(slow_bench(tmp_path, MASS, "[learning]\nlockstep = true"), ScriptedLink())
+    at = scale.after(2, LATE)
+    sent = inserted(scale.frames, [(at, bed("Mass", 7.77))])
+    hand(daemon.core, sent[:at])
+    assert " measured " not in daemon.drawn(80, 40)
+    hand(daemon.core, sent[at:])
     daemon.core.finish()
-    assert " measured " in drawn()
-    assert drawn().count("7.77") == 1
-    assert all(f" {report.mass * 1e6:.2f} " in drawn() for report in notes.injections)
+    assert " measured " in daemon.drawn(80, 40)
+    assert daemon.drawn(80, 40).count("7.77") == 1
+    assert all(f" {report.mass * 1e6:.2f} " in daemon.drawn(80, 40) for report in daemon.notes.injections)

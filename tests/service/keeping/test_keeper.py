@@ -5,6 +5,8 @@ import os
 import re
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -12,24 +14,12 @@ import pytest
 from observer_rt.config.bench import Bench, load_bench
 from observer_rt.config.injector import LearningConfig, StateConfig, Training
 from observer_rt.foundation.errors import RunError, UserError
-from observer_rt.observer.learning.knowledge import Knowledge
-from observer_rt.service.keeping.keeper import keeper_of
+from observer_rt.service.keeping.keeper import Keeper, keeper_of
 from observer_rt.service.keeping.state_file import load_knowledge, model_hash
-from tests.service.knowledge_samples import some_knowledge
 from tests.service.participants import until
+from tests.service.samples import some_knowledge
 
 INTERVAL = 0.25  # s, between two writes
-
-
-class Learner:
-    """Knows what the test says."""
-
-    def __init__(self) -> None:
-        self.knowledge = some_knowledge(events=1)
-
-    def source(self) -> Knowledge:
-        """What it knows now."""
-        return self.knowledge
 
 
 @pytest.fixture
@@ -37,57 +27,69 @@ def bench() -> Bench:
     return load_bench().with_sections(state=StateConfig(save_within_s=2 * INTERVAL))
 
 
-def saved(bench: Bench, path: Path) -> Knowledge | None:
-    """What is restored from the file now; fails if it is damaged."""
-    return load_knowledge(path, model_hash(bench.injector.parameters), set_aside=False).knowledge
+class Kept:
+    """A learner whose state is kept; told: what is said of it."""
+
+    def __init__(self, bench: Bench, folder: Path) -> None:
+        self.bench, self.path = bench, folder / "state.json"
+        self.knowledge = some_knowledge(events=1)
+        self.told: list[str] = []
+
+    @contextmanager
+    def kept(self) -> Iterator[Keeper]:
+        files = keeper_of(self.bench, self.path, None, self.told.append)
+        with files as keeper, keeper.keeping(lambda: self.knowledge):
+            yield keeper
+
+    def learn(self, events: int) -> None:
+        """From so many by now, and wait until that is saved."""
+        self.knowledge = some_knowledge(events, events=events)
+        until(lambda: self.events() == events)
+
+    def events(self) -> int:
+        """Learned from, by what is restored from the file now; fails if that is damaged."""
+        model = model_hash(self.bench.injector.parameters)
+        knowledge = load_knowledge(self.path, model, set_aside=False).knowledge
+        return knowledge.events if knowledge else 0
 
 
-def events(bench: Bench, path: Path) -> int:
-    knowledge = saved(bench, path)
-    return 0 if knowledge is None else knowledge.events
+@pytest.fixture
+def learner(bench: Bench, tmp_path: Path) -> Kept:
+    return Kept(bench, tmp_path)
 
 
-def test_what_is_learned_is_saved_while_running(bench: Bench, tmp_path: Path) -> None:
-    path, learner, told = tmp_path / "state.json", Learner(), list[str]()
-    with keeper_of(bench, path, None, told.append) as keeper, keeper.keeping(learner.source):
-        assert keeper.state == path
-        for count in range(2, 5):
-            learner.knowledge = some_knowledge(count, events=count)
-            until(lambda: events(bench, path) == learner.knowledge.events)
-    assert told[-1] == f"learned state saved in {path}"
-    assert [entry.name for entry in tmp_path.iterdir()] == ["state.json"]
+def test_what_is_learned_is_saved_while_running(learner: Kept) -> None:
+    with learner.kept() as keeper:
+        assert keeper.state == learner.path
+        for events in range(2, 5):
+            learner.learn(events)
+    assert learner.told[-1] == f"learned state saved in {learner.path}"
+    assert [*learner.path.parent.iterdir()] == [learner.path]
 
 
-def test_the_last_save_is_made_whether_or_not_anything_was_learned(bench: Bench, tmp_path: Path) -> None:
-    path = tmp_path / "state.json"
-    with keeper_of(bench, path, None, print) as keeper, keeper.keeping(Learner().source):
+def test_the_last_save_is_made_whether_or_not_anything_was_learned(learner: Kept) -> None:
+    with learner.kept():
         time.sleep(2 * INTERVAL)
-        assert not path.exists()
-    assert events(bench, path) == 1
+        assert not learner.path.exists()
+    assert learner.events() == 1
 
 
-def test_saves_are_no_more_frequent_than_stated(bench: Bench, tmp_path: Path) -> None:
-    path, learner, files = tmp_path / "state.json", Learner(), set()
-    with keeper_of(bench, path, None, print) as keeper, keeper.keeping(learner.source):
+def test_saves_are_no_more_frequent_than_stated(learner: Kept) -> None:
+    files = set()
+    with learner.kept():
         began = time.monotonic()
         for count in range(2, 400):
             learner.knowledge = some_knowledge(events=count)
             time.sleep(0.002)
-            if path.exists():
-                files.add(path.stat().st_mtime_ns)
+            if learner.path.exists():
+                files.add(learner.path.stat().st_mtime_ns)
         lasted = time.monotonic() - began
     assert 2 <= len(files) <= lasted / INTERVAL + 1
 
 
 def test_a_full_disk_is_told_once_counted_and_tried_again(
-    bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    learner: Kept, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    path, learner, told = tmp_path / "state.json", Learner(), list[str]()
-
-    def tell(text: str) -> None:
-        if "it took" not in text:  # a busy machine
-            told.append(text)
-
     is_full, tries, fsync = threading.Event(), list[int](), os.fsync
 
     def limited(descriptor: int) -> None:
@@ -96,49 +98,43 @@ def test_a_full_disk_is_told_once_counted_and_tried_again(
             raise OSError(errno.ENOSPC, "No space left on device")
         fsync(descriptor)
 
+    def told() -> list[str]:
+        return [text for text in learner.told if "it took" not in text]  # a busy machine
+
     monkeypatch.setattr(os, "fsync", limited)
-    with keeper_of(bench, path, None, tell) as keeper, keeper.keeping(learner.source):
-        learner.knowledge = some_knowledge(events=2)
-        until(lambda: events(bench, path) == 2)
+    with learner.kept() as keeper:
+        learner.learn(2)
         is_full.set()
         learner.knowledge = some_knowledge(events=3)
         until(lambda: len(tries) >= 4)
-        assert len(told) == 1
+        assert len(told()) == 1
         assert len(tries) - 1 <= keeper.failures <= len(tries)
-        assert re.search(r"No space left on device\n  remedy: make room there.* every 0.25 s", told[0])
-        assert events(bench, path) == 2  # the old file is whole
+        assert re.search(r"No space left on device\n  remedy: make room there.* every 0.25 s", told()[0])
+        assert learner.events() == 2  # the old file is whole
         is_full.clear()
-        until(lambda: events(bench, path) == 3)
-        until(lambda: len(told) == 2)
-        assert re.fullmatch(r"learned state in .* is written again, after \d+ failed attempts", told[1])
-    assert re.fullmatch(r"learned state saved in .* \(\d+ attempts failed before\)", told[2])
+        until(lambda: learner.events() == 3)
+        until(lambda: len(told()) == 2)
+        assert re.fullmatch(r"learned state in .* is written again, after \d+ failed attempts", told()[1])
+    assert re.fullmatch(r"learned state saved in .* \(\d+ attempts failed before\)", told()[2])
 
 
 def test_a_disk_too_slow_for_what_is_stated_is_told_once(
-    bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    learner: Kept, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    path, learner, told = tmp_path / "state.json", Learner(), list[str]()
     monkeypatch.setattr(os, "fsync", lambda _: time.sleep(INTERVAL))
-    with keeper_of(bench, path, None, told.append) as keeper, keeper.keeping(learner.source):
-        for count in range(2, 5):
-            learner.knowledge = some_knowledge(count, events=count)
-            until(lambda: events(bench, path) == learner.knowledge.events)
-        until(lambda: bool(told))
-    assert len(told) == 2
-    assert re.match(r"warning: it took \d\.\d s to write what is kept: a kill may cost more", told[0])
+    with learner.kept():
+        for events in range(2, 5):
+            learner.learn(events)
+        until(lambda: bool(learner.told))
+    assert len(learner.told) == 2
+    assert re.match(r"warning: it took \d\.\d s to write what is kept: a kill may cost more", learner.told[0])
 
 
-def test_a_disk_that_is_full_at_the_end_is_an_error(
-    bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_disk_that_is_full_at_the_end_is_an_error(learner: Kept, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(_: int) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    with (
-        keeper_of(bench, tmp_path / "state.json", None, print) as keeper,
-        pytest.raises(RunError, match="No space left"),
-        keeper.keeping(Learner().source),
-    ):
+    with pytest.raises(RunError, match="No space left"), learner.kept():
         monkeypatch.setattr(os, "fsync", full)
 
 
@@ -163,7 +159,7 @@ def test_the_bench_file_names_what_is_kept(tmp_path: Path) -> None:
 
 def test_nothing_is_kept_unasked(bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    with keeper_of(bench, None, None, print) as keeper, keeper.keeping(Learner().source):
+    with keeper_of(bench, None, None, print) as keeper, keeper.keeping(some_knowledge):
         time.sleep(2 * INTERVAL)
     assert not list(tmp_path.iterdir())
 

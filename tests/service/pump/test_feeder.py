@@ -1,79 +1,35 @@
 """Links that the loop cannot read itself: fed to it frame by frame, and its rates sent for it."""
 
 import socket
-import threading
-import time
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
 from observer_rt.bus.links.descriptor import DescriptorLink
-from observer_rt.bus.links.link import Frame, Link, LinkDownError
+from observer_rt.bus.links.link import Frame, LinkDownError
 from observer_rt.bus.links.receiver import BusDownError
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.foundation.errors import RunError
 from observer_rt.recording.replay.framing import TimedFrame
-from observer_rt.service.core.core import Core
-from observer_rt.service.core.messages import OutputFrame
-from observer_rt.service.pump.pump import FramePump
-from observer_rt.service.watch.arrivals import Arrivals
 from tests.benches import SAMPLE_RATE
 from tests.bus.j1939_bench import GROUP, write_j1939_bench
-from tests.device import frames_of, worn_recording
-from tests.service.end_to_end import RATE
-from tests.service.participants import PATIENCE, bench_file, until
-from tests.service.test_daemon_link import TroubledLink
+from tests.device import core_of, frames_of, worn_recording
+from tests.service.end_to_end import RATE, payloads
+from tests.service.participants import Pumped, TroubledLink, bench_file, until
 
 BEGIN = 1_700_000_000_000_000_000  # ns
 FRAMES = 600
-
-
-class Fed:
-    """A pump without a daemon on one link; unsent: counts of rates it gave up."""
-
-    def __init__(self, path: Path, link: Link) -> None:
-        bench = load_bench(path)
-        bus = map_bus(bench)
-        self.core = Core(bench.injector, bus)
-        self.arrivals = Arrivals(bus)
-        self.unsent: list[int] = []
-        self.pump = FramePump([link], self.core, bus, self.arrivals, self.unsent.append)
-
-    def serve_until_taken(self, frames: int) -> list[OutputFrame]:
-        """What is handed over meanwhile."""
-        handed: list[OutputFrame] = []
-        end = time.monotonic() + PATIENCE
-        while self.arrivals.frames < frames:
-            assert time.monotonic() < end
-            handed += self.pump.serve(1e-3)
-        return handed
-
-
-@contextmanager
-def fed(path: Path, link: Link) -> Iterator[Fed]:
-    """The pump is closed at the end."""
-    it = Fed(path, link)
-    try:
-        yield it
-    finally:
-        it.pump.close()
 
 
 def device_frames(path: Path, injections: int = 2) -> list[TimedFrame]:
     return frames_of(path, worn_recording(injections))
 
 
-def rates_of(frames: Iterable[OutputFrame] | Iterable[Frame]) -> list[bytes]:
-    return [frame.payload for frame in frames if frame.frame_id == RATE.frame_id]
-
-
 def published(path: Path) -> list[bytes]:
     """All rates that the frames of `device_frames` cause."""
-    return rates_of(evaluate(load_bench(path), [worn_recording(2)]).frames)
+    return payloads(evaluate(load_bench(path), [worn_recording(2)]).frames, RATE)
 
 
 @pytest.fixture
@@ -100,11 +56,10 @@ def test_stamps_are_kept_to_the_nanosecond(grouped: Path) -> None:
     wanted = [BEGIN + 20_000 * n + n * 7919 % 1013 for n in range(FRAMES)]
     stamps = iter(wanted)
     frames = device_frames(grouped)[:FRAMES]
-    bench = load_bench(grouped)
-    alone = Core(bench.injector, map_bus(bench))
+    alone = core_of(grouped)
     for frame, stamp in zip(frames, wanted, strict=True):
         alone.handle(frame.frame_id, frame.is_extended, frame.payload, stamp)
-    with fed(grouped, StampingLink(frames)) as it:
+    with Pumped(grouped, StampingLink(frames)) as it:
         it.serve_until_taken(FRAMES)
     clocks, expected = (core.compiled.pipeline.keeping.clocks for core in (it.core, alone))
     assert clocks.tobytes() == expected.tobytes()
@@ -120,7 +75,7 @@ def test_messages_of_j1939_come_under_any_source_address(grouped: Path) -> None:
         theirs,
         DescriptorLink(str(ours.fileno()), True, wanted) as link,
         DescriptorLink(str(theirs.fileno()), True, None) as device,
-        fed(grouped, link) as it,
+        Pumped(grouped, link) as it,
     ):
         for frame in device_frames(grouped)[:FRAMES]:
             device.send((GROUP & ~0xFF) | 0x42, frame.payload, True, False)
@@ -133,9 +88,9 @@ def test_rates_that_found_no_room_are_handed_over_in_order(path: Path) -> None:
     frames = device_frames(path)
     link = TroubledLink(frames)
     link.has_room = False
-    with fed(path, link) as it:
+    with Pumped(path, link) as it:
         handed = [*it.serve_until_taken(len(frames)), *it.pump.finish()]
-    assert rates_of(handed) == published(path)
+    assert payloads(handed, RATE) == published(path)
     assert not link.sent
     assert not it.unsent
 
@@ -150,31 +105,31 @@ def test_some_sent_then_none_lost(path: Path) -> None:
 
     frames = device_frames(path)
     link = HaltingLink(frames)
-    with fed(path, link) as it:
+    with Pumped(path, link) as it:
         handed = [*it.serve_until_taken(len(frames)), *it.pump.finish()]
     assert 0 < len(link.sent) <= 100
-    assert rates_of(link.sent) + rates_of(handed) == published(path)
+    assert payloads(link.sent, RATE) + payloads(handed, RATE) == published(path)
 
 
 def test_rates_on_their_way_to_a_link_that_goes_down_are_counted(path: Path) -> None:
     frames = device_frames(path)
     link = TroubledLink(frames)
     link.has_room = False
-    with fed(path, link) as it:
+    with Pumped(path, link) as it:
         it.serve_until_taken(len(frames))
         link.plugged.clear()
         with pytest.raises(BusDownError, match="can5 is down") as raised:
             until(lambda: bool(it.pump.serve(1e-3)))
         it.pump.leave_out(raised.value.bus)
         handed = it.pump.finish()
-    assert sum(it.unsent) + len(rates_of(handed)) == len(published(path))
+    assert sum(it.unsent) + len(payloads(handed, RATE)) == len(published(path))
     assert sum(it.unsent) > 100
 
 
 def test_it_is_served_again_once_it_is_back(path: Path) -> None:
     frames = device_frames(path)
     link = TroubledLink(frames[:FRAMES])
-    with fed(path, link) as it:
+    with Pumped(path, link) as it:
         for first in (FRAMES, 2 * FRAMES):
             it.serve_until_taken(first)
             link.plugged.clear()
@@ -200,7 +155,7 @@ def test_what_ends_it_is_raised_behind_the_frames_that_came(path: Path, failure:
             return super().receive(timeout_s)
 
     frames = device_frames(path)[:FRAMES]
-    with fed(path, FailingLink(frames)) as it:
+    with Pumped(path, FailingLink(frames)) as it:
         with pytest.raises((type(failure), BusDownError), match=str(failure)):
             until(lambda: bool(it.pump.serve(1e-3)))
         assert it.core.counters.frames == FRAMES
@@ -209,12 +164,9 @@ def test_what_ends_it_is_raised_behind_the_frames_that_came(path: Path, failure:
 def test_it_ends_while_frames_wait(path: Path) -> None:
     """The loop waits for a verdict that nobody gives, the pair is full, and more frames are in the driver."""
     link = TroubledLink(device_frames(path))
-    with fed(path, link) as it:
+    with Pumped(path, link) as it:
         until(lambda: bool(it.core.compiled.observer.memory["waiting"][0]))
-        ending = threading.Thread(target=it.pump.finish, daemon=True)
-        ending.start()
-        ending.join(60.0)
-        assert not ending.is_alive()
+        assert it.ends()
         assert not link.empty.is_set()
 
 
@@ -222,7 +174,7 @@ def test_other_results_come_behind_the_rates(path: Path) -> None:
     frames = device_frames(path)[:FRAMES]
     link = TroubledLink(frames)
     link.has_room = False
-    with fed(path, link) as it:
+    with Pumped(path, link) as it:
         it.serve_until_taken(FRAMES)
         until(lambda: it.core.counters.frames == FRAMES)
         assert it.pump.sender(0).try_send(0x321, b"other", False, True)

@@ -7,7 +7,6 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -20,16 +19,13 @@ from observer_rt.foundation.errors import RunError
 from observer_rt.observer.stream.state import Reason, State
 from observer_rt.observer.stream.verdict import Taken
 from observer_rt.recording.replay.framing import TimedFrame
-from observer_rt.service.core.core import Core
 from observer_rt.service.core.messages import OutputFrame
 from observer_rt.service.daemon import Daemon
-from observer_rt.service.pump.pump import FramePump
-from observer_rt.service.watch.arrivals import Arrivals
 from tests.device import RATES, Device, encoded, frames_of, inserted, run, simulated, worn_recording
-from tests.service.end_to_end import RATE, STATUS, SUMMARY, decoded, published_rates
+from tests.service.end_to_end import RATE, STATUS, SUMMARY, decoded, payloads, published_rates, results_of
 from tests.service.inputs.test_fuel_temperature import bench as temperature_bench
 from tests.service.inputs.test_fuel_temperature import sensor
-from tests.service.participants import bench_file, serving, until
+from tests.service.participants import Pumped, bench_file, serving, until
 from tests.service.slow_frames import bed, slow_bench
 
 FD_FRAME = struct.Struct("=IBB2x64s")
@@ -84,32 +80,15 @@ def connected(path: Path) -> Iterator[tuple[FarEnd, Daemon]]:
         yield device, Daemon(bench, bus, [link])
 
 
-@dataclass(frozen=True)
-class Pumped:
-    """A device, and a pump that serves it without a daemon; unsent: counts of rates it gave up."""
-
-    device: FarEnd
-    pump: FramePump
-    core: Core
-    arrivals: Arrivals
-    unsent: list[int]
-
-
 @contextmanager
-def pumped(path: Path, room: int | None = None, waits_for_verdicts: bool = True) -> Iterator[Pumped]:
-    """The pump is closed at the end, and the device has then read all that was sent; room: as of `paired`."""
-    bench = load_bench(path)
-    bus = map_bus(bench)
-    with paired(bus, room) as (device, link):
-        core, arrivals = Core(bench.injector, bus), Arrivals(bus)
-        core.compiled.observer.memory["waits_for_verdicts"] = waits_for_verdicts
-        unsent: list[int] = []
-        pump = FramePump([link], core, bus, arrivals, unsent.append)
-        try:
-            yield Pumped(device, pump, core, arrivals, unsent)
-        finally:
-            pump.close()
-            device.read()
+def pumped(
+    path: Path, room: int | None = None, waits_for_verdicts: bool = True
+) -> Iterator[tuple[FarEnd, Pumped]]:
+    """A device, which has read all that was sent in the end, and a pump that serves it; room: as of `paired`."""
+    with paired(map_bus(load_bench(path)), room) as (device, link):
+        with Pumped(path, link, waits_for_verdicts) as it:
+            yield device, it
+        device.read()
 
 
 def test_same_frames_as_evaluate(tmp_path: Path) -> None:
@@ -123,9 +102,7 @@ def test_same_frames_as_evaluate(tmp_path: Path) -> None:
             device.send(frames)
             until(lambda: daemon.core.counters.frames == len(frames))
         device.read()
-    for message in (RATE, SUMMARY):
-        expected = [frame.payload for frame in history.frames if frame.frame_id == message.frame_id]
-        assert device.received[message.frame_id] == expected
+    assert (device.received[RATE.frame_id], device.received[SUMMARY.frame_id]) == results_of(history.frames)
     last = decoded(STATUS, device.received[STATUS.frame_id][-1])
     assert last["SamplesProcessed"] == worn.samples
     assert last["DroppedFrames"] == last["LateAdoptions"] == 0
@@ -137,7 +114,7 @@ def test_while_another_node_sends_the_same_no_rate_is_valid(tmp_path: Path) -> N
     path = bench_file(tmp_path, "0")
     worn = worn_recording()
     frames = frames_of(path, worn)
-    history = [f.payload for f in evaluate(load_bench(path), [worn]).frames if f.frame_id == RATE.frame_id]
+    history = payloads(evaluate(load_bench(path), [worn]).frames, RATE)
     with connected(path) as (device, daemon):
         with serving(daemon):
             device.send(frames[:-200])
@@ -166,19 +143,18 @@ def test_while_another_node_sends_the_same_no_rate_is_valid(tmp_path: Path) -> N
 def through_pump(path: Path, frames: Sequence[TimedFrame]) -> dict[int, list[bytes]]:
     """What comes of frames in lockstep, to the end, by identifier."""
     out: list[OutputFrame] = []
-    with pumped(path) as it:
+    with pumped(path) as (device, it):
         for frame in frames:
-            while not it.device.has_room():  # the loop may wait for a verdict
+            while not device.has_room():  # the loop may wait for a verdict
                 out += it.pump.serve(1e-3)
-            it.device.send([frame])
+            device.send([frame])
             out += it.pump.serve(0.0)
-        while it.arrivals.frames < len(frames):
-            out += it.pump.serve(1e-3)
-        it.device.read()
+        out += it.serve_until_taken(len(frames))
+        device.read()
         out += it.pump.finish()
     for frame_out in out:
-        it.device.received.setdefault(frame_out.frame_id, []).append(frame_out.payload)
-    return it.device.received
+        device.received.setdefault(frame_out.frame_id, []).append(frame_out.payload)
+    return device.received
 
 
 def warming_fuel(folder: Path) -> tuple[Path, list[TimedFrame]]:
@@ -214,9 +190,7 @@ def test_optional_inputs_take_effect_where_they_do_without_a_pump(
     path, frames = case(tmp_path)
     alone = run(path, frames)
     through = through_pump(path, frames)
-    for message in (RATE, SUMMARY):
-        expected = [frame.payload for frame in alone.frames if frame.frame_id == message.frame_id]
-        assert through[message.frame_id] == expected
+    assert (through[RATE.frame_id], through[SUMMARY.frame_id]) == results_of(alone.frames)
     assert len(alone.reports) == 3
 
 
@@ -225,13 +199,13 @@ def test_rates_need_no_attention(tmp_path: Path) -> None:
     path = bench_file(tmp_path, "0")
     worn = worn_recording(2)
     frames = frames_of(path, worn)
-    with pumped(path, waits_for_verdicts=False) as it:
-        it.device.send(frames)
+    with pumped(path, waits_for_verdicts=False) as (device, it):
+        device.send(frames)
         until(lambda: it.core.counters.frames == len(frames))
     memory = it.core.compiled.observer.memory[0]
     assert memory["events_taken"] > 0
     assert (memory["events"]["taken"][: int(memory["events_taken"])] == Taken.NOTHING).all()
-    _, count = published_rates(it.device.received[RATE.frame_id], worn.samples)
+    _, count = published_rates(device.received[RATE.frame_id], worn.samples)
     assert (count[: it.core.processed - RATES] == 1).all()
 
 
@@ -241,18 +215,17 @@ def test_rates_that_wait_at_the_end_are_handed_over(tmp_path: Path) -> None:
     worn = worn_recording(2)
     bench = load_bench(path)
     handed: list[OutputFrame] = []
-    with pumped(path, LITTLE_ROOM) as it:
+    with pumped(path, LITTLE_ROOM) as (device, it):
         for frame in frames_of(bench, worn):
-            while not it.device.has_room():
+            while not device.has_room():
                 handed += it.pump.serve(1e-3)
-            it.device.send([frame], listening=False)
+            device.send([frame], listening=False)
         while it.core.processed <= worn.samples - RATES:
             handed += it.pump.serve(1e-3)
         handed += it.pump.finish()
-    rates = [frame.payload for frame in evaluate(bench, [worn]).frames if frame.frame_id == RATE.frame_id]
-    late = [frame.payload for frame in handed if frame.frame_id == RATE.frame_id]
-    assert 0 < len(it.device.received[RATE.frame_id]) < len(rates) - 1
-    assert it.device.received[RATE.frame_id] + late == rates
+    rates, late = payloads(evaluate(bench, [worn]).frames, RATE), payloads(handed, RATE)
+    assert 0 < len(device.received[RATE.frame_id]) < len(rates) - 1
+    assert device.received[RATE.frame_id] + late == rates
     assert not it.unsent
 
 
@@ -260,18 +233,15 @@ def test_it_ends_while_the_stream_waits_for_a_verdict(tmp_path: Path) -> None:
     """Nobody gives one any more: the loop is not to wait for it."""
     path = bench_file(tmp_path, "0")
     worn = worn_recording(2)
-    with pumped(path) as it:
+    with pumped(path) as (device, it):
         waiting = it.core.compiled.observer.memory["waiting"]
         for frame in frames_of(path, worn):
-            until(lambda: waiting[0] or it.device.has_room())
+            until(lambda: waiting[0] or device.has_room())
             if waiting[0]:
                 break
-            it.device.send([frame])
+            device.send([frame])
         assert waiting[0]
-        closing = threading.Thread(target=it.pump.finish, daemon=True)
-        closing.start()
-        closing.join(60.0)
-        assert not closing.is_alive()
+        assert it.ends()
 
 
 def test_a_device_that_goes_away_is_said(tmp_path: Path) -> None:

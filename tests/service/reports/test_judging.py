@@ -7,15 +7,13 @@ from typing import Any
 
 import pytest
 
-from observer_rt.bus.mapping.bus_map import map_bus
-from observer_rt.config.bench import load_bench
 from observer_rt.observer.stream.state import Reason
 from observer_rt.recording.replay.framing import Span, windows
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.core.core import Core
 from observer_rt.service.reports.news import Notes
 from tests.benches import sample_bench
-from tests.device import Device, hand, simulated
+from tests.device import Device, core_of, hand, simulated
 
 INJECTIONS = 8
 V_H = 0.25
@@ -47,9 +45,8 @@ def worn() -> Recording:
 
 def served(folder: Path, recording: Recording, work_after: range) -> tuple[Core, Notes, Slow]:
     """A core that learns after the events given only, by number, and then long after they were due."""
-    path = sample_bench(folder)
-    bench, notes, slow = load_bench(path), Notes(), Slow()
-    core = Core(bench.injector, map_bus(bench), executor=slow, listeners=[notes])
+    path, notes, slow = sample_bench(folder), Notes(), Slow()
+    core = core_of(path, executor=slow, listeners=[notes])
     for frame in Device(path).send(recording):
         hand(core, [frame])
         if core.counters.events in work_after:
@@ -82,9 +79,8 @@ def test_what_is_late_takes_force_with_the_next_event(tmp_path: Path, worn: Reco
 
 def test_a_windowed_source_is_judged_and_learned_from(tmp_path: Path, worn: Recording) -> None:
     """That an event is over only the next window shows, when it is long due; learning takes until after its start."""
-    path = sample_bench(tmp_path)
-    bench, notes, slow = load_bench(path), Notes(), Slow()
-    core = Core(bench.injector, map_bus(bench), executor=slow, listeners=[notes])
+    path, notes, slow = sample_bench(tmp_path), Notes(), Slow()
+    core = core_of(path, executor=slow, listeners=[notes])
     device = Device(path)
     for span in windows(worn):
         for number, frame in enumerate(device.send(worn, Span(span.start, span.end + 1))):

@@ -6,18 +6,15 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.bus.mapping.bus_map import map_bus
-from observer_rt.config.bench import load_bench
 from observer_rt.observer.stream.state import Reason, State
 from observer_rt.observer.stream.validity import contested
 from observer_rt.recording.replay.framing import TimedFrame
-from observer_rt.service.daemon import Daemon
 from observer_rt.service.reports.injection_report import FIELDS, Output, row_of
-from observer_rt.service.reports.news import Notes, line
+from observer_rt.service.reports.news import line
 from observer_rt.service.words import Topic
 from tests.device import encoded, frames_of, worn_recording
 from tests.service.end_to_end import RATE, STATUS, SUMMARY, decoded
-from tests.service.participants import ScriptedLink, bench_file, serving, until
+from tests.service.participants import HeardDaemon, ScriptedLink, bench_file, serving, until
 
 INJECTIONS = 8
 AFTER_FOUR, AFTER_SIX = 0.348, 0.448  # s, when the last of as many was judged, just before the next one
@@ -29,19 +26,17 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_it_is_told_counted_and_shown(bench: Path) -> None:
-    loaded = load_bench(bench)
-    bus = map_bus(loaded)
     recording = worn_recording()
     ours = frames_of(bench, recording)
     other = [encoded(message, bytes(64)) for message in (RATE, STATUS)]
-    notes = Notes()
     link = ScriptedLink([*ours[:-100], *(3 * other), *ours[-100:]])
-    daemon = Daemon(loaded, bus, [link], listeners=[notes])
+    daemon = HeardDaemon(bench, link)
+    notes = daemon.notes
     with serving(daemon):
         until(lambda: bool(notes.notices))
         until(lambda: link.statuses()[-1]["ForeignFrames"] == 6)
         until(lambda: any(notice.topic is Topic.SENDER and notice.is_over for notice in notes.notices))
-        assert daemon.state(time.monotonic_ns())[1] is Reason.INPUT_TIMEOUT
+        assert daemon.now()[1] is Reason.INPUT_TIMEOUT
     told = [notice.text for notice in notes.notices if notice.topic is Topic.SENDER]
     assert told[0].startswith("another node sends InjectionRate 0x200")
     assert told[1:] == ["the other sender is silent after 6 frames"]
@@ -53,15 +48,13 @@ def test_it_is_told_counted_and_shown(bench: Path) -> None:
 
 
 def test_ages_of_the_inputs_are_in_the_status(bench: Path) -> None:
-    loaded = load_bench(bench)
-    bus = map_bus(loaded)
     ages = ("RailPressureAge", "NeedleLiftAge", "LinePressureAge")
     silent = ScriptedLink()
-    with serving(Daemon(loaded, bus, [silent])):
+    with serving(HeardDaemon(bench, silent)):
         until(lambda: bool(silent.statuses()))
     assert all(silent.statuses()[-1][age] == 25.5 for age in ages)  # code 255: none came yet
     link = ScriptedLink(frames_of(bench, worn_recording()))
-    with serving(Daemon(loaded, bus, [link])):
+    with serving(HeardDaemon(bench, link)):
         until(link.empty.is_set)
         until(lambda: link.statuses()[-1]["LinePressureAge"] >= 0.5)
     last = link.statuses()[-1]
@@ -92,14 +85,13 @@ def marks(payloads: list[bytes]) -> set[tuple[int, int]]:
 
 def test_nothing_is_valid_while_there_is_one(bench: Path) -> None:
     """In rates, summaries, reports and status alike, from its first frame until it is silent; then as before."""
-    loaded = load_bench(bench)
-    bus = map_bus(loaded)
     recording = worn_recording(INJECTIONS)
     frames = frames_of(bench, recording)
     first, second = (round(at * len(frames) / recording.time[-1]) for at in (AFTER_FOUR, AFTER_SIX))
     other = encoded(STATUS, bytes(64))
-    notes, link = Notes(), FedLink()
-    daemon = Daemon(loaded, bus, [link], listeners=[notes])
+    link = FedLink()
+    daemon = HeardDaemon(bench, link)
+    notes = daemon.notes
     with serving(daemon):
         link.feed(frames[:first])
         until(lambda: (1, State.ADAPTED) in marks(link.taken(RATE.frame_id)))
@@ -111,7 +103,7 @@ def test_nothing_is_valid_while_there_is_one(bench: Path) -> None:
         link.feed(frames[first:second])
         until(lambda: daemon.core.counters.frames == second)
         assert marks(link.taken(RATE.frame_id)) == {(0, State.DEGRADED)}
-        assert daemon.state(time.monotonic_ns()) == (State.DEGRADED, Reason.SECOND_SENDER)
+        assert daemon.now() == (State.DEGRADED, Reason.SECOND_SENDER)
         until(lambda: daemon.standing(time.monotonic_ns())[1] == (Reason.INPUT_TIMEOUT, Reason.SECOND_SENDER))
         until(lambda: any(each.is_over for each in notes.notices if each.topic is Topic.SENDER))
         until(lambda: not daemon.arrivals.is_contested(time.monotonic_ns()))
@@ -160,13 +152,11 @@ def test_it_hides_no_other_reason(own: tuple[State, Reason], both: tuple[State, 
 
 def test_the_log_says_all_reasons(bench: Path) -> None:
     """Of a bench whose inputs stay away while another node sends."""
-    loaded = load_bench(bench)
-    notes, link = Notes(), FedLink()
-    other = encoded(STATUS, bytes(64))
-    daemon = Daemon(loaded, map_bus(loaded), [link], listeners=[notes])
+    link = FedLink()
+    daemon = HeardDaemon(bench, link)
     with serving(daemon):
-        link.feed([other])
-        until(lambda: any(notice.topic is Topic.STATE for notice in notes.notices))
-    told = next(notice.text for notice in notes.notices if notice.topic is Topic.STATE)
+        link.feed([encoded(STATUS, bytes(64))])
+        until(lambda: any(notice.topic is Topic.STATE for notice in daemon.notes.notices))
+    told = next(notice.text for notice in daemon.notes.notices if notice.topic is Topic.STATE)
     assert told.startswith("WAITING_FOR_DATA: no input comes in; SECOND_SENDER: another node sends")
     assert "; STARTING: the observer has just begun; SampleBlock 0x100" in told

@@ -1,32 +1,22 @@
-"""The terminal view: everything on one screen, whatever its size."""
+"""The terminal view: all on one screen, whatever its size; of several injectors a line each, one as a whole."""
 
-import io
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from rich.console import Console
 
-from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.bus.mapping.bus_map import map_bench
 from observer_rt.config.bench import load_bench
-from observer_rt.service.core.core import Core
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import Notes
 from observer_rt.service.screen.curves import ComparedRate, NominalInjection
-from observer_rt.service.screen.view import View
-from tests.device import frames_of, hand, worn_recording
-from tests.service.participants import ScriptedLink, bench_file, serving, until
-
-
-def drawn(view: View, width: int, height: int, now: int | None = None) -> list[str]:
-    """Lines on a terminal of this size."""
-    file = io.StringIO()
-    console = Console(file=file, width=width, height=height, force_terminal=True, color_system=None)
-    console.print(view.render(now or time.monotonic_ns(), width, height))
-    return file.getvalue().splitlines()
+from observer_rt.service.screen.view import TURN, Overview, View
+from tests.device import core_of, frames_of, hand, worn_recording
+from tests.service.participants import HeardDaemon, ScriptedLink, bench_file, drawn, serving, until
+from tests.three_injectors import NAMES, frames_of_all, one_alone, three_injectors
 
 
 @pytest.fixture
@@ -37,19 +27,15 @@ def path(tmp_path: Path) -> Path:
 @pytest.fixture
 def view(path: Path) -> View:
     """After twelve injections, compared with a reference."""
-    recording = worn_recording(injections=12)
 
     def references(report: InjectionReport, rows: NDArray[np.void]) -> list[ComparedRate]:
         return [ComparedRate("bought", np.full(len(rows), 50e-6), 123.45e-6)]
 
-    bench = load_bench(path)
-    view = View("title of the view", bench.injector, references)
-    link = ScriptedLink(frames_of(bench, recording))
-    daemon = Daemon(bench, map_bus(bench), [link], listeners=[view.hear])
-    view.watch(daemon)
+    link = ScriptedLink(frames_of(path, worn_recording(injections=12)))
+    daemon = HeardDaemon(path, link, references=references)
     with serving(daemon):
         until(link.empty.is_set)
-    return view
+    return daemon.view
 
 
 @pytest.mark.parametrize(("width", "height"), [(80, 24), (80, 50), (120, 40), (200, 60)])
@@ -70,12 +56,11 @@ def test_fits_the_terminal_and_shows_it_all(view: View, width: int, height: int)
 
 
 def test_failed_writes_are_shown_once_there_are_any(path: Path) -> None:
-    bench, failed = load_bench(path), 0
-    view = View("title", bench.injector)
-    view.watch(Daemon(bench, map_bus(bench), [ScriptedLink(())], failed_writes=lambda: failed))
-    assert "failed writes" not in "\n".join(drawn(view, 80, 24))
+    failed = 0
+    daemon = HeardDaemon(path, ScriptedLink(), failed_writes=lambda: failed)
+    assert "failed writes" not in daemon.drawn()
     failed = 3
-    assert "3 failed writes of learned state, journal or log" in "\n".join(drawn(view, 80, 24))
+    assert "3 failed writes of learned state, journal or log" in daemon.drawn()
 
 
 def test_more_injections_where_there_is_room(view: View) -> None:
@@ -102,7 +87,7 @@ def test_the_nominal_model_is_what_an_injector_that_learned_nothing_shows(path: 
     nominal = NominalInjection(bench.injector)
     found: list[tuple[float, float]] = []
     notes = Notes()
-    core = Core(bench.injector, map_bus(bench), learning=False, listeners=[notes])
+    core = core_of(bench, learning=False, listeners=[notes])
     for frame in frames_of(bench, worn_recording(v_h=0.0)):
         hand(core, [frame])
         for report in notes.injections[len(found) :]:
@@ -126,10 +111,37 @@ def test_tiny_terminal_is_survived(view: View, width: int, height: int) -> None:
 
 
 def test_before_the_first_injection(path: Path) -> None:
-    bench = load_bench(path)
-    view = View("title", bench.injector)
-    assert "starting" in "\n".join(drawn(view, 80, 24))
-    view.watch(Daemon(bench, map_bus(bench), [ScriptedLink()], listeners=[view.hear]))
-    text = "\n".join(drawn(view, 80, 24))
+    assert "starting" in "\n".join(drawn(View("title", load_bench(path).injector)))
+    text = HeardDaemon(path, ScriptedLink()).drawn()
     assert "WAITING_FOR_DATA" in text
     assert "no injection yet" in text
+
+
+@pytest.fixture
+def overview(tmp_path: Path) -> Overview:
+    """The first has seen four injections, the second waits for data, the third for its interface."""
+    bench = load_bench(three_injectors(tmp_path, "overview"))
+    mapped = map_bench(bench)
+    views = [View(f"{each.injector.name}: title", each.injector) for each in bench.each]
+    links = [ScriptedLink(frames_of_all([one_alone(tmp_path, 0, "x")], [worn_recording()])), ScriptedLink()]
+    for alone, bus, link, view in zip(bench.each, mapped.injectors, links, views, strict=False):
+        daemon = Daemon(alone, bus, [link], listeners=[view.hear])
+        view.watch(daemon)
+        with serving(daemon):
+            until(link.empty.is_set)
+    return Overview(views)
+
+
+@pytest.mark.parametrize(("width", "height"), [(80, 24), (120, 40)])
+def test_all_of_them_and_one_as_a_whole(overview: Overview, width: int, height: int) -> None:
+    for turn, name in enumerate((*NAMES, NAMES[0])):
+        lines = [line.rstrip() for line in drawn(overview, width, height, turn * TURN)]
+        assert len(lines) <= height
+        assert max(map(len, lines)) <= width
+        first, second, third = lines[1:4]
+        assert first.split()[:3] == ["one", "ADAPTED", "4"]
+        assert first.endswith("yes")
+        assert second.split() == ["two", "WAITING_FOR_DATA", "STARTING"]
+        assert third.split() == ["three", "starting"]
+        assert [line for line in lines if f" {name}: title " in line]
+        assert sum(": title" in line for line in lines) == 1

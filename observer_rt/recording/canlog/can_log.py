@@ -76,7 +76,7 @@ class LogReader(ABC):
         self._reset()
         with file_errors(self.path):
             self._size = self.path.stat().st_size
-            frames = self._in_order(self._entries())
+            frames = self._checked(self._entries())
             first = list(islice(frames, FRAMES_TO_JUDGE_STAMPS))
             self._refuse_whole_seconds([entry.frame.stamp_ns for entry in first])
             yield from first
@@ -84,7 +84,7 @@ class LogReader(ABC):
 
     @abstractmethod
     def _entries(self) -> Iterator[tuple[int, LogFrame]]:
-        """Frames with their place in the file."""
+        """Frames with their place in the file; whether a bus can carry them is checked afterwards."""
 
     def notes(self) -> list[str]:
         """What the last reading left out or found odd, one sentence each."""
@@ -131,38 +131,19 @@ class LogReader(ABC):
         if lost:
             self.lost_frames += int(lost[1])
 
-    def frame(
-        self,
-        number: int,
-        stamp_ns: int,
-        identifier: int,
-        is_extended: bool,
-        payload: bytes,
-        is_fd: bool,
-        channel: str,
-        bit_rate_switch: bool = False,
-        error_state_indicator: bool = False,
-        is_sent: bool = False,
-    ) -> LogFrame:
-        """A data frame, refused at its place unless a bus can carry it."""
-        if len(payload) not in _LENGTHS[is_fd]:
-            kind = "CAN FD" if is_fd else "classic CAN"
-            self.refuse(number, f"{len(payload)} bytes are no length of a {kind} frame")
-        if identifier > (EXTENDED_MASK if is_extended else STANDARD_MASK):
-            kind = "extended" if is_extended else "standard"
-            self.refuse(number, f"{identifier:X} is no {kind} identifier")
-        if not 0 <= stamp_ns <= LATEST_STAMP:
-            self.refuse(number, "its time is before 1970, or after 2262")
-        return LogFrame(
-            Frame(identifier, payload, stamp_ns, is_extended, is_fd, bit_rate_switch, error_state_indicator),
-            channel,
-            is_sent,
-        )
-
-    def _in_order(self, entries: Iterable[tuple[int, LogFrame]]) -> Iterator[LogFrame]:
+    def _checked(self, entries: Iterable[tuple[int, LogFrame]]) -> Iterator[LogFrame]:
+        """The frames, each refused at its place unless a bus can carry it and time goes on."""
         latest: dict[str, int] = {}
         for number, entry in entries:
-            stamp = entry.frame.stamp_ns
+            identifier, payload, stamp, is_extended, is_fd, *_ = entry.frame
+            if len(payload) not in _LENGTHS[is_fd]:
+                kind = "CAN FD" if is_fd else "classic CAN"
+                self.refuse(number, f"{len(payload)} bytes are no length of a {kind} frame")
+            if identifier > (EXTENDED_MASK if is_extended else STANDARD_MASK):
+                kind = "extended" if is_extended else "standard"
+                self.refuse(number, f"{identifier:X} is no {kind} identifier")
+            if not 0 <= stamp <= LATEST_STAMP:
+                self.refuse(number, "its time is before 1970, or after 2262")
             back = latest.get(entry.channel, stamp) - stamp
             if back > REORDERED:
                 self.refuse(
@@ -183,9 +164,20 @@ class LogWriter(ABC):
     Raises `UserError` for a frame the format cannot hold, `OSError` when writing fails.
     """
 
+    start_step: ClassVar[int] = 1
+    """ns to which the format says when it begins."""
+
     def __init__(self, path: Path, start_ns: int) -> None:
         """start_ns: no frame is older; formats that count time from a start begin there, or shortly before."""
         self.path = path
+        self._start = start_ns // self.start_step * self.start_step
+        self._numbers = ChannelNumbers()
+
+    def _since_start(self, stamp_ns: int) -> int:
+        """ns. Raises `UserError` for a frame before the start."""
+        if stamp_ns < self._start:
+            raise UserError(str(self.path), "a frame is older than the first ones", "split the log there")
+        return stamp_ns - self._start
 
     @abstractmethod
     def write(self, entry: LogFrame) -> None:
@@ -242,6 +234,12 @@ def text_nanoseconds(text: str, digits: int = 9) -> int:
     whole, _, fraction = text.replace(",", ".").partition(".")
     factor: int = 10**digits
     return int(whole) * factor + int(fraction[:digits].ljust(digits, "0"))
+
+
+def seconds_text(nanoseconds: int, digits: int, fill: str = " ") -> str:
+    """Decimal text, of six digits behind the point where those are enough, else nine; `digits` before it."""
+    seconds, rest = divmod(nanoseconds, NANOSECONDS)
+    return f"{seconds:{fill}>{digits}}." + (f"{rest:09d}" if rest % 1000 else f"{rest // 1000:06d}")
 
 
 @dataclass(frozen=True)

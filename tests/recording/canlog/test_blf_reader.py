@@ -8,8 +8,7 @@ import pytest
 
 from observer_rt.bus.links.link import Frame
 from observer_rt.foundation.errors import UserError
-from observer_rt.recording.canlog.blf import BlfLog
-from observer_rt.recording.canlog.blf_writer import BlfWriter
+from observer_rt.recording.canlog.blf import BlfLog, BlfWriter
 from observer_rt.recording.canlog.can_log import LogFrame
 from tests.recording.canlog.log_cases import START, mixture
 

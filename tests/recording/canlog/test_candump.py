@@ -182,7 +182,7 @@ def test_screen_output_that_was_cut_is_refused(tmp_path: Path, length: str, byte
     ],
 )
 def test_malformed_line_names_its_number(tmp_path: Path, line: str) -> None:
-    assert "line 3: not a candump log line" in message(tmp_path, f"(1.5) vcan0 100#00\n\n{line}\n")
+    assert "line 3: not a line of a candump log" in message(tmp_path, f"(1.5) vcan0 100#00\n\n{line}\n")
 
 
 @pytest.mark.parametrize("line", ["100#" + "00" * 9, "100##1" + "00" * 9, "100##1" + "00" * 65])

@@ -35,8 +35,7 @@ def load_database(path: Path, lenient: bool = False) -> Database:
 
     Signals that overlap or do not fit their message are refused, unless `lenient`: see `overlooked`.
 
-    Raises:
-        UserError: no such file, not readable, not a bus database, or not correct.
+    Raises `UserError`: no such file, not readable, not a bus database, or not correct.
     """
     try:
         found = path.stat()

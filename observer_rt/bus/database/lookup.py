@@ -48,8 +48,7 @@ class MessageLayout:
     def of(cls, message: Message, bus: int = 0) -> "MessageLayout":
         """Read the layout of `message`, which is on the bus of this number.
 
-        Raises:
-            UserError: an attribute is not a number, or a protected message has no `E2EDataId`.
+        Raises `UserError`: an attribute is not a number, or a protected message has no `E2EDataId`.
         """
         e2e_profile = _integer_attribute(message, "E2EProfile") or None
         e2e_data_id = _integer_attribute(message, "E2EDataId")
@@ -78,8 +77,7 @@ class MessageLayout:
 def database_hash(paths: Iterable[Path]) -> int:
     """First 32 bits of the SHA-256 over the bytes of all files, in the order given.
 
-    Raises:
-        UserError: a file cannot be read.
+    Raises `UserError`: a file cannot be read.
     """
     digest = hashlib.sha256()
     for path in paths:
@@ -93,8 +91,7 @@ def database_hash(paths: Iterable[Path]) -> int:
 def find_message(database: Database, name: str) -> Message:
     """The message called `name`.
 
-    Raises:
-        UserError: there is none; names the nearest.
+    Raises `UserError`: there is none; names the nearest.
     """
     names = [message.name for message in database.messages]
     if name not in names:
@@ -108,8 +105,7 @@ def signal_names(message: Message, pattern_or_list: str | Sequence[str]) -> tupl
     A list names them one by one; text with a replacement field, such as `"RailPressure_{:02d}"`, means all
     signals it produces with 0, 1, 2, ... (or 1, 2, ...); text without one names a single signal.
 
-    Raises:
-        UserError: a signal is not in the message, or the pattern produces none or leaves out a number.
+    Raises `UserError`: a signal is not in the message, or the pattern produces none or leaves out a number.
     """
     known = [signal.name for signal in message.signals]
     place = f"message {message.name}"
@@ -132,8 +128,7 @@ def signal_names(message: Message, pattern_or_list: str | Sequence[str]) -> tupl
 def find_signal(message: Message, name: str) -> Signal:
     """The signal called `name`.
 
-    Raises:
-        UserError: there is none; names the nearest.
+    Raises `UserError`: there is none; names the nearest.
     """
     known = [signal.name for signal in message.signals]
     if name not in known:
@@ -141,22 +136,14 @@ def find_signal(message: Message, name: str) -> Signal:
     return message.get_signal_by_name(name)
 
 
-def not_available_code(signal: Signal) -> int | None:
-    """Raw code of "signal not available": attribute `GenSigSNA`, or the code of that name in the value table.
+def reserved_codes(signal: Signal) -> tuple[int | None, int | None]:
+    """Raw codes of "not available" and of "error", None without: attributes `GenSigSNA` and `GenSigError`.
 
-    Raises:
-        UserError: the attribute is not a code of the signal's width.
+    Without these, the codes of such names in the value table. Raises `UserError`: an attribute is not a code of the
+    signal's width.
     """
-    return _raw_code(signal, "GenSigSNA", NOT_AVAILABLE_NAMES)
-
-
-def error_code(signal: Signal) -> int | None:
-    """Raw code of "error": attribute `GenSigError`, or the code of that name in the value table; None without.
-
-    Raises:
-        UserError: the attribute is not a code of the signal's width.
-    """
-    return _raw_code(signal, "GenSigError", ERROR_NAMES)
+    not_available = _raw_code(signal, "GenSigSNA", NOT_AVAILABLE_NAMES)
+    return not_available, _raw_code(signal, "GenSigError", ERROR_NAMES)
 
 
 def _raw_code(signal: Signal, attribute: str, names: Collection[str]) -> int | None:

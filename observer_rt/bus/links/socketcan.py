@@ -343,16 +343,13 @@ def _filters(receive_ids: Sequence[tuple[int, bool]] | None) -> bytes:
     if receive_ids is None:
         return _FILTER.pack(0, socket.CAN_RTR_FLAG)
     exact = socket.CAN_EFF_FLAG | socket.CAN_RTR_FLAG
-    return b"".join(
-        _FILTER.pack(frame_id | socket.CAN_EFF_FLAG, _wanted_bits(frame_id) | exact)
-        if is_extended
-        else _FILTER.pack(frame_id, socket.CAN_SFF_MASK | exact)
-        for frame_id, is_extended in receive_ids
-    )
-
-
-def _wanted_bits(frame_id: int) -> int:
-    return frame_id.mask if isinstance(frame_id, GroupIdentifier) else socket.CAN_EFF_MASK
+    filters = b""
+    for frame_id, is_extended in receive_ids:
+        bits = socket.CAN_EFF_MASK if is_extended else socket.CAN_SFF_MASK
+        if is_extended and isinstance(frame_id, GroupIdentifier):
+            bits = frame_id.mask
+        filters += _FILTER.pack(frame_id | (socket.CAN_EFF_FLAG if is_extended else 0), bits | exact)
+    return filters
 
 
 def _can_interfaces() -> list[str]:

@@ -7,7 +7,7 @@ import pytest
 from observer_rt.bus.can_frame import frame_key
 from observer_rt.bus.database.catalogue import load_database
 from observer_rt.bus.database.e2e import UNPROTECTED
-from observer_rt.bus.database.lookup import find_message, not_available_code
+from observer_rt.bus.database.lookup import find_message, reserved_codes
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus
 from observer_rt.bus.mapping.output_messages import (
     StatusValues,
@@ -235,7 +235,7 @@ def test_the_classic_layout_carries_what_the_fd_layout_does(
         if signal.name in names:
             other = fd.get_signal_by_name(signal.name)
             assert (signal.length, signal.scale, signal.offset) == (other.length, other.scale, other.offset)
-            assert not_available_code(signal) == not_available_code(other)
+            assert reserved_codes(signal)[0] == reserved_codes(other)[0]
 
 
 def test_a_rate_message_may_lack_header_signals_but_not_be_multiplexed(tmp_path: Path) -> None:

@@ -99,8 +99,7 @@ def record(
 
     An interface that goes away is waited for. `report` is called some times a second.
 
-    Raises:
-        RunError: the link failed for good, or the disk is full; what was written before can be read.
+    Raises `RunError`: the link failed for good, or the disk is full; what was written before can be read.
     """
     links = [link, *(other for other, _ in further)]
     channels = [channel, *(name for _, name in further)]

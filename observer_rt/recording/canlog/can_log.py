@@ -135,7 +135,7 @@ class LogReader(ABC):
         """The frames, each refused at its place unless a bus can carry it and time goes on."""
         latest: dict[str, int] = {}
         for number, entry in entries:
-            identifier, payload, stamp, is_extended, is_fd, *_ = entry.frame
+            identifier, payload, stamp, is_extended, is_fd = entry.frame[:5]
             if len(payload) not in _LENGTHS[is_fd]:
                 kind = "CAN FD" if is_fd else "classic CAN"
                 self.refuse(number, f"{len(payload)} bytes are no length of a {kind} frame")
@@ -232,8 +232,7 @@ class ChannelNumbers:
 def text_nanoseconds(text: str, digits: int = 9) -> int:
     """Decimal text of a unit of 10^digits ns as whole ns: nothing is lost to binary fractions."""
     whole, _, fraction = text.replace(",", ".").partition(".")
-    factor: int = 10**digits
-    return int(whole) * factor + int(fraction[:digits].ljust(digits, "0"))
+    return int(whole + fraction[:digits].ljust(digits, "0"))
 
 
 def seconds_text(nanoseconds: int, digits: int, fill: str = " ") -> str:

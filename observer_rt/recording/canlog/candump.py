@@ -61,11 +61,11 @@ class CandumpLog(TextLogReader):
         match = _LINE.fullmatch(text)
         if match is None:
             return self._screen(text, number)
-        is_fd = match["flags"] is not None
-        flags = int(match["flags"], 16) if is_fd else 0
-        payload = bytes.fromhex((match["fd_data"] if is_fd else match["data"]) or "")
-        stamp = text_nanoseconds(match["stamp"])
-        return self._frame(match, stamp, payload, is_fd, flags & BIT_RATE_SWITCH, flags & ERROR_STATE)
+        stamp, fd_flags, fd_data, data = match.group("stamp", "flags", "fd_data", "data")
+        flags = int(fd_flags, 16) if fd_flags else 0
+        payload = bytes.fromhex(fd_data or data or "")
+        switch, state = flags & BIT_RATE_SWITCH != 0, flags & ERROR_STATE != 0
+        return self._frame(match, text_nanoseconds(stamp), payload, fd_flags is not None, switch, state)
 
     def _screen(self, text: str, number: int) -> LogFrame | None:
         """A frame as it is printed on the screen."""
@@ -85,18 +85,19 @@ class CandumpLog(TextLogReader):
         return self._frame(match, stamp, payload, is_fd, match["switch"] == "B", match["state"] == "E")
 
     def _frame(
-        self, match: re.Match[str], stamp: int, payload: bytes, is_fd: bool, switch: int, state: int
+        self, match: re.Match[str], stamp: int, payload: bytes, is_fd: bool, switch: bool, state: bool
     ) -> LogFrame | None:
         """What both kinds of lines call alike; error and remote frames are counted."""
-        identifier, is_extended = int(match["id"], 16), len(match["id"]) == EXTENDED_DIGITS
+        digits, remote, channel, direction = match.group("id", "remote", "channel", "direction")
+        identifier, is_extended = int(digits, 16), len(digits) == EXTENDED_DIGITS
         if is_extended and identifier & ERROR_FLAG:
             self.error_frames += 1
             return None
-        if match["remote"]:
+        if remote:
             self.remote_frames += 1
             return None
-        frame = Frame(identifier, payload, stamp, is_extended, is_fd, bool(switch), bool(state))
-        return LogFrame(frame, match["channel"], match["direction"] in ("T", "TX"))
+        frame = Frame(identifier, payload, stamp, is_extended, is_fd, switch, state)
+        return LogFrame(frame, channel, direction in ("T", "TX"))
 
     def _judge_times(self, time: int, number: int) -> None:
         self._rising.add(time)

@@ -201,8 +201,7 @@ class _Seen:
 def log_frames(part: LogPart, loop: int = 1) -> Iterator[TimedFrame]:
     """Frames of a log as recorded; in a loop only the times go on. loop: how often, 0 for ever.
 
-    Raises:
-        UserError: while iterating: nothing is selected, or the log is malformed or too short to be looped.
+    Raises `UserError`: while iterating: nothing is selected, or the log is malformed or too short to be looped.
     """
     offset = 0.0
     for number in count(1):

@@ -141,7 +141,13 @@ class AscLog(TextLogReader):
     def _event(self, words: list[str], number: int) -> LogFrame | None:
         time = text_nanoseconds(words[0])
         if self._relative:
-            self._refuse_rising(time, number)
+            self._rising.add(time)
+            if self._rising.is_from_start:  # no distances from line to line, whatever the heading says
+                self.refuse(
+                    number,
+                    "times rise from line to line, but the heading calls them relative (to the line before)",
+                    "write 'absolute' for 'relative' in the heading if they count from the start",
+                )
             self._time += time
         else:
             self._time = time
@@ -152,16 +158,6 @@ class AscLog(TextLogReader):
             return self._classic(words, number, stamp)
         self.other_entries += " ".join(words[1:]).lower() != "start of measurement"
         return None
-
-    def _refuse_rising(self, time: int, number: int) -> None:
-        """Times that rise and rise are no distances from line to line, whatever the heading says."""
-        self._rising.add(time)
-        if self._rising.is_from_start:
-            self.refuse(
-                number,
-                "times rise from line to line, but the heading calls them relative (to the line before)",
-                "write 'absolute' for 'relative' in the heading if they count from the start",
-            )
 
     def _classic(self, words: list[str], number: int, stamp: int) -> LogFrame | None:
         if words[2].lower().startswith("errorframe"):

@@ -115,16 +115,19 @@ class BlfLog(LogReader):
             container += 1
             begin = max(0, head.find(_MARK, 0, _LONGEST_PADDING + len(_MARK)))
             head = head[begin:] + file.read(begin)
-            place = f"{self.path}, container {container}"
+            place, cut = (
+                f"{self.path}, container {container}",
+                f"it ends within container {container}, whose frames are lost",
+            )
             if len(head) < OBJECT_HEADER.size:
-                self._cut(container)
+                self.remarks.append(cut)
                 return
             mark, _, _, size, kind = OBJECT_HEADER.unpack(head)
             if mark != _MARK or size < OBJECT_HEADER.size:
                 raise UserError(place, "is damaged: no object begins where one should", READABLE)
             body = file.read(size - OBJECT_HEADER.size)
             if len(body) < size - OBJECT_HEADER.size:
-                self._cut(container)
+                self.remarks.append(cut)
                 return
             padding = file.read(size % 4)
             if kind == TYPE_CONTAINER:
@@ -133,9 +136,6 @@ class BlfLog(LogReader):
                 yield head + body + padding
         if header.file_size > file.tell():
             self.remarks.append(f"its last {header.file_size - file.tell()} bytes are missing")
-
-    def _cut(self, container: int) -> None:
-        self.remarks.append(f"it ends within container {container}, whose frames are lost")
 
     def _unpacked(self, body: bytes, place: str) -> bytes:
         if len(body) < CONTAINER.size:

@@ -78,7 +78,13 @@ class LogReader(ABC):
             self._size = self.path.stat().st_size
             frames = self._checked(self._entries())
             first = list(islice(frames, FRAMES_TO_JUDGE_STAMPS))
-            self._refuse_whole_seconds([entry.frame.stamp_ns for entry in first])
+            stamps = {entry.frame.stamp_ns for entry in first}
+            if len(stamps) < len(first) and all(stamp % NANOSECONDS == 0 for stamp in stamps):
+                raise UserError(
+                    str(self.path),
+                    "all stamps are whole seconds, several frames share one: the times of the frames are lost",
+                    "record the log again, with finer stamps (candump -l writes microseconds)",
+                )
             yield from first
             yield from frames
 
@@ -116,14 +122,6 @@ class LogReader(ABC):
     ) -> NoReturn:
         """Raise `UserError` for a place in the file."""
         raise UserError(self.place(number), problem, remedy)
-
-    def _refuse_whole_seconds(self, stamps: list[int]) -> None:
-        if len(set(stamps)) < len(stamps) and all(stamp % NANOSECONDS == 0 for stamp in stamps):
-            raise UserError(
-                str(self.path),
-                "all stamps are whole seconds, several frames share one: the times of the frames are lost",
-                "record the log again, with finer stamps (candump -l writes microseconds)",
-            )
 
     def note_text(self, text: str) -> None:
         """Take a comment of the log: it may say that frames were lost."""

@@ -169,9 +169,3 @@ def test_reading_is_lazy(tmp_path: Path) -> None:
     lines = [f"({1 + i * 1e-3:.6f}) vcan0 100#00\n" for i in range(1000)]
     frames = iter(log(tmp_path, "".join([*lines, "broken\n"])))
     assert next(frames).frame.stamp_ns == 1_000_000_000
-
-
-def test_reading_is_lazy(tmp_path: Path) -> None:
-    lines = [f"({1 + i * 1e-3:.6f}) vcan0 100#00\n" for i in range(1000)]
-    frames = iter(log(tmp_path, "".join([*lines, "broken\n"])))
-    assert next(frames).frame.stamp_ns == 1_000_000_000

@@ -53,7 +53,11 @@ def count_records(path: Path) -> CountedRecords:
                         counts, said = walk.counts(), walk.remarks
                     else:
                         counts, said = _of_one(blocks, group)
-                    groups |= {place: count for place, count in counts.items() if not count.is_as_stated}
+                    groups |= {  # of which more is known than what the heading says
+                        place: count
+                        for place, count in counts.items()
+                        if not (count.found == count.complete == (count.stated or 0))
+                    }
                     remarks += said
                 return CountedRecords(groups, tuple(remarks))
         except DAMAGE as error:

@@ -148,8 +148,10 @@ def reserved_codes(signal: Signal) -> tuple[int | None, int | None]:
 
 def _raw_code(signal: Signal, attribute: str, names: Collection[str]) -> int | None:
     """The code as the bits of the field. Negative is a code for a signed signal, -1 means none otherwise."""
-    stated = _integer_attribute(signal, attribute)
-    code = _named_code(signal, names) if stated is None else stated
+    code = stated = _integer_attribute(signal, attribute)
+    if stated is None and not signal.conversion.is_float:
+        choices = (signal.choices or {}).items()
+        code = next((int(value) for value, name in choices if _plain(str(name)) in names), None)
     if code is None or (code == -1 and not signal.is_signed):
         return None
     bits: int = signal.length
@@ -163,14 +165,6 @@ def _raw_code(signal: Signal, attribute: str, names: Collection[str]) -> int | N
             f"give a raw code from 0 to {(1 << bits) - 1}",
         )
     return code & ((1 << bits) - 1)
-
-
-def _named_code(signal: Signal, names: Collection[str]) -> int | None:
-    """The code a value table gives one of these names, in lower case with underscores; not of floats."""
-    if signal.conversion.is_float:
-        return None
-    choices = signal.choices or {}
-    return next((int(code) for code, name in choices.items() if _plain(str(name)) in names), None)
 
 
 def _plain(name: str) -> str:

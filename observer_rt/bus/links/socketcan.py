@@ -329,7 +329,9 @@ class SocketCanLink(Link):
         if error.errno == errno.ENETDOWN:
             return LinkDownError(f"{name} is down\n  remedy: sudo ip link set {name} up")
         if error.errno in (errno.ENODEV, errno.ENXIO):
-            there = ", ".join(_can_interfaces()) or "none"
+            types = sorted(Path("/sys/class/net").glob("*/type"))
+            cans = [path.parent.name for path in types if path.read_text().strip() == str(ARPHRD_CAN)]
+            there = ", ".join(cans) or "none"
             return LinkDownError(
                 f"there is no interface {name} (CAN interfaces present: {there})\n"
                 "  remedy: connect the device, or for a virtual bus: "
@@ -350,8 +352,3 @@ def _filters(receive_ids: Sequence[tuple[int, bool]] | None) -> bytes:
             bits = frame_id.mask
         filters += _FILTER.pack(frame_id | (socket.CAN_EFF_FLAG if is_extended else 0), bits | exact)
     return filters
-
-
-def _can_interfaces() -> list[str]:
-    types = sorted(Path("/sys/class/net").glob("*/type"))
-    return [path.parent.name for path in types if path.read_text().strip() == str(ARPHRD_CAN)]

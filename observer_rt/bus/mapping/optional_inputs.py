@@ -242,7 +242,14 @@ def _energizing(
     if len(groups) > 1:
         problem = f"comes in {len(groups)} kinds of frame of {message.name} that take turns"
         raise UserError(place, problem, "name samples that one frame carries")
-    factor = _factor(place, config, message, names)
+    unit = stated_unit(message, names[0], config.unit)
+    factor = None if unit in NO_UNITS else factor_of(unit, TIME_UNITS)
+    if factor is None and unit not in NO_UNITS:
+        raise UserError(
+            place,
+            f"unit {unit!r} of {message.name} is neither a time nor that of a level",
+            f'add unit = "..." with one of {", ".join(TIME_UNITS)} for a duration, or "-" for a level',
+        )
     if factor is not None and len(names) > 1:
         problem = f"names {len(names)} durations a frame of {message.name}"
         raise UserError(place, problem, "name one; only levels may come as several samples")
@@ -293,20 +300,6 @@ def _index(
         raise UserError(place, problem, 'set index = "", so that its stamps place it')
     index_signal(place, message, name)
     return name
-
-
-def _factor(place: str, config: EnergizingConfig, message: Message, names: tuple[str, ...]) -> float | None:
-    stated = config.unit or find_signal(message, names[0]).unit or ""
-    if stated in NO_UNITS:
-        return None
-    factor = factor_of(stated, TIME_UNITS)
-    if factor is None:
-        raise UserError(
-            place,
-            f"unit {stated!r} of {message.name} is neither a time nor that of a level",
-            f'add unit = "..." with one of {", ".join(TIME_UNITS)} for a duration, or "-" for a level',
-        )
-    return factor
 
 
 def say_nothing(inputs: Inputs, slow: Sequence[SlowMessage]) -> None:

@@ -12,7 +12,6 @@ from observer_rt.bus.can_frame import CLASSIC_LENGTH, EXTENDED_MASK, FD_LENGTHS,
 from observer_rt.bus.links.link import Frame
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
-from observer_rt.recording.file_format import FileFormat
 
 NANOSECONDS = 1_000_000_000  # in a second
 REORDERED = 1_000_000  # ns by which drivers are seen to hand over frames in the wrong order
@@ -240,9 +239,14 @@ def seconds_text(nanoseconds: int, digits: int, fill: str = " ") -> str:
 
 
 @dataclass(frozen=True)
-class LogFormat(FileFormat):
-    """A kind of file that holds CAN frames; callables take the path, those that write the time of the start [ns]."""
+class LogFormat:
+    """A kind of file that holds CAN frames; callables take the path, those that write the time of the start [ns].
 
+    suffixes: in lower case with their dot.
+    """
+
+    suffixes: tuple[str, ...]
+    description: str
     reader: Callable[[Path], LogReader]
     writer: Callable[[Path, int], LogWriter] | None = None
     """None where it is only read."""

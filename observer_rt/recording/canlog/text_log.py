@@ -78,16 +78,13 @@ class TextLogReader(LogReader):
                 try:
                     entry = self._entry(text, number)
                 except (ValueError, IndexError):
-                    self._malformed(text, number)
+                    self.refuse_content(number, f"not a line of {self.kind}: '{text[:60]}'", self.remedy)
                 if entry is not None:
                     yield number, entry
 
     @abstractmethod
     def _entry(self, text: str, number: int) -> LogFrame | None:
         """The frame of a line that is not blank, if it has one. Raises `ValueError`, `IndexError` where malformed."""
-
-    def _malformed(self, text: str, number: int) -> NoReturn:
-        self.refuse_content(number, f"not a line of {self.kind}: '{text[:60]}'", self.remedy)
 
     def _lines(self) -> Iterator[tuple[int, str]]:
         """Every line with its number, from 1.

@@ -80,19 +80,15 @@ class SignalStream(ABC):
         for part in self.chunks():
             place = places[part.stretch] + part.first
             for first in range(reached, place, SAMPLES_AT_ONCE):
-                yield self._hole(first, min(place, first + SAMPLES_AT_ONCE))
+                time = self._grid(first, min(place, first + SAMPLES_AT_ONCE))
+                missing = dict.fromkeys(part.signals, np.full(time.size, np.nan))
+                yield replace(part.with_arrays({**missing, "time": time}), stretch=0, first=first)
             reached = place + part.samples
             yield replace(part, time=self._grid(place, reached), stretch=0, first=place)
 
     def collected(self) -> Recording:
         """All in memory, as `on_one_grid`."""
         return replace(joined(list(self.on_one_grid())), meaning=self.meaning)
-
-    def _hole(self, first: int, end: int) -> Chunk:
-        missing = np.full(end - first, np.nan)
-        rate = missing if self.has_rate else None
-        time = self._grid(first, end)
-        return Chunk(time, missing, missing, missing, rate, self._path, self.rate, 0, first)
 
     def _grid(self, first: int, end: int) -> NDArray[np.float64]:
         """Times [s] of samples [first, end) of the one grid."""

@@ -36,7 +36,7 @@ def lines(
 
 def named(*rows: str) -> str:
     """Text of rows under the names of their columns."""
-    return named(*rows)
+    return "\n".join([";".join(NAMES), *rows])
 
 
 def message(path: Path, folder: Path, **bench_options: str) -> str:

@@ -1,16 +1,15 @@
 """Recordings read in chunks: as long as the disk is large, in memory that does not depend on it."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.config.recording import Meaning
-from observer_rt.foundation.errors import RunError, UserError
+from observer_rt.foundation.errors import UserError
 from observer_rt.recording.signals.plausible import Survey
 from observer_rt.recording.signals.recording import Chunk, Recording
 
@@ -148,16 +147,6 @@ class HeldSignals(SignalStream):
         return whole if whole.meaning is self.meaning else replace(whole, meaning=self.meaning)
 
 
-class Bounds(Protocol):
-    """Samples [start, end)."""
-
-    @property
-    def start(self) -> int: ...
-
-    @property
-    def end(self) -> int: ...
-
-
 def cut(chunk: Chunk, start: int, end: int) -> Chunk:
     """Samples [start, end) of a chunk."""
     arrays = {name: values[start:end] for name, values in chunk.arrays.items()}
@@ -172,23 +161,3 @@ def copied(chunk: Chunk) -> Chunk:
 def followed(before: Chunk, after: Chunk) -> Chunk:
     """A chunk and the one that follows it, as one."""
     return before.with_arrays(_concatenated((before, after)))
-
-
-def pieces(chunks: Iterable[Chunk], spans: Iterable[Bounds]) -> Iterator[Chunk]:
-    """The samples of spans, which rise and do not overlap, from the chunks of one stretch; the rest is passed over.
-
-    Raises `RunError` where the chunks end before the spans do.
-    """
-    waiting = iter(chunks)
-    held: Chunk | None = None
-    for span in spans:
-        while held is None or held.first + held.samples < span.end:
-            following = next(waiting, None)
-            if following is None:
-                raise RunError("the recording became shorter while it was read")
-            done = 0 if held is None else span.start - held.first
-            if held is None or done >= held.samples:
-                held = following
-            else:
-                held = followed(cut(held, max(0, done), held.samples), following)
-        yield cut(held, span.start - held.first, span.end - held.first)

@@ -115,10 +115,8 @@ class BlfLog(LogReader):
             container += 1
             begin = max(0, head.find(_MARK, 0, _LONGEST_PADDING + len(_MARK)))
             head = head[begin:] + file.read(begin)
-            place, cut = (
-                f"{self.path}, container {container}",
-                f"it ends within container {container}, whose frames are lost",
-            )
+            place = f"{self.path}, container {container}"
+            cut = f"it ends within container {container}, whose frames are lost"
             if len(head) < OBJECT_HEADER.size:
                 self.remarks.append(cut)
                 return
@@ -198,9 +196,8 @@ class BlfLog(LogReader):
             channel, flags, _, identifier, _, _, fd_flags, valid, payload = FD.unpack_from(data, body)
             payload = payload[:valid]
         elif kind == TYPE_FD_64:
-            channel, dlc, valid, _, identifier, _, more_flags, *_, is_sent, more, _ = FD_64.unpack_from(
-                data, body
-            )
+            fields = FD_64.unpack_from(data, body)
+            channel, dlc, valid, _, identifier, _, more_flags, *_, is_sent, more, _ = fields
             fd_flags = more_flags >> FD_64_SHIFT
             flags = SENT * bool(is_sent) | REMOTE * bool(more_flags & FD_64_REMOTE)
             first = body + FD_64.size

@@ -229,7 +229,8 @@ class ChannelNumbers:
 def text_nanoseconds(text: str, digits: int = 9) -> int:
     """Decimal text of a unit of 10^digits ns as whole ns: nothing is lost to binary fractions."""
     whole, _, fraction = text.replace(",", ".").partition(".")
-    return int(whole + fraction[:digits].ljust(digits, "0"))
+    factor: int = 10**digits
+    return int(whole) * factor + int(fraction[:digits].ljust(digits, "0"))
 
 
 def seconds_text(nanoseconds: int, digits: int, fill: str = " ") -> str:

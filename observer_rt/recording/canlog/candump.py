@@ -34,7 +34,7 @@ _SCREEN_LINE = re.compile(
     r"(?:\s+(?P<remote>remote request)|(?P<data>(?:\s+[0-9A-F]{2})*)(?:\s+(?:'.*'|ERRORFRAME))?)"
 )
 _LINE = re.compile(
-    r"\((?P<stamp>\d+(?:\.\d{1,9})?)\)"
+    r"\((?P<seconds>\d+)(?:\.(?P<fraction>\d{1,9}))?\)"
     r"\s+(?P<channel>[^\s\ufffd]+)"
     r"\s+(?P<id>[0-7][0-9A-Fa-f]{2}|[0-3][0-9A-Fa-f]{7})"
     r"(?:##(?P<flags>[0-9A-Fa-f])(?P<fd_data>[0-9A-Fa-f]*)"
@@ -61,11 +61,13 @@ class CandumpLog(TextLogReader):
         match = _LINE.fullmatch(text)
         if match is None:
             return self._screen(text, number)
-        stamp, fd_flags, fd_data, data = match.group("stamp", "flags", "fd_data", "data")
+        names = ("seconds", "fraction", "flags", "fd_data", "data")
+        seconds, fraction, fd_flags, fd_data, data = match.group(*names)
+        stamp = int(seconds) * NANOSECONDS + int((fraction or "").ljust(9, "0"))
         flags = int(fd_flags, 16) if fd_flags else 0
         payload = bytes.fromhex(fd_data or data or "")
         switch, state = flags & BIT_RATE_SWITCH != 0, flags & ERROR_STATE != 0
-        return self._frame(match, text_nanoseconds(stamp), payload, fd_flags is not None, switch, state)
+        return self._frame(match, stamp, payload, fd_flags is not None, switch, state)
 
     def _screen(self, text: str, number: int) -> LogFrame | None:
         """A frame as it is printed on the screen."""

@@ -12,6 +12,7 @@ from typing import BinaryIO, ClassVar, NoReturn, cast
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.canlog.can_log import LogFrame, LogReader
+from observer_rt.terminal.console import PACKED
 
 GZIP_MARK = b"\x1f\x8b"
 _HEAD = 200  # bytes
@@ -50,9 +51,9 @@ def head_of(path: Path) -> bytes:
 
 def likeness(path: Path) -> tuple[str, str]:
     """What a file looks like and what to do about it, for the ends of problem and remedy; empty if unknown."""
-    head = head_of(path).lstrip()
+    head, named = head_of(path).lstrip(), path.name.lower().removesuffix(PACKED)
     for mark, name, suffix in _READ:
-        if head.startswith(mark) and path.suffix.lower() != suffix:
+        if head.startswith(mark) and not named.endswith(suffix):
             return f"; it looks like {name}", f"name it so: {path.stem}{suffix}"
     for mark, name in _UNREAD:
         if head.startswith(mark):

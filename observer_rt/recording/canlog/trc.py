@@ -85,7 +85,8 @@ class TrcLog(TextLogReader):
     def _frame(self, words: list[str]) -> LogFrame | None:
         at = self._at
         kind = words[at["T"]] if "T" in at else "ST" if words[at["I"]] == NO_IDENTIFIER else "Rx"
-        is_fd, is_data = kind in FD_TYPES, kind == "DT" or kind in DIRECTIONS
+        is_old = self._version in OLD_COLUMNS
+        is_fd, is_data = kind in FD_TYPES, kind == "DT" or (is_old and kind in DIRECTIONS)
         data = words[at["D"] :] if "D" in at else []
         if kind in ("ER", "Error") or (is_data and data[:1] == ["ERROR"]):
             self.error_frames += 1

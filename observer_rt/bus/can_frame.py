@@ -7,16 +7,7 @@ from bisect import bisect_left
 from collections.abc import Iterable
 
 CLASSIC_LENGTH = 8  # bytes, the most a classic frame carries
-FD_LENGTHS: tuple[int, ...] = (
-    *range(CLASSIC_LENGTH + 1),
-    12,
-    16,
-    20,
-    24,
-    32,
-    48,
-    64,
-)  # bytes, by code
+FD_LENGTHS: tuple[int, ...] = (*range(CLASSIC_LENGTH + 1), 12, 16, 20, 24, 32, 48, 64)  # bytes, by code
 STANDARD_MASK, EXTENDED_MASK = 0x7FF, 0x1FFF_FFFF  # of identifiers
 
 # Of the generic Linux interface.

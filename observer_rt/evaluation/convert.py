@@ -83,10 +83,10 @@ def _signals(
             with (
                 replacing(targets[number]) as part,
                 file_errors(targets[number]),
-                open_parts(part, stream.has_rate) as writer,
+                open_parts(part, stream.has_rate) as write,
             ):
                 for chunk in part_of:
-                    writer.write(chunk)
+                    write(chunk)
                     done += chunk.samples
                     progress(done)
     origin = (

@@ -47,7 +47,9 @@ def matched_channels(
     wanted = [bus for bus in open_buses if bus in needed]
     if not wanted:
         return dict(said)
-    there = [channel for channel in channels_in(path) if channel not in said.values()]
+    there = [
+        each for each in dict.fromkeys(entry.channel for entry in open_log(path)) if each not in said.values()
+    ]
     numbers = ChannelNumbers()
     by_number = [str(numbers.of(link.config.channel)) for link in links]
     for name_of in ([link.config.channel for link in links], by_number):
@@ -65,11 +67,6 @@ def matched_channels(
         f"{names}",
         f"say it: {' '.join(option(bus) for bus in wanted)}",
     )
-
-
-def channels_in(path: Path) -> list[str]:
-    """The channels of a log, in order of their first frames. Raises `UserError` for a malformed log."""
-    return list(dict.fromkeys(entry.channel for entry in open_log(path)))
 
 
 class InputFrames:
@@ -102,7 +99,10 @@ class InputFrames:
             frame = entry.frame
             channels[entry.channel] = None
             if has_groups and frame.is_extended:
-                frame = frame._replace(frame_id=self._groups_of(entry.channel).own(frame.frame_id))
+                if entry.channel not in self._groups:
+                    received = (layout.received_id for layout in self._bus.received)
+                    self._groups[entry.channel] = ParameterGroups(received)
+                frame = frame._replace(frame_id=self._groups[entry.channel].own(frame.frame_id))
             messages = self._wanted.get((frame.frame_id, frame.is_extended))
             if messages is None:
                 others[frame.frame_id, frame.is_extended] = None
@@ -139,11 +139,6 @@ class InputFrames:
             if layout.frame_id in groups.left_out
         ]
 
-    def _groups_of(self, channel: str) -> ParameterGroups:
-        if channel not in self._groups:
-            self._groups[channel] = ParameterGroups(layout.received_id for layout in self._bus.received)
-        return self._groups[channel]
-
     @property
     def share_read(self) -> float:
         """How much of the log was read, 0 to 1."""
@@ -160,12 +155,8 @@ class InputFrames:
             f"{layout.name} (0x{layout.frame_id:X})" for layout in self._bus.received if layout.bus == bus
         )
         there = ", ".join(f"0x{identifier:X}" for identifier in sorted(set(others))[:8])
-        is_one = len(self._channels) == 1
-        raise UserError(
-            str(self.path),
-            f"holds no frame of {wanted}"
-            + ("" if is_one else f" on channel {channel}, which is taken for {self._bus.labels[bus]}")
-            + f"; it has {there}",
-            "give --bench with the file the log was recorded by"
-            + ("" if is_one else f", or say which channel is which bus by {OPTION}"),
-        )
+        where, remedy = "", "give --bench with the file the log was recorded by"
+        if len(self._channels) > 1:
+            where = f" on channel {channel}, which is taken for {self._bus.labels[bus]}"
+            remedy += f", or say which channel is which bus by {OPTION}"
+        raise UserError(str(self.path), f"holds no frame of {wanted}{where}; it has {there}", remedy)

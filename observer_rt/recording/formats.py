@@ -1,12 +1,12 @@
 """The one registry of formats: what kinds of files hold recordings or CAN logs, and which of them a file is of.
 
 A further format is one entry of `BUILT_IN` or, in a distribution of its own, an entry point of the group
-`observer_rt.formats` that leads to a `LogFormat` or a `SignalFormat`. MDF4's writer is imported only to write, for
-asammdf is slow to import.
+`observer_rt.formats` that leads to a `LogFormat` or a `SignalFormat`.
 """
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -17,11 +17,11 @@ from observer_rt.config.recording import Meaning, RecordingConfig
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
 from observer_rt.recording.canlog.asc import ASC
-from observer_rt.recording.canlog.blf_writer import BLF
+from observer_rt.recording.canlog.blf import BLF
 from observer_rt.recording.canlog.busmaster import BUSMASTER
 from observer_rt.recording.canlog.can_log import LogFormat, LogReader, LogRecorder, LogWriter
 from observer_rt.recording.canlog.candump import CANDUMP
-from observer_rt.recording.canlog.mdf4 import Mdf4Log, is_bus_log
+from observer_rt.recording.canlog.mdf4 import Mdf4Log, Mdf4LogWriter, is_bus_log
 from observer_rt.recording.canlog.trc import TRC
 from observer_rt.recording.signals.mapped.csv_table import CsvTable
 from observer_rt.recording.signals.mapped.signals import MappedSignals
@@ -29,31 +29,29 @@ from observer_rt.recording.signals.mapped.table import Mdf4Table, ParquetTable
 from observer_rt.recording.signals.mapped.table_signals import EvenSignals
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.recording.signals.signal_format import OwnLayout, SignalFormat
-from observer_rt.recording.signals.stream import HeldSignals, SignalStream
+from observer_rt.recording.signals.stream import HeldSignals, SignalStream, joined
 from observer_rt.recording.signals.table_writers import (
     PRINTED,
     SI,
-    CollectingWriter,
-    Column,
-    PartsWriter,
-    RecordingWriter,
+    WrittenColumn,
+    recording_writer,
     write_whole,
 )
 from observer_rt.terminal.console import PACKED, check_suffix, suffix_of
 
 
-def _header(columns: Sequence[Column]) -> str:
+def _header(columns: Sequence[WrittenColumn]) -> str:
     *needed, optional = (column.header for column in columns)
     return f"{','.join(needed)}[,{optional}]"
 
 
-def _by_header(columns: Sequence[Column]) -> RecordingConfig:
+def _by_header(columns: Sequence[WrittenColumn]) -> RecordingConfig:
     return RecordingConfig.model_validate(
-        {column.signal: {"column": column.header, "unit": column.unit} for column in columns}
+        {column.channel: {"column": column.header, "unit": column.unit} for column in columns}
     )
 
 
-_CHANNELS = RecordingConfig.model_validate({column.signal: {"column": column.signal} for column in SI[1:]})
+_CHANNELS = RecordingConfig.model_validate({column.channel: {"column": column.channel} for column in SI[1:]})
 CSV = SignalFormat((".csv",), _header(PRINTED), OwnLayout(CsvTable, _by_header(PRINTED)), write_whole)
 MDF4_SIGNALS = SignalFormat(
     (".mf4",), "ASAM MDF4, one channel a signal, with its unit", OwnLayout(Mdf4Table, _CHANNELS), write_whole
@@ -63,14 +61,7 @@ PARQUET = SignalFormat(
 )
 
 
-def _log_writer(path: Path, start_ns: int) -> LogWriter:
-    from observer_rt.recording.canlog.mdf4 import Mdf4LogWriter
-
-    return Mdf4LogWriter(path, start_ns)
-
-
-MDF4_LOG = LogFormat((".mf4",), "ASAM MDF4, bus logging", Mdf4Log, _log_writer, recognises=is_bus_log)
-
+MDF4_LOG = LogFormat((".mf4",), "ASAM MDF4, bus logging", Mdf4Log, Mdf4LogWriter, recognises=is_bus_log)
 
 Format = LogFormat | SignalFormat
 BUILT_IN: tuple[Format, ...] = (CSV, MDF4_SIGNALS, PARQUET, CANDUMP, BUSMASTER, BLF, ASC, TRC, MDF4_LOG)
@@ -112,9 +103,7 @@ def is_log(path: Path) -> bool:
 
     Raises `UserError` for an unknown suffix, and for a file that had to be opened and is not there or damaged.
     """
-    known = _readable(formats())
-    check_suffix(str(path), path, tuple(known))
-    kinds = known[suffix_of(path)]
+    kinds = _kinds(path, formats())
     logs = [each for each in kinds if isinstance(each, LogFormat)]
     return len(logs) == len(kinds) or _recognised(path, logs) is not None
 
@@ -129,9 +118,7 @@ def open_log(path: Path) -> LogReader:
 
     Raises `UserError` for an unknown suffix.
     """
-    known = _readable(log_formats())
-    check_suffix(str(path), path, tuple(known))
-    kinds = known[suffix_of(path)]
+    kinds = _kinds(path, log_formats())
     found = _recognised(path, kinds) if len(kinds) > 1 else None
     return (found or next(each for each in kinds if each.recognises is None or len(kinds) == 1)).reader(path)
 
@@ -202,13 +189,18 @@ def write_recording(path: Path, recording: Recording) -> None:
         writer(path, recording)
 
 
-def open_parts(path: Path, has_rate: bool) -> PartsWriter:
-    """A recording to be written part by part. Raises `UserError` for a suffix that cannot be written."""
+@contextmanager
+def open_parts(path: Path, has_rate: bool) -> Iterator[Callable[[Recording], None]]:
+    """Writes the parts of a recording it is given. Raises `UserError` for a suffix that cannot be written."""
     found = _of(path, written(signal_formats()))
     assert found.writer is not None
     if isinstance(found.reader, OwnLayout):
-        return RecordingWriter(path, has_rate)
-    return CollectingWriter(path, found.writer)
+        with recording_writer(path, has_rate) as write:
+            yield write
+    else:
+        parts: list[Recording] = []
+        yield parts.append
+        found.writer(path, joined(parts))
 
 
 def _of(path: Path, known: Sequence[F]) -> F:
@@ -216,21 +208,16 @@ def _of(path: Path, known: Sequence[F]) -> F:
     return next(each for each in known if suffix_of(path) in each.suffixes)
 
 
-def _readable(known: Iterable[F]) -> dict[str, list[F]]:
-    """The formats that files of each suffix may be of, those of packed text among them."""
-    kinds: dict[str, list[F]] = {}
-    for each in known:
-        for suffix in each.suffixes:
-            kinds.setdefault(suffix, []).append(each)
-    for suffix, there in list(kinds.items()):
-        texts = [each for each in there if _is_text(each)]
-        if texts:
-            kinds[f"{suffix}{PACKED}"] = texts
-    return kinds
-
-
-def _is_text(known: Format) -> bool:
-    return isinstance(known, LogFormat) and known.is_text
+def _kinds(path: Path, known: Iterable[F]) -> list[F]:
+    """The formats that a file may be of by its suffix, those of packed text among them."""
+    found: dict[str, list[F]] = {}
+    for packed in ("", PACKED):
+        for each in known:
+            if not packed or (isinstance(each, LogFormat) and each.is_text):
+                for suffix in each.suffixes:
+                    found.setdefault(suffix + packed, []).append(each)
+    check_suffix(str(path), path, tuple(found))
+    return found[suffix_of(path)]
 
 
 def _recognised(path: Path, known: Iterable[LogFormat]) -> LogFormat | None:

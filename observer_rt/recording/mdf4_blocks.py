@@ -104,11 +104,6 @@ class GroupCount(NamedTuple):
     complete: int
     stated: int | None
 
-    @property
-    def is_as_stated(self) -> bool:
-        """Whether nothing more is known than what the heading says, or there is nothing."""
-        return self.found == self.complete == (self.stated or 0)
-
     def readable(self, cycles: int) -> int:
         """How many can be read of `cycles` that asammdf has. Raises `ValueError` where it lost some."""
         if self.stated is None and cycles != self.found:

@@ -47,8 +47,17 @@ def count_records(path: Path) -> CountedRecords:
                 groups: dict[int, GroupCount] = {}
                 remarks: list[str] = []
                 for group in blocks.data_groups():
-                    counts, said = (_of_several if group.id_size else _of_one)(blocks, group)
-                    groups |= {place: count for place, count in counts.items() if not count.is_as_stated}
+                    if group.id_size:
+                        walk = _Walk(blocks, group)
+                        walk.run()
+                        counts, said = walk.counts(), walk.remarks
+                    else:
+                        counts, said = _of_one(blocks, group)
+                    groups |= {  # of which more is known than what the heading says
+                        place: count
+                        for place, count in counts.items()
+                        if not (count.found == count.complete == (count.stated or 0))
+                    }
                     remarks += said
                 return CountedRecords(groups, tuple(remarks))
         except DAMAGE as error:
@@ -78,19 +87,12 @@ def _of_one(blocks: Blocks, group: DataGroup) -> tuple[dict[int, GroupCount], li
     return {each.place: GroupCount(found, found, each.stated if blocks.has_cycles else None)}, remarks
 
 
-def _of_several(blocks: Blocks, group: DataGroup) -> tuple[dict[int, GroupCount], list[str]]:
-    """Records with ids."""
-    if group.id_size not in ID_SIZES:
-        raise ValueError(f"{group.id_size} bytes are no size of a record id")
-    walk = _Walk(blocks, group)
-    walk.run()
-    return walk.counts(), walk.remarks
-
-
 class _Walk:
     """Goes from record to record through the data of a group with ids."""
 
     def __init__(self, blocks: Blocks, group: DataGroup) -> None:
+        if group.id_size not in ID_SIZES:
+            raise ValueError(f"{group.id_size} bytes are no size of a record id")
         self._blocks, self._group = blocks, group
         self._kinds = sorted(group.channel_groups, key=lambda each: each.record_id)
         self._ids = np.array([each.record_id for each in self._kinds], np.uint64)
@@ -116,7 +118,18 @@ class _Walk:
             if held < needed:
                 continue
             data = waiting[0] if len(waiting) == 1 else np.concatenate(waiting)
-            position, needed = self._take(data)
+            position = needed = 0
+            while not needed:
+                count, position, needed = _walk(
+                    data,
+                    position,
+                    self._group.id_size,
+                    self._ids,
+                    self._lengths,
+                    self._kind_of,
+                    self._place_of,
+                )
+                self._note(data, self._kind_of[:count], self._place_of[:count])
             done += position
             waiting, held = [data[position:]], data.size - position
             if needed == _UNKNOWN_ID or needed > self._group.size - done:
@@ -139,16 +152,6 @@ class _Walk:
             )
             for each, found in zip(self._kinds, self._found.tolist(), strict=True)
         }
-
-    def _take(self, data: NDArray[np.uint8]) -> tuple[int, int]:
-        """As `_walk`, to the end of some data."""
-        position = needed = 0
-        while not needed:
-            count, position, needed = _walk(
-                data, position, self._group.id_size, self._ids, self._lengths, self._kind_of, self._place_of
-            )
-            self._note(data, self._kind_of[:count], self._place_of[:count])
-        return position, needed
 
     def _note(self, data: NDArray[np.uint8], kind_of: NDArray[np.int64], place_of: NDArray[np.int64]) -> None:
         self._found += np.bincount(kind_of, minlength=self._found.size)

@@ -99,8 +99,7 @@ def record(
 
     An interface that goes away is waited for. `report` is called some times a second.
 
-    Raises:
-        RunError: the link failed for good, or the disk is full; what was written before can be read.
+    Raises `RunError`: the link failed for good, or the disk is full; what was written before can be read.
     """
     links = [link, *(other for other, _ in further)]
     channels = [channel, *(name for _, name in further)]
@@ -119,7 +118,7 @@ def record(
                 statistics.duration = (now - start) / NANOSECONDS
                 lost = receiver.dropped - lost_before
                 if lost > statistics.lost:
-                    files.write_lost(lost - statistics.lost)
+                    files.lost += lost - statistics.lost
                     statistics.lost = lost
                 if received is not None:
                     files.write(received.frame, channels[received.bus], now)
@@ -130,18 +129,14 @@ def record(
                 if now >= next_report:
                     report(statistics)
                     next_report = now + REPORT_PERIOD
-                if _reached(statistics, limits):
+                if (limits.duration is not None and statistics.duration >= limits.duration) or (
+                    limits.frames is not None and statistics.frames >= limits.frames
+                ):
                     break
         finally:
             receiver.close()
             files.close()
     return statistics
-
-
-def _reached(statistics: RecordStatistics, limits: RecordLimits) -> bool:
-    return (limits.duration is not None and statistics.duration >= limits.duration) or (
-        limits.frames is not None and statistics.frames >= limits.frames
-    )
 
 
 class _Files:
@@ -153,29 +148,30 @@ class _Files:
         self._limits = limits
         self._writer: LogRecorder | None = None
         self._begun = 0
-        self._lost = 0  # before the first frame of a file
+        self.lost = 0
+        """Frames that were lost, which is said before the next one."""
 
     def write(self, frame: Frame, channel: str, now: int) -> None:
         """Append a frame of a channel; `now`: monotonic time [ns]."""
-        if self._writer is not None and self._is_full(now, self._writer):
+        limits = self._limits
+        if self._writer is not None and (
+            (limits.file_size is not None and self._writer.size >= limits.file_size)
+            or (
+                limits.file_duration is not None and (now - self._begun) / NANOSECONDS >= limits.file_duration
+            )
+        ):
             self.close()
         if self._writer is None:
-            if self._limits.rotates and not self.paths:
+            if limits.rotates and not self.paths:
                 for old in _series(self._path):  # or its rest would seem to belong to this one
                     old.unlink()
             number = f"{len(self.paths) + 1:0{NUMBER_DIGITS}d}"
-            path = self._path.with_name(_numbered(self._path, number)) if self._limits.rotates else self._path
+            path = self._path.with_name(_numbered(self._path, number)) if limits.rotates else self._path
             self._writer = open_recorder(path, frame.stamp_ns)
             self._begun = now
             self.paths.append(path)
-        if self._lost:
-            self._writer.write_lost(self._lost)
-            self._lost = 0
+        self._say_lost(self._writer)
         self._writer.write(LogFrame(frame, channel))
-
-    def write_lost(self, frames: int) -> None:
-        """Say, before the next frame, that frames were lost."""
-        self._lost += frames
 
     def flush(self) -> None:
         if self._writer is not None:
@@ -184,17 +180,14 @@ class _Files:
     def close(self) -> None:
         """Complete the file, if one is open."""
         if self._writer is not None:
-            if self._lost:
-                self._writer.write_lost(self._lost)
-                self._lost = 0
+            self._say_lost(self._writer)
             self._writer.close()
             self._writer = None
 
-    def _is_full(self, now: int, writer: LogRecorder) -> bool:
-        limits = self._limits
-        return (limits.file_size is not None and writer.size >= limits.file_size) or (
-            limits.file_duration is not None and (now - self._begun) / NANOSECONDS >= limits.file_duration
-        )
+    def _say_lost(self, writer: LogRecorder) -> None:
+        if self.lost:
+            writer.write_lost(self.lost)
+            self.lost = 0
 
 
 def _numbered(path: Path, number: str) -> str:

@@ -29,7 +29,7 @@ from observer_rt.recording.signals.table_writers import (
     LINE_PRESSURE,
     NEEDLE_LIFT,
     TIME,
-    Column,
+    WrittenColumn,
     write_columns,
 )
 from observer_rt.simulation.plant import Progress, Truth, run_plant
@@ -76,8 +76,8 @@ class SimulatedNoise:
 MIN_SAMPLE_RATE = 1e3  # Hz, below which an injection falls between two samples
 MAX_SAMPLE_RATE = 1e6  # Hz
 
-SAC_PRESSURE = Column("sac_pressure_MPa", "sac_pressure", MEGAPASCAL)
-LINE_FLOW = Column("line_flow_mm3_per_ms", "line_flow", MM3_PER_MS)
+SAC_PRESSURE = WrittenColumn("sac_pressure_MPa", "sac_pressure", factor=MEGAPASCAL)
+LINE_FLOW = WrittenColumn("line_flow_mm3_per_ms", "line_flow", factor=MM3_PER_MS)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,11 +1,9 @@
 """J1939: received frames get the identifiers of the database by their parameter groups."""
 
-import can
 from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.bus.can_frame import GroupIdentifier, ParameterGroups
-from observer_rt.bus.links.opening import open_link
 
 TO_ALL, ADDRESSED = 0x18FEF1FE, 0x0CEF_21FE
 
@@ -39,16 +37,3 @@ def test_identifiers_that_are_no_groups_are_taken_exactly() -> None:
     groups = ParameterGroups([TO_ALL])
     assert not groups
     assert groups.own(0x18FEF100) == 0x18FEF100
-
-
-def test_a_link_receives_the_group_of_any_source() -> None:
-    with (
-        open_link("virtual", "j1939", True, [(GroupIdentifier(TO_ALL), True), (0x100, False)]) as link,
-        can.Bus("j1939", "virtual") as sender,
-    ):
-        for identifier in (0x18FEF200, 0x0CFEF103, 0x18FEF104):
-            sender.send(can.Message(arbitration_id=identifier, data=b"\1"))
-        frame = link.receive(1.0)
-        assert frame is not None
-        assert (frame.frame_id, frame.is_extended, frame.payload) == (TO_ALL, True, b"\1")
-        assert link.receive(0.0) is None

@@ -97,7 +97,7 @@ def test_limits_end_it(tmp_path: Path, suffix: str) -> None:
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_files_are_rotated_by_size(tmp_path: Path, suffix: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("observer_rt.recording.canlog.blf_writer.CONTAINER_BYTES", 1000)
+    monkeypatch.setattr("observer_rt.recording.canlog.blf.CONTAINER_BYTES", 1000)
     stop = threading.Event()
     statistics = run(tmp_path / f"bus{suffix}", Source(1000, stop), stop, RecordLimits(file_size=4000))
     names = [path.name for path in statistics.files]

@@ -33,10 +33,7 @@ FOLLOWER = np.dtype(
     [
         ("roles", np.int64),  # bit r: carries ROLES[r]
         ("spacing", np.float64),  # samples of the grid between two of its own
-        (
-            "reach",
-            np.float64,
-        ),  # samples of the grid between two of its own that are joined by a straight line
+        ("reach", np.float64),  # samples of the grid between two of its own that a straight line joins
         ("holds", np.bool_),  # its last value counts for `reach`
         ("early", np.float64),  # samples of the grid by which its values are of before its samples' time
         ("begun", np.bool_),

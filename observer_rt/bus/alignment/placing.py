@@ -26,9 +26,7 @@ from observer_rt.bus.mapping.timing import SLOTS
 from observer_rt.foundation.compiled import inner, separate
 from observer_rt.foundation.continuity import Break
 
-OLD_BLOCKS_OF_RESTART = (
-    3  # consecutive old blocks that mean: the device began anew, its first blocks were lost
-)
+OLD_BLOCKS_OF_RESTART = 3  # consecutive ones that mean: the device began anew, its first blocks were lost
 
 
 class Placing(IntEnum):
@@ -199,9 +197,7 @@ def follow(alignment: Alignment, message: int, position: float, values: NDArray[
             _follow_lift(alignment, follower, position, values[NEEDLE_LIFT], first)
     follower.stale = False
     follower.position = position
-    for role in range(
-        MAX_INPUTS
-    ):  # a copy of slices takes 4 s to compile: Numba words the error of their lengths
+    for role in range(MAX_INPUTS):  # a copy of slices takes 4 s to compile, with the error of their lengths
         follower.values[role] = values[role]
 
 

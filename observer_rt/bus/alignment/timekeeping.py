@@ -39,9 +39,7 @@ from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND
 
 SURE = 0.75  # cycles short of a whole turn of the counter, up to which a delay is surely no loss
 DECIDED = 0.5  # the same, from which on frames are lost
-UNUSUAL = (
-    2.0  # times the usual greatest delay, and SURE of a cycle less than one, is a delay that tells of trouble
-)
+UNUSUAL = 2.0  # times the usual greatest delay, and SURE of a cycle less than one, a delay tells of trouble
 SLIPPED = (
     0.5  # cycles beyond what is not known, by which all delays of a window grew: frames were lost unseen
 )
@@ -247,9 +245,8 @@ def place_at(keeping: Timekeeping, time: int) -> float:
     grid = keeping.clocks[leading]
     if not grid.begun:
         return math.nan
-    return float(
-        index_at(grid, time - grid.first_stamp + 1e9 * keeping.timing[leading].delay, grid.first_stamp)
-    )
+    sent = time - grid.first_stamp + 1e9 * keeping.timing[leading].delay
+    return float(index_at(grid, sent, grid.first_stamp))
 
 
 @compiled
@@ -322,23 +319,18 @@ class MessageTiming:
         """One line for the screen: delays, drift, and what they do to the samples."""
         if self.jitter.frames == 0:
             return f"{self.name}: times not known yet"
+        drift = f"drift {self.drift * 1e6:+.1f} ppm"
+        if abs(self.drift) >= LARGEST_DRIFT:
+            drift = f"sent at {1.0 / (1.0 + self.drift):.3g} times its rate"
+        placed = f"by its clock, its samples are placed to {self.unknown / MICROSECOND:.2g} us"
+        if self.unknown == 0.0:
+            placed = "no sample is displaced by that: they are counted"
+        elif math.isinf(self.unknown):
+            placed = "its samples cannot be placed: its clock is not known yet"
         return (
             f"{self.name}: frames came late by up to {self.jitter.greatest / MICROSECOND:.0f} us, their jitter is "
-            f"{self.jitter.sigma / MICROSECOND:.1f} us, {self._drift_as_text()}; {self._placed_as_text()}"
+            f"{self.jitter.sigma / MICROSECOND:.1f} us, {drift}; {placed}"
         )
-
-    def _placed_as_text(self) -> str:
-        """What that means for the samples."""
-        if self.unknown == 0.0:
-            return "no sample is displaced by that: they are counted"
-        if math.isinf(self.unknown):
-            return "its samples cannot be placed: its clock is not known yet"
-        return f"by its clock, its samples are placed to {self.unknown / MICROSECOND:.2g} us"
-
-    def _drift_as_text(self) -> str:
-        if abs(self.drift) < LARGEST_DRIFT:
-            return f"drift {self.drift * 1e6:+.1f} ppm"
-        return f"sent at {1.0 / (1.0 + self.drift):.3g} times its rate"
 
 
 def timing_of(bus: BusMap, keeping: Timekeeping) -> tuple[MessageTiming, ...]:

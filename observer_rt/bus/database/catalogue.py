@@ -5,7 +5,7 @@ Files are read here: what cantools refuses is refused with file, line and reason
 
 import re
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
@@ -35,8 +35,7 @@ def load_database(path: Path, lenient: bool = False) -> Database:
 
     Signals that overlap or do not fit their message are refused, unless `lenient`: see `overlooked`.
 
-    Raises:
-        UserError: no such file, not readable, not a bus database, or not correct.
+    Raises `UserError`: no such file, not readable, not a bus database, or not correct.
     """
     try:
         found = path.stat()
@@ -47,8 +46,10 @@ def load_database(path: Path, lenient: bool = False) -> Database:
         raise UserError(str(path), f"cannot be read: {error.strerror}") from None
     except Exception as error:  # cantools fails in many ways on what it does not expect
         remedy = "mend the bus database"
-        if not lenient and _is_readable(path):
-            remedy = f"{remedy}, {_LENIENT}"
+        if not lenient:
+            with suppress(Exception):  # where leniency does not help
+                cantools.database.load_file(path, strict=False)
+                remedy = f"{remedy}, {_LENIENT}"
         reason = _reason(error)
         line = _line_of(path, reason)
         raise UserError(str(path) if line is None else f"{path}:{line}", reason, remedy) from None
@@ -73,15 +74,6 @@ def overlooked(database: Database) -> list[str]:
             complaints.append(_reason(error))
             message.refresh(strict=False)
     return complaints
-
-
-def _is_readable(path: Path) -> bool:
-    """Whether leniency helps."""
-    try:
-        cantools.database.load_file(path, strict=False)
-    except Exception:  # see `load_database`
-        return False
-    return True
 
 
 def _reason(error: Exception) -> str:

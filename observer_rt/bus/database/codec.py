@@ -20,7 +20,7 @@ import numpy as np
 from cantools.database.can import Message, Signal
 from numpy.typing import NDArray
 
-from observer_rt.bus.database.lookup import error_code, find_signal, not_available_code
+from observer_rt.bus.database.lookup import find_signal, reserved_codes
 from observer_rt.foundation.compiled import compiled, inner, separate
 from observer_rt.foundation.errors import UserError
 
@@ -56,8 +56,7 @@ SIGNAL = np.dtype(
 def signal_table(message: Message, names: Sequence[str]) -> NDArray[np.void]:
     """Compile the signals `names` of `message`, in this order, into a table of dtype `SIGNAL`.
 
-    Raises:
-        UserError: a signal is missing, does not fit, has scale 0, a float of odd width, or no usable code.
+    Raises `UserError`: a signal is missing, does not fit, has scale 0, a float of odd width, or no usable code.
     """
     table = np.zeros(len(names), SIGNAL)
     for row, name in zip(table, names, strict=True):
@@ -136,7 +135,7 @@ def _largest_float_to(limit: int) -> float:
 
 
 def _set_reserved_codes(signal: Signal, row: np.void, place: str) -> None:
-    not_available, error = not_available_code(signal), error_code(signal)
+    not_available, error = reserved_codes(signal)
     reserved = [code for code in (not_available, error) if code is not None]
     if not_available is not None:
         row["has_not_available"], row["not_available"] = True, not_available

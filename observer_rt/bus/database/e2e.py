@@ -35,22 +35,15 @@ class E2EStatus(IntEnum):
     INITIAL = 6
 
 
-def _crc16_table() -> NDArray[np.uint16]:
-    remainder = np.arange(256, dtype=np.uint16) << np.uint16(8)
+def _crc_table(bits: int, polynomial: int) -> NDArray[np.int64]:
+    remainder = np.arange(256) << bits - 8
     for _ in range(8):
-        remainder = np.where(remainder & 0x8000, (remainder << 1) ^ 0x1021, remainder << 1).astype(np.uint16)
-    return remainder
+        remainder = np.where(remainder >> bits - 1 & 1, remainder << 1 ^ polynomial, remainder << 1)
+    return remainder & (1 << bits) - 1
 
 
-def _crc8_table() -> NDArray[np.uint8]:
-    remainder = np.arange(256, dtype=np.uint8)
-    for _ in range(8):
-        remainder = np.where(remainder & 0x80, (remainder << 1) ^ 0x1D, remainder << 1).astype(np.uint8)
-    return remainder
-
-
-CRC16_TABLE = _crc16_table()
-CRC8_TABLE = _crc8_table()
+CRC16_TABLE = _crc_table(16, 0x1021).astype(np.uint16)
+CRC8_TABLE = _crc_table(8, 0x1D).astype(np.uint8)
 
 
 @compiled

@@ -48,8 +48,7 @@ class MessageLayout:
     def of(cls, message: Message, bus: int = 0) -> "MessageLayout":
         """Read the layout of `message`, which is on the bus of this number.
 
-        Raises:
-            UserError: an attribute is not a number, or a protected message has no `E2EDataId`.
+        Raises `UserError`: an attribute is not a number, or a protected message has no `E2EDataId`.
         """
         e2e_profile = _integer_attribute(message, "E2EProfile") or None
         e2e_data_id = _integer_attribute(message, "E2EDataId")
@@ -78,8 +77,7 @@ class MessageLayout:
 def database_hash(paths: Iterable[Path]) -> int:
     """First 32 bits of the SHA-256 over the bytes of all files, in the order given.
 
-    Raises:
-        UserError: a file cannot be read.
+    Raises `UserError`: a file cannot be read.
     """
     digest = hashlib.sha256()
     for path in paths:
@@ -93,8 +91,7 @@ def database_hash(paths: Iterable[Path]) -> int:
 def find_message(database: Database, name: str) -> Message:
     """The message called `name`.
 
-    Raises:
-        UserError: there is none; names the nearest.
+    Raises `UserError`: there is none; names the nearest.
     """
     names = [message.name for message in database.messages]
     if name not in names:
@@ -108,8 +105,7 @@ def signal_names(message: Message, pattern_or_list: str | Sequence[str]) -> tupl
     A list names them one by one; text with a replacement field, such as `"RailPressure_{:02d}"`, means all
     signals it produces with 0, 1, 2, ... (or 1, 2, ...); text without one names a single signal.
 
-    Raises:
-        UserError: a signal is not in the message, or the pattern produces none or leaves out a number.
+    Raises `UserError`: a signal is not in the message, or the pattern produces none or leaves out a number.
     """
     known = [signal.name for signal in message.signals]
     place = f"message {message.name}"
@@ -132,8 +128,7 @@ def signal_names(message: Message, pattern_or_list: str | Sequence[str]) -> tupl
 def find_signal(message: Message, name: str) -> Signal:
     """The signal called `name`.
 
-    Raises:
-        UserError: there is none; names the nearest.
+    Raises `UserError`: there is none; names the nearest.
     """
     known = [signal.name for signal in message.signals]
     if name not in known:
@@ -141,28 +136,22 @@ def find_signal(message: Message, name: str) -> Signal:
     return message.get_signal_by_name(name)
 
 
-def not_available_code(signal: Signal) -> int | None:
-    """Raw code of "signal not available": attribute `GenSigSNA`, or the code of that name in the value table.
+def reserved_codes(signal: Signal) -> tuple[int | None, int | None]:
+    """Raw codes of "not available" and of "error", None without: attributes `GenSigSNA` and `GenSigError`.
 
-    Raises:
-        UserError: the attribute is not a code of the signal's width.
+    Without these, the codes of such names in the value table. Raises `UserError`: an attribute is not a code of the
+    signal's width.
     """
-    return _raw_code(signal, "GenSigSNA", NOT_AVAILABLE_NAMES)
-
-
-def error_code(signal: Signal) -> int | None:
-    """Raw code of "error": attribute `GenSigError`, or the code of that name in the value table; None without.
-
-    Raises:
-        UserError: the attribute is not a code of the signal's width.
-    """
-    return _raw_code(signal, "GenSigError", ERROR_NAMES)
+    not_available = _raw_code(signal, "GenSigSNA", NOT_AVAILABLE_NAMES)
+    return not_available, _raw_code(signal, "GenSigError", ERROR_NAMES)
 
 
 def _raw_code(signal: Signal, attribute: str, names: Collection[str]) -> int | None:
     """The code as the bits of the field. Negative is a code for a signed signal, -1 means none otherwise."""
-    stated = _integer_attribute(signal, attribute)
-    code = _named_code(signal, names) if stated is None else stated
+    code = stated = _integer_attribute(signal, attribute)
+    if stated is None and not signal.conversion.is_float:
+        choices = (signal.choices or {}).items()
+        code = next((int(value) for value, name in choices if _plain(str(name)) in names), None)
     if code is None or (code == -1 and not signal.is_signed):
         return None
     bits: int = signal.length
@@ -176,14 +165,6 @@ def _raw_code(signal: Signal, attribute: str, names: Collection[str]) -> int | N
             f"give a raw code from 0 to {(1 << bits) - 1}",
         )
     return code & ((1 << bits) - 1)
-
-
-def _named_code(signal: Signal, names: Collection[str]) -> int | None:
-    """The code a value table gives one of these names, in lower case with underscores; not of floats."""
-    if signal.conversion.is_float:
-        return None
-    choices = signal.choices or {}
-    return next((int(code) for code, name in choices.items() if _plain(str(name)) in names), None)
 
 
 def _plain(name: str) -> str:

@@ -47,8 +47,7 @@ class Selection(NamedTuple):
 def conditions_of(message: Message, name: str) -> Conditions:
     """What must hold for a frame of `message` to carry the signal `name`.
 
-    Raises:
-        UserError: the signal or a selector is not there, or selectors select each other.
+    Raises `UserError`: the signal or a selector is not there, or selectors select each other.
     """
     conditions: list[Condition] = []
     signal = find_signal(message, name)
@@ -103,23 +102,18 @@ def frame_kinds(conditions: Iterable[Conditions]) -> tuple[Mapping[str, int], ..
     kinds: list[tuple[int, dict[str, int]]] = []
     # A frame for a nested signal also carries what its outer selector alone selects: those first.
     for place, needed in sorted(enumerate(wanted), key=lambda item: -len(item[1])):
-        shared = next((n for n, (_, kind) in enumerate(kinds) if _can_meet(kind, needed)), len(kinds))
+        own = {condition.selector: min(condition.values) for condition in needed}
+        shared = next((n for n, (_, kind) in enumerate(kinds) if meets(own | kind, needed)), len(kinds))
         if shared == len(kinds):
             kinds.append((place, {}))
         first, kind = kinds[shared]
-        kinds[shared] = min(place, first), {c.selector: min(c.values) for c in needed} | kind
+        kinds[shared] = min(place, first), own | kind
     return tuple(kind for _, kind in sorted(kinds, key=lambda item: item[0])) or ({},)
 
 
 def meets(kind: Mapping[str, int], needed: Conditions) -> bool:
     """Whether a frame with these selector values meets the conditions."""
     return all(kind.get(condition.selector) in condition.values for condition in needed)
-
-
-def _can_meet(kind: Mapping[str, int], needed: Conditions) -> bool:
-    return all(
-        kind.get(condition.selector, min(condition.values)) in condition.values for condition in needed
-    )
 
 
 def blank_frame(message: Message, kind: Mapping[str, int]) -> NDArray[np.uint8]:

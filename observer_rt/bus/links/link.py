@@ -4,7 +4,6 @@ from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
 from enum import StrEnum
 from itertools import islice
-from types import TracebackType
 from typing import NamedTuple, Protocol, Self
 
 import numpy as np
@@ -97,8 +96,7 @@ class Link(Protocol):
     def reconnect(self) -> None:
         """Connect anew after a `LinkDownError`; what was counted stays. Nothing to do where nothing can be lost.
 
-        Raises:
-            LinkDownError: the interface is not back yet, or cannot be used as it is.
+        Raises `LinkDownError`: the interface is not back yet, or cannot be used as it is.
         """
         return
 
@@ -137,9 +135,7 @@ class Link(Protocol):
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 

@@ -88,9 +88,8 @@ class PythonCanLink(Link):
     def send(
         self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, flags: FdFlags = SWITCHED
     ) -> None:
-        message = _message(frame_id, payload, is_extended, is_fd, flags)
         try:
-            self._send(message, SEND_TIMEOUT_S)
+            self._send(frame_id, payload, is_extended, is_fd, flags, SEND_TIMEOUT_S)
         except (can.CanError, OSError) as error:
             raise RunError(
                 f"{self._name} cannot send: {error}\n"
@@ -99,28 +98,40 @@ class PythonCanLink(Link):
 
     def try_send(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool) -> bool:
         """Whether the driver took it. What else but a full queue kept it from that, receiving tells."""
-        message = _message(frame_id, payload, is_extended, is_fd)
         try:
-            self._send(message, 0.0)
+            self._send(frame_id, payload, is_extended, is_fd, SWITCHED, 0.0)
         except (can.CanError, OSError):  # drivers have errors of their own for a full queue
             return False
         return True
 
-    def _send(self, message: can.Message, timeout_s: float) -> None:
+    def _send(
+        self,
+        frame_id: int,
+        payload: bytes,
+        is_extended: bool,
+        is_fd: bool,
+        flags: FdFlags,
+        timeout_s: float,
+    ) -> None:
+        message = can.Message(
+            arbitration_id=frame_id,
+            data=payload,
+            is_extended_id=is_extended,
+            is_fd=is_fd,
+            bitrate_switch=is_fd and flags.bit_rate_switch,
+            error_state_indicator=is_fd and flags.error_state_indicator,
+            check=True,
+        )
         with self._sending:
             self._bus.send(message, timeout_s)
             if self._receive_ids is not None and not self._receive_ids:
-                self._discard_received()
+                while self._bus.recv(0.0) is not None:
+                    pass  # nobody reads a link that only sends, and the virtual bus's queue grows without limit
 
     def reconnect(self) -> None:
         with self._sending:
             self.close()
             self._open()
-
-    def _discard_received(self) -> None:
-        """A link that only sends is never read, and the queue of the virtual bus grows without limit."""
-        while self._bus.recv(0.0) is not None:
-            pass
 
     @property
     def dropped(self) -> int:
@@ -138,17 +149,3 @@ class PythonCanLink(Link):
     def close(self) -> None:
         with contextlib.suppress(can.CanError, OSError):  # the device may be gone
             self._bus.shutdown()
-
-
-def _message(
-    frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, flags: FdFlags = SWITCHED
-) -> can.Message:
-    return can.Message(
-        arbitration_id=frame_id,
-        data=payload,
-        is_extended_id=is_extended,
-        is_fd=is_fd,
-        bitrate_switch=is_fd and flags.bit_rate_switch,
-        error_state_indicator=is_fd and flags.error_state_indicator,
-        check=True,
-    )

@@ -42,9 +42,9 @@ class LinkReceiver(ABC):
     def take_back(self, bus: int) -> None:
         """Receive from a bus again, whose link was reconnected."""
 
-    @abstractmethod
     def close(self) -> None:
-        """End what runs beside; the links stay open."""
+        """End what runs beside, if anything does; the links stay open."""
+        return
 
 
 def reading(links: Sequence[Link]) -> LinkReceiver:
@@ -76,9 +76,6 @@ class _Single(LinkReceiver):
 
     def take_back(self, bus: int) -> None:
         self._is_down = False
-
-    def close(self) -> None:
-        pass
 
 
 class _Polled(LinkReceiver):
@@ -120,9 +117,6 @@ class _Polled(LinkReceiver):
         assert descriptor is not None
         self._bus_of[descriptor] = bus
         self._poll.register(descriptor, select.POLLIN)
-
-    def close(self) -> None:
-        pass
 
 
 class _Threaded(LinkReceiver):

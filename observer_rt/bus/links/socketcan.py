@@ -329,7 +329,9 @@ class SocketCanLink(Link):
         if error.errno == errno.ENETDOWN:
             return LinkDownError(f"{name} is down\n  remedy: sudo ip link set {name} up")
         if error.errno in (errno.ENODEV, errno.ENXIO):
-            there = ", ".join(_can_interfaces()) or "none"
+            types = sorted(Path("/sys/class/net").glob("*/type"))
+            cans = [path.parent.name for path in types if path.read_text().strip() == str(ARPHRD_CAN)]
+            there = ", ".join(cans) or "none"
             return LinkDownError(
                 f"there is no interface {name} (CAN interfaces present: {there})\n"
                 "  remedy: connect the device, or for a virtual bus: "
@@ -343,18 +345,10 @@ def _filters(receive_ids: Sequence[tuple[int, bool]] | None) -> bytes:
     if receive_ids is None:
         return _FILTER.pack(0, socket.CAN_RTR_FLAG)
     exact = socket.CAN_EFF_FLAG | socket.CAN_RTR_FLAG
-    return b"".join(
-        _FILTER.pack(frame_id | socket.CAN_EFF_FLAG, _wanted_bits(frame_id) | exact)
-        if is_extended
-        else _FILTER.pack(frame_id, socket.CAN_SFF_MASK | exact)
-        for frame_id, is_extended in receive_ids
-    )
-
-
-def _wanted_bits(frame_id: int) -> int:
-    return frame_id.mask if isinstance(frame_id, GroupIdentifier) else socket.CAN_EFF_MASK
-
-
-def _can_interfaces() -> list[str]:
-    types = sorted(Path("/sys/class/net").glob("*/type"))
-    return [path.parent.name for path in types if path.read_text().strip() == str(ARPHRD_CAN)]
+    filters = b""
+    for frame_id, is_extended in receive_ids:
+        bits = socket.CAN_EFF_MASK if is_extended else socket.CAN_SFF_MASK
+        if is_extended and isinstance(frame_id, GroupIdentifier):
+            bits = frame_id.mask
+        filters += _FILTER.pack(frame_id | (socket.CAN_EFF_FLAG if is_extended else 0), bits | exact)
+    return filters

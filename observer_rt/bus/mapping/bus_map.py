@@ -221,20 +221,17 @@ def _map_message(
             group_row = np.zeros((), INPUT_GROUP)
             names = [] if number is None else [number.name]
             for role in together:
-                place = ROLES.index(role)
+                place, config = ROLES.index(role), fitted.config.signals.of(role)
                 group_row["position"][place] = len(names)
-                group_row["factor"][place] = _factor(fitted, message, role, samples[role])
+                group_row["factor"][place] = from_unit(
+                    fitted.place(f"signals.{role}"), message, samples[role][0], config.unit, _UNITS[role]
+                )
                 names.extend(samples[role][group.offset : group.offset + group.count])
             with named(fitted.place(f"signals.{together[0]}")):
                 tables.add_group(group_row, message, names, group)
         tables.add_stream(int(row["samples"]), sum(1 << ROLES.index(role) for role in together))
     tables.add_message(row, message, [group for groups in streams for group in groups])
     return list(streams.values())
-
-
-def _factor(fitted: BenchInjector, message: Message, role: Role, samples: Sequence[str]) -> float:
-    place = fitted.place(f"signals.{role}")
-    return from_unit(place, message, samples[0], fitted.config.signals.of(role).unit, _UNITS[role])
 
 
 class Destination(NamedTuple):

@@ -48,8 +48,7 @@ class SampleGroup:
 def sample_groups(message: Message, samples: Sequence[str]) -> tuple[SampleGroup, ...]:
     """The groups that make up the list `samples`, in its order.
 
-    Raises:
-        UserError: the list goes back to an earlier group, or one frame may carry two groups of it.
+    Raises `UserError`: the list goes back to an earlier group, or one frame may carry two groups of it.
     """
     groups: list[SampleGroup] = []
     for conditions, names in groupby(samples, lambda name: conditions_of(message, name)):
@@ -166,6 +165,21 @@ INPUT_KIND = np.dtype(
 )
 
 
+@dataclass(frozen=True, eq=False)
+class OptionalInput:
+    """Signals of a message that carry an optional input, compiled."""
+
+    names: tuple[str, ...]
+    table: NDArray[np.void]
+    """`codec.SIGNAL`: the index of the first sample, where there is one, then its signals."""
+    selection: Selection
+    """What a multiplexed frame must hold to carry it."""
+    row: NDArray[np.void]
+    """`OPTIONAL_INPUT`, without its places in the tables."""
+    untold: float
+    """What frames made of a recording say [units of the database], nan: not available."""
+
+
 @referenced()
 class Inputs(NamedTuple):
     """What compiled code needs to decode the input frames."""
@@ -230,18 +244,17 @@ class InputTables:
         row["kind_count"] = len(self._kinds) - row["first_kind"]
         self._messages.append(row)
 
-    def add_optional(
-        self, layout: MessageLayout, inputs: Sequence[tuple[NDArray[np.void], NDArray[np.void], Selection]]
-    ) -> None:
-        """Add the optional inputs of a message: rows without their places, signals, and which frames carry them."""
+    def add_optional(self, layout: MessageLayout, inputs: Sequence[OptionalInput]) -> None:
+        """Add the optional inputs of a message."""
         own = frame_row(layout)
         row = next((each for each in self._messages if each["key"] == own["key"]), own)
         if row is own:
             row["first_group"] = len(self._groups)
             self._messages.append(row)
         row["first_optional"], row["optional_count"] = len(self._optional), len(inputs)
-        for optional, signals, selection in inputs:
-            self._add_signals(optional, signals, selection)
+        for each in inputs:
+            optional = each.row.copy()
+            self._add_signals(optional, each.table, each.selection)
             self._optional.append(optional)
 
     def _add_signals(self, row: NDArray[np.void], signals: NDArray[np.void], selection: Selection) -> None:

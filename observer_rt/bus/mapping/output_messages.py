@@ -1,6 +1,6 @@
 """Messages the results go out in: their signals, their frames, and how long a frame occupies the bus."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -14,7 +14,6 @@ from observer_rt.bus.database.e2e import PROFILES, shortest_frame
 from observer_rt.bus.database.lookup import MessageLayout, signal_names
 from observer_rt.bus.database.multiplexing import (
     Condition,
-    Conditions,
     Selection,
     blank_frame,
     compile_conditions,
@@ -133,22 +132,27 @@ class RateMessage:
 def output_message(message: Message, known: Sequence[str], bus: int = 0) -> OutputMessage:
     """The message, sent on the bus of this number, with those of the `known` signals that it has.
 
-    Raises:
-        UserError: its protection is not supported, or a signal cannot be encoded.
+    Raises `UserError`: its protection is not supported, or a signal cannot be encoded.
     """
     present = {signal.name for signal in message.signals}
     conditions = {name: conditions_of(message, name) for name in known if name in present}
     kinds = frame_kinds(conditions.values())
-    return OutputMessage(
-        protected_layout(message, bus), tuple(_page(message, known, conditions, kind) for kind in kinds)
-    )
+    pages = []
+    for kind in kinds:
+        names = tuple(name for name, needed in conditions.items() if meets(kind, needed))
+        held = frozenset(Condition(selector, frozenset({value})) for selector, value in kind.items())
+        places = np.array([known.index(name) for name in names], np.int64)
+        selection = compile_conditions(message, held)
+        pages.append(
+            OutputPage(names, signal_table(message, names), blank_frame(message, kind), places, selection)
+        )
+    return OutputMessage(protected_layout(message, bus), tuple(pages))
 
 
 def rate_message(message: Message, bus: int = 0) -> RateMessage:
     """The message, sent on the bus of this number, with its rates and those of `HEADER_SIGNALS` that it has.
 
-    Raises:
-        UserError: it has no rates, is multiplexed, or cannot be encoded.
+    Raises `UserError`: it has no rates, is multiplexed, or cannot be encoded.
     """
     rates = signal_names(message, RATE_PATTERN)
     output = output_message(message, (*HEADER_SIGNALS, *rates), bus)
@@ -159,21 +163,6 @@ def rate_message(message: Message, bus: int = 0) -> RateMessage:
             "set outputs.injection_rate to a message that is not, or to false",
         )
     return RateMessage(output.layout, output.pages[0], len(rates))
-
-
-def _page(
-    message: Message, known: Sequence[str], conditions: Mapping[str, Conditions], kind: Mapping[str, int]
-) -> OutputPage:
-    names = tuple(name for name, needed in conditions.items() if meets(kind, needed))
-    places = np.array([known.index(name) for name in names], np.int64)
-    held = frozenset(Condition(selector, frozenset({value})) for selector, value in kind.items())
-    return OutputPage(
-        names,
-        signal_table(message, names),
-        blank_frame(message, kind),
-        places,
-        compile_conditions(message, held),
-    )
 
 
 def protected_layout(message: Message, bus: int) -> MessageLayout:
@@ -225,8 +214,7 @@ def frame_time(length: int, is_fd: bool, bit_rate: float, data_bit_rate: float, 
     `bit_rate` and `data_bit_rate` in bit/s; the latter counts for CAN FD only, whose frames are sent with the
     bit rate switched. A length CAN FD does not have takes the next one that it has.
 
-    Raises:
-        ValueError: no frame of this kind holds `length` bytes.
+    Raises `ValueError`: no frame of this kind holds `length` bytes.
     """
     if not 0 <= length <= (FD_LENGTHS[-1] if is_fd else CLASSIC_LENGTH):
         raise ValueError(f"no {'CAN FD' if is_fd else 'classic CAN'} frame holds {length} bytes")

@@ -41,9 +41,7 @@ class Joining(IntEnum):
 
     INDEX = 0  # its index is the grid's
     RATIO = 1  # its index counts every n-th sample of the grid
-    NEAREST = (
-        2  # same time base, but counted: its first sample is the nearest one's, then one after the other
-    )
+    NEAREST = 2  # same time base, but counted: its first sample is the nearest one's, the others follow
     CLOCK = 3  # another time base: by both clocks, between samples
 
 
@@ -64,10 +62,7 @@ TIMING = np.dtype(
         ("steps", np.int64),  # samples of the grid from one sample of the message to its next
         ("interval", np.float64),  # s between two samples of the message
         ("delay", np.float64),  # s from a frame's last sample to its stamp, without waiting
-        (
-            "shortest",
-            np.float64,
-        ),  # s from one frame to the next, below which the stamps are not those of a bus
+        ("shortest", np.float64),  # s from frame to frame, below which stamps are not those of a bus
         ("hold", np.float64),  # s, of a slower signal
         ("tolerance", np.float64),  # s that its time may be unknown by
     ],
@@ -220,17 +215,14 @@ def _map_message(
 ) -> None:
     layout = MessageLayout.of(message)
     signal = number_signal(fitted, message, roles)
+    numbering, modulus = Numbering.STAMPS, 1
     if signal is not None and signal.length == INDEX_BITS:
-        row["numbering"], row["modulus"] = Numbering.INDEX, 1
+        numbering = Numbering.INDEX
     elif signal is not None:
-        row["numbering"], row["modulus"] = Numbering.COUNTER, 1 << signal.length
+        numbering, modulus = Numbering.COUNTER, 1 << signal.length
     elif layout.e2e_data_id is not None:
-        row["numbering"], row["modulus"] = (
-            Numbering.E2E_COUNTER,
-            counter_values(layout.e2e_profile or UNPROTECTED),
-        )
-    else:
-        row["numbering"], row["modulus"] = Numbering.STAMPS, 1
+        numbering, modulus = Numbering.E2E_COUNTER, counter_values(layout.e2e_profile or UNPROTECTED)
+    row["numbering"], row["modulus"] = numbering, modulus
     row["steps"] = steps = _steps(fitted, message, roles)
     row["interval"] = steps / fitted.config.sampling.rate_hz
     row["tolerance"] = TOLERANCE

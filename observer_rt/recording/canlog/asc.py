@@ -5,16 +5,16 @@ from collections.abc import Iterator
 from datetime import datetime
 from itertools import takewhile
 from pathlib import Path
-from typing import NoReturn
 
 from observer_rt.bus.can_frame import CLASSIC_LENGTH, FD_LENGTHS, length_code, length_of
+from observer_rt.bus.links.link import Frame
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.canlog.can_log import (
     NANOSECONDS,
-    ChannelNumbers,
     LogFormat,
     LogFrame,
     LogWriter,
+    seconds_text,
     text_nanoseconds,
 )
 from observer_rt.recording.canlog.text_log import Rising, TextLogReader
@@ -71,6 +71,8 @@ class AscLog(TextLogReader):
     and `notes` says so.
     """
 
+    kind = "an ASC log"
+
     def _entries(self) -> Iterator[tuple[int, LogFrame]]:
         self._radix = 16
         self._relative = False
@@ -80,25 +82,9 @@ class AscLog(TextLogReader):
         self._dated = False
         self._ended = False
         self._long_frames = 0
-        number = 0
-        for number, line in self._lines():
-            words = line.split()
-            if not words:
-                continue
-            if number == 1 and words[0].lower() not in ("date", "base", "//"):
-                self.refuse_content(
-                    number, "no ASC log: neither date nor base", "give a log of Vector's tools"
-                )
-            if _TIME.fullmatch(words[0]) is None:
-                self._header(line.strip(), number)
-                continue
-            try:
-                entry = self._event(words, number)
-            except (ValueError, IndexError):
-                self._malformed(line, number)
-            if entry is not None:
-                yield number, entry
-        if number == 0:
+        self._is_empty = True
+        yield from super()._entries()
+        if self._is_empty:
             raise UserError(str(self.path), "is empty: it has not even a heading", "record it again")
         if self._long_frames:
             self.remarks.append(
@@ -107,8 +93,15 @@ class AscLog(TextLogReader):
         if not self._ended:
             self.remarks.append("it has no End TriggerBlock: it may have been cut")
 
-    def _malformed(self, line: str, number: int) -> NoReturn:
-        self.refuse(number, f"not a line of an ASC log: '{line.strip()[:60]}'")
+    def _entry(self, text: str, number: int) -> LogFrame | None:
+        self._is_empty = False
+        words = text.split()
+        if number == 1 and words[0].lower() not in ("date", "base", "//"):
+            self.refuse_content(number, "no ASC log: neither date nor base", "give a log of Vector's tools")
+        if _TIME.fullmatch(words[0]) is None:
+            self._header(text, number)
+            return None
+        return self._event(words, number)
 
     def _header(self, text: str, number: int) -> None:
         lower = text.lower()
@@ -120,8 +113,8 @@ class AscLog(TextLogReader):
         if base is not None or times is not None:
             return
         if not text.startswith(("//", ";")) and not _DIRECTIONS.keys().isdisjoint(lower.split()):
-            self._malformed(text, number)  # what is left of a frame
-        elif lower.startswith("date "):
+            raise ValueError  # what is left of a frame
+        if lower.startswith("date "):
             self._take_date(text[len("date ") :], number)
         elif lower.startswith("begin trigger"):
             # of two dates this one belongs to time 0; later blocks go on in the same time
@@ -134,7 +127,7 @@ class AscLog(TextLogReader):
         elif text.startswith(("//", ";")):
             return
         elif not text[0].isalpha():
-            self._malformed(text, number)
+            raise ValueError
         else:
             self.other_entries += not lower.startswith(HEADING)
 
@@ -148,27 +141,23 @@ class AscLog(TextLogReader):
     def _event(self, words: list[str], number: int) -> LogFrame | None:
         time = text_nanoseconds(words[0])
         if self._relative:
-            self._refuse_rising(time, number)
+            self._rising.add(time)
+            if self._rising.is_from_start:  # no distances from line to line, whatever the heading says
+                self.refuse(
+                    number,
+                    "times rise from line to line, but the heading calls them relative (to the line before)",
+                    "write 'absolute' for 'relative' in the heading if they count from the start",
+                )
             self._time += time
         else:
             self._time = time
         stamp = (self._start or 0) + self._time
         if words[1].upper() == "CANFD":
-            return self._fd(words, number, stamp)
+            return self._fd(words, stamp)
         if words[1].isdigit():
             return self._classic(words, number, stamp)
         self.other_entries += " ".join(words[1:]).lower() != "start of measurement"
         return None
-
-    def _refuse_rising(self, time: int, number: int) -> None:
-        """Times that rise and rise are no distances from line to line, whatever the heading says."""
-        self._rising.add(time)
-        if self._rising.is_from_start:
-            self.refuse(
-                number,
-                "times rise from line to line, but the heading calls them relative (to the line before)",
-                "write 'absolute' for 'relative' in the heading if they count from the start",
-            )
 
     def _classic(self, words: list[str], number: int, stamp: int) -> LogFrame | None:
         if words[2].lower().startswith("errorframe"):
@@ -192,15 +181,10 @@ class AscLog(TextLogReader):
         length = self._length(words[5], words[6:], number)
         _refuse_second_frame(words[6 + length :])
         self._long_frames += length > CLASSIC_LENGTH
-        return self.frame(
-            number,
-            stamp,
-            *_identifier(words[2], self._radix),
-            _data(words[6 : 6 + length], length, self._radix),
-            length > CLASSIC_LENGTH,
-            str(int(words[1])),
-            is_sent=_DIRECTIONS[direction],
-        )
+        identifier, is_extended = _identifier(words[2], self._radix)
+        data = _data(words[6 : 6 + length], length, self._radix)
+        frame = Frame(identifier, data, stamp, is_extended, length > CLASSIC_LENGTH)
+        return LogFrame(frame, str(int(words[1])), _DIRECTIONS[direction])
 
     def _length(self, code: str, words: list[str], number: int) -> int:
         """Bytes of a frame by its length code, before `words` that begin with them.
@@ -215,7 +199,7 @@ class AscLog(TextLogReader):
             self.refuse(number, f"{there} bytes follow a length code {code}, which stands for {length}")
         return there
 
-    def _fd(self, words: list[str], number: int, stamp: int) -> LogFrame | None:
+    def _fd(self, words: list[str], stamp: int) -> LogFrame | None:
         """A line of a CAN FD channel: hexadecimal, whatever the base of the others."""
         direction = words[3].lower()
         if direction not in _DIRECTIONS:
@@ -240,17 +224,10 @@ class AscLog(TextLogReader):
         is_fd = bool(flags & FLAG_FD) or length > CLASSIC_LENGTH  # some converters leave the flags at 0
         if is_fd and length_of(int(dlc, 16)) != length:
             raise ValueError
-        return self.frame(
-            number,
-            stamp,
-            *_identifier(words[4], 16),
-            _data(words[first : first + length], length, 16),
-            is_fd,
-            str(int(words[2])),
-            switch == "1",
-            state == "1",
-            _DIRECTIONS[direction],
-        )
+        identifier, is_extended = _identifier(words[4], 16)
+        data = _data(words[first : first + length], length, 16)
+        frame = Frame(identifier, data, stamp, is_extended, is_fd, switch == "1", state == "1")
+        return LogFrame(frame, str(int(words[2])), _DIRECTIONS[direction])
 
 
 def _refuse_second_frame(words: list[str]) -> None:
@@ -279,16 +256,15 @@ DAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
 class AscWriter(LogWriter):
     """Writer; channels are numbered from 1. Stamps have six digits where those are enough, else nine."""
 
+    start_step = NANOSECONDS // 1000
+
     def __init__(self, path: Path, start_ns: int) -> None:
         """See `LogWriter`."""
         super().__init__(path, start_ns)
-        millisecond = NANOSECONDS // 1000
-        self._start = start_ns // millisecond * millisecond
-        self._numbers = ChannelNumbers()
         moment = datetime.fromtimestamp(self._start // NANOSECONDS)
         date = (
             f"{DAYS[moment.weekday()]} {MONTHS[moment.month - 1]} {moment.day:02d} {moment:%H:%M:%S}."
-            f"{self._start % NANOSECONDS // millisecond:03d} {moment.year}"
+            f"{self._start % NANOSECONDS // self.start_step:03d} {moment.year}"
         )
         self._file = path.open("w", encoding="ascii", newline="\n")
         self._file.write(
@@ -298,11 +274,7 @@ class AscWriter(LogWriter):
 
     def write(self, entry: LogFrame) -> None:
         frame = entry.frame
-        time = frame.stamp_ns - self._start
-        if time < 0:
-            raise UserError(str(self.path), "a frame is older than the first ones", "split the log there")
-        seconds, rest = divmod(time, NANOSECONDS)
-        stamp = f"{seconds:4d}.{rest:09d}" if rest % 1000 else f"{seconds:4d}.{rest // 1000:06d}"
+        stamp = seconds_text(self._since_start(frame.stamp_ns), 4)
         channel = self._numbers.of(entry.channel)
         identifier = f"{frame.frame_id:X}{'x' if frame.is_extended else ''}"
         direction = "Tx" if entry.is_sent else "Rx"

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
 
+from observer_rt.bus.links.link import Frame
 from observer_rt.recording.canlog.can_log import NANOSECONDS, LogFormat, LogFrame
 from observer_rt.recording.canlog.text_log import TextLogReader, head_of
 
@@ -21,20 +22,15 @@ _LINE = re.compile(
 class BusmasterLog(TextLogReader):
     """Reader; channels are named by their number. Dates are taken as local time."""
 
+    kind = "a BUSMASTER log"
+
     def _entries(self) -> Iterator[tuple[int, LogFrame]]:
         self._mode = ""
         self._radix = 16
         self._start = 0
         self._time = 0
         self.remarks.append("its stamps are tenths of milliseconds")
-        for number, line in self._lines():
-            text = line.strip()
-            if text.startswith("***"):
-                self._header(text, number)
-            elif text:
-                entry = self._frame(text, number)
-                if entry is not None:
-                    yield number, entry
+        return super()._entries()
 
     def _header(self, text: str, number: int) -> None:
         if start := _START.fullmatch(text):
@@ -52,26 +48,23 @@ class BusmasterLog(TextLogReader):
         elif text.endswith(" MODE***"):
             self._mode = text.strip("*").removesuffix(" MODE")
 
-    def _frame(self, text: str, number: int) -> LogFrame | None:
+    def _entry(self, text: str, number: int) -> LogFrame | None:
+        if text.startswith("***"):
+            self._header(text, number)
+            return None
         match = _LINE.fullmatch(text)
         if match is None:
-            self.refuse(number, f"not a line of a BUSMASTER log: '{text[:60]}'")
+            raise ValueError
         stamp = self._stamp(match, number)
         if match["kind"].endswith("r"):
             self.remote_frames += 1
             return None
-        try:
-            identifier = int(match["id"], self._radix)
-            payload = bytes(int(byte, self._radix) for byte in match["data"].split())
-        except ValueError:
-            self.refuse(number, f"not a line of a BUSMASTER log: '{text[:60]}'")
+        identifier = int(match["id"], self._radix)
+        payload = bytes(int(byte, self._radix) for byte in match["data"].split())
         if len(payload) != int(match["length"]):
             self.refuse(number, f"{len(payload)} bytes follow the length {match['length']}")
-        is_extended = match["kind"] == "x"
-        sent = match["direction"] == "Tx"
-        return self.frame(
-            number, stamp, identifier, is_extended, payload, False, match["channel"], is_sent=sent
-        )
+        frame = Frame(identifier, payload, stamp, match["kind"] == "x", is_fd=False)
+        return LogFrame(frame, match["channel"], match["direction"] == "Tx")
 
     def _stamp(self, match: re.Match[str], number: int) -> int:
         minutes = int(match["hour"]) * 60 + int(match["minute"])
@@ -95,10 +88,4 @@ def is_busmaster(path: Path) -> bool:
     return head_of(path).startswith(MARK)
 
 
-BUSMASTER = LogFormat(
-    (".log",),
-    "BUSMASTER, text",
-    BusmasterLog,
-    is_text=True,
-    recognises=is_busmaster,
-)
+BUSMASTER = LogFormat((".log",), "BUSMASTER, text", BusmasterLog, is_text=True, recognises=is_busmaster)

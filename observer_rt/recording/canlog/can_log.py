@@ -12,7 +12,6 @@ from observer_rt.bus.can_frame import CLASSIC_LENGTH, EXTENDED_MASK, FD_LENGTHS,
 from observer_rt.bus.links.link import Frame
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
-from observer_rt.recording.file_format import FileFormat
 
 NANOSECONDS = 1_000_000_000  # in a second
 REORDERED = 1_000_000  # ns by which drivers are seen to hand over frames in the wrong order
@@ -76,15 +75,21 @@ class LogReader(ABC):
         self._reset()
         with file_errors(self.path):
             self._size = self.path.stat().st_size
-            frames = self._in_order(self._entries())
+            frames = self._checked(self._entries())
             first = list(islice(frames, FRAMES_TO_JUDGE_STAMPS))
-            self._refuse_whole_seconds([entry.frame.stamp_ns for entry in first])
+            stamps = {entry.frame.stamp_ns for entry in first}
+            if len(stamps) < len(first) and all(stamp % NANOSECONDS == 0 for stamp in stamps):
+                raise UserError(
+                    str(self.path),
+                    "all stamps are whole seconds, several frames share one: the times of the frames are lost",
+                    "record the log again, with finer stamps (candump -l writes microseconds)",
+                )
             yield from first
             yield from frames
 
     @abstractmethod
     def _entries(self) -> Iterator[tuple[int, LogFrame]]:
-        """Frames with their place in the file."""
+        """Frames with their place in the file; whether a bus can carry them is checked afterwards."""
 
     def notes(self) -> list[str]:
         """What the last reading left out or found odd, one sentence each."""
@@ -117,52 +122,25 @@ class LogReader(ABC):
         """Raise `UserError` for a place in the file."""
         raise UserError(self.place(number), problem, remedy)
 
-    def _refuse_whole_seconds(self, stamps: list[int]) -> None:
-        if len(set(stamps)) < len(stamps) and all(stamp % NANOSECONDS == 0 for stamp in stamps):
-            raise UserError(
-                str(self.path),
-                "all stamps are whole seconds, several frames share one: the times of the frames are lost",
-                "record the log again, with finer stamps (candump -l writes microseconds)",
-            )
-
     def note_text(self, text: str) -> None:
         """Take a comment of the log: it may say that frames were lost."""
         lost = _LOST.search(text)
         if lost:
             self.lost_frames += int(lost[1])
 
-    def frame(
-        self,
-        number: int,
-        stamp_ns: int,
-        identifier: int,
-        is_extended: bool,
-        payload: bytes,
-        is_fd: bool,
-        channel: str,
-        bit_rate_switch: bool = False,
-        error_state_indicator: bool = False,
-        is_sent: bool = False,
-    ) -> LogFrame:
-        """A data frame, refused at its place unless a bus can carry it."""
-        if len(payload) not in _LENGTHS[is_fd]:
-            kind = "CAN FD" if is_fd else "classic CAN"
-            self.refuse(number, f"{len(payload)} bytes are no length of a {kind} frame")
-        if identifier > (EXTENDED_MASK if is_extended else STANDARD_MASK):
-            kind = "extended" if is_extended else "standard"
-            self.refuse(number, f"{identifier:X} is no {kind} identifier")
-        if not 0 <= stamp_ns <= LATEST_STAMP:
-            self.refuse(number, "its time is before 1970, or after 2262")
-        return LogFrame(
-            Frame(identifier, payload, stamp_ns, is_extended, is_fd, bit_rate_switch, error_state_indicator),
-            channel,
-            is_sent,
-        )
-
-    def _in_order(self, entries: Iterable[tuple[int, LogFrame]]) -> Iterator[LogFrame]:
+    def _checked(self, entries: Iterable[tuple[int, LogFrame]]) -> Iterator[LogFrame]:
+        """The frames, each refused at its place unless a bus can carry it and time goes on."""
         latest: dict[str, int] = {}
         for number, entry in entries:
-            stamp = entry.frame.stamp_ns
+            identifier, payload, stamp, is_extended, is_fd = entry.frame[:5]
+            if len(payload) not in _LENGTHS[is_fd]:
+                kind = "CAN FD" if is_fd else "classic CAN"
+                self.refuse(number, f"{len(payload)} bytes are no length of a {kind} frame")
+            if identifier > (EXTENDED_MASK if is_extended else STANDARD_MASK):
+                kind = "extended" if is_extended else "standard"
+                self.refuse(number, f"{identifier:X} is no {kind} identifier")
+            if not 0 <= stamp <= LATEST_STAMP:
+                self.refuse(number, "its time is before 1970, or after 2262")
             back = latest.get(entry.channel, stamp) - stamp
             if back > REORDERED:
                 self.refuse(
@@ -183,9 +161,20 @@ class LogWriter(ABC):
     Raises `UserError` for a frame the format cannot hold, `OSError` when writing fails.
     """
 
+    start_step: ClassVar[int] = 1
+    """ns to which the format says when it begins."""
+
     def __init__(self, path: Path, start_ns: int) -> None:
         """start_ns: no frame is older; formats that count time from a start begin there, or shortly before."""
         self.path = path
+        self._start = start_ns // self.start_step * self.start_step
+        self._numbers = ChannelNumbers()
+
+    def _since_start(self, stamp_ns: int) -> int:
+        """ns. Raises `UserError` for a frame before the start."""
+        if stamp_ns < self._start:
+            raise UserError(str(self.path), "a frame is older than the first ones", "split the log there")
+        return stamp_ns - self._start
 
     @abstractmethod
     def write(self, entry: LogFrame) -> None:
@@ -244,10 +233,21 @@ def text_nanoseconds(text: str, digits: int = 9) -> int:
     return int(whole) * factor + int(fraction[:digits].ljust(digits, "0"))
 
 
-@dataclass(frozen=True)
-class LogFormat(FileFormat):
-    """A kind of file that holds CAN frames; callables take the path, those that write the time of the start [ns]."""
+def seconds_text(nanoseconds: int, digits: int, fill: str = " ") -> str:
+    """Decimal text, of six digits behind the point where those are enough, else nine; `digits` before it."""
+    seconds, rest = divmod(nanoseconds, NANOSECONDS)
+    return f"{seconds:{fill}>{digits}}." + (f"{rest:09d}" if rest % 1000 else f"{rest // 1000:06d}")
 
+
+@dataclass(frozen=True)
+class LogFormat:
+    """A kind of file that holds CAN frames; callables take the path, those that write the time of the start [ns].
+
+    suffixes: in lower case with their dot.
+    """
+
+    suffixes: tuple[str, ...]
+    description: str
     reader: Callable[[Path], LogReader]
     writer: Callable[[Path, int], LogWriter] | None = None
     """None where it is only read."""

@@ -6,27 +6,26 @@
 import os
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import NoReturn
 
+from observer_rt.bus.can_frame import BIT_RATE_SWITCH, ERROR_FLAG, ERROR_STATE
+from observer_rt.bus.links.link import Frame
 from observer_rt.recording.canlog.can_log import (
     NANOSECONDS,
-    ChannelNumbers,
     LogFormat,
     LogFrame,
     LogRecorder,
     lost_note,
+    seconds_text,
     text_nanoseconds,
 )
 from observer_rt.recording.canlog.text_log import Rising, TextLogReader
 
-EARLIEST_DATE = (
-    100_000_000  # s since 1970: what is less counts from the start of the log, or from line to line
-)
+# ns since 1970: what is less counts from the start of the log, or from line to line
+EARLIEST_DATE = 100_000_000 * NANOSECONDS
 TWO_DIGITS = 2  # of a length, which only CAN FD frames have
-ERROR_FRAME = 0x2000_0000  # CAN_ERR_FLAG in the identifier of an error frame
+EXTENDED_DIGITS = 8  # of an identifier
 
 _SCREEN_LINE = re.compile(
     r"(?:\((?P<stamp>\d+\.\d{6,9}|\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{6,9})\)\s+)?(?P<channel>[^\s\ufffd]+)\s+"
@@ -34,66 +33,6 @@ _SCREEN_LINE = re.compile(
     r"(?P<id>[0-9A-F]{3}|[0-9A-F]{8})\s+\[(?P<length>\d{1,2})\]"
     r"(?:\s+(?P<remote>remote request)|(?P<data>(?:\s+[0-9A-F]{2})*)(?:\s+(?:'.*'|ERRORFRAME))?)"
 )
-
-
-@dataclass(frozen=True)
-class ScreenLine:
-    """One line; `stamp_ns` is None where it has no time, and counts from 1970 only if `is_dated`."""
-
-    stamp_ns: int | None
-    is_dated: bool
-    channel: str
-    identifier: int
-    is_extended: bool
-    payload: bytes
-    is_fd: bool
-    bit_rate_switch: bool
-    error_state: bool
-    is_sent: bool
-    is_remote: bool
-    is_error: bool
-
-
-def screen_line(text: str) -> ScreenLine | None:
-    """What a line of the screen says, None for another text. Raises `ValueError` for data that are not its length."""
-    match = _SCREEN_LINE.fullmatch(text)
-    if match is None:
-        return None
-    stamp = None if match["stamp"] is None else _stamp(match["stamp"])
-    payload = bytes.fromhex(match["data"] or "")
-    identifier = int(match["id"], 16)
-    is_extended = len(match["id"]) == len("12345678")
-    is_remote = match["remote"] is not None
-    if len(payload) != int(match["length"]) and not is_remote:
-        raise ValueError(f"{len(payload)} bytes follow the length {match['length']}")
-    return ScreenLine(
-        stamp_ns=stamp,
-        is_dated=stamp is not None and stamp >= EARLIEST_DATE * NANOSECONDS,
-        channel=match["channel"],
-        identifier=identifier,
-        is_extended=is_extended,
-        payload=payload,
-        is_fd=len(match["length"]) == TWO_DIGITS,
-        bit_rate_switch=match["switch"] == "B",
-        error_state=match["state"] == "E",
-        is_sent=match["direction"] == "TX",
-        is_remote=is_remote,
-        is_error=is_extended and bool(identifier & ERROR_FRAME),
-    )
-
-
-def _stamp(text: str) -> int:
-    if "-" not in text:
-        return text_nanoseconds(text)
-    date, _, fraction = text.partition(".")
-    moment = datetime.strptime(date, "%Y-%m-%d %H:%M:%S")  # local time, as it is printed
-    return int(moment.timestamp()) * NANOSECONDS + text_nanoseconds(f"0.{fraction}")
-
-
-STAMP_DIGITS = 9
-BIT_RATE_SWITCH = 0x1
-ERROR_STATE_INDICATOR = 0x2
-
 _LINE = re.compile(
     r"\((?P<seconds>\d+)(?:\.(?P<fraction>\d{1,9}))?\)"
     r"\s+(?P<channel>[^\s\ufffd]+)"
@@ -107,76 +46,60 @@ _LINE = re.compile(
 class CandumpLog(TextLogReader):
     """Reader; a line that begins with `#` is a comment."""
 
+    kind = "a candump log"
+    remedy = "a line reads (seconds.microseconds) channel id#data or id##flags data in one word"
+
     def _entries(self) -> Iterator[tuple[int, LogFrame]]:
         self._rising = Rising()
         self._undated = False
-        for number, line in self._lines():
-            text = line.strip()
-            if text.startswith("#"):
-                self.note_text(text)
-            elif text:
-                entry = self._parse(text, number)
-                if entry is not None:
-                    yield number, entry
+        return super()._entries()
 
-    def _parse(self, text: str, number: int) -> LogFrame | None:
+    def _entry(self, text: str, number: int) -> LogFrame | None:
+        if text.startswith("#"):
+            self.note_text(text)
+            return None
         match = _LINE.fullmatch(text)
         if match is None:
             return self._screen(text, number)
-        identifier = int(match["id"], 16)
-        if identifier & ERROR_FRAME and len(match["id"]) > 3:
-            self.error_frames += 1
-            return None
-        if match["remote"]:
-            self.remote_frames += 1
-            return None
-        is_fd = match["flags"] is not None
-        flags = int(match["flags"], 16) if is_fd else 0
-        data = match["fd_data"] if is_fd else match["data"]
-        if len(data) % 2:
-            self._refuse_line(number, text)
-        return self.frame(
-            number,
-            int(match["seconds"]) * NANOSECONDS + int((match["fraction"] or "").ljust(STAMP_DIGITS, "0")),
-            identifier,
-            len(match["id"]) == 8,
-            bytes.fromhex(data),
-            is_fd,
-            match["channel"],
-            bool(flags & BIT_RATE_SWITCH),
-            bool(flags & ERROR_STATE_INDICATOR),
-            match["direction"] == "T",
-        )
+        names = ("seconds", "fraction", "flags", "fd_data", "data")
+        seconds, fraction, fd_flags, fd_data, data = match.group(*names)
+        stamp = int(seconds) * NANOSECONDS + int((fraction or "").ljust(9, "0"))
+        flags = int(fd_flags, 16) if fd_flags else 0
+        payload = bytes.fromhex(fd_data or data or "")
+        switch, state = flags & BIT_RATE_SWITCH != 0, flags & ERROR_STATE != 0
+        return self._frame(match, stamp, payload, fd_flags is not None, switch, state)
 
     def _screen(self, text: str, number: int) -> LogFrame | None:
         """A frame as it is printed on the screen."""
-        try:
-            line = screen_line(text)
-        except ValueError as error:
-            self.refuse(number, str(error))
-        if line is None:
-            self._refuse_line(number, text)
-        if line.stamp_ns is None:
+        match = _SCREEN_LINE.fullmatch(text)
+        if match is None:
+            raise ValueError
+        payload = bytes.fromhex(match["data"] or "")
+        if len(payload) != int(match["length"]) and not match["remote"]:
+            self.refuse(number, f"{len(payload)} bytes follow the length {match['length']}")
+        if match["stamp"] is None:
             problem = "this is candump's screen output without times, not a log"
             self.refuse(number, problem, "record with candump -l, or print with candump -ta")
-        if not line.is_dated:
-            self._judge_times(line.stamp_ns, number)
-        if line.is_error or line.is_remote:
-            self.error_frames += line.is_error
-            self.remote_frames += not line.is_error
+        stamp = _screen_stamp(match["stamp"])
+        if stamp < EARLIEST_DATE:
+            self._judge_times(stamp, number)
+        is_fd = len(match["length"]) == TWO_DIGITS
+        return self._frame(match, stamp, payload, is_fd, match["switch"] == "B", match["state"] == "E")
+
+    def _frame(
+        self, match: re.Match[str], stamp: int, payload: bytes, is_fd: bool, switch: bool, state: bool
+    ) -> LogFrame | None:
+        """What both kinds of lines call alike; error and remote frames are counted."""
+        digits, remote, channel, direction = match.group("id", "remote", "channel", "direction")
+        identifier, is_extended = int(digits, 16), len(digits) == EXTENDED_DIGITS
+        if is_extended and identifier & ERROR_FLAG:
+            self.error_frames += 1
             return None
-        return self.frame(
-            number,
-            line.stamp_ns,
-            line.identifier,
-            line.is_extended,
-            line.payload,
-            line.is_fd,
-            line.channel,
-            line.bit_rate_switch,
-            line.error_state,
-            line.is_sent,
-        )
+        if remote:
+            self.remote_frames += 1
+            return None
+        frame = Frame(identifier, payload, stamp, is_extended, is_fd, switch, state)
+        return LogFrame(frame, channel, direction in ("T", "TX"))
 
     def _judge_times(self, time: int, number: int) -> None:
         self._rising.add(time)
@@ -190,12 +113,13 @@ class CandumpLog(TextLogReader):
             self.remarks.append("its times are taken to count from its start (candump -tz)")
             self._undated = True
 
-    def _refuse_line(self, number: int, text: str) -> NoReturn:
-        self.refuse_content(
-            number,
-            f"not a candump log line: '{text[:60]}'",
-            "a line reads (seconds.microseconds) channel id#data or id##flags data in one word",
-        )
+
+def _screen_stamp(text: str) -> int:
+    if "-" not in text:
+        return text_nanoseconds(text)
+    date, _, fraction = text.partition(".")
+    moment = datetime.strptime(date, "%Y-%m-%d %H:%M:%S")  # local time, as it is printed
+    return int(moment.timestamp()) * NANOSECONDS + text_nanoseconds(f"0.{fraction}")
 
 
 class CandumpWriter(LogRecorder):
@@ -205,21 +129,17 @@ class CandumpWriter(LogRecorder):
         """See `LogWriter`."""
         super().__init__(path, start_ns)
         self._file = path.open("w", encoding="utf-8", newline="\n")
-        self._numbers = ChannelNumbers()
         self._size = 0
 
     def write(self, entry: LogFrame) -> None:
         frame = entry.frame
-        seconds, rest = divmod(frame.stamp_ns, NANOSECONDS)
-        stamp = f"{seconds:010d}.{rest:09d}" if rest % 1000 else f"{seconds:010d}.{rest // 1000:06d}"
+        stamp = seconds_text(frame.stamp_ns, 10, "0")
         channel = entry.channel
         if channel.isdigit():
             channel = f"can{self._numbers.of(channel) - 1}"
         mark = "#"
         if frame.is_fd:
-            flags = (
-                BIT_RATE_SWITCH * frame.bit_rate_switch | ERROR_STATE_INDICATOR * frame.error_state_indicator
-            )
+            flags = BIT_RATE_SWITCH * frame.bit_rate_switch | ERROR_STATE * frame.error_state_indicator
             mark = f"##{flags:X}"
         identifier = f"{frame.frame_id:08X}" if frame.is_extended else f"{frame.frame_id:03X}"
         direction = " T" if entry.is_sent else ""

@@ -2,23 +2,15 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
-from asammdf import MDF, Signal
-from asammdf.blocks.v4_blocks import SourceInformation
-from asammdf.blocks.v4_constants import BUS_TYPE_CAN, SOURCE_BUS
+from numpy.typing import NDArray
 
 from observer_rt.bus.can_frame import FD_LENGTHS, length_code
-from observer_rt.recording.canlog.can_log import NANOSECONDS, ChannelNumbers, LogFrame, LogReader, LogWriter
+from observer_rt.bus.links.link import Frame
+from observer_rt.recording.canlog.can_log import NANOSECONDS, LogFrame, LogReader, LogWriter
 from observer_rt.recording.mdf4_blocks import mdf4_apart
 from observer_rt.recording.mdf4_records import count_records
-from observer_rt.recording.signals.mdf4_file import add_history
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
 
 RECORDS = "observer_rt.recording.canlog.mdf4_frames"
 
@@ -42,36 +34,28 @@ class Mdf4Log(LogReader):
                 "it is a CAN log without a data frame: nothing was recorded, or it is damaged"
             )
         for records in parts:
-            for record in _frames(records):
+            for entry in _entries_of(records):
                 self._position += 1
-                yield self._position, self.frame(self._position, *record)
+                yield self._position, entry
 
 
-def _frames(
-    records: "NDArray[np.void]",
-) -> Iterator[tuple[int, int, bool, bytes, bool, str, bool, bool, bool]]:
-    """The arguments of `LogReader.frame` for each record."""
+def _entries_of(records: NDArray[np.void]) -> Iterator[LogFrame]:
     data = records["data"].tobytes()
-    width = records["data"].shape[1]
-    starts = range(0, width * records.size, width)
+    starts = range(0, len(data), MAX_LENGTH)
     payloads = (
         data[start : start + size] for start, size in zip(starts, records["length"].tolist(), strict=True)
     )
-    columns = (
-        records[name].tolist() for name in ("is_fd", "channel", "bit_rate_switch", "error_state", "is_sent")
+    before, after = (
+        [records[name].tolist() for name in names]
+        for names in (
+            ("stamp", "is_extended", "is_fd", "bit_rate_switch", "error_state"),
+            ("channel", "is_sent"),
+        )
     )
-    return zip(
-        records["stamp"].tolist(),
-        records["id"].tolist(),
-        records["is_extended"].tolist(),
-        payloads,
-        *columns,
-        strict=True,
-    )
+    return map(LogFrame, map(Frame, records["id"].tolist(), payloads, *before), *after)
 
 
 DATA = "CAN_DataFrame"
-MILLISECOND = 1_000_000  # ns
 MAX_LENGTH = FD_LENGTHS[-1]
 _FIELDS = (
     ("BusChannel", "<u1"),
@@ -91,11 +75,11 @@ _RECORD = np.dtype([(f"{DATA}.{name}", kind) for name, kind in _FIELDS])
 class Mdf4LogWriter(LogWriter):
     """Writer; channels are numbered from 1. All frames are held in memory, the file is written at the end."""
 
+    start_step = NANOSECONDS // 1000
+
     def __init__(self, path: Path, start_ns: int) -> None:
         """See `LogWriter`."""
         super().__init__(path, start_ns)
-        self._start = start_ns // MILLISECOND * MILLISECOND
-        self._numbers = ChannelNumbers()
         self._stamps: list[int] = []
         self._records: list[tuple[int, int, bool, int, int, bytes, bool, bool, bool, bool]] = []
 
@@ -119,6 +103,12 @@ class Mdf4LogWriter(LogWriter):
         )
 
     def close(self) -> None:
+        from asammdf import MDF, Signal  # slow to import
+        from asammdf.blocks.v4_blocks import SourceInformation
+        from asammdf.blocks.v4_constants import BUS_TYPE_CAN, SOURCE_BUS
+
+        from observer_rt.recording.signals.mdf4_file import add_history
+
         flat = np.dtype([(name, "S64" if kind.startswith("(") else kind) for name, kind in _FIELDS])
         samples = np.array(self._records, flat).view(_RECORD)
         signal = Signal(

@@ -85,7 +85,7 @@ def records(path: Path, counted: CountedRecords) -> Iterator[Totals | NDArray[np
         }
         yield _totals(file, counted, counts)
         groups = [number for number in _groups(file, DATA) if counts[number]]
-        yield from in_order_of_time([_group_records(file, number, counts[number]) for number in groups])
+        yield from in_order_of_time([_Fields(file, number).records(counts[number]) for number in groups])
 
 
 def _totals(file: MDF, counted: CountedRecords, counts: dict[int, int]) -> Totals:
@@ -115,13 +115,6 @@ def _cycles(file: MDF, number: int) -> int:
     return int(file.groups[number].channel_group.cycles_nr)
 
 
-def _group_records(file: MDF, group: int, count: int) -> Iterator[NDArray[np.void]]:
-    refuse_outside(file, group)
-    fields = _Fields(file, group)
-    for first in range(0, count, RECORDS_AT_ONCE):
-        yield fields.read(range(first, min(first + RECORDS_AT_ONCE, count)))
-
-
 class _Fields:
     """The fields of the frames in a group, by the names ASAM gives them."""
 
@@ -137,13 +130,13 @@ class _Fields:
         if missing or not {"DataLength", "DLC"} & self._places.keys():
             raise ValueError(f"its frames have no {(*missing, 'DataLength')[0]}")
 
-    @property
-    def _has_variable_data(self) -> bool:
-        channel = self._file.groups[self._group].channels[self._places["DataBytes"]]
-        return bool(channel.channel_type == CHANNEL_TYPE_VLSD)
+    def records(self, count: int) -> Iterator[NDArray[np.void]]:
+        """So many records, some at once."""
+        refuse_outside(self._file, self._group)
+        for first in range(0, count, RECORDS_AT_ONCE):
+            yield self._read(range(first, min(first + RECORDS_AT_ONCE, count)))
 
-    def read(self, rows: range) -> NDArray[np.void]:
-        """Records that follow one another."""
+    def _read(self, rows: range) -> NDArray[np.void]:
         identifiers = self._numbers("ID", rows)
         result = np.zeros(identifiers.size, RECORD)
         result["stamp"] = self._stamps(rows)
@@ -158,15 +151,7 @@ class _Fields:
         return result
 
     def _stamps(self, rows: range) -> NDArray[np.int64]:
-        signal = self._file.get(
-            group=self._group,
-            index=self._places["ID"],
-            record_offset=rows.start,
-            record_count=len(rows),
-            raw=True,
-            ignore_invalidation_bits=True,
-        )
-        seconds = signal.timestamps.astype(np.float64)
+        seconds = self._get("ID", rows).timestamps.astype(np.float64)
         start = int(self._file.header.abs_time)
         latest = (_LARGEST_TIME - start) / NANOSECONDS
         if not np.all((seconds >= -start / NANOSECONDS) & (seconds <= latest)):
@@ -174,17 +159,20 @@ class _Fields:
         stamps: NDArray[np.int64] = np.rint(seconds * NANOSECONDS).astype(np.int64) + start
         return stamps
 
-    def _raw(self, field: str, rows: range) -> NDArray[Any]:
-        samples: NDArray[Any]
-        samples, _ = self._file.get(
+    def _get(self, field: str, rows: range, **further: Any) -> Any:
+        return self._file.get(
             group=self._group,
             index=self._places[field],
             record_offset=rows.start,
             record_count=len(rows),
-            samples_only=True,
             raw=True,
             ignore_invalidation_bits=True,
+            **further,
         )
+
+    def _raw(self, field: str, rows: range) -> NDArray[Any]:
+        samples: NDArray[Any]
+        samples, _ = self._get(field, rows, samples_only=True)
         return samples
 
     def _values(self, field: str, rows: range, keeps_text: bool = False) -> NDArray[Any]:
@@ -231,10 +219,10 @@ class _Fields:
         longest = int(lengths.max(initial=0))
         if longest > data.shape[1]:
             raise ValueError(f"it has frames of {longest} bytes in fields of {data.shape[1]}")
-        if self._has_variable_data and np.any(data[np.arange(data.shape[1]) >= lengths[:, np.newaxis]]):
-            raise ValueError(
-                "the data of one of its frames are longer than the frame"
-            )  # they hold other records
+        channel = self._file.groups[self._group].channels[self._places["DataBytes"]]
+        is_variable = channel.channel_type == CHANNEL_TYPE_VLSD
+        if is_variable and np.any(data[np.arange(data.shape[1]) >= lengths[:, np.newaxis]]):  # other records
+            raise ValueError("the data of one of its frames are longer than the frame")
         result["length"] = lengths
         result["data"][:, : data.shape[1]] = data
 

@@ -2,15 +2,17 @@
 
 import gzip
 import zlib
+from abc import abstractmethod
 from collections.abc import Iterator
 from contextlib import suppress
 from gzip import BadGzipFile, GzipFile
 from io import TextIOWrapper
 from pathlib import Path
-from typing import BinaryIO, NoReturn, cast
+from typing import BinaryIO, ClassVar, NoReturn, cast
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.recording.canlog.can_log import LogReader
+from observer_rt.recording.canlog.can_log import LogFrame, LogReader
+from observer_rt.terminal.console import PACKED
 
 GZIP_MARK = b"\x1f\x8b"
 _HEAD = 200  # bytes
@@ -49,9 +51,9 @@ def head_of(path: Path) -> bytes:
 
 def likeness(path: Path) -> tuple[str, str]:
     """What a file looks like and what to do about it, for the ends of problem and remedy; empty if unknown."""
-    head = head_of(path).lstrip()
+    head, named = head_of(path).lstrip(), path.name.lower().removesuffix(PACKED)
     for mark, name, suffix in _READ:
-        if head.startswith(mark) and path.suffix.lower() != suffix:
+        if head.startswith(mark) and not named.endswith(suffix):
             return f"; it looks like {name}", f"name it so: {path.stem}{suffix}"
     for mark, name in _UNREAD:
         if head.startswith(mark):
@@ -65,6 +67,25 @@ _SIZE_AT_END = 4  # bytes of a gzip file that say how long its content is
 
 class TextLogReader(LogReader):
     """Reader of a log of text, in UTF-8 or what is left of another encoding; whether it is packed, its bytes say."""
+
+    kind: ClassVar[str]
+    """What its files are, with an article."""
+    remedy: ClassVar[str] = "delete it, or record the log again"
+    """Of a line that is none of such a log."""
+
+    def _entries(self) -> Iterator[tuple[int, LogFrame]]:
+        for number, line in self._lines():
+            if text := line.strip():
+                try:
+                    entry = self._entry(text, number)
+                except (ValueError, IndexError):
+                    self.refuse_content(number, f"not a line of {self.kind}: '{text[:60]}'", self.remedy)
+                if entry is not None:
+                    yield number, entry
+
+    @abstractmethod
+    def _entry(self, text: str, number: int) -> LogFrame | None:
+        """The frame of a line that is not blank, if it has one. Raises `ValueError`, `IndexError` where malformed."""
 
     def _lines(self) -> Iterator[tuple[int, str]]:
         """Every line with its number, from 1.

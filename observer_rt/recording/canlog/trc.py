@@ -1,16 +1,15 @@
 """Logs of PEAK's tools: `.trc` in versions 1.0 to 1.3, 2.0 and 2.1; written in 2.1, classic frames only."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
-from typing import NamedTuple
 
 from observer_rt.bus.can_frame import CLASSIC_LENGTH, length_of
+from observer_rt.bus.links.link import Frame
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.canlog.can_log import (
     NANOSECONDS,
-    ChannelNumbers,
     LogFormat,
     LogFrame,
     LogWriter,
@@ -24,41 +23,35 @@ STAMP_STEP = 1000  # ns to which stamps are written
 MILLISECOND_DIGITS = 6  # ns in a ms, as a power of ten
 STANDARD_DIGITS = 4  # of an identifier; an extended one has more
 FD_TYPES = {"FD": (False, False), "FB": (True, False), "FE": (True, True), "BI": (False, True)}
-OLD_DIRECTIONS = {"Rx": False, "Tx": True}
-
-
-class _Row(NamedTuple):
-    """Words of one line, by what they are; `length` in bytes."""
-
-    time: str
-    channel: str
-    kind: str
-    identifier: str
-    is_sent: bool
-    length: int
-    data: list[str]
+DIRECTIONS = {"Rx": False, "Tx": True}
+OLD_COLUMNS = {  # places of what later versions say themselves; the type of a data frame is its direction
+    "1.0": {"O": 1, "I": 2, "l": 3, "D": 4},
+    "1.1": {"O": 1, "T": 2, "I": 3, "l": 4, "D": 5},
+    "1.2": {"O": 1, "B": 2, "T": 3, "I": 4, "l": 5, "D": 6},
+    "1.3": {"O": 1, "B": 2, "T": 3, "I": 4, "l": 6, "D": 7},
+}
+NO_IDENTIFIER = "FFFFFFFF"  # of a row of version 1.0 that is no frame
 
 
 class TrcLog(TextLogReader):
     """Reader; channels are named by their number. The start time is taken as UTC."""
 
+    kind = "a TRC log"
+
     def _entries(self) -> Iterator[tuple[int, LogFrame]]:
         self._version = ""
         self._start = 0
         self._at: dict[str, int] = {}  # place of a column
-        row_of: Callable[[list[str]], _Row] | None = None
-        for number, line in self._lines():
-            text = line.strip()
-            if text.startswith(";"):
-                self._header(text, number)
-            elif text:
-                row_of = row_of or self._row_reader(number)
-                try:
-                    entry = self._entry(row_of(text.split()), number)
-                except (ValueError, IndexError):
-                    self.refuse(number, f"not a line of a TRC log: '{text[:60]}'")
-                if entry is not None:
-                    yield number, entry
+        self._has_rows = False
+        return super()._entries()
+
+    def _entry(self, text: str, number: int) -> LogFrame | None:
+        if text.startswith(";"):
+            self._header(text, number)
+            return None
+        if not self._has_rows:
+            self._begin_rows(number)
+        return self._frame(text.split())
 
     def _header(self, text: str, number: int) -> None:
         key, _, value = text.partition("=")
@@ -76,97 +69,64 @@ class TrcLog(TextLogReader):
         elif key.startswith(";") and not self._version and number == 1 and "#" in key:
             self._version = "1.0"  # which has no version line, but this rule
 
-    def _row_reader(self, number: int) -> Callable[[list[str]], _Row]:
+    def _begin_rows(self, number: int) -> None:
+        """Refuse a heading that does not tell what stands in the rows."""
+        self._has_rows = True
         if self._version == "1.0":
             self.remarks.append("its stamps are whole milliseconds")
-            return _row_1_0
-        readers = {"1.1": _row_1_1, "1.2": _row_1_2, "1.3": _row_1_3}
-        if self._version in readers:
-            return readers[self._version]
-        if self._version not in ("2.0", "2.1"):
+        if self._version in OLD_COLUMNS:
+            self._at = OLD_COLUMNS[self._version]
+        elif self._version not in ("2.0", "2.1"):
             problem = f"version '{self._version}' is not known" if self._version else "no TRC log: no version"
             self.refuse_content(number, problem, "export it from PEAK's tools as version 2.1")
-        if not set("OTId") <= set(self._at) or not {"l", "L"} & set(self._at):
+        elif not set("OTId") <= set(self._at) or not {"l", "L"} & set(self._at):
             self.refuse(number, f"columns {','.join(self._at)} do not suffice", "export N,O,T,B,I,d,l,D")
-        return self._row_2
 
-    def _row_2(self, words: list[str]) -> _Row:
+    def _frame(self, words: list[str]) -> LogFrame | None:
         at = self._at
-        time, kind = words[at["O"]], words[at["T"]]
-        if kind not in FD_TYPES and kind != "DT":
-            return _Row(time, "", kind, "", False, 0, [])
-        if "l" in at:
-            length = int(words[at["l"]])
-        else:
-            code = int(words[at["L"]])
-            length = length_of(code) if kind in FD_TYPES else min(code, CLASSIC_LENGTH)
-        channel = words[at["B"]] if "B" in at else "1"
+        kind = words[at["T"]] if "T" in at else "ST" if words[at["I"]] == NO_IDENTIFIER else "Rx"
+        is_old = self._version in OLD_COLUMNS
+        is_fd, is_data = kind in FD_TYPES, kind == "DT" or (is_old and kind in DIRECTIONS)
         data = words[at["D"] :] if "D" in at else []
-        return _Row(time, channel, kind, words[at["I"]], words[at["d"]] == "Tx", length, data)
-
-    def _entry(self, row: _Row, number: int) -> LogFrame | None:
-        if row.kind in ("ER", "Error") or row.data[:1] == ["ERROR"]:
+        if kind in ("ER", "Error") or (is_data and data[:1] == ["ERROR"]):
             self.error_frames += 1
             return None
-        if row.kind == "RR" or row.data[:1] == ["RTR"]:
+        if kind == "RR" or (is_data and data[:1] == ["RTR"]):
             self.remote_frames += 1
             return None
-        is_fd = row.kind in FD_TYPES
-        is_transport = row.length > CLASSIC_LENGTH and len(row.data) >= row.length  # of J1939: no frame
-        if not is_fd and (row.kind != "DT" or is_transport):
+        if not is_fd and not is_data:
             self.other_entries += 1
             return None
-        data = bytes.fromhex(" ".join(row.data))
-        if len(data) != row.length:
+        code = int(words[at["l"] if "l" in at else at["L"]])
+        length = code if "l" in at else length_of(code) if is_fd else min(code, CLASSIC_LENGTH)
+        if is_data and length > CLASSIC_LENGTH and len(data) >= length:  # of a transport protocol: no frame
+            self.other_entries += 1
+            return None
+        payload = bytes.fromhex(" ".join(data))
+        if len(payload) != length:
             raise ValueError
-        switch, state = FD_TYPES.get(row.kind, (False, False))
-        return self.frame(
-            number,
-            self._start + text_nanoseconds(row.time, MILLISECOND_DIGITS),
-            int(row.identifier, 16),
-            len(row.identifier) > STANDARD_DIGITS,
-            data,
+        identifier = words[at["I"]]
+        frame = Frame(
+            int(identifier, 16),
+            payload,
+            self._start + text_nanoseconds(words[at["O"]], MILLISECOND_DIGITS),
+            len(identifier) > STANDARD_DIGITS,
             is_fd,
-            row.channel,
-            switch,
-            state,
-            row.is_sent,
+            *FD_TYPES.get(kind, (False, False)),
         )
-
-
-def _row_1_0(words: list[str]) -> _Row:
-    kind = "ST" if words[2] == "FFFFFFFF" else "DT"
-    return _Row(words[1], "1", kind, words[2], False, int(words[3]), words[4:])
-
-
-def _row_1_1(words: list[str]) -> _Row:
-    kind = "DT" if words[2] in OLD_DIRECTIONS else words[2]
-    return _Row(words[1], "1", kind, words[3], OLD_DIRECTIONS.get(words[2], False), int(words[4]), words[5:])
-
-
-def _row_1_2(words: list[str]) -> _Row:
-    kind = "DT" if words[3] in OLD_DIRECTIONS else words[3]
-    return _Row(
-        words[1], words[2], kind, words[4], OLD_DIRECTIONS.get(words[3], False), int(words[5]), words[6:]
-    )
-
-
-def _row_1_3(words: list[str]) -> _Row:
-    kind = "DT" if words[3] in OLD_DIRECTIONS else words[3]
-    return _Row(
-        words[1], words[2], kind, words[4], OLD_DIRECTIONS.get(words[3], False), int(words[6]), words[7:]
-    )
+        is_sent = DIRECTIONS.get(words[at["d"]] if "d" in at else kind, False)
+        return LogFrame(frame, words[at["B"]] if "B" in at else "1", is_sent)
 
 
 class TrcWriter(LogWriter):
     """Writer; stamps are rounded to whole microseconds, channels are numbered from 1."""
 
+    start_step = STAMP_STEP
+
     def __init__(self, path: Path, start_ns: int) -> None:
         """See `LogWriter`."""
         super().__init__(path, start_ns)
-        self._start = start_ns // STAMP_STEP * STAMP_STEP
         self._count = 0
-        self._numbers = ChannelNumbers()
         moment = datetime.fromtimestamp(self._start // NANOSECONDS, UTC)
         days = (moment - DAY_ZERO) // timedelta(seconds=1) * NANOSECONDS + self._start % NANOSECONDS
         self._file = path.open("w", encoding="ascii", newline="\r\n")
@@ -184,9 +144,7 @@ class TrcWriter(LogWriter):
                 f"a .trc file written here holds classic frames only; {frame.frame_id:X} is a CAN FD frame",
                 "write a format that keeps CAN FD; `observer-rt convert --help` names them",
             )
-        time = (frame.stamp_ns + STAMP_STEP // 2) // STAMP_STEP - self._start // STAMP_STEP
-        if time < 0:
-            raise UserError(str(self.path), "a frame is older than the first ones", "split the log there")
+        time = self._since_start(frame.stamp_ns + STAMP_STEP // 2) // STAMP_STEP
         self._count += 1
         identifier = f"{frame.frame_id:0{8 if frame.is_extended else 4}X}"
         milliseconds = f"{time // 1000}.{time % 1000:03d}"

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
 from typing import NamedTuple
@@ -188,21 +188,20 @@ class LogPart:
         )
 
 
+@dataclass
 class _Seen:
     """What one reading of a log has met so far."""
 
-    def __init__(self) -> None:
-        self.channels: set[str] = set()
-        self.until = 0.0
-        """Time of the last frame read, selected or not, in seconds after the log's first."""
-        self.notes: list[str] = []
+    channels: set[str] = field(default_factory=set)
+    until: float = 0.0
+    """Time of the last frame read, selected or not, in seconds after the log's first."""
+    notes: list[str] = field(default_factory=list)
 
 
 def log_frames(part: LogPart, loop: int = 1) -> Iterator[TimedFrame]:
     """Frames of a log as recorded; in a loop only the times go on. loop: how often, 0 for ever.
 
-    Raises:
-        UserError: while iterating: nothing is selected, or the log is malformed or too short to be looped.
+    Raises `UserError`: while iterating: nothing is selected, or the log is malformed or too short to be looped.
     """
     offset = 0.0
     for number in count(1):

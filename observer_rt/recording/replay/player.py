@@ -11,6 +11,7 @@ from typing import Any
 from observer_rt.bus.links.link import FdFlags, Link, LinkDownError
 from observer_rt.bus.links.outage import RECONNECT_PERIOD
 from observer_rt.foundation.units import MICROSECOND, MILLISECOND
+from observer_rt.recording.canlog.can_log import NANOSECONDS
 from observer_rt.recording.replay.framing import TimedFrame
 
 LATE = 1 * MILLISECOND  # beyond which a frame counts as late
@@ -63,7 +64,6 @@ class LatenessCounter:
         raise AssertionError("the bins hold all frames")
 
 
-NANOSECONDS = 1_000_000_000  # in a second
 SLEEP_MARGIN = 1_000_000  # ns before a frame is due, from which on the sleep is exact and not interruptible
 LONGEST_SLEEP = 100_000_000  # ns between two looks at the progress
 PROGRESS_PERIOD = 100_000_000  # ns
@@ -145,7 +145,11 @@ def play(
         due = start + round(frame.time / speed * NANOSECONDS)
         now = time.monotonic_ns()
         if now < due:
-            _sleep(due - now, stop)
+            left = due - now
+            if left > SLEEP_MARGIN:
+                stop.wait(min(left - SLEEP_MARGIN, LONGEST_SLEEP) / NANOSECONDS)
+            else:
+                time.sleep(left / NANOSECONDS)  # never busy: other threads need the time
             report.reached(frame.time - max(0, due - time.monotonic_ns()) / NANOSECONDS * speed)
             continue
         flags = FdFlags(frame.bit_rate_switch, frame.error_state_indicator)
@@ -182,14 +186,6 @@ def _wait_until_back(
     return time.monotonic_ns() - since
 
 
-def _sleep(nanoseconds: int, stop: threading.Event) -> None:
-    """Sleep until shortly before a frame is due, or, then, until it is. Never busy: other threads need the time."""
-    if nanoseconds > SLEEP_MARGIN:
-        stop.wait(min(nanoseconds - SLEEP_MARGIN, LONGEST_SLEEP) / NANOSECONDS)
-    else:
-        time.sleep(nanoseconds / NANOSECONDS)
-
-
 class _Progress:
     """Passes on the time reached, not more often than a screen needs."""
 
@@ -198,9 +194,6 @@ class _Progress:
         self._next = 0
 
     def reached(self, moment: float) -> None:
-        if self._callback is None:
-            return
-        now = time.monotonic_ns()
-        if now >= self._next:
+        if self._callback is not None and (now := time.monotonic_ns()) >= self._next:
             self._callback(moment)
             self._next = now + PROGRESS_PERIOD

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from observer_rt.bus.can_frame import frame_key
 from observer_rt.bus.links.link import BusFrame, Frame, FrameBlock
 from observer_rt.bus.mapping.bus_map import BusMap
-from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.recording.replay.framing import (
     Framed,
     Framer,
@@ -23,7 +23,7 @@ from observer_rt.recording.replay.framing import (
     windows_of,
 )
 from observer_rt.recording.signals.recording import Chunk
-from observer_rt.recording.signals.stream import SignalStream, cut, followed, pieces
+from observer_rt.recording.signals.stream import SignalStream, cut, followed
 
 ENCODED_AT_ONCE = 1000  # samples, so that encoding delays no frame by much
 SAMPLE_TOLERANCE = 1e-6  # of a sample: a time the user gives names the sample printed with it
@@ -120,6 +120,26 @@ class RecordingPart:
                 yield replace(cut(chunk, start, end), first=chunk.first + start - self._first)
             if chunk.first + chunk.samples >= self._last:
                 return
+
+
+def pieces(chunks: Iterable[Chunk], spans: Iterable[Span]) -> Iterator[Chunk]:
+    """The samples of spans, which rise and do not overlap, from the chunks of one stretch; the rest is passed over.
+
+    Raises `RunError` where the chunks end before the spans do.
+    """
+    waiting = iter(chunks)
+    held: Chunk | None = None
+    for span in spans:
+        while held is None or held.first + held.samples < span.end:
+            following = next(waiting, None)
+            if following is None:
+                raise RunError("the recording became shorter while it was read")
+            done = 0 if held is None else span.start - held.first
+            if held is None or done >= held.samples:
+                held = following
+            else:
+                held = followed(cut(held, max(0, done), held.samples), following)
+        yield cut(held, span.start - held.first, span.end - held.first)
 
 
 def refuse_unordered(start: float | None, stop: float | None) -> None:

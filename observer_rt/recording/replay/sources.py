@@ -14,7 +14,7 @@ from rich.console import Console
 
 from observer_rt.bus.links.link import BusFrame, Link
 from observer_rt.bus.links.opening import open_link
-from observer_rt.bus.mapping.bus_map import BenchMap, map_bench, map_bus
+from observer_rt.bus.mapping.bus_map import map_bench, map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.config.links import LinkConfig, NamedLink
 from observer_rt.foundation.errors import UserError
@@ -61,7 +61,11 @@ def log_source(
     if channels:
         routes, buses = _chosen_routes(links, channels)
     elif len(links) > 1:
-        routes = _matched_routes(path, mapped, links)
+        needed = {layout.bus for bus in mapped.injectors for layout in bus.input_layouts}
+        found = matched_channels(
+            path, links, needed, {}, lambda number: f"--map-channel CHANNEL={links[number].config.channel}"
+        )
+        routes = {channel: number for number, channel in sorted(found.items())}
         buses = {number: links[number].config for number in routes.values()}
     # results recorded beside the inputs are not sent again: the daemon sends its own
     results = frozenset(
@@ -98,14 +102,6 @@ def _chosen_routes(
         first = links[0].config
         buses[number] = links[number].config if found else first.model_copy(update={"channel": target})
     return routes, buses
-
-
-def _matched_routes(path: Path, mapped: BenchMap, links: Sequence[NamedLink]) -> dict[str, int]:
-    needed = {layout.bus for bus in mapped.injectors for layout in bus.input_layouts}
-    found = matched_channels(
-        path, links, needed, {}, lambda number: f"--map-channel CHANNEL={links[number].config.channel}"
-    )
-    return {channel: number for number, channel in sorted(found.items())}
 
 
 def recording_source(
@@ -151,12 +147,10 @@ def refuse_traffic(buses: Mapping[int, LinkConfig], sent: Collection[Sent], stop
         RunError: the interface cannot be used.
     """
     with ExitStack() as stack:
-        links = {
-            bus: stack.enter_context(
-                open_link(config.interface, config.channel, config.fd, _identifiers(sent, bus))
-            )
-            for bus, config in buses.items()
-        }
+        links = {}
+        for bus, config in buses.items():
+            mine = sorted((each.identifier, each.is_extended) for each in sent if each.bus == bus)
+            links[bus] = stack.enter_context(open_link(config.interface, config.channel, config.fd, mine))
         heard = first_heard(links, stop)
     if heard is not None:
         config = buses[heard.bus]
@@ -179,7 +173,3 @@ def first_heard(links: Mapping[int, Link], stop: threading.Event) -> BusFrame | 
             if frame is not None:
                 return BusFrame(bus, frame)
     return None
-
-
-def _identifiers(sent: Collection[Sent], bus: int) -> list[tuple[int, bool]]:
-    return sorted((each.identifier, each.is_extended) for each in sent if each.bus == bus)

@@ -4,10 +4,10 @@ The grid is checked, and the sample rate found behind printed time stamps.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,125 +36,74 @@ class UnevenTime(NamedTuple):
     problem: str
 
 
-def find_uneven_time(time: NDArray[np.float64]) -> UnevenTime | None:
-    """First sample of `time` [s], shape (n,), that is not on an even, rising grid; None if all are."""
-    not_finite = _not_finite(time)
-    if not_finite is not None:
-        return not_finite
-    if time.size < 2:
-        return UnevenTime(0, f"{time.size} sample(s); a recording needs at least 2")
-    period = float(np.median(np.diff(time)))
-    uneven = _uneven_step(time[1:], float(time[0]), period)
-    if uneven is not None:
-        return uneven._replace(row=1 + uneven.row)
-    distance = np.abs(time - np.linspace(time[0], time[-1], time.size))
-    row = int(np.argmax(distance))
-    if distance[row] > GRID_TOLERANCE * period:
-        drift = distance[row] / period
-        return UnevenTime(row, f"uneven time: {time[row]:.9g} s lies {drift:.2g} samples off an even grid")
-    return None
-
-
-def sample_rate_of(time: NDArray[np.float64]) -> float:
-    """Sample rate [Hz] of an even time column [s], shape (n,), n >= 2.
-
-    Printed stamps are rounded, so the slope through them is only known within a margin. The result is the
-    rate or period with the fewest significant digits inside that margin: 30 kHz printed in whole
-    microseconds gives 30000.0, a period of 3 us gives 1 / 3e-6.
-    """
-    distance = float(np.max(np.abs(time - np.linspace(time[0], time[-1], time.size))))
-    return _roundest_rate(time.size - 1, float(time[0]), float(time[-1]), distance)
-
-
-class GridCheck:
-    """The same of a time column that comes in parts: nearly nothing of it is remembered."""
+class TimeGrid:
+    """Whether a time column that may come in parts is an even, rising grid; nearly nothing of it is remembered."""
 
     def __init__(self) -> None:
         self.samples = 0
         self._begin = self._last = 0.0
-        self._period = 0.0
-        self._residuals: list[tuple[int, float, float]] = []  # middle row, lowest and highest, of _ROWS rows
-        self._whole: NDArray[np.float64] | None = None  # the first part, while it is the only one
+        self._period = self._step = 0.0  # median and mean of the steps in the first part
+        self._extremes: list[
+            tuple[int, float]
+        ] = []  # row and distance from the grid of `_step`, two of _ROWS rows
 
     def take(self, time: NDArray[np.float64]) -> UnevenTime | None:
         """Go on with further stamps [s], (n,), n >= 1: at least two in the first part. The first one off the grid."""
+        not_finite = np.flatnonzero(~np.isfinite(time))
+        if not_finite.size:
+            return UnevenTime(self.samples + int(not_finite[0]), "the time is not a finite number")
+        before = self._last
         if not self.samples:
-            return self._begin_with(time)
-        uneven = _uneven_step(time, self._last, self._period)
-        if uneven is not None:
-            uneven = _not_finite(time) or uneven
-            return uneven._replace(row=self.samples + uneven.row)
-        self._whole = None
-        self._note(time)
+            before = self._begin = float(time[0])
+            self._period = float(np.median(np.diff(time)))
+            self._step = float(time[-1] - time[0]) / (time.size - 1)
+        first = 0 if self.samples else 1
+        row = int(_first_uneven(np.ascontiguousarray(time[first:]), before, self._period)) + first
+        if row >= first:
+            before = float(time[row - 1]) if row else before
+            return UnevenTime(self.samples + row, _describe_step(before, float(time[row]), self._period))
+        for start in range(0, time.size, _ROWS):
+            part, number = np.ascontiguousarray(time[start : start + _ROWS]), self.samples + start
+            self._extremes += _farthest_of(part, self._begin, self._step, number)
+        self.samples += time.size
+        self._last = float(time[-1])
         return None
 
     def end(self) -> UnevenTime | None:
         """Where the clock drifted, if it did."""
-        distance, row = self._farthest()
-        if distance > GRID_TOLERANCE * self._period:
-            drift = distance / self._period
-            return UnevenTime(row, f"uneven time: stamps lie {drift:.2g} samples off an even grid")
-        return None
+        row, distance = self._farthest()
+        if distance <= GRID_TOLERANCE * self._period:
+            return None
+        drift, stamp = distance / self._period, self._begin + row * self._step
+        return UnevenTime(
+            row, f"uneven time: near {stamp:.9g} s stamps lie {drift:.2g} samples off an even grid"
+        )
 
     @property
     def sample_rate(self) -> float:
-        """As `sample_rate_of` all."""
-        if self._whole is not None:
-            return sample_rate_of(self._whole)
-        return _roundest_rate(self.samples - 1, self._begin, self._last, self._farthest()[0])
+        """Sample rate [Hz] of what was taken, exact although printed time stamps are rounded.
 
-    def _begin_with(self, time: NDArray[np.float64]) -> UnevenTime | None:
-        uneven = find_uneven_time(time)
-        if uneven is not None:
-            return uneven
-        self._begin, self._period = float(time[0]), float(np.median(np.diff(time)))
-        self._whole = time
-        self._note(time)
-        return None
+        The slope through rounded stamps is only known within a margin. The result is the rate or period with the
+        fewest significant digits inside that margin: 30 kHz printed in whole microseconds gives 30000.0, a period of
+        3 us gives 1 / 3e-6.
+        """
+        span = self._last - self._begin
+        rate = (self.samples - 1) / span
+        stamp_error = self._farthest()[1] + 2.0 * float(np.spacing(max(abs(self._begin), abs(self._last))))
+        margin = 2.0 * stamp_error / span
+        for digits in range(1, MAX_SIGNIFICANT_DIGITS):
+            for candidate in (_rounded(rate, digits), 1.0 / _rounded(1.0 / rate, digits)):
+                if abs(candidate / rate - 1.0) <= margin:
+                    return candidate
+        return rate
 
-    def _note(self, time: NDArray[np.float64]) -> None:
-        for first in range(0, time.size, _ROWS):
-            part, row = time[first : first + _ROWS], self.samples + first
-            lowest, highest = _residuals(np.ascontiguousarray(part), self._begin, self._period, row)
-            self._residuals.append((row + part.size // 2, lowest, highest))
-        self.samples += time.size
-        self._last = float(time[-1])
-
-    def _farthest(self) -> tuple[float, int]:
-        """Largest distance [s] from the line through the first and the last stamp, and about where."""
-        slope = (self._last - self._begin) / (self.samples - 1)
-        rows, lowest, highest = np.array(self._residuals).T
-        line = rows * (slope - self._period)
-        distances = np.maximum(np.abs(lowest - line), np.abs(highest - line))
-        worst = int(np.argmax(distances))
-        return float(distances[worst]), int(rows[worst])
-
-
-def _roundest_rate(intervals: int, first: float, last: float, distance: float) -> float:
-    """Of a number of intervals between two stamps [s], when stamps lie up to `distance` [s] off the line."""
-    span = last - first
-    rate = intervals / span
-    stamp_error = distance + 2.0 * float(np.spacing(max(abs(first), abs(last))))
-    margin = 2.0 * stamp_error / span
-    for digits in range(1, MAX_SIGNIFICANT_DIGITS):
-        for candidate in (_rounded(rate, digits), 1.0 / _rounded(1.0 / rate, digits)):
-            if abs(candidate / rate - 1.0) <= margin:
-                return candidate
-    return rate
-
-
-def _not_finite(time: NDArray[np.float64]) -> UnevenTime | None:
-    """The first stamp that is no number."""
-    rows = np.flatnonzero(~np.isfinite(time))
-    return UnevenTime(int(rows[0]), "the time is not a finite number") if rows.size else None
-
-
-def _uneven_step(time: NDArray[np.float64], before: float, period: float) -> UnevenTime | None:
-    """As `_first_uneven`, in words."""
-    row = int(_first_uneven(np.ascontiguousarray(time), before, period))
-    if row < 0:
-        return None
-    return UnevenTime(row, _describe_step(float(time[row - 1]) if row else before, float(time[row]), period))
+    def _farthest(self) -> tuple[int, float]:
+        """The row that lies farthest from the line through the first and the last stamp, and how far [s]."""
+        rows, distances = np.array(self._extremes).T
+        step = (self._last - self._begin) / (self.samples - 1)
+        off_line = np.abs(distances - rows * (step - self._step))
+        worst = int(np.argmax(off_line))
+        return int(rows[worst]), float(off_line[worst])
 
 
 @compiled
@@ -169,13 +118,19 @@ def _first_uneven(time: NDArray[np.float64], before: float, period: float) -> in
 
 
 @compiled
-def _residuals(time: NDArray[np.float64], begin: float, period: float, row: int) -> tuple[float, float]:
-    """Lowest and highest distance [s] of stamps, those from `row` on, from a grid that begins at row 0."""
-    lowest, highest = np.inf, -np.inf
-    for number in range(time.size):
-        residual = time[number] - (begin + (row + number) * period)
-        lowest, highest = min(lowest, residual), max(highest, residual)
-    return lowest, highest
+def _farthest_of(
+    time: NDArray[np.float64], begin: float, step: float, first: int
+) -> tuple[tuple[int, float], tuple[int, float]]:
+    """Row and distance [s] of the stamps, those from row `first` on, that lie lowest and highest beside a grid."""
+    lowest = highest = time[0] - (begin + first * step)
+    low_row = high_row = first
+    for row in range(first + 1, first + time.size):
+        distance = time[row - first] - (begin + row * step)
+        if distance < lowest:
+            lowest, low_row = distance, row
+        elif distance > highest:
+            highest, high_row = distance, row
+    return (low_row, lowest), (high_row, highest)
 
 
 def _describe_step(before: float, after: float, period: float) -> str:
@@ -213,6 +168,11 @@ class Sampled(Protocol):
         """What a sample is; None: as the bench file says, without one an instant."""
 
 
+SIGNALS = ("rail_pressure", "needle_lift", "line_pressure", "injection_rate")
+Arrays = Mapping[str, NDArray[np.float64]]
+"""Of time and signals, by name."""
+
+
 @dataclass(frozen=True, eq=False)
 class Recording:
     """Signals of one recording, SI units, every array float64 of shape (n,), n >= 2.
@@ -245,19 +205,28 @@ class Recording:
                     f"{values.size} samples, but the time has {self.time.size}",
                     "give every signal one value for each time stamp (NaN where there is none)",
                 )
-        check_samples(self.time, self.signals, lambda row: f"{name}, sample {row}")
+        if self.samples < 2:
+            problem = "holds one sample only" if self.samples else "holds no sample"
+            raise UserError(f"{name}, sample 0", problem, "record, or select, at least two samples")
+        grid = TimeGrid()
+        uneven = grid.take(self.time) or grid.end()
+        if uneven is not None:
+            raise UserError(f"{name}, sample {uneven.row}", uneven.problem, EQUIDISTANT)
+        refuse_infinite(self.signals, lambda row: f"{name}, sample {row}")
 
     @property
     def signals(self) -> dict[str, NDArray[np.float64]]:
         """The signals by name, without time and without a rate that was not measured."""
-        signals = {
-            "rail_pressure": self.rail_pressure,
-            "needle_lift": self.needle_lift,
-            "line_pressure": self.line_pressure,
-        }
-        if self.injection_rate is not None:
-            signals["injection_rate"] = self.injection_rate
-        return signals
+        return {name: values for name in SIGNALS if (values := getattr(self, name)) is not None}
+
+    @property
+    def arrays(self) -> dict[str, NDArray[np.float64]]:
+        """Time and signals by name."""
+        return {"time": self.time, **self.signals}
+
+    def with_arrays(self, arrays: Arrays) -> Self:
+        """The same with other values of these names."""
+        return replace(self, **arrays)  # type: ignore[arg-type]  # of no other field
 
     @property
     def samples(self) -> int:
@@ -266,8 +235,10 @@ class Recording:
 
     @cached_property
     def sample_rate(self) -> float:
-        """Sample rate [Hz], exact although printed time stamps are rounded."""
-        return sample_rate_of(self.time)
+        """As of `TimeGrid` [Hz]."""
+        grid = TimeGrid()
+        grid.take(self.time)
+        return grid.sample_rate
 
 
 @dataclass(frozen=True, eq=False)
@@ -290,31 +261,11 @@ class Chunk(Recording):
         return self.rate
 
 
-def check_samples(
-    time: NDArray[np.float64],
-    signals: dict[str, NDArray[np.float64]],
-    place_of_row: Callable[[int], str],
-) -> None:
-    """Check an even time [s] and finite-or-NaN signals, all of shape (n,).
+def refuse_infinite(signals: Arrays, place_of_row: Callable[[int], str]) -> None:
+    """Raise `UserError` for the first infinite value of signals (n,).
 
     `place_of_row` turns a zero-based row into what a user finds it by: a line of a file, a sample number.
-    Raises `UserError` for the first violation.
     """
-    if time.size < 2:
-        problem = "holds no sample" if not time.size else "holds one sample only"
-        raise UserError(place_of_row(0), problem, "record, or select, at least two samples")
-    uneven = find_uneven_time(time)
-    if uneven is not None:
-        raise UserError(
-            place_of_row(uneven.row),
-            uneven.problem,
-            EQUIDISTANT,
-        )
-    refuse_infinite(signals, place_of_row)
-
-
-def refuse_infinite(signals: Mapping[str, NDArray[np.float64]], place_of_row: Callable[[int], str]) -> None:
-    """Raise `UserError` for the first infinite value; arguments as of `check_samples`."""
     for signal, values in signals.items():
         infinite = np.flatnonzero(np.isinf(values))
         if infinite.size:

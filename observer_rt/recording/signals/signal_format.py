@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from observer_rt.config.recording import RecordingConfig
-from observer_rt.recording.file_format import FileFormat
 from observer_rt.recording.signals.mapped.table import OPTIONAL, Table
 from observer_rt.recording.signals.recording import Recording
 
@@ -28,9 +27,11 @@ class OwnLayout:
 
 
 @dataclass(frozen=True)
-class SignalFormat(FileFormat):
-    """A kind of file that holds a recording's signals."""
+class SignalFormat:
+    """A kind of file that holds a recording's signals; suffixes in lower case with their dot."""
 
+    suffixes: tuple[str, ...]
+    description: str
     reader: Callable[[Path], Recording] | OwnLayout
     """Of a file as a whole, and in one layout; or what says how it is read in parts."""
     writer: Callable[[Path, Recording], None] | None = None

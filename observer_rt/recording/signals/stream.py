@@ -1,16 +1,15 @@
 """Recordings read in chunks: as long as the disk is large, in memory that does not depend on it."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.config.recording import Meaning
-from observer_rt.foundation.errors import RunError, UserError
+from observer_rt.foundation.errors import UserError
 from observer_rt.recording.signals.plausible import Survey
 from observer_rt.recording.signals.recording import Chunk, Recording
 
@@ -80,19 +79,15 @@ class SignalStream(ABC):
         for part in self.chunks():
             place = places[part.stretch] + part.first
             for first in range(reached, place, SAMPLES_AT_ONCE):
-                yield self._hole(first, min(place, first + SAMPLES_AT_ONCE))
+                time = self._grid(first, min(place, first + SAMPLES_AT_ONCE))
+                missing = dict.fromkeys(part.signals, np.full(time.size, np.nan))
+                yield replace(part.with_arrays({**missing, "time": time}), stretch=0, first=first)
             reached = place + part.samples
             yield replace(part, time=self._grid(place, reached), stretch=0, first=place)
 
     def collected(self) -> Recording:
         """All in memory, as `on_one_grid`."""
         return replace(joined(list(self.on_one_grid())), meaning=self.meaning)
-
-    def _hole(self, first: int, end: int) -> Chunk:
-        missing = np.full(end - first, np.nan)
-        rate = missing if self.has_rate else None
-        time = self._grid(first, end)
-        return Chunk(time, missing, missing, missing, rate, self._path, self.rate, 0, first)
 
     def _grid(self, first: int, end: int) -> NDArray[np.float64]:
         """Times [s] of samples [first, end) of the one grid."""
@@ -116,19 +111,14 @@ class SignalStream(ABC):
 
 def joined(parts: Sequence[Recording]) -> Recording:
     """Parts of a recording that follow one another, in one piece."""
+    return Recording(**_concatenated(parts), path=parts[0].path)  # type: ignore[arg-type]
 
-    def whole(name: str) -> NDArray[np.float64]:
-        arrays = [getattr(part, name) for part in parts]
-        return arrays[0] if len(arrays) == 1 else np.concatenate(arrays)
 
-    return Recording(
-        whole("time"),
-        whole("rail_pressure"),
-        whole("needle_lift"),
-        whole("line_pressure"),
-        None if parts[0].injection_rate is None else whole("injection_rate"),
-        parts[0].path,
-    )
+def _concatenated(parts: Sequence[Recording]) -> dict[str, NDArray[np.float64]]:
+    """Time and signals of all parts, which have the same."""
+    if len(parts) == 1:
+        return parts[0].arrays
+    return {name: np.concatenate([getattr(part, name) for part in parts]) for name in parts[0].arrays}
 
 
 class HeldSignals(SignalStream):
@@ -147,21 +137,9 @@ class HeldSignals(SignalStream):
 
     def chunks(self) -> Iterator[Chunk]:
         """Views of the recording."""
-        whole = self._recording
+        whole = Chunk(**self._recording.arrays, path=self._path, rate=self.rate)  # type: ignore[arg-type]
         for first in range(0, whole.samples, SAMPLES_AT_ONCE):
-            part = slice(first, first + SAMPLES_AT_ONCE)
-            rate = whole.injection_rate
-            yield Chunk(
-                whole.time[part],
-                whole.rail_pressure[part],
-                whole.needle_lift[part],
-                whole.line_pressure[part],
-                None if rate is None else rate[part],
-                whole.path,
-                self.rate,
-                0,
-                first,
-            )
+            yield cut(whole, first, first + SAMPLES_AT_ONCE)
 
     def collected(self) -> Recording:
         """The recording."""
@@ -169,70 +147,17 @@ class HeldSignals(SignalStream):
         return whole if whole.meaning is self.meaning else replace(whole, meaning=self.meaning)
 
 
-class Bounds(Protocol):
-    """Samples [start, end)."""
-
-    @property
-    def start(self) -> int: ...
-
-    @property
-    def end(self) -> int: ...
-
-
 def cut(chunk: Chunk, start: int, end: int) -> Chunk:
     """Samples [start, end) of a chunk."""
-    return replace(_each(chunk, lambda values: values[start:end]), first=chunk.first + start)
+    arrays = {name: values[start:end] for name, values in chunk.arrays.items()}
+    return replace(chunk.with_arrays(arrays), first=chunk.first + start)
 
 
 def copied(chunk: Chunk) -> Chunk:
     """The same samples without the larger chunk that they were cut from."""
-    return _each(chunk, lambda values: values.copy())
+    return chunk.with_arrays({name: values.copy() for name, values in chunk.arrays.items()})
 
 
 def followed(before: Chunk, after: Chunk) -> Chunk:
     """A chunk and the one that follows it, as one."""
-
-    def both(name: str) -> NDArray[np.float64]:
-        return np.concatenate((getattr(before, name), getattr(after, name)))
-
-    return replace(
-        before,
-        time=both("time"),
-        rail_pressure=both("rail_pressure"),
-        needle_lift=both("needle_lift"),
-        line_pressure=both("line_pressure"),
-        injection_rate=None if before.injection_rate is None else both("injection_rate"),
-    )
-
-
-def pieces(chunks: Iterable[Chunk], spans: Iterable[Bounds]) -> Iterator[Chunk]:
-    """The samples of spans, which rise and do not overlap, from the chunks of one stretch; the rest is passed over.
-
-    Raises `RunError` where the chunks end before the spans do.
-    """
-    waiting = iter(chunks)
-    held: Chunk | None = None
-    for span in spans:
-        while held is None or held.first + held.samples < span.end:
-            following = next(waiting, None)
-            if following is None:
-                raise RunError("the recording became shorter while it was read")
-            done = 0 if held is None else span.start - held.first
-            held = following if held is None or done >= held.samples else _rest(held, done, following)
-        yield cut(held, span.start - held.first, span.end - held.first)
-
-
-def _each(chunk: Chunk, change: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> Chunk:
-    rate = chunk.injection_rate
-    return replace(
-        chunk,
-        time=change(chunk.time),
-        rail_pressure=change(chunk.rail_pressure),
-        needle_lift=change(chunk.needle_lift),
-        line_pressure=change(chunk.line_pressure),
-        injection_rate=None if rate is None else change(rate),
-    )
-
-
-def _rest(held: Chunk, done: int, following: Chunk) -> Chunk:
-    return followed(cut(held, max(0, done), held.samples), following)
+    return before.with_arrays(_concatenated((before, after)))

@@ -1,12 +1,12 @@
 """Tables and recordings written part by part, as CSV, MDF4 or Parquet by suffix, in our own layouts."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack, redirect_stdout
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, redirect_stdout
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MM3_PER_MS
 from observer_rt.recording.signals.recording import Recording
-from observer_rt.recording.signals.stream import joined
 
 WRITE_FORMAT = "%.12g"
 ROWS_PER_WRITE = 100_000
@@ -25,7 +24,7 @@ _ROW_GROUP = 1 << 17  # rows of Parquet, of which whoever reads them holds all o
 class WrittenColumn:
     """A column: its name in text and Parquet, as a channel of MDF4 with its unit, and how it is printed.
 
-    words: of the numbers 0, 1, ... where the column says words.
+    words: of the numbers 0, 1, ... where the column says words; factor: SI value of one unit.
     """
 
     header: str
@@ -33,6 +32,7 @@ class WrittenColumn:
     unit: str = ""
     printed: str = WRITE_FORMAT
     words: tuple[str, ...] = ()
+    factor: float = 1.0
 
 
 class TableWriter(ABC):
@@ -169,93 +169,44 @@ TABLE_WRITERS: Mapping[str, Callable[[Path, Sequence[WrittenColumn]], TableWrite
 }
 
 
-class Column(NamedTuple):
-    """A column of a file: its name, the signal it holds and its unit. factor: SI value of one unit."""
-
-    header: str
-    signal: str
-    factor: float
-    unit: str = ""
-
-
-TIME = Column("time_s", "time", 1.0, "s")
-RAIL_PRESSURE = Column("rail_pressure_MPa", "rail_pressure", MEGAPASCAL, "MPa")
-NEEDLE_LIFT = Column("needle_lift_mm", "needle_lift", MILLIMETRE, "mm")
-LINE_PRESSURE = Column("line_pressure_MPa", "line_pressure", MEGAPASCAL, "MPa")
-INJECTION_RATE = Column("injection_rate_mm3_per_ms", "injection_rate", MM3_PER_MS, "mm3/ms")
+TIME = WrittenColumn("time_s", "time", "s")
+RAIL_PRESSURE = WrittenColumn("rail_pressure_MPa", "rail_pressure", "MPa", factor=MEGAPASCAL)
+NEEDLE_LIFT = WrittenColumn("needle_lift_mm", "needle_lift", "mm", factor=MILLIMETRE)
+LINE_PRESSURE = WrittenColumn("line_pressure_MPa", "line_pressure", "MPa", factor=MEGAPASCAL)
+INJECTION_RATE = WrittenColumn("injection_rate_mm3_per_ms", "injection_rate", "mm3/ms", factor=MM3_PER_MS)
 
 PRINTED = (TIME, RAIL_PRESSURE, NEEDLE_LIFT, LINE_PRESSURE, INJECTION_RATE)
 SI = (  # every double comes back as it was
     TIME,
-    Column("rail_pressure_Pa", "rail_pressure", 1.0, "Pa"),
-    Column("needle_lift_m", "needle_lift", 1.0, "m"),
-    Column("line_pressure_Pa", "line_pressure", 1.0, "Pa"),
-    Column("injection_rate_m3_per_s", "injection_rate", 1.0, "m3/s"),
+    WrittenColumn("rail_pressure_Pa", "rail_pressure", "Pa"),
+    WrittenColumn("needle_lift_m", "needle_lift", "m"),
+    WrittenColumn("line_pressure_Pa", "line_pressure", "Pa"),
+    WrittenColumn("injection_rate_m3_per_s", "injection_rate", "m3/s"),
 )
 _LAYOUTS = {".csv": PRINTED, ".mf4": SI, ".parquet": SI}
 
 
-class PartsWriter(Protocol):
-    """A recording being written part by part; a context manager that completes the file."""
+@contextmanager
+def recording_writer(path: Path, has_rate: bool) -> Iterator[Callable[[Recording], None]]:
+    """Writes the parts it is given in our own layout of the suffix, replacing an existing file."""
+    suffix = path.suffix.lower()
+    columns = _LAYOUTS[suffix] if has_rate else _LAYOUTS[suffix][:-1]
+    with TABLE_WRITERS[suffix](path, columns) as writer:
 
-    def write(self, part: Recording, /) -> None:
-        """Append samples."""
+        def write(part: Recording) -> None:
+            arrays = part.arrays
+            writer.write([arrays[column.channel] / column.factor for column in columns])
 
-    def __enter__(self) -> Self: ...
-
-    def __exit__(self, kind: object, *raised: object) -> None: ...
-
-
-class RecordingWriter:
-    """The same, in our own layout of its suffix."""
-
-    def __init__(self, path: Path, has_rate: bool) -> None:
-        """Replaces an existing file."""
-        suffix = path.suffix.lower()
-        columns = _LAYOUTS[suffix]
-        self._columns = columns if has_rate else columns[:-1]
-        self._writer = TABLE_WRITERS[suffix](path, [_written(column) for column in self._columns])
-
-    def write(self, part: Recording) -> None:
-        arrays = {"time": part.time, **part.signals}
-        self._writer.write([arrays[column.signal] / column.factor for column in self._columns])
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, kind: object, *raised: object) -> None:
-        self._writer.close()
-
-
-class CollectingWriter:
-    """The same for a format that is written as a whole."""
-
-    def __init__(self, path: Path, write: Callable[[Path, Recording], None]) -> None:
-        self._path, self._write = path, write
-        self._parts: list[Recording] = []
-
-    def write(self, part: Recording) -> None:
-        self._parts.append(part)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, kind: object, *raised: object) -> None:
-        if kind is None:
-            self._write(self._path, joined(self._parts))
+        yield write
 
 
 def write_whole(path: Path, recording: Recording) -> None:
     """Write a recording that is in memory."""
-    with RecordingWriter(path, recording.injection_rate is not None) as writer:
-        writer.write(recording)
+    with recording_writer(path, recording.injection_rate is not None) as write:
+        write(recording)
 
 
-def write_columns(path: Path, columns: Sequence[tuple[Column, NDArray[np.float64]]]) -> None:
+def write_columns(path: Path, columns: Sequence[tuple[WrittenColumn, NDArray[np.float64]]]) -> None:
     """Write SI arrays of one length (n,) as CSV columns in their printed units, NaN as an empty cell."""
-    with CsvWriter(path, [_written(column) for column, _ in columns]) as writer:
+    with CsvWriter(path, [column for column, _ in columns]) as writer:
         writer.write([values / column.factor for column, values in columns])
-
-
-def _written(column: Column) -> WrittenColumn:
-    return WrittenColumn(column.header, column.signal, column.unit)

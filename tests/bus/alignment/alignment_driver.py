@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from observer_rt.bus.alignment.alignment import decide, store
-from observer_rt.bus.alignment.memory import make_alignment
+from observer_rt.bus.alignment.memory import Alignment, make_alignment
 from observer_rt.bus.alignment.placing import Placing, place_block
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.config.signals import Role
@@ -32,6 +32,17 @@ class Row:
     values: tuple[float, ...]
     interpolated: bool
     broken: Break
+    lift_after: float = field(default=0.0, compare=False)
+    """By which share of an interval its lift was taken later."""
+
+
+def take_rows(alignment: Alignment, rows: list[Row]) -> None:
+    """Append what was decided since."""
+    decided = int(alignment.memory["decided"][0])
+    for row in alignment.recorded[np.arange(len(rows), decided) % RECORDED_RING]:
+        values, broken = tuple(float(v) for v in row["values"]), Break(int(row["broken"]))
+        after = float(row["shares"][LIFT])
+        rows.append(Row(int(row["index"]), values, bool(row["interpolated"]), broken, after))
 
 
 @dataclass(frozen=True)
@@ -66,7 +77,6 @@ class Aligner:
 
     def __post_init__(self) -> None:
         self._alignment = make_alignment([None] * len(self.roles), CLOSED_LIFT, make_recorded())
-        self._taken = 0
 
     def take(self, block: Block) -> Placing:
         raw = block.index % WRAP
@@ -80,17 +90,7 @@ class Aligner:
                     number = self.bad.get((role, block.index + k), number)
                     store(self._alignment, self.place_at(start + k), self.role_of(role), number)
             decide(self._alignment)
-        decided = int(self._alignment.memory["decided"][0])
-        for row in self._alignment.recorded[np.arange(self._taken, decided) % RECORDED_RING]:
-            self.rows.append(
-                Row(
-                    int(row["index"]),
-                    tuple(float(v) for v in row["values"]),
-                    bool(row["interpolated"]),
-                    Break(int(row["broken"])),
-                )
-            )
-        self._taken = decided
+        take_rows(self._alignment, self.rows)
         return Placing(placing)
 
     def take_all(self, blocks: Iterable[Block]) -> "Aligner":

@@ -16,11 +16,10 @@ from observer_rt.bus.alignment.placing import follow, place_block
 from observer_rt.bus.mapping.input_tables import MAX_INPUTS, ROLES
 from observer_rt.bus.mapping.timing import SLOTS, Following
 from observer_rt.config.signals import Role
-from observer_rt.foundation.continuity import RECORDED_RING, Break, make_recorded
-from tests.bus.alignment.alignment_driver import CLOSED_LIFT, Row
+from observer_rt.foundation.continuity import Break, make_recorded
+from tests.bus.alignment.alignment_driver import CLOSED_LIFT, LIFT, Row, take_rows
 
 RAIL = ROLES.index(Role.RAIL_PRESSURE)
-LIFT = ROLES.index(Role.NEEDLE_LIFT)
 GRID, FOLLOWER = 0, 1
 FULL_RATE = Following(1 << RAIL, 1.0, 3.0, False)
 LIFT_ALONE = Following(1 << LIFT, 1.0, 3.0, False)
@@ -37,10 +36,8 @@ class Joined:
 
     def __init__(self, following: Following) -> None:
         self._alignment = make_alignment([None, following], CLOSED_LIFT, make_recorded())
-        self._taken = 0
         self._roles = following.roles
         self.rows: list[Row] = []
-        self.lift_after: list[float] = []
 
     def is_stale(self) -> bool:
         return is_stale(self._alignment)
@@ -53,33 +50,22 @@ class Joined:
                     store(self._alignment, index, role, 1e-7)
         self._take()
 
-    def rail(self, position: float, value: float | None = None) -> None:
-        values = np.full(MAX_INPUTS, np.nan)
-        values[RAIL] = line(position) if value is None else value
-        follow(self._alignment, FOLLOWER, position, values)
-        self._take()
-
-    def rails(self, positions: Iterable[float]) -> None:
-        for position in positions:
-            self.rail(position)
+    def rails(self, positions: Iterable[float], value: Callable[[float], float] = line) -> None:
+        self._follow(RAIL, positions, value)
 
     def lifts(self, positions: Iterable[float], lift: Callable[[float], float]) -> None:
+        self._follow(LIFT, positions, lift)
+
+    def _follow(self, role: int, positions: Iterable[float], value: Callable[[float], float]) -> None:
         for position in positions:
             values = np.full(MAX_INPUTS, np.nan)
-            values[LIFT] = lift(position)
+            values[role] = value(position)
             follow(self._alignment, FOLLOWER, position, values)
             self._take()
 
     def _take(self) -> None:
         decide(self._alignment)
-        decided = int(self._alignment.memory["decided"][0])
-        for row in self._alignment.recorded[np.arange(self._taken, decided) % RECORDED_RING]:
-            values = tuple(float(v) for v in row["values"])
-            self.lift_after.append(float(row["shares"][LIFT]))
-            self.rows.append(
-                Row(int(row["index"]), values, bool(row["interpolated"]), Break(int(row["broken"])))
-            )
-        self._taken = decided
+        take_rows(self._alignment, self.rows)
 
     @property
     def indices(self) -> list[int]:
@@ -125,7 +111,7 @@ def test_slower_signal_is_interpolated_between_its_neighbours() -> None:
     joined = Joined(SLOW)
     for position in (3.0, 23.0, 43.5, 63.0):
         joined.grid(round(position) // 20 * 20, 20)
-        joined.rail(position)
+        joined.rails([position])
     assert joined.indices == list(range(3, 64))
     assert joined.are_on_the_line()
     assert not any(row.interpolated for row in joined.rows)
@@ -179,9 +165,9 @@ def test_samples_out_of_order_far_ahead_or_without_value_are_left_out() -> None:
     joined = Joined(FULL_RATE)
     joined.grid(0, 30)
     joined.rails([0.0, 1.0, 0.5, 1.0, 2.0])
-    joined.rail(30.0 + SLOTS)
-    joined.rail(3.0, np.nan)
-    joined.rail(3.0, 1e300)
+    joined.rails([30.0 + SLOTS])
+    joined.rails([3.0], lambda _: np.nan)
+    joined.rails([3.0], lambda _: 1e300)
     joined.rails([4.0, 5.0])
     assert joined.indices == [0, 1, 2, 3, 4, 5]
     assert joined.are_on_the_line()
@@ -205,8 +191,8 @@ def test_lifts_of_another_clock_are_kept_with_their_times(phase: float, step: fl
     assert joined.indices == list(range(joined.indices[0], joined.indices[-1] + 1))
     assert len(joined.rows) > 250
     assert not any(row.interpolated for row in joined.rows)
-    assert all(0.0 <= after <= 1.0 for after in joined.lift_after)
-    taken = np.array(joined.indices) + np.array(joined.lift_after)
+    assert all(0.0 <= row.lift_after <= 1.0 for row in joined.rows)
+    taken = np.array([row.index + row.lift_after for row in joined.rows])
     lifts = np.array([row.values[LIFT] for row in joined.rows])
     is_open = (positions > 121.0) & (positions < 221.0)
     kept = {needle(position) for position in positions[is_open]}
@@ -224,7 +210,7 @@ def test_lift_that_misses_samples_is_bridged_and_marked() -> None:
     bridged = [row for row in joined.rows if row.interpolated]
     assert [row.index for row in bridged] == [126, 127]
     assert [row.values[LIFT] for row in bridged] == pytest.approx([needle(i + 0.25) for i in (126, 127)])
-    assert set(joined.lift_after) == {0.25}
+    assert {row.lift_after for row in joined.rows} == {0.25}
 
 
 def test_means_on_the_grid_count_half_a_sample_before() -> None:

@@ -115,7 +115,7 @@ def place(first: int, length: int, is_big_endian: bool) -> int:
 @st.composite
 def signals(draw: st.DrawFn, name: str, first: int, length: int, is_big_endian: bool, mark: str) -> Field:
     """A field at this place with random meaning."""
-    is_float = length == 64 or (length == 32 and draw(st.booleans()))
+    is_float = length in (32, 64) and draw(st.booleans())
     is_signed = draw(st.booleans())
     limits = draw(st.sampled_from([(0, 0), (0.0, 0.0)]))
     scale = draw(st.one_of(st.just(1), numbers(1e3).filter(lambda x: abs(x) > 1e-6)))
@@ -148,7 +148,7 @@ def areas(draw: st.DrawFn, message: RandomMessage, first: int, end: int, marks: 
         if draw(st.booleans()):
             is_big_endian = not is_big_endian
             bit = 8 * math.ceil(bit / 8)  # bits of two byte orders are counted in opposite directions
-        length = draw(st.one_of(st.sampled_from([16, 32, 64]), st.integers(1, 53)))  # float64 holds 53 bits
+        length = draw(st.one_of(st.sampled_from([16, 32, 64]), st.integers(1, 64)))
         if bit + length > end:
             return
         name = f"S{len(message.fields)}"

@@ -1,209 +1,225 @@
-"""The compiled codec against cantools, over random databases."""
+"""The compiled codec against cantools, over random databases that are read as a user's are."""
 
 import math
+import struct
 
 import numpy as np
 import pytest
 from cantools.database.can import Message, Signal
-from cantools.database.conversion import BaseConversion
-from hypothesis import assume, given
+from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from observer_rt.bus.database.codec import decode, encode, signal_table
-from tests.bus.database.random_databases import numbers, same_float
+from observer_rt.bus.database.multiplexing import compile_conditions, conditions_of, is_selected
+from tests.bus.database.random_databases import (
+    Field,
+    RandomMessage,
+    multiplexed_messages,
+    place,
+    plain_messages,
+    same_float,
+    with_bits,
+)
 
-EXACT_FLOAT_BITS = 53
-
-
-def make_signal(
-    name: str,
-    start: int,
-    length: int,
-    *,
-    big_endian: bool = False,
-    signed: bool = False,
-    is_float: bool = False,
-    scale: float = 1,
-    offset: float = 0,
-) -> Signal:
-    return Signal(
-        name,
-        start,
-        length,
-        byte_order="big_endian" if big_endian else "little_endian",
-        is_signed=signed,
-        conversion=BaseConversion.factory(scale, offset, None, is_float),
-    )
-
-
-def make_message(*signals: Signal, length: int = 64) -> Message:
-    return Message(1, "Random", length, list(signals), strict=True)
-
-
-def dbc_start(first_bit: int, length: int, big_endian: bool) -> int:
-    """Start bit in DBC counting of a field over transmitted bits first_bit .. first_bit + length - 1."""
-    if big_endian:
-        return 8 * (first_bit // 8) + 7 - first_bit % 8
-    return first_bit
+FLOAT_FORMAT = {32: "f", 64: "d"}
+many = settings(
+    deadline=None,
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
+)
+all_messages = st.one_of(plain_messages(), multiplexed_messages())
 
 
 @st.composite
-def messages(draw: st.DrawFn) -> Message:
-    """Messages whose signals touch without overlapping. Fields of one byte order share bytes; between two
-    byte orders there is a byte boundary, since their bit numbers run in opposite directions."""
-    size = draw(st.sampled_from([8, 12, 24, 64]))
-    signals: list[Signal] = []
-    bit, big_endian = 0, draw(st.booleans())
-    while True:
-        bit += draw(st.sampled_from([0, 0, 0, 1, 3, 11]))
-        if draw(st.booleans()):
-            big_endian = not big_endian
-            bit = 8 * math.ceil(bit / 8)
-        is_float = draw(st.integers(0, 3)) == 0
-        length = draw(st.sampled_from([16, 32, 64]) if is_float else st.integers(1, 64))
-        if bit + length > 8 * size:
-            break
-        scale = draw(st.one_of(st.just(1), numbers(1e3)))
-        assume(abs(scale) > 1e-6)
-        signals.append(
-            make_signal(
-                f"S{len(signals)}",
-                dbc_start(bit, length, big_endian),
-                length,
-                big_endian=big_endian,
-                signed=draw(st.booleans()),
-                is_float=is_float,
-                scale=scale,
-                offset=draw(st.one_of(st.just(0), numbers(1e6))),
-            )
+def payloads(draw: st.DrawFn, random: RandomMessage) -> bytes:
+    """Random contents, the selectors at values the database knows, reserved codes more often than by chance."""
+    payload = draw(st.binary(min_size=random.size, max_size=random.size))
+    for one in random.fields:
+        codes = [code for code in (one.not_available, one.error) if code is not None]
+        if codes and draw(st.integers(0, 3)) == 0:
+            payload = with_bits(payload, one, draw(st.sampled_from(codes)))
+    for one in random.fields:
+        if random.selectors.get(one.name):
+            payload = with_bits(payload, one, draw(st.sampled_from(sorted(random.selectors[one.name]))))
+    return payload
+
+
+def selected(message: Message, payload: bytes) -> list[str]:
+    """Names of the signals that our conditions find in the frame."""
+    frame = np.frombuffer(payload, np.uint8)
+    names = []
+    for signal in message.signals:
+        selection = compile_conditions(message, conditions_of(message, signal.name))
+        if is_selected(frame, selection, 0, len(selection.conditions)):
+            names.append(signal.name)
+    return names
+
+
+def reserved(one: Field) -> set[int]:
+    return {code for code in (one.not_available, one.error) if code is not None}
+
+
+def bits_of(one: Field, raw: float) -> int:
+    """The raw value as the unsigned number in the field."""
+    if one.is_float:
+        return int.from_bytes(struct.pack(">" + FLOAT_FORMAT[one.length], raw), "big")
+    return int(raw) & (1 << one.length) - 1
+
+
+@many
+@given(all_messages.filter(lambda random: bool(random.fields)), st.data())
+def test_decode(random: RandomMessage, data: st.DataObject) -> None:
+    message = random.load()
+    payload = data.draw(payloads(random))
+    expected = message.decode(payload, decode_choices=False)
+    raw = message.decode(payload, decode_choices=False, scaling=False)
+    assert sorted(selected(message, payload)) == sorted(expected)
+    got = np.zeros(len(expected))
+    decode(np.frombuffer(payload, np.uint8), signal_table(message, list(expected)), got)
+    for (name, value), ours in zip(expected.items(), got.tolist(), strict=True):
+        one = next(f for f in random.fields if f.name == name)
+        if bits_of(one, raw[name]) in reserved(one):
+            assert math.isnan(ours), one
+        else:
+            largest_term = max(abs(raw[name] * one.scale), abs(one.offset))
+            slack = 0.0 if exact_in_float64(one, raw[name]) else 3 * math.ulp(float(largest_term))
+            assert same_float(ours, float(value)) or abs(ours - value) <= slack, one
+
+
+def exact_in_float64(one: Field, raw: float) -> bool:
+    """Whether the whole numbers that cantools multiplies exactly are float64 numbers, too."""
+    is_whole = float(one.scale).is_integer() and not one.is_float  # 3.0 counts as 3 for cantools
+    return not is_whole or abs(raw * one.scale) <= 1 << 53
+
+
+@st.composite
+def values(draw: st.DrawFn, one: Field) -> float:
+    """A physical value: near a code of the field, far outside, or infinite."""
+    if one.is_float:
+        raw = draw(st.floats(-1e6, 1e6, width=32))
+    else:
+        lowest = -(1 << one.length - 1) if one.is_signed else 0
+        raw = draw(st.integers(lowest, lowest + (1 << one.length) - 1)) + draw(
+            st.sampled_from([0.0, 0.5, -0.25])
         )
-        bit += length
-    assume(signals)
-    return make_message(*signals, length=size)
+    return draw(st.sampled_from([1.0, 1.0, 1.0, 1e3, math.inf])) * float(raw * one.scale + one.offset)
 
 
-def decoded(message: Message, payload: bytes, names: list[str] | None = None) -> dict[str, float]:
-    names = names or [signal.name for signal in message.signals]
+@many
+@given(all_messages, st.data())
+def test_encode(random: RandomMessage, data: st.DataObject) -> None:
+    assume(random.fields)
+    message = random.load()
+    by_name = {one.name: one for one in random.fields}
+    payload = data.draw(payloads(random))
+    active = selected(message, payload)
+    ours: dict[str, float] = {}
+    codes: dict[str, float] = {}
+    for name in active:
+        one = by_name[name]
+        if name in random.selectors:
+            ours[name] = codes[name] = message.decode(payload, decode_choices=False)[name]
+            continue
+        value = data.draw(values(one))
+        assume(not math.isnan(value))
+        ours[name] = value
+        codes[name] = _reference_code(one, message.get_signal_by_name(name), value)
+    expected = message.encode(codes, scaling=False, strict=False)
+    frame = np.zeros(message.length, np.uint8)
+    encode(np.array(list(ours.values())), signal_table(message, list(ours)), frame)
+    if frame.tobytes() == expected:
+        return
+    # A reserved code is stepped over to a neighbour: to which one, either way round, is ours to choose.
+    back = message.decode(frame.tobytes(), scaling=False, decode_choices=False)
+    for name, code in codes.items():
+        one = by_name[name]
+        if bits_of(one, code) in reserved(one):
+            assert bits_of(one, back[name]) not in reserved(one)
+            assert abs(back[name] - code) <= 2
+        else:
+            assert bits_of(one, back[name]) == bits_of(one, code), one
+
+
+def _reference_code(one: Field, signal: Signal, value: float) -> float:
+    """Raw value by cantools of a value that is clamped to limits and field first."""
+    low, high = (-math.inf, math.inf) if one.limits == (0, 0) else one.limits
+    value = min(max(value, low), high)
+    if one.is_float:
+        largest = 3.4028234663852886e38 if one.length == 32 else 1.7976931348623157e308
+        return max(-largest, min(largest, (value - one.offset) / one.scale))
+    lowest = -(1 << one.length - 1) if one.is_signed else 0
+    highest = lowest + (1 << one.length) - 1
+    if one.length > 53:
+        highest = int(math.nextafter(float(highest + 1), 0.0))  # the largest that a float64 holds
+    if math.isinf(value):
+        return highest if (value > 0) == (one.scale > 0) else lowest
+    return max(lowest, min(highest, float(signal.conversion.numeric_scaled_to_raw(value))))
+
+
+@given(multiplexed_messages())
+def test_a_frame_with_an_unknown_selector_carries_nothing_multiplexed(random: RandomMessage) -> None:
+    outer = next(one for one in random.fields if one.name == "Outer")
+    unknown = next(code for code in range(256) if code not in random.selectors["Outer"])
+    payload = with_bits(bytes(random.size), outer, unknown)
+    assert set(selected(random.load(), payload)) == {
+        one.name for one in random.fields if one.mark in ("", "M")
+    }
+
+
+@pytest.mark.parametrize("is_big_endian", [False, True])
+def test_the_bit_walk_of_these_tests(is_big_endian: bool) -> None:
+    """Intel: up from the start; Motorola: down from the start, from bit 0 on to bit 7 of the next byte."""
+    one = Field("X", 4, 8, is_big_endian)
+    expected = b"\xf0\x0f" if not is_big_endian else b"\x1f\xe0"
+    assert with_bits(bytes(2), one, 0xFF) == expected
+
+
+def decoded(message: Message, payload: bytes) -> dict[str, float]:
+    names = [signal.name for signal in message.signals]
     out = np.zeros(len(names))
     decode(np.frombuffer(payload, np.uint8), signal_table(message, names), out)
     return dict(zip(names, out.tolist(), strict=True))
 
 
-def encoded(message: Message, values: dict[str, float], payload: bytes | None = None) -> bytes:
-    buffer = np.frombuffer(payload or bytes(message.length), np.uint8).copy()
-    encode(np.array(list(values.values()), float), signal_table(message, list(values)), buffer)
-    return buffer.tobytes()
+@many
+@given(plain_messages().filter(lambda random: bool(random.fields)), st.data())
+def test_encoding_changes_no_bit_of_other_signals(random: RandomMessage, data: st.DataObject) -> None:
+    before = data.draw(st.binary(min_size=random.size, max_size=random.size))
+    chosen = data.draw(st.sampled_from(random.fields))
+    after = np.frombuffer(before, np.uint8).copy()
+    encode(np.array([1.0]), signal_table(random.load(), [chosen.name]), after)
+    own = np.frombuffer(with_bits(bytes(random.size), chosen, (1 << chosen.length) - 1), np.uint8)
+    assert not np.any((after ^ np.frombuffer(before, np.uint8)) & ~own)
 
 
-def exact_in_float64(signal: Signal) -> bool:
-    """Whether cantools' arithmetic, which mixes exact integers and floats, is that of float64."""
-    if signal.conversion.is_float or (signal.scale == 1 and signal.offset == 0):
-        return True
-    if signal.conversion.__class__.__name__ == "LinearIntegerConversion":
-        largest: int = (1 << signal.length) * abs(signal.scale) + abs(signal.offset)
-        return largest <= 1 << EXACT_FLOAT_BITS
-    return isinstance(signal.scale, float) or signal.length <= EXACT_FLOAT_BITS
-
-
-@given(messages(), st.binary(min_size=64, max_size=64))
-def test_decode_equals_cantools(message: Message, random_bytes: bytes) -> None:
-    payload = random_bytes[: message.length]
-    reference = message.decode(payload, decode_choices=False)
-    result = decoded(message, payload)
-    for signal in message.signals:
-        expected, got = float(reference[signal.name]), result[signal.name]
-        if exact_in_float64(signal):
-            assert same_float(got, expected), signal
-        else:
-            raw = message.decode(payload, scaling=False)[signal.name]
-            largest_term = max(abs(raw * signal.scale), abs(signal.offset))
-            assert abs(got - expected) <= 3 * math.ulp(float(largest_term)), signal
-
-
-@given(messages(), st.data())
-def test_encode_equals_cantools(message: Message, data: st.DataObject) -> None:
-    values: dict[str, float] = {}
-    for signal in message.signals:
-        if signal.conversion.is_float:
-            raw = data.draw(st.floats(width=signal.length, allow_nan=False, allow_infinity=False))
-            value = float(raw * signal.scale + signal.offset)
-            limit = {16: 65504.0, 32: 3.4e38, 64: 1.7e308}[signal.length]
-            assume(abs(value) < 1e300 and abs(signal.conversion.numeric_scaled_to_raw(value)) <= limit)
-        else:
-            low = -(1 << (signal.length - 1)) if signal.is_signed else 0
-            raw = data.draw(st.integers(low, low + (1 << signal.length) - 1))
-            part = data.draw(st.sampled_from([0.0, 0.5, 0.25, -0.5]))
-            value = (raw + part) * float(signal.scale) + float(signal.offset)
-            assume(low <= signal.conversion.numeric_scaled_to_raw(value) < low + (1 << signal.length))
-        values[signal.name] = value
-    assert encoded(message, values) == message.encode(values, strict=False)
-
-
-@given(messages(), st.data(), st.binary(min_size=64, max_size=64))
-def test_encode_leaves_the_other_signals_alone(message: Message, data: st.DataObject, before: bytes) -> None:
-    before = before[: message.length]
-    chosen = data.draw(st.sampled_from(message.signals))
-    after = encoded(message, {chosen.name: 1.0}, before)
-    raw_before = message.decode(before, scaling=False, decode_choices=False)
-    raw_after = message.decode(after, scaling=False, decode_choices=False)
-    for signal in message.signals:
-        if signal.name != chosen.name:
-            assert same_float(raw_before[signal.name], raw_after[signal.name])
-    unused = int.from_bytes(make_message_mask(message), "big") ^ ((1 << 8 * message.length) - 1)
-    assert int.from_bytes(before, "big") & unused == int.from_bytes(after, "big") & unused
-
-
-def make_message_mask(message: Message) -> bytes:
-    """Ones where the message has signals: what cantools encodes for fields full of ones."""
-    fields = [
-        make_signal(s.name, s.start, s.length, big_endian=s.byte_order == "big_endian")
-        for s in message.signals
-    ]
-    full = make_message(*fields, length=message.length)
-    return bytes(full.encode({s.name: (1 << s.length) - 1 for s in fields}, strict=False))
-
-
-@given(messages(), st.binary(min_size=64, max_size=64), st.data())
-def test_a_flipped_bit_changes_exactly_its_signal(
-    message: Message, payload: bytes, data: st.DataObject
-) -> None:
-    payload = payload[: message.length]
-    signal = data.draw(st.sampled_from([s for s in message.signals if not s.conversion.is_float] or [None]))
-    assume(signal is not None and signal.length <= EXACT_FLOAT_BITS)
-    bit = data.draw(st.integers(0, signal.length - 1))
-    field = make_signal("field", signal.start, signal.length, big_endian=signal.byte_order == "big_endian")
-    lone = make_message(field, length=message.length).encode({"field": 1 << bit})
+@many
+@given(plain_messages(), st.data())
+def test_a_flipped_bit_changes_exactly_its_signal(random: RandomMessage, data: st.DataObject) -> None:
+    exact = [one for one in random.fields if not one.is_float and one.length <= 53 and not reserved(one)]
+    assume(exact)
+    one = data.draw(st.sampled_from(exact))
+    payload = data.draw(st.binary(min_size=random.size, max_size=random.size))
+    lone = with_bits(bytes(random.size), one, 1 << data.draw(st.integers(0, one.length - 1)))
     flipped = bytes(a ^ b for a, b in zip(payload, lone, strict=True))
+    message = random.load()
     before, after = decoded(message, payload), decoded(message, flipped)
-    changed = [name for name in before if not same_float(before[name], after[name])]
-    assert changed == [signal.name]
+    assert [name for name in before if not same_float(before[name], after[name])] == [one.name]
 
 
-def sixteen_bit_table(big_endian: bool) -> tuple[Message, NDArray[np.void]]:
-    signal = make_signal("Value", dbc_start(20, 16, big_endian), 16, big_endian=big_endian, scale=0.005)
-    message = make_message(signal, length=8)
-    return message, signal_table(message, ["Value"])
-
-
-PAYLOAD = bytes.fromhex("0123456789abcdef")
-
-
-@pytest.mark.parametrize("big_endian", [False, True])
-@pytest.mark.parametrize("field", ["step", "first_byte", "shift"])
-def test_a_mutated_table_is_told_from_cantools(big_endian: bool, field: str) -> None:
+@pytest.mark.parametrize("is_big_endian", [False, True])
+@pytest.mark.parametrize("mutated", ["step", "first_byte", "shift"])
+def test_a_mutated_table_is_told_from_cantools(is_big_endian: bool, mutated: str) -> None:
     """Endianness swapped, byte or start bit off by one: each must show in the comparison with cantools."""
-    message, table = sixteen_bit_table(big_endian)
-    expected = message.decode(PAYLOAD)["Value"]
-    out = np.zeros(1)
-    decode(np.frombuffer(PAYLOAD, np.uint8), table, out)
+    one = Field("Value", place(20, 16, is_big_endian), 16, is_big_endian, scale=0.005)
+    message, payload = RandomMessage(8, [one]).load(), bytes.fromhex("0123456789abcdef")
+    table, out, buffer = signal_table(message, ["Value"]), np.zeros(1), np.zeros(8, np.uint8)
+    expected = message.decode(payload)["Value"]
+    decode(np.frombuffer(payload, np.uint8), table, out)
     assert out[0] == expected
-    if field == "step":
+    if mutated == "step":
         table["step"] *= -1
     else:
-        table[field] += table[field].dtype.type(1)
-    decode(np.frombuffer(PAYLOAD, np.uint8), table, out)
+        table[mutated] += table[mutated].dtype.type(1)
+    decode(np.frombuffer(payload, np.uint8), table, out)
     assert out[0] != expected
-    buffer = np.zeros(8, np.uint8)
     encode(np.array([expected]), table, buffer)
     assert buffer.tobytes() != message.encode({"Value": expected})

@@ -12,9 +12,8 @@ from observer_rt.bus.database.catalogue import load_database, overlooked
 from observer_rt.bus.database.lookup import (
     MessageLayout,
     database_hash,
-    error_code,
     find_message,
-    not_available_code,
+    reserved_codes,
     signal_names,
 )
 from observer_rt.foundation.errors import UserError
@@ -107,7 +106,7 @@ def test_our_physical_signals(
     found = find_message(ours, message).get_signal_by_name(signal)
     assert (found.unit, found.scale, found.offset) == (unit, step, lowest)
     assert (found.minimum, found.maximum) == (lowest, pytest.approx(highest))
-    assert (not_available_code(found), error_code(found)) == (65535, 65534)
+    assert reserved_codes(found) == (65535, 65534)
 
 
 def test_samples_are_interleaved_in_triples(ours: Database) -> None:
@@ -130,8 +129,8 @@ def test_a_users_database(tmp_path: Path) -> None:
     assert (layout.frame_id, layout.is_extended, layout.is_fd) == (0x400, True, False)
     assert (layout.samples_per_frame, layout.cycle_time_ns) == (2, 3_000_000)
     assert layout.e2e_profile is None
-    assert not_available_code(message.get_signal_by_name("Rail1")) == 0xFFFF
-    assert not_available_code(message.get_signal_by_name("Rail2")) is None
+    assert reserved_codes(message.get_signal_by_name("Rail1"))[0] == 0xFFFF
+    assert reserved_codes(message.get_signal_by_name("Rail2"))[0] is None
 
 
 def test_signal_names(ours: Database, tmp_path: Path) -> None:
@@ -221,7 +220,7 @@ def test_codes_named_in_a_value_table(
 ) -> None:
     text = USER_DBC + f"VAL_ 2147484672 Rail2 {names} ;\n"
     signal = find_message(load_text(tmp_path, text), "Pressures").get_signal_by_name("Rail2")
-    assert (not_available_code(signal), error_code(signal)) == codes
+    assert reserved_codes(signal) == codes
 
 
 def test_missing_database(tmp_path: Path) -> None:
@@ -242,7 +241,7 @@ def test_missing_database(tmp_path: Path) -> None:
 def test_faulty_attributes_are_refused(tmp_path: Path, attribute: str, said: str) -> None:
     message = find_message(load_text(tmp_path, USER_DBC + attribute + "\n"), "Pressures")
     with pytest.raises(UserError, match=said):
-        (MessageLayout.of(message), not_available_code(message.get_signal_by_name("Rail2")))
+        (MessageLayout.of(message), reserved_codes(message.get_signal_by_name("Rail2")))
 
 
 def test_database_hash_is_of_the_bytes(tmp_path: Path) -> None:
@@ -266,7 +265,7 @@ def test_a_label_that_no_code_of_the_signal_stands_for_is_no_error(tmp_path: Pat
     text = USER_DBC.replace(f"{PRESSURES}\n", flag) + 'VAL_ 2147484672 Flag 2 "Error" 3 "SNA" ;\n'
     text = re.sub(r'BA_ "GenSigSNA".*\n', "", text)
     signal = load_text(tmp_path, text).messages[0].get_signal_by_name("Flag")
-    assert (error_code(signal), not_available_code(signal)) == (None, None)
+    assert reserved_codes(signal) == (None, None)
 
 
 def test_a_message_without_signals_says_so(tmp_path: Path) -> None:

@@ -1,7 +1,11 @@
 """Sending faster than an interface carries: the kernel itself refuses frames, and none is lost or sent twice."""
 
+import errno
 import math
+import socket
 import time
+from collections import Counter
+from typing import Any
 
 import pytest
 
@@ -12,7 +16,6 @@ from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.recording.replay.player import play
 from observer_rt.service.core.messages import OutputFrame
 from observer_rt.service.port import CAPACITY, Outbox
-from tests.bus.refusals import note_refusals
 from tests.interface import FRAME_BYTES, OwnInterface
 
 pytestmark = pytest.mark.vcan
@@ -25,6 +28,30 @@ FULL = pytest.mark.parametrize(
     [(QUEUE, None, "ENOBUFS"), (LONG_QUEUE, 1, "EAGAIN")],
     ids=["of the interface", "of the socket"],
 )
+
+
+def note_refusals(monkeypatch: pytest.MonkeyPatch, send_buffer: int | None = None) -> Counter[str]:
+    """Names of the errors with which sending fails from now on, and how often.
+
+    send_buffer: of the sockets made from now on, in bytes (the kernel raises it to its least); None: the usual.
+    """
+    refusals: Counter[str] = Counter()
+
+    class Noting(socket.socket):
+        def bind(self, address: Any) -> None:
+            super().bind(address)
+            if send_buffer is not None:
+                self.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, send_buffer)
+
+        def send(self, data: bytes, flags: int = 0) -> int:  # type: ignore[override]
+            try:
+                return super().send(data, flags)
+            except OSError as error:
+                refusals[errno.errorcode[error.errno or 0]] += 1
+                raise
+
+    monkeypatch.setattr(socket, "socket", Noting)
+    return refusals
 
 
 def links(interface: OwnInterface, queue: int = QUEUE, rate: int = RATE) -> tuple[Link, Link]:

@@ -7,7 +7,7 @@ import pytest
 from observer_rt.bus.can_frame import frame_key
 from observer_rt.bus.database.catalogue import load_database
 from observer_rt.bus.database.e2e import UNPROTECTED
-from observer_rt.bus.database.lookup import find_message, not_available_code
+from observer_rt.bus.database.lookup import find_message, reserved_codes
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus
 from observer_rt.bus.mapping.output_messages import (
     StatusValues,
@@ -120,6 +120,29 @@ def test_number_of_an_extended_frame_is_another() -> None:
         ({"rail_pressure": 'signal = "Rial"'}, "rail_pressure", "Rial", "Rail"),
         ({"line_pressure": 'signal = "Line"'}, "line_pressure", "torr", "bar"),
         ({"line_pressure": 'signal = "Bare"'}, "line_pressure", "no unit", 'unit = "..."'),
+        ({"line_pressure": 'signal = "Lift"'}, "line_pressure", "um", "bar"),
+        (
+            {"rail_pressure": 'signals = ["Rail", "Rail2"]'},
+            "needle_lift",
+            "has 1 samples a frame, other signals of Daq have 2",
+            "as many samples",
+        ),
+        ({"line_pressure": 'signal = "Line"\nindex = "Second"'}, "line_pressure.index", "Daq", "the same"),
+        (
+            {
+                role: f'signal = "{name}"\nindex = "Indx"'
+                for role, name in zip(Role, ("Rail", "Lift", "Line"), strict=True)
+            },
+            "rail_pressure.index",
+            "sample index",
+            'index = ""',
+        ),
+        (
+            {"rail_pressure": 'message = "Guarded"\nsignal = "Rail"'},
+            "rail_pressure.message",
+            "Guarded is protected by E2E profile 2",
+            "1 and 5",
+        ),
     ],
 )
 def test_what_the_database_lacks_is_named(
@@ -129,32 +152,6 @@ def test_what_the_database_lacks_is_named(
     assert error.place == f"{tmp_path / 'bench.toml'}: signals.{place}"
     assert problem in error.problem
     assert remedy in error.remedy
-
-
-def test_unit_of_another_quantity(tmp_path: Path) -> None:
-    assert "um" in refusal(tmp_path, line_pressure='signal = "Lift"').problem
-
-
-def test_different_numbers_of_samples(tmp_path: Path) -> None:
-    error = refusal(tmp_path, rail_pressure='signals = ["Rail", "Rail2"]')
-    assert error.place.endswith("signals.needle_lift")
-    assert "1 samples" in error.problem
-    assert "2" in error.problem
-
-
-def test_signals_of_a_message_have_one_index(tmp_path: Path) -> None:
-    error = refusal(tmp_path, line_pressure='signal = "Line"\nindex = "Second"')
-    assert error.place.endswith("signals.line_pressure.index")
-    assert "Daq" in error.problem
-
-
-def test_index_that_is_not_there(tmp_path: Path) -> None:
-    names = ("Rail", "Lift", "Line")
-    lines = {f"{role}": f'signal = "{name}"\nindex = "Indx"' for role, name in zip(Role, names, strict=True)}
-    error = refusal(tmp_path, **lines)
-    assert error.place.endswith("signals.rail_pressure.index")
-    assert "sample index" in error.problem
-    assert 'index = ""' in error.remedy
 
 
 @pytest.mark.parametrize("index", ["Short", "Signed", "Steps"])
@@ -169,13 +166,6 @@ def test_index_that_cannot_be_unwrapped(tmp_path: Path, index: str) -> None:
     )
     assert error.place.endswith("signals.rail_pressure.index")
     assert "32 bits" in error.problem
-
-
-def test_protection_that_is_not_supported(tmp_path: Path) -> None:
-    error = refusal(tmp_path, rail_pressure='message = "Guarded"\nsignal = "Rail"')
-    assert "Guarded" in error.problem
-    assert "profile 2" in error.problem
-    assert "1 and 5" in error.remedy
 
 
 def test_a_message_too_short_for_its_protection(tmp_path: Path) -> None:
@@ -235,7 +225,7 @@ def test_the_classic_layout_carries_what_the_fd_layout_does(
         if signal.name in names:
             other = fd.get_signal_by_name(signal.name)
             assert (signal.length, signal.scale, signal.offset) == (other.length, other.scale, other.offset)
-            assert not_available_code(signal) == not_available_code(other)
+            assert reserved_codes(signal)[0] == reserved_codes(other)[0]
 
 
 def test_a_rate_message_may_lack_header_signals_but_not_be_multiplexed(tmp_path: Path) -> None:

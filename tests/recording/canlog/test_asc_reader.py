@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from observer_rt.bus.links.link import Frame
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.canlog.asc import AscLog
 from observer_rt.recording.canlog.can_log import LogFrame
@@ -39,12 +40,9 @@ def test_classic_frames_with_what_follows_them(tmp_path: Path) -> None:
         "   3.098426 1  18EBFF00x       Rx d 8 01 A0 0F A6 60 3B D1 40    Length = 273910 BitCount = 141",
         " 113.016026 2  6F9             Tx   d 2 05 0C  Length = 240015 BitCount = 124 ID = 1785",
     )
-    assert extended.frame.stamp_ns == START + 3_098_426_000
-    assert (extended.frame.frame_id, extended.frame.is_extended) == (0x18EBFF00, True)
-    assert extended.frame.payload == bytes.fromhex("01A00FA6603BD140")
-    assert (extended.channel, extended.is_sent, extended.frame.is_fd) == ("1", False, False)
-    assert (standard.frame.frame_id, standard.frame.is_extended) == (0x6F9, False)
-    assert (standard.frame.payload, standard.channel, standard.is_sent) == (b"\x05\x0c", "2", True)
+    data = bytes.fromhex("01A00FA6603BD140")
+    assert extended == LogFrame(Frame(0x18EBFF00, data, START + 3_098_426_000, True, False), "1")
+    assert standard == LogFrame(Frame(0x6F9, b"\x05\x0c", START + 113_016_026_000, False, False), "2", True)
 
 
 def test_a_length_code_above_8_means_8_bytes(tmp_path: Path) -> None:
@@ -59,14 +57,10 @@ def test_fd_frames_with_and_without_a_name(tmp_path: Path) -> None:
         f"   0.045636 CANFD   62 Tx         88x                    0 1 8  8 {'00 ' * 8}{FD_TAIL}",
         "   0.045746 CANFD    3 Rx        100                     1 0 0  0",
     )
-    assert (named.frame.frame_id, named.frame.payload, named.frame.is_fd) == (0x7D, b"\x1b" * 12, True)
-    assert (named.channel, named.frame.bit_rate_switch, named.frame.error_state_indicator) == (
-        "62",
-        True,
-        False,
-    )
-    assert (plain.frame.is_extended, plain.frame.error_state_indicator, plain.is_sent) == (True, True, True)
-    assert (bare.frame.payload, bare.frame.is_fd) == (b"", True)
+    assert named == LogFrame(Frame(0x7D, b"\x1b" * 12, START + 45_522_000, False, True, True), "62")
+    frame = Frame(0x88, bytes(8), START + 45_636_000, True, True, False, True)
+    assert plain == LogFrame(frame, "62", True)
+    assert bare == LogFrame(Frame(0x100, b"", START + 45_746_000, False, True, True), "3")
 
 
 def test_a_classic_frame_of_an_fd_channel_is_classic(tmp_path: Path) -> None:
@@ -225,12 +219,6 @@ def test_long_frames_in_lines_of_classic_can_are_fd(tmp_path: Path) -> None:
     assert [frame.payload for frame in frames] == data
     assert [frame.is_fd for frame in frames] == [False, True, True]
     assert any("2 frames of more than 8 bytes in lines of classic CAN" in note for note in found.notes())
-
-
-def test_a_byte_order_mark(tmp_path: Path) -> None:
-    found = log(tmp_path, "   0.5 1  123             Rx   d 1 AA")
-    found.path.write_bytes(b"\xef\xbb\xbf" + found.path.read_bytes())
-    assert len(list(found)) == 1
 
 
 def test_an_empty_file(tmp_path: Path) -> None:

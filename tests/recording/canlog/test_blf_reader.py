@@ -8,8 +8,7 @@ import pytest
 
 from observer_rt.bus.links.link import Frame
 from observer_rt.foundation.errors import UserError
-from observer_rt.recording.canlog.blf import BlfLog
-from observer_rt.recording.canlog.blf_writer import BlfWriter
+from observer_rt.recording.canlog.blf import BlfLog, BlfWriter
 from observer_rt.recording.canlog.can_log import LogFrame
 from tests.recording.canlog.log_cases import START, mixture
 
@@ -112,13 +111,7 @@ def test_fd_64_with_all_some_and_too_few_bytes(tmp_path: Path) -> None:
         obj(101, fd_64(8, 8, 0x0000, data[:8])),
     )
     whole, short, followed, classic_one = log(tmp_path, container(b"".join(objects)))
-    assert (whole.frame.frame_id, whole.frame.is_extended, whole.frame.payload) == (0x1234, True, data)
-    assert (whole.frame.bit_rate_switch, whole.frame.error_state_indicator, whole.is_sent, whole.channel) == (
-        True,
-        True,
-        True,
-        "3",
-    )
+    assert whole == LogFrame(Frame(0x1234, data, DAY_NS, True, True, True, True), "3", True)
     assert short.frame.payload == data[:5] + bytes(7)
     assert followed.frame.payload == data
     assert (classic_one.frame.is_fd, classic_one.frame.payload) == (False, data[:8])

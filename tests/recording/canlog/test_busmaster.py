@@ -5,8 +5,10 @@ from pathlib import Path
 
 import pytest
 
+from observer_rt.bus.links.link import Frame
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.canlog.busmaster import BusmasterLog
+from observer_rt.recording.canlog.can_log import LogFrame
 from observer_rt.recording.canlog.candump import CandumpLog
 from observer_rt.recording.formats import is_log, open_log
 
@@ -33,18 +35,12 @@ def test_frames_of_all_kinds(tmp_path: Path) -> None:
         "12:00:01:0000 Rx 1 0x023 sr 0 ",
         "12:00:01:5000 Rx 1 0x7FF s 0",
     )
-    first, second, last = found
-    assert (first.frame.frame_id, first.frame.payload, first.frame.is_extended) == (0x23, b"\x40", False)
-    assert (second.frame.frame_id, second.frame.is_extended) == (0x18FEF100, True)
-    assert second.frame.payload == bytes.fromhex("03E00000C00000FF")
-    assert [(f.channel, f.is_sent, f.frame.is_fd) for f in (first, second)] == [
-        ("1", False, False),
-        ("2", True, False),
-    ]
-    assert [f.frame.stamp_ns - NOON for f in (first, second, last)] == [
-        942_000_000,
-        944_000_000,
-        1_500_000_000,
+    assert list(found) == [
+        LogFrame(Frame(0x23, b"\x40", NOON + 942_000_000, False, False), "1"),
+        LogFrame(
+            Frame(0x18FEF100, bytes.fromhex("03E00000C00000FF"), NOON + 944_000_000, True, False), "2", True
+        ),
+        LogFrame(Frame(0x7FF, b"", NOON + 1_500_000_000, False, False), "1"),
     ]
     assert found.remote_frames == 1
     assert f"{found.path}: its stamps are tenths of milliseconds" in found.notes()

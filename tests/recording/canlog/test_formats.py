@@ -97,7 +97,7 @@ def test_what_python_can_writes_is_read(tmp_path: Path, suffix: str) -> None:
 def test_a_file_cut_anywhere_gives_the_frames_before_and_says_so(
     tmp_path: Path, suffix: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("observer_rt.recording.canlog.blf_writer.CONTAINER_BYTES", 1000)
+    monkeypatch.setattr("observer_rt.recording.canlog.blf.CONTAINER_BYTES", 1000)
     path, cut = tmp_path / f"bus{suffix}", tmp_path / f"cut{suffix}"
     write_log(path, mixture(suffix, 30))
     data = path.read_bytes()

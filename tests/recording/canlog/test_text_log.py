@@ -57,6 +57,14 @@ def test_a_packed_log_that_is_damaged_is_refused(tmp_path: Path, suffix: str) ->
         list(open_log(path))
 
 
+@pytest.mark.parametrize("suffix", TEXTS)
+def test_a_byte_order_mark(tmp_path: Path, suffix: str) -> None:
+    path, frames = tmp_path / f"bus{suffix}", mixture(suffix, 3)
+    write_log(path, frames)
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
+    assert list(open_log(path)) == as_read(frames, suffix)
+
+
 def test_other_packed_files_are_unknown(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"unknown kind of file '\.gz'"):
         is_log(tmp_path / "bus.gz")

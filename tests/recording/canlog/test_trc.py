@@ -137,20 +137,8 @@ def test_malformed_logs_are_refused(tmp_path: Path, text: str, said: str) -> Non
     assert said in str(raised.value)
 
 
-def test_an_unfinished_last_line_is_left_out(tmp_path: Path) -> None:
-    found = log(tmp_path, HEADS["2.1"] + ROWS["2.1"] + "      5     21098.100 DT 1      07")
-    assert len(list(found)) == 2
-    assert any("line 9 is cut short" in note for note in found.notes())
-
-
 def test_what_is_left_of_a_frame_is_not_a_shorter_one(tmp_path: Path) -> None:
     """A length cut in its second digit, and all its data with it: an empty CAN FD frame, if it were a line."""
     found = log(tmp_path, HEADS["2.1"] + ROWS["2.1"] + "      5     21098.100 FD 1      0705 Rx -  0")
     assert len(list(found)) == 2
     assert any("line 9 is cut short" in note for note in found.notes())
-
-
-def test_a_byte_order_mark(tmp_path: Path) -> None:
-    found = log(tmp_path, HEADS["2.1"] + ROWS["2.1"])
-    found.path.write_bytes(b"\xef\xbb\xbf" + found.path.read_bytes())
-    assert len(list(found)) == 2

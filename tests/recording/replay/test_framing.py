@@ -1,9 +1,7 @@
 """Frames of recordings, decoded by plain cantools and checked by the AUTOSAR reference."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
-import cantools.database
 import numpy as np
 import pytest
 from e2e.p05 import e2e_p05_check
@@ -11,14 +9,12 @@ from numpy.typing import NDArray
 
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus
 from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
-from observer_rt.recording.replay.framing import Framer, Span, TimedFrame, whole, windows
+from observer_rt.recording.replay.framing import Framer, Span, whole, windows
 from observer_rt.recording.signals.recording import Recording
+from tests.recording.replay.decoded import DATABASE, SIGNALS, decoded
 
 RATE = 100e3
-DATABASE = cantools.database.load_file(EXAMPLE_BENCH.with_name("observer_fd.dbc"))
 SAMPLE_BLOCK, RAIL_BLOCK, LIFT_BLOCK, LINE_BLOCK = 0x100, 0x110, 0x111, 0x112
-SIGNALS = ("RailPressure", "NeedleLift", "LinePressure")
-TO_SI = np.array([1e6, 1e-6, 1e6])
 HALF_STEP = np.array([2500.0, 5e-9, 2500.0]) * (1 + 1e-9)  # half of 0.005 MPa, 0.01 um
 
 
@@ -34,22 +30,6 @@ def recording_of(samples: int, lift: NDArray[np.float64] | None = None) -> Recor
 
 def columns(recording: Recording) -> NDArray[np.float64]:
     return np.column_stack([recording.rail_pressure, recording.needle_lift, recording.line_pressure])
-
-
-def decoded(frames: Sequence[TimedFrame]) -> dict[int, dict[int, float]]:
-    """By column (rail, lift, line) and sample index: the values [SI] in the frames, nan where not available."""
-    found: dict[int, dict[int, float]] = {0: {}, 1: {}, 2: {}}
-    for frame in frames:
-        message = DATABASE.get_message_by_frame_id(frame.frame_id)
-        raw = message.decode(frame.payload, scaling=False, decode_choices=False)
-        values = message.decode(frame.payload, decode_choices=False)
-        for name, value in values.items():
-            kind, _, number = name.partition("_")
-            if kind in SIGNALS:
-                column, index = SIGNALS.index(kind), int(values["SampleIndex"]) + int(number)
-                assert index not in found[column]
-                found[column][index] = np.nan if raw[name] == 0xFFFF else float(value) * TO_SI[column]
-    return found
 
 
 @pytest.fixture(scope="module")

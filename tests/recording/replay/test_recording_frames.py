@@ -5,7 +5,6 @@ import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
-import cantools.database
 import numpy as np
 import pytest
 from hypothesis import given
@@ -18,10 +17,10 @@ from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.recording.replay.recording_frames import RecordingPart
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.recording.signals.stream import HeldSignals
+from tests.recording.replay.decoded import decoded
 from tests.recording.signals.generated import Repeated
 
 RATE = 100e3
-DATABASE = cantools.database.load_file(EXAMPLE_BENCH.with_name("observer_fd.dbc"))
 
 
 @pytest.fixture(scope="module")
@@ -51,16 +50,7 @@ def part_of(
 
 def rail_by_index(frames: list[TimedFrame]) -> dict[int, float]:
     """Rail pressure [MPa] by sample index; every index may come once, missing values are left out."""
-    found: dict[int, float] = {}
-    for frame in frames:
-        message = DATABASE.get_message_by_frame_id(frame.frame_id)
-        raw = message.decode(frame.payload, scaling=False, decode_choices=False)
-        for name in (name for name in raw if name.startswith("RailPressure_")):
-            index = int(raw["SampleIndex"]) + int(name[-2:])
-            assert index not in found
-            if raw[name] != 0xFFFF:
-                found[index] = 0.005 * raw[name] - 10
-    return found
+    return {index: value / 1e6 for index, value in decoded(frames)[0].items() if not np.isnan(value)}
 
 
 def rail_of(recording: Recording) -> list[float]:

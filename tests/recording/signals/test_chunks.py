@@ -1,7 +1,6 @@
 """Chunks of a recording taken apart and put together."""
 
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -9,18 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.foundation.errors import RunError
+from observer_rt.recording.replay.framing import Span
+from observer_rt.recording.replay.recording_frames import pieces
 from observer_rt.recording.signals.recording import Chunk
-from observer_rt.recording.signals.stream import copied, cut, pieces
+from observer_rt.recording.signals.stream import copied, cut
 from tests.recording.signals.generated import Repeated
 
 SAMPLES = 200
-
-
-class Part(NamedTuple):
-    """Samples [start, end)."""
-
-    start: int
-    end: int
 
 
 def whole(samples: int = SAMPLES) -> Chunk:
@@ -39,7 +33,7 @@ places = st.sets(st.integers(0, SAMPLES))
 @given(bounds=places, edges=places)
 def test_pieces_are_those_of_the_whole_however_it_is_chunked(bounds: set[int], edges: set[int]) -> None:
     ordered = sorted(edges)
-    spans = [Part(*pair) for pair in pairwise(ordered)][:: 1 + len(ordered) % 2]  # some touch, some do not
+    spans = [Span(*pair) for pair in pairwise(ordered)][:: 1 + len(ordered) % 2]  # some touch, some do not
     found = list(pieces(chunked(bounds), spans))
     assert [(piece.first, piece.samples) for piece in found] == [(s.start, s.end - s.start) for s in spans]
     for piece, span in zip(found, spans, strict=True):
@@ -49,7 +43,7 @@ def test_pieces_are_those_of_the_whole_however_it_is_chunked(bounds: set[int], e
 
 def test_a_file_that_became_shorter_is_told() -> None:
     with pytest.raises(RunError, match="became shorter"):
-        list(pieces([whole(50)], [Part(0, 20), Part(40, 60)]))
+        list(pieces([whole(50)], [Span(0, 20), Span(40, 60)]))
 
 
 def test_a_copy_does_not_hold_what_it_was_cut_from() -> None:

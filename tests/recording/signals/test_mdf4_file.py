@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from asammdf import MDF, Signal
+from numpy.typing import NDArray
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.formats import read_recording, write_recording
@@ -77,47 +78,46 @@ def test_samples_marked_invalid_are_not_available(tmp_path: Path) -> None:
     assert np.flatnonzero(np.isnan(recording.line_pressure)).tolist() == [4]
 
 
-def test_unknown_unit_names_channel_and_known_units(tmp_path: Path) -> None:
-    text = message(write(tmp_path / "x.mf4", channels({**UNITS, "line_pressure": "torr"})))
-    assert "channel line_pressure: unit 'torr' is not known" in text
-    assert "Pa, hPa, kPa, MPa, mbar, bar, psi" in text
+def lift(values: NDArray[np.float64]) -> list[Signal]:
+    """The channels with other values of the lift."""
+    rail, _, line = channels(UNITS)
+    return [rail, Signal(values, TIME, name="needle_lift", unit="mm"), line]
 
 
-@pytest.mark.parametrize("value", [np.inf, -np.inf, 1e306])
-def test_a_value_that_no_measurement_has(tmp_path: Path, value: float) -> None:
-    signals = channels(UNITS)
-    signals[1] = Signal(np.where(np.arange(10) == 7, value, VALUES), TIME, name="needle_lift", unit="mm")
-    assert f"channel needle_lift: sample 7 is {value:g} mm" in message(write(tmp_path / "x.mf4", signals))
-
-
-def test_no_unit(tmp_path: Path) -> None:
-    text = message(write(tmp_path / "x.mf4", channels({**UNITS, "needle_lift": ""})))
-    assert "channel needle_lift: has no unit" in text
-
-
-def test_missing_channel_names_the_nearest(tmp_path: Path) -> None:
-    units = {"rail_pressure": "MPa", "NeedleLift": "mm", "needle_lft": "mm", "line_pressure": "MPa"}
-    text = message(write(tmp_path / "x.mf4", channels(units)))
-    assert "channel 'needle_lift' is missing" in text
-    assert "the nearest is 'needle_lft'" in text
-
-
-def test_channel_twice(tmp_path: Path) -> None:
-    path = write(tmp_path / "x.mf4", channels(UNITS), channels({"needle_lift": "mm"}))
-    assert "channel needle_lift: appears 2 times" in message(path)
-
-
-def test_different_stamps(tmp_path: Path) -> None:
-    late = Signal(VALUES, TIME + 1e-6, name="line_pressure", unit="MPa")
-    path = write(tmp_path / "x.mf4", channels(UNITS)[:2], [late])
-    assert "channel line_pressure: its time stamps differ" in message(path)
-
-
-def test_gap_in_time_names_the_sample(tmp_path: Path) -> None:
-    time = TIME.copy()
-    time[6:] += 1.0
-    signals = [Signal(VALUES, time, name=name, unit=unit) for name, unit in UNITS.items()]
-    assert "sample 6: gap in time" in message(write(tmp_path / "x.mf4", signals))
+@pytest.mark.parametrize(
+    ("groups", "said"),
+    [
+        ([channels({**UNITS, "line_pressure": "torr"})], "channel line_pressure: unit 'torr' is not known"),
+        ([channels({**UNITS, "line_pressure": "torr"})], "Pa, hPa, kPa, MPa, mbar, bar, psi"),
+        ([channels({**UNITS, "needle_lift": ""})], "channel needle_lift: has no unit"),
+        (
+            [
+                channels(
+                    {"rail_pressure": "MPa", "NeedleLift": "mm", "needle_lft": "mm", "line_pressure": "MPa"}
+                )
+            ],
+            "channel 'needle_lift' is missing; the nearest is 'needle_lft'",
+        ),
+        ([channels(UNITS), channels({"needle_lift": "mm"})], "channel needle_lift: appears 2 times"),
+        (
+            [channels(UNITS)[:2], [Signal(VALUES, TIME + 1e-6, name="line_pressure", unit="MPa")]],
+            "channel line_pressure: its time stamps differ",
+        ),
+        (
+            [[Signal(VALUES, TIME + (TIME > 5.5e-5), name=name, unit=unit) for name, unit in UNITS.items()]],
+            "sample 6: gap in time",
+        ),
+        *(
+            (
+                [lift(np.where(np.arange(10) == 7, value, VALUES))],
+                f"channel needle_lift: sample 7 is {value:g} mm",
+            )
+            for value in (np.inf, -np.inf, 1e306)  # which no measurement has
+        ),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path: Path, groups: list[list[Signal]], said: str) -> None:
+    assert said in message(write(tmp_path / "x.mf4", *groups))
 
 
 @pytest.mark.parametrize("content", [b"", b"not a measurement " * 100])

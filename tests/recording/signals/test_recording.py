@@ -4,10 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.signals.recording import Recording
 
+Values = NDArray[np.float64]
 TIME = np.arange(100) / 20e3
 SIGNAL = np.ones(100)
 
@@ -25,20 +27,17 @@ def test_nan_is_accepted_as_not_available() -> None:
     assert np.isnan(Recording(TIME, missing, missing, missing, missing).rail_pressure[3])
 
 
-def test_signals_of_another_length_are_refused() -> None:
-    with pytest.raises(UserError, match=r"needle_lift: 99 samples, but the time has 100"):
-        Recording(TIME, SIGNAL, SIGNAL[1:], SIGNAL)
+INFINITE = np.where(np.arange(100) == 5, np.inf, 1.0)
 
 
-def test_infinite_values_are_refused() -> None:
-    infinite = SIGNAL.copy()
-    infinite[5] = np.inf
-    with pytest.raises(UserError, match=r"x\.mf4, sample 5: line_pressure is infinite"):
-        Recording(TIME, SIGNAL, SIGNAL, infinite, path=Path("x.mf4"))
-
-
-def test_uneven_time_is_refused_with_its_sample() -> None:
-    time = TIME.copy()
-    time[50:] += 1.0
-    with pytest.raises(UserError, match="recording, sample 50: gap in time"):
-        Recording(time, SIGNAL, SIGNAL, SIGNAL)
+@pytest.mark.parametrize(
+    ("time", "lift", "line", "said"),
+    [
+        (TIME, SIGNAL[1:], SIGNAL, "x.mf4, needle_lift: 99 samples, but the time has 100"),
+        (TIME, SIGNAL, INFINITE, "x.mf4, sample 5: line_pressure is infinite"),
+        (TIME + (np.arange(100) >= 50), SIGNAL, SIGNAL, "x.mf4, sample 50: gap in time"),
+    ],
+)
+def test_what_is_refused(time: Values, lift: Values, line: Values, said: str) -> None:
+    with pytest.raises(UserError, match=said):
+        Recording(time, SIGNAL, lift, line, path=Path("x.mf4"))

@@ -71,10 +71,6 @@ class Calendar:
 
     form: str
 
-    def is_stamp(self, cell: str) -> bool:
-        """Whether a cell is a stamp, or says that there is none."""
-        return is_missing(cell) or bool(self.nanoseconds([cell])[0] != _NONE)
-
     def nanoseconds(self, cells: Any) -> NDArray[np.int64]:
         """Of stamps (n,) since 1970; those that are none are below all others."""
         import pandas  # slow to import
@@ -181,7 +177,7 @@ def _holds_numbers(row: Sequence[str], mapped: Mapping[str, int], config: Record
     decimals = [config.decimal] if config.decimal else [".", ","]
     if not all(any(is_number(cell, decimal) for decimal in decimals) for cell in cells):
         return False
-    return calendar is None or calendar.is_stamp(time)
+    return calendar is None or bool(calendar.nanoseconds([time])[0] != _NONE)
 
 
 def _line_of_names(

@@ -77,19 +77,14 @@ class AxisSurvey:
         edges = [*([0] if not breaks.size or breaks[0] else []), *breaks.tolist(), time.size]
         for first, end in pairwise(edges):
             if first in breaks:
-                self._begin(float(time[first]), self._row + first, bool(step[first] < 0.0))
-            self._go_on(time[first:end], self._row + end - 1)
+                stamp, row = float(time[first]), self._row + first
+                self.runs.append(RowRun(row, row, stamp, stamp, bool(step[first] < 0.0)))
+            run = self.runs[-1]
+            run.last = self._row + end - 1
+            run.end = max(run.end, float(time[first:end].max()))
+            place = (time[first:end] - run.begin) * self._rate
+            self.off_grid = max(self.off_grid, float(np.abs(place - np.rint(place)).max()))
         self._row += time.size
-
-    def _begin(self, stamp: float, row: int, is_restart: bool) -> None:
-        self.runs.append(RowRun(row, row, stamp, stamp, is_restart))
-
-    def _go_on(self, time: Values, last: int) -> None:
-        run = self.runs[-1]
-        run.last = last
-        run.end = max(run.end, float(time.max()))
-        place = (time - run.begin) * self._rate
-        self.off_grid = max(self.off_grid, float(np.abs(place - np.rint(place)).max()))
 
 
 class Cursor:
@@ -224,13 +219,10 @@ class MappedSignals(TableSignals):
             for name, values in rows.signals.items()
         }
         passed = int(np.searchsorted(np.maximum.accumulate(place), grid[-1] - 1.0)) if count else 0
-        kept = math.ceil(self._longest_reach * self.rate) + 2  # rows that a bridge may begin with
+        longest = max(axis.reach for axis in self._axes)
+        kept = math.ceil(longest * self.rate) + 2  # rows that a bridge may begin with
         rows.drop(max(0, min(passed - kept, count - 1)))
         return signals
-
-    @property
-    def _longest_reach(self) -> float:
-        return max(axis.reach for axis in self._axes)
 
     def _axis(self, raster: int) -> AxisSurvey:
         axis = AxisSurvey(self.rate, self._table.config.bridge_ms * MILLISECOND)
@@ -314,17 +306,11 @@ class MappedSignals(TableSignals):
             yield f"{self.path}: {axis.disordered} rows with a time that repeats or steps back a little are left out"
         if dropped := len(axis.runs) - len(self._runs):
             yield f"{self.path}: {dropped} single samples between gaps are left out"
-        if len(self._runs) > 1:
-            yield f"{self.path}: split into {len(self._runs)} stretches: {self._splits()}"
-
-    def _splits(self) -> str:
-        places = []
+        splits = []
         for before, after in pairwise(self._runs):
-            what = (
-                "the time begins anew"
-                if after.is_restart
-                else f"{after.begin - before.end:.4g} s are missing"
-            )
-            places.append(f"after {before.end:.6g} s {what}")
-        more = f" and {len(places) - _SHOWN} more" if len(places) > _SHOWN else ""
-        return "; ".join(places[:_SHOWN]) + more
+            what = f"{after.begin - before.end:.4g} s are missing"
+            splits.append(f"after {before.end:.6g} s {'the time begins anew' if after.is_restart else what}")
+        if splits:
+            more = f" and {len(splits) - _SHOWN} more" if len(splits) > _SHOWN else ""
+            told = "; ".join(splits[:_SHOWN]) + more
+            yield f"{self.path}: split into {len(self._runs)} stretches: {told}"

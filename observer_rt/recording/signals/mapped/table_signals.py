@@ -17,7 +17,7 @@ from observer_rt.foundation.units import (
     TIME_UNITS,
 )
 from observer_rt.recording.signals.mapped.table import TIME, Table, TablePart, Values
-from observer_rt.recording.signals.recording import EQUIDISTANT, Chunk, GridCheck, UnevenTime, refuse_infinite
+from observer_rt.recording.signals.recording import EQUIDISTANT, Chunk, TimeGrid, UnevenTime, refuse_infinite
 from observer_rt.recording.signals.stream import SignalStream, Stretch
 
 RATE_UNITS = {
@@ -73,17 +73,8 @@ class TableSignals(SignalStream):
                 yield TablePart(time_scale.to_si(part.time), signals)
 
     def _chunk(self, time: Values, signals: Mapping[str, Values], stretch: int, first: int) -> Chunk:
-        return Chunk(
-            time,
-            signals["rail_pressure"],
-            signals["needle_lift"],
-            signals["line_pressure"],
-            signals.get("injection_rate"),
-            self.path,
-            self.rate,
-            stretch,
-            first,
-        )
+        of = {"path": self.path, "rate": self.rate, "stretch": stretch, "first": first}
+        return Chunk(time, **signals, **of)  # type: ignore[arg-type]
 
     def _look_at(self, part: TablePart, row: int, raster: int) -> None:
         """Note the ranges of a part that begins at a row. Raises `UserError` for an infinite value."""
@@ -124,7 +115,7 @@ class EvenSignals(TableSignals):
         """
         super().__init__(table)
         self._in_one_go = in_one_go
-        grid = GridCheck()
+        grid = TimeGrid()
         parts = self._checked_parts(grid)
         if in_one_go:
             first = list(islice(parts, 1))
@@ -140,7 +131,7 @@ class EvenSignals(TableSignals):
             yield self._chunk(part.time, part.signals, 0, first)
             first += part.time.size
 
-    def _checked_parts(self, grid: GridCheck) -> Iterator[TablePart]:
+    def _checked_parts(self, grid: TimeGrid) -> Iterator[TablePart]:
         """All parts, each checked before it is given."""
         start = 0.0
         for part in self._filled_parts():

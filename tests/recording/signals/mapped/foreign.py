@@ -1,8 +1,11 @@
 """Files as other tools write them, with a bench file that says what is in them."""
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench
@@ -66,6 +69,31 @@ def signals(samples: int) -> dict[str, NDArray[np.float64]]:
         "lift": (k % 100).astype(np.float64),
         "p_Line": 99.0 + k % 5 / 4.0,
     }
+
+
+def write(folder: Path, text: str, encoding: str = "utf-8") -> Path:
+    """A CSV file."""
+    path = folder / "foreign.csv"
+    path.write_bytes(text.encode(encoding))
+    return path
+
+
+def damaged(draw: Callable[[st.SearchStrategy[Any]], Any], text: str) -> bytes:
+    """A text with some bytes changed, left out, inserted, or cut off."""
+    content = bytearray(text.encode())
+    for _ in range(draw(st.integers(1, 4))):
+        place = draw(st.integers(0, len(content) - 1))
+        match draw(st.sampled_from(["change", "delete", "insert", "cut"])):
+            case "change":
+                content[place] = draw(st.integers(0, 255))
+            case "delete":
+                del content[place : place + draw(st.integers(1, 60))]
+            case "insert":
+                content[place:place] = draw(st.binary(min_size=1, max_size=8))
+            case "cut":
+                del content[place:]
+        content = content or bytearray(b" ")
+    return bytes(content)
 
 
 def read(path: Path, fitted: Bench) -> Recording:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.formats import open_recording, read_recording, write_recording
-from tests.recording.signals.mapped.foreign import RATE, bench, read, signals, tells
+from tests.recording.signals.mapped.foreign import RATE, bench, damaged, read, signals, tells, write
 
 reuse_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 NAMES = ("t", "p_Rail", "lift", "p_Line")
@@ -34,10 +34,9 @@ def lines(
     ]
 
 
-def write(folder: Path, text: str, encoding: str = "utf-8") -> Path:
-    path = folder / "foreign.csv"
-    path.write_bytes(text.encode(encoding))
-    return path
+def named(*rows: str) -> str:
+    """Text of rows under the names of their columns."""
+    return "\n".join([";".join(NAMES), *rows])
 
 
 def message(path: Path, folder: Path, **bench_options: str) -> str:
@@ -101,13 +100,13 @@ def test_units_of_the_file_count_where_the_bench_has_none(tmp_path: Path) -> Non
     for header in (["t;p_Rail [kPa];lift;p_Line"], [";".join(NAMES), "ms;kPa;um;MPa"]):
         recording = read(write(tmp_path, "\n".join([*header, *lines()])), bench(tmp_path, rail=""))
         assert recording.rail_pressure[0] == 1000e3
-    text = message(write(tmp_path, "\n".join([";".join(NAMES), *lines()])), tmp_path, rail="")
+    text = message(write(tmp_path, named(*lines())), tmp_path, rail="")
     assert "column p_Rail (rail_pressure): has no unit" in text
     assert "[recording.rail_pressure] unit" in text
 
 
 def test_factor_and_offset_make_a_signal_of_volts(tmp_path: Path) -> None:
-    path = write(tmp_path, "\n".join([";".join(NAMES), *lines()]))
+    path = write(tmp_path, named(*lines()))
     recording = read(path, bench(tmp_path, rail='unit = "MPa"\nfactor = 0.2\noffset = -50'))
     assert recording.rail_pressure[0] == 150e6
 
@@ -122,7 +121,7 @@ def test_a_missing_column_names_line_and_the_nearest(tmp_path: Path) -> None:
 def test_a_cell_that_is_no_number_names_line_and_column(tmp_path: Path, bad: str) -> None:
     rows = lines()
     rows[11] = f"0,11;1000;{bad};99"
-    text = message(write(tmp_path, "\n".join([";".join(NAMES), *rows])), tmp_path)
+    text = message(write(tmp_path, named(*rows)), tmp_path)
     assert f"line 13: column lift (needle_lift): '{bad}' is not a number" in text
 
 
@@ -130,13 +129,13 @@ def test_cells_without_a_value_are_not_available(tmp_path: Path) -> None:
     rows = lines(samples=400)
     for row in range(100, 200):
         rows[row] = ";".join([rows[row].split(";")[0], *rows[row].split(";")[1:3], "N/A"])
-    recording = read(write(tmp_path, "\n".join([";".join(NAMES), *rows])), bench(tmp_path))
+    recording = read(write(tmp_path, named(*rows)), bench(tmp_path))
     assert np.flatnonzero(np.isnan(recording.line_pressure)).tolist() == list(range(100, 200))
     assert not np.isnan(recording.rail_pressure).any()
 
 
 def test_a_last_line_that_was_cut_is_left_out(tmp_path: Path) -> None:
-    path = write(tmp_path, "\n".join([";".join(NAMES), *lines(), "0,4;10"]))
+    path = write(tmp_path, named(*lines(), "0,4;10"))
     fitted = bench(tmp_path)
     stream = open_recording(path, fitted.injector)
     assert stream.samples == 40
@@ -145,7 +144,7 @@ def test_a_last_line_that_was_cut_is_left_out(tmp_path: Path) -> None:
 
 def test_our_own_layout_is_read_as_ever_beside_a_mapping(tmp_path: Path) -> None:
     fitted = bench(tmp_path)
-    foreign = read(write(tmp_path, "\n".join([";".join(NAMES), *lines()])), fitted)
+    foreign = read(write(tmp_path, named(*lines())), fitted)
     for suffix in (".csv", ".mf4", ".parquet"):
         own = tmp_path / f"own{suffix}"
         write_recording(own, foreign)
@@ -157,21 +156,8 @@ def test_our_own_layout_is_read_as_ever_beside_a_mapping(tmp_path: Path) -> None
 @given(data=st.data())
 @reuse_folder
 def test_damage_is_told_and_never_a_traceback(tmp_path: Path, data: st.DataObject) -> None:
-    content = bytearray("\n".join(["p;q", ";".join(NAMES), "ms;bar;um;MPa", *lines(25)]).encode())
-    for _ in range(data.draw(st.integers(1, 4))):
-        place = data.draw(st.integers(0, len(content) - 1))
-        match data.draw(st.sampled_from(["change", "delete", "insert", "cut"])):
-            case "change":
-                content[place] = data.draw(st.integers(0, 255))
-            case "delete":
-                del content[place : place + data.draw(st.integers(1, 60))]
-            case "insert":
-                content[place:place] = data.draw(st.binary(min_size=1, max_size=8))
-            case "cut":
-                del content[place:]
-        content = content or bytearray(b" ")
     path = tmp_path / "foreign.csv"
-    path.write_bytes(bytes(content))
+    path.write_bytes(damaged(data.draw, "\n".join(["p;q", ";".join(NAMES), "ms;bar;um;MPa", *lines(25)])))
     assert tells(path, bench(tmp_path))
 
 
@@ -186,8 +172,6 @@ def test_a_line_with_a_separator_too_many_is_refused(tmp_path: Path, separator: 
 
 
 def test_a_separator_behind_every_line_is_no_cell(tmp_path: Path) -> None:
-    plain = read(write(tmp_path, "\n".join([";".join(NAMES), *lines()])), bench(tmp_path))
-    trailing = read(
-        write(tmp_path, "\n".join([";".join(NAMES), *(f"{row};" for row in lines())])), bench(tmp_path)
-    )
+    plain = read(write(tmp_path, named(*lines())), bench(tmp_path))
+    trailing = read(write(tmp_path, named(*(f"{row};" for row in lines()))), bench(tmp_path))
     np.testing.assert_array_equal(trailing.line_pressure, plain.line_pressure)

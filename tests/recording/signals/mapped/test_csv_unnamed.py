@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.formats import open_recording
-from tests.recording.signals.mapped.foreign import PLACES, RATE, bench, read, signals, tells
+from tests.recording.signals.mapped import foreign
+from tests.recording.signals.mapped.foreign import PLACES, RATE, bench, damaged, read, signals, tells
 
 reuse_folder = settings(
     suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=40
@@ -37,9 +38,7 @@ def rows(separator: str, decimal: str, form: str | None = None, samples: int = 4
 
 
 def write(folder: Path, lines: list[str]) -> Path:
-    path = folder / "foreign.csv"
-    path.write_text("\n".join(lines) + "\n")
-    return path
+    return foreign.write(folder, "\n".join(lines) + "\n")
 
 
 @given(
@@ -124,14 +123,6 @@ def test_a_file_without_names_is_told_of_places(tmp_path: Path) -> None:
 @given(data=st.data())
 @reuse_folder
 def test_damage_is_told_and_never_a_traceback(tmp_path: Path, data: st.DataObject) -> None:
-    content = bytearray("\n".join(rows(";", ".", ISO, 25)).encode())
-    for _ in range(data.draw(st.integers(1, 4))):
-        place = data.draw(st.integers(0, len(content) - 1))
-        if data.draw(st.booleans()):
-            content[place] = data.draw(st.integers(0, 255))
-        else:
-            del content[place : place + data.draw(st.integers(1, 60))]
-        content = content or bytearray(b" ")
     path = tmp_path / "foreign.csv"
-    path.write_bytes(bytes(content))
+    path.write_bytes(damaged(data.draw, "\n".join(rows(";", ".", ISO, 25))))
     assert tells(path, bench(tmp_path, text=PLACES, time=""))

@@ -2,6 +2,7 @@
 
 import json
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
 
@@ -162,6 +163,10 @@ def monitor(
     effects: options.EffectsOption = None,
 ) -> None:
     """Serve a live page of a bench: last injections, masses, wear, states and what to do. Listens, sends nothing."""
+    if find_spec("tornado") is None:
+        raise UserError(
+            "monitor", "needs Tornado, which is not installed", "pip install 'observer-rt[monitor]'"
+        )
     from observer_rt.watch.listening import LiveSource, LogSource
     from observer_rt.watch.server import serve_page
 

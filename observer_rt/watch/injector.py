@@ -2,7 +2,6 @@
 
 from collections import deque
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +16,7 @@ from observer_rt.service.watch.arrivals import SECOND, Arrivals, message_text
 from observer_rt.service.watch.input_watch import LASTING
 from observer_rt.service.watch.silence import TOLD
 from observer_rt.service.words import REASONS, STATES, TOPICS, Topic, is_good
-from observer_rt.watch.results import Rates, ResultReader, SampleCurves, SeenInjection
+from observer_rt.watch.results import Rates, ResultReader, SampleCurves, SeenInjection, layout_key
 from observer_rt.watch.samples import CountShift, InjectionModel, InputSamples, PublishedRates, best_place
 
 _NO_DAEMON = "start `observer-rt run` for this bench, or see to its bus"
@@ -78,8 +77,7 @@ class FaultWatch:
 
 
 KEPT = 1000  # injections
-Key: TypeAlias = tuple[int, int, bool]
-"""Of a frame: its bus, its identifier, whether that is extended."""
+HISTORY = np.dtype([(name, np.float64) for name in (*SummaryValues._fields, "nominal_mass")])
 
 
 @dataclass(frozen=True)
@@ -88,6 +86,8 @@ class Seen:
 
     name: str
     injections: tuple[SeenInjection, ...]
+    history: NDArray[np.void]
+    """Of all that are kept (n,), dtype `HISTORY`: their summaries, and the mass by the model as given [mg]."""
     status: StatusValues | None
     faults: tuple[Fault, ...]
     lost: int
@@ -102,23 +102,19 @@ class WatchedInjector:
         fitted = alone.injector
         self.bus: BusMap = map_bus(alone)
         self.name = fitted.name
-        self.rate_hz = fitted.config.sampling.rate_hz
+        self.keys = frozenset(layout_key(each) for each in (*self.bus.received, *self.bus.sent))
+        """Of the frames that are to be taken, as by `frame_key`."""
+        self._rate_hz = fitted.config.sampling.rate_hz
         self._results = ResultReader(self.bus)
         self._samples = InputSamples(fitted, self.bus)
         self._rates = PublishedRates()
-        self._are_counted = self._samples.are_counted
-        self._count_shift = CountShift(self._samples.lookahead, self.rate_hz)
+        self._count_shift = CountShift(self._samples.lookahead, self._rate_hz)
         self._model = InjectionModel(fitted)
         self._arrivals = Arrivals(self.bus)
         self._faults = FaultWatch(self.bus, self._arrivals)
         self._status: StatusValues | None = None
         self._injections: deque[SeenInjection] = deque(maxlen=KEPT)
-
-    @property
-    def keys(self) -> frozenset[Key]:
-        """Of the frames that are to be taken."""
-        layouts = (*self.bus.received, *self.bus.sent)
-        return frozenset((each.bus, each.frame_id, each.is_extended) for each in layouts)
+        self._history = np.empty(0, HISTORY)
 
     def prepare(self) -> None:
         """Compile, or load, what frames will need, before they come."""
@@ -138,11 +134,14 @@ class WatchedInjector:
         result = self._results.read(came)
         if isinstance(result, Rates):
             self._rates.take(result)
-            if self._are_counted:
+            if self._samples.are_counted:
                 self._count_shift.note(result.index + result.rates.size - 1, self._samples.newest)
         elif isinstance(result, SummaryValues):
             if not self._injections or result != self._injections[-1].summary:
-                self._injections.append(self._seen(result, now))
+                injection = self._seen(result, now)
+                self._injections.append(injection)
+                row = np.array([(*result, injection.nominal_mass)], HISTORY)
+                self._history = np.concatenate([self._history[1 - KEPT :], row])
         elif isinstance(result, StatusValues):
             self._status = result
 
@@ -150,46 +149,42 @@ class WatchedInjector:
         """All of it at a time [ns since 1970]."""
         status = self._status
         said = 0.0 if status is None else np.nansum([status.dropped_frames, status.lost_samples])
-        return Seen(
-            self.name,
-            tuple(self._injections),
-            status,
-            self._faults.look(now, status),
-            self._results.refused + int(said),
-        )
+        faults = self._faults.look(now, status)
+        lost = self._results.refused + int(said)
+        return Seen(self.name, tuple(self._injections), self._history, status, faults, lost)
 
     def _seen(self, summary: SummaryValues, now: int) -> SeenInjection:
-        without_curves = SeenInjection(summary, now, _no_curves(), np.nan)
+        """An injection with the samples that belong to it, where these were heard."""
         ahead = self._ahead(summary)
         if ahead is None:
-            return without_curves
+            return SeenInjection(summary, now)
         rows = self._samples.between(int(summary.sample_index) - ahead, int(summary.end_index) - ahead)
         if not len(rows):
-            return without_curves
+            return SeenInjection(summary, now)
         rail, lift = rows["rail_pressure"].copy(), rows["needle_lift"].copy()
         nominal = self._model(rail, lift)
         worn = self._model(rail, lift, *_wear(summary))
         c = self._model.coefficients
-        place = (rows["index"] - rows["index"][0]).astype(np.float64)
-
-        def in_mpa(values: NDArray[np.float64]) -> NDArray[np.float32]:
-            return ((values * c.pressure_scale + c.chamber_pressure) / MEGAPASCAL).astype(np.float32)
-
-        curves = SampleCurves(
-            time=(place / self.rate_hz / MILLISECOND).astype(np.float32),
-            rail_pressure=in_mpa(rail),
-            needle_lift=(lift / MICROMETRE).astype(np.float32),
-            line_pressure=in_mpa(rows["line_pressure"]),
-            rate=self._rates.at(rows["index"] + ahead).astype(np.float32),
-            nominal=nominal.rate.astype(np.float32),
-            phi=worn.phi.astype(np.float32),
+        curves = (
+            (rows["index"] - rows["index"][0]) / (self._rate_hz * MILLISECOND),
+            (rail * c.pressure_scale + c.chamber_pressure) / MEGAPASCAL,
+            lift / MICROMETRE,
+            (rows["line_pressure"] * c.pressure_scale + c.chamber_pressure) / MEGAPASCAL,
+            self._rates.at(rows["index"] + ahead),
+            nominal.rate,
+            *worn.phi,
         )
-        volume = float(np.trapezoid(nominal.rate * MM3_PER_MS)) / self.rate_hz
-        return SeenInjection(summary, now, curves, volume * c.density / MILLIGRAM)
+        volume = float(np.trapezoid(nominal.rate * MM3_PER_MS)) / self._rate_hz
+        return SeenInjection(
+            summary,
+            now,
+            SampleCurves._make(each.astype(np.float32) for each in curves),
+            volume * c.density / MILLIGRAM,
+        )
 
     def _ahead(self, summary: SummaryValues) -> int | None:
         """By how many samples the observer's count is ahead of ours; None: it cannot be told of this injection."""
-        if not self._are_counted:
+        if not self._samples.are_counted:
             return 0
         candidates = self._count_shift.candidates
         if not candidates:
@@ -208,8 +203,3 @@ def _wear(summary: SummaryValues) -> tuple[float, float]:
     """Of nozzle and seat; none where it is not known."""
     nozzle, seat = np.nan_to_num([summary.nozzle_wear, summary.seat_wear]).tolist()
     return nozzle, seat
-
-
-def _no_curves() -> SampleCurves:
-    nothing = np.empty(0, np.float32)
-    return SampleCurves(nothing, nothing, nothing, nothing, nothing, nothing, np.empty((3, 0), np.float32))

@@ -2,6 +2,7 @@
 
 import threading
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -22,7 +23,28 @@ Taker = Callable[[BusFrame, int], None]
 _WAIT = 0.05  # s that the listener is deaf to its end
 
 
-class LiveSource:
+class FrameSource(ABC):
+    """Gives frames until told to stop."""
+
+    is_live = False
+    """Else time is that of the frames."""
+
+    @property
+    def dropped(self) -> int:
+        """Frames that were lost before they were given, where anybody can tell."""
+        return 0
+
+    @property
+    def down(self) -> Mapping[int, str]:
+        """Buses that are down, with why."""
+        return {}
+
+    @abstractmethod
+    def run(self, take: Taker, stop: threading.Event) -> None:
+        """Give frames. Raises `ObserverError` when it cannot go on."""
+
+
+class LiveSource(FrameSource):
     """The buses of a bench that its injectors use, unfiltered."""
 
     is_live = True
@@ -78,32 +100,27 @@ def used_buses(bench: Bench) -> frozenset[int]:
     return frozenset[int]().union(*(buses_of(map_bus(alone)) for alone in bench.each))
 
 
-class LogSource:
+class LogSource(FrameSource):
     """A CAN log, from its first frame on, at the pace of its stamps."""
-
-    is_live = False
-    dropped = 0
-    """Nobody can tell."""
-    down: Mapping[int, str] = {}
 
     def __init__(
         self, path: Path, links: Sequence[NamedLink], from_channels: Sequence[str] = (), speed: float = 1.0
     ) -> None:
         """from_channels: texts of `--from-channel`. Raises `UserError` for a log that is none, or malformed."""
         self._speed = speed
-        self._channels = chosen_channels(path, links, set(range(len(links))), from_channels)
+        channels = chosen_channels(path, links, set(range(len(links))), from_channels)
+        self._bus_of = {channel: bus for bus, channel in channels.items()}
         self._log = open_log(path)
         self._path = path
 
     def run(self, take: Taker, stop: threading.Event) -> None:
         """Give all frames. Raises `UserError` where the log is malformed, or has none."""
-        bus_of = {channel: bus for bus, channel in self._channels.items()}
         first: int | None = None
         begin = time.monotonic_ns()
         for entry in self._log:
             if stop.is_set():
                 return
-            bus = bus_of.get(entry.channel, bus_of.get(None))
+            bus = self._bus_of.get(entry.channel, self._bus_of.get(None))
             if bus is None:
                 continue
             stamp = entry.frame.stamp_ns

@@ -42,6 +42,10 @@ class InputSamples:
 
     def __init__(self, fitted: BenchInjector, bus: BusMap) -> None:
         self._compiled = Core(fitted, bus, learning=False).compiled
+        keeping = self._compiled.pipeline.keeping
+        numbering = keeping.timing[keeping.memory[0]["leading"]]["numbering"]
+        self.are_counted = bool(numbering != Numbering.INDEX)
+        """Whether their index is not sent, but counted since the first one came."""
         self._keys = set(bus.inputs.messages["key"][: len(bus.input_layouts)].tolist())
 
     def prepare(self) -> None:
@@ -70,12 +74,6 @@ class InputSamples:
     def lookahead(self) -> int:
         """Samples that an observer must know beyond one."""
         return int(self._compiled.observer.constants.timing.lookahead)
-
-    @property
-    def are_counted(self) -> bool:
-        """Whether their index is not sent, but counted since the first one came."""
-        keeping = self._compiled.pipeline.keeping
-        return bool(keeping.timing[keeping.memory[0]["leading"]]["numbering"] != Numbering.INDEX)
 
     def between(self, start: int, end: int) -> NDArray[np.void]:
         """Those with an index as sent in [start, end], dtype `sample_dtype`; only the newest are remembered."""

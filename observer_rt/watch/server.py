@@ -1,20 +1,66 @@
-"""`observer-rt monitor`: the page served until Ctrl-C."""
+"""`observer-rt monitor`: the page served until Ctrl-C, and a WebSocket for each browser that has it open."""
 
+import asyncio
 import gc
+import json
+import re
 import socket
 import sys
+from contextlib import suppress
 from ipaddress import ip_address
 from pathlib import Path
 
 from rich.console import Console
+from tornado.httpserver import HTTPServer
+from tornado.ioloop import PeriodicCallback
+from tornado.netutil import bind_sockets
+from tornado.web import Application, StaticFileHandler
+from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from observer_rt.config.bench import Bench
-from observer_rt.foundation.errors import RunError, UserError
+from observer_rt.foundation.errors import RunError
 from observer_rt.terminal.console import say, stop_on_signals
-from observer_rt.watch.watching import FrameSource, Watching
+from observer_rt.watch.listening import FrameSource
+from observer_rt.watch.page.session import Session
+from observer_rt.watch.watching import Watching
 
-_STOP_EVERY = 100  # ms between two looks at the stop signal
+_FILES = Path(__file__).parent / "page" / "static"
+_LOOK_EVERY = 10  # ms: whether something is new and a browser through with the last drawing
+_STOP_EVERY = 0.1  # s between two looks at the stop signal
 _TURN = 0.0002  # s that the listening thread may go on while the page waits to be served
+
+
+class _PageFiles(StaticFileHandler):
+    def set_extra_headers(self, path: str) -> None:
+        self.set_header("Cache-Control", "no-cache")  # else a browser may keep those of an older version
+
+
+class _Channel(WebSocketHandler):
+    """Brings what is new to a browser, which answers each message with its number once it is drawn."""
+
+    def initialize(self, watching: Watching, folder: Path) -> None:
+        """folder: where injections are saved."""
+        self._session = Session(watching, folder)
+        self._looking = PeriodicCallback(self._draw, _LOOK_EVERY)
+
+    def open(self) -> None:
+        """The browser has the page."""
+        self.set_nodelay(True)  # else most drawings wait 40 ms for the receipt of the packet before
+        self._looking.start()
+
+    def on_message(self, message: str | bytes) -> None:
+        """A button was pressed, or something drawn."""
+        self._session.take(*json.loads(message))
+        self._draw()
+
+    def on_close(self) -> None:
+        """The browser is gone."""
+        self._looking.stop()
+
+    def _draw(self) -> None:
+        if (message := self._session.message()) is not None:
+            with suppress(WebSocketClosedError):  # which `on_close` is about to be told
+                self.write_message(message, binary=True)
 
 
 def serve_page(
@@ -22,74 +68,43 @@ def serve_page(
 ) -> None:
     """Listen to a source and serve its page until SIGINT or SIGTERM; port 0: one that is free; folder: of `Save`.
 
-    Raises `UserError` without Bokeh or for a log that will not do, `RunError` for a port that is taken.
+    Raises `RunError` for a port that is taken.
     """
+    asyncio.run(_serve(Watching(bench, source), address, port, folder, console))
+
+
+async def _serve(watching: Watching, address: str, port: int, folder: Path, console: Console) -> None:
+    application = Application()
+    handlers = [
+        ("/drawings", _Channel, {"watching": watching, "folder": folder}),
+        ("/(.*)", _PageFiles, {"path": _FILES, "default_filename": "page.html"}),
+    ]
     try:
-        from bokeh.application import Application
-        from bokeh.application.application import SessionContext
-        from bokeh.application.handlers.function import FunctionHandler
-        from bokeh.document import Document
-        from bokeh.server.server import Server
-        from tornado.ioloop import PeriodicCallback
-    except ImportError as error:
-        raise UserError(
-            "monitor", "needs Bokeh, which is not installed", "pip install 'observer-rt[monitor]'"
-        ) from error
-    from observer_rt.watch.page.channel import PATH, Channel, Drawn
-    from observer_rt.watch.page.document import Page
-
-    watching = Watching(bench, source)
-    pages: dict[str, Drawn] = {}
-
-    def make_page(document: Document) -> None:
-        page = Page(document, watching, folder)
-        pages[page.token] = page
-
-        def forget(_: SessionContext) -> None:
-            del pages[page.token]
-
-        document.on_session_destroyed(forget)
-
-    application = Application(FunctionHandler(make_page))
-    try:
-        chosen = port or _free_port(address)
-        origins = _origins(address, chosen)
-        server = Server(
-            {"/": application},
-            address=address,
-            port=chosen,
-            allow_websocket_origin=origins,
-            extra_patterns=[(PATH, Channel, {"pages": pages, "origins": origins})],
-        )
+        application.add_handlers(_names_of(address), handlers)
+        sockets = bind_sockets(port, address, socket.AF_INET)
     except OSError as error:
         raise RunError(
             f"--port {port}: {address} cannot be listened at ({error.strerror})\n"
             "  remedy: choose another port, or --port 0 for any that is free"
         ) from error
+    HTTPServer(application).add_sockets(sockets)
     with stop_on_signals() as stop:
         watching.start()
-        say(console, f"http://{address}:{chosen}/ (Ctrl-C ends it)")
-
-        def look() -> None:
-            if stop.is_set():
-                server.io_loop.stop()
-
-        PeriodicCallback(look, _STOP_EVERY).start()
+        say(console, f"http://{address}:{sockets[0].getsockname()[1]}/ (Ctrl-C ends it)")
         sys.setswitchinterval(_TURN)
         gc.freeze()  # what is loaded stays: going through all of it now and then would hold up drawings
         try:
-            server.run_until_shutdown()
+            while not stop.is_set():
+                await asyncio.sleep(_STOP_EVERY)
         finally:
             watching.close()
 
 
-def _free_port(address: str) -> int:
-    with socket.create_server((address, 0)) as found:
-        return int(found.getsockname()[1])
+def _names_of(address: str) -> str:
+    """The names of this server, a pattern: on an address that only this computer reaches its own ones, else any.
 
-
-def _origins(address: str, port: int) -> list[str]:
-    """Names in the address bar under which a browser may talk to the server; any, where others are to reach it."""
+    A foreign page whose name leads here by its own name server is not served.
+    """
     if ip_address(socket.gethostbyname(address)).is_loopback:
-        return [f"{name}:{port}" for name in (address, "localhost", "127.0.0.1")]
-    return ["*"]
+        return rf"(localhost|127\.0\.0\.1|{re.escape(address)})"
+    return ".*"

@@ -3,40 +3,18 @@
 import threading
 import time
 from collections import deque
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import Protocol
 
-from observer_rt.bus.can_frame import ParameterGroups
-from observer_rt.bus.database.lookup import MessageLayout
+from observer_rt.bus.can_frame import ParameterGroups, frame_key
 from observer_rt.bus.links.link import BusFrame, Frame
 from observer_rt.bus.mapping.output_messages import frame_time
 from observer_rt.config.bench import Bench
 from observer_rt.config.links import LinkConfig
-from observer_rt.watch.injector import Key, Seen, WatchedInjector
-from observer_rt.watch.listening import Taker, used_buses
+from observer_rt.watch.injector import Seen, WatchedInjector
+from observer_rt.watch.listening import FrameSource, used_buses
 
 OVER = 1_000_000_000  # ns
-
-
-class FrameSource(Protocol):
-    """Gives frames until told to stop."""
-
-    @property
-    def is_live(self) -> bool:
-        """Else time is that of the frames."""
-
-    @property
-    def dropped(self) -> int:
-        """Frames that were lost before they were given."""
-
-    @property
-    def down(self) -> Mapping[int, str]:
-        """Buses that are down, with why."""
-
-    def run(self, take: Taker, stop: threading.Event) -> None:
-        """Give frames. Raises `ObserverError` when it cannot go on."""
 
 
 @dataclass(frozen=True)
@@ -52,46 +30,33 @@ class Watching:
     """Listens beside; what it knows may be asked for by any thread."""
 
     def __init__(self, bench: Bench, source: FrameSource) -> None:
-        self._source = source
-        used = used_buses(bench)
-        self._labels = {bus: link.label for bus, link in enumerate(bench.config.buses) if bus in used}
-        self._loads = [BusLoadMeter(link.config) for link in bench.config.buses]
+        self.source = source
+        self.failure: Exception | None = None
+        """Why it hears nothing any more."""
+        used, links = used_buses(bench), bench.config.buses
+        self._labels = {bus: link.label for bus, link in enumerate(links) if bus in used}
+        self._loads = [BusLoadMeter(link.config) for link in links]
         self._injectors = [WatchedInjector(alone) for alone in bench.each]
-        self._takers = {
-            key: [each for each in self._injectors if key in each.keys]
-            for key in frozenset[Key]().union(*(each.keys for each in self._injectors))
-        }
+        received = [layout for each in self._injectors for layout in each.bus.received]
         self._groups = [
-            ParameterGroups(each.received_id for each in self._layouts() if each.bus == bus)
-            for bus in range(len(self._loads))
+            ParameterGroups(each.received_id for each in received if each.bus == bus)
+            for bus in range(len(links))
         ]
         self._lock = threading.Lock()
         self._stop = threading.Event()
         self._now = 0  # of the last frame
         self._thread = threading.Thread(target=self._run, name="listening", daemon=True)
-        self.failure: Exception | None = None
-        """Why it hears nothing any more."""
-
-    @property
-    def is_live(self) -> bool:
-        """Whether it listens to buses; else to a log."""
-        return self._source.is_live
 
     @property
     def now(self) -> int:
         """The time, of a log that of its last frame [ns since 1970]."""
-        return time.time_ns() if self.is_live else self._now
-
-    @property
-    def dropped(self) -> int:
-        """Frames that were lost before they were heard."""
-        return self._source.dropped
+        return time.time_ns() if self.source.is_live else self._now
 
     def start(self) -> None:
         """Begin to listen."""
         for injector in self._injectors:
             injector.prepare()
-        if self.is_live:
+        if self.source.is_live:
             self._begin(time.time_ns())
         self._thread.start()
 
@@ -104,7 +69,7 @@ class Watching:
     def buses(self) -> tuple[BusSeen, ...]:
         """Every bus that is used as it is now."""
         with self._lock:
-            now, down = self.now, self._source.down
+            now, down = self.now, self.source.down
             return tuple(
                 BusSeen(label, self._loads[bus].share(now), down.get(bus, ""))
                 for bus, label in self._labels.items()
@@ -116,30 +81,27 @@ class Watching:
             now = self.now
             return tuple(injector.seen(now) for injector in self._injectors)
 
-    def _layouts(self) -> Iterator[MessageLayout]:
-        """Of all messages that any injector reads."""
-        return (layout for injector in self._injectors for layout in injector.bus.received)
-
     def _begin(self, now: int) -> None:
         for injector in self._injectors:
             injector.begin(now)
 
     def _run(self) -> None:
         try:
-            self._source.run(self._take, self._stop)
+            self.source.run(self._take, self._stop)
         except Exception as error:  # the page says it; nothing else could
             self.failure = error
 
     def _take(self, came: BusFrame, now: int) -> None:
         with self._lock:
-            if not self._now and not self.is_live:
+            if not self._now and not self.source.is_live:
                 self._begin(now)
             self._now = now
             self._loads[came.bus].note(came.frame, now)
             came = self._own(came)
-            frame = came.frame
-            for injector in self._takers.get((came.bus, frame.frame_id, frame.is_extended), ()):
-                injector.take(came, now)
+            key = frame_key(came.frame.frame_id, came.frame.is_extended, came.bus)
+            for injector in self._injectors:
+                if key in injector.keys:
+                    injector.take(came, now)
 
     def _own(self, came: BusFrame) -> BusFrame:
         """Under the identifier of the bench: a message of J1939 may come from another source address."""

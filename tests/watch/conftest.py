@@ -1,6 +1,5 @@
 """A real browser, without a screen; and a monitor that serves its page to it."""
 
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -9,6 +8,7 @@ import pytest
 from playwright.sync_api import Browser, Page, Request, sync_playwright
 
 from observer_rt.foundation.errors import UserError
+from tests.service.end_to_end import command
 from tools.benchmarks.live_page.browser import launch, served
 
 Serve = Callable[..., str]
@@ -49,7 +49,6 @@ def serve(tmp_path: Path) -> Iterator[Serve]:
     with ExitStack() as stack:
 
         def started(*arguments: str | Path) -> str:
-            command = [sys.executable, "-m", "observer_rt", "monitor", "--port", "0", *arguments]
-            return stack.enter_context(served(command, tmp_path)).url
+            return stack.enter_context(served(command("monitor", "--port", "0", *arguments), tmp_path)).url
 
         yield started

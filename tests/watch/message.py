@@ -1,24 +1,23 @@
 """Messages to the browser, read back."""
 
 import json
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-_WIDTH = 4  # bytes of a number
 
-
-def unpacked(message: bytes) -> tuple[int, dict[str, str], dict[str, dict[str, NDArray[np.float32]]]]:
-    """Its number, letters by the element of the page, columns by panel and name."""
-    place = _WIDTH + int.from_bytes(message[:_WIDTH], "little")
-    said = json.loads(message[_WIDTH:place])
+def unpacked(message: bytes) -> tuple[dict[str, Any], dict[str, dict[str, NDArray[np.float32]]]]:
+    """Its text, and the columns by panel and name."""
+    place = 4 + int.from_bytes(message[:4], "little")
+    said = json.loads(message[4:place])
     values = np.frombuffer(message, "<f4", offset=place)
-    parts = said["parts"]
-    letters = {name: part for name, part in parts.items() if isinstance(part, str)}
-    columns = {}
-    for name, part in parts.items():
-        if name not in letters:
-            ends = part["start"] + np.cumsum([0, *part["lengths"].values()])
-            stretches = zip(part["lengths"], ends[:-1], ends[1:], strict=True)
-            columns[name] = {column: values[first:end] for column, first, end in stretches}
-    return said["number"], letters, columns
+    columns: dict[str, dict[str, NDArray[np.float32]]] = {}
+    start = 0
+    for part, lengths in said.pop("columns").items():
+        columns[part] = {}
+        for name, length in lengths.items():
+            columns[part][name] = values[start : start + length]
+            start += length
+    assert start == values.size
+    return said, columns

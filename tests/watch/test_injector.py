@@ -13,7 +13,7 @@ from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLIMETRE
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.watch.injector import Seen, WatchedInjector
-from observer_rt.watch.results import SeenInjection
+from observer_rt.watch.results import SampleCurves, SeenInjection
 from tests.benches import SAMPLE_RATE
 from tests.device import frames_of, worn_recording
 from tests.service.participants import bench_file
@@ -58,9 +58,14 @@ def watched(bench: Bench) -> Watched:
     return Watched(bench, worn_recording(6, WEAR))
 
 
+def curves_of(seen: SeenInjection) -> SampleCurves:
+    assert seen.curves is not None
+    return seen.curves
+
+
 def assert_recorded(seen: SeenInjection, recording: Recording, report: InjectionReport) -> None:
     """Its samples are those of the recording."""
-    window, curves = slice(report.start_index, report.end_index + 1), seen.curves
+    window, curves = slice(report.start_index, report.end_index + 1), curves_of(seen)
     assert curves.rail_pressure == pytest.approx(recording.rail_pressure[window] / MEGAPASCAL, abs=0.004)
     assert curves.line_pressure == pytest.approx(recording.line_pressure[window] / MEGAPASCAL, abs=0.004)
     assert curves.needle_lift * 1e-3 == pytest.approx(recording.needle_lift[window] / MILLIMETRE, abs=1e-5)
@@ -84,7 +89,7 @@ def test_its_samples_are_those_of_the_recording(watched: Watched) -> None:
 
 def test_its_rate_is_the_published_one_and_has_its_mass(watched: Watched) -> None:
     for seen, report in zip(watched.seen.injections[1:], watched.reports[1:], strict=True):
-        volume = float(np.trapezoid(seen.curves.rate, seen.curves.time))  # mm3
+        volume = float(np.trapezoid(curves_of(seen).rate, curves_of(seen).time))  # mm3
         assert 1e-3 * volume * report.density == pytest.approx(seen.summary.mass, rel=0.01)
 
 
@@ -95,8 +100,8 @@ def test_the_nominal_model_is_right_for_a_healthy_injector_and_misses_wear(
         assert seen.nominal_mass == pytest.approx(seen.summary.mass, rel=0.01)
     for seen in valid(watched.seen):
         assert seen.summary.mass / seen.nominal_mass == pytest.approx(1.0 + WEAR, abs=0.05)
-        assert seen.curves.phi[2].min() < -100.0
-        assert not seen.curves.phi[1].any()
+        assert curves_of(seen).phi_3.min() < -100.0
+        assert not curves_of(seen).phi_2.any()
 
 
 def test_an_injection_whose_samples_nobody_heard_has_no_curves(bench: Bench, watched: Watched) -> None:
@@ -104,7 +109,7 @@ def test_an_injection_whose_samples_nobody_heard_has_no_curves(bench: Bench, wat
     inputs = {layout.frame_id for layout in bus.input_layouts}
     seen = seen_after(bench, [each for each in watched.came if each.frame.frame_id not in inputs])
     assert len(seen.injections) == len(watched.reports)
-    assert all(each.curves.time.size == 0 and np.isnan(each.nominal_mass) for each in seen.injections)
+    assert all(each.curves is None and np.isnan(each.nominal_mass) for each in seen.injections)
 
 
 @pytest.mark.parametrize("missed", [0, 701])
@@ -117,9 +122,9 @@ def test_samples_without_an_index_are_placed_by_the_published_rate(tmp_path: Pat
     watched = Watched(bench, worn_recording(6, WEAR))
     seen = seen_after(bench, watched.came[missed:])
     reports = {report.number: report for report in watched.reports}
-    drawn = [each for each in seen.injections if each.curves.time.size]
+    drawn = [each for each in seen.injections if each.curves is not None]
     assert len(drawn) >= 3
     for each in drawn:
         assert_recorded(each, watched.recording, reports[int(each.summary.injection_number)])
-        volume = float(np.trapezoid(each.curves.rate, each.curves.time))
+        volume = float(np.trapezoid(curves_of(each).rate, curves_of(each).time))
         assert volume == pytest.approx(each.summary.volume, rel=0.01)

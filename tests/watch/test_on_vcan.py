@@ -1,11 +1,11 @@
 """The live page beside a daemon on a real SocketCAN interface: what its browsers are told, over its own WebSocket."""
 
-import re
+import json
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator, Mapping
 from contextlib import closing, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from urllib.request import urlopen
 
 import numpy as np
 import pytest
@@ -42,41 +42,35 @@ def daemon_of(bench: Path) -> Iterator[None]:
             daemon.terminate()
 
 
-class Opened:
-    """The page as a browser gets it: reads what it is to draw, a message at a look, and says that it has drawn it."""
+@dataclass
+class Shown:
+    """What stands in a browser: letters of the injector, columns by panel and name."""
 
-    def __init__(self, url: str) -> None:
-        with urlopen(url) as page:
-            found = re.search('data-token="([^"]+)"', page.read().decode())
-        assert found is not None
-        self._loop = IOLoop(make_current=False)
-        address = f"{url.replace('http', 'ws', 1)}drawings?page={found[1]}"
-        self._socket = self._loop.run_sync(lambda: websocket_connect(address))
-        self._letters: dict[str, str] = {}
-        self._columns: dict[str, dict[str, NDArray[np.float32]]] = {}
+    banner: str
+    columns: Mapping[str, Mapping[str, NDArray[np.float32]]]
 
-    def banner(self) -> str:
-        """The letters of the injector."""
-        self._look()
-        return self._letters.get("banner_0", "")
+    def highest(self, panel: str, name: str) -> float:
+        """Of a curve; 0 as long as nothing is drawn."""
+        return float(np.nan_to_num(self.columns.get(panel, {}).get(name, ())).max(initial=0.0))
 
-    def column(self, panel: str, name: str) -> NDArray[np.float32]:
-        """What a panel is to draw, none as long as nothing has come for it."""
-        self._look()
-        return self._columns.get(panel, {}).get(name, np.empty(0, np.float32))
 
-    def close(self) -> None:
-        self._socket.close()
-        self._loop.close(all_fds=True)
-
-    def _look(self) -> None:
-        """At the next message: there is one a second at least, for the clock goes on."""
-        message = self._loop.run_sync(self._socket.read_message)
-        assert isinstance(message, bytes)
-        number, letters, columns = unpacked(message)
-        self._letters |= letters
-        self._columns |= columns
-        self._loop.run_sync(lambda: self._socket.write_message(str(number)))
+def opened(url: str) -> Generator[Shown, None, None]:
+    """The page after each message to a browser: there is one a second at least, for the clock goes on."""
+    loop = IOLoop(make_current=False)
+    socket = loop.run_sync(lambda: websocket_connect(f"{url.replace('http', 'ws', 1)}drawings"))
+    shown = Shown("", {})
+    try:
+        while True:
+            message = loop.run_sync(socket.read_message)
+            assert isinstance(message, bytes)
+            said, columns = unpacked(message)
+            shown = Shown(said.get("letters", {}).get("banner_0", shown.banner), {**shown.columns, **columns})
+            drawn = json.dumps(["drawn", said["number"]])
+            loop.run_sync(lambda drawn=drawn: socket.write_message(drawn))
+            yield shown
+    finally:
+        socket.close()
+        loop.close(all_fds=True)
 
 
 @pytest.mark.slow
@@ -86,15 +80,15 @@ def test_a_page_beside_a_daemon(bench: Path, tmp_path: Path) -> None:
     replay = command("replay", tmp_path / "worn.csv", "--bench", bench, "--speed", SPEED)
     with (
         served(command("monitor", "--port", "0", "--bench", bench)) as page,
-        closing(Opened(page.url)) as browser,
+        closing(opened(page.url)) as browser,
     ):
         with daemon_of(bench):
             subprocess.run(replay, check=True, timeout=START_TIMEOUT)
-            until(lambda: f"<td>{INJECTIONS} " in browser.banner())
-            until(lambda: bool(np.nanmax(browser.column("rate_0", "rate"), initial=0.0) > 20.0))
-            until(lambda: bool(np.nanmax(browser.column("needle_lift", "needle_lift"), initial=0.0) > 100.0))
-            until(lambda: browser.column("mass", "valid").size == INJECTIONS)
-            until(lambda: "SampleBlock 0x100" in browser.banner())  # which the replay sends no more
-            assert "ObserverStatus" not in browser.banner()
-        until(lambda: "ObserverStatus" in browser.banner() and "observer-rt run" in browser.banner())
+            until(lambda: f"<td>{INJECTIONS} " in next(browser).banner)
+            until(lambda: next(browser).highest("rate_0", "rate") > 20.0)
+            until(lambda: next(browser).highest("needle_lift", "needle_lift") > 100.0)
+            until(lambda: len(next(browser).columns.get("mass", {}).get("valid", ())) == INJECTIONS)
+            until(lambda: "SampleBlock 0x100" in next(browser).banner)  # which the replay sends no more
+            assert "ObserverStatus" not in next(browser).banner
+        until(lambda: "start `observer-rt run`" in next(browser).banner)
         assert page.process.poll() is None

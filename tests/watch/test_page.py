@@ -3,26 +3,20 @@
 import json
 import re
 import socket
-import sys
-from collections.abc import Iterator
+from itertools import combinations
 from pathlib import Path
+from urllib.error import HTTPError
+from urllib.request import Request, urlopen
 
 import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from observer_rt.bus.links.link import BusFrame
 from observer_rt.config.bench import load_bench
 from tests.device import frames_of, worn_recording
-from tests.service.participants import bench_file
-from tests.three_injectors import (
-    NAMES,
-    frames_of_all,
-    lift_id,
-    one_alone,
-    three_injectors,
-    three_recordings,
-)
+from tests.service.end_to_end import command
+from tests.service.participants import bench_file, until
+from tests.three_injectors import NAMES, lift_id, three_on
 from tests.watch.conftest import Serve
 from tests.watch.traffic import Observed, traffic, write_log
 from tools.benchmarks.live_page.browser import served
@@ -31,52 +25,44 @@ pytestmark = pytest.mark.slow
 PATIENCE = 60_000  # ms, after which the machine is too slow or the page stuck
 LIFT_ENDS = 0.12  # s, after which one injector's lift stays away
 INJECTIONS = 10
+Options = tuple[str | Path, ...]
 
 
 @pytest.fixture(scope="module")
-def one(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+def one(tmp_path_factory: pytest.TempPathFactory) -> Options:
     """A bench with one injector, and a log of it."""
     folder = tmp_path_factory.mktemp("one")
-    path = bench_file(folder, "can0", "socketcan")
+    path, log = bench_file(folder, "can0", "socketcan"), folder / "bus.log"
     bench = load_bench(path)
-    recording = worn_recording(INJECTIONS, 0.2)
-    frames = frames_of(bench, recording)
-    write_log(folder / "bus.log", list(traffic(frames, [Observed(bench)])), ["can0"])
-    return path, folder / "bus.log"
+    frames = frames_of(bench, worn_recording(INJECTIONS, 0.2))
+    write_log(log, list(traffic(frames, [Observed(bench)])), ["can0"])
+    return "--bench", path, "--log", log
 
 
 @pytest.fixture(scope="module")
-def three(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """Three injectors, the needle lift of the second of which stays away from some moment on."""
+def three(tmp_path_factory: pytest.TempPathFactory) -> Options:
+    """Three injectors, the needle lift of the second of which stays away from some moment on; then time goes on."""
     folder = tmp_path_factory.mktemp("three")
-    path = three_injectors(folder, "can0", "socketcan")
-    alone = [one_alone(folder, number, "can0") for number in range(len(NAMES))]
-    frames = [
-        frame
-        for frame in frames_of_all(alone, three_recordings())
-        if frame.frame_id != lift_id(1) or frame.time < LIFT_ENDS
-    ]
-    came = list(traffic(frames, [Observed(each) for each in load_bench(path).each]))
-    write_log(folder / "bus.log", [*came, *_later(came)], ["can0"])
-    return path, folder / "bus.log"
-
-
-def _later(came: list[BusFrame]) -> Iterator[BusFrame]:
-    """Some frames of all that still comes, seconds later: time goes on."""
+    scene, log = three_on(folder, "can0", "socketcan"), folder / "bus.log"
     silent = lift_id(1)
-    last = {each.frame.frame_id: each for each in came if each.frame.frame_id != silent}
+    frames = [each for each in scene.frames if each.frame_id != silent or each.time < LIFT_ENDS]
+    came = list(traffic(frames, [Observed(each) for each in load_bench(scene.bench).each]))
+    last = {each.frame.frame_id: each for each in came if each.frame.frame_id != silent}.values()
     end = max(each.frame.stamp_ns for each in came)
-    for tenth in range(1, 40):
-        for each in last.values():
-            yield each._replace(frame=each.frame._replace(stamp_ns=end + tenth * 100_000_000))
+    later = [
+        each._replace(frame=each.frame._replace(stamp_ns=end + tenth * 100_000_000))
+        for tenth in range(1, 40)
+        for each in last
+    ]
+    write_log(log, [*came, *later], ["can0"])
+    return "--bench", scene.bench, "--log", log
 
 
 def test_traces_move_are_held_stepped_back_to_and_saved(
-    one: tuple[Path, Path], serve: Serve, page: Page, tmp_path: Path
+    one: Options, serve: Serve, page: Page, tmp_path: Path
 ) -> None:
-    bench, log = one
-    page.goto(serve("--bench", bench, "--log", log, "--speed", "0.02", "--out", tmp_path / "kept"))
-    number = page.locator("tr", has_text="injection").locator("td")
+    page.goto(serve(*one, "--speed", "0.02", "--out", tmp_path / "kept"))
+    number = page.locator(".letters tr", has_text="injection").locator("td")
     expect(number).to_have_text(re.compile("[2-9] "), timeout=PATIENCE)
     before, first = page.locator(".side").first.screenshot(), number.inner_text()
     expect(number).not_to_have_text(first, timeout=PATIENCE)
@@ -104,10 +90,9 @@ def test_traces_move_are_held_stepped_back_to_and_saved(
 
 
 def test_several_injectors_stand_side_by_side_and_a_fault_says_what_to_do(
-    three: tuple[Path, Path], serve: Serve, page: Page
+    three: Options, serve: Serve, page: Page
 ) -> None:
-    bench, log = three
-    page.goto(serve("--bench", bench, "--log", log))
+    page.goto(serve(*three))
     for name in NAMES:
         expect(page.locator(".state", has_text=name)).to_be_visible(timeout=PATIENCE)
     fault = page.locator(".fault", has_text="NeedleLiftBlock_two")
@@ -120,42 +105,65 @@ def test_several_injectors_stand_side_by_side_and_a_fault_says_what_to_do(
     assert left["y"] == right["y"]
     assert left["x"] < right["x"]
 
+    third = page.get_by_role("button", name=NAMES[2])
+    before = page.locator("#phi").screenshot()
+    third.click()
+    expect(third).to_have_attribute("aria-pressed", "true")
+    until(lambda: page.locator("#phi").screenshot() != before)
 
-def test_a_phone_has_no_scroll_bar_from_left_to_right(
-    one: tuple[Path, Path], serve: Serve, page: Page
-) -> None:
-    bench, log = one
-    page.set_viewport_size({"width": 390, "height": 844})
-    page.goto(serve("--bench", bench, "--log", log))
+
+_BOXES = """() => [...document.querySelectorAll("#top, .mass, .letters tr, #controls button, .u-title, .u-wrap")]
+    .map((each) => each.getBoundingClientRect().toJSON()).filter((each) => each.width > 0)"""
+
+
+def test_nothing_is_hidden_however_wide_the_window_is(one: Options, serve: Serve, page: Page) -> None:
+    page.goto(serve(*one))
     expect(page.locator(".mass")).to_be_visible(timeout=PATIENCE)
-    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    for width in (1920, 1600, 1280, 1000, 800, 390):
+        page.set_viewport_size({"width": width, "height": 844})
+        page.wait_for_function("document.documentElement.scrollWidth <= innerWidth")
+        boxes = page.evaluate(_BOXES)
+        assert len(boxes) >= 20
+        for box, other in combinations(boxes, 2):
+            across = min(box["right"], other["right"]) - max(box["left"], other["left"])
+            down = min(box["bottom"], other["bottom"]) - max(box["top"], other["top"])
+            assert min(across, down) < 1.0, (width, box, other)
+
+
+def test_the_pointer_reads_values_off_the_curves(one: Options, serve: Serve, page: Page) -> None:
+    page.goto(serve(*one))
+    lift = page.locator("#needle_lift")
+    value = lift.locator(".u-series", has_text="sensor").locator(".u-value")
+    expect(value).to_be_hidden()
+    room = lift.locator(".u-over").bounding_box()
+    assert room is not None
+    lift.locator(".u-over").hover(position={"x": 0.36 * room["width"], "y": 20.0})  # where the needle is open
+    expect(value).to_have_text(re.compile(r"^(29\d|30\d)(\.\d)?$"), timeout=PATIENCE)
+
+
+def test_a_page_of_another_name_is_not_served(one: Options, serve: Serve) -> None:
+    """A foreign name may lead here: who owns it is not to see the bench."""
+    url = serve(*one)
+    with urlopen(url) as found:
+        assert found.status == 200
+    for path in ("", "page.js", "drawings"):
+        with pytest.raises(HTTPError, match="404"):
+            urlopen(Request(url + path, headers={"Host": "elsewhere.example"}))
 
 
 def test_a_page_that_has_lost_its_server_says_so_and_goes_on(
-    one: tuple[Path, Path], page: Page, tmp_path: Path
+    one: Options, page: Page, tmp_path: Path
 ) -> None:
     """Old numbers are not to be taken for new ones."""
-    bench, log = one
     with socket.create_server(("127.0.0.1", 0)) as found:
         port = found.getsockname()[1]
-    command: list[str | Path] = [
-        sys.executable,
-        "-m",
-        "observer_rt",
-        "monitor",
-        "--port",
-        str(port),
-        "--bench",
-        bench,
-        "--log",
-        log,
-    ]
+    words = command("monitor", "--port", str(port), *one)
     lost = page.get_by_text("No connection to observer-rt monitor since")
-    with served(command, tmp_path) as monitor:
+    with served(words, tmp_path) as monitor:
         page.goto(monitor.url)
         expect(page.locator(".mass")).to_be_visible(timeout=PATIENCE)
         expect(lost).to_have_count(0)
     expect(lost).to_be_visible(timeout=PATIENCE)
-    with served(command, tmp_path):
+    with served(words, tmp_path):
         expect(lost).to_have_count(0, timeout=PATIENCE)
         expect(page.locator(".mass")).to_be_visible(timeout=PATIENCE)

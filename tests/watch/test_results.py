@@ -1,7 +1,6 @@
 """Result frames read back: what was written, by every layout of ours; what is damaged is left out."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,30 +10,14 @@ from hypothesis import strategies as st
 from observer_rt.bus.links.link import BusFrame, Frame
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus
 from observer_rt.bus.mapping.output_messages import OutputMessage, StatusValues, SummaryValues
-from observer_rt.config.bench import PACKAGE_DATA, load_bench
+from observer_rt.config.bench import load_bench
 from observer_rt.service.core.messages import FrameWriter, OutputFrame
 from observer_rt.watch.results import Rates, ResultReader
+from observer_rt.watch.samples import PublishedRates
+from tests.bus.j1939_bench import write_j1939_bench
 
 _COUNT = st.integers(0, 6).map(float)
 _PHYSICAL = st.one_of(st.just(math.nan), st.floats(0.0, 1.0))
-_CLASSIC = """[link]
-fd = false
-[[dbc]]
-file = "observer_classic.dbc"
-[signals.rail_pressure]
-message = "Sample"
-signal = "RailPressure"
-[signals.needle_lift]
-message = "Sample"
-signal = "NeedleLift"
-[signals.line_pressure]
-message = "Sample"
-signal = "LinePressure"
-[sampling]
-rate_hz = 1000
-[outputs]
-injection_rate = false
-"""
 
 
 @pytest.fixture(scope="module", params=["fd", "classic"])
@@ -42,9 +25,7 @@ def bus(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
     """Our layouts: of the classic one every result takes several frames."""
     if request.param == "fd":
         return map_bus(load_bench())
-    path = tmp_path_factory.mktemp("classic") / "bench.toml"
-    path.write_text(_CLASSIC)
-    return map_bus(load_bench(path))
+    return map_bus(load_bench(write_j1939_bench(tmp_path_factory.mktemp("classic"))))
 
 
 def came(sent: OutputFrame) -> BusFrame:
@@ -105,14 +86,11 @@ def test_other_frames_are_none_of_ours() -> None:
     assert reader.refused == 0
 
 
-def test_rates_belong_to_the_samples_they_name(tmp_path: Path) -> None:
+def test_rates_belong_to_the_samples_they_name() -> None:
     """Two frames of rates, the second not in order."""
-    from observer_rt.watch.samples import PublishedRates
-
     published = PublishedRates()
-    published.take(Rates(128, True, np.arange(28.0)))
-    published.take(Rates(100, True, 100.0 + np.arange(28.0)))
+    published.take(Rates(128, np.arange(28.0)))
+    published.take(Rates(100, 100.0 + np.arange(28.0)))
 
     assert published.at(np.array([100, 127, 128, 155])).tolist() == [100.0, 127.0, 0.0, 27.0]
     assert np.isnan(published.at(np.array([99, 156]))).all()
-    assert (PACKAGE_DATA / "observer_fd.dbc").exists()

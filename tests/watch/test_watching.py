@@ -1,7 +1,6 @@
 """A bench listened to live, through python-can: another participant of a bus with a daemon at work."""
 
 import threading
-from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +8,7 @@ import pytest
 
 from observer_rt.bus.links.link import BusFrame, Frame
 from observer_rt.config.bench import load_bench
-from observer_rt.watch.listening import LiveSource, Taker
+from observer_rt.watch.listening import FrameSource, LiveSource, Taker
 from observer_rt.watch.watching import Watching
 from tests.bus.j1939_bench import write_j1939_bench
 from tests.device import frames_of, worn_recording
@@ -30,19 +29,16 @@ def test_injections_are_seen_beside_the_daemon(tmp_path: Path) -> None:
     finally:
         watching.close()
     assert watching.failure is None
-    assert (watching.dropped, seen.lost, bus.down) == (0, 0, "")
+    assert (watching.source.dropped, seen.lost, bus.down) == (0, 0, "")
     assert bus.load > 0.0
     for each in seen.injections:
+        assert each.curves is not None
         volume = float(np.trapezoid(each.curves.rate, each.curves.time))
         assert abs(volume / each.summary.volume - 1.0) < 0.01
 
 
-class Logged:
+class Logged(FrameSource):
     """Frames of an identifier, a hundred a second for ten seconds."""
-
-    is_live = False
-    dropped = 0
-    down: Mapping[int, str] = {}
 
     def __init__(self, identifier: int) -> None:
         self._identifier = identifier

@@ -1,1 +1,1 @@
-"""What the live page shows, as a Bokeh document: a session a browser."""
+"""What the live page shows: a session a browser, its files, and uPlot, which draws all curves."""

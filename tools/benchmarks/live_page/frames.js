@@ -1,7 +1,8 @@
-// Runs before anything else of a page: notes when frames were made, and when what a canvas shows had changed.
+// Runs before anything else of a page: notes when frames were made, and when the curves of a canvas had changed.
 (() => {
-  const made = [];  // ms since the page began
-  const canvases = new Map();  // canvas: { sum: of what was drawn, shown: that of the last frame, drawn: [ms] }
+  const made = []; // ms since the page began
+  const paths = new WeakMap(); // path: sum of what it leads through
+  const canvases = new Map(); // canvas: { sum: of what was drawn, shown: that of the last frame, drawn: [ms] }
   const touched = new Set();
   const afterwards = new MessageChannel();
 
@@ -18,24 +19,27 @@
     touched.clear();
   };
 
-  const note = (canvas, x, y) => {
-    let found = canvases.get(canvas);
-    if (found === undefined) canvases.set(canvas, (found = { sum: 0, shown: 0, drawn: [] }));
-    found.sum = (Math.imul(found.sum, 31) + Math.round(64 * x) + Math.imul(17, Math.round(64 * y))) | 0;
-    if (!touched.has(canvas)) {
-      if (touched.size === 0) afterwards.port2.postMessage(null);
-      touched.add(canvas);
-    }
-  };
-
-  const prototype = CanvasRenderingContext2D.prototype;
   for (const name of ["moveTo", "lineTo"]) {
-    const own = prototype[name];
-    prototype[name] = function (x, y) {
-      note(this.canvas, x, y);
+    const own = Path2D.prototype[name];
+    Path2D.prototype[name] = function (x, y) {
+      const sum = paths.get(this) ?? 0;
+      paths.set(this, (Math.imul(sum, 31) + Math.round(64 * x) + Math.imul(17, Math.round(64 * y))) | 0);
       return own.call(this, x, y);
     };
   }
+
+  const own = CanvasRenderingContext2D.prototype.stroke;
+  CanvasRenderingContext2D.prototype.stroke = function (...path) {
+    const sum = paths.get(path[0]);
+    if (sum !== undefined) {
+      const note = canvases.get(this.canvas) ?? { sum: 0, shown: 0, drawn: [] };
+      canvases.set(this.canvas, note);
+      note.sum = (Math.imul(note.sum, 31) + sum) | 0;
+      if (touched.size === 0) afterwards.port2.postMessage(null);
+      touched.add(this.canvas);
+    }
+    return own.apply(this, path);
+  };
 
   const tick = (time) => {
     made.push(time);
@@ -43,18 +47,12 @@
   };
   requestAnimationFrame(tick);
 
-  // Panels of the page by their names, with when their curves were drawn anew: on canvases that bear the name of a
-  // panel, or on those of Bokeh's figures themselves.
+  // Panels of the page by the identifiers of their elements, with when their curves were drawn anew.
   window.framesOf = () => {
     const drawn = {};
-    const add = (name, canvas) => { drawn[name] = canvases.get(canvas)?.drawn ?? []; };
-    for (const document of Bokeh.documents) {
-      for (const root of document.roots()) {
-        const canvas = Bokeh.index.find_one(root)?.canvas_view?.primary?.canvas;
-        if (canvas !== undefined) add(root.name, canvas);
-      }
+    for (const plot of document.querySelectorAll(".uplot")) {
+      drawn[plot.parentElement.id] = canvases.get(plot.querySelector("canvas"))?.drawn ?? [];
     }
-    for (const canvas of document.querySelectorAll("canvas[data-panel]")) add(canvas.dataset.panel, canvas);
     return { made, drawn };
   };
 })();

@@ -141,7 +141,7 @@ def page_table(found: LivePage) -> Table:
     )
     columns = ("", "frames a second", "gaps, ms: longest / 99 % / median", "server CPU", "browser CPU")
     table = Table(*columns, title=title, title_justify="left")
-    for name, watched in (("observer_rt monitor", found.ours), ("Bokeh, one line", found.bare)):
+    for name, watched in (("observer_rt monitor", found.ours), ("uPlot, one line", found.bare)):
         _add(table, f"{name}: made at all", watched.made, watched)
         for panel, gaps in watched.drawn.items():
             _add(table, f"  {panel} drawn anew", gaps)

@@ -14,7 +14,7 @@ from tools.benchmarks.live_page.browser import Served
 
 _FRAMES = Path(__file__).with_name("frames.js").read_text("utf-8")
 _PATIENCE = 120_000  # ms until a page shows its first injection
-_NUMBER = "tr:has(th:text-is('injection')) td"
+_NUMBER = ".letters tr:has(th:text-is('injection')) td"
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ def watch(
     try:
         page.add_init_script(_FRAMES)
         page.goto(served.url)
-        page.wait_for_function("window.Bokeh?.documents?.length > 0", timeout=_PATIENCE)
+        page.wait_for_selector(".uplot", timeout=_PATIENCE)
         begun()
         page.wait_for_timeout(1e3 * settling)
         begin, first, busy = _now(page), _numbers(page), _cpu_times(served)

@@ -1,0 +1,195 @@
+// The live page: panels by uPlot, drawn as the server sends their columns, and buttons, which the server follows.
+"use strict";
+
+const OBSERVER = "#0b4f9e", NOMINAL = "#d9730d", SECOND = "#188038", THIRD = "#8e24aa", REFUSED = "#b3261e";
+const PAST = "rgba(127, 159, 196, 0.45)", BAND = "rgba(157, 193, 234, 0.6)";
+const BEFORE = 7; // injections that are drawn pale
+const FONT = "17px system-ui, sans-serif"; // to be read from two metres
+const WIDEST = 3; // times what is to be seen that an axis shows at the most
+const AGAIN_AFTER = 1000; // ms, from one look for a lost server to the next
+
+// Series by the names of their columns. Of a band, low and high are series that are not drawn themselves.
+const line = (column, label, stroke, more = {}) => ({ column, label, stroke, width: 3, ...more });
+const unnamed = (column, more) => ({ column, class: "unnamed", ...more });
+const ends = (name) => [unnamed(`${name}_low`), unnamed(`${name}_high`)];
+const before = (name) => Array.from({ length: BEFORE }, (_, k) =>
+  unnamed(`${name}_before_${BEFORE - k}`, { stroke: PAST, width: 1.5 }));
+const measured = (name) => [...before(name), line(name, "sensor", OBSERVER)];
+
+// Strokes at each point instead of a line: from the value of the series before, or so many px to both sides.
+const strokes = (half) => (plot, number, first, last) => {
+  const stroke = new Path2D();
+  const [x, from, to] = [plot.data[0], plot.data[half ? number : number - 1], plot.data[number]];
+  for (let k = first; k <= last; k++) {
+    if (to[k] === null) continue;
+    const across = plot.valToPos(x[k], "x", true);
+    stroke.moveTo(across - half * uPlot.pxRatio, plot.valToPos(from[k], "y", true));
+    stroke.lineTo(across + half * uPlot.pxRatio, plot.valToPos(to[k], "y", true));
+  }
+  return { stroke };
+};
+const dots = (column, label, stroke) => ({ column, label, stroke, width: 5, paths: strokes(2.5) });
+const bars = (name, stroke) => [unnamed(`${name}_low`), unnamed(`${name}_high`, { stroke, paths: strokes(0) })];
+
+// What the legend says of a value under the pointer; of a band's upper end how far it is from the middle.
+const inShort = (value, digits = 4) => (value === null ? "" : String(Number(value.toPrecision(digits))));
+const halfOf = (plot, high, number, at) =>
+  (high === null ? "" : `± ${inShort((high - plot.data[number - 1][at]) / 2, 2)}`);
+
+// Of each panel: title, unit, and `span`, what its axis shows at least, so that noise looks like noise.
+const TIME = { column: "time", label: "ms", axis: "time, ms", span: 1 };
+const NUMBER = { column: "number", label: "injection", axis: "injection", span: 100 };
+const rate = (name) => ({
+  title: `Injection rate ${name}`, unit: "mm³/ms", span: 10, x: TIME, height: 310,
+  series: [
+    ...before("rate"),
+    unnamed("low", { stroke: BAND }),
+    line("high", "95 %", BAND, { width: 1, value: halfOf }),
+    line("nominal", "nominal", NOMINAL, { width: 4, dash: [6, 6] }),
+    line("rate", "observer", OBSERVER, { width: 4 }),
+  ],
+  bands: [["high", "low", BAND]],
+});
+const PANELS = {
+  line_pressure: { title: "Line pressure", unit: "MPa", span: 20, x: TIME, series: measured("line_pressure") },
+  rail_pressure: { title: "Rail pressure", unit: "MPa", span: 20, x: TIME, series: measured("rail_pressure") },
+  needle_lift: { title: "Needle lift", unit: "µm", span: 50, x: TIME, series: measured("needle_lift") },
+  phi: {
+    title: "Correction phi", unit: "1/s", span: 10, x: TIME,
+    series: [line("phi_1", "φ₁", OBSERVER), line("phi_2", "φ₂", SECOND), line("phi_3", "φ₃", THIRD)],
+  },
+  mass: {
+    title: "Mass of each injection", unit: "mg", span: 1, x: NUMBER,
+    series: [
+      ...bars("valid", "rgba(11, 79, 158, 0.5)"),
+      ...bars("refused", "rgba(179, 38, 30, 0.5)"),
+      { column: "nominal", label: "nominal", stroke: NOMINAL, width: 1, paths: strokes(4) },
+      dots("valid", "observer", OBSERVER),
+      dots("refused", "not valid", REFUSED),
+    ],
+  },
+  wear: {
+    title: "Wear", unit: "% of flow", span: 2, x: NUMBER,
+    series: [...ends("nozzle"), ...ends("seat"), line("nozzle", "nozzle", OBSERVER), line("seat", "seat", SECOND)],
+    bands: [
+      ["nozzle_high", "nozzle_low", "rgba(11, 79, 158, 0.2)"],
+      ["seat_high", "seat_low", "rgba(24, 128, 56, 0.2)"],
+    ],
+  },
+};
+
+// Round ends around values from low to high, at least `span` apart; those before where they are not too wide.
+function roundEnds(low, high, span, before) {
+  const needed = Math.max(high - low, span);
+  const had = before[1] - before[0];
+  if (before[0] <= low && high <= before[1] && span <= had && had <= WIDEST * needed) return before;
+  const step = 10 ** Math.floor(Math.log10(needed)) / 2;
+  const middle = (low + high) / 2;
+  return [
+    Math.floor(Math.min(low, middle - span / 2) / step) * step,
+    Math.ceil(Math.max(high, middle + span / 2) / step) * step,
+  ];
+}
+
+// The range of an axis: it stays as long as it can. margin: beside what is to be seen, as a share of it.
+function steady(span, margin) {
+  let range = [0, span];
+  return (plot, low, high) => {
+    const beside = margin * (high - low);
+    if (low !== null) range = roundEnds(low - beside, high + beside, span, range);
+    return range;
+  };
+}
+
+const element = (id) => document.getElementById(id);
+const panels = {}; // by the element they stand in
+
+function addPanel(id, { title, unit, span, x, height = 240, series, bands = [] }) {
+  const place = element(id);
+  const all = [x, ...series.map((each) => ({ points: { show: false }, ...each }))].map(
+    (each) => ({ value: (plot, value) => inShort(value), ...each }));
+  const at = (column) => all.findIndex((each) => each.column === column);
+  const grid = { stroke: "#e6e6e6", width: 1 };
+  const axis = (label, size) => ({ label, size, grid, font: FONT, labelFont: FONT, labelSize: 24 });
+  const plot = new uPlot({
+    title, width: 1, height, series: all, // as wide as its place, once that is known
+    scales: { x: { time: false, range: steady(x.span, 0) }, y: { range: steady(span, 0.04) } },
+    axes: [axis(x.axis, 34), axis(unit, 74)],
+    bands: bands.map(([high, low, fill]) => ({ series: [at(high), at(low)], fill })),
+    cursor: { drag: { x: false, y: false } },
+  }, all.map(() => []), place);
+  const fit = ([{ contentRect }]) => plot.setSize({ width: Math.floor(contentRect.width), height });
+  new ResizeObserver(fit).observe(place);
+  panels[id] = { plot, names: all.map((each) => each.column) };
+}
+
+function build(names) {
+  names.forEach((name, k) => {
+    const button = document.createElement("button");
+    button.textContent = name;
+    button.onclick = () => press("choose", k);
+    element("names").append(button);
+    element("injectors").insertAdjacentHTML("beforeend",
+      `<div class="injector"><div id="banner_${k}" class="letters"></div><div><div id="rate_${k}"></div></div></div>`);
+  });
+  element("names").hidden = names.length === 1;
+  names.forEach((name, k) => addPanel(`rate_${k}`, rate(name)));
+  for (const [id, panel] of Object.entries(PANELS)) addPanel(id, panel);
+}
+
+function showControls({ names, chosen, held, place, last, said }) {
+  if (!element("names").hasChildNodes()) build(names);
+  [...element("names").children].forEach((button, k) => button.setAttribute("aria-pressed", k === chosen));
+  element("hold").textContent = held ? "Go on" : "Hold";
+  element("place").hidden = last === 0;
+  element("place").max = last;
+  element("place").value = place;
+  element("said").textContent = said;
+}
+
+// A message: the length of its text, the text, then the values of all columns one after the other.
+function show(message) {
+  let from = 4 + new DataView(message).getUint32(0, true);
+  const text = new TextDecoder().decode(new Uint8Array(message, 4, from - 4));
+  const { number, controls, letters = {}, columns } = JSON.parse(text);
+  if (controls) showControls(controls);
+  for (const [id, html] of Object.entries(letters)) element(id).innerHTML = html;
+  for (const [id, lengths] of Object.entries(columns)) {
+    const { plot, names } = panels[id];
+    const found = {};
+    for (const [name, length] of Object.entries(lengths)) {
+      const values = new Float32Array(message, from, length);
+      found[name] = Array.from(values, (value) => (Number.isFinite(value) ? value : null));
+      from += 4 * length;
+    }
+    plot.setData(names.map((name) => found[name] ?? []));
+  }
+  return number;
+}
+
+// Nothing new comes: nobody is to take what stands there for the present. Loaded anew once the server is there again.
+function lose() {
+  const note = document.createElement("div");
+  note.className = "fault";
+  note.textContent = `No connection to observer-rt monitor since ${new Date().toLocaleTimeString()}: `
+    + "all below is old. To do: see that it runs and can be reached; the page goes on by itself.";
+  element("top").replaceChildren(note);
+  const look = () => fetch(location.href).then(() => location.reload(), () => setTimeout(look, AGAIN_AFTER));
+  setTimeout(look, AGAIN_AFTER);
+}
+
+const socket = new WebSocket(new URL("drawings", location.href.replace(/^http/, "ws")));
+const press = (button, value = 0) => socket.send(JSON.stringify([button, value]));
+for (const button of ["hold", "save"]) element(button).onclick = () => press(button);
+element("back").onclick = () => press("step", -1);
+element("forth").onclick = () => press("step", 1);
+element("place").oninput = () => press("place", element("place").valueAsNumber);
+
+const waiting = []; // messages, drawn together in the next frame, and answered with the number of the last one
+socket.binaryType = "arraybuffer";
+socket.onmessage = ({ data }) => {
+  if (waiting.push(data) > 1) return;
+  requestAnimationFrame(() => press("drawn", waiting.splice(0).map(show).at(-1)));
+};
+socket.onclose = lose;
+window.addEventListener("beforeunload", () => { socket.onclose = null; });

@@ -1,6 +1,7 @@
 """Recordings through the observer: traces and results against the truth and against each other."""
 
 import csv
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -263,3 +264,18 @@ def test_mass_and_rate(v_h: float) -> None:
         assert result.report.mass == pytest.approx(true_mass, rel=0.01)
         squares.append(np.mean((found.trace.injection_rate[window] - true_rate) ** 2))
     assert np.sqrt(np.mean(squares)) / 1e-6 <= 1.0
+
+
+@pytest.mark.parametrize("seed", [6, 7])
+def test_a_line_pressure_clipped_at_rest_is_never_valid_and_wrong(seed: int) -> None:
+    """Its range ends below most rail pressures: what such a rest shows is no offset of the sensor."""
+    random = np.random.default_rng(seed)
+    rails, durations = random.uniform(40e6, 158e6, 20), random.uniform(0.5e-3, 2e-3, 20)
+    schedule = make_schedule(rails.tolist(), 20, 0.06, durations.tolist())
+    made = simulate(NOMINAL, schedule, 100e3, (sized("orifice_area", v_H=0.15),), SimulatedNoise(), seed=seed)
+    clipped = replace(made.recording, line_pressure=np.minimum(made.recording.line_pressure, 102e6))
+    (found,) = evaluate(BENCH, [clipped]).evaluations
+    for report in (one for one in found.reports if one.valid):
+        window = slice(report.start_index, report.end_index + 1)
+        truth = np.sum(made.truth.injection_rate[window]) / 100e3 * C.density
+        assert report.mass == pytest.approx(truth, rel=0.02)

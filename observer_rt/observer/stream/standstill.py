@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,6 +60,7 @@ _NEXT = -56.0  # sum of products of neighbours in 1 -4 6 -4 1
 _NEXT_BUT_ONE = 28.0  # and of those beyond them
 _TRUSTED = 200  # squares, from which on their mean tells a spike
 _SPIKE = 36.0  # times the mean square: six sigma
+_REPEATED = 16  # samples
 _MASK = RING - 1
 _NUMERICAL = int(Reason.NUMERICAL)
 
@@ -69,6 +71,11 @@ def gather(observer: Observer, position: int) -> None:
     memory = observer.memory[0]
     row = observer.ring[position & _MASK]
     if not row.resting or row.interpolated or row.bridged != 0 or memory.unsynchronised_by == _NUMERICAL:
+        memory.rest_run = 0
+        memory.at_highest = 0
+        memory.highest_line = max(memory.highest_line, row.line_pressure)
+        return
+    if _is_clipped(memory, row.line_pressure):
         memory.rest_run = 0
         return
     memory.rest_run += 1
@@ -103,6 +110,22 @@ def gather(observer: Observer, position: int) -> None:
         memory.difference_count += 1
         if memory.difference_count == 2 * MEMORY:
             _halve(observer)
+
+
+@inner
+def _is_clipped(memory: Any, line_pressure: float) -> bool:
+    """Whether a rest's line pressure stays at the highest value of the run: where its range ends, it says nothing.
+
+    Of a signal without noise that is true until the first injection rings beyond it.
+    """
+    if line_pressure > memory.highest_line:
+        memory.highest_line = line_pressure
+        memory.at_highest = 0
+    elif line_pressure == memory.highest_line:
+        memory.at_highest += 1
+    else:
+        memory.at_highest = 0
+    return bool(memory.at_highest >= _REPEATED)
 
 
 @inner

@@ -255,6 +255,8 @@ _OBSERVER = [
     # statistics of the standstill
     ("stated_noise", np.float64, (3,)),  # of rail and line pressure [p_0] and lift [m], until it is measured
     ("rest_run", np.int64),
+    ("highest_line", np.float64),  # line pressure of the run, normalised
+    ("at_highest", np.int64),  # samples of a rest in a row that repeat it exactly: its range ends there
     ("differences_before", np.int64),  # what was known when the event before closed
     ("rail_squares_before", np.float64),
     ("line_squares_before", np.float64),

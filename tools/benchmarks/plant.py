@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from tools.benchmarks.arrays import Array
 from tools.benchmarks.plant_equations import Rail, State, run
+from tools.benchmarks.plant_laws import NO_LAWS, Laws
 from tools.benchmarks.plant_parameters import Faults, Injector, with_faults
 from tools.benchmarks.sampling import Measured, Step, sampled
 from tools.benchmarks.wave_plant import WaveLine, WavePlant
@@ -77,7 +78,7 @@ class Bench:
     """What is recorded: injector, needle, events, sample rate [Hz], noise as a multiple of the usual, seed.
 
     averaged: a slower recording's samples are means over the sample period that ends there, not single values.
-    line: of the richer plant; None: the injector's own.
+    line: of the richer plant; None: the injector's own; laws: what the plant does beyond its equations.
     """
 
     injector: Injector
@@ -89,6 +90,7 @@ class Bench:
     averaged: bool = False
     line: WaveLine | None = None
     around: Surroundings = Surroundings()
+    laws: Laws = NO_LAWS
 
     @property
     def starts(self) -> tuple[float, ...]:
@@ -164,14 +166,16 @@ def record(bench: Bench) -> Outcome:
 class _CellPlant:
     """An injector on a line of cells, at rest at first."""
 
-    def __init__(self, part: Injector, rail_pressure: float) -> None:
+    def __init__(self, part: Injector, rail_pressure: float, laws: Laws) -> None:
         flows, pressures = np.zeros(part.line_cells), np.full(part.line_cells, rail_pressure)
-        self._part = part
-        self._state = State(flows, pressures, np.array([part.chamber_pressure, rail_pressure, 0.0]))
+        sac_and_sensor = np.array([part.chamber_pressure, rail_pressure, 0.0])
+        self._part, self._laws = part, laws
+        self._state = State(flows, pressures, sac_and_sensor, np.zeros(part.line_cells + 1))
 
     def advance(self, faults: Faults, strokes: Array, drive: Rail, result: Array) -> None:
         """Signals (n, 6) of `plant_equations.run` at the samples after the first of `drive`."""
-        run(with_faults(self._part, faults), faults, strokes, drive, self._state, result)
+        part, beyond = with_faults(self._part, faults), self._laws != NO_LAWS
+        run(part, faults, self._laws, beyond, strokes, drive, self._state, result)
 
 
 def _first_samples(starts: tuple[float, ...]) -> tuple[int, ...]:
@@ -198,7 +202,11 @@ def _integrate(bench: Bench, time: Array, rail: Array) -> tuple[Array, NDArray[n
     """Signals (n, 6) of `plant_equations.run` at all samples, and how many samples late the line is recorded."""
     part = bench.injector
     start = float(rail[0])
-    plant = _CellPlant(part, start) if bench.line is None else WavePlant(part, bench.line, start)
+    plant = (
+        _CellPlant(part, start, bench.laws)
+        if bench.line is None
+        else WavePlant(part, bench.line, start, laws=bench.laws)
+    )
     result = np.empty((time.size, 6))
     result[0] = (0.0, part.chamber_pressure, 0.0, rail[0], rail[0], 0.0)
     lateness = np.zeros(time.size, np.int64)

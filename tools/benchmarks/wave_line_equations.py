@@ -46,13 +46,33 @@ class Lattice(NamedTuple):
     inlet_loss: float = 0.0  # Pa s2/m6, of an orifice between rail and line
 
 
+@njit(cache=True, nogil=True)
+def with_own_inertance(lattice: Lattice) -> Lattice:
+    """The same, its inertance and loss not shared."""
+    return Lattice(
+        lattice.inertance.copy(),
+        lattice.volume,
+        lattice.impedance,
+        lattice.loss.copy(),
+        lattice.stress,
+        lattice.kept,
+        lattice.added,
+        lattice.pull,
+        lattice.end_volume,
+        lattice.laminar,
+        lattice.inlet_loss,
+    )
+
+
 class WaveState(NamedTuple):
     """Changed in place: flows, pressures of the nodes and the gallery's pressure (2 n + 1,), what friction remembers
-    (n, parts), [p_S, lagged p_L, lagged lift, the seat's flow in the last step] (4,)."""
+    (n, parts), [p_S, lagged p_L, lagged lift, the seat's flow in the last step] (4,), flows and lift as laws remember
+    them (n + 1,)."""
 
     line: Array
     memory: Array
     sac_and_sensor: Array
+    remembered: Array
 
 
 @njit(cache=True, nogil=True)

@@ -173,7 +173,7 @@ def hidden_text(parts: Parts) -> str:
 def healthy_benches(rig: Rig) -> tuple[Bench, ...]:
     """What `fit` is given of a rig."""
     rng = np.random.default_rng([rig.seed, rig.number, zlib.crc32(b"healthy")])
-    return tuple(_bench(rig, point, FIT_INJECTIONS, rng, Faults()) for point in GIVEN)
+    return tuple(bench_of(rig, point, FIT_INJECTIONS, rng, Faults()) for point in GIVEN)
 
 
 def given_benches(case: RealCase) -> tuple[Bench, ...]:
@@ -189,10 +189,10 @@ def further_benches(case: RealCase) -> tuple[Bench, ...]:
 def _case_benches(case: RealCase, points: Sequence[tuple[float, float]], noise: float) -> tuple[Bench, ...]:
     rng = np.random.default_rng([case.seed, *(round(pressure) for pressure, _ in points)])
     faults, steps = faults_of(case.parts), steps_of(case.parts)
-    return tuple(_bench(case.rig, point, INJECTIONS, rng, faults, steps, noise) for point in points)
+    return tuple(bench_of(case.rig, point, INJECTIONS, rng, faults, steps, noise) for point in points)
 
 
-def _bench(
+def bench_of(
     rig: Rig,
     point: tuple[float, float],
     injections: int,

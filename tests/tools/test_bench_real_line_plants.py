@@ -37,6 +37,7 @@ from tools.benchmarks.discovery.real_line.hidden import (
 )
 from tools.benchmarks.discovery.real_line.rail import LONGEST, drawn_rail
 from tools.benchmarks.plant import Bench, Event, Needle, Outcome, Shot, Surroundings, phases_of, record
+from tools.benchmarks.plant_laws import NO_LAWS, Laws
 from tools.benchmarks.plant_parameters import ADDED_LATER, Faults, Injector, key_of
 from tools.benchmarks.sampling import Measured
 from tools.benchmarks.wave_plant import LINES, Variant, WaveLine, new_part, real_part
@@ -80,11 +81,12 @@ def short(
     around: Surroundings = NOTHING_ELSE,
     duration: float = 0.6e-3,
     noise: float = 1.0,
+    laws: Laws = NO_LAWS,
 ) -> Outcome:
     """Two openings within 40 ms."""
     events = (Event(100e6, (Shot(3e-6, duration),), faults),) * 2
     around = replace(around, starts=(0.01, 0.02))
-    return record(Bench(part, Needle(), events, seed=3, line=line, around=around, noise=noise))
+    return record(Bench(part, Needle(), events, seed=3, line=line, around=around, noise=noise, laws=laws))
 
 
 @pytest.mark.parametrize("variant", BEFORE)

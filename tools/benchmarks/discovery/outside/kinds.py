@@ -10,6 +10,7 @@ from enum import StrEnum
 
 import numpy as np
 from numpy.random import Generator
+from numpy.typing import NDArray
 
 from tools.benchmarks.arrays import Array
 from tools.benchmarks.discovery.hidden import HiddenParameter
@@ -139,10 +140,13 @@ def drifting_sensor(rate: float) -> Step:
 def creeping_sensor(share: float) -> Step:
     """A line-pressure sensor that shows a change at once too large, by a share that creeps away."""
 
+    def creep(frequency: Array) -> NDArray[np.complex128]:
+        return np.asarray(1.0 / (1.0 + 2j * math.pi * frequency * CREEP_TIME), np.complex128)
+
     def step(seen: Measured) -> Measured:
-        line, interval = seen.line_pressure, float(seen.time[1] - seen.time[0])
-        crept = filtered(line - line[0], interval, lambda f: 1.0 / (1.0 + 2j * math.pi * f * CREEP_TIME))
-        return replace(seen, line_pressure=line + share * (line - line[0] - crept))
+        change = seen.line_pressure - seen.line_pressure[0]
+        crept = filtered(change, float(seen.time[1] - seen.time[0]), creep)
+        return replace(seen, line_pressure=seen.line_pressure + share * (change - crept))
 
     return step
 

@@ -12,10 +12,10 @@ from observer_rt.foundation.errors import RunError
 from tools.benchmarks.command_line import print_lines
 from tools.benchmarks.discovery.asking import Asking, Question, generate
 from tools.benchmarks.discovery.outside.answers import OutsideAnswer, ask_outside
-from tools.benchmarks.discovery.outside.cases import OutsidePlan
+from tools.benchmarks.discovery.outside.cases import Asked, OutsidePlan
 from tools.benchmarks.discovery.outside.generator import labels_of, opened
-from tools.benchmarks.discovery.outside.result import OutsideResult
-from tools.benchmarks.discovery.outside.tables import bar_table, case_lines, kind_tables
+from tools.benchmarks.discovery.outside.result import OutsideResult, asked_for
+from tools.benchmarks.discovery.outside.tables import answer_table, bar_table, case_lines, kind_table
 from tools.benchmarks.discovery.real_line.cases import Rig
 from tools.benchmarks.discovery.real_line.fitting import HIDING_SOURCES, fitted_model
 from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Crash, Store, digest_of, resumed
@@ -68,8 +68,11 @@ def run_outside(asking: Asking[OutsidePlan], console: Console) -> OutsideResults
 
 def print_results(found: OutsideResults, tier: str, console: Console) -> None:
     """The tables, then a line for every case with something wrong and every crash."""
-    for table in (*kind_tables(found.results), bar_table(found.results, tier)):
-        console.print(table)
+    for asked in Asked:
+        if asked_for(found.results, asked):
+            console.print(kind_table(found.results, asked))
+    console.print(answer_table(found.results))
+    console.print(bar_table(found.results, tier))
     print_lines(console, case_lines(found.results))
     print_lines(console, found.crashes, "crash: ")
 

@@ -10,6 +10,7 @@ import numpy as np
 from rich.table import Table
 
 from tools.benchmarks.command_line import finite, ruled
+from tools.benchmarks.discovery.outside.answers import Misfit
 from tools.benchmarks.discovery.outside.cases import Asked
 from tools.benchmarks.discovery.outside.kinds import KINDS, VOCABULARY_KINDS
 from tools.benchmarks.discovery.outside.result import (
@@ -32,25 +33,35 @@ TITLES = {
 }
 
 
-def kind_tables(results: Results) -> list[Table]:
-    """Of every asking: kind by kind what was answered, what was proposed, and how far models are from the plant."""
-    tables = []
-    for asked, title in TITLES.items():
-        if not (cases := asked_for(results, asked)):
-            continue
-        table = ruled(title, ("kind",), (
-            "in the\nlibrary", "cases", "right\nequation", "\nits own", "proposed", "\naccepted", "as good",
-            "p_L off, MPa\nbefore", "\nby name", "\nproposed", "halved", "mass off, mg\nbefore", "\nby name",
-            "\nproposed", "halved", "\nworse", "seconds", "\nadded",
-        ), no_wrap=True)  # fmt: skip
-        table.add_column("answered")
-        for name in (*KINDS, *VOCABULARY_KINDS, str(Asked.HEALTHY)):
-            if of_kind := [r for r in cases if r.case.name == name]:
-                table.add_row(name, *_row(asked, of_kind))
-        table.add_section()
-        table.add_row("all", *_row(asked, cases))
-        tables.append(table)
-    return tables
+def kind_table(results: Results, asked: Asked) -> Table:
+    """Kind by kind of an asking: what was proposed, and how far models are from the plant, medians."""
+    table = ruled(TITLES[asked], ("kind",), (
+        "in the\nlibrary", "cases", "right\nequation", "\nits own", "proposed", "\naccepted", "as\ngood",
+        "p_L off, MPa: before,\nby name, proposed", "halved", "mass off, mg: before,\nby name, proposed", "halved",
+        "\nworse", "seconds", "\nadded",
+    ), no_wrap=True)  # fmt: skip
+    cases = asked_for(results, asked)
+    for name, of_kind in _by_kind(cases).items():
+        table.add_row(name, *_row(asked, of_kind))
+    table.add_section()
+    table.add_row("all", *_row(asked, cases))
+    return table
+
+
+def answer_table(results: Results) -> Table:
+    """What was answered; of an unknown effect, which equation is suspected, with a ? where that is wrong."""
+    table = ruled("answers", ("asked", "kind"), ())
+    table.add_column("answered")
+    for asked in TITLES:
+        for name, cases in _by_kind(asked_for(results, asked)).items():
+            counts = Counter(map(_answer, cases)).most_common()
+            table.add_row(asked, name, ", ".join(f"{answer} {count}" for answer, count in counts))
+    return table
+
+
+def _by_kind(cases: Results) -> dict[str, list[OutsideResult]]:
+    names = (*KINDS, *VOCABULARY_KINDS, str(Asked.HEALTHY))
+    return {name: found for name in names if (found := [r for r in cases if r.case.name == name])}
 
 
 def bar_table(results: Results, tier: str) -> Table:
@@ -78,11 +89,9 @@ def json_document(results: Results, tier: str, crashes: Sequence[str]) -> dict[s
         "details": {
             "kinds": {
                 str(asked): {
-                    name: _figures([r for r in cases if r.case.name == name])
-                    for name in dict.fromkeys(r.case.name for r in cases)
+                    name: _figures(cases) for name, cases in _by_kind(asked_for(results, asked)).items()
                 }
                 for asked in Asked
-                if (cases := asked_for(results, asked))
             },
             "cases": [asdict(r.case) | asdict(r.answer) | {"wrong": _marks(r)} for r in results],
             "violations": list(violations(results, tier)),
@@ -103,22 +112,21 @@ def _row(asked: Asked, cases: Results) -> list[str]:
         _of([r.best is not None for r in cases]),
         _of([r.accepted for r in cases]),
         _of([r.as_good for r in cases]) if asked is Asked.LEFT_OUT else NOTHING,
-        *_gaps(cases, lambda misfit: misfit.pressure_mpa),
+        _gaps(cases, lambda misfit: misfit.pressure_mpa),
         _of([r.pressure_halved for r in cases]),
-        *_gaps(cases, lambda misfit: misfit.mass_mg),
+        _gaps(cases, lambda misfit: misfit.mass_mg),
         _of([r.mass_halved for r in cases]),
         str(sum(r.accepted_worse for r in cases)),
         f"{_median([r.answer.seconds for r in cases]):.1f}",
         f"{_median([r.added_seconds for r in cases]):.1f}",
-        ", ".join(f"{answer} {count}" for answer, count in Counter(map(_answer, cases)).most_common(3)),
     ]
 
 
-def _gaps(cases: Results, of: Callable[[Any], float]) -> list[str]:
+def _gaps(cases: Results, of: Callable[[Misfit], float]) -> str:
     """Medians of a gap: before, by name, and of what is proposed."""
     proposed = [of(r.best.misfit) for r in cases if r.best is not None]
     columns = [of(r.answer.before) for r in cases], [of(r.answer.named) for r in cases], proposed
-    return [f"{_median(values):.2f}" if values else NOTHING for values in columns]
+    return " ".join(f"{_median(values):6.2f}" if values else f"{NOTHING:>6}" for values in columns)
 
 
 def _median(values: Sequence[float]) -> float:
@@ -137,7 +145,7 @@ def _answer(r: OutsideResult) -> str:
         wrong = "" if r.case.asked is Asked.HEALTHY or r.right_suspicion else "?"
         return f"{UNKNOWN} ({answer.suspect}{wrong})"
     names = "+".join(answer.claims)
-    return f"{names or answer.verdict}{'' if answer.verdict == NAMED else '?'}"
+    return names if answer.verdict == NAMED else f"{answer.verdict} {names}".strip()
 
 
 def _marks(r: OutsideResult) -> list[str]:

@@ -144,7 +144,8 @@ def seat_step(
 @njit(cache=True, nogil=True)
 def _lift_in(time: float, strokes: Array, remembered: float, max_lift: float, laws: Laws) -> float:
     """True lift [m] at a time [s]."""
-    return true_lift(lift_at(time, strokes), remembered, max_lift, laws)
+    lift: float = true_lift(lift_at(time, strokes), remembered, max_lift, laws)
+    return lift
 
 
 @njit(cache=True, nogil=True)

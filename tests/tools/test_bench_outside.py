@@ -15,6 +15,7 @@ from observer_rt.evidence.measurement import measurements
 from observer_rt.model.effects import VOCABULARY, effective_model, sized
 from observer_rt.recording.formats import read_recording
 from tools.benchmarks.discovery.asking import Asking
+from tools.benchmarks.discovery.generator import write_all
 from tools.benchmarks.discovery.outside.answers import (
     Misfit,
     OutsideAnswer,
@@ -28,7 +29,6 @@ from tools.benchmarks.discovery.outside.cases import Asked, OutsideCase, Outside
 from tools.benchmarks.discovery.outside.result import BARS, OutsideResult, violations
 from tools.benchmarks.discovery.outside.run import print_results, run_outside
 from tools.benchmarks.discovery.outside.tables import case_lines, json_document
-from tools.benchmarks.discovery.real_line.generator import write_all
 
 LEAK = ProposedTerm("line_pressure", "sqrt(line_pressure - chamber_pressure)*closed", 2.0)
 GOOD = Proposed((LEAK,), True, ("needle_lift: 1",), Misfit(0.1, 0.2))

@@ -51,9 +51,9 @@ ALONE = """
 import io, json, pathlib
 from tools.benchmarks.discovery.outside import generator
 sys.stdin = io.StringIO(sys.argv[2])
-generator.main(["seal", sys.argv[1]])
-for label in json.loads(open(sys.argv[1] + "/labels.json").read()):
-    generator.main(["record", sys.argv[1], label["label"]])
+generator.HIDING.run(["seal", sys.argv[1]])
+(label,) = json.loads(open(sys.argv[1] + "/labels.json").read())
+generator.HIDING.run(["record", sys.argv[1], label["label"], sys.argv[1] + "/recordings"])
 assert not [name for name in sys.modules if name.startswith("observer_rt")]
 """
 
@@ -209,8 +209,7 @@ def test_generator_runs_where_the_package_cannot_be_imported(tmp_path: Path) -> 
     run_alone(ALONE, str(tmp_path), json.dumps(plan))
     labels = (tmp_path / "labels.json").read_text()
     assert not any(word in labels for word in (*KINDS, *Asked))
-    (folder,) = (path for path in tmp_path.iterdir() if path.is_dir())
-    given, further = (sorted((folder / name).glob("*.csv")) for name in ("given", "further"))
+    given, further = (sorted((tmp_path / "recordings" / name).glob("*.csv")) for name in ("given", "further"))
     assert (len(given), len(further)) == (len(GIVEN), len(FURTHER))
     rates = [read_recording(path).injection_rate for path in (given[0], further[0])]
     noise = [float(np.std(rate[:3000])) for rate in rates if rate is not None]

@@ -67,7 +67,7 @@ from tools.benchmarks.discovery.real_line import cases, generator
 sys.stdin = io.StringIO(sys.argv[2])
 generator.main(["seal", sys.argv[1]])
 folder = pathlib.Path(sys.argv[1])
-case = generator.opened(folder)[0]
+case = generator.HIDING.opened(folder)[0]
 for file in generator.write_all(cases.given_benches(case)[:1], True, folder / "recordings"):
     print(file)
 assert not [name for name in sys.modules if name.startswith("observer_rt")]

@@ -148,4 +148,4 @@ def _real_plan(
     numbers = shared_out(REAL_CASES if cases is None else cases)
     if healthy is not None:
         numbers = replace(numbers, healthy=healthy)
-    return RealPlan(numbers, rates, tuple(map(str, discrepancies or Discrepancy)), seed, names)
+    return RealPlan(numbers, rates, tuple(discrepancies or Discrepancy), seed, names)

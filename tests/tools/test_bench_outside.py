@@ -26,7 +26,7 @@ from tools.benchmarks.discovery.outside.answers import (
     vocabulary_without,
 )
 from tools.benchmarks.discovery.outside.cases import Asked, OutsideCase, OutsidePlan, further_benches
-from tools.benchmarks.discovery.outside.result import BARS, OutsideResult, violations
+from tools.benchmarks.discovery.outside.result import OutsideResult, figures
 from tools.benchmarks.discovery.outside.run import print_results, run_outside
 from tools.benchmarks.discovery.outside.tables import case_lines, json_document
 
@@ -117,10 +117,10 @@ def test_the_suspected_equation_is_right_where_the_law_may_show_in_it() -> None:
     assert not replace(RIGHT, answer=replace(ANSWER, suspect="")).right_suspicion
 
 
-def test_missed_bars_are_said() -> None:
+def test_every_figure_has_a_bar_that_can_be_missed() -> None:
     outside_library = replace(RIGHT, case=replace(CASE, name="relief_leakage"))
     good = [RIGHT, outside_library, NAMED, LEFT_OUT, HEALTHY]
-    assert list(violations(good, "A")) == []
+    assert all(figure.is_met for figure in figures(good, "A"))
     wrong = proposing(
         RIGHT, replace(GOOD, terms=(ProposedTerm("stiffness", "1", 1.0),), misfit=Misfit(2.0, 3.0))
     )
@@ -133,8 +133,10 @@ def test_missed_bars_are_said() -> None:
         asked(Asked.OUTSIDE, "root_leakage", verdict="named", claims=("guide_leakage",)),
         replace(RIGHT, answer=replace(ANSWER, seconds=17.1)),
     ]
-    assert [line.split(":")[0] for line in violations([*good, *bad], "A")] == [bar.name for bar in BARS]
-    assert "added to the search, at most" not in "".join(violations([*good, *bad], "B"))
+    found = figures([*good, *bad], "A")
+    assert not any(figure.is_met for figure in found)
+    assert figures([*good, *bad], "B")[-1].is_met
+    assert found[0].value == pytest.approx(2 / 4)
     lines = case_lines([*good, *bad])
     assert len(lines) == len(bad) - 1
     assert lines[0].startswith(
@@ -143,14 +145,13 @@ def test_missed_bars_are_said() -> None:
     )
 
 
-def test_json_has_every_bar_and_no_number_that_json_does_not_know() -> None:
+def test_json_has_every_figure_and_no_number_that_json_does_not_know() -> None:
     lost = proposing(RIGHT, replace(GOOD, misfit=Misfit(math.inf, math.inf)))
     document = json_document([RIGHT, lost, NAMED, HEALTHY], "A", ["x: failed"])
-    text = json.dumps(document, allow_nan=False)
-    figures = json.loads(text)["figures"]
-    assert set(figures["bars"]) == {bar.name for bar in BARS}
-    assert figures["bars"]["pressure gap halved, in the library"] == {"value": 0.5, "bar": 0.95}
-    assert figures["bars"]["name taken away, as good"]["value"] is None
+    told = json.loads(json.dumps(document, allow_nan=False))["figures"]
+    assert {figure.name for figure in figures([], "A")} <= set(told)
+    assert (told["cases"], told["pressure_halved_in_library"], told["left_out_as_good"]) == (4, 0.5, None)
+    assert "pressure_halved_in_library" in document["details"]["missed"]
     assert document["details"]["kinds"]["outside"]["root_leakage"]["right_equation"] == 1.0
     assert document["details"]["crashes"] == ["x: failed"]
 
@@ -205,4 +206,4 @@ def test_a_run_asks_once_and_tells_what_came_of_it(tmp_path: Path) -> None:
     with console.capture() as shown:
         print_results(found, "A", console)
     assert "stop_loss" in shown.get()
-    assert "right equation, law in the library" in shown.get()
+    assert "right_equation_in_library" in shown.get()

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from observer_rt.model.effects import VOCABULARY
+from observer_rt.model.terms.term import TermEquation as TheirEquation
 from observer_rt.recording.formats import read_recording
 from tests.tools.blocked import run_alone
 from tests.tools.test_bench_real_line_plants import short
@@ -142,6 +143,10 @@ def test_equations_are_in_one_family_each_and_a_rate_tells_more() -> None:
     assert KINDS["root_leakage"].equations(True) < KINDS["root_leakage"].equations(False)
     assert len(KINDS) >= 20
     assert sum(not kind.in_library for kind in KINDS.values()) >= 6
+
+
+def test_equations_are_those_of_terms() -> None:
+    assert sorted(map(str, TermEquation)) == sorted(map(str, TheirEquation))
 
 
 def test_names_of_the_vocabulary_are_all_there_and_no_kind_has_one() -> None:

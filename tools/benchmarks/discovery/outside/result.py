@@ -1,7 +1,6 @@
 """A case outside the vocabulary as scored, and the bars that many of them have to meet."""
 
-import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +20,7 @@ from tools.benchmarks.discovery.outside.kinds import (
 )
 from tools.benchmarks.discovery.real_line.result import near_tie
 from tools.benchmarks.discovery.result import NAMED
+from tools.benchmarks.figure import Figure
 
 CONFIDENT = 0.9
 HALVED = 0.5
@@ -137,100 +137,47 @@ def asked_for(results: Results, asked: Asked) -> list[OutsideResult]:
     return [r for r in results if r.case.asked is asked]
 
 
-def share(flags: Sequence[bool | None]) -> float:
-    """Share of those that hold, None left out; nan without any."""
+def share(flags: Iterable[bool | None]) -> float | None:
+    """Share of those that hold, None left out; None without any."""
     known = [flag for flag in flags if flag is not None]
-    return float(np.mean(known)) if known else math.nan
+    return float(np.mean(known)) if known else None
 
 
-@dataclass(frozen=True)
-class Bar:
-    """A figure and its limits in tier A and B; at_least: it must not be below, else not above."""
-
-    name: str
-    limits: tuple[float, float]
-    figure: Callable[[Results], float]
-    at_least: bool = True
-    unit: str = "%"
-
-    def limit(self, tier: str) -> float:
-        """Of a tier."""
-        return self.limits["AB".index(tier)]
-
-    def met(self, value: float, tier: str) -> bool:
-        """Whether it is; so is one that nothing was measured for."""
-        limit = self.limit(tier)
-        return math.isnan(value) or (value >= limit if self.at_least else value <= limit)
-
-    def shown(self, value: float) -> str:
-        """A value as it is printed."""
-        if math.isnan(value):
-            return "-"
-        return f"{100.0 * value:.0f} %" if self.unit == "%" else f"{value:.1f} {self.unit}"
+Share = Callable[[OutsideResult], bool | None]
+"""Whether a result is what a share is of; None: it is not asked."""
 
 
-def _outside(results: Results, in_library: bool) -> list[OutsideResult]:
-    return [r for r in asked_for(results, Asked.OUTSIDE) if r.in_library is in_library]
-
-
-def _of_outside(in_library: bool, flag: Callable[[OutsideResult], bool | None]) -> Callable[[Results], float]:
-    return lambda results: share([flag(r) for r in _outside(results, in_library)])
-
-
-def _proposed(results: Results) -> float:
-    return share([r.best is not None for r in results])
-
-
-BARS = (
-    Bar("right equation, law in the library", (0.95, 0.85), _of_outside(True, lambda r: r.right_equation)),
-    Bar("right equation, law not in it", (0.80, 0.65), _of_outside(False, lambda r: r.right_equation)),
-    Bar("pressure gap halved, in the library", (0.95, 0.80), _of_outside(True, lambda r: r.pressure_halved)),
-    Bar("pressure gap halved, not in it", (0.85, 0.75), _of_outside(False, lambda r: r.pressure_halved)),
-    Bar("mass gap halved, in the library", (0.90, 0.75), _of_outside(True, lambda r: r.mass_halved)),
-    Bar("mass gap halved, not in it", (0.75, 0.60), _of_outside(False, lambda r: r.mass_halved)),
-    Bar(
-        "accepted, mass worse",
-        (0.02, 0.04),
-        lambda results: share([r.accepted_worse for r in results if r.accepted]),
-        at_least=False,
-    ),
-    Bar(
-        "wrong name, and sure",
-        (0.03, 0.05),
-        lambda results: share([r.wrong_and_sure for r in results]),
-        at_least=False,
-    ),
-    Bar(
-        "proposed to a healthy one",
-        (0.0, 0.02),
-        lambda results: _proposed(asked_for(results, Asked.HEALTHY)),
-        at_least=False,
-    ),
-    Bar(
-        "proposed to what is rightly named",
-        (0.03, 0.06),
-        lambda results: _proposed([r for r in asked_for(results, Asked.NAMED) if r.rightly_named]),
-        at_least=False,
-    ),
-    Bar(
-        "name taken away, as good",
-        (0.85, 0.70),
-        lambda results: share([r.as_good for r in asked_for(results, Asked.LEFT_OUT)]),
-    ),
-    Bar(
-        "added to the search, at most",
-        (10.0, 25.0),
-        lambda results: max((r.added_seconds for r in results), default=math.nan),
-        at_least=False,
-        unit="s",
-    ),
-)
-
-
-def violations(results: Results, tier: str) -> Iterator[str]:
-    """A line for every bar that is missed."""
-    for bar in BARS:
-        value = bar.figure(results)
-        if not bar.met(value, tier):
-            relation = "<" if bar.at_least else ">"
-            yield f"{bar.name}: {bar.shown(value)} {relation} {bar.shown(bar.limit(tier))}"
+def figures(results: Results, tier: str) -> list[Figure]:
+    """What is judged, with the bars of a tier."""
+    of = {asked: asked_for(results, asked) for asked in Asked}
+    known, new = ([r for r in of[Asked.OUTSIDE] if r.in_library is flag] for flag in (True, False))
+    named = [r for r in of[Asked.NAMED] if r.rightly_named]
+    at_least: tuple[tuple[str, Results, Share, float, float], ...] = (
+        ("right_equation_in_library", known, lambda r: r.right_equation, 0.95, 0.85),
+        ("right_equation_not_in_library", new, lambda r: r.right_equation, 0.80, 0.65),
+        ("pressure_halved_in_library", known, lambda r: r.pressure_halved, 0.95, 0.80),
+        ("pressure_halved_not_in_library", new, lambda r: r.pressure_halved, 0.85, 0.75),
+        ("mass_halved_in_library", known, lambda r: r.mass_halved, 0.90, 0.75),
+        ("mass_halved_not_in_library", new, lambda r: r.mass_halved, 0.75, 0.60),
+        ("left_out_as_good", of[Asked.LEFT_OUT], lambda r: r.as_good, 0.85, 0.70),
+    )
+    at_most: tuple[tuple[str, Results, Share, float, float], ...] = (
+        ("accepted_mass_worse", [r for r in results if r.accepted], lambda r: r.accepted_worse, 0.02, 0.04),
+        ("wrong_and_sure", results, lambda r: r.wrong_and_sure, 0.03, 0.05),
+        ("proposed_to_healthy", of[Asked.HEALTHY], lambda r: r.best is not None, 0.0, 0.02),
+        ("proposed_to_rightly_named", named, lambda r: r.best is not None, 0.03, 0.06),
+    )
+    place = "AB".index(tier)
+    found = [
+        Figure(name, share(map(of_result, cases)), f"{len(cases)} cases", at_least=bars[place])
+        for name, cases, of_result, *bars in at_least
+    ]
+    found += [
+        Figure(name, share(map(of_result, cases)), f"{len(cases)} cases", bars[place])
+        for name, cases, of_result, *bars in at_most
+    ]
+    slowest = max((r.added_seconds for r in results), default=None)
+    return [
+        *found,
+        Figure("added_seconds_max", slowest, "after the vocabulary's search", (10.0, 25.0)[place]),
+    ]

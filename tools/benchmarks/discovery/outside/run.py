@@ -11,9 +11,10 @@ from tools.benchmarks.discovery.asking import Asking, Found, Question, generate,
 from tools.benchmarks.discovery.outside.answers import OutsideAnswer, ask_outside
 from tools.benchmarks.discovery.outside.cases import Asked, OutsidePlan
 from tools.benchmarks.discovery.outside.generator import HIDING
-from tools.benchmarks.discovery.outside.result import OutsideResult, asked_for
-from tools.benchmarks.discovery.outside.tables import answer_table, bar_table, case_lines, kind_table
+from tools.benchmarks.discovery.outside.result import OutsideResult, asked_for, figures
+from tools.benchmarks.discovery.outside.tables import answer_table, case_lines, kind_table
 from tools.benchmarks.discovery.real_line.fitting import HIDING_SOURCES, fitted_models
+from tools.benchmarks.figure import figures_table
 from tools.benchmarks.runs import PACKAGE
 
 GENERATOR = "tools.benchmarks.discovery.outside.generator"
@@ -55,7 +56,7 @@ def print_results(found: Found[OutsideResult], tier: str, console: Console) -> N
         if asked_for(found.results, asked):
             console.print(kind_table(found.results, asked))
     console.print(answer_table(found.results))
-    console.print(bar_table(found.results, tier))
+    console.print(figures_table(figures(found.results, tier), f"outside the vocabulary, tier {tier}"))
     print_lines(console, case_lines(found.results))
     print_lines(console, found.crashes, "crash: ")
 

@@ -14,12 +14,11 @@ from tools.benchmarks.discovery.outside.answers import Misfit
 from tools.benchmarks.discovery.outside.cases import Asked
 from tools.benchmarks.discovery.outside.kinds import KINDS, VOCABULARY_KINDS
 from tools.benchmarks.discovery.outside.result import (
-    BARS,
     OutsideResult,
     Results,
     asked_for,
+    figures,
     share,
-    violations,
 )
 from tools.benchmarks.discovery.real_line.cases import hidden_text
 from tools.benchmarks.discovery.result import NAMED, UNKNOWN
@@ -64,17 +63,6 @@ def _by_kind(cases: Results) -> dict[str, list[OutsideResult]]:
     return {name: found for name in names if (found := [r for r in cases if r.case.name == name])}
 
 
-def bar_table(results: Results, tier: str) -> Table:
-    """Every bar with its figure."""
-    table = ruled(f"bars, tier {tier}", ("figure",), ("found", "bar"))
-    for bar in BARS:
-        value = bar.figure(results)
-        relation = "at least" if bar.at_least else "at most"
-        missed = "" if bar.met(value, tier) else "  missed"
-        table.add_row(bar.name, bar.shown(value), f"{relation} {bar.shown(bar.limit(tier))}{missed}")
-    return table
-
-
 def case_lines(results: Results) -> list[str]:
     """A line for every case that something is wrong with; sizes in SI."""
     return [_case_line(r) for r in results if _marks(r)]
@@ -82,10 +70,9 @@ def case_lines(results: Results) -> list[str]:
 
 def json_document(results: Results, tier: str, crashes: Sequence[str]) -> dict[str, Any]:
     """`figures`: those of the bars, null where nothing was measured; `details`: kinds and cases behind them."""
-    figures = {bar.name: {"value": bar.figure(results), "bar": bar.limit(tier)} for bar in BARS}
+    judged = figures(results, tier)
     document = {
-        "tier": tier,
-        "figures": {"cases": len(results), "bars": figures},
+        "figures": {"cases": len(results), "tier": tier} | {each.name: each.value for each in judged},
         "details": {
             "kinds": {
                 str(asked): {
@@ -94,7 +81,7 @@ def json_document(results: Results, tier: str, crashes: Sequence[str]) -> dict[s
                 for asked in Asked
             },
             "cases": [asdict(r.case) | asdict(r.answer) | {"wrong": _marks(r)} for r in results],
-            "violations": list(violations(results, tier)),
+            "missed": [each.name for each in judged if each.is_met is False],
             "crashes": list(crashes),
         },
     }

@@ -35,6 +35,7 @@ from tools.benchmarks.discovery.outside.kinds import (
     kind_named,
 )
 from tools.benchmarks.discovery.real_line.cases import Rig
+from tools.benchmarks.discovery.real_line.hidden import OUTSIDE
 from tools.benchmarks.plant import Bench, Event, Needle, Outcome, Shot, Surroundings, record
 from tools.benchmarks.plant_equations import chamber_pressure, seat_factor
 from tools.benchmarks.plant_laws import NO_LAWS, Laws
@@ -93,6 +94,7 @@ def test_every_kind_is_seen_at_all_its_sizes_and_off_at_none(kind: Kind, plant: 
 
 def test_all_laws_are_used_and_nothing_else_is() -> None:
     used = {p.fault for kind in KINDS.values() for p in kind.parameters if p.fault}
+    used |= {p.fault for effect in OUTSIDE.values() for p in effect.hidden.parameters if p.fault}
     assert set(Laws._fields) <= used
     assert used <= {*Laws._fields, *Faults._fields}
     assert all(kind.parameters[0].fault or kind.step for kind in KINDS.values())
@@ -109,7 +111,7 @@ def test_what_holds_the_flow_back_takes_pressure(plant: str) -> None:
     part, _ = PLANTS[plant]
     flow = float(np.mean(steady(plant, NO_LAWS).truth.injection_rate[window]))
     inertance = part.density * part.line_length / part.line_area
-    for laws, loss in ((Laws(laminar=300.0), 300.0 * inertance * flow), (Laws(stiction=1e6), 1e6)):
+    for laws, loss in ((Laws(line_laminar=300.0), 300.0 * inertance * flow), (Laws(stiction=1e6), 1e6)):
         there, healthy = (steady(plant, each).truth.line_pressure[window] for each in (laws, NO_LAWS))
         assert np.mean(healthy - there) == pytest.approx(loss, rel=0.15)
 

@@ -36,9 +36,9 @@ from tools.benchmarks.discovery.real_line.hidden import (
     steps_of,
 )
 from tools.benchmarks.discovery.real_line.rail import LONGEST, drawn_rail
-from tools.benchmarks.plant import Bench, Event, Needle, Outcome, Shot, Surroundings, phases_of, record
+from tools.benchmarks.plant import Bench, Event, Needle, Outcome, Shot, Surroundings, record
 from tools.benchmarks.plant_laws import NO_LAWS, Laws
-from tools.benchmarks.plant_parameters import ADDED_LATER, Faults, Injector, key_of
+from tools.benchmarks.plant_parameters import Faults, Injector
 from tools.benchmarks.sampling import Measured
 from tools.benchmarks.wave_plant import LINES, Variant, WaveLine, new_part, real_part
 
@@ -98,13 +98,6 @@ def test_plants_of_other_benchmarks_are_as_before(variant: Variant | None) -> No
         float(np.sum(outcome.measured.line_pressure)),
         float(np.std(outcome.truth.line_pressure[1100:2200])),
     ) == pytest.approx(BEFORE[variant], rel=1e-10)
-
-
-def test_draws_for_faults_are_as_before() -> None:
-    old = {name: value for name, value in SEVERAL_FAULTS._asdict().items() if name not in ADDED_LATER}
-    assert key_of(SEVERAL_FAULTS) == f"Faults({', '.join(f'{n}={v!r}' for n, v in old.items())})"
-    assert "hole_closing=0.1" in key_of(Faults(hole_closing=0.1))
-    assert not any(getattr(Faults(), name) for name in ADDED_LATER)
 
 
 @pytest.mark.parametrize("discrepancy", Discrepancy)
@@ -258,34 +251,24 @@ def test_generator_runs_where_the_package_cannot_be_imported(tmp_path: Path) -> 
     assert not any(word in labels for word in (*EFFECTS, *Kind, *Discrepancy))
 
 
-def test_outside_faults_of_the_plant_are_what_they_say() -> None:
+def test_laws_of_the_plant_are_what_they_say() -> None:
     part, line = new_part(), LINES[Variant.PLAIN]
 
-    def rate(faults: Faults) -> np.ndarray:
-        return short(part, line, faults, duration=1.2e-3, noise=0.0).truth.injection_rate[1000:1125]
+    def rate(laws: Laws) -> np.ndarray:
+        return short(part, line, Faults(), duration=1.2e-3, noise=0.0, laws=laws).truth.injection_rate[
+            1000:1125
+        ]
 
-    healthy = rate(Faults())
-    closing = rate(Faults(hole_closing=0.25)) / np.maximum(healthy, 1e-9)
+    healthy = rate(NO_LAWS)
+    closing = rate(Laws(hole_closing=0.25)) / np.maximum(healthy, 1e-9)
     assert np.all(closing[:60] == 1.0)
     assert 0.74 < np.min(closing[65:85]) < 0.8
-    hysteresis = rate(Faults(seat_hysteresis=0.5)) - healthy
+    hysteresis = rate(Laws(seat_hysteresis=0.5)) - healthy
     assert np.all(hysteresis[:70] == 0.0)
     assert np.max(hysteresis[90:]) > 1e-6
-    for fault in (Faults(line_laminar=300.0), Faults(lift_leakage=1e-13)):
-        pressure = short(part, line, fault, noise=0.0).truth.line_pressure
+    for laws in (Laws(line_laminar=300.0), Laws(lift_leakage=1e-13)):
+        pressure = short(part, line, Faults(), noise=0.0, laws=laws).truth.line_pressure
         assert np.max(np.abs(pressure - short(part, line, Faults(), noise=0.0).truth.line_pressure)) > 0.2e6
-
-
-def test_phases_of_an_opening_come_in_order() -> None:
-    stroke = np.array([[0.0, 0.4e-3, 1e-3, 1.3e-3, 0.8, 0.9]])
-    assert phases_of(Faults(orifice_area=0.1), stroke) == ()
-    both = Faults(orifice_area=0.1, hole_closing=0.2, seat_hysteresis=0.3)
-    times, faults = zip(*phases_of(both, stroke), strict=True)
-    assert times == (0.6e-3, 1e-3, 1.3e-3)
-    assert [f.seat_lift_loss for f in faults] == [0.0, -0.3, 0.0]
-    assert [f.orifice_area for f in faults] == pytest.approx([1.1 * 0.8 - 1.0, 1.1 * 0.8 - 1.0, 0.1])
-    short_stroke = np.array([[0.0, 0.2e-3, 0.3e-3, 0.5e-3, 0.8, 0.9]])
-    assert [t for t, _ in phases_of(both, short_stroke)] == [0.3e-3, 0.5e-3]
 
 
 def test_sensors_are_late_or_bent() -> None:

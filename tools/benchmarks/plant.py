@@ -26,7 +26,6 @@ RAIL_MOVES = (0.022, 0.050)  # s after an event starts: the rail goes to the nex
 REFERENCE_PRESSURE = 100e6  # Pa, at which the needle's speeds are given
 WAVE_CELLS = 40
 WAVE_DAMPING = 1.0  # m2/s
-HOLE_CLOSES = 0.6e-3  # s after an opening
 
 
 @dataclass(frozen=True)
@@ -215,13 +214,8 @@ def _integrate(bench: Bench, time: Array, rail: Array) -> tuple[Array, NDArray[n
     for number, event in enumerate(bench.events):
         first, end = firsts[number : number + 2]
         strokes = motion(event, bench.starts[number], bench.needle, part.max_lift)
-        phases = phases_of(event.faults, strokes)
-        turns = [first, *(min(round(t * SAMPLE_RATE), end) for t, _ in phases), end]
-        for faults, (begin, turn) in zip(
-            (event.faults, *(f for _, f in phases)), pairwise(turns), strict=True
-        ):
-            drive = Rail(float(time[begin]), 1.0 / SAMPLE_RATE, rail[begin : turn + 1])
-            plant.advance(faults, strokes, drive, result[begin + 1 : turn + 1])
+        drive = Rail(float(time[first]), 1.0 / SAMPLE_RATE, rail[first : end + 1])
+        plant.advance(event.faults, strokes, drive, result[first + 1 : end + 1])
         lateness[first + 1 : end + 1] = math.floor(event.faults.channel_skew * SAMPLE_RATE)
     return result, lateness
 
@@ -252,27 +246,3 @@ def _openings(lift: Array) -> NDArray[np.int64]:
     is_open = np.concatenate(([False], lift > 1e-6, [False]))
     changes = np.flatnonzero(is_open[1:] != is_open[:-1])
     return np.stack((changes[::2], changes[1::2] - 1), axis=1)
-
-
-def phases_of(faults: Faults, strokes: Array) -> tuple[tuple[float, Faults], ...]:
-    """When [s] which faults come into force within an event, after those of its beginning, in order.
-
-    strokes (m, 6): as of `plant_equations.lift_at`.
-    """
-    changing = faults.hole_closing != 0.0 or faults.seat_hysteresis != 0.0
-    return tuple(phase for stroke in strokes for phase in _of_opening(faults, stroke)) if changing else ()
-
-
-def _of_opening(faults: Faults, stroke: Array) -> list[tuple[float, Faults]]:
-    opening, _, closing, closed = (float(moment) for moment in stroke[:4])
-    late = opening + HOLE_CLOSES
-    phases = []
-    for moment in sorted((late, closing)):
-        now = faults
-        if moment >= late:
-            now = now._replace(orifice_area=(1.0 + now.orifice_area) * (1.0 - now.hole_closing) - 1.0)
-        if moment >= closing:
-            now = now._replace(seat_lift_loss=now.seat_lift_loss - now.seat_hysteresis)
-        if moment < closed:
-            phases.append((moment, now))
-    return [*phases, (closed, faults)]

@@ -18,6 +18,8 @@ STICTION_FLOW = 10e-6  # m3/s, from about which on what holds the flow back grow
 WAX_WIDTH = 0.15  # of the reference pressure
 STOP_FROM = 0.75  # of the largest lift
 MIDDLE, MIDDLE_WIDTH = 0.5, 0.15  # of the largest lift
+SMALL_LIFT = 50e-6  # m
+HOLE_CLOSES = 0.6e-3  # s after an opening
 VISCOUS_DROP = 4e6  # Pa, below which the flow coefficient of the nozzle falls no further
 RINGING_FREQUENCY, RINGING_DECAY = 1.5e3, 0.6e-3  # Hz, s
 LEAST_DROP = 0.1e6  # Pa
@@ -28,7 +30,7 @@ FORGOTTEN_LIFT = 1e-9  # m
 class Laws(NamedTuple):
     """What the plant does beyond its equations; all 0 is nothing. SI; shares are of the coefficient they change."""
 
-    laminar: float = 0.0  # 1/s, resistance of the line over its inertance
+    line_laminar: float = 0.0  # 1/s, resistance of the line over its inertance
     pressure_friction: float = 0.0  # share of the friction that comes with each 100 MPa above 100 MPa
     slow_friction: float = 0.0  # 1/s, on the flow beyond what it was
     flow_memory: float = 1e-3  # s, of what the flow was
@@ -37,6 +39,7 @@ class Laws(NamedTuple):
     needle_area: float = 0.0  # m2, that the needle displaces of the line
     root_leakage: float = 0.0  # m3/s/sqrt(Pa), while the needle is shut
     open_leakage: float = 0.0  # m3/(s Pa), while it is open
+    lift_leakage: float = 0.0  # m3/(s Pa) at full lift, growing with it
     relief: float = 0.0  # m3/(s Pa), above 100 MPa
     stiffness_bend: float = 0.0  # share 100 MPa from 100 MPa, growing with the square
     wax: float = 0.0  # share by which the line is stiffer above 100 MPa, and softer below
@@ -45,6 +48,8 @@ class Laws(NamedTuple):
     seat_speed: float = 0.0  # s/m, share of the seat's coefficient by the needle's speed
     stop_loss: float = 0.0  # share of the seat's coefficient at the stop
     middle_loss: float = 0.0  # the same at half lift
+    seat_hysteresis: float = 0.0  # share by which it lets more through at small lift while the needle closes
+    hole_closing: float = 0.0  # share of the nozzle's area that is gone from 0.6 ms after an opening on
     viscous_loss: float = 0.0  # share of the nozzle's coefficient at a drop of 100 MPa, as one over its root
     opening_loss: float = 0.0  # share of the nozzle's coefficient at an opening
     opening_time: float = 1.0  # s, in which that goes
@@ -141,6 +146,8 @@ def _seat_share(part: Injector, laws: Laws, now: Moment) -> float:
     share = 1.0 + laws.seat_speed * now.speed + laws.seat_growth * now.time
     share *= 1.0 - laws.stop_loss * min(max(lift - STOP_FROM, 0.0) / (1.0 - STOP_FROM), 1.0)
     share *= 1.0 - laws.middle_loss * math.exp(-(((lift - MIDDLE) / MIDDLE_WIDTH) ** 2))
+    if now.speed < 0.0:
+        share *= 1.0 + laws.seat_hysteresis * math.exp(-now.lift / SMALL_LIFT)
     return max(share, LEAST_SHARE)
 
 
@@ -150,6 +157,8 @@ def _nozzle_share(part: Injector, laws: Laws, now: Moment) -> float:
     drop = max(now.sac_pressure - part.chamber_pressure, 0.0)
     share = 1.0 - laws.viscous_loss * math.sqrt(REFERENCE / (drop + VISCOUS_DROP))
     raised = 0.0
+    if now.since >= HOLE_CLOSES:
+        share *= 1.0 - laws.hole_closing
     if now.since >= 0.0:
         share *= 1.0 - laws.opening_loss * math.exp(-now.since / laws.opening_time)
         swing = math.sin(2.0 * math.pi * RINGING_FREQUENCY * now.since)
@@ -170,7 +179,8 @@ def outflow(part: Injector, laws: Laws, now: Moment) -> float:
     drop = max(now.line_pressure - part.chamber_pressure, 0.0)
     leak = laws.needle_area * now.speed + laws.relief * max(now.line_pressure - REFERENCE, 0.0)
     if now.lift > 0.0:
-        return leak + laws.open_leakage * drop
+        grown = laws.open_leakage + laws.lift_leakage * min(now.lift / part.max_lift, 1.0)
+        return leak + grown * drop
     return leak + laws.root_leakage * math.sqrt(drop)
 
 
@@ -185,7 +195,7 @@ def resist(
     kept = math.exp(-step / laws.flow_memory)
     for i in range(flows.shape[0]):
         q = flows[i]
-        slowed = laws.laminar * q + laws.slow_friction * (q - remembered[i])
+        slowed = laws.line_laminar * q + laws.slow_friction * (q - remembered[i])
         slowed += laws.pressure_friction * (pressures[i] / REFERENCE - 1.0) * loss * q * math.fabs(q)
         slowed += laws.stiction * math.tanh(q / STICTION_FLOW) / inertances[i]
         flows[i] -= step * slowed / (1.0 + inertance_growth(q, laws))

@@ -42,7 +42,6 @@ class Lattice(NamedTuple):
     added: Array
     pull: Array
     end_volume: float  # m3, the gallery in front of the seat
-    laminar: float = 0.0  # 1/s, resistance over inertance
     inlet_loss: float = 0.0  # Pa s2/m6, of an orifice between rail and line
 
 
@@ -59,7 +58,6 @@ def with_own_inertance(lattice: Lattice) -> Lattice:
         lattice.added,
         lattice.pull,
         lattice.end_volume,
-        lattice.laminar,
         lattice.inlet_loss,
     )
 
@@ -191,7 +189,7 @@ def line_step(
         remembered = 0.0
         for j in range(parts):
             remembered += memory[i, j]
-        pull[i] = lattice.pull[i // NODES] * remembered + lattice.laminar * y[i]
+        pull[i] = lattice.pull[i // NODES] * remembered
     middle = 0.5 * (rail0 + rail1)
     line_rates(y, rate, pull, rail0, drain, lattice, part, faults)
     for i in range(size):

@@ -101,7 +101,6 @@ def lattice_of(part: Injector, faults: Faults, line: WaveLine, step: float) -> L
         added=shares * np.exp(-0.5 * np.outer(rates, active) * step),
         pull=4.0 * rates,  # the fluid's own, whatever is deposited
         end_volume=part.line_volume * line.end_share,
-        laminar=faults.line_laminar,
         inlet_loss=line.inlet_loss * (1.0 + faults.fuel_density),
     )
 

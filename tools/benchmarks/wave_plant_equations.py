@@ -16,7 +16,6 @@ from numba import njit
 
 from tools.benchmarks.arrays import Array
 from tools.benchmarks.plant_equations import (
-    CHAMBER_LIFT,
     Rail,
     chamber_pressure,
     is_shut,
@@ -128,7 +127,6 @@ def seat_step(
     by_gallery = step * line_stiffness(p_l, part, faults) / end_volume
     by_sac = step * part.bulk_modulus_sac * (1.0 + faults.sac_stiffness) / part.sac_volume
     lift, lift1 = lifts
-    inflow -= faults.lift_leakage * min(1.0, lift / CHAMBER_LIFT) * (p_l - part.chamber_pressure)
     gallery = p_l + GAMMA * by_gallery * inflow
     q_s1, q_h1 = _implicit(gallery, p_s, GAMMA * by_gallery, GAMMA * by_sac, lift, part, faults)
     gallery = p_l + by_gallery * (inflow - (1.0 - GAMMA) * q_s1)

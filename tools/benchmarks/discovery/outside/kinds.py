@@ -156,7 +156,7 @@ def _law(name: str, lowest: float, highest: float, both: bool = False) -> Hidden
 
 
 _KINDS = (
-    Kind("laminar_friction", _T.LINE_FLOW, (_law("laminar", 80.0, 400.0),)),
+    Kind("laminar_friction", _T.LINE_FLOW, (_law("line_laminar", 80.0, 400.0),)),
     Kind("friction_by_pressure", _T.LINE_FLOW, (_law("pressure_friction", 1.0, 2.2, both=True),)),
     Kind(
         "slow_friction",

@@ -3,7 +3,7 @@
 import hashlib
 import zlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -18,6 +18,7 @@ from tools.benchmarks.discovery.real_line.hidden import (
     PAIRS,
     faults_of,
     known,
+    laws_of,
     steps_of,
 )
 from tools.benchmarks.plant import SAMPLE_RATE, Bench, Event, Needle, Shot, Surroundings
@@ -188,8 +189,11 @@ def further_benches(case: RealCase) -> tuple[Bench, ...]:
 
 def _case_benches(case: RealCase, points: Sequence[tuple[float, float]], noise: float) -> tuple[Bench, ...]:
     rng = np.random.default_rng([case.seed, *(round(pressure) for pressure, _ in points)])
-    faults, steps = faults_of(case.parts), steps_of(case.parts)
-    return tuple(bench_of(case.rig, point, INJECTIONS, rng, faults, steps, noise) for point in points)
+    faults, steps, laws = faults_of(case.parts), steps_of(case.parts), laws_of(case.parts)
+    return tuple(
+        replace(bench_of(case.rig, point, INJECTIONS, rng, faults, steps, noise), laws=laws)
+        for point in points
+    )
 
 
 def bench_of(

@@ -17,6 +17,7 @@ from tools.benchmarks.discovery.hidden import (
     HiddenParameter,
 )
 from tools.benchmarks.discovery.real_line.discrepancies import resonant_line
+from tools.benchmarks.plant_laws import Laws
 from tools.benchmarks.plant_parameters import Faults
 from tools.benchmarks.sampling import Measured, Step
 
@@ -38,8 +39,8 @@ class RealEffect:
         lowest = math.exp((1.0 - from_share) * math.log(first.lowest) + from_share * math.log(first.highest))
         return (replace(first, lowest=lowest).draw(rng), *(p.draw(rng) for p in others))
 
-    def faults(self, values: Sequence[float]) -> dict[str, float]:
-        """Faults of the plant by name."""
+    def changes(self, values: Sequence[float]) -> dict[str, float]:
+        """Faults of the plant, and laws it follows, by name."""
         if self.step is not None:
             return {}
         return {p.fault: value for p, value in zip(self.hidden.parameters, values, strict=True)}
@@ -169,10 +170,22 @@ def known(name: str) -> RealEffect:
 
 def faults_of(parts: Sequence[tuple[str, Sequence[float]]]) -> Faults:
     """The plant with effects of these sizes, together."""
+    named = _named(parts)
+    return Faults(**{name: value for name, value in named.items() if name in Faults._fields})
+
+
+def laws_of(parts: Sequence[tuple[str, Sequence[float]]]) -> Laws:
+    """What such a plant does beyond its equations."""
+    named = _named(parts)
+    return Laws(**{name: value for name, value in named.items() if name in Laws._fields})
+
+
+def _named(parts: Sequence[tuple[str, Sequence[float]]]) -> dict[str, float]:
+    """Faults and laws by name."""
     named: dict[str, float] = {}
     for name, values in parts:
-        named |= known(name).faults(values)
-    return Faults(**named)
+        named |= known(name).changes(values)
+    return named
 
 
 def steps_of(parts: Sequence[tuple[str, Sequence[float]]]) -> tuple[Step, ...]:

@@ -15,6 +15,7 @@ from observer_rt.recording.formats import read_recording
 from tests.tools.blocked import run_alone
 from tests.tools.test_bench_real_line_plants import short
 from tools.benchmarks.discovery.cases import FURTHER, GIVEN
+from tools.benchmarks.discovery.hidden_kind import FAMILIES, HiddenKind, TermEquation
 from tools.benchmarks.discovery.outside.cases import (
     INJECTIONS,
     Asked,
@@ -26,12 +27,9 @@ from tools.benchmarks.discovery.outside.cases import (
 )
 from tools.benchmarks.discovery.outside.generator import taken_away
 from tools.benchmarks.discovery.outside.kinds import (
-    FAMILIES,
     KINDS,
     NOT_IN,
     VOCABULARY_KINDS,
-    Kind,
-    TermEquation,
     kind_named,
 )
 from tools.benchmarks.discovery.real_line.cases import Rig
@@ -60,7 +58,7 @@ assert not [name for name in sys.modules if name.startswith("observer_rt")]
 """
 
 
-def recorded(plant: str, kind: Kind, values: tuple[float, ...]) -> Outcome:
+def recorded(plant: str, kind: HiddenKind, values: tuple[float, ...]) -> Outcome:
     """The third injection and the fourth, at a low and a high rail pressure, without noise."""
     part, line = PLANTS[plant]
     events = tuple(
@@ -81,7 +79,7 @@ def excess(one: Outcome, other: Outcome) -> float:
 
 @pytest.mark.parametrize("plant", PLANTS)
 @pytest.mark.parametrize("kind", KINDS.values(), ids=list(KINDS))
-def test_every_kind_is_seen_at_all_its_sizes_and_off_at_none(kind: Kind, plant: str) -> None:
+def test_every_kind_is_seen_at_all_its_sizes_and_off_at_none(kind: HiddenKind, plant: str) -> None:
     first, *others = (p.lowest for p in kind.parameters)
     off = recorded(plant, kind, (OFF.get(kind.name, 0.0), *others))
     healthy = recorded(plant, replace(kind, step=None, supply=None), (0.0, *others))
@@ -94,7 +92,7 @@ def test_every_kind_is_seen_at_all_its_sizes_and_off_at_none(kind: Kind, plant: 
 
 def test_all_laws_are_used_and_nothing_else_is() -> None:
     used = {p.fault for kind in KINDS.values() for p in kind.parameters if p.fault}
-    used |= {p.fault for effect in OUTSIDE.values() for p in effect.hidden.parameters if p.fault}
+    used |= {p.fault for kind in OUTSIDE.values() for p in kind.parameters if p.fault}
     assert set(Laws._fields) <= used
     assert used <= {*Laws._fields, *Faults._fields}
     assert all(kind.parameters[0].fault or kind.step for kind in KINDS.values())

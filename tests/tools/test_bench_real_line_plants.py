@@ -179,8 +179,8 @@ def test_effects_are_those_of_the_vocabulary_within_its_bounds() -> None:
     assert {name for pair in PAIRS for name in pair} <= set(EFFECTS)
     for name, effect in EFFECTS.items():
         known = VOCABULARY[name].parameters
-        assert [p.name for p in effect.hidden.parameters] == [p.name for p in known]
-        for drawn, bounds in zip(effect.hidden.parameters, known, strict=True):
+        assert [p.name for p in effect.parameters] == [p.name for p in known]
+        for drawn, bounds in zip(effect.parameters, known, strict=True):
             assert drawn.highest <= bounds.highest
             assert bounds.lowest <= (drawn.most_negative or drawn.lowest)
             assert drawn.most_negative == 0.0 or bounds.lowest < 0.0
@@ -191,7 +191,7 @@ def test_pairs_are_of_larger_sizes_and_faults_add_up() -> None:
     case = make_case(PAIRS[0], rig, 4)
     (first, (size,)), (second, (leak,)) = case.parts
     assert (case.kind, first, second) == (Kind.PAIR, *PAIRS[0])
-    (drawn,) = EFFECTS[first].hidden.parameters
+    (drawn,) = EFFECTS[first].parameters
     assert abs(size) >= drawn.lowest ** (1.0 - PAIR_FROM) * drawn.highest**PAIR_FROM * (1.0 - 1e-12)
     assert faults_of(case.parts) == Faults(orifice_area=size, guide_leakage=leak)
     assert faults_of((("rail_pressure_skew", (2e-5,)),)) == Faults()

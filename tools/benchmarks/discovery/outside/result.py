@@ -6,9 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tools.benchmarks.discovery.hidden import same_effect
-from tools.benchmarks.discovery.outside.answers import Misfit, OutsideAnswer, Proposed
-from tools.benchmarks.discovery.outside.cases import Asked, OutsideCase
-from tools.benchmarks.discovery.outside.kinds import (
+from tools.benchmarks.discovery.hidden_kind import (
     MOMENTUM,
     NOZZLE,
     OUTFLOW,
@@ -16,8 +14,10 @@ from tools.benchmarks.discovery.outside.kinds import (
     STIFFNESS,
     Family,
     TermEquation,
-    kind_named,
 )
+from tools.benchmarks.discovery.outside.answers import Misfit, OutsideAnswer, Proposed
+from tools.benchmarks.discovery.outside.cases import Asked, OutsideCase
+from tools.benchmarks.discovery.outside.kinds import kind_named
 from tools.benchmarks.discovery.real_line.result import near_tie
 from tools.benchmarks.discovery.result import NAMED
 from tools.benchmarks.figure import Figure

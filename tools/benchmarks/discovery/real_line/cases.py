@@ -16,6 +16,7 @@ from tools.benchmarks.discovery.real_line.hidden import (
     OUTSIDE,
     PAIR_FROM,
     PAIRS,
+    Parts,
     faults_of,
     known,
     laws_of,
@@ -28,9 +29,6 @@ from tools.benchmarks.sampling import Step
 FIT_INJECTIONS, INJECTIONS = 6, 3  # in each recording
 FIRST, DISTANCE = 40e-3, 50e-3  # s: start of the first injection, and from one to the next
 NEEDLE_SPREAD = 0.15  # of a plant's speeds
-
-Parts = tuple[tuple[str, tuple[float, ...]], ...]
-"""Effects that are there together, each with the sizes of its parameters."""
 
 
 class Kind(StrEnum):

@@ -26,7 +26,13 @@ HIDING_SOURCES = (
     *nominal.HIDING_SOURCES,
     *(
         BENCHMARKS / f"{name}.py"
-        for name in ("sampling", "wave_line_equations", "wave_plant", "wave_plant_equations")
+        for name in (
+            "sampling",
+            "wave_line_equations",
+            "wave_plant",
+            "wave_plant_equations",
+            "discovery/hidden_kind",
+        )
     ),
     *(HERE / f"{name}.py" for name in ("rail", "discrepancies", "hidden", "cases", "generator", "fitting")),
 )

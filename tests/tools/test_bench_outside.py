@@ -31,10 +31,10 @@ from tools.benchmarks.discovery.outside.run import print_results, run_outside
 from tools.benchmarks.discovery.outside.tables import case_lines, json_document
 
 LEAK = ProposedTerm("line_pressure", "sqrt(line_pressure - chamber_pressure)*closed", 2.0)
-GOOD = Proposed((LEAK,), True, ("needle_lift: 1",), Misfit(0.1, 0.2))
+GOOD = Proposed((LEAK,), (), True, Misfit(0.1, 0.2))
 CASE = OutsideCase("0", Asked.OUTSIDE, "root_leakage", (2e-10,), True, None, 1)
 ANSWER = OutsideAnswer(
-    "0", "unknown", 0.98, (), "line_pressure", (GOOD,), Misfit(1.0, 2.0), Misfit(1.0, 2.0), 9.0, 7.0
+    "0", "unknown", 0.98, (), (), "line_pressure", (GOOD,), Misfit(1.0, 2.0), Misfit(1.0, 2.0), 9.0, 7.0
 )
 RIGHT = OutsideResult(CASE, ANSWER)
 
@@ -48,7 +48,14 @@ def asked(
 ) -> OutsideResult:
     return OutsideResult(
         replace(CASE, asked=which, name=name),
-        replace(ANSWER, verdict=verdict, claims=claims, proposals=proposals, named=Misfit(0.1, 0.1)),
+        replace(
+            ANSWER,
+            verdict=verdict,
+            claims=claims,
+            by_vocabulary=claims,
+            proposals=proposals,
+            named=Misfit(0.1, 0.1),
+        ),
     )
 
 
@@ -69,6 +76,9 @@ def test_a_proposal_is_right_where_the_true_law_is_or_cannot_be_told_from_it() -
     assert (both.right_equation, both.exact_equation) == (False, True)
     assert not proposing(RIGHT).right_equation
     assert proposing(RIGHT, GOOD, SEAT).right_equation  # the first leads
+    beside = proposing(RIGHT, replace(GOOD, effects=("guide_leakage",)))
+    assert beside.right_equation
+    assert not proposing(RIGHT, replace(GOOD, effects=("seat_area",))).right_equation
 
 
 def test_gaps_are_halved_or_not_and_only_where_they_matter() -> None:
@@ -94,6 +104,7 @@ def test_gaps_are_halved_or_not_and_only_where_they_matter() -> None:
 def test_names_are_wrong_when_sure_of_what_is_not_there() -> None:
     assert not NAMED.wrong_and_sure
     assert NAMED.rightly_named
+    assert replace(NAMED, answer=replace(NAMED.answer, verdict="unknown", claims=())).rightly_named
     wrong = asked(Asked.OUTSIDE, "root_leakage", verdict="named", claims=("guide_leakage",))
     assert wrong.wrong_and_sure
     assert not replace(wrong, answer=replace(wrong.answer, confidence=0.89)).wrong_and_sure
@@ -173,13 +184,14 @@ def test_a_proposal_is_taken_as_plain_values_and_its_model_meets_the_plant(tmp_p
     class Offered:
         terms = (SimpleNamespace(equation="nozzle_flow", law="1", coefficient=0.1),)
         may_enter = True
-        equivalents = ("chamber_pressure: 1",)
+        effects = ("line_friction",)
 
         def model(self, nominal: object) -> object:
             return effective_model(load_injector(), (sized("orifice_area", v_H=0.1),))
 
     (proposed,) = proposals_of(SimpleNamespace(proposals=(Offered(),)), nominal, further)  # type: ignore[arg-type]
     assert proposed.terms == (ProposedTerm("nozzle_flow", "1", 0.1),)
+    assert proposed.effects == ("line_friction",)
     assert proposed.misfit.pressure_mpa < 0.05
     assert proposed.misfit.mass_mg < 0.1
     before = misfit(nominal, further)

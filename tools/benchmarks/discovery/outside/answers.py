@@ -49,11 +49,11 @@ class ProposedTerm:
 
 @dataclass(frozen=True)
 class Proposed:
-    """Terms proposed together. may_enter: into an amended model, by the guard; equivalents: what else it may be."""
+    """Terms proposed together, beside effects of the vocabulary. may_enter: into an amended model, by the guard."""
 
     terms: tuple[ProposedTerm, ...]
+    effects: tuple[str, ...]
     may_enter: bool
-    equivalents: tuple[str, ...]
     misfit: Misfit
 
 
@@ -61,14 +61,16 @@ class Proposed:
 class OutsideAnswer:
     """What was answered, best proposal first.
 
-    claims: names given; suspect: the equation an unknown effect is said to violate; before: of the model as given;
-    named: of what the vocabulary makes of it; search_seconds: of `seconds`, what the vocabulary's search took.
+    claims: names given; by_vocabulary: names its search ended with where they explain all, whatever is proposed
+    besides; suspect: the equation an unknown effect is said to violate; before: of the model as given; named: with
+    what the vocabulary has for it; search_seconds: of `seconds`, what the vocabulary's search took.
     """
 
     label: str
     verdict: str
     confidence: float
     claims: tuple[str, ...]
+    by_vocabulary: tuple[str, ...]
     suspect: str
     proposals: tuple[Proposed, ...]
     before: Misfit
@@ -85,20 +87,23 @@ def ask_outside(label: str, folder: Path, model: Path, without: Sequence[str] = 
     whole = [with_healthy_offset(one, baseline.remainder) for one in _measured(folder / GIVEN)]
     points = [point.measurement for point in by_operating_point(whole)]
     begin = time.perf_counter()
-    with vocabulary_without(without), noted_search() as ended:
+    with vocabulary_without(without), noted_search() as noted:
         found = name_effects(nominal, points, SearchOptions(os.cpu_count() or 1, baseline=baseline))
     seconds = time.perf_counter() - begin
+    outcome, ended = noted[-1]
+    further, winner = _measured(folder / FURTHER), outcome.winner if outcome.adequate else outcome.nominal
     return OutsideAnswer(
         label,
         str(found.verdict),
         found.confidence,
         found.named.ids,
+        winner.ids,
         str(found.unexplained.equation) if found.unexplained is not None else "",
-        proposals_of(found, nominal, further := _measured(folder / FURTHER)),
+        proposals_of(found, nominal, further),
         misfit(nominal, further),
-        misfit(found.named.model(nominal), further),
+        misfit(winner.model(nominal), further),
         seconds,
-        ended[-1] - begin,
+        ended - begin,
     )
 
 
@@ -110,8 +115,8 @@ def proposals_of(
     return tuple(
         Proposed(
             tuple(ProposedTerm(str(t.equation), str(t.law), float(t.coefficient)) for t in one.terms),
+            tuple(one.effects),
             bool(one.may_enter),
-            tuple(map(str, one.equivalents)),
             misfit(one.model(nominal), further),
         )
         for one in proposals
@@ -150,18 +155,18 @@ def vocabulary_without(ids: Sequence[str]) -> Iterator[None]:
 
 
 @contextmanager
-def noted_search() -> Iterator[list[float]]:
-    """When [s] searches with the vocabulary ended meanwhile."""
-    ended: list[float] = []
+def noted_search() -> Iterator[list[tuple[SearchOutcome, float]]]:
+    """How searches with the vocabulary end meanwhile, and when [s]."""
+    noted: list[tuple[SearchOutcome, float]] = []
     original = Search.run
 
     def run(self: Search) -> SearchOutcome:
         outcome = original(self)
-        ended.append(time.perf_counter())
+        noted.append((outcome, time.perf_counter()))
         return outcome
 
     with patch.object(Search, "run", run):
-        yield ended
+        yield noted
 
 
 def _measured(folder: Path) -> tuple[Measurement, ...]:

@@ -17,7 +17,7 @@ from tools.benchmarks.discovery.hidden_kind import (
 )
 from tools.benchmarks.discovery.outside.answers import Misfit, OutsideAnswer, Proposed
 from tools.benchmarks.discovery.outside.cases import Asked, OutsideCase
-from tools.benchmarks.discovery.outside.kinds import kind_named
+from tools.benchmarks.discovery.outside.kinds import VOCABULARY_KINDS, kind_named
 from tools.benchmarks.discovery.real_line.result import near_tie
 from tools.benchmarks.discovery.result import NAMED
 from tools.benchmarks.figure import Figure
@@ -59,21 +59,27 @@ class OutsideResult:
         return self.answer.proposals[0] if self.answer.proposals else None
 
     @property
+    def proposed_equations(self) -> Family:
+        """Where the terms of the leading proposal stand, and the effects beside them."""
+        if self.best is None:
+            return frozenset()
+        of_effects = (VOCABULARY_KINDS[name].equation for name in self.best.effects)
+        return frozenset((*(TermEquation(term.equation) for term in self.best.terms), *of_effects))
+
+    @property
     def accepted(self) -> bool:
         """Whether the leading proposal may enter an amended model."""
         return self.best is not None and self.best.may_enter
 
     @property
     def right_equation(self) -> bool:
-        """Whether all terms proposed stand where the true law is, or where these signals do not tell them from it."""
-        equations = self._equations()
-        return self.best is not None and all(term.equation in equations for term in self.best.terms)
+        """Whether all that is proposed stands where the true law does, or where these signals do not tell it."""
+        return bool(self.proposed_equations) and self.proposed_equations <= self._equations()
 
     @property
     def exact_equation(self) -> bool:
-        """Whether a term proposed stands in the true law's own equation."""
-        equation = kind_named(self.case.name).equation
-        return self.best is not None and any(term.equation == equation for term in self.best.terms)
+        """Whether something proposed stands in the true law's own equation."""
+        return kind_named(self.case.name).equation in self.proposed_equations
 
     @property
     def right_suspicion(self) -> bool:
@@ -104,9 +110,9 @@ class OutsideResult:
 
     @property
     def rightly_named(self) -> bool:
-        """Whether the one name given is that of what is hidden."""
-        claims = self.answer.claims
-        return self.answer.verdict == NAMED and len(claims) == 1 and same_effect(claims[0], self.case.name)
+        """Whether the vocabulary's search ends with the name of what is hidden, whatever is proposed besides."""
+        names = self.answer.by_vocabulary
+        return len(names) == 1 and same_effect(names[0], self.case.name)
 
     @property
     def wrong_and_sure(self) -> bool:

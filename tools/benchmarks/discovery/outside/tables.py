@@ -154,11 +154,10 @@ def _marks(r: OutsideResult) -> list[str]:
 def _case_line(r: OutsideResult) -> str:
     case, answer, before, after = r.case, r.answer, r.answer.before, r.after
     rig = f" {case.rig.discrepancy}" if case.rig is not None else ""
-    terms = (
-        " + ".join(f"{t.equation}: {t.coefficient:.3g} {t.law}" for t in r.best.terms)
-        if r.best
-        else "nothing"
-    )
+    terms = "nothing"
+    if r.best is not None:
+        laws = (f"{t.equation}: {t.coefficient:.3g} {t.law}" for t in r.best.terms)
+        terms = " + ".join((*laws, *r.best.effects))
     hidden = hidden_text(((case.name, case.values),) if case.values else ())
     return (
         f"{r.label}{rig}{' with rate' if case.with_rate else ''} {case.asked}: {hidden}: {_answer(r)} "

@@ -175,7 +175,9 @@ def open_loop(
     )
     errors, rate = np.empty((2, recording.samples))
     substeps = max(SUBSTEPS, substeps_needed(model.injector, recording.sample_rate, model.departures))
-    setting = Setting(measurement.interval, substeps, c, np.zeros(c.states), lag=sensor.lag)
+    setting = Setting(
+        measurement.interval, substeps, c, np.zeros(c.states), lag=sensor.lag, program=model.program
+    )
     follow(window, setting, nothing_learned(c), 0, errors, rate, None, NO_SLOPES)
     indicated = -errors * c.pressure_scale + c.chamber_pressure + sensor.offset
     indicated[0] = indicated[1]

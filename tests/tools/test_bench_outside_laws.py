@@ -69,7 +69,8 @@ LAWS: dict[str, Law] = {
     "drifting_sensor": lambda rate: f"{rate * 1e-6:.9g}*time",
     "creeping_sensor": lambda share: f"{share:.9g}*(line_pressure - lagged(line_pressure, 1))",
 }  # fmt: skip
-NO_LAW = {"needle_not_shut", "seat_hysteresis", "tap_resonance"}  # of the lift shut; p_L'' is no variable
+NO_LAW = {"needle_behind", "needle_not_shut", "seat_hysteresis", "tap_resonance"}
+"""A term of the lift says nothing of a needle that is seen shut, and none is of the pressure's second derivative."""
 
 
 def test_every_kind_a_law_can_state_has_one() -> None:
@@ -79,7 +80,7 @@ def test_every_kind_a_law_can_state_has_one() -> None:
 @pytest.mark.parametrize("name", LAWS)
 def test_the_true_law_closes_the_gap(name: str, tmp_path: Path) -> None:
     kind = KINDS[name]
-    values = tuple(math.sqrt(p.lowest * p.highest) for p in kind.parameters)
+    values = tuple(p.most_negative or p.highest for p in kind.parameters)
     case = OutsideCase("0", Asked.OUTSIDE, name, values, False, None, 5)
     files = write_all(further_benches(case)[1::2], True, tmp_path)
     further = measurements([read_recording(path) for path in files])
@@ -88,6 +89,6 @@ def test_the_true_law_closes_the_gap(name: str, tmp_path: Path) -> None:
     for equation, law in ((kind.equation, stated),) if isinstance(stated, str) else stated:
         amended = amended.with_term(Term(TermEquation(equation), parse(law)))
     before, after = misfit(nominal, further), misfit(amended, further)
-    assert before.pressure_mpa > 0.1
+    assert before.pressure_mpa > 0.05
     assert after.pressure_mpa < LEFT * before.pressure_mpa + LEFT_MPA
     assert after.mass_mg < LEFT * before.mass_mg + LEFT_MG

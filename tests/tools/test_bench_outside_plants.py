@@ -45,7 +45,7 @@ PLANTS: dict[str, tuple[Injector, WaveLine | None]] = {
     "A": (Injector(), None),
     "B": (new_part(), LINES[Variant.PLAIN]),
 }
-SEEN = 300.0  # of chi2 of a few injections
+SEEN = 200.0  # of chi2 of two injections
 OFF = {"tap_resonance": math.inf}  # where the first parameter is not a size
 ALONE = """
 import io, json, pathlib

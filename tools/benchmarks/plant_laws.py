@@ -55,7 +55,8 @@ class Laws(NamedTuple):
     opening_time: float = 1.0  # s, in which that goes
     flow_back_pressure: float = 0.0  # Pa s/m3, by which the chamber's pressure grows with what is injected
     chamber_ringing: float = 0.0  # Pa, after an opening
-    lift_memory_share: float = 0.0  # of the true lift, on what the lift is beyond what it was
+    lift_ahead: float = 0.0  # share of what it moved lately, by which the needle is ahead of what is seen
+    lift_behind: float = 0.0  # the same, by which it is behind
     lift_memory: float = 1e-4  # s, of what the lift was
     lift_bend: float = 0.0  # share of the largest lift, growing with the square
     least_lift: float = 0.0  # m, of a needle that does not quite close
@@ -92,8 +93,8 @@ def since_opening(time: float, strokes: Array) -> float:
 @njit(cache=True, nogil=True)
 def true_lift(lift: float, remembered: float, max_lift: float, laws: Laws) -> float:
     """Lift the seat has [m], by the lift that is seen and what that was."""
-    bent = lift + laws.lift_memory_share * (lift - remembered) + laws.lift_bend * lift * lift / max_lift
-    return max(bent, laws.least_lift)
+    ahead = (laws.lift_ahead - laws.lift_behind) * (lift - remembered)
+    return max(lift + ahead + laws.lift_bend * lift * lift / max_lift, laws.least_lift)
 
 
 @njit(cache=True, nogil=True)

@@ -140,9 +140,15 @@ _KINDS = (
     HiddenKind(
         "lagged_lift",
         _T.NEEDLE_LIFT,
-        (_law("lift_memory_share", 0.1, 0.4, both=True), _law("lift_memory", 0.08 * MS, 0.25 * MS)),
+        (_law("lift_ahead", 0.1, 0.4), _law("lift_memory", 0.08 * MS, 0.25 * MS)),
     ),
-    HiddenKind("bent_lift", _T.NEEDLE_LIFT, (_law("lift_bend", 0.15, 0.4, both=True),)),
+    HiddenKind(
+        "needle_behind",  # its sensor: open a while longer than is seen, where a term of the lift says nothing
+        _T.NEEDLE_LIFT,
+        (_law("lift_behind", 0.1, 0.3), _law("lift_memory", 0.08 * MS, 0.25 * MS)),
+        in_library=False,
+    ),
+    HiddenKind("bent_lift", _T.NEEDLE_LIFT, (_law("lift_bend", 0.15, 0.25, both=True),)),
     HiddenKind(
         "needle_not_shut", _T.NEEDLE_LIFT, (_law("least_lift", 0.5 * US, 3.0 * US),), without_rate=OUTFLOW
     ),

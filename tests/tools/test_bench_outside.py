@@ -5,11 +5,13 @@ import math
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import cast
 
 import pytest
 from rich.console import Console
 
 from observer_rt.config.bench import load_injector
+from observer_rt.discovery.search.result import Proposal
 from observer_rt.discovery.search.search import representatives
 from observer_rt.evidence.measurement import measurements
 from observer_rt.model.effects import VOCABULARY, effective_model, sized
@@ -22,7 +24,7 @@ from tools.benchmarks.discovery.outside.answers import (
     Proposed,
     ProposedTerm,
     misfit,
-    proposals_of,
+    taken,
     vocabulary_without,
 )
 from tools.benchmarks.discovery.outside.cases import Asked, OutsideCase, OutsidePlan, further_benches
@@ -189,7 +191,7 @@ def test_a_proposal_is_taken_as_plain_values_and_its_model_meets_the_plant(tmp_p
         def model(self, nominal: object) -> object:
             return effective_model(load_injector(), (sized("orifice_area", v_H=0.1),))
 
-    (proposed,) = proposals_of(SimpleNamespace(proposals=(Offered(),)), nominal, further)  # type: ignore[arg-type]
+    (proposed,) = taken([cast(Proposal, Offered())], nominal, further)
     assert proposed.terms == (ProposedTerm("nozzle_flow", "1", 0.1),)
     assert proposed.effects == ("line_friction",)
     assert proposed.misfit.pressure_mpa < 0.05

@@ -7,14 +7,13 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 from unittest.mock import patch
 
 import numpy as np
 
 from observer_rt.config.bench import load_injector
 from observer_rt.discovery.search.adequacy import NO_BASELINE, baseline_of_fit
-from observer_rt.discovery.search.result import Discovery
+from observer_rt.discovery.search.result import Proposal
 from observer_rt.discovery.search.search import Search, SearchOutcome
 from observer_rt.discovery.search.verdict import SearchOptions, name_effects
 from observer_rt.evidence.appearance import with_healthy_offset
@@ -99,7 +98,7 @@ def ask_outside(label: str, folder: Path, model: Path, without: Sequence[str] = 
         found.named.ids,
         winner.ids,
         str(found.unexplained.equation) if found.unexplained is not None else "",
-        proposals_of(found, nominal, further),
+        taken(found.proposals, nominal, further),
         misfit(nominal, further),
         misfit(winner.model(nominal), further),
         seconds,
@@ -107,16 +106,15 @@ def ask_outside(label: str, folder: Path, model: Path, without: Sequence[str] = 
     )
 
 
-def proposals_of(
-    found: Discovery, nominal: EffectiveModel, further: Sequence[Measurement]
+def taken(
+    proposals: Sequence[Proposal], nominal: EffectiveModel, further: Sequence[Measurement]
 ) -> tuple[Proposed, ...]:
     """What is proposed beside the vocabulary, in plain values."""
-    proposals: Sequence[Any] = getattr(found, "proposals", ())
     return tuple(
         Proposed(
-            tuple(ProposedTerm(str(t.equation), str(t.law), float(t.coefficient)) for t in one.terms),
-            tuple(one.effects),
-            bool(one.may_enter),
+            tuple(ProposedTerm(str(t.equation), str(t.law), t.coefficient) for t in one.terms),
+            one.effects,
+            one.may_enter,
             misfit(one.model(nominal), further),
         )
         for one in proposals

@@ -136,7 +136,7 @@ def test_gap_left_is_the_worse_of_both_signals_where_there_was_a_gap() -> None:
 
 
 def test_missed_bars_are_said() -> None:
-    assert summary.violations([RIGHT] * 40 + [HEALTHY_RIGHT] * 40) == []
+    assert list(summary.violations([RIGHT] * 40 + [HEALTHY_RIGHT] * 40)) == []
     late = replace(RIGHT, intervals=(Interval("v_S", 0.2, 0.3, 0.1),))
     false_alarm = replace(HEALTHY_RIGHT, verdict="named", claims=(("seat_area", 0.99),))
     lines = summary.violations([late] * 30 + [WRONG] * 10 + [HEALTHY_RIGHT] * 9 + [false_alarm])
@@ -147,8 +147,8 @@ def test_missed_bars_are_said() -> None:
         "calibration error of the confidence",
     ]
     slow = replace(RIGHT, seconds=15.1)
-    assert summary.violations([slow]) == ["seconds without measured rate: 15.1 > 15"]
-    assert summary.violations([replace(slow, with_rate=True)]) == []
+    assert list(summary.violations([slow])) == ["seconds without measured rate: 15.1 > 15"]
+    assert list(summary.violations([replace(slow, with_rate=True)])) == []
 
 
 def test_json_has_the_agreed_figures_and_tells_what_was_missed(tmp_path: Path) -> None:

@@ -143,7 +143,7 @@ def test_smallest_sizes_and_coverage() -> None:
 def test_missed_bars_are_said() -> None:
     good = [SINGLE] * 30 + [PAIR] * 10 + [HEALTHY] * 50 + [OUTSIDE] * 10
     late = replace(SINGLE, intervals=(Interval("v_S", 0.2, 0.3, 0.1),))
-    assert summary.violations([*good, late], 0) == []
+    assert list(summary.violations([*good, late], 0)) == []
     accused = replace(HEALTHY, verdict="named", claims=(("seat_area", 0.95),))
     bad = [NOTHING] * 4 + [replace(PAIR, verdict="none")] * 4 + [accused] * 2
     bad += [

@@ -106,6 +106,7 @@ def test_gaps_are_halved_or_not_and_only_where_they_matter() -> None:
 def test_names_are_wrong_when_sure_of_what_is_not_there() -> None:
     assert not NAMED.wrong_and_sure
     assert NAMED.rightly_named
+    assert not asked(Asked.NAMED, "seat_area", verdict="named", claims=("line_friction",)).rightly_named
     assert replace(NAMED, answer=replace(NAMED.answer, verdict="unknown", claims=())).rightly_named
     wrong = asked(Asked.OUTSIDE, "root_leakage", verdict="named", claims=("guide_leakage",))
     assert wrong.wrong_and_sure

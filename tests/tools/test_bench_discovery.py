@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from rich.console import Console
 
@@ -15,14 +16,16 @@ from observer_rt.model.effects import VOCABULARY
 from tools.benchmarks.discovery import summary
 from tools.benchmarks.discovery.answers import Answer, read_answer
 from tools.benchmarks.discovery.asking import Asking
-from tools.benchmarks.discovery.cases import HiddenCase, make_case
+from tools.benchmarks.discovery.cases import GIVEN, HiddenCase, make_case, without_noise
 from tools.benchmarks.discovery.figures import save_figures
 from tools.benchmarks.discovery.generator import HidingPlan
 from tools.benchmarks.discovery.hidden import HEALTHY, HIDDEN
 from tools.benchmarks.discovery.result import CaseResult, Gap, Interval, Visibility
 from tools.benchmarks.discovery.run import print_results, run_discovery
-from tools.benchmarks.discovery.scoring import score_case
+from tools.benchmarks.discovery.scoring import injector_of, open_loop, score_case
 from tools.benchmarks.discovery.tables import json_document, misses
+from tools.benchmarks.plant import record
+from tools.benchmarks.scoring import recording_of
 
 VISIBLE = Visibility(gain=500.0, mass_mg=1.0, pressure_mpa=0.0, beyond_dead_zone=True)
 RIGHT = CaseResult(
@@ -133,7 +136,7 @@ def test_gap_left_is_the_worse_of_both_signals_where_there_was_a_gap() -> None:
 
 
 def test_missed_bars_are_said() -> None:
-    assert summary.violations([RIGHT] * 40 + [HEALTHY_RIGHT] * 40) == []
+    assert list(summary.violations([RIGHT] * 40 + [HEALTHY_RIGHT] * 40)) == []
     late = replace(RIGHT, intervals=(Interval("v_S", 0.2, 0.3, 0.1),))
     false_alarm = replace(HEALTHY_RIGHT, verdict="named", claims=(("seat_area", 0.99),))
     lines = summary.violations([late] * 30 + [WRONG] * 10 + [HEALTHY_RIGHT] * 9 + [false_alarm])
@@ -144,8 +147,8 @@ def test_missed_bars_are_said() -> None:
         "calibration error of the confidence",
     ]
     slow = replace(RIGHT, seconds=15.1)
-    assert summary.violations([slow]) == ["seconds without measured rate: 15.1 > 15"]
-    assert summary.violations([replace(slow, with_rate=True)]) == []
+    assert list(summary.violations([slow])) == ["seconds without measured rate: 15.1 > 15"]
+    assert list(summary.violations([replace(slow, with_rate=True)])) == []
 
 
 def test_json_has_the_agreed_figures_and_tells_what_was_missed(tmp_path: Path) -> None:
@@ -222,6 +225,19 @@ def test_a_wrong_effect_leaves_the_gap() -> None:
     assert result.intervals == ()
     assert result.injected_mass is not None
     assert result.injected_mass.share_left == pytest.approx(1.0, abs=0.01)
+
+
+def test_terms_of_an_amended_model_are_in_force() -> None:
+    (bench,) = without_noise(make_case(HEALTHY, False, 1, 0), GIVEN[3:4])
+    recording, nominal = recording_of(record(bench)), NOMINAL_INJECTOR.read_text()
+    term = injector_of(f'{nominal}\n[[terms]]\nequation = "nozzle_flow"\nlaw = "0.1"\n')
+    effect = injector_of(
+        amended_model_of(findings_of(replace(make_case("orifice_area", False, 1, 0), values=(0.1,))))
+    )
+    (line, mass), (there, same) = (open_loop(injector, recording) for injector in (term, effect))
+    np.testing.assert_allclose(line, there, atol=1e3)
+    np.testing.assert_allclose(mass, same, atol=1e-5)
+    assert np.sum(mass) > 1.05 * np.sum(open_loop(injector_of(nominal), recording)[1])
 
 
 def test_an_exact_equivalent_counts_with_its_own_size() -> None:

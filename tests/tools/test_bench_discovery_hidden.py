@@ -23,9 +23,9 @@ ALONE = """
 import io, json
 from tools.benchmarks.discovery import generator, oracle
 sys.stdin = io.StringIO(sys.argv[2])
-generator.main(["seal", sys.argv[1]])
+generator.HIDING.run(["seal", sys.argv[1]])
 label = json.loads(open(sys.argv[1] + "/labels.json").read())[0]
-generator.main(["record", sys.argv[1], label])
+generator.HIDING.run(["record", sys.argv[1], label, sys.argv[1] + "/recordings"])
 assert not [name for name in sys.modules if name.startswith("observer_rt")]
 """
 

@@ -36,8 +36,9 @@ from tools.benchmarks.discovery.real_line.hidden import (
     steps_of,
 )
 from tools.benchmarks.discovery.real_line.rail import LONGEST, drawn_rail
-from tools.benchmarks.plant import Bench, Event, Needle, Outcome, Shot, Surroundings, phases_of, record
-from tools.benchmarks.plant_parameters import ADDED_LATER, Faults, Injector, key_of
+from tools.benchmarks.plant import Bench, Event, Needle, Outcome, Shot, Surroundings, record
+from tools.benchmarks.plant_laws import NO_LAWS, Laws
+from tools.benchmarks.plant_parameters import Faults, Injector
 from tools.benchmarks.sampling import Measured
 from tools.benchmarks.wave_plant import LINES, Variant, WaveLine, new_part, real_part
 
@@ -66,7 +67,7 @@ from tools.benchmarks.discovery.real_line import cases, generator
 sys.stdin = io.StringIO(sys.argv[2])
 generator.main(["seal", sys.argv[1]])
 folder = pathlib.Path(sys.argv[1])
-case = generator.opened(folder)[0]
+case = generator.HIDING.opened(folder)[0]
 for file in generator.write_all(cases.given_benches(case)[:1], True, folder / "recordings"):
     print(file)
 assert not [name for name in sys.modules if name.startswith("observer_rt")]
@@ -80,11 +81,12 @@ def short(
     around: Surroundings = NOTHING_ELSE,
     duration: float = 0.6e-3,
     noise: float = 1.0,
+    laws: Laws = NO_LAWS,
 ) -> Outcome:
     """Two openings within 40 ms."""
     events = (Event(100e6, (Shot(3e-6, duration),), faults),) * 2
     around = replace(around, starts=(0.01, 0.02))
-    return record(Bench(part, Needle(), events, seed=3, line=line, around=around, noise=noise))
+    return record(Bench(part, Needle(), events, seed=3, line=line, around=around, noise=noise, laws=laws))
 
 
 @pytest.mark.parametrize("variant", BEFORE)
@@ -96,13 +98,6 @@ def test_plants_of_other_benchmarks_are_as_before(variant: Variant | None) -> No
         float(np.sum(outcome.measured.line_pressure)),
         float(np.std(outcome.truth.line_pressure[1100:2200])),
     ) == pytest.approx(BEFORE[variant], rel=1e-10)
-
-
-def test_draws_for_faults_are_as_before() -> None:
-    old = {name: value for name, value in SEVERAL_FAULTS._asdict().items() if name not in ADDED_LATER}
-    assert key_of(SEVERAL_FAULTS) == f"Faults({', '.join(f'{n}={v!r}' for n, v in old.items())})"
-    assert "hole_closing=0.1" in key_of(Faults(hole_closing=0.1))
-    assert not any(getattr(Faults(), name) for name in ADDED_LATER)
 
 
 @pytest.mark.parametrize("discrepancy", Discrepancy)
@@ -184,8 +179,8 @@ def test_effects_are_those_of_the_vocabulary_within_its_bounds() -> None:
     assert {name for pair in PAIRS for name in pair} <= set(EFFECTS)
     for name, effect in EFFECTS.items():
         known = VOCABULARY[name].parameters
-        assert [p.name for p in effect.hidden.parameters] == [p.name for p in known]
-        for drawn, bounds in zip(effect.hidden.parameters, known, strict=True):
+        assert [p.name for p in effect.parameters] == [p.name for p in known]
+        for drawn, bounds in zip(effect.parameters, known, strict=True):
             assert drawn.highest <= bounds.highest
             assert bounds.lowest <= (drawn.most_negative or drawn.lowest)
             assert drawn.most_negative == 0.0 or bounds.lowest < 0.0
@@ -196,7 +191,7 @@ def test_pairs_are_of_larger_sizes_and_faults_add_up() -> None:
     case = make_case(PAIRS[0], rig, 4)
     (first, (size,)), (second, (leak,)) = case.parts
     assert (case.kind, first, second) == (Kind.PAIR, *PAIRS[0])
-    (drawn,) = EFFECTS[first].hidden.parameters
+    (drawn,) = EFFECTS[first].parameters
     assert abs(size) >= drawn.lowest ** (1.0 - PAIR_FROM) * drawn.highest**PAIR_FROM * (1.0 - 1e-12)
     assert faults_of(case.parts) == Faults(orifice_area=size, guide_leakage=leak)
     assert faults_of((("rail_pressure_skew", (2e-5,)),)) == Faults()
@@ -256,34 +251,24 @@ def test_generator_runs_where_the_package_cannot_be_imported(tmp_path: Path) -> 
     assert not any(word in labels for word in (*EFFECTS, *Kind, *Discrepancy))
 
 
-def test_outside_faults_of_the_plant_are_what_they_say() -> None:
+def test_laws_of_the_plant_are_what_they_say() -> None:
     part, line = new_part(), LINES[Variant.PLAIN]
 
-    def rate(faults: Faults) -> np.ndarray:
-        return short(part, line, faults, duration=1.2e-3, noise=0.0).truth.injection_rate[1000:1125]
+    def rate(laws: Laws) -> np.ndarray:
+        return short(part, line, Faults(), duration=1.2e-3, noise=0.0, laws=laws).truth.injection_rate[
+            1000:1125
+        ]
 
-    healthy = rate(Faults())
-    closing = rate(Faults(hole_closing=0.25)) / np.maximum(healthy, 1e-9)
+    healthy = rate(NO_LAWS)
+    closing = rate(Laws(hole_closing=0.25)) / np.maximum(healthy, 1e-9)
     assert np.all(closing[:60] == 1.0)
     assert 0.74 < np.min(closing[65:85]) < 0.8
-    hysteresis = rate(Faults(seat_hysteresis=0.5)) - healthy
+    hysteresis = rate(Laws(seat_hysteresis=0.5)) - healthy
     assert np.all(hysteresis[:70] == 0.0)
     assert np.max(hysteresis[90:]) > 1e-6
-    for fault in (Faults(line_laminar=300.0), Faults(lift_leakage=1e-13)):
-        pressure = short(part, line, fault, noise=0.0).truth.line_pressure
+    for laws in (Laws(line_laminar=300.0), Laws(lift_leakage=1e-13)):
+        pressure = short(part, line, Faults(), noise=0.0, laws=laws).truth.line_pressure
         assert np.max(np.abs(pressure - short(part, line, Faults(), noise=0.0).truth.line_pressure)) > 0.2e6
-
-
-def test_phases_of_an_opening_come_in_order() -> None:
-    stroke = np.array([[0.0, 0.4e-3, 1e-3, 1.3e-3, 0.8, 0.9]])
-    assert phases_of(Faults(orifice_area=0.1), stroke) == ()
-    both = Faults(orifice_area=0.1, hole_closing=0.2, seat_hysteresis=0.3)
-    times, faults = zip(*phases_of(both, stroke), strict=True)
-    assert times == (0.6e-3, 1e-3, 1.3e-3)
-    assert [f.seat_lift_loss for f in faults] == [0.0, -0.3, 0.0]
-    assert [f.orifice_area for f in faults] == pytest.approx([1.1 * 0.8 - 1.0, 1.1 * 0.8 - 1.0, 0.1])
-    short_stroke = np.array([[0.0, 0.2e-3, 0.3e-3, 0.5e-3, 0.8, 0.9]])
-    assert [t for t, _ in phases_of(both, short_stroke)] == [0.3e-3, 0.5e-3]
 
 
 def test_sensors_are_late_or_bent() -> None:

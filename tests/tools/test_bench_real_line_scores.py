@@ -143,7 +143,7 @@ def test_smallest_sizes_and_coverage() -> None:
 def test_missed_bars_are_said() -> None:
     good = [SINGLE] * 30 + [PAIR] * 10 + [HEALTHY] * 50 + [OUTSIDE] * 10
     late = replace(SINGLE, intervals=(Interval("v_S", 0.2, 0.3, 0.1),))
-    assert summary.violations([*good, late], 0) == []
+    assert list(summary.violations([*good, late], 0)) == []
     accused = replace(HEALTHY, verdict="named", claims=(("seat_area", 0.95),))
     bad = [NOTHING] * 4 + [replace(PAIR, verdict="none")] * 4 + [accused] * 2
     bad += [
@@ -234,7 +234,7 @@ out.mkdir(parents=True)
 def test_a_run_fits_first_asks_with_the_fitted_model_and_goes_on_where_it_stopped(tmp_path: Path) -> None:
     log, stub, out = tmp_path / "log.txt", tmp_path / "stub.py", tmp_path / "out"
     stub.write_text(STUB.replace("LOG", repr(str(log))))
-    plan = RealPlan(Numbers(1, 0, 0, 0), (True,), ("step",), 1)
+    plan = RealPlan(Numbers(1, 0, 0, 0), (True,), (Discrepancy.STEP,), 1)
     asking = Asking(plan, 1, out, (sys.executable, str(stub)))
     found = run_real_lines(asking, Console(quiet=True))
     assert found.crashes == ()
@@ -262,7 +262,7 @@ def test_a_run_fits_first_asks_with_the_fitted_model_and_goes_on_where_it_stoppe
 def test_recordings_for_trials_stay(tmp_path: Path) -> None:
     log, stub, out = tmp_path / "log.txt", tmp_path / "stub.py", tmp_path / "out"
     stub.write_text(STUB.replace("LOG", repr(str(log))))
-    plan = RealPlan(Numbers(0, 1, 0, 0), (False,), ("mounting",), 1)
+    plan = RealPlan(Numbers(0, 1, 0, 0), (False,), (Discrepancy.MOUNTING,), 1)
     console = Console(width=190)
     with console.capture() as shown:
         record_only(plan, out, console, (sys.executable, str(stub)))

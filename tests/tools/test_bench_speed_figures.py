@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tools.benchmarks.command_line import finite
-from tools.benchmarks.speed.bars import Figure
+from tools.benchmarks.figure import Figure
 from tools.benchmarks.speed.measure import Speed
 from tools.benchmarks.speed.pace import latency_of
 from tools.benchmarks.speed.report import speed_document

@@ -19,6 +19,7 @@ from tools.benchmarks.kalman_peers import joint_ukf
 from tools.benchmarks.peer_inputs import lump_model, peer_inputs
 from tools.benchmarks.peers import TUNING
 from tools.benchmarks.plant import Bench, Event, Needle, Outcome, Shot, record
+from tools.benchmarks.plant_laws import Laws
 from tools.benchmarks.plant_parameters import Faults
 from tools.benchmarks.tables import class_table, peer_tables
 from tools.benchmarks.wave_accuracy import WAVE_CLASSES, make_wave_case
@@ -79,9 +80,10 @@ def test_six_healthy_recordings_at_three_pressures_and_two_durations() -> None:
 
 
 def test_faults_on_the_command_line() -> None:
-    faults = parsed_faults(["orifice_area=0.3", "guide_leakage=3e-14"])
-    assert faults == Faults(orifice_area=0.3, guide_leakage=3e-14)
-    made = faulty_bench(Variant.PLAIN, 1, faults)
+    faults, laws = parsed_faults(["orifice_area=0.3", "guide_leakage=3e-14", "hole_closing=0.2"])
+    assert (faults, laws) == (Faults(orifice_area=0.3, guide_leakage=3e-14), Laws(hole_closing=0.2))
+    made = faulty_bench(Variant.PLAIN, 1, faults, laws)
+    assert made.laws == laws
     assert len(made.events) == 20
     assert {e.faults for e in made.events} == {faults}
     with pytest.raises(UserError, match="orifice_area"):

@@ -32,7 +32,7 @@ from tools.benchmarks.cases import Case, make_case
 from tools.benchmarks.command_line import ruled
 from tools.benchmarks.paper_peer import paper_bench
 from tools.benchmarks.plant import Outcome, record
-from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Crash, Plan, Store, Task, digest_of, on_case, resumed
+from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Crash, Plan, Task, on_case
 from tools.benchmarks.score import OBSERVER, CaseScore
 from tools.benchmarks.scoring import (
     bench_at,
@@ -109,11 +109,10 @@ VARIANTS = (SHIPPED, *RULES, FREE_ROWS, *BATCHES)
 
 def run_ablation(plan: Plan, console: Console) -> tuple[tuple[AblationScore, ...], tuple[Crash[Task], ...]]:
     """Score the cases not yet scored by this state of the code; progress goes to `console`."""
-    crashes: list[Crash[Task]] = []
-    store = Store(plan.out / "ablation.jsonl", AblationScore, digest_of((PACKAGE, BENCHMARKS)))
+    runs = plan.campaign(console)
+    kept = runs.store("ablation", AblationScore, PACKAGE, BENCHMARKS)
     work = partial(on_case, make_case, score_variants)
-    scores = resumed("ablation", store, work, plan.tasks, plan.workers, console, crashes.append, warm_up)
-    return tuple(scores[task.label] for task in plan.tasks if task.label in scores), tuple(crashes)
+    return plan.in_order(runs.results("ablation", kept, work, plan.tasks, warm_up)), runs.crashes
 
 
 def warm_up() -> None:

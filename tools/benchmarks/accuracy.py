@@ -10,7 +10,7 @@ from tools.benchmarks.cases import make_case
 from tools.benchmarks.command_line import print_lines
 from tools.benchmarks.paper_peer import has_paper, score_paper
 from tools.benchmarks.peers import PeerScore, has_peers, score_peers
-from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Crash, Plan, Store, Task, digest_of, on_case, resumed
+from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Crash, Plan, Task, on_case
 from tools.benchmarks.sample_time import measure_sample_time
 from tools.benchmarks.score import CaseScore, SampleTime
 from tools.benchmarks.scoring import score_case, warm_up
@@ -33,25 +33,20 @@ def run_accuracy(plan: Plan, console: Console) -> Results:
     The peers' results are kept apart: they stay good while only the package changes. The paper's scheme is the
     package's, so its are not.
     """
-    crashes: list[Crash[Task]] = []
-    store = Store(plan.out / "observer.jsonl", CaseScore, digest_of((PACKAGE, BENCHMARKS)))
-    work = partial(on_case, make_case, score_case)
-    scores = resumed("observer", store, work, plan.tasks, plan.workers, console, crashes.append, warm_up)
+    runs = plan.campaign(console)
+    kept = runs.store("observer", CaseScore, PACKAGE, BENCHMARKS)
+    scores = runs.results("observer", kept, partial(on_case, make_case, score_case), plan.tasks, warm_up)
     for name, sources, is_run, score in (
         ("peers", (BENCHMARKS,), has_peers, score_peers),
         ("paper", (PACKAGE, BENCHMARKS), has_paper, score_paper),
     ):
         if plan.peers:
-            peer_store = Store(plan.out / f"{name}.jsonl", PeerScore, digest_of(sources))
             tasks = [task for task in plan.tasks if is_run(task.class_name)]
-            peer_work = partial(on_case, make_case, score)
-            parts = resumed(
-                name, peer_store, peer_work, tasks, plan.workers, console, crashes.append, warm_up
-            )
-            scores = {label: joined(s, parts.get(label)) for label, s in scores.items()}
-    found = tuple(scores[task.label] for task in plan.tasks if task.label in scores)
-    took = measure_sample_time()
-    return Results(found, tuple(crashes), took, (*violations(found), *slow_sample(took)))
+            kept_parts = runs.store(name, PeerScore, *sources)
+            parts = runs.results(name, kept_parts, partial(on_case, make_case, score), tasks, warm_up)
+            scores = joined(scores, parts)
+    found, took = plan.in_order(scores), measure_sample_time()
+    return Results(found, runs.crashes, took, (*violations(found), *slow_sample(took)))
 
 
 def print_results(results: Results, console: Console) -> None:
@@ -71,9 +66,14 @@ def print_results(results: Results, console: Console) -> None:
     print_lines(console, [f"{crash.task}: {crash.message}" for crash in results.crashes], "crash: ")
 
 
-def joined(score: CaseScore, part: PeerScore | None) -> CaseScore:
-    """The score with those of peers that ran."""
-    if part is None:
-        return score
+def joined(scores: dict[str, CaseScore], parts: dict[str, PeerScore]) -> dict[str, CaseScore]:
+    """Scores by label, with those of peers that ran."""
+    return {
+        label: with_peers(score, parts[label]) if label in parts else score for label, score in scores.items()
+    }
+
+
+def with_peers(score: CaseScore, part: PeerScore) -> CaseScore:
+    """The score with those of peers."""
     limits = part.limits_mg or score.limits_mg
     return replace(score, estimators=score.estimators + part.estimators, limits_mg=limits)

@@ -3,7 +3,7 @@
 import json
 import math
 import os
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
@@ -91,7 +91,7 @@ def ruled(title: str, names: Sequence[str], numbers: Sequence[str], no_wrap: boo
     return table
 
 
-def print_lines(console: Console, lines: Sequence[str], title: str = "") -> None:
+def print_lines(console: Console, lines: Iterable[str], title: str = "") -> None:
     """Each as it is, behind a title."""
     for line in lines:
         console.print(f"{title}{line}", highlight=False, markup=False)

@@ -68,7 +68,7 @@ def _error_against_wear(scores: Sequence[CaseScore], path: Path) -> Path:
     masses.set(yscale="log", ylabel="mass error, events 11-20 [%]")
     rates.set(yscale="log", ylabel="rate RMSE [mm3/ms]", xlabel="nozzle wear v_H")
     figure.legend(*masses.get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False)
-    return _saved(figure, (masses, rates), path)
+    return saved(figure, (masses, rates), path)
 
 
 def _learning_curve(scores: Sequence[CaseScore], path: Path) -> Path:
@@ -99,7 +99,7 @@ def _learning_curve(scores: Sequence[CaseScore], path: Path) -> Path:
     axes.set(yscale="log", xlabel="event", ylabel="mass error [%]: median, 95 % of cases dotted")
     axes.set_xticks(events)
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False)
-    return _saved(figure, (axes,), path)
+    return saved(figure, (axes,), path)
 
 
 def _coverage(covered: dict[str, list[bool]], path: Path) -> Path:
@@ -114,10 +114,11 @@ def _coverage(covered: dict[str, list[bool]], path: Path) -> Path:
     axes.set_yticks(range(len(covered)), list(covered))
     axes.invert_yaxis()
     axes.set(xlim=(0.0, 1.02), xlabel="share of 95 % intervals of the mass that hold the truth")
-    return _saved(figure, (axes,), path)
+    return saved(figure, (axes,), path)
 
 
-def _saved(figure: plt.Figure, axes: tuple[Axes, ...], path: Path) -> Path:
+def saved(figure: plt.Figure, axes: tuple[Axes, ...], path: Path) -> Path:
+    """A figure as PNG, a grid in its axes."""
     for each in axes:
         each.grid(True, which="major", linewidth=0.4, alpha=0.6)
     figure.savefig(path, dpi=120)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from tools.benchmarks.arrays import Array
 from tools.benchmarks.plant_equations import Rail, State, run
+from tools.benchmarks.plant_laws import NO_LAWS, Laws
 from tools.benchmarks.plant_parameters import Faults, Injector, with_faults
 from tools.benchmarks.sampling import Measured, Step, sampled
 from tools.benchmarks.wave_plant import WaveLine, WavePlant
@@ -25,7 +26,6 @@ RAIL_MOVES = (0.022, 0.050)  # s after an event starts: the rail goes to the nex
 REFERENCE_PRESSURE = 100e6  # Pa, at which the needle's speeds are given
 WAVE_CELLS = 40
 WAVE_DAMPING = 1.0  # m2/s
-HOLE_CLOSES = 0.6e-3  # s after an opening
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class Bench:
     """What is recorded: injector, needle, events, sample rate [Hz], noise as a multiple of the usual, seed.
 
     averaged: a slower recording's samples are means over the sample period that ends there, not single values.
-    line: of the richer plant; None: the injector's own.
+    line: of the richer plant; None: the injector's own; laws: what the plant does beyond its equations.
     """
 
     injector: Injector
@@ -89,6 +89,7 @@ class Bench:
     averaged: bool = False
     line: WaveLine | None = None
     around: Surroundings = Surroundings()
+    laws: Laws = NO_LAWS
 
     @property
     def starts(self) -> tuple[float, ...]:
@@ -164,14 +165,16 @@ def record(bench: Bench) -> Outcome:
 class _CellPlant:
     """An injector on a line of cells, at rest at first."""
 
-    def __init__(self, part: Injector, rail_pressure: float) -> None:
+    def __init__(self, part: Injector, rail_pressure: float, laws: Laws) -> None:
         flows, pressures = np.zeros(part.line_cells), np.full(part.line_cells, rail_pressure)
-        self._part = part
-        self._state = State(flows, pressures, np.array([part.chamber_pressure, rail_pressure, 0.0]))
+        sac_and_sensor = np.array([part.chamber_pressure, rail_pressure, 0.0])
+        self._part, self._laws = part, laws
+        self._state = State(flows, pressures, sac_and_sensor, np.zeros(part.line_cells + 1))
 
     def advance(self, faults: Faults, strokes: Array, drive: Rail, result: Array) -> None:
         """Signals (n, 6) of `plant_equations.run` at the samples after the first of `drive`."""
-        run(with_faults(self._part, faults), faults, strokes, drive, self._state, result)
+        part, beyond = with_faults(self._part, faults), self._laws != NO_LAWS
+        run(part, faults, self._laws, beyond, strokes, drive, self._state, result)
 
 
 def _first_samples(starts: tuple[float, ...]) -> tuple[int, ...]:
@@ -198,7 +201,11 @@ def _integrate(bench: Bench, time: Array, rail: Array) -> tuple[Array, NDArray[n
     """Signals (n, 6) of `plant_equations.run` at all samples, and how many samples late the line is recorded."""
     part = bench.injector
     start = float(rail[0])
-    plant = _CellPlant(part, start) if bench.line is None else WavePlant(part, bench.line, start)
+    plant = (
+        _CellPlant(part, start, bench.laws)
+        if bench.line is None
+        else WavePlant(part, bench.line, start, laws=bench.laws)
+    )
     result = np.empty((time.size, 6))
     result[0] = (0.0, part.chamber_pressure, 0.0, rail[0], rail[0], 0.0)
     lateness = np.zeros(time.size, np.int64)
@@ -207,13 +214,8 @@ def _integrate(bench: Bench, time: Array, rail: Array) -> tuple[Array, NDArray[n
     for number, event in enumerate(bench.events):
         first, end = firsts[number : number + 2]
         strokes = motion(event, bench.starts[number], bench.needle, part.max_lift)
-        phases = phases_of(event.faults, strokes)
-        turns = [first, *(min(round(t * SAMPLE_RATE), end) for t, _ in phases), end]
-        for faults, (begin, turn) in zip(
-            (event.faults, *(f for _, f in phases)), pairwise(turns), strict=True
-        ):
-            drive = Rail(float(time[begin]), 1.0 / SAMPLE_RATE, rail[begin : turn + 1])
-            plant.advance(faults, strokes, drive, result[begin + 1 : turn + 1])
+        drive = Rail(float(time[first]), 1.0 / SAMPLE_RATE, rail[first : end + 1])
+        plant.advance(event.faults, strokes, drive, result[first + 1 : end + 1])
         lateness[first + 1 : end + 1] = math.floor(event.faults.channel_skew * SAMPLE_RATE)
     return result, lateness
 
@@ -244,27 +246,3 @@ def _openings(lift: Array) -> NDArray[np.int64]:
     is_open = np.concatenate(([False], lift > 1e-6, [False]))
     changes = np.flatnonzero(is_open[1:] != is_open[:-1])
     return np.stack((changes[::2], changes[1::2] - 1), axis=1)
-
-
-def phases_of(faults: Faults, strokes: Array) -> tuple[tuple[float, Faults], ...]:
-    """When [s] which faults come into force within an event, after those of its beginning, in order.
-
-    strokes (m, 6): as of `plant_equations.lift_at`.
-    """
-    changing = faults.hole_closing != 0.0 or faults.seat_hysteresis != 0.0
-    return tuple(phase for stroke in strokes for phase in _of_opening(faults, stroke)) if changing else ()
-
-
-def _of_opening(faults: Faults, stroke: Array) -> list[tuple[float, Faults]]:
-    opening, _, closing, closed = (float(moment) for moment in stroke[:4])
-    late = opening + HOLE_CLOSES
-    phases = []
-    for moment in sorted((late, closing)):
-        now = faults
-        if moment >= late:
-            now = now._replace(orifice_area=(1.0 + now.orifice_area) * (1.0 - now.hole_closing) - 1.0)
-        if moment >= closing:
-            now = now._replace(seat_lift_loss=now.seat_lift_loss - now.seat_hysteresis)
-        if moment < closed:
-            phases.append((moment, now))
-    return [*phases, (closed, faults)]

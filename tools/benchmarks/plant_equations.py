@@ -8,9 +8,20 @@ Imports nothing of `observer_rt`: a plant that shared code with the observer wou
 import math
 from typing import NamedTuple
 
+import numpy as np
 from numba import njit
 
 from tools.benchmarks.arrays import Array
+from tools.benchmarks.plant_laws import (
+    Laws,
+    Moment,
+    altered,
+    forgetting,
+    outflow,
+    resist,
+    since_opening,
+    true_lift,
+)
 from tools.benchmarks.plant_parameters import Faults, Injector
 
 ROUNDING = 100.0  # Pa, below which the square root of a pressure difference is rounded
@@ -32,11 +43,15 @@ class Rail(NamedTuple):
 
 
 class State(NamedTuple):
-    """Of the plant, changed in place: line flows and pressures (cells,), [p_S, lagged p_L, lagged lift] (3,)."""
+    """Of the plant, changed in place: line flows and pressures (cells,), [p_S, lagged p_L, lagged lift] (3,).
+
+    remembered (cells + 1,): flows and lift as laws remember them.
+    """
 
     q: Array
     p: Array
     sac_and_sensor: Array
+    remembered: Array
 
 
 @njit(cache=True, nogil=True)
@@ -213,40 +228,73 @@ def drift(
 
 
 @njit(cache=True, nogil=True)
-def run(part: Injector, faults: Faults, strokes: Array, drive: Rail, state: State, result: Array) -> None:
-    """Integrate over the samples of the rail pressure.
+def is_shut(p_s: float, end: float, begin: float, strokes: Array, remembered: float, part: Injector) -> bool:
+    """Whether from `begin` to `end` [s] needle and sac stay as they are, and the remembered lift [m] is 0."""
+    shut = p_s == part.chamber_pressure and remembered == 0.0
+    for i in range(strokes.shape[0]):
+        shut = shut and (end <= strokes[i, 0] - CORNER or begin >= strokes[i, 3] + CORNER)
+    return shut
+
+
+@njit(cache=True, nogil=True)
+def run(
+    part: Injector,
+    faults: Faults,
+    laws: Laws,
+    beyond: bool,
+    strokes: Array,
+    drive: Rail,
+    state: State,
+    result: Array,
+) -> None:
+    """Integrate over the samples of the rail pressure; beyond: whether there is any law.
 
     result (n, 6), at the samples after the first: injection rate, p_S, lift, p_L, line pressure and lift as sensors
     with lag and late recording see them.
     """
     start, interval, rail = drive
-    q, p, sac_and_sensor = state
+    q, p, sac_and_sensor, remembered = state
     last = p.shape[0] - 1
     p_s, seen, seen_lift = sac_and_sensor[0], sac_and_sensor[1], sac_and_sensor[2]
     recorded = seen
+    whole = part.density * part.line_length * (1.0 + faults.line_inertance) / part.line_area
+    inertances = np.full(last + 1, whole)
+    loss = part.line_loss / (2.0 * part.line_area * part.line_length)
     for k in range(result.shape[0]):
         t0 = start + k * interval
-        shut = p_s == part.chamber_pressure
-        for i in range(strokes.shape[0]):
-            shut = shut and (t0 + interval <= strokes[i, 0] - CORNER or t0 >= strokes[i, 3] + CORNER)
+        shut = laws.least_lift == 0.0 and is_shut(p_s, t0 + interval, t0, strokes, remembered[-1], part)
         steps = STEPS_SHUT if shut else STEPS_FLOWING
         step = interval / steps
         lift1 = 0.0 if shut else lift_at(t0, strokes)
+        open1 = true_lift(lift1, remembered[-1], part.max_lift, laws)
         late = interval - faults.channel_skew % interval  # after t0; whole intervals are the caller's
+        now = part
         for j in range(steps):
-            lift0, p_l0, seen0 = lift1, p[last], seen
+            lift0, open0, p_l0, seen0 = lift1, open1, p[last], seen
             rail0 = rail[k] + (rail[k + 1] - rail[k]) * j / steps
             rail1 = rail[k] + (rail[k + 1] - rail[k]) * (j + 1) / steps
             lift1 = 0.0 if shut else lift_at(t0 + (j + 1) * step, strokes)
-            kick(q, p, rail0, 0.5 * step, part, faults)
-            p_s = drift(q, p, p_s, lift0, lift1, step, part, faults)
-            kick(q, p, rail1, 0.5 * step, part, faults)
+            if beyond:
+                remembered[-1] = lagged(remembered[-1], lift0, lift1, step, laws.lift_memory)
+                remembered[-1] = forgetting(remembered[-1], lift1)
+            open1 = true_lift(lift1, remembered[-1], part.max_lift, laws)
+            if beyond:
+                time, speed = t0 + j * step, (lift1 - lift0) / step
+                moment = Moment(time, since_opening(time, strokes), open0, speed, q[last], p_l0, p_s)
+                now = altered(part, laws, moment)
+            kick(q, p, rail0, 0.5 * step, now, faults)
+            p_s = drift(q, p, p_s, open0, open1, step, now, faults)
+            kick(q, p, rail1, 0.5 * step, now, faults)
+            if beyond:
+                resist(q, p, remembered, inertances, loss, laws, step)
+                gain = line_stiffness(p[last], now, faults) / part.line_volume * (last + 1)
+                p[last] -= step * gain * outflow(part, laws, moment)
             seen = lagged(seen0, p_l0, p[last], step, faults.line_pressure_sensor_lag)
             seen_lift = lagged(seen_lift, lift0, lift1, step, faults.lift_sensor_lag)
             if j * step < late <= (j + 1) * step * (1.0 + 1e-12):
                 recorded = seen0 + (seen - seen0) * (late / step - j)
-        p_c = chamber_pressure(lift1, part, faults)
-        result[k, 0] = nozzle_factor(p_s, p_c, lift1, part, faults) * square_root(p_s - p_c)
+        p_c = chamber_pressure(open1, part, faults)
+        result[k, 0] = nozzle_factor(p_s, p_c, open1, now, faults) * square_root(p_s - p_c)
         result[k, 1] = p_s
         result[k, 2] = lift1
         result[k, 3] = p[last]

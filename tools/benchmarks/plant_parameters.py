@@ -58,19 +58,6 @@ class Faults(NamedTuple):
     lift_offset: float = 0.0  # m
     lift_gain: float = 0.0
     lift_sensor_lag: float = 0.0  # s
-    line_laminar: float = 0.0  # 1/s, resistance of the line over its inertance; of the richer plant only
-    lift_leakage: float = 0.0  # m3/(s Pa) at full lift, growing with it; of the richer plant only
-    hole_closing: float = 0.0  # share of the nozzle's area that is gone from 0.6 ms after an opening on
-    seat_hysteresis: float = 0.0  # by which the seat lets more through while the needle closes, at small lift
-
-
-ADDED_LATER = ("line_laminar", "lift_leakage", "hole_closing", "seat_hysteresis")
-
-
-def key_of(faults: Faults) -> str:
-    """What random draws for these faults begin with: a fault added later does not change those of the others."""
-    named = {n: v for n, v in faults._asdict().items() if n not in ADDED_LATER or v != 0.0}
-    return f"Faults({', '.join(f'{name}={value!r}' for name, value in named.items())})"
 
 
 def with_faults(part: Injector, faults: Faults) -> Injector:

@@ -10,7 +10,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 from rich.console import Console
@@ -77,6 +77,14 @@ class Plan:
         """All cases, class by class."""
         return tuple(Task(c, self.master_seed, n) for c in self.classes for n in range(self.cases))
 
+    def in_order(self, results: dict[str, Result]) -> tuple[Result, ...]:
+        """Results by label in the order of the cases."""
+        return tuple(results[task.label] for task in self.tasks if task.label in results)
+
+    def campaign(self, console: Console) -> "Campaign":
+        """On its processes, kept in its folder."""
+        return Campaign(self.out, self.workers, console)
+
 
 def digest_of(sources: Iterable[Path]) -> str:
     """Digest of Python files, and of all in folders: results belong to one state of the code."""
@@ -121,33 +129,54 @@ class Store(Generic[Result]):
             file.write(json.dumps({"digest": self._digest, "score": asdict(result)}) + "\n")  # type: ignore[call-overload]
 
 
-def resumed(
-    what: str,
-    store: Store[Part],
-    work: Callable[[Given], Part],
-    cases: Sequence[Given],
-    workers: int,
-    console: Console,
-    on_crash: Callable[[Crash[Given]], None],
-    warm_up: Callable[[], None] | None = None,
-) -> dict[str, Part]:
-    """Results by label: those in the store, and the missing ones worked out; progress goes to `console`."""
-    labels = {case.label for case in cases}
-    done = {part.label: part for part in store.load() if part.label in labels}
-    missing = [case for case in cases if case.label not in done]
-    if done and missing:
-        console.print(f"{what}: {len(done)} of {len(labels)} cases are there already, in {store.path.parent}")
-    if not missing:
+class Campaign:
+    """Cases worked through on a few processes; results are kept in a folder, of what fails is told at the end."""
+
+    def __init__(self, out: Path, workers: int, console: Console) -> None:
+        """console: where progress goes."""
+        self._out, self._workers, self._console = out, workers, console
+        self._crashes: list[tuple[str, Crash[Any]]] = []
+
+    @property
+    def crashes(self) -> tuple[Crash[Any], ...]:
+        """All so far."""
+        return tuple(crash for _, crash in self._crashes)
+
+    @property
+    def crash_lines(self) -> tuple[str, ...]:
+        """The same in words: at what, which case, and why."""
+        return tuple(f"{what}: {crash.task.label}: {crash.message}" for what, crash in self._crashes)
+
+    def store(self, name: str, result_type: type[Result], *sources: Path) -> Store[Result]:
+        """Where results that depend on these sources are kept."""
+        return Store(self._out / f"{name}.jsonl", result_type, digest_of(sources))
+
+    def results(
+        self,
+        what: str,
+        store: Store[Part],
+        work: Callable[[Given], Part],
+        cases: Sequence[Given],
+        warm_up: Callable[[], None] | None = None,
+    ) -> dict[str, Part]:
+        """Results by label: those in the store, and the missing ones worked out."""
+        labels = {case.label for case in cases}
+        done = {part.label: part for part in store.load() if part.label in labels}
+        missing = [case for case in cases if case.label not in done]
+        if done and missing:
+            there = f"{what}: {len(done)} of {len(labels)} cases are there already, in {self._out}"
+            self._console.print(there)
+        if not missing:
+            return done
+        with progress_bar(self._console, what, float(len(missing))) as progress:
+            for number, result in enumerate(run_tasks(work, missing, self._workers, warm_up)):
+                if isinstance(result, Crash):
+                    self._crashes.append((what, result))
+                else:
+                    store.add(result)
+                    done[result.label] = result
+                progress(float(number + 1))
         return done
-    with progress_bar(console, what, float(len(missing))) as progress:
-        for number, result in enumerate(run_tasks(work, missing, workers, warm_up)):
-            if isinstance(result, Crash):
-                on_crash(result)
-            else:
-                store.add(result)
-                done[result.label] = result
-            progress(float(number + 1))
-    return done
 
 
 def on_case(make: Callable[[str, int, int], Item], score: Callable[[Item], Result], task: Task) -> Result:

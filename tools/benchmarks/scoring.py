@@ -145,13 +145,10 @@ def _judged(
         reports = reports_of(evaluation, windows, event)
         missing = bool(np.isnan(evaluation.trace.injection_rate[windows.union(event)]).any())
         valid.append(bool(reports) and not missing and all(r.valid for r in reports))
-        reasons.append(" ".join(sorted({r.reason.name for r in reports if not r.valid})) or _unnamed(reports))
+        named = {r.reason.name for r in reports if not r.valid} if reports else {NO_REPORT}
+        reasons.append(" ".join(sorted(named)))
         intervals.append(_interval(reports))
     return tuple(valid), tuple(reasons), tuple(intervals)
-
-
-def _unnamed(reports: Sequence[InjectionReport]) -> str:
-    return "" if reports else NO_REPORT
 
 
 def reports_of(evaluation: Scored, windows: Windows, event: int) -> tuple[InjectionReport, ...]:

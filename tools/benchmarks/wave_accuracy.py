@@ -18,7 +18,7 @@ from tools.benchmarks.cases import Case, make_case
 from tools.benchmarks.fitted_lump import lumps_of, score_wave_peers
 from tools.benchmarks.peers import PeerScore
 from tools.benchmarks.plant import Outcome, record
-from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Crash, Plan, Store, Task, digest_of, on_case, resumed
+from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Plan, on_case
 from tools.benchmarks.sample_time import measure_sample_time
 from tools.benchmarks.score import CaseScore
 from tools.benchmarks.scoring import score_case, short_case
@@ -73,20 +73,19 @@ def run_wave_accuracy(wave: WavePlan, console: Console) -> Results:
     """Record, fit, and score the cases not yet scored with this model; progress goes to `console`."""
     plan, variant = wave.plan, wave.variant
     model, healthy = fitted_model(wave, console)
-    crashes: list[Crash[Task]] = []
-    store = Store(plan.out / f"observer-{variant}.jsonl", CaseScore, digest_of((PACKAGE, BENCHMARKS, model)))
+    runs = plan.campaign(console)
     make, ready = partial(make_wave_case, variant), partial(warm_up_model, model)
-    work = partial(on_case, make, partial(score_case, model=model))
-    scores = resumed("observer", store, work, plan.tasks, plan.workers, console, crashes.append, ready)
+    kept = runs.store(f"observer-{variant}", CaseScore, PACKAGE, BENCHMARKS, model)
+    scores = runs.results(
+        "observer", kept, partial(on_case, make, partial(score_case, model=model)), plan.tasks, ready
+    )
     if plan.peers:
-        peer_store = Store(plan.out / f"peers-{variant}.jsonl", PeerScore, digest_of((BENCHMARKS,)))
         tasks = [task for task in plan.tasks if task.number < PEER_CASES]
-        peer_work = partial(on_case, make, partial(score_wave_peers, lumps=lumps_of(list(healthy.values()))))
-        peers = resumed("peers", peer_store, peer_work, tasks, plan.workers, console, crashes.append, ready)
-        scores = {label: joined(s, peers.get(label)) for label, s in scores.items()}
-    found = tuple(scores[task.label] for task in plan.tasks if task.label in scores)
-    took = measure_sample_time(model)
-    return Results(found, tuple(crashes), took, (*wave_violations(found, variant), *slow_sample(took)))
+        work = partial(on_case, make, partial(score_wave_peers, lumps=lumps_of(list(healthy.values()))))
+        kept_peers = runs.store(f"peers-{variant}", PeerScore, BENCHMARKS)
+        scores = joined(scores, runs.results("peers", kept_peers, work, tasks, ready))
+    found, took = plan.in_order(scores), measure_sample_time(model)
+    return Results(found, runs.crashes, took, (*wave_violations(found, variant), *slow_sample(took)))
 
 
 def fitted_model(wave: WavePlan, console: Console) -> tuple[Path, dict[str, Outcome]]:

@@ -42,17 +42,35 @@ class Lattice(NamedTuple):
     added: Array
     pull: Array
     end_volume: float  # m3, the gallery in front of the seat
-    laminar: float = 0.0  # 1/s, resistance over inertance
     inlet_loss: float = 0.0  # Pa s2/m6, of an orifice between rail and line
+
+
+@njit(cache=True, nogil=True)
+def with_own_inertance(lattice: Lattice) -> Lattice:
+    """The same, its inertance and loss not shared."""
+    return Lattice(
+        lattice.inertance.copy(),
+        lattice.volume,
+        lattice.impedance,
+        lattice.loss.copy(),
+        lattice.stress,
+        lattice.kept,
+        lattice.added,
+        lattice.pull,
+        lattice.end_volume,
+        lattice.inlet_loss,
+    )
 
 
 class WaveState(NamedTuple):
     """Changed in place: flows, pressures of the nodes and the gallery's pressure (2 n + 1,), what friction remembers
-    (n, parts), [p_S, lagged p_L, lagged lift, the seat's flow in the last step] (4,)."""
+    (n, parts), [p_S, lagged p_L, lagged lift, the seat's flow in the last step] (4,), flows and lift as laws remember
+    them (n + 1,)."""
 
     line: Array
     memory: Array
     sac_and_sensor: Array
+    remembered: Array
 
 
 @njit(cache=True, nogil=True)
@@ -171,7 +189,7 @@ def line_step(
         remembered = 0.0
         for j in range(parts):
             remembered += memory[i, j]
-        pull[i] = lattice.pull[i // NODES] * remembered + lattice.laminar * y[i]
+        pull[i] = lattice.pull[i // NODES] * remembered
     middle = 0.5 * (rail0 + rail1)
     line_rates(y, rate, pull, rail0, drain, lattice, part, faults)
     for i in range(size):

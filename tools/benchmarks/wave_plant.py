@@ -11,6 +11,7 @@ import numpy as np
 
 from tools.benchmarks.arrays import Array
 from tools.benchmarks.plant_equations import Rail
+from tools.benchmarks.plant_laws import NO_LAWS, Laws
 from tools.benchmarks.plant_parameters import Faults, Injector, with_faults
 from tools.benchmarks.wave_line_equations import NODES, Lattice, WaveState
 from tools.benchmarks.wave_plant_equations import STEPS, run_wave
@@ -100,7 +101,6 @@ def lattice_of(part: Injector, faults: Faults, line: WaveLine, step: float) -> L
         added=shares * np.exp(-0.5 * np.outer(rates, active) * step),
         pull=4.0 * rates,  # the fluid's own, whatever is deposited
         end_volume=part.line_volume * line.end_share,
-        laminar=faults.line_laminar,
         inlet_loss=line.inlet_loss * (1.0 + faults.fuel_density),
     )
 
@@ -108,18 +108,27 @@ def lattice_of(part: Injector, faults: Faults, line: WaveLine, step: float) -> L
 class WavePlant:
     """An injector on a line with waves, at rest at first."""
 
-    def __init__(self, part: Injector, line: WaveLine, rail_pressure: float, steps: int = STEPS) -> None:
+    def __init__(
+        self,
+        part: Injector,
+        line: WaveLine,
+        rail_pressure: float,
+        steps: int = STEPS,
+        laws: Laws = NO_LAWS,
+    ) -> None:
         n = line.elements * NODES
         parts = KAGAWA_RATES.size if line.viscosity > 0.0 else 0
-        self._part, self._line, self._steps = part, line, steps
+        self._part, self._line, self._steps, self._laws = part, line, steps, laws
         self.state = WaveState(
             np.concatenate((np.zeros(n), np.full(n + 1, rail_pressure))),
             np.zeros((n, parts)),
             np.array([part.chamber_pressure, rail_pressure, 0.0, 0.0]),
+            np.zeros(n + 1),
         )
 
     def advance(self, faults: Faults, strokes: Array, drive: Rail, result: Array) -> None:
         """Signals (n, 6) of `plant_equations.run` at the samples after the first of `drive`."""
         part = with_faults(self._part, faults)
         lattice = lattice_of(part, faults, self._line, drive.interval / self._steps)
-        run_wave(lattice, part, faults, strokes, drive, self.state, self._steps, result)
+        beyond = self._laws != NO_LAWS
+        run_wave(lattice, part, faults, self._laws, beyond, strokes, drive, self.state, self._steps, result)

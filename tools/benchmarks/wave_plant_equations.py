@@ -16,18 +16,34 @@ from numba import njit
 
 from tools.benchmarks.arrays import Array
 from tools.benchmarks.plant_equations import (
-    CHAMBER_LIFT,
-    CORNER,
     Rail,
     chamber_pressure,
+    is_shut,
     lagged,
     lift_at,
     line_stiffness,
     nozzle_factor,
     seat_factor,
 )
+from tools.benchmarks.plant_laws import (
+    Laws,
+    Moment,
+    altered,
+    forgetting,
+    inertance_growth,
+    outflow,
+    resist,
+    since_opening,
+    true_lift,
+)
 from tools.benchmarks.plant_parameters import Faults, Injector
-from tools.benchmarks.wave_line_equations import Lattice, WaveState, line_step
+from tools.benchmarks.wave_line_equations import (
+    NODES,
+    Lattice,
+    WaveState,
+    line_step,
+    with_own_inertance,
+)
 
 GAMMA = 1.0 - 1.0 / math.sqrt(2.0)  # of SDIRK2
 STEPS = 12  # per sample of 10 us
@@ -98,39 +114,57 @@ def seat_step(
     p_l: float,
     p_s: float,
     inflow: float,
-    time: float,
+    lifts: tuple[float, float],
     step: float,
-    strokes: Array,
     end_volume: float,
     part: Injector,
     faults: Faults,
 ) -> tuple[float, float, float]:
-    """Pressures of gallery and sac after `step` [s] from `time`, and the seat's mean flow: SDIRK2.
+    """Pressures of gallery and sac after `step` [s], and the seat's mean flow: SDIRK2.
 
-    inflow: held flow into the gallery [m3/s].
+    inflow: held flow into the gallery [m3/s]; lifts: true, after GAMMA steps and after the step [m].
     """
     by_gallery = step * line_stiffness(p_l, part, faults) / end_volume
     by_sac = step * part.bulk_modulus_sac * (1.0 + faults.sac_stiffness) / part.sac_volume
-    lift = lift_at(time + GAMMA * step, strokes)
-    inflow -= faults.lift_leakage * min(1.0, lift / CHAMBER_LIFT) * (p_l - part.chamber_pressure)
+    lift, lift1 = lifts
     gallery = p_l + GAMMA * by_gallery * inflow
     q_s1, q_h1 = _implicit(gallery, p_s, GAMMA * by_gallery, GAMMA * by_sac, lift, part, faults)
     gallery = p_l + by_gallery * (inflow - (1.0 - GAMMA) * q_s1)
     sac = p_s + (1.0 - GAMMA) * by_sac * (q_s1 - q_h1)
-    lift = lift_at(time + step, strokes)
-    q_s2, q_h2 = _implicit(gallery, sac, GAMMA * by_gallery, GAMMA * by_sac, lift, part, faults)
+    q_s2, q_h2 = _implicit(gallery, sac, GAMMA * by_gallery, GAMMA * by_sac, lift1, part, faults)
     gallery -= GAMMA * by_gallery * q_s2
     sac += GAMMA * by_sac * (q_s2 - q_h2)
-    if lift == 0.0 and sac - part.chamber_pressure < EMPTY:
+    if lift1 == 0.0 and sac - part.chamber_pressure < EMPTY:
         sac = part.chamber_pressure
     return gallery, sac, (1.0 - GAMMA) * q_s1 + GAMMA * q_s2
 
 
 @njit(cache=True, nogil=True)
+def _lift_in(time: float, strokes: Array, remembered: float, max_lift: float, laws: Laws) -> float:
+    """True lift [m] at a time [s]."""
+    lift: float = true_lift(lift_at(time, strokes), remembered, max_lift, laws)
+    return lift
+
+
+@njit(cache=True, nogil=True)
+def _grow_inertance(usual: Lattice, lattice: Lattice, flows: Array, laws: Laws) -> None:
+    """The line's inertance as it is with these flows (n,), in place of `lattice`; its friction falls with it."""
+    for e in range(usual.inertance.shape[0]):
+        flow = 0.0
+        for i in range(e * NODES, (e + 1) * NODES):
+            flow += flows[i] / NODES
+        growth = 1.0 + inertance_growth(flow, laws)
+        lattice.inertance[e] = usual.inertance[e] * growth
+        lattice.loss[e] = usual.loss[e] / growth
+
+
+@njit(cache=True, nogil=True)
 def run_wave(
-    lattice: Lattice,
+    usual: Lattice,
     part: Injector,
     faults: Faults,
+    laws: Laws,
+    beyond: bool,
     strokes: Array,
     drive: Rail,
     state: WaveState,
@@ -139,53 +173,71 @@ def run_wave(
 ) -> None:
     """Integrate over the samples of the rail pressure, each in `steps`, for which the lattice was made.
 
-    result (n, 6) as of `plant_equations.run`.
+    beyond: whether there is any law; result (n, 6) as of `plant_equations.run`.
     """
     start, interval, rail = drive
-    y, sac_and_sensor = state.line, state.sac_and_sensor
+    y, sac_and_sensor, remembered = state.line, state.sac_and_sensor, state.remembered
     end = y.shape[0] - 1
+    flows, pressures = y[: end // 2], y[end // 2 : end]
     p_s, seen, seen_lift, drain = sac_and_sensor
     recorded = seen
     rooms = np.zeros((4, y.shape[0]))
     step = interval / steps
+    lattice = with_own_inertance(usual)
+    inertances = np.repeat(usual.inertance * usual.inertance.shape[0], NODES)
+    loss = part.line_loss / (2.0 * part.line_area * part.line_length)
+    max_lift = part.max_lift
     for k in range(result.shape[0]):
         t0 = start + k * interval
-        shut = p_s == part.chamber_pressure
-        for i in range(strokes.shape[0]):
-            shut = shut and (t0 + interval <= strokes[i, 0] - CORNER or t0 >= strokes[i, 3] + CORNER)
+        shut = laws.least_lift == 0.0 and is_shut(p_s, t0 + interval, t0, strokes, remembered[-1], part)
         late = interval - faults.channel_skew % interval  # after t0; whole intervals are the caller's
         lift1 = 0.0 if shut else lift_at(t0, strokes)
+        now = part
         for j in range(steps):
             time, lift0, p_l0, seen0 = t0 + j * step, lift1, y[end], seen
             rail0 = rail[k] + (rail[k + 1] - rail[k]) * j / steps
             rail1 = rail[k] + (rail[k + 1] - rail[k]) * (j + 1) / steps
+            if not shut:
+                lift1 = lift_at(time + step, strokes)
+            if beyond:
+                open0, speed = true_lift(lift0, remembered[-1], max_lift, laws), (lift1 - lift0) / step
+                moment = Moment(time, since_opening(time, strokes), open0, speed, flows[-1], p_l0, p_s)
+                now = altered(part, laws, moment)
+                _grow_inertance(usual, lattice, flows, laws)
+                remembered[-1] = lagged(remembered[-1], lift0, lift1, step, laws.lift_memory)
+                remembered[-1] = forgetting(remembered[-1], lift1)
+            middle = time + 0.5 * step
             if shut:
                 drain = 0.0
             else:
-                y[end], p_s, before = seat_step(
-                    y[end], p_s, drain, time, 0.5 * step, strokes, lattice.end_volume, part, faults
+                lifts = (
+                    _lift_in(time + GAMMA * (0.5 * step), strokes, remembered[-1], max_lift, laws),
+                    _lift_in(middle, strokes, remembered[-1], max_lift, laws),
                 )
-            line_step(state, rooms, rail0, rail1, drain, step, lattice, part, faults)
+                y[end], p_s, before = seat_step(
+                    y[end], p_s, drain, lifts, 0.5 * step, lattice.end_volume, now, faults
+                )
+            line_step(state, rooms, rail0, rail1, drain, step, lattice, now, faults)
             if not shut:
+                lifts = (
+                    _lift_in(middle + GAMMA * (0.5 * step), strokes, remembered[-1], max_lift, laws),
+                    _lift_in(middle + 0.5 * step, strokes, remembered[-1], max_lift, laws),
+                )
                 y[end], p_s, after = seat_step(
-                    y[end],
-                    p_s,
-                    drain,
-                    time + 0.5 * step,
-                    0.5 * step,
-                    strokes,
-                    lattice.end_volume,
-                    part,
-                    faults,
+                    y[end], p_s, drain, lifts, 0.5 * step, lattice.end_volume, now, faults
                 )
                 drain = 0.5 * (before + after)
-                lift1 = lift_at(time + step, strokes)
+            if beyond:
+                resist(flows, pressures, remembered, inertances, loss, laws, step)
+                gain = line_stiffness(y[end], now, faults) / lattice.end_volume
+                y[end] -= step * gain * outflow(part, laws, moment)
             seen = lagged(seen0, p_l0, y[end], step, faults.line_pressure_sensor_lag)
             seen_lift = lagged(seen_lift, lift0, lift1, step, faults.lift_sensor_lag)
             if j * step < late <= (j + 1) * step * (1.0 + 1e-12):
                 recorded = seen0 + (seen - seen0) * (late / step - j)
-        p_c = chamber_pressure(lift1, part, faults)
-        result[k, 0] = nozzle_factor(p_s, p_c, lift1, part, faults) * signed_root(p_s - p_c)
+        open1 = true_lift(lift1, remembered[-1], max_lift, laws)
+        p_c = chamber_pressure(open1, part, faults)
+        result[k, 0] = nozzle_factor(p_s, p_c, open1, now, faults) * signed_root(p_s - p_c)
         result[k, 1] = p_s
         result[k, 2] = lift1
         result[k, 3] = y[end]

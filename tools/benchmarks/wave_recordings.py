@@ -28,7 +28,8 @@ from observer_rt.terminal.console import progress_bar
 from tools.benchmarks.cases import drawn_events
 from tools.benchmarks.fitted_lump import RATE_NOISE
 from tools.benchmarks.plant import SAMPLE_RATE, Bench, Event, Needle, Outcome, Shot, record
-from tools.benchmarks.plant_parameters import Faults, key_of
+from tools.benchmarks.plant_laws import NO_LAWS, Laws
+from tools.benchmarks.plant_parameters import Faults
 from tools.benchmarks.scoring import recording_of
 from tools.benchmarks.wave_plant import LINES, Variant, new_part, real_part
 
@@ -57,26 +58,34 @@ def healthy_benches(
 
 
 def faulty_bench(
-    variant: Variant, seed: int, faults: Faults, sample_rate: float = SAMPLE_RATE, averaged: bool = False
+    variant: Variant,
+    seed: int,
+    faults: Faults,
+    laws: Laws = NO_LAWS,
+    sample_rate: float = SAMPLE_RATE,
+    averaged: bool = False,
 ) -> Bench:
-    """Twenty events at changing operating points, the faults there from the start."""
-    rng = np.random.default_rng([seed, zlib.crc32(key_of(faults).encode())])
+    """Twenty events at changing operating points, faults and laws there from the start."""
+    key = f"{faults}" if laws == NO_LAWS else f"{faults} {laws}"
+    rng = np.random.default_rng([seed, zlib.crc32(key.encode())])
     events = tuple(replace(event, faults=faults) for event in drawn_events(rng, varying=True))
-    return _bench(variant, seed, events, int(rng.integers(2**62)), sample_rate, averaged)
+    bench = _bench(variant, seed, events, int(rng.integers(2**62)), sample_rate, averaged)
+    return replace(bench, laws=laws)
 
 
-def parsed_faults(texts: Sequence[str]) -> Faults:
-    """Faults from texts NAME=VALUE. Raises `UserError` for another form."""
-    values = {}
+def parsed_faults(texts: Sequence[str]) -> tuple[Faults, Laws]:
+    """Faults, and laws beyond them, from texts NAME=VALUE. Raises `UserError` for another form."""
+    known, values = (*Faults._fields, *Laws._fields), {}
     for text in texts:
         name, _, value = text.partition("=")
-        if name not in Faults._fields:
-            raise UserError("--fault", f"unknown name '{name}'", f"known: {', '.join(Faults._fields)}")
+        if name not in known:
+            raise UserError("--fault", f"unknown name '{name}'", f"known: {', '.join(known)}")
         try:
             values[name] = float(value)
         except ValueError:
             raise UserError("--fault", f"'{text}' has no number", f"give {name}=0.3, in SI units") from None
-    return Faults(**values)
+    faults = Faults(**{name: value for name, value in values.items() if name in Faults._fields})
+    return faults, Laws(**{name: value for name, value in values.items() if name in Laws._fields})
 
 
 def write_recordings(
@@ -159,7 +168,7 @@ def wave_recordings(
         raise UserError("--rate", f"{rate:g} kHz is no divisor of 100", "give 100, 50, 20 or 10")
     hz = 1e3 * rate
     if fault:
-        benches = {"_".join(fault): faulty_bench(variant, seed, parsed_faults(fault), hz, averaged)}
+        benches = {"_".join(fault): faulty_bench(variant, seed, *parsed_faults(fault), hz, averaged)}
     else:
         benches = healthy_benches(variant, seed, hz, averaged)
     outcomes = ((name, record(bench)) for name, bench in benches.items())

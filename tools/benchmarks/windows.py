@@ -26,10 +26,8 @@ class Windows:
 
     def union(self, event: int) -> NDArray[np.int64]:
         """Samples of an event's windows, each once."""
-        return np.unique(np.concatenate([np.arange(r.start, r.stop) for r in self._ranges_of(event)]))
-
-    def _ranges_of(self, event: int) -> list[slice]:
-        return [self.ranges[i] for i in self.of_event[event]]
+        ranges = [self.ranges[i] for i in self.of_event[event]]
+        return np.unique(np.concatenate([np.arange(r.start, r.stop) for r in ranges]))
 
     def masses(self, rate: NDArray[np.float64], density: float) -> NDArray[np.float64]:
         """Mass of every opening [kg], trapezoidal rule over exactly its window."""

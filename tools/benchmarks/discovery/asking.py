@@ -1,10 +1,11 @@
 """Asking about many cases: what is hidden is known to a process of its own until all answers are in."""
 
+import json
 import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
@@ -12,7 +13,7 @@ from rich.console import Console
 
 from observer_rt.config.bench import NOMINAL_INJECTOR
 from tools.benchmarks.discovery.answers import OUR_PROGRAM, Answer, ask
-from tools.benchmarks.runs import Crash, Labelled, Store, resumed
+from tools.benchmarks.runs import Campaign, Labelled, Store
 
 WARM_UP_RECORDINGS = 2
 Hiding = TypeVar("Hiding")
@@ -33,6 +34,10 @@ class Asking(Generic[Hiding]):
     def hidden(self) -> Path:
         """Folder of what is sealed, and of recordings while they are asked about."""
         return self.out / "hidden"
+
+    def campaign(self, console: Console) -> Campaign:
+        """On its processes, kept in its folder."""
+        return Campaign(self.out, self.workers, console)
 
 
 @dataclass(frozen=True)
@@ -58,11 +63,24 @@ class Answered(Generic[Hidden]):
         return self.case.label
 
 
+@dataclass(frozen=True)
+class Found(Generic[Scored]):
+    """What came out, and a line for every case that failed."""
+
+    results: tuple[Scored, ...]
+    crashes: tuple[str, ...]
+
+
 def generate(module: str, verb: str, folder: Path, *arguments: str, given: str = "") -> tuple[Path, ...]:
     """Run a generator, the only process that knows what is hidden before the answers are in; the files it wrote."""
     command = [sys.executable, "-m", module, verb, str(folder), *arguments]
     done = subprocess.run(command, input=given, stdout=subprocess.PIPE, text=True, check=True)
     return tuple(Path(line) for line in done.stdout.splitlines())
+
+
+def seal(module: str, plan: Any, folder: Path) -> None:
+    """Have the cases of a plan drawn by a generator."""
+    generate(module, "seal", folder, given=json.dumps(asdict(plan)))
 
 
 def ask_and_keep(question: Question, recordings: Sequence[Path], choose: bool = True) -> Answer:
@@ -81,22 +99,17 @@ def ask_and_keep(question: Question, recordings: Sequence[Path], choose: bool = 
 
 
 def ask_and_score(
+    campaign: Campaign,
     questions: Sequence[Question],
     ask_question: Callable[[Question], Answer],
     answers: Store[Answer],
     opened: Callable[[], Iterable[Hidden]],
     score: Callable[[Answered[Hidden]], Scored],
     results: Store[Scored],
-    workers: int,
-    console: Console,
-    crashes: list[str],
-) -> dict[str, Scored]:
-    """Results by label; opened when all answers are in. What is stored is not asked for again."""
-
-    def failed(what: str) -> Callable[[Crash[Any]], None]:
-        return lambda crash: crashes.append(f"{what}: {crash.task.label}: {crash.message}")
-
-    given = resumed("answers", answers, ask_question, questions, workers, console, failed("answers"))
+) -> Found[Scored]:
+    """Results in the order of the questions; opened when all answers are in. What is stored is not asked again."""
+    given = campaign.results("answers", answers, ask_question, questions)
     models = {question.label: question.model for question in questions}
     answered = [Answered(c, given[c.label], models[c.label]) for c in opened() if c.label in given]
-    return resumed("scores", results, score, answered, workers, console, failed("scores"))
+    scored = campaign.results("scores", results, score, answered)
+    return Found(tuple(scored[one.label] for one in questions if one.label in scored), campaign.crash_lines)

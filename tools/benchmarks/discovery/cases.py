@@ -80,10 +80,13 @@ def benches(
 
 
 def measured_rate(bench: Bench, outcome: Outcome) -> NDArray[np.float64]:
-    """Rate an instrument measures beside the injector [m3/s] (n,): white noise, and a gain error of the recording."""
+    """Rate an instrument measures beside the injector [m3/s] (n,): white noise, and a gain error of the recording.
+
+    Of a bench without noise the true rate.
+    """
     rng = np.random.default_rng([bench.seed, 1])
     truth = outcome.truth.injection_rate
-    gain = 1.0 + RATE_GAIN * rng.normal()
+    gain = 1.0 + RATE_GAIN * bench.noise * rng.normal()
     return np.asarray(gain * truth + RATE_NOISE * bench.noise * rng.normal(size=truth.size), np.float64)
 
 

@@ -24,6 +24,10 @@ from tools.benchmarks.discovery.asking import Asking
 from tools.benchmarks.discovery.figures import save_figures
 from tools.benchmarks.discovery.generator import HidingPlan
 from tools.benchmarks.discovery.hidden import HIDDEN
+from tools.benchmarks.discovery.outside import run as outside_run
+from tools.benchmarks.discovery.outside import tables as outside_tables
+from tools.benchmarks.discovery.outside.cases import Asked, OutsidePlan
+from tools.benchmarks.discovery.outside.kinds import KINDS, VOCABULARY_KINDS
 from tools.benchmarks.discovery.real_line import run as real_run
 from tools.benchmarks.discovery.real_line import tables as real_tables
 from tools.benchmarks.discovery.real_line.cases import names_of, shared_out
@@ -33,9 +37,9 @@ from tools.benchmarks.discovery.real_line.generator import RealPlan
 
 EXAMPLE = (
     "Examples: tools/bench discovery --cases 40 --effects lift_offset,seat_area --rate without; "
-    "tools/bench discovery --tier B --cases 20 --discrepancy taper"
+    "tools/bench discovery --tier B --cases 20 --discrepancy taper; tools/bench discovery --outside --all-kinds"
 )
-CASES, REAL_CASES = 300, 150
+CASES, REAL_CASES, OUTSIDE_CASES = 300, 150, 150
 RATES = {"without": (False,), "with": (True,), "both": (False, True)}
 
 
@@ -44,7 +48,8 @@ def discovery(
         int | None,
         typer.Option(
             min=0,
-            help=f"Faulty cases, and as many healthy ones ({CASES}); tier B: of all kinds ({REAL_CASES}).",
+            help=f"Faulty cases, and as many healthy ones ({CASES}); of all kinds together in tier B "
+            f"({REAL_CASES}) and outside ({OUTSIDE_CASES}).",
         ),
     ] = None,
     effects: Annotated[
@@ -63,6 +68,12 @@ def discovery(
     only_record: Annotated[
         bool, typer.Option("--record-only", help="Tier B: only record and fit, into --out; nothing is asked.")
     ] = False,
+    outside: Annotated[
+        bool, typer.Option("--outside", help="Instead: what no vocabulary has, and what is proposed for it.")
+    ] = False,
+    all_kinds: Annotated[
+        bool, typer.Option("--all-kinds", help="With --outside: a case of everything, for each --rate.")
+    ] = False,
     seed: SeedOption = 1,
     workers: WorkersOption = PROCESSES,
     out: OutOption = None,
@@ -71,7 +82,16 @@ def discovery(
     """Whether `discover` names effects hidden in recordings of independent plants."""
     if rate not in RATES:
         raise UserError("--rate", f"is '{rate}'", f"give {', '.join(RATES)}")
+    if all_kinds and not outside:
+        raise UserError("--all-kinds", "is for --outside", "add --outside, or give --cases")
     with resumable("the answers are"):
+        if outside:
+            named = chosen_names(effects, "--effects", (*KINDS, *VOCABULARY_KINDS, Asked.HEALTHY), ())
+            count = 0 if all_kinds else OUTSIDE_CASES if cases is None else cases
+            plants = tuple(map(str, discrepancy or Discrepancy))
+            drawn = OutsidePlan(tier, count, RATES[rate], seed, plants, named)
+            _outside(Asking(drawn, workers, out or Path(f"build/discovery-outside-{tier}")), as_json)
+            return
         if tier is Tier.A:
             chosen = chosen_names(effects, "--effects", HIDDEN, HIDDEN)
             count = CASES if cases is None else cases
@@ -89,6 +109,15 @@ def discovery(
                 lambda: real_tables.json_document(found.results, found.adequate, found.crashes),
                 lambda console: real_run.print_results(found, console),
             )
+
+
+def _outside(asking: Asking[OutsidePlan], as_json: bool) -> None:
+    found, tier = outside_run.run_outside(asking, messages), asking.plan.tier
+    put_out(
+        as_json,
+        lambda: outside_tables.json_document(found.results, tier, found.crashes),
+        lambda console: outside_run.print_results(found, tier, console),
+    )
 
 
 def _on_nominal_lines(asking: Asking[HidingPlan], as_json: bool) -> None:
@@ -119,4 +148,4 @@ def _real_plan(
     numbers = shared_out(REAL_CASES if cases is None else cases)
     if healthy is not None:
         numbers = replace(numbers, healthy=healthy)
-    return RealPlan(numbers, rates, tuple(map(str, discrepancies or Discrepancy)), seed, names)
+    return RealPlan(numbers, rates, tuple(discrepancies or Discrepancy), seed, names)

@@ -17,6 +17,7 @@ from tools.benchmarks.discovery.result import (
     CaseResult,
 )
 from tools.benchmarks.discovery.tables import printed_size
+from tools.benchmarks.figures import saved
 from tools.benchmarks.proportions import clopper_pearson
 
 RED, GREY, BLUE, GREEN = "#d1495b", "#8d99ae", "#00798c", "#66a182"
@@ -62,7 +63,7 @@ def _confusion(results: Sequence[CaseResult], path: Path) -> Path:
     axes.axvline(len(HIDDEN) - 0.5, color="black", linewidth=0.8)
     axes.set(xlabel="answered", ylabel="hidden, above noise")
     figure.colorbar(image, label="share of the cases", pad=0.01)
-    return _saved(figure, path)
+    return saved(figure, (), path)
 
 
 def _detection(results: Sequence[CaseResult], path: Path) -> Path:
@@ -93,7 +94,7 @@ def _detection(results: Sequence[CaseResult], path: Path) -> Path:
     limits.set_yticks(range(len(effects)), texts, fontsize=8)
     axes.grid(True, axis="x", linewidth=0.4, alpha=0.6)
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False)
-    return _saved(figure, path)
+    return saved(figure, (), path)
 
 
 def _reliability(results: Sequence[CaseResult], path: Path) -> Path:
@@ -113,8 +114,7 @@ def _reliability(results: Sequence[CaseResult], path: Path) -> Path:
     error = summary.calibration_error(results)
     axes.set(xlim=(0.0, 1.02), ylim=(0.0, 1.04), xlabel="confidence given", ylabel="share of right names")
     axes.set_title(f"calibration error {error:.3f}; names given at each point", fontsize=9)
-    axes.grid(True, linewidth=0.4, alpha=0.6)
-    return _saved(figure, path)
+    return saved(figure, (axes,), path)
 
 
 def _coverage(results: Sequence[CaseResult], path: Path) -> Path:
@@ -134,8 +134,7 @@ def _coverage(results: Sequence[CaseResult], path: Path) -> Path:
     axes.set_yticks(range(len(covered)), labels, fontsize=8)
     axes.invert_yaxis()
     axes.set(xlim=(0.0, 1.02), xlabel="share of 95 % intervals that hold the true value")
-    axes.grid(True, linewidth=0.4, alpha=0.6)
-    return _saved(figure, path)
+    return saved(figure, (axes,), path)
 
 
 def _gaps(results: Sequence[CaseResult], path: Path) -> Path:
@@ -153,11 +152,4 @@ def _gaps(results: Sequence[CaseResult], path: Path) -> Path:
         xlabel="share of the gap left (0: as the oracle, 1: as without the effect)", ylabel="share of cases"
     )
     axes.legend(frameon=False)
-    axes.grid(True, linewidth=0.4, alpha=0.6)
-    return _saved(figure, path)
-
-
-def _saved(figure: plt.Figure, path: Path) -> Path:
-    figure.savefig(path, dpi=120)
-    plt.close(figure)
-    return path
+    return saved(figure, (axes,), path)

@@ -1,22 +1,18 @@
-"""The process that hides: draws the cases, seals what is hidden, writes recordings. Imports nothing of `observer_rt`.
+"""What hides cases on lines of the nominal structure, as `hiding` says. Imports nothing of `observer_rt`."""
 
-python -m tools.benchmarks.discovery.generator seal FOLDER < plan     draws all cases
-python -m tools.benchmarks.discovery.generator record FOLDER LABEL    writes a case's recordings, prints their files
-"""
-
-import json
 import sys
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import TypeAdapter
 
 from tools.benchmarks.discovery.cases import GIVEN, HiddenCase, benches, make_cases, measured_rate
+from tools.benchmarks.discovery.hiding import Hiding
 from tools.benchmarks.plant import Bench, record
 
-SEALED, LABELS = "sealed.json", "labels.json"
 MEGAPASCAL, MILLIMETRE, MM3_PER_MS = 1e6, 1e-3, 1e-6
 HEADER = "time_s,rail_pressure_MPa,needle_lift_mm,line_pressure_MPa"
 
@@ -32,29 +28,18 @@ class HidingPlan:
     master_seed: int
 
 
-def seal(plan: HidingPlan, folder: Path) -> None:
-    """Draw the cases: what is hidden goes to SEALED, opened after the answers, the labels to LABELS."""
-    folder.mkdir(parents=True, exist_ok=True)
-    cases = make_cases(plan.effects, plan.faulty, plan.healthy, plan.rates, plan.master_seed)
-    (folder / SEALED).write_text(json.dumps([asdict(case) for case in cases]))
-    (folder / LABELS).write_text(json.dumps([case.label for case in cases]))
-
-
-def opened(folder: Path) -> tuple[HiddenCase, ...]:
-    """What was hidden; for after the answers, and for the generator itself."""
-    return tuple(
-        HiddenCase(**(entry | {"values": tuple(entry["values"])}))
-        for entry in json.loads((folder / SEALED).read_text())
-    )
-
-
 def write_recordings(case: HiddenCase, folder: Path) -> tuple[Path, ...]:
-    """The recordings of a case as CSV files, named by nothing but their order."""
+    """The recordings of a case."""
+    return write_all(benches(case, GIVEN), case.with_rate, folder)
+
+
+def write_all(benches: Iterable[Bench], with_rate: bool, folder: Path) -> tuple[Path, ...]:
+    """Recordings as CSV files, named by nothing but their order."""
     folder.mkdir(parents=True, exist_ok=True)
     files = []
-    for number, bench in enumerate(benches(case, GIVEN), start=1):
+    for number, bench in enumerate(benches, start=1):
         files.append(folder / f"recording_{number}.csv")
-        write_recording(files[-1], bench, case.with_rate)
+        write_recording(files[-1], bench, with_rate)
     return tuple(files)
 
 
@@ -76,18 +61,14 @@ def write_recording(path: Path, bench: Bench, with_rate: bool) -> None:
     path.write_text("\n".join([header, *lines]) + "\n")
 
 
-def main(arguments: Sequence[str]) -> None:
-    """Entry point."""
-    verb, folder = arguments[0], Path(arguments[1])
-    if verb == "seal":
-        entry = json.load(sys.stdin)
-        seal(HidingPlan(**(entry | {key: tuple(entry[key]) for key in ("effects", "rates")})), folder)
-    else:
-        label = arguments[2]
-        case = next(case for case in opened(folder) if case.label == label)
-        for file in write_recordings(case, folder / label):
-            print(file)
-
+HIDING = Hiding(
+    plan=TypeAdapter(HidingPlan),
+    cases=TypeAdapter(tuple[HiddenCase, ...]),
+    labels=TypeAdapter(tuple[str, ...]),
+    make=lambda plan: make_cases(plan.effects, plan.faulty, plan.healthy, plan.rates, plan.master_seed),
+    label_of=lambda case: case.label,
+    record=write_recordings,
+)
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    HIDING.run(sys.argv[1:])

@@ -1,8 +1,6 @@
 """`tools/bench discovery`: hide, ask, and, when all answers are in, open what was hidden and score."""
 
-import json
 import shutil
-from dataclasses import asdict, dataclass
 
 from rich.console import Console
 
@@ -12,19 +10,21 @@ from tools.benchmarks.discovery.asking import (
     WARM_UP_RECORDINGS,
     Answered,
     Asking,
+    Found,
     Question,
     ask_and_keep,
     ask_and_score,
     generate,
+    seal,
 )
 from tools.benchmarks.discovery.cases import HiddenCase, make_case
-from tools.benchmarks.discovery.generator import LABELS, HidingPlan, opened, write_recordings
+from tools.benchmarks.discovery.generator import HIDING, HidingPlan, write_recordings
 from tools.benchmarks.discovery.hidden import HEALTHY
 from tools.benchmarks.discovery.result import CaseResult
 from tools.benchmarks.discovery.scoring import score_case
 from tools.benchmarks.discovery.summary import violations
 from tools.benchmarks.discovery.tables import confusion_table, effect_table, misses, reliability_table
-from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Store, digest_of
+from tools.benchmarks.runs import BENCHMARKS, PACKAGE
 
 GENERATOR = "tools.benchmarks.discovery.generator"
 HIDING_SOURCES = tuple(
@@ -32,9 +32,11 @@ HIDING_SOURCES = tuple(
     for name in (
         "plant.py",
         "plant_equations.py",
+        "plant_laws.py",
         "plant_parameters.py",
         "discovery/hidden.py",
         "discovery/cases.py",
+        "discovery/hiding.py",
         "discovery/generator.py",
         "discovery/answers.py",
     )
@@ -42,32 +44,23 @@ HIDING_SOURCES = tuple(
 """What, with the package, an answer depends on."""
 
 
-@dataclass(frozen=True)
-class Results:
-    """What came out, and a line for every case that failed."""
-
-    results: tuple[CaseResult, ...]
-    crashes: tuple[str, ...]
-
-
-def run_discovery(asking: Asking[HidingPlan], console: Console) -> Results:
+def run_discovery(asking: Asking[HidingPlan], console: Console) -> Found[CaseResult]:
     """Ask about the cases not yet asked about with this state of the code, then score; progress goes to `console`."""
-    hidden, crashes = asking.hidden, list[str]()
-    generate(GENERATOR, "seal", hidden, given=json.dumps(asdict(asking.plan)))
-    labels = json.loads((hidden / LABELS).read_text())
-    answers = Store(asking.out / "answers.jsonl", Answer, digest_of((PACKAGE, *HIDING_SOURCES)))
-    results = Store(asking.out / "results.jsonl", CaseResult, digest_of((PACKAGE, BENCHMARKS)))
+    hidden, campaign = asking.hidden, asking.campaign(console)
+    seal(GENERATOR, asking.plan, hidden)
+    labels = HIDING.labels_in(hidden)
+    answers = campaign.store("answers", Answer, PACKAGE, *HIDING_SOURCES)
+    results = campaign.store("results", CaseResult, PACKAGE, BENCHMARKS)
     if {answer.label for answer in answers.load()}.isdisjoint(labels):
         console.print("first call of discover, which compiles")
         _warm_up(asking)
-    scored = ask_and_score(
-        [Question(label, asking) for label in labels], ask_question, answers, lambda: opened(hidden),
-        score_answered, results, asking.workers, console, crashes,
-    )  # fmt: skip
-    return Results(tuple(scored[label] for label in labels if label in scored), tuple(crashes))
+    questions = [Question(label, asking) for label in labels]
+    return ask_and_score(
+        campaign, questions, ask_question, answers, lambda: HIDING.opened(hidden), score_answered, results
+    )
 
 
-def print_results(found: Results, console: Console) -> None:
+def print_results(found: Found[CaseResult], console: Console) -> None:
     """The tables, then a line for every miss, every bar that is missed and every crash."""
     for table in (effect_table, confusion_table, reliability_table):
         console.print(table(found.results))
@@ -78,7 +71,8 @@ def print_results(found: Results, console: Console) -> None:
 
 def ask_question(question: Question) -> Answer:
     """Work of one process: have a case recorded, and ask. Its findings stay in `out`, nothing else."""
-    return ask_and_keep(question, generate(GENERATOR, "record", question.asking.hidden, question.label))
+    label, hidden = question.label, question.asking.hidden
+    return ask_and_keep(question, generate(GENERATOR, "record", hidden, label, str(hidden / label)))
 
 
 def score_answered(answered: Answered[HiddenCase]) -> CaseResult:

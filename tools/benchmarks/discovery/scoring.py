@@ -21,7 +21,7 @@ from observer_rt.model.stability import substeps_needed
 from observer_rt.recording.signals.recording import Recording
 from tools.benchmarks.discovery.answers import Answer, Claim
 from tools.benchmarks.discovery.cases import FURTHER, GIVEN, HiddenCase, benches, without_noise
-from tools.benchmarks.discovery.hidden import HEALTHY, HIDDEN, HiddenEffect, same_effect
+from tools.benchmarks.discovery.hidden import HEALTHY, HIDDEN, HiddenParameter, same_effect
 from tools.benchmarks.discovery.oracle import Recorded, best_statistic, record_all, simulated, statistic
 from tools.benchmarks.discovery.result import AMBIGUOUS, CaseResult, Gap, Interval, Visibility
 from tools.benchmarks.plant import SAMPLE_RATE
@@ -53,7 +53,10 @@ def score_case(case: HiddenCase, answer: Answer) -> CaseResult:
         core_seconds=answer.core_seconds,
     )
     if result.named_right:
-        result = replace(result, intervals=intervals(HIDDEN[case.effect], case.values, answer.claims[0]))
+        result = replace(
+            result,
+            intervals=intervals(case.effect, HIDDEN[case.effect].parameters, case.values, answer.claims[0]),
+        )
     if result.above_noise and not _is_of_the_bench(case):
         line_pressure, injected_mass = gaps(case, answer.amended_model)
         result = replace(result, line_pressure=line_pressure, injected_mass=injected_mass)
@@ -92,11 +95,13 @@ def rivalry(case: HiddenCase, answer: Answer) -> tuple[tuple[str, float], ...]:
     return tuple((name, best_statistic(noisy, name) - true) for name in others)
 
 
-def intervals(hidden: HiddenEffect, values: Sequence[float], claim: Claim) -> tuple[Interval, ...]:
+def intervals(
+    effect: str, parameters: Sequence[HiddenParameter], values: Sequence[float], claim: Claim
+) -> tuple[Interval, ...]:
     """The claimed intervals, SI, beside the true values; where an exact equivalent was named, its 1 + r inverted."""
     named = VOCABULARY[claim.id]
-    true = {p.name: value for p, value in zip(hidden.parameters, values, strict=True)}
-    if claim.id != hidden.id:
+    true = {p.name: value for p, value in zip(parameters, values, strict=True)}
+    if claim.id != effect:
         true = {name: 1.0 / (1.0 + value) - 1.0 for name, value in true.items()}
     factors = {p.name: p.si for p in named.parameters}
     return tuple(
@@ -170,7 +175,9 @@ def open_loop(
     )
     errors, rate = np.empty((2, recording.samples))
     substeps = max(SUBSTEPS, substeps_needed(model.injector, recording.sample_rate, model.departures))
-    setting = Setting(measurement.interval, substeps, c, np.zeros(c.states), lag=sensor.lag)
+    setting = Setting(
+        measurement.interval, substeps, c, np.zeros(c.states), lag=sensor.lag, program=model.program
+    )
     follow(window, setting, nothing_learned(c), 0, errors, rate, None, NO_SLOPES)
     indicated = -errors * c.pressure_scale + c.chamber_pressure + sensor.offset
     indicated[0] = indicated[1]

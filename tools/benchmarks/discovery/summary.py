@@ -131,12 +131,8 @@ def worst_gap_shares(results: Sequence[CaseResult]) -> list[float]:
     return worst
 
 
-def violations(results: Sequence[CaseResult]) -> list[str]:
+def violations(results: Sequence[CaseResult]) -> Iterator[str]:
     """A line for every bar that is missed."""
-    return list(_violations(results))
-
-
-def _violations(results: Sequence[CaseResult]) -> Iterator[str]:
     if (cases := above_noise(results)) and right_share(cases) < NAMED_RIGHT:
         yield f"named right: {right_share(cases):.1%} < {NAMED_RIGHT:.0%}"
     if (cases := healthy(results)) and 1.0 - right_share(cases) > FALSE_ALARMS:

@@ -103,7 +103,7 @@ def json_document(results: Sequence[CaseResult], crashes: Sequence[str]) -> dict
             "healthy": dict(Counter(r.answer for r in healthy)),
             "reliability": [vars(b) for b in summary.reliability(results)],
             "core_seconds_max": max((r.core_seconds for r in results), default=None),
-            "violations": summary.violations(results),
+            "violations": list(summary.violations(results)),
             "misses": misses(results),
             "crashes": list(crashes),
         },

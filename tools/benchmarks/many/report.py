@@ -7,9 +7,9 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from tools.benchmarks.figure import Figure, figures_table
 from tools.benchmarks.many.measure import Many, clock, processor
 from tools.benchmarks.many.run import Taken
-from tools.benchmarks.speed.bars import Figure, figures_table
 from tools.benchmarks.speed.evaluated import CAN_LOG, MDF4, PARQUET
 
 _FLOOR = "the compiled core alone, nothing learned"

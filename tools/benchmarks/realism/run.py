@@ -23,7 +23,7 @@ from tools.benchmarks.plant import record
 from tools.benchmarks.realism.catalogue import Entry, make_realism_case, name_of, parsed
 from tools.benchmarks.realism.disturbance import Stated
 from tools.benchmarks.realism.score import Interval, RunScore
-from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Crash, Plan, Store, Task, digest_of, resumed
+from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Crash, Plan, Task
 from tools.benchmarks.score import UKF
 from tools.benchmarks.scoring import (
     bench_for_case,
@@ -67,19 +67,18 @@ def run_realism(
     rich = _rich(WavePlan(plan, Variant.PLAIN, given), console) if is_rich else None
     model = None if rich is None else rich.model
     ready = warm_up if model is None else partial(warm_up_model, model)
-    sources = (PACKAGE, BENCHMARKS) if model is None else (PACKAGE, BENCHMARKS, model)
-    crashes: list[Crash[Task]] = []
-    store = Store(plan.out / "observer.jsonl", RunScore, digest_of(sources))
-    work = partial(score_run, model)
-    runs = resumed("observer", store, work, plan.tasks, plan.workers, console, crashes.append, ready)
+    sources = () if model is None else (model,)
+    campaign = plan.campaign(console)
+    kept = campaign.store("observer", RunScore, PACKAGE, BENCHMARKS, *sources)
+    runs = campaign.results("observer", kept, partial(score_run, model), plan.tasks, ready)
     if plan.peers:
-        peer_store = Store(plan.out / "peers.jsonl", PeerScore, digest_of((BENCHMARKS,)))
         tasks = [t for t in plan.tasks if not any(s.is_stated for s in parsed(t.class_name))]
-        peer_work = partial(score_peer, rich)
-        peers = resumed("peers", peer_store, peer_work, tasks, plan.workers, console, crashes.append, ready)
-        runs = {label: replace(run, case=joined(run.case, peers.get(label))) for label, run in runs.items()}
-    found = tuple(runs[task.label] for task in plan.tasks if task.label in runs)
-    return Results(found, tuple(crashes), tuple(name for name, known in names.items() if not known))
+        kept_peers = campaign.store("peers", PeerScore, BENCHMARKS)
+        peers = campaign.results("peers", kept_peers, partial(score_peer, rich), tasks, ready)
+        cases = joined({label: run.case for label, run in runs.items()}, peers)
+        runs = {label: replace(run, case=cases[label]) for label, run in runs.items()}
+    not_known = tuple(name for name, known in names.items() if not known)
+    return Results(plan.in_order(runs), campaign.crashes, not_known)
 
 
 def is_known(stated: Stated) -> bool:

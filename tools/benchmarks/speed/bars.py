@@ -1,10 +1,8 @@
 """The figures of a run beside the bars they are judged by."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator
 
-from rich.table import Table
-
+from tools.benchmarks.figure import Figure
 from tools.benchmarks.speed.evaluated import ARRAYS, CAN_LOG, MDF4, PARQUET
 from tools.benchmarks.speed.injectors import NUMBERS
 from tools.benchmarks.speed.measure import Speed
@@ -14,44 +12,6 @@ from tools.benchmarks.speed.traffic import SAMPLES
 
 EVALUATE_BARS = {ARRAYS: 0.8, PARQUET: 0.5, MDF4: 0.5, CAN_LOG: 0.5}
 """Of the core's speed, by what is evaluated."""
-_NOT_MEASURED = "-"
-
-
-@dataclass(frozen=True)
-class Figure:
-    """A figure under the name it has in the JSON document. at_least or at_most: its bar, None where there is none."""
-
-    name: str
-    value: float | None
-    peer: str
-    at_most: float | None = None
-    at_least: float | None = None
-
-    @property
-    def is_met(self) -> bool | None:
-        """Whether it meets its bar; None without one, or where nothing was measured."""
-        if self.value is None or (self.at_most is None and self.at_least is None):
-            return None
-        low = self.at_least is None or self.value >= self.at_least
-        return low and (self.at_most is None or self.value <= self.at_most)
-
-    @property
-    def bar(self) -> str:
-        """The bar as text."""
-        if self.at_most is not None:
-            return f"<= {self.at_most:g}"
-        return f">= {self.at_least:g}" if self.at_least is not None else ""
-
-
-def figures_table(figures: Sequence[Figure], what: str, load: tuple[float, float]) -> Table:
-    """Figures with their verdicts; load: of the machine, before and after."""
-    title = f"{what} (load {load[0]:.1f} before, {load[1]:.1f} after)"
-    table = Table("figure", "value", "bar", "", "against", title=title, title_justify="left")
-    for each in figures:
-        value = _NOT_MEASURED if each.value is None else f"{each.value:.4g}"
-        verdict = {None: "", True: "met", False: "MISSED"}[each.is_met]
-        table.add_row(each.name, value, each.bar, verdict, each.peer)
-    return table
 
 
 def figures(speed: Speed) -> list[Figure]:

@@ -7,7 +7,8 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from tools.benchmarks.speed.bars import figures, figures_table
+from tools.benchmarks.figure import figures_table
+from tools.benchmarks.speed.bars import figures
 from tools.benchmarks.speed.evaluated import EvaluateTimes
 from tools.benchmarks.speed.injectors import InjectorsRow
 from tools.benchmarks.speed.measure import Speed

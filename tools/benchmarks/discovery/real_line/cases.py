@@ -3,7 +3,7 @@
 import hashlib
 import zlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -16,8 +16,10 @@ from tools.benchmarks.discovery.real_line.hidden import (
     OUTSIDE,
     PAIR_FROM,
     PAIRS,
+    Parts,
     faults_of,
     known,
+    laws_of,
     steps_of,
 )
 from tools.benchmarks.plant import SAMPLE_RATE, Bench, Event, Needle, Shot, Surroundings
@@ -27,9 +29,6 @@ from tools.benchmarks.sampling import Step
 FIT_INJECTIONS, INJECTIONS = 6, 3  # in each recording
 FIRST, DISTANCE = 40e-3, 50e-3  # s: start of the first injection, and from one to the next
 NEEDLE_SPREAD = 0.15  # of a plant's speeds
-
-Parts = tuple[tuple[str, tuple[float, ...]], ...]
-"""Effects that are there together, each with the sizes of its parameters."""
 
 
 class Kind(StrEnum):
@@ -173,7 +172,7 @@ def hidden_text(parts: Parts) -> str:
 def healthy_benches(rig: Rig) -> tuple[Bench, ...]:
     """What `fit` is given of a rig."""
     rng = np.random.default_rng([rig.seed, rig.number, zlib.crc32(b"healthy")])
-    return tuple(_bench(rig, point, FIT_INJECTIONS, rng, Faults()) for point in GIVEN)
+    return tuple(bench_of(rig, point, FIT_INJECTIONS, rng, Faults()) for point in GIVEN)
 
 
 def given_benches(case: RealCase) -> tuple[Bench, ...]:
@@ -188,11 +187,14 @@ def further_benches(case: RealCase) -> tuple[Bench, ...]:
 
 def _case_benches(case: RealCase, points: Sequence[tuple[float, float]], noise: float) -> tuple[Bench, ...]:
     rng = np.random.default_rng([case.seed, *(round(pressure) for pressure, _ in points)])
-    faults, steps = faults_of(case.parts), steps_of(case.parts)
-    return tuple(_bench(case.rig, point, INJECTIONS, rng, faults, steps, noise) for point in points)
+    faults, steps, laws = faults_of(case.parts), steps_of(case.parts), laws_of(case.parts)
+    return tuple(
+        replace(bench_of(case.rig, point, INJECTIONS, rng, faults, steps, noise), laws=laws)
+        for point in points
+    )
 
 
-def _bench(
+def bench_of(
     rig: Rig,
     point: tuple[float, float],
     injections: int,

@@ -3,50 +3,29 @@
 Imports nothing of `observer_rt`.
 """
 
-import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
-from numpy.random import Generator
 
-from tools.benchmarks.discovery.hidden import (
-    MICROMETRE,
-    MICROSECOND,
-    HiddenEffect,
-    HiddenParameter,
+from tools.benchmarks.discovery.hidden import HIDDEN, MICROMETRE, MICROSECOND, HiddenParameter
+from tools.benchmarks.discovery.hidden_kind import (
+    MOMENTUM,
+    NOZZLE,
+    SEAT,
+    SENSOR,
+    Family,
+    HiddenKind,
+    TermEquation,
 )
 from tools.benchmarks.discovery.real_line.discrepancies import resonant_line
+from tools.benchmarks.plant_laws import Laws
 from tools.benchmarks.plant_parameters import Faults
 from tools.benchmarks.sampling import Measured, Step
 
 MPA = 1e6
 TAP_DAMPING = 0.15
 BOW_ENDS = (60e6, 140e6)  # Pa, where a sensor with a bent characteristic is right
-
-
-@dataclass(frozen=True)
-class RealEffect:
-    """A hidden effect; step: of a sensor by the first parameter, where the plant has no fault for it."""
-
-    hidden: HiddenEffect
-    step: Callable[[float], Step] | None = None
-
-    def draw(self, rng: Generator, from_share: float = 0.0) -> tuple[float, ...]:
-        """Sizes of its parameters; from_share: the lower part of the (log) range of the first that is left out."""
-        first, *others = self.hidden.parameters
-        lowest = math.exp((1.0 - from_share) * math.log(first.lowest) + from_share * math.log(first.highest))
-        return (replace(first, lowest=lowest).draw(rng), *(p.draw(rng) for p in others))
-
-    def faults(self, values: Sequence[float]) -> dict[str, float]:
-        """Faults of the plant by name."""
-        if self.step is not None:
-            return {}
-        return {p.fault: value for p, value in zip(self.hidden.parameters, values, strict=True)}
-
-    def steps(self, values: Sequence[float]) -> tuple[Step, ...]:
-        """What a sensor does to its signal."""
-        return () if self.step is None else (self.step(values[0]),)
 
 
 def late_rail(delay: float) -> Step:
@@ -69,78 +48,77 @@ def bent_sensor(bow: float) -> Step:
     return step
 
 
-def _single(
-    effect: str,
+def _named(
     name: str,
-    fault: str,
+    equation: TermEquation,
     lowest: float,
     highest: float,
-    *,
-    both: bool = True,
-    step: Callable[[float], Step] | None = None,
-) -> RealEffect:
-    negative = -highest if both else 0.0
-    parameter = HiddenParameter(name, fault, lowest, highest, negative)
-    return RealEffect(HiddenEffect(effect, (parameter,)), step)
+    also: Family = frozenset(),
+    without_rate: Family = frozenset(),
+    one_sided: bool = False,
+) -> HiddenKind:
+    """An effect of the vocabulary at other sizes of its first parameter."""
+    first, *others = HIDDEN[name].parameters
+    negative = -highest if first.most_negative < 0.0 and not one_sided else 0.0
+    sized = replace(first, lowest=lowest, highest=highest, most_negative=negative)
+    return HiddenKind(name, equation, (sized, *others), also=also, without_rate=without_rate)
 
 
-def _two(effect: str, first: HiddenParameter, second: HiddenParameter) -> RealEffect:
-    return RealEffect(HiddenEffect(effect, (first, second)))
+def _by_name(*kinds: HiddenKind) -> dict[str, HiddenKind]:
+    return {kind.name: kind for kind in kinds}
 
 
-def _by_id(*effects: RealEffect) -> dict[str, RealEffect]:
-    return {effect.hidden.id: effect for effect in effects}
-
-
-_US, _UM = MICROSECOND, MICROMETRE
-EFFECTS = _by_id(
-    _single("orifice_area", "v_H", "orifice_area", 0.02, 0.4),
-    _single("seat_area", "v_S", "seat_area", 0.05, 0.35),
-    _single("guide_leakage", "c", "guide_leakage", 5e-15, 1e-13, both=False),  # m3/(s Pa)
-    _single("line_friction", "k", "line_friction", 0.3, 3.0, both=False),
-    _single("bulk_modulus", "r", "bulk_modulus", 0.01, 0.12),
-    _single("line_volume", "r", "line_volume", 0.01, 0.12),
-    _single("pressure_dependent_bulk_modulus", "n", "bulk_modulus_slope", 0.5, 6.0),
-    _single("entrained_air", "g", "entrained_air", 3e-4, 6e-3, both=False),
-    _single("fuel_density", "r", "fuel_density", 0.005, 0.06),
-    _single("orifice_cavitation", "n_crit_excess", "orifice_cavitation", 0.05, 0.25, both=False),
-    _two(
-        "lift_dependent_seat_coefficient",
-        HiddenParameter("a", "seat_lift_loss", 0.1, 0.6, -0.6),
-        HiddenParameter("x_c", "seat_lift_scale", 20 * _UM, 80 * _UM),
+_T, _US, _UM = TermEquation, MICROSECOND, MICROMETRE
+EFFECTS = _by_name(
+    _named("orifice_area", _T.NOZZLE_FLOW, 0.02, 0.4),
+    _named("seat_area", _T.SEAT_FLOW, 0.05, 0.35),
+    _named("guide_leakage", _T.LINE_PRESSURE, 5e-15, 1e-13),  # m3/(s Pa)
+    _named("line_friction", _T.LINE_FLOW, 0.3, 3.0, one_sided=True),
+    _named("bulk_modulus", _T.STIFFNESS, 0.01, 0.12),
+    _named("line_volume", _T.STIFFNESS, 0.01, 0.12),
+    _named("pressure_dependent_bulk_modulus", _T.STIFFNESS, 0.5, 6.0),
+    _named("entrained_air", _T.STIFFNESS, 3e-4, 6e-3),
+    _named("fuel_density", _T.INERTANCE, 0.005, 0.06, also=SEAT | NOZZLE),
+    _named("orifice_cavitation", _T.NOZZLE_FLOW, 0.05, 0.25),
+    _named("lift_dependent_seat_coefficient", _T.SEAT_FLOW, 0.1, 0.6),
+    _named("chamber_pressure_rise", _T.CHAMBER_PRESSURE, 2 * MPA, 12 * MPA),
+    _named("lift_offset", _T.NEEDLE_LIFT, 2 * _UM, 20 * _UM),
+    _named("needle_lift_sensor_lag", _T.NEEDLE_LIFT, 5 * _US, 50 * _US, without_rate=SENSOR),
+    _named("lift_gain", _T.NEEDLE_LIFT, 0.05, 0.2),
+    _named("rail_pressure_sensor_gain", _T.RAIL_PRESSURE, 0.002, 0.03, without_rate=SENSOR),
+    _named("rail_pressure_sensor_offset", _T.RAIL_PRESSURE, 0.2 * MPA, 4 * MPA, without_rate=SENSOR),
+    _named("line_pressure_sensor_lag", _T.LINE_PRESSURE_SENSOR, 3 * _US, 60 * _US, without_rate=SEAT),
+    _named("line_pressure_sensor_offset", _T.LINE_PRESSURE_SENSOR, 0.1 * MPA, 4 * MPA, without_rate=MOMENTUM),
+    _named("channel_skew", _T.LINE_PRESSURE_SENSOR, 3 * _US, 45 * _US, without_rate=SEAT),
+    HiddenKind(
+        "rail_pressure_skew",
+        _T.RAIL_PRESSURE,
+        (HiddenParameter("d", "", 5 * _US, 80 * _US, -80 * _US),),
+        without_rate=SENSOR | SEAT,
+        step=late_rail,
     ),
-    _two(
-        "chamber_pressure_rise",
-        HiddenParameter("dp", "chamber_pressure_step", 2 * MPA, 12 * MPA),
-        HiddenParameter("s", "chamber_pressure_share", 0.05, 1.0),
-    ),
-    _single("lift_offset", "x_0", "lift_offset", 2 * _UM, 20 * _UM),
-    _single("needle_lift_sensor_lag", "tau", "lift_sensor_lag", 5 * _US, 50 * _US, both=False),
-    _single("lift_gain", "g", "lift_gain", 0.05, 0.2),
-    _single("rail_pressure_sensor_gain", "g", "rail_pressure_sensor_gain", 0.002, 0.03),
-    _single("rail_pressure_sensor_offset", "o", "rail_pressure_sensor_offset", 0.2 * MPA, 4 * MPA),
-    _single("line_pressure_sensor_lag", "tau", "line_pressure_sensor_lag", 3 * _US, 60 * _US, both=False),
-    _single("line_pressure_sensor_offset", "o", "line_pressure_sensor_offset", 0.1 * MPA, 4 * MPA),
-    _single("channel_skew", "d", "channel_skew", 3 * _US, 45 * _US),
-    _single("rail_pressure_skew", "d", "", 5 * _US, 80 * _US, step=late_rail),
 )
 """Every effect of the vocabulary that has a size, by its id; `seat_outflow` is a structure, which `fit` chooses."""
 
-OUTSIDE = _by_id(
-    _single(
+OUTSIDE = _by_name(
+    HiddenKind(
         "tap_resonance",
-        "frequency",
-        "",
-        2.5e3,
-        3.5e3,  # Hz
-        both=False,
+        _T.LINE_PRESSURE_SENSOR,
+        (HiddenParameter("frequency", "", 2.5e3, 3.5e3),),  # Hz
         step=lambda frequency: resonant_line(frequency, TAP_DAMPING),
     ),
-    _single("hole_closing", "share", "hole_closing", 0.2, 0.3, both=False),
-    _single("seat_hysteresis", "share", "seat_hysteresis", 0.4, 0.9, both=False),
-    _single("laminar_line", "rate", "line_laminar", 150.0, 500.0, both=False),  # 1/s
-    _single("bent_sensor", "bow", "", 1 * MPA, 4 * MPA, step=bent_sensor),
-    _single("lift_leakage", "c", "lift_leakage", 3e-14, 1.5e-13, both=False),  # m3/(s Pa)
+    HiddenKind("hole_closing", _T.NOZZLE_FLOW, (HiddenParameter("share", "hole_closing", 0.2, 0.3),)),
+    HiddenKind("seat_hysteresis", _T.SEAT_FLOW, (HiddenParameter("share", "seat_hysteresis", 0.4, 0.9),)),
+    HiddenKind("laminar_line", _T.LINE_FLOW, (HiddenParameter("rate", "line_laminar", 150.0, 500.0),)),  # 1/s
+    HiddenKind(
+        "bent_sensor",
+        _T.LINE_PRESSURE_SENSOR,
+        (HiddenParameter("bow", "", 1 * MPA, 4 * MPA, -4 * MPA),),
+        step=bent_sensor,
+    ),
+    HiddenKind(
+        "lift_leakage", _T.LINE_PRESSURE, (HiddenParameter("c", "lift_leakage", 3e-14, 1.5e-13),)
+    ),  # m3/(s Pa)
 )
 """What has no name in the vocabulary."""
 
@@ -162,19 +140,32 @@ PAIRS = (
 PAIR_FROM = 0.5  # of the (log) range of sizes, in pairs
 
 
-def known(name: str) -> RealEffect:
+def known(name: str) -> HiddenKind:
     """An effect of the vocabulary or beyond it. Raises KeyError."""
     return EFFECTS[name] if name in EFFECTS else OUTSIDE[name]
 
 
-def faults_of(parts: Sequence[tuple[str, Sequence[float]]]) -> Faults:
+Parts = tuple[tuple[str, tuple[float, ...]], ...]
+"""Effects that are there together, each with the sizes of its parameters."""
+
+
+def faults_of(parts: Parts) -> Faults:
     """The plant with effects of these sizes, together."""
+    return Faults(**_fields_of(parts, Faults._fields))
+
+
+def laws_of(parts: Parts) -> Laws:
+    """What such a plant does beyond its equations."""
+    return Laws(**_fields_of(parts, Laws._fields))
+
+
+def _fields_of(parts: Parts, fields: Sequence[str]) -> dict[str, float]:
     named: dict[str, float] = {}
     for name, values in parts:
-        named |= known(name).faults(values)
-    return Faults(**named)
+        named |= known(name).named(values, fields)
+    return named
 
 
-def steps_of(parts: Sequence[tuple[str, Sequence[float]]]) -> tuple[Step, ...]:
+def steps_of(parts: Parts) -> tuple[Step, ...]:
     """What these effects do to the signals of sensors."""
     return tuple(step for name, values in parts for step in known(name).steps(values))

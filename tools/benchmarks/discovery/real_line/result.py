@@ -4,7 +4,8 @@ import math
 from dataclasses import dataclass
 
 from tools.benchmarks.discovery.hidden import same_effect
-from tools.benchmarks.discovery.real_line.cases import Kind, Parts
+from tools.benchmarks.discovery.real_line.cases import Kind
+from tools.benchmarks.discovery.real_line.hidden import Parts
 from tools.benchmarks.discovery.result import AMBIGUOUS, NAMED, NONE, UNKNOWN, Interval
 
 CONFIDENT = 0.9

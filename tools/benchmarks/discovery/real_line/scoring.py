@@ -10,9 +10,9 @@ from observer_rt.model.effects import VOCABULARY
 from observer_rt.model.parameters import EffectInForce, EffectValue, InjectorParameters
 from tools.benchmarks.discovery.answers import Answer
 from tools.benchmarks.discovery.hidden import same_effect
-from tools.benchmarks.discovery.real_line.cases import Parts, RealCase, further_benches
+from tools.benchmarks.discovery.real_line.cases import RealCase, further_benches
 from tools.benchmarks.discovery.real_line.discrepancies import plant_of
-from tools.benchmarks.discovery.real_line.hidden import known
+from tools.benchmarks.discovery.real_line.hidden import Parts, known
 from tools.benchmarks.discovery.real_line.result import RealGap, RealResult
 from tools.benchmarks.discovery.result import NAMED, Interval
 from tools.benchmarks.discovery.scoring import Model, differences_of, injector_of, intervals, open_loop, rms
@@ -105,4 +105,4 @@ def _smallest(answer: Answer) -> Iterator[tuple[str, float]]:
 def _intervals(truth: Parts, answer: Answer) -> Iterator[Interval]:
     for claim in answer.claims:
         effect, values = next((n, v) for n, v in truth if same_effect(n, claim.id))
-        yield from intervals(known(effect).hidden, values, claim)
+        yield from intervals(effect, known(effect).parameters, values, claim)

@@ -66,12 +66,8 @@ def named_as_others(cases: Sequence[RealResult]) -> int:
     )
 
 
-def violations(results: Sequence[RealResult], exceptions: int) -> list[str]:
+def violations(results: Sequence[RealResult], exceptions: int) -> Iterator[str]:
     """A line for every bar that is missed."""
-    return list(_violations(results, exceptions))
-
-
-def _violations(results: Sequence[RealResult], exceptions: int) -> Iterator[str]:
     for kind, what, bar in (
         (Kind.HEALTHY, f"healthy, answered {NONE}", HEALTHY_RIGHT),
         (Kind.SINGLE, "singles, right", SINGLES_RIGHT),

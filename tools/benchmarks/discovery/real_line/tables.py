@@ -108,7 +108,7 @@ def json_document(
             "fit_adequate": adequate,
             "counted": {kind: len(summary.counted(results, kind)) for kind in KINDS},
             "cases": [_case(r) for r in results],
-            "violations": summary.violations(results, len(crashes)),
+            "violations": list(summary.violations(results, len(crashes))),
             "misses": misses(results),
             "crashes": list(crashes),
         },

@@ -1,0 +1,171 @@
+"""What `discover` answers on a case, and how far its models are from the plant where nothing was given."""
+
+import math
+import os
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from unittest.mock import patch
+
+import numpy as np
+
+from observer_rt.config.bench import load_injector
+from observer_rt.discovery.search.adequacy import NO_BASELINE, baseline_of_fit
+from observer_rt.discovery.search.result import Proposal
+from observer_rt.discovery.search.search import Search, SearchOutcome
+from observer_rt.discovery.search.verdict import SearchOptions, name_effects
+from observer_rt.evidence.appearance import with_healthy_offset
+from observer_rt.evidence.measurement import Measurement, measurements
+from observer_rt.evidence.open_loop import mass, measured_mass, simulated
+from observer_rt.evidence.operating_points import by_operating_point
+from observer_rt.evidence.windows import in_mass_window
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
+from observer_rt.model import effects
+from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.effects import effective_model
+from observer_rt.recording.formats import read_recording
+from tools.benchmarks.discovery.outside.generator import FURTHER, GIVEN
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """Rms of model minus plant at operating points that were not given: line pressure around openings, and mass."""
+
+    pressure_mpa: float
+    mass_mg: float
+
+
+@dataclass(frozen=True)
+class ProposedTerm:
+    """A term as it is proposed."""
+
+    equation: str
+    law: str
+    coefficient: float
+
+
+@dataclass(frozen=True)
+class Proposed:
+    """Terms proposed together, beside effects of the vocabulary. may_enter: into an amended model, by the guard."""
+
+    terms: tuple[ProposedTerm, ...]
+    effects: tuple[str, ...]
+    may_enter: bool
+    misfit: Misfit
+
+
+@dataclass(frozen=True)
+class OutsideAnswer:
+    """What was answered, best proposal first.
+
+    claims: names given; by_vocabulary: names its search ended with where they explain all, whatever is proposed
+    besides; suspect: the equation an unknown effect is said to violate; before: of the model as given; named: with
+    what the vocabulary has for it; search_seconds: of `seconds`, what the vocabulary's search took.
+    """
+
+    label: str
+    verdict: str
+    confidence: float
+    claims: tuple[str, ...]
+    by_vocabulary: tuple[str, ...]
+    suspect: str
+    proposals: tuple[Proposed, ...]
+    before: Misfit
+    named: Misfit
+    seconds: float
+    search_seconds: float
+
+
+def ask_outside(label: str, folder: Path, model: Path, without: Sequence[str] = ()) -> OutsideAnswer:
+    """Ask about a case's recordings in a folder, with a model and a vocabulary without some names."""
+    nominal = effective_model(load_injector(model))
+    fitted = nominal.injector.baseline
+    baseline = NO_BASELINE if fitted is None else baseline_of_fit(fitted, True)
+    whole = [with_healthy_offset(one, baseline.remainder) for one in _measured(folder / GIVEN)]
+    points = [point.measurement for point in by_operating_point(whole)]
+    begin = time.perf_counter()
+    with vocabulary_without(without), noted_search() as noted:
+        found = name_effects(nominal, points, SearchOptions(os.cpu_count() or 1, baseline=baseline))
+    seconds = time.perf_counter() - begin
+    outcome, ended = noted[-1]
+    further, winner = _measured(folder / FURTHER), outcome.winner if outcome.adequate else outcome.nominal
+    return OutsideAnswer(
+        label,
+        str(found.verdict),
+        found.confidence,
+        found.named.ids,
+        winner.ids,
+        str(found.unexplained.equation) if found.unexplained is not None else "",
+        taken(found.proposals, nominal, further),
+        misfit(nominal, further),
+        misfit(winner.model(nominal), further),
+        seconds,
+        ended - begin,
+    )
+
+
+def taken(
+    proposals: Sequence[Proposal], nominal: EffectiveModel, further: Sequence[Measurement]
+) -> tuple[Proposed, ...]:
+    """What is proposed beside the vocabulary, in plain values."""
+    return tuple(
+        Proposed(
+            tuple(ProposedTerm(str(t.equation), str(t.law), t.coefficient) for t in one.terms),
+            one.effects,
+            one.may_enter,
+            misfit(one.model(nominal), further),
+        )
+        for one in proposals
+    )
+
+
+def misfit(model: EffectiveModel, further: Sequence[Measurement]) -> Misfit:
+    """Of a model, against recordings without noise; inf where it has no solution."""
+    pressures, masses = [], []
+    try:
+        for measured in further:
+            for one in simulated(measured, model):
+                inside = in_mass_window(measured, one.event, one.rate_samples)
+                off = one.line_pressure - measured.recording.line_pressure[one.samples]
+                pressures.append(off[inside] / MEGAPASCAL)
+                density = model.coefficients.density
+                off_mass = mass(measured, one, density) - measured_mass(measured, one, density)
+                masses.append(off_mass / MILLIGRAM)
+    except ArithmeticError:
+        return Misfit(math.inf, math.inf)
+    values = (float(np.sqrt(np.mean(np.square(found)))) for found in (np.concatenate(pressures), masses))
+    return Misfit(*(value if math.isfinite(value) else math.inf for value in values))
+
+
+@contextmanager
+def vocabulary_without(ids: Sequence[str]) -> Iterator[None]:
+    """The vocabulary, meanwhile, has these effects not."""
+    kept = dict(effects._in_use)
+    for each in ids:
+        del effects._in_use[each]
+    try:
+        yield
+    finally:
+        effects._in_use.clear()
+        effects._in_use.update(kept)
+
+
+@contextmanager
+def noted_search() -> Iterator[list[tuple[SearchOutcome, float]]]:
+    """How searches with the vocabulary end meanwhile, and when [s]."""
+    noted: list[tuple[SearchOutcome, float]] = []
+    original = Search.run
+
+    def run(self: Search) -> SearchOutcome:
+        outcome = original(self)
+        noted.append((outcome, time.perf_counter()))
+        return outcome
+
+    with patch.object(Search, "run", run):
+        yield noted
+
+
+def _measured(folder: Path) -> tuple[Measurement, ...]:
+    return measurements([read_recording(path) for path in sorted(folder.glob("*.csv"))])

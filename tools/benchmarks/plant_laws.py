@@ -1,0 +1,203 @@
+"""Laws that neither the new injector nor any named fault has: what the plant does beyond its equations.
+
+A law changes a coefficient for one step of the integrator, or pushes a state after it. Steps are short (0.25 us, with
+travelling waves 0.8 us), so that it is as good as in the equations. Imports nothing of `observer_rt`.
+"""
+
+import math
+from typing import NamedTuple
+
+from numba import njit
+
+from tools.benchmarks.arrays import Array
+from tools.benchmarks.plant_parameters import Injector
+
+REFERENCE = 100e6  # Pa
+FULL_FLOW = 60e-6  # m3/s
+STICTION_FLOW = 10e-6  # m3/s, from about which on what holds the flow back grows no more
+WAX_WIDTH = 0.15  # of the reference pressure
+STOP_FROM = 0.75  # of the largest lift
+MIDDLE, MIDDLE_WIDTH = 0.5, 0.15  # of the largest lift
+SMALL_LIFT = 50e-6  # m
+HOLE_CLOSES = 0.6e-3  # s after an opening
+VISCOUS_DROP = 4e6  # Pa, below which the flow coefficient of the nozzle falls no further
+RINGING_FREQUENCY, RINGING_DECAY = 1.5e3, 0.6e-3  # Hz, s
+LEAST_DROP = 0.1e6  # Pa
+LEAST_SHARE, LARGEST_SHARE = 0.05, 3.0  # of a coefficient
+FORGOTTEN_LIFT = 1e-9  # m
+
+
+class Laws(NamedTuple):
+    """What the plant does beyond its equations; all 0 is nothing. SI; shares are of the coefficient they change."""
+
+    line_laminar: float = 0.0  # 1/s, resistance of the line over its inertance
+    pressure_friction: float = 0.0  # share of the friction that comes with each 100 MPa above 100 MPa
+    slow_friction: float = 0.0  # 1/s, on the flow beyond what it was
+    flow_memory: float = 1e-3  # s, of what the flow was
+    stiction: float = 0.0  # Pa, however fast the line flows
+    flow_inertance: float = 0.0  # share at 60 mm3/ms
+    needle_area: float = 0.0  # m2, that the needle displaces of the line
+    root_leakage: float = 0.0  # m3/s/sqrt(Pa), while the needle is shut
+    open_leakage: float = 0.0  # m3/(s Pa), while it is open
+    lift_leakage: float = 0.0  # m3/(s Pa) at full lift, growing with it
+    relief: float = 0.0  # m3/(s Pa), above 100 MPa
+    stiffness_bend: float = 0.0  # share 100 MPa from 100 MPa, growing with the square
+    wax: float = 0.0  # share by which the line is stiffer above 100 MPa, and softer below
+    softening: float = 0.0  # 1/s, share of the stiffness that goes with time
+    seat_growth: float = 0.0  # 1/s, share of the seat's coefficient that comes with time
+    seat_speed: float = 0.0  # s/m, share of the seat's coefficient by the needle's speed
+    stop_loss: float = 0.0  # share of the seat's coefficient at the stop
+    middle_loss: float = 0.0  # the same at half lift
+    seat_hysteresis: float = 0.0  # share by which it lets more through at small lift while the needle closes
+    hole_closing: float = 0.0  # share of the nozzle's area that is gone from 0.6 ms after an opening on
+    viscous_loss: float = 0.0  # share of the nozzle's coefficient at a drop of 100 MPa, as one over its root
+    opening_loss: float = 0.0  # share of the nozzle's coefficient at an opening
+    opening_time: float = 1.0  # s, in which that goes
+    flow_back_pressure: float = 0.0  # Pa s/m3, by which the chamber's pressure grows with what is injected
+    chamber_ringing: float = 0.0  # Pa, after an opening
+    lift_ahead: float = 0.0  # share of what it moved lately, by which the needle is ahead of what is seen
+    lift_behind: float = 0.0  # the same, by which it is behind
+    lift_memory: float = 1e-4  # s, of what the lift was
+    lift_bend: float = 0.0  # share of the largest lift, growing with the square
+    least_lift: float = 0.0  # m, of a needle that does not quite close
+
+
+NO_LAWS = Laws()
+
+
+class Moment(NamedTuple):
+    """What laws go by, at the beginning of a step: SI.
+
+    since: the last opening began, below 0 before the first; lift: true; speed: of the needle; flow: of the line.
+    """
+
+    time: float
+    since: float
+    lift: float
+    speed: float
+    flow: float
+    line_pressure: float
+    sac_pressure: float
+
+
+@njit(cache=True, nogil=True)
+def since_opening(time: float, strokes: Array) -> float:
+    """Seconds since the last of the strokes (m, 6) began; -1 before the first."""
+    since = -1.0
+    for i in range(strokes.shape[0]):
+        if strokes[i, 0] <= time:
+            since = time - strokes[i, 0]
+    return since
+
+
+@njit(cache=True, nogil=True)
+def true_lift(lift: float, remembered: float, max_lift: float, laws: Laws) -> float:
+    """Lift the seat has [m], by the lift that is seen and what that was."""
+    ahead = (laws.lift_ahead - laws.lift_behind) * (lift - remembered)
+    return max(lift + ahead + laws.lift_bend * lift * lift / max_lift, laws.least_lift)
+
+
+@njit(cache=True, nogil=True)
+def forgetting(remembered: float, lift: float) -> float:
+    """A remembered lift [m], which ends in a while."""
+    return 0.0 if lift == 0.0 and remembered < FORGOTTEN_LIFT else remembered
+
+
+@njit(cache=True, nogil=True)
+def altered(part: Injector, laws: Laws, now: Moment) -> Injector:
+    """The injector of this moment. Of the line's length goes inertance and, one over it, its friction."""
+    return Injector(
+        part.density,
+        part.bulk_modulus_line * _stiffness_share(laws, now),
+        part.bulk_modulus_sac,
+        part.vapour_pressure,
+        part.line_length * (1.0 + inertance_growth(now.flow, laws)),
+        part.line_area,
+        part.line_volume,
+        part.line_loss,
+        part.line_cells,
+        part.line_damping,
+        part.seat_coefficient * _seat_share(part, laws, now),
+        part.seat_diameter,
+        part.seat_half_angle,
+        part.max_lift,
+        part.nozzle_area * _nozzle_share(part, laws, now),
+        part.sac_volume,
+        part.chamber_pressure,
+        part.drained_by_seat,
+    )
+
+
+@njit(cache=True, nogil=True)
+def inertance_growth(flow: float, laws: Laws) -> float:
+    """Share by which a flow [m3/s] makes the line more inert."""
+    return laws.flow_inertance * math.fabs(flow) / FULL_FLOW
+
+
+@njit(cache=True, nogil=True)
+def _stiffness_share(laws: Laws, now: Moment) -> float:
+    above = now.line_pressure / REFERENCE - 1.0
+    share = 1.0 + laws.stiffness_bend * above * above + laws.wax * math.tanh(above / WAX_WIDTH)
+    return max(share - laws.softening * now.time, LEAST_SHARE)
+
+
+@njit(cache=True, nogil=True)
+def _seat_share(part: Injector, laws: Laws, now: Moment) -> float:
+    lift = now.lift / part.max_lift
+    share = 1.0 + laws.seat_speed * now.speed + laws.seat_growth * now.time
+    share *= 1.0 - laws.stop_loss * min(max(lift - STOP_FROM, 0.0) / (1.0 - STOP_FROM), 1.0)
+    share *= 1.0 - laws.middle_loss * math.exp(-(((lift - MIDDLE) / MIDDLE_WIDTH) ** 2))
+    if now.speed < 0.0:
+        share *= 1.0 + laws.seat_hysteresis * math.exp(-now.lift / SMALL_LIFT)
+    return max(share, LEAST_SHARE)
+
+
+@njit(cache=True, nogil=True)
+def _nozzle_share(part: Injector, laws: Laws, now: Moment) -> float:
+    """Of the nozzle's coefficient, what the chamber's pressure does included."""
+    drop = max(now.sac_pressure - part.chamber_pressure, 0.0)
+    share = 1.0 - laws.viscous_loss * math.sqrt(REFERENCE / (drop + VISCOUS_DROP))
+    raised = 0.0
+    if now.since >= HOLE_CLOSES:
+        share *= 1.0 - laws.hole_closing
+    if now.since >= 0.0:
+        share *= 1.0 - laws.opening_loss * math.exp(-now.since / laws.opening_time)
+        swing = math.sin(2.0 * math.pi * RINGING_FREQUENCY * now.since)
+        raised = laws.chamber_ringing * swing * math.exp(-now.since / RINGING_DECAY)
+    drop = max(drop, LEAST_DROP)
+    share *= math.sqrt(max(drop - raised, 0.0) / drop)
+    if laws.flow_back_pressure > 0.0:
+        free = part.nozzle_area * math.sqrt(2.0 / part.density) * share
+        held = laws.flow_back_pressure * free * free
+        flow = 0.5 * (math.sqrt(held * held + 4.0 * free * free * drop) - held)
+        share *= flow / (free * math.sqrt(drop))
+    return min(max(share, LEAST_SHARE), LARGEST_SHARE)
+
+
+@njit(cache=True, nogil=True)
+def outflow(part: Injector, laws: Laws, now: Moment) -> float:
+    """What leaves the line at its end beside the injection [m3/s]."""
+    drop = max(now.line_pressure - part.chamber_pressure, 0.0)
+    leak = laws.needle_area * now.speed + laws.relief * max(now.line_pressure - REFERENCE, 0.0)
+    if now.lift > 0.0:
+        grown = laws.open_leakage + laws.lift_leakage * min(now.lift / part.max_lift, 1.0)
+        return leak + grown * drop
+    return leak + laws.root_leakage * math.sqrt(drop)
+
+
+@njit(cache=True, nogil=True)
+def resist(
+    flows: Array, pressures: Array, remembered: Array, inertances: Array, loss: float, laws: Laws, step: float
+) -> None:
+    """Flows (n,) of the line after `step` [s] of what holds them back, and what is remembered of them.
+
+    inertances (n,): of a whole line as it is there [kg/m4]; loss: nominal, over inertance, of a flow's square [1/m3].
+    """
+    kept = math.exp(-step / laws.flow_memory)
+    for i in range(flows.shape[0]):
+        q = flows[i]
+        slowed = laws.line_laminar * q + laws.slow_friction * (q - remembered[i])
+        slowed += laws.pressure_friction * (pressures[i] / REFERENCE - 1.0) * loss * q * math.fabs(q)
+        slowed += laws.stiction * math.tanh(q / STICTION_FLOW) / inertances[i]
+        flows[i] -= step * slowed / (1.0 + inertance_growth(q, laws))
+        remembered[i] = q + (remembered[i] - q) * kept

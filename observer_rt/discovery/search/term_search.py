@@ -167,11 +167,12 @@ class TermSearch:
         while len(best.chosen) < MOST_TERMS and not problem.is_adequate(best.chosen, best.theta):
             fits = self._next(best)
             tried += fits
-            better = min(fits, key=self._price, default=None)
-            if better is None or best.statistic - better.statistic < self._least(best, LEAST_SHARE):
+            if not fits:
+                break
+            better = self._without_idle(min(fits, key=self._price))
+            if best.statistic - better.statistic < self._least(best, LEAST_SHARE):
                 break
             best = better
-        best = self._without_idle(best)
         rivals = [one for one in tried if self._is_rival(one, best)]
         return TermSearchResult(nothing, best, problem.is_adequate(best.chosen, best.theta), tuple(rivals))
 
@@ -202,7 +203,7 @@ class TermSearch:
     def _pairs(self, scores: Scores) -> list[tuple[int, ...]]:
         """Rows of the best pairs of one equation, where they are worth more than the best single."""
         limit = (1.0 + PAIR_SHARE) * float(np.max(scores.gains, initial=0.0)) + PAIR_GAIN
-        promising = np.argsort(-scores.gains)[: len(scores.gains)].tolist()
+        promising = np.argsort(-scores.gains).tolist()
         worth = [
             (scores.pair_gain(one, other), (one, other))
             for one, other in combinations(promising, 2)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench, load_injector
+from observer_rt.estimation.scalars import NOZZLE
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.foundation.errors import UserError
-from observer_rt.estimation.scalars import NOZZLE
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import SimulatedNoise, simulate
 

@@ -156,6 +156,7 @@ def test_lump_by_state_flows_rail_and_coefficients(
     check(slopes.by_flow[:, 1], lambda d: line_rates(x, rail, q_h, q_s + d, c.line))
     bending = {"air"} if c.line.air == 0.0 else set()  # one-sided: air cannot be negative
     bending |= {"stiffness_pressure", "chamber_pressure"}  # nothing changes them
+    bending |= {"outflow", "loss"}  # terms do, theta does not
     for i, name in enumerate(LumpLine._fields):
         if name not in bending:
             check(slopes.by_coefficient[:, i], partial(by_coefficient, i))

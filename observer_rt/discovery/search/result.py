@@ -21,10 +21,7 @@ from observer_rt.model.terms.term import Term
 DEAD_SHARE = 0.75  # of the dead zone: estimates of an effect just beyond it scatter
 _STEP = 0.01  # of the dead zone, for finite differences
 _SHAPE_STEP = 1e-4  # of the range, for parameters without dead zone
-MOST_ENTERING, MOST_TOGETHER = (
-    2,
-    3,
-)  # that a model may be given, with effects: more say nothing of what is missing
+MOST_ENTERING = 2  # terms and effects that a model may be given: more say nothing of what is missing
 MOST_STARTS = 2  # from which a search begins
 _EXPLAINED = 1.1  # variance of the residuals below which no second start is tried
 
@@ -315,8 +312,7 @@ class Proposal:
     @property
     def may_enter(self) -> bool:
         """Whether a model may be given it: it explains all, with few terms, and its laws are sound everywhere."""
-        few = len(self.terms) <= MOST_ENTERING and len(self.found.sizes) <= MOST_TOGETHER
-        return self.adequate and self.sound and few
+        return self.adequate and self.sound and len(self.found.sizes) <= MOST_ENTERING
 
     def model(self, nominal: EffectiveModel) -> EffectiveModel:
         """The model with it."""

@@ -16,6 +16,7 @@ from observer_rt.evidence.bounded_fit import Range, Residuals
 from observer_rt.evidence.likelihood import Evidence, pool_of
 from observer_rt.model.effect import Effect
 from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.effects import VOCABULARY
 from observer_rt.model.term_effect import TermLaw, is_term, term_effect
 from observer_rt.model.terms.term import TermEquation
 
@@ -24,8 +25,8 @@ STEP = 0.01  # of the bound: a term so small changes the innovations in proporti
 
 _SHORT = {  # T and N: time and injection number, from 0 to 1 over the recordings
     "Q": "(line_flow/60)",
-    "P": "((line_pressure - 100)/100)",
-    "R": "((rail_pressure - 100)/100)",
+    "P": "((line_pressure - 100)/50)",
+    "R": "((rail_pressure - 100)/50)",
     "X": "(needle_lift/max_lift)",
     "V": "lift_rate",
     "U": "(time_since_opening/1)",
@@ -64,7 +65,19 @@ LIBRARY: Mapping[TermEquation, tuple[str, ...]] = {
         "P - lagged(P, 0.05)", "P - lagged(P, 0.2)",
     ),
 }  # fmt: skip
-"""Laws by equation; those that an effect of the vocabulary has are left to it."""
+"""Laws by equation."""
+OF_EFFECTS: Mapping[str, tuple[TermEquation, str]] = {
+    "orifice_area": (TermEquation.NOZZLE_FLOW, "1"),
+    "seat_area": (TermEquation.SEAT_FLOW, "1"),
+    "bulk_modulus": (TermEquation.STIFFNESS, "1"),
+    "line_friction": (TermEquation.LINE_FLOW, "Q*abs(Q)"),
+    "guide_leakage": (TermEquation.LINE_PRESSURE, "D"),
+    "line_pressure_sensor_offset": (TermEquation.LINE_PRESSURE_SENSOR, "1"),
+    "rail_pressure_sensor_offset": (TermEquation.RAIL_PRESSURE, "1"),
+    "rail_pressure_sensor_gain": (TermEquation.RAIL_PRESSURE, "R"),
+    "chamber_pressure_rise": (TermEquation.CHAMBER_PRESSURE, "open"),
+}
+"""Laws that effects of the vocabulary have: found as these where there is such an effect."""
 
 
 @dataclass(frozen=True)
@@ -77,8 +90,9 @@ class RecordingSpan:
 
 def library(span: RecordingSpan) -> Iterator[Effect]:
     """The terms of the library as effects with one size, their coefficient."""
+    unnamed = [law for name, law in OF_EFFECTS.items() if name not in VOCABULARY]
     for equation, laws in LIBRARY.items():
-        for law in laws:
+        for law in (*laws, *(one for other, one in unnamed if other is equation)):
             if not set(law) & {"N", "B"} or span.injections > 1.0:
                 yield from (term_effect(equation, one) for one in spelled(law, span))
 

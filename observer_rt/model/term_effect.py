@@ -1,6 +1,6 @@
 """Terms as effects with one size, the coefficient of their law, so that both are searched, fitted and told alike."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -24,6 +24,20 @@ _PLACES = {
     TermEquation.NEEDLE_LIFT: Place.LIFT_SENSOR,
     TermEquation.RAIL_PRESSURE: Place.RAIL_SENSOR,
 }
+
+
+LAWS_OF_EFFECTS: Mapping[str, tuple[TermEquation, str]] = {
+    "orifice_area": (TermEquation.NOZZLE_FLOW, "1"),
+    "seat_area": (TermEquation.SEAT_FLOW, "1"),
+    "bulk_modulus": (TermEquation.STIFFNESS, "1"),
+    "line_friction": (TermEquation.LINE_FLOW, "line_flow/60*abs(line_flow/60)"),
+    "guide_leakage": (TermEquation.LINE_PRESSURE, "(line_pressure - chamber_pressure)/100"),
+    "line_pressure_sensor_offset": (TermEquation.LINE_PRESSURE_SENSOR, "1"),
+    "rail_pressure_sensor_offset": (TermEquation.RAIL_PRESSURE, "1"),
+    "rail_pressure_sensor_gain": (TermEquation.RAIL_PRESSURE, "rail_pressure/100"),
+    "chamber_pressure_rise": (TermEquation.CHAMBER_PRESSURE, "open"),
+}
+"""Effects of the vocabulary that are a law of order 1: what is found as such a law is called by their names."""
 
 
 @dataclass(frozen=True)

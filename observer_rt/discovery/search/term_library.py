@@ -10,17 +10,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.discovery.search.adequacy import HealthyBaseline, worst
+from observer_rt.discovery.search.adequacy import VARIANCE_LIMIT, HealthyBaseline, worst
 from observer_rt.discovery.search.result import Hypothesis, Sizing
+from observer_rt.estimation.phases import Phase
 from observer_rt.evidence.bounded_fit import Range, Residuals
-from observer_rt.evidence.likelihood import Evidence, pool_of
+from observer_rt.evidence.likelihood import Evidence, Pool, pool_of
 from observer_rt.model.effect import Effect
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import VOCABULARY
-from observer_rt.model.term_effect import TermLaw, is_term, term_effect
+from observer_rt.model.term_effect import LAWS_OF_EFFECTS, TermLaw, is_term, term_effect
 from observer_rt.model.terms.term import TermEquation
 
 MOST_BREAKS = 5  # injections after each of which something may be new
+REMAINDER = (
+    0.02  # of the variance there was, that a fitted model may leave: a law is no more exact than it is
+)
 STEP = 0.01  # of the bound: a term so small changes the innovations in proportion
 
 _SHORT = {  # T and N: time and injection number, from 0 to 1 over the recordings
@@ -66,18 +70,6 @@ LIBRARY: Mapping[TermEquation, tuple[str, ...]] = {
     ),
 }  # fmt: skip
 """Laws by equation."""
-OF_EFFECTS: Mapping[str, tuple[TermEquation, str]] = {
-    "orifice_area": (TermEquation.NOZZLE_FLOW, "1"),
-    "seat_area": (TermEquation.SEAT_FLOW, "1"),
-    "bulk_modulus": (TermEquation.STIFFNESS, "1"),
-    "line_friction": (TermEquation.LINE_FLOW, "Q*abs(Q)"),
-    "guide_leakage": (TermEquation.LINE_PRESSURE, "D"),
-    "line_pressure_sensor_offset": (TermEquation.LINE_PRESSURE_SENSOR, "1"),
-    "rail_pressure_sensor_offset": (TermEquation.RAIL_PRESSURE, "1"),
-    "rail_pressure_sensor_gain": (TermEquation.RAIL_PRESSURE, "R"),
-    "chamber_pressure_rise": (TermEquation.CHAMBER_PRESSURE, "open"),
-}
-"""Laws that effects of the vocabulary have: found as these where there is such an effect."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +82,7 @@ class RecordingSpan:
 
 def library(span: RecordingSpan) -> Iterator[Effect]:
     """The terms of the library as effects with one size, their coefficient."""
-    unnamed = [law for name, law in OF_EFFECTS.items() if name not in VOCABULARY]
+    unnamed = [law for name, law in LAWS_OF_EFFECTS.items() if name not in VOCABULARY]
     for equation, laws in LIBRARY.items():
         for law in (*laws, *(one for other, one in unnamed if other is equation)):
             if not set(law) & {"N", "B"} or span.injections > 1.0:
@@ -121,6 +113,7 @@ class InjectorTerms:
         self._evidence = evidence
         self._nominal = nominal
         self._baseline = baseline
+        self._before: Pool | None = None
         self.candidates: tuple[EffectCandidate, ...] = tuple(EffectCandidate(effect) for effect in effects)
 
     def hypothesis(self, chosen: Sequence[int]) -> Hypothesis:
@@ -134,7 +127,26 @@ class InjectorTerms:
     def is_adequate(self, chosen: Sequence[int], theta: NDArray[np.float64]) -> bool:
         """See `TermProblem`."""
         judged = self._evidence.judge(self.hypothesis(chosen).model(self._nominal, theta))
-        return judged is not None and worst(pool_of(self._evidence, judged), self._baseline).ratio <= 1.0
+        if judged is None:
+            return False
+        pool = pool_of(self._evidence, judged)
+        return worst(pool, self._baseline).ratio <= 1.0 or bool(chosen and self._is_remainder(pool))
+
+    def _is_remainder(self, pool: Pool) -> bool:
+        """Whether a fitted model leaves so little of what there was in every phase that it may be its own error."""
+        if not self._baseline.appears:
+            return False
+        if self._before is None:
+            judged = self._evidence.judge(self._nominal)
+            assert judged is not None  # the search began with it
+            self._before = pool_of(self._evidence, judged)
+        for signal, statistics in pool.items():
+            for phase in Phase:
+                healthy = VARIANCE_LIMIT[signal] * self._baseline.variance.get((signal, phase), 1.0)
+                excess = statistics.variance(phase) - healthy
+                if excess > REMAINDER * max(0.0, self._before[signal].variance(phase) - healthy):
+                    return False
+        return True
 
 
 @dataclass(frozen=True)

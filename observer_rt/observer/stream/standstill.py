@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,7 +74,7 @@ def gather(observer: Observer, position: int) -> None:
         memory.at_highest = 0
         memory.highest_line = max(memory.highest_line, row.line_pressure)
         return
-    if _is_clipped(memory, row.line_pressure):
+    if _is_clipped(observer, position):
         memory.rest_run = 0
         return
     memory.rest_run += 1
@@ -113,18 +112,15 @@ def gather(observer: Observer, position: int) -> None:
 
 
 @inner
-def _is_clipped(memory: Any, line_pressure: float) -> bool:
-    """Whether a rest's line pressure stays at the highest value of the run: where its range ends, it says nothing.
+def _is_clipped(observer: Observer, position: int) -> bool:
+    """Whether a rest's line pressure stays at the highest value of the run although the rail pressure does not stay.
 
-    Of a signal without noise that is true until the first injection rings beyond it.
+    Where its range ends, it says nothing.
     """
-    if line_pressure > memory.highest_line:
-        memory.highest_line = line_pressure
-        memory.at_highest = 0
-    elif line_pressure == memory.highest_line:
-        memory.at_highest += 1
-    else:
-        memory.at_highest = 0
+    memory, row = observer.memory[0], observer.ring[position & _MASK]
+    moves = row.rail_pressure != observer.ring[(position - 1) & _MASK].rail_pressure
+    memory.at_highest = memory.at_highest + 1 if moves and row.line_pressure == memory.highest_line else 0
+    memory.highest_line = max(memory.highest_line, row.line_pressure)
     return bool(memory.at_highest >= _REPEATED)
 
 

@@ -11,7 +11,7 @@ from observer_rt.discovery.search.candidates import Fitter
 from observer_rt.discovery.search.result import Candidate, Consequence, Proposal
 from observer_rt.discovery.search.search import HeldOutPoints, SearchOutcome
 from observer_rt.discovery.search.term_library import InjectorTerms, RecordingSpan, library
-from observer_rt.discovery.search.term_search import PRICE, TermFit, TermSearch, scores_of
+from observer_rt.discovery.search.term_search import PRICE, TermFit, TermSearch, no_terms, scores_of
 from observer_rt.evidence.bounded_fit import NORMAL_975
 from observer_rt.evidence.likelihood import Evidence, pool_of
 from observer_rt.foundation.errors import UserError
@@ -71,11 +71,9 @@ def _leaves_a_term(fitter: Fitter, outcome: SearchOutcome, baseline: HealthyBase
     model = outcome.winner.model(fitter.nominal)
     terms = list(library(_span(fitter.evidence)))
     problem = InjectorTerms(fitter.evidence, model, terms, baseline)
-    residuals = problem.residuals((), np.zeros(0))
-    assert residuals is not None  # it was fitted
-    nothing = TermFit((), np.zeros(0), np.zeros(0), residuals.statistic)
+    nothing = no_terms(problem)
     gains = scores_of(problem, nothing, fitter.each).validated
-    return bool(np.max(gains, initial=0.0) > CLEARLY * max(1.0, float(np.mean(residuals.z**2))))
+    return bool(np.max(gains, initial=0.0) > CLEARLY * nothing.spread)
 
 
 def _beats(problem: InjectorTerms, best: TermFit, outcome: SearchOutcome) -> bool:

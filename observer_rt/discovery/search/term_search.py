@@ -57,12 +57,30 @@ Each = Callable[[Callable[[int], object], Sequence[int]], Iterable[object]]
 
 @dataclass(frozen=True, eq=False)
 class TermFit:
-    """Terms fitted together: numbers of the candidates, their coefficients with standard deviations, -2 log L."""
+    """Terms fitted together: numbers of the candidates, their coefficients with standard deviations, what is left."""
 
     chosen: tuple[int, ...]
     theta: NDArray[np.float64]
     sigmas: NDArray[np.float64]
-    statistic: float
+    residuals: Residuals
+
+    @property
+    def statistic(self) -> float:
+        """-2 log L."""
+        return self.residuals.statistic
+
+    @property
+    def spread(self) -> float:
+        """Mean square of the normalised residuals, 1 at least."""
+        return max(1.0, float(np.mean(self.residuals.z**2)))
+
+
+def no_terms(problem: TermProblem) -> TermFit:
+    """The model as it is. Raises ArithmeticError where it has no solution."""
+    here = problem.residuals((), np.zeros(0))
+    if here is None:
+        raise ArithmeticError("the model has no finite solution on these recordings")
+    return TermFit((), np.zeros(0), np.zeros(0), here)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,8 +125,7 @@ class Scores:
 
 def scores_of(problem: TermProblem, about: TermFit, each: Each) -> Scores:
     """Scores of all candidates that are not in force, one small coefficient each about a fit."""
-    here = problem.residuals(about.chosen, about.theta)
-    assert here is not None  # it was fitted
+    here = about.residuals
     free = [number for number in range(len(problem.candidates)) if number not in about.chosen]
     weights = np.sqrt(np.minimum(1.0, HUBER / np.maximum(np.abs(here.z), HUBER)))
 
@@ -159,18 +176,15 @@ class TermSearch:
     def run(self) -> TermSearchResult:
         """See `TermSearchResult`. Raises ArithmeticError where the model itself has no solution."""
         problem = self._problem
-        here = problem.residuals((), np.zeros(0))
-        if here is None:
-            raise ArithmeticError("the model has no finite solution on these recordings")
-        nothing = best = TermFit((), np.zeros(0), np.zeros(0), here.statistic)
+        nothing = best = no_terms(problem)
         tried: list[TermFit] = []
         while len(best.chosen) < MOST_TERMS and not problem.is_adequate(best.chosen, best.theta):
             fits = self._next(best)
             tried += fits
             if not fits:
                 break
-            better = self._without_idle(min(fits, key=self._price))
-            if best.statistic - better.statistic < self._least(best, LEAST_SHARE):
+            better = self._without_idle(min(fits, key=_price))
+            if best.statistic - better.statistic < _least(best, LEAST_SHARE):
                 break
             best = better
         rivals = [one for one in tried if self._is_rival(one, best)]
@@ -239,33 +253,18 @@ class TermSearch:
             place = best.chosen.index(number)
             rest = tuple(one for one in best.chosen if one != number)
             smaller = self._fit(rest, np.delete(best.theta, place))
-            if smaller is not None and smaller.statistic - best.statistic < self._least(smaller, KEPT_SHARE):
+            if smaller is not None and smaller.statistic - best.statistic < _least(smaller, KEPT_SHARE):
                 best = smaller
         return best
-
-    def _least(self, about: TermFit, share: float) -> float:
-        """What a term must gain: more the more is left, and a share of that."""
-        here = self._problem.residuals(about.chosen, about.theta)
-        assert here is not None  # it was fitted
-        squares = float(here.z @ here.z)
-        return max(LEAST_GAIN * max(1.0, squares / here.z.size), share * max(0.0, squares - here.z.size))
-
-    def _price(self, one: TermFit) -> float:
-        here = self._problem.residuals(one.chosen, one.theta)
-        assert here is not None  # it was fitted
-        return one.statistic + PRICE * len(one.chosen) * max(1.0, float(np.mean(here.z**2)))
 
     def _is_rival(self, one: TermFit, best: TermFit) -> bool:
         """Whether it explains as much with no more terms, by another equation."""
         equations = [{self._problem.candidates[n].equation for n in fit.chosen} for fit in (one, best)]
-        here = self._problem.residuals(best.chosen, best.theta)
-        assert here is not None  # it was fitted
-        near = 16.0 * max(1.0, float(np.mean(here.z**2)))
         return (
             bool(best.chosen)
             and len(one.chosen) <= len(best.chosen)
             and equations[0] != equations[1]
-            and one.statistic < best.statistic + near
+            and one.statistic < best.statistic + 16.0 * best.spread
         )
 
 
@@ -282,4 +281,14 @@ class _Sized:
 
 def _fitted(chosen: tuple[int, ...], found: Minimum) -> TermFit:
     spread = max(1.0, float(np.mean(found.at.residuals.z**2)))
-    return TermFit(chosen, found.at.theta, found.sigmas() * math.sqrt(spread), found.statistic)
+    return TermFit(chosen, found.at.theta, found.sigmas() * math.sqrt(spread), found.at.residuals)
+
+
+def _least(about: TermFit, share: float) -> float:
+    """What a term must gain: more the more is left, and a share of that."""
+    z = about.residuals.z
+    return max(LEAST_GAIN * about.spread, share * max(0.0, float(z @ z) - z.size))
+
+
+def _price(one: TermFit) -> float:
+    return one.statistic + PRICE * len(one.chosen) * one.spread

@@ -159,7 +159,11 @@ class _Shown(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         try:
-            say(self._console, self.format(record))
+            if self._console.is_terminal:
+                say(self._console, self.format(record))
+            else:  # rich takes half a millisecond a line, in which no injector is attended to
+                self._console.file.write(f"{self.format(record)}\n")
+                self._console.file.flush()
         except OSError:
             self.handleError(record)
 

@@ -48,6 +48,7 @@ class Shared:
 
     notifier: Notifier
     buses: Mapping[int, SharedBus]
+    has_view: bool
     once: Once = field(default_factory=Once)
 
 
@@ -81,7 +82,7 @@ class InjectorService:
             partial(voice.say, Topic.KEPT),
         )
         self._announce()
-        self.screen = View(voice.named(f"observer_rt: {self._buses}"), injector)
+        self.screen = View(voice.named(f"observer_rt: {self._buses}"), injector) if shared.has_view else None
         self._teller = Teller(voice, shared.notifier, bench_constants(injector).coefficients, shared.once)
 
     @property
@@ -113,7 +114,8 @@ class InjectorService:
                 learning,
                 self._processor,
             )
-            self.screen.watch(daemon)
+            if self.screen is not None:
+                self.screen.watch(daemon)
             self._voice.say(Topic.START, "ready")
             with self._keeper.keeping(lambda: daemon.core.knowledge):
                 daemon.run(stop)
@@ -124,7 +126,8 @@ class InjectorService:
         self._voice.say(Topic.STOP, f"warning: ended, the other injectors go on: {failure}")
 
     def _tell(self, news: News) -> None:
-        self.screen.hear(news)
+        if self.screen is not None:
+            self.screen.hear(news)
         self._teller.hear(news)
 
     @property
@@ -309,7 +312,7 @@ def serve(bench: Bench, options: RunOptions, console: Console) -> None:
         if options.view and not has_view:
             log.say(Topic.START, "no terminal for the view: one line an injection instead")
         own = processors(bench.config.realtime.cpus, len(bench.injectors))
-        shared = Shared(notifier, shared_buses(bench, mapped.injectors))
+        shared = Shared(notifier, shared_buses(bench, mapped.injectors), has_view)
         services = []
         for number, (alone, bus) in enumerate(zip(bench.each, mapped.injectors, strict=True)):
             voice = Voice(log, alone.injector.name)
@@ -337,9 +340,9 @@ def serve(bench: Bench, options: RunOptions, console: Console) -> None:
         stack.callback(gc.unfreeze)
         gc.collect()
         gc.freeze()  # a full collection would stop every Python loop for tens of milliseconds
-        views = [service.screen for service in services]
-        drawing = partial(draw, views[0] if len(views) == 1 else Overview(views), console=console)
-        serve_side_by_side(services, notifier, stop, drawing if has_view else None)
+        views = [service.screen for service in services if service.screen is not None]
+        drawn = views[0] if len(views) == 1 else Overview(views)
+        serve_side_by_side(services, notifier, stop, partial(draw, drawn, console=console) if views else None)
 
 
 def _log(options: RunOptions, console: Console, has_view: bool) -> ServiceLog:

@@ -3,7 +3,7 @@
 Where another node sends what only this service should, no receiver knows whose frame it has: none is valid.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from typing import Any
@@ -160,6 +160,10 @@ class Core:
         self._answer()
         return self._results.taken()
 
+    def call_when_learned(self, wake: Callable[[], None]) -> None:
+        """Have the executor call `wake` when something was learned, which `attend` then hands to the stream."""
+        self._judging.on_learned = wake
+
     @property
     def is_idle(self) -> bool:
         """Whether there is nothing to attend to until an event closes."""
@@ -216,14 +220,18 @@ class Core:
         """State and reason by what came, whatever the links."""
         if self.processed == 0:
             return state_of_service(None, Surroundings())
-        row = self.compiled.observer.ring[(self.processed - 1) % RING]
-        newest = State(int(row["state"])), Reason(int(row["reason"]))
+        newest = State(int(self._newest_row["state"])), Reason(int(self._newest_row["reason"]))
         return state_of_service(newest, Surroundings(is_stale=is_stale(self.compiled.pipeline.alignment)))
+
+    @property
+    def is_valid(self) -> bool:
+        """Whether the estimate of the last processed sample is."""
+        return self.processed > 0 and bool(self._newest_row["valid"])
 
     @property
     def last_index(self) -> int:
         """Device index of the last processed sample, 0 before the first."""
-        return int(self.compiled.observer.ring[(self.processed - 1) % RING]["index"]) if self.processed else 0
+        return int(self._newest_row["index"]) if self.processed else 0
 
     @property
     def knowledge(self) -> Knowledge:
@@ -299,6 +307,12 @@ class Core:
             self.optional.on_injection(report)
 
     @property
+    def _newest_row(self) -> np.void:
+        """The last processed sample, `stream.state.SAMPLE`."""
+        row: np.void = self.compiled.observer.ring[(self.processed - 1) % RING]
+        return row
+
+    @property
     def _pressure_scale(self) -> float:
         return self.compiled.observer.constants.coefficients.pressure_scale
 
@@ -311,12 +325,11 @@ def status_values(
     hashes: of model and bus databases (first 32 bits).
     """
     major, minor, patch = (int(part) for part in __version__.split(".")[:3])
-    valid = core.processed > 0 and bool(core.rows(core.processed - 1, core.processed)["valid"][0])
     counters = core.counters
     counts: dict[str, Any] = {name: getattr(counters, name, 0) for name in StatusValues._fields}
     return StatusValues(**counts)._replace(
         sample_index=core.last_index & 0xFFFFFFFF,
-        valid=valid and state in (State.RUNNING_NOMINAL, State.ADAPTED),
+        valid=core.is_valid and state in (State.RUNNING_NOMINAL, State.ADAPTED),
         learning=core.optional.learning,
         state=state,
         reason=reason,

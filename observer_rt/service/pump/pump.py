@@ -21,7 +21,7 @@ from observer_rt.service.pump.memory import BUS, ERRORS, WAITING, make_pump
 from observer_rt.service.rights import hurry
 from observer_rt.service.watch.arrivals import Arrivals
 
-BUSY_WAIT = 2e-3  # s between two looks while events wait to be judged
+BUSY_WAIT = 5e-3  # s between two looks while events wait to be judged
 _TIMEVAL = struct.Struct("@ll")
 
 
@@ -59,6 +59,9 @@ class FramePump:
         self._turns = -1
         self._left_out: set[int] = set()
         self._wake = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+        self._closing = threading.Lock()
+        self._is_closed = False
+        core.call_when_learned(self._look)
         self._readable = select.poll()
         self._readable.register(self._wake, select.POLLIN)
         self._waits, self._may_go_on = threading.Event(), threading.Event()
@@ -95,6 +98,12 @@ class FramePump:
         self._waits.clear()
         self._may_go_on.set()
         return frames
+
+    def _look(self) -> None:
+        """Have `serve` attend at once; from another thread, which may outlive the pump."""
+        with self._closing:
+            if not self._is_closed:
+                os.eventfd_write(self._wake, 1)
 
     def goes_round(self) -> bool:
         """Whether the loop, and all that feeds it, has done something since the last call."""
@@ -149,7 +158,9 @@ class FramePump:
             self.leave_out(bus)
         for feeder in self._feeders:
             feeder.close()
-        os.close(self._wake)
+        with self._closing:
+            self._is_closed = True
+            os.close(self._wake)
 
     @property
     def _feeders(self) -> list[Feeder]:

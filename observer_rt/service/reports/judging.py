@@ -1,7 +1,7 @@
 """Closed events on their way to the learner, and verdicts on their way to the stream."""
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, replace
 from typing import Any
@@ -117,16 +117,20 @@ class Judging:
         """Outcomes that came too late for their event and were put into force with a later one."""
         self.passed_over = 0
         """Events that were judged and not learned from, since more came than can be learned from."""
+        self.on_learned: Callable[[], None] = lambda: None
+        """Called by the executor when something was learned, for whoever waits to `post`."""
         self._compiled = compiled
         memory = compiled.observer.memory  # stays where it is: views spare a look-up a frame
         self._events_closed, self._events_taken = memory["events_closed"], memory["events_taken"]
         self._events = memory["events"][0]
+        self._processed = memory["processed"]
         self._waits_for_verdicts = memory["waits_for_verdicts"]
         self._learner = learner
         self._executor = executor
         self._first_version = start.phi_version
         self._submitted = self._taken = 0
         self._carried = in_force(compiled.observer)
+        self._looked_at = -1  # position of the newest sample when verdicts were last posted
         self._waiting: deque[_Closed] = deque()
         self._learned_from: _Closed | None = None
         self._next: _Closed | None = None
@@ -166,11 +170,19 @@ class Judging:
             self._post_learned(closed, closed.learning.result())
 
     def post(self) -> None:
-        """Post the verdicts that are known, on events that the stream will come to; none where it waits for them."""
+        """Post the verdicts that are known, on events that the stream will come to; none where it waits for them.
+
+        Where no sample came since the last call, a source pauses, and the next sample may be one beyond the event's
+        delay: what is not learned from by then is examined.
+        """
         if self._waits:
             return
         self._end_learning()
-        if self._waiting and self._waiting[0].examined is None and self._is_pressing(self._waiting[0]):
+        processed = int(self._processed[0])
+        pauses, self._looked_at = processed == self._looked_at, processed
+        if not self._waiting or self._waiting[0].examined is not None:
+            return
+        if pauses or self._is_pressing(self._waiting[0]):
             self._post_examined(self._waiting[0])
 
     @property
@@ -185,7 +197,7 @@ class Judging:
         observer, event = self._compiled.observer, self._event(closed.number)
         if event["closed_index"] > event["due_index"]:  # only the next window showed that it was over
             return self._submitted > closed.number + 1
-        newest = int(observer.ring[(int(observer.memory["processed"][0]) - 1) % RING]["index"])
+        newest = int(observer.ring[(int(self._processed[0]) - 1) % RING]["index"])
         left = int(event["due_index"]) - newest
         return left < (1.0 - PATIENCE) * observer.constants.timing.learning_delay
 
@@ -221,6 +233,7 @@ class Judging:
         closed.learning = self._executor.submit(
             self._learner.learn, closed.window, closed.standstill, closed.in_force, closed.fuel.constants
         )
+        closed.learning.add_done_callback(lambda _: self.on_learned())
 
     def _end_learning(self) -> None:
         """What was learned, to its event or, when that was taken, to the next one; then the next learning."""

@@ -17,11 +17,9 @@ from observer_rt.observer.mailbox import has_room, post_examined, post_learned
 from observer_rt.observer.observer import event_innovations, event_standstill, event_window, in_force
 from observer_rt.observer.stream.phi import Phi
 from observer_rt.observer.stream.standstill import Standstill
-from observer_rt.observer.stream.state import INJECTIONS, PENDING_EVENTS, RING, Constants, Reason
+from observer_rt.observer.stream.state import INJECTIONS, PENDING_EVENTS, Constants, Reason
 from observer_rt.observer.stream.verdict import Taken
 from observer_rt.service.compiled.by_reference import CompiledPipeline
-
-PATIENCE = 0.5  # of the learning delay, after which an event is examined in case its learning is late
 
 
 @dataclass(frozen=True)
@@ -52,6 +50,11 @@ class _Closed:
     earlier: Outcome | None = None
     objections: tuple[Objection, ...] = ()
     is_taken: bool = False
+
+    @property
+    def is_learned(self) -> bool:
+        """Whether what is learned from it is known."""
+        return self.learning is not None and self.learning.done()
 
     @property
     def information(self) -> float:
@@ -123,14 +126,12 @@ class Judging:
         memory = compiled.observer.memory  # stays where it is: views spare a look-up a frame
         self._events_closed, self._events_taken = memory["events_closed"], memory["events_taken"]
         self._events = memory["events"][0]
-        self._processed = memory["processed"]
         self._waits_for_verdicts = memory["waits_for_verdicts"]
         self._learner = learner
         self._executor = executor
         self._first_version = start.phi_version
         self._submitted = self._taken = 0
         self._carried = in_force(compiled.observer)
-        self._looked_at = -1  # position of the newest sample when verdicts were last posted
         self._waiting: deque[_Closed] = deque()
         self._learned_from: _Closed | None = None
         self._next: _Closed | None = None
@@ -172,34 +173,32 @@ class Judging:
     def post(self) -> None:
         """Post the verdicts that are known, on events that the stream will come to; none where it waits for them.
 
-        Where no sample came since the last call, a source pauses, and the next sample may be one beyond the event's
-        delay: what is not learned from by then is examined.
+        Every event is examined as soon as its predecessors were taken, in case its learning is late: how long that
+        is nobody knows, for the sample after a pause of the source may be one beyond the event's delay.
         """
         if self._waits:
             return
         self._end_learning()
-        processed = int(self._processed[0])
-        pauses, self._looked_at = processed == self._looked_at, processed
-        if not self._waiting or self._waiting[0].examined is not None:
+        if not self._waiting:
             return
-        if pauses or self._is_pressing(self._waiting[0]):
-            self._post_examined(self._waiting[0])
+        first = self._waiting[0]
+        if first.examined is None and not first.is_learned and not self._would_be_taken(first):
+            self._post_examined(first)
 
     @property
     def _waits(self) -> bool:
         """Whether the stream waits for verdicts: then every event is learned from."""
         return bool(self._waits_for_verdicts[0])
 
-    def _is_pressing(self, closed: _Closed) -> bool:
-        """Whether an event, whose predecessors were all taken, is to be examined in case its learning is late."""
-        if closed.learning is None:
-            return True
-        observer, event = self._compiled.observer, self._event(closed.number)
-        if event["closed_index"] > event["due_index"]:  # only the next window showed that it was over
-            return self._submitted > closed.number + 1
-        newest = int(observer.ring[(int(self._processed[0]) - 1) % RING]["index"])
-        left = int(event["due_index"]) - newest
-        return left < (1.0 - PATIENCE) * observer.constants.timing.learning_delay
+    def _would_be_taken(self, closed: _Closed) -> bool:
+        """Whether the stream would take the first verdict on an event that is learned from: it is due already.
+
+        That is so where only the next window showed that it was over. Once the event after it has closed, no more
+        is waited for.
+        """
+        event = self._event(closed.number)
+        is_due = event["closed_index"] > event["due_index"]
+        return bool(closed.learning is not None and is_due and self._submitted == closed.number + 1)
 
     def _submit(self, learning: bool, fuel_temperature: float | None) -> None:
         """Take over the next closed event."""
@@ -238,8 +237,9 @@ class Judging:
     def _end_learning(self) -> None:
         """What was learned, to its event or, when that was taken, to the next one; then the next learning."""
         closed = self._learned_from
-        if closed is None or closed.learning is None or not closed.learning.done():
+        if closed is None or not closed.is_learned:
             return
+        assert closed.learning is not None
         outcome = closed.learning.result()
         if closed.is_taken or not has_room(self._compiled.observer, closed.number):
             self._late = outcome
@@ -291,7 +291,7 @@ class Judging:
         if outcome is None and closed.learning is not None:
             # it was taken before what is learned from it was known, or just before that was posted
             self.late += 1
-            if closed is not self._learned_from and closed.learning.done():
+            if closed is not self._learned_from and closed.is_learned:
                 self._late = closed.learning.result()
         return EventRecord(
             event, objections, outcome, self._carried, self._compiled.observer.phi, closed.fuel

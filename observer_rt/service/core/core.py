@@ -164,11 +164,6 @@ class Core:
         """Have the executor call `wake` when something was learned, which `attend` then hands to the stream."""
         self._judging.on_learned = wake
 
-    @property
-    def is_idle(self) -> bool:
-        """Whether there is nothing to attend to until an event closes."""
-        return self._judging.is_idle
-
     def finish(self) -> list[OutputFrame]:
         """No frame will come: process what waits, judge every event, publish the last block."""
         self.compiled.observer.memory["draining"] = True

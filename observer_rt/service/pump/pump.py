@@ -21,7 +21,6 @@ from observer_rt.service.pump.memory import BUS, ERRORS, WAITING, make_pump
 from observer_rt.service.rights import hurry
 from observer_rt.service.watch.arrivals import Arrivals
 
-BUSY_WAIT = 5e-3  # s between two looks while events wait to be judged
 _TIMEVAL = struct.Struct("@ll")
 
 
@@ -78,8 +77,7 @@ class FramePump:
             BusDownError: the interface of a bus went down or away. Call `leave_out`, reconnect it, `take_back`.
             RunError: one failed otherwise.
         """
-        wait = timeout_s if self._core.is_idle else min(timeout_s, BUSY_WAIT)
-        if self._readable.poll(1e3 * wait):
+        if self._readable.poll(1e3 * timeout_s):
             os.eventfd_read(self._wake)
         if self._failure is not None:
             raise self._failure

@@ -34,6 +34,7 @@ class Topic(StrEnum):
     LINK = "link"
     KEPT = "kept"
     STREAM = "stream"
+    LEARNING = "learning"
 
 
 STATES: Mapping[State, Words] = {
@@ -225,6 +226,9 @@ TOPICS: Mapping[Topic, TopicWords] = {
     ),
     Topic.KEPT: TopicWords(
         "what is kept on disk: restored, set aside, saved, or not", "as the line says: room and rights"
+    ),
+    Topic.LEARNING: TopicWords(
+        "nothing was learned from an event, which was examined instead", "as the line says", logging.WARNING
     ),
     Topic.STREAM: TopicWords(
         "nobody reads the JSON lines or the log any more, or too slowly",

@@ -35,6 +35,7 @@ from tools.benchmarks.command_line import (
 )
 from tools.benchmarks.damage import damage_document, damage_table, run_damage
 from tools.benchmarks.discovery import command as discovery_command
+from tools.benchmarks.faults import command as faults_command
 from tools.benchmarks.figures import save_figures
 from tools.benchmarks.formats import formats_document, formats_table, measure_formats
 from tools.benchmarks.kalman_peers import joint_ekf, joint_ukf
@@ -56,6 +57,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_mar
 app.command(epilog=wave_recordings.EXAMPLE)(wave_recordings.wave_recordings)
 app.command(epilog=discovery_command.EXAMPLE)(discovery_command.discovery)
 app.command(epilog=realism_command.EXAMPLE)(realism_command.realism)
+app.command(epilog=faults_command.EXAMPLE)(faults_command.faults)
 app.command(epilog=speed_command.EXAMPLE)(speed_command.speed)
 app.command(epilog=speed_command.SOAK_EXAMPLE)(speed_command.soak)
 FILTERS = {"ukf": joint_ukf, "ekf": joint_ekf}

@@ -63,12 +63,15 @@ def part_events(observer: Observer, position: int) -> None:
 
 @inner
 def forget_opening(observer: Observer) -> None:
-    """The opening under way, its event's only one, was none."""
+    """The opening under way was none, nor its event where it has no other; another is not to be learned from."""
     memory = observer.memory[0]
     memory.injections_begun -= 1
-    memory.event_number -= 1
-    memory.in_event = False
     memory.needle_open = False
+    if memory.opening == memory.event_opening:
+        memory.event_number -= 1
+        memory.in_event = False
+    else:
+        memory.event_learnable = False
 
 
 @inner

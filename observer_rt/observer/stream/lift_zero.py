@@ -68,6 +68,8 @@ MOVES_ON = 5e-3  # s without standstill in which the zero goes on as before
 CLIP = 0.6  # of the dead band, three sigma: by more a sample does not count
 LIMIT = 40e-6  # m, of a zero that is followed
 CALM = 0.7e6  # Pa, rms of a line pressure in which no injection rings
+AS_CALM = 1.5  # times the mean square before: a calm line rings no more than that
+EDGE = 3  # samples in which a lift steps
 # of the line pressure in the lift:
 LEAST_SWING = 0.5e6  # Pa about its mean, from which on a sample counts: hum is less
 FADE = 2e-5  # a sample
@@ -265,3 +267,54 @@ def look_at_start(observer: Observer, position: int) -> None:
         observer.ring[position & _MASK].lift_area = 0.0
         observer.ring[position & _MASK].seat_area = 0.0
     memory.shut_since = observer.ring[start & _MASK].index - observer.constants.timing.settle
+
+
+@inner_separate
+def look_at_opening(observer: Observer, position: int) -> None:
+    """A while after an opening: a low lift that stepped and stays, in a line as calm as before, is of a shut needle.
+
+    A connection that moved, or a drift that is gone: had the needle opened, the line pressure would have fallen.
+    """
+    memory = observer.memory[0]
+    opening, count = memory.opening, position - memory.opening
+    if opening - count < memory.segment_start:
+        return
+    scale = observer.constants.coefficients.pressure_scale
+    before = _mean_drop(observer, opening - count, opening)
+    swing_before = _square_drop(observer, opening - count, opening, before) * scale**2
+    swing = _square_drop(observer, opening, position, before) * scale**2
+    if not swing < CALM**2 + AS_CALM * swing_before:
+        return
+    lifts, squares = 0.0, 0.0
+    for k in range(opening + EDGE, position):
+        lift = observer.ring[k & _MASK].lift
+        lifts += lift / (count - EDGE)
+        squares += lift * lift / (count - EDGE)
+    if not (squares - lifts**2 < memory.lift_on**2 and abs(memory.zero + lifts) < LIMIT):
+        return
+    forget_opening(observer)
+    shift_zero(observer, lifts)
+    shift_lifts(observer, opening, lifts)
+    row = observer.ring[position & _MASK]
+    row.lift_area = 0.0
+    row.seat_area = 0.0
+    memory.shut_since = row.index
+
+
+@inner
+def _mean_drop(observer: Observer, start: int, end: int) -> float:
+    """Mean of rail less line pressure over samples [start, end)."""
+    total = 0.0
+    for k in range(start, end):
+        total += observer.ring[k & _MASK].rail_pressure - observer.ring[k & _MASK].line_pressure
+    return total / (end - start)
+
+
+@inner
+def _square_drop(observer: Observer, start: int, end: int, about: float) -> float:
+    """Mean square of the same about a value."""
+    total = 0.0
+    for k in range(start, end):
+        drop = observer.ring[k & _MASK].rail_pressure - observer.ring[k & _MASK].line_pressure - about
+        total += drop * drop
+    return total / (end - start)

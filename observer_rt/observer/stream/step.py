@@ -30,7 +30,13 @@ from observer_rt.observer.stream.front_end import (
 )
 from observer_rt.observer.stream.judgement import given_up, judged
 from observer_rt.observer.stream.lift_step import come_to_rest, lingers
-from observer_rt.observer.stream.lift_zero import follow_lift, is_beyond_limit, look_at_start, take_out_zero
+from observer_rt.observer.stream.lift_zero import (
+    follow_lift,
+    is_beyond_limit,
+    look_at_opening,
+    look_at_start,
+    take_out_zero,
+)
 from observer_rt.observer.stream.outliers import inspect
 from observer_rt.observer.stream.pair import start_pair, step_pair
 from observer_rt.observer.stream.standstill import gather
@@ -198,6 +204,8 @@ def _process(observer: Observer, position: int) -> bool:
     _move_needle(observer, position, opens)
     if position == memory.segment_start + observer.constants.timing.good:
         look_at_start(observer, position)
+    if memory.needle_open and position == memory.opening + observer.constants.timing.good:
+        look_at_opening(observer, position)
     row.resting = not memory.needle_open and row.index - memory.shut_since > observer.constants.timing.settle
     if row.broken != _NONE:
         start_pair(observer, position)

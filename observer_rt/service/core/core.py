@@ -6,6 +6,7 @@ Where another node sends what only this service should, no receiver knows whose 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -37,7 +38,8 @@ from observer_rt.service.core.messages import Counters, OutputFrame, ResultFrame
 from observer_rt.service.inputs.optional_inputs import OptionalInputs
 from observer_rt.service.reports.injection_report import report_of
 from observer_rt.service.reports.judging import EventRecord, InlineExecutor, Judging
-from observer_rt.service.reports.news import Listener, to_all
+from observer_rt.service.reports.news import Listener, Notice, to_all
+from observer_rt.service.words import Topic
 
 
 class Contest:
@@ -116,8 +118,16 @@ class Core:
         )
         """Everything compiled code works on."""
         self.compiled.observer.memory["waits_for_verdicts"] = executor is None or config.learning.lockstep
-        self._judging = Judging(self.compiled, learner, executor or InlineExecutor(), start, healthy)
         self._tell = to_all(listeners)
+        self._judging = Judging(
+            self.compiled,
+            learner,
+            executor or InlineExecutor(),
+            start,
+            healthy,
+            partial(learner_of, fitted, constants),
+            self._tell_failure,
+        )
         self._writes_summaries = writes_summaries
         self.optional = OptionalInputs(fitted, bus, self.compiled, self._tell, is_restored)
         """What came of energizing, fuel temperature and learning enable."""
@@ -289,6 +299,13 @@ class Core:
         """Hand over closed events, report judged ones."""
         for judged in self._judging.follow(self.optional.learning, self.optional.fuel_temperature):
             self._report(judged)
+
+    def _tell_failure(self, failure: Exception) -> None:
+        text = (
+            f"nothing was learned from an event: {type(failure).__name__}: {failure}\n"
+            "  remedy: see that memory is free; report it if it comes again"
+        )
+        self._tell(Notice(Topic.LEARNING, text))
 
     def _report(self, judged: EventRecord) -> None:
         """Say of the injections of a judged event what was found, with what came before it was."""

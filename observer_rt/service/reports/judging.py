@@ -107,10 +107,13 @@ class Judging:
         executor: Executor,
         start: Knowledge,
         healthy: Healthy,
+        learner_after: Callable[[Knowledge], EventLearner],
+        on_failure: Callable[[Exception], None],
     ) -> None:
         """executor: runs one job at a time, in order; start: what is known before the first event.
 
-        healthy: of the healthy injector.
+        healthy: of the healthy injector; learner_after: the learner that goes on from what is known, where one
+        failed otherwise than it may; on_failure: hears of that.
         """
         self.known = start
         """All that was learned and judged so far."""
@@ -128,6 +131,8 @@ class Judging:
         self._events = memory["events"][0]
         self._waits_for_verdicts = memory["waits_for_verdicts"]
         self._learner = learner
+        self._learner_after = learner_after
+        self._on_failure = on_failure
         self._executor = executor
         self._first_version = start.phi_version
         self._submitted = self._taken = 0
@@ -235,15 +240,30 @@ class Judging:
         if closed is None or not closed.is_learned:
             return
         assert closed.learning is not None
+        failure = closed.learning.exception()
+        if isinstance(failure, Exception):
+            self._fail(closed, failure)
+            return
         outcome = closed.learning.result()
         if closed.is_taken or not has_room(self._compiled.observer, closed.number):
             self._late = outcome
         else:
             self._post_learned(closed, outcome)
+        self._learn_next()
+
+    def _learn_next(self) -> None:
+        """Nothing is being learned any more: what waits for that is."""
         self._learned_from = None
         if self._next is not None:
             self._learn(self._next)
             self._next = None
+
+    def _fail(self, closed: _Closed, failure: Exception) -> None:
+        """Learning failed, which may have left the learner half way: another goes on from what is known."""
+        closed.learning = None
+        self._learner = self._learner_after(self.known)
+        self._on_failure(failure)
+        self._learn_next()
 
     def _post_examined(self, closed: _Closed) -> None:
         examiner = self._examiner

@@ -84,6 +84,37 @@ def test_lift_that_moves_at_the_start_is_no_zero() -> None:
     assert np.isnan(stream.rows["injection_rate"][: 3 * MS]).all()
 
 
+STEP_AT = 5500  # between two openings
+
+
+def stepped(fall: float) -> Stream:
+    """A lift that steps by 25 um between two openings and stays there; the line pressure falls [Pa] as it does."""
+    lift = lift_of(OPENINGS, TIME.size)
+    lift[STEP_AT:] += 25 * UM
+    random = np.random.default_rng(9)
+    rail = RAIL + random.normal(0.0, NOISE.rail_pressure, lift.size)
+    line = RAIL + random.normal(0.0, NOISE.line_pressure, lift.size)
+    line[STEP_AT:] -= fall
+    return Stream(events_required=0).feed(rail, lift, line)
+
+
+def test_lift_that_steps_in_a_line_at_rest_is_of_a_shut_needle() -> None:
+    """A connection that moved: the next openings are found, where it would have been stuck for good."""
+    stream = stepped(0.0)
+    assert [i["opening_index"] for i in stream.injections] == pytest.approx(list(OPENINGS), abs=20)
+    rows = stream.rows
+    assert not (rows["reason"] == Reason.NEEDLE_STUCK).any()
+    opened = rows["seat_area"][STEP_AT + 4 * MS :] > 0.1
+    plain = run(lift_of(OPENINGS, TIME.size)).rows["seat_area"][STEP_AT + 4 * MS :] > 0.1
+    assert np.mean(opened != plain) < 0.002
+
+
+def test_needle_that_opens_a_little_and_stays_is_open() -> None:
+    stream = stepped(3e6)
+    assert (stream.rows["seat_area"][STEP_AT + 4 * MS :] > 0.0).all()
+    assert stream.rows["reason"][-1] == Reason.NEEDLE_STUCK
+
+
 def test_zero_that_leaves_its_limit_makes_nothing_valid() -> None:
     drift = 60 * UM * np.clip((TIME - 0.05) / 0.1, 0.0, 1.0) * (TIME < 0.3)
     rows = run(lift_of(range(0), TIME.size) - drift).rows

@@ -64,6 +64,36 @@ def test_every_event_is_judged_without_any_learning(tmp_path: Path, worn: Record
     assert core.counters.passed_over >= INJECTIONS - 3
 
 
+class Failing(Slow):
+    """Runs out of memory at one of its jobs."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self.number = number
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        self.number -= 1
+        if self.number == 0:
+            future.set_exception(MemoryError("none left"))
+        else:
+            future.set_result(fn(*args, **kwargs))
+        return future
+
+
+def test_learning_that_fails_costs_its_event_only(tmp_path: Path, worn: Recording) -> None:
+    path, notes = sample_bench(tmp_path), Notes()
+    core = core_of(path, executor=Failing(4), listeners=[notes])
+    for frame in Device(path).send(worn):
+        hand(core, [frame])
+    [notice] = notes.notices
+    assert "MemoryError: none left" in notice.text
+    assert "remedy" in notice.text
+    assert Reason.NOT_JUDGED not in [report.reason for report in notes.injections]
+    assert notes.injections[-1].valid
+    assert core.counters.adoptions >= INJECTIONS - 3
+
+
 def test_what_is_late_takes_force_with_the_next_event(tmp_path: Path, worn: Recording) -> None:
     """Learning ends after its event was taken, always."""
     core, notes, _ = served(tmp_path, worn, range(3, INJECTIONS))

@@ -1,0 +1,145 @@
+"""Faults of bus and time: what becomes of frames on their way."""
+
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.random import Generator
+
+from observer_rt.bus.database.e2e import protect
+from observer_rt.bus.mapping.bus_map import BusMap
+from tools.benchmarks.faults.scenario import Group, Kind, Placed
+
+LOST = (0.01, 0.5)  # share of the frames
+BURST = 20e-3  # s
+CLOCK_STEP = (1.0, 3600.0)  # s
+INDEX_JUMP = (1, 5000)  # samples
+_INDEX_AT, _COUNTER_AT = 4, 2
+
+
+@dataclass(frozen=True)
+class Sent:
+    """A frame; message: its number among the inputs; moved: sample index it bears beyond the recording's own."""
+
+    time: float
+    stamp: float
+    message: int
+    payload: bytes
+    moved: int = 0
+    is_foreign: bool = False
+
+
+Frames = list[Sent]
+Change = Callable[[Frames, Generator, BusMap], Frames]
+
+_LOSS = frozenset({"SAMPLES_LOST", "STARTING", "INPUT_TIMEOUT", "INPUT_STALE", "JUMPED"})
+_TIMES = _LOSS | {"DEVICE_RESTARTED", "TIME_BASE", "CONTRADICTED", "TOO_FEW_EVENTS"}
+
+
+def _lost(frames: Frames, rng: Generator, bus: BusMap) -> Frames:
+    share = rng.uniform(*LOST)
+    return [frame for frame in frames if rng.random() >= share]
+
+
+def _lost_burst(frames: Frames, rng: Generator, bus: BusMap) -> Frames:
+    begin = rng.uniform(frames[0].time, frames[-1].time)
+    return [frame for frame in frames if not begin <= frame.time < begin + BURST]
+
+
+def _message_away(frames: Frames, rng: Generator, bus: BusMap) -> Frames:
+    gone = int(rng.integers(len(bus.input_layouts)))
+    return [frame for frame in frames if frame.message != gone]
+
+
+def _duplicated(frames: Frames, rng: Generator, bus: BusMap) -> Frames:
+    return [each for frame in frames for each in (frame,) * (1 + int(rng.random() < 0.3))]
+
+
+def _reordered(frames: Frames, rng: Generator, bus: BusMap) -> Frames:
+    frames = list(frames)
+    for place in range(1, len(frames)):
+        if rng.random() < 0.1:
+            frames[place - 1], frames[place] = frames[place], frames[place - 1]
+    return frames
+
+
+def _wrong_counters(frames: Frames, rng: Generator, bus: BusMap) -> Frames:
+    return [_rewritten(each, bus, counter=int(rng.integers(256))) for each in frames]
+
+
+def _damaged(frames: Frames, rng: Generator, bus: BusMap) -> Frames:
+    return [_flipped(each, rng) if rng.random() < 0.1 else each for each in frames]
+
+
+def _foreign(frames: Frames, rng: Generator, bus: BusMap) -> Frames:
+    """Another node sends under the same identifiers: the same device's frames of a while before."""
+    old = frames[: len(frames) // 2]
+    later = zip(old, frames[len(old) :], strict=False)
+    theirs = [replace(each, time=then.time, is_foreign=True) for each, then in later]
+    return sorted([*frames, *theirs], key=lambda frame: frame.time)
+
+
+def _clock_step(frames: Frames, rng: Generator, bus: BusMap) -> Frames:
+    step = rng.uniform(*CLOCK_STEP) * rng.choice((-1.0, 1.0))
+    return [replace(each, stamp=each.stamp + step) for each in frames]
+
+
+def _index_jump(frames: Frames, rng: Generator, bus: BusMap) -> Frames:
+    jump = int(rng.integers(*INDEX_JUMP))
+    return [_rewritten(each, bus, moved=jump * BLOCK_SAMPLES) for each in frames]
+
+
+def _restarted(frames: Frames, rng: Generator, bus: BusMap) -> Frames:
+    """The device begins again at 0, and goes on so."""
+    first = min(index_of(each.payload) for each in frames)
+    return [_rewritten(each, bus, moved=-first) for each in frames]
+
+
+BLOCK_SAMPLES = 252  # samples: a whole number of frames of any of the example's messages
+_CHANGES: dict[str, tuple[Change, Group, frozenset[str], bool]] = {
+    # the change, its true reasons, and whether it lasts to the end
+    "frames_lost": (_lost, Group.BUS, _LOSS, False),
+    "burst_lost": (_lost_burst, Group.BUS, _LOSS, False),
+    "message_away": (_message_away, Group.BUS, _LOSS, False),
+    "duplicated": (_duplicated, Group.BUS, _LOSS, False),
+    "reordered": (_reordered, Group.BUS, _LOSS, False),
+    "wrong_counter": (_wrong_counters, Group.BUS, _LOSS, False),
+    "wrong_crc": (_damaged, Group.BUS, _LOSS, False),
+    "foreign_sender": (_foreign, Group.BUS, _LOSS | {"DEVICE_RESTARTED"}, False),
+    "clock_step": (_clock_step, Group.TIME, _TIMES, True),
+    "index_jump": (_index_jump, Group.TIME, _TIMES, True),
+    "device_restart": (_restarted, Group.TIME, _TIMES, True),
+}
+KINDS = tuple(Kind(name, group, true) for name, (_, group, true, _) in _CHANGES.items())
+
+
+def with_bus_fault(frames: Frames, placed: Placed, bus: BusMap) -> Frames:
+    """The frames with a fault of the bus or of time."""
+    change, _, _, stays = _CHANGES[placed.kind.name]
+    before = [each for each in frames if each.time < placed.begin]
+    during = [each for each in frames if placed.begin <= each.time and (stays or each.time < placed.end)]
+    after = frames[len(before) + len(during) :]
+    return [*before, *(change(during, placed.chance, bus) if during else ()), *after]
+
+
+def index_of(payload: bytes) -> int:
+    """The sample index in an input frame."""
+    return int(struct.unpack_from("<I", payload, _INDEX_AT)[0])
+
+
+def _rewritten(frame: Sent, bus: BusMap, moved: int = 0, counter: int | None = None) -> Sent:
+    """The frame with another index or counter, its check sum right."""
+    layout, payload = bus.input_layouts[frame.message], np.frombuffer(frame.payload, np.uint8).copy()
+    index = (index_of(frame.payload) + moved) & 0xFFFFFFFF
+    payload[_INDEX_AT : _INDEX_AT + 4] = np.frombuffer(struct.pack("<I", index), np.uint8)
+    said = int(payload[_COUNTER_AT]) if counter is None else counter
+    protect(payload, layout.length, layout.e2e_profile, layout.e2e_data_id, said)
+    return replace(frame, payload=payload.tobytes(), moved=frame.moved + moved)
+
+
+def _flipped(frame: Sent, rng: Generator) -> Sent:
+    bit = int(rng.integers(8 * len(frame.payload)))
+    payload = bytearray(frame.payload)
+    payload[bit // 8] ^= 1 << bit % 8
+    return replace(frame, payload=bytes(payload))

@@ -1,0 +1,187 @@
+"""Plays a scenario to the service's core, as frames in and frames out, and keeps what it published."""
+
+import struct
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.bus.links.link import BusFrame, Frame, block_of
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import Bench
+from observer_rt.foundation.units import MILLIGRAM, MM3_PER_MS
+from observer_rt.observer.stream.state import Reason
+from observer_rt.recording.replay.framing import Framer, whole
+from observer_rt.recording.signals.recording import Recording
+from observer_rt.service.core.core import Core
+from observer_rt.service.core.messages import OutputFrame
+from tools.benchmarks.faults import bus as bus_faults
+from tools.benchmarks.faults.bus import Frames, Sent, with_bus_fault
+from tools.benchmarks.faults.inputs import with_input_fault
+from tools.benchmarks.faults.process import KILLED, UnreliableExecutor
+from tools.benchmarks.faults.scenario import Group, Placed, Scenario
+from tools.benchmarks.sampling import Measured
+
+BLOCK = 32  # frames given at once
+DOWN = 0.15  # s from a kill until the service is there again
+RATE_ID, SUMMARY_ID = 0x200, 0x201
+_RATES = np.dtype([("head", "V3"), ("flags", "u1"), ("index", "<u4"), ("rates", "<u2", 28)])
+_MISSING = 65535
+_SUMMARY_MASS, _SUMMARY_REASON = 24, 23
+
+
+@dataclass(frozen=True)
+class Summary:
+    """An injection as published: first sample in the recording, mass [kg]."""
+
+    first: int
+    is_valid: bool
+    mass: float
+    reason: str
+
+
+@dataclass
+class Published:
+    """By sample of the recording (n,): rates [m3/s], nan: none was published; whether they were valid."""
+
+    rate: NDArray[np.float64]
+    valid: NDArray[np.bool_]
+    reason: list[tuple[int, str]] = field(default_factory=list)
+    """Of the stream: from which sample on, by its first samples."""
+    summaries: list[Summary] = field(default_factory=list)
+    crash: str = ""
+
+
+def play(scenario: Scenario, measured: Measured, bench: Bench) -> Published:
+    """What the service publishes of a scenario; bench: as the bench file says."""
+    bus = map_bus(bench)
+    placed = scenario.placed
+    for each in placed:
+        if each.kind.group is Group.INPUT:
+            measured = with_input_fault(measured, each)
+    recording = Recording(measured.time, measured.rail_pressure, measured.needle_lift, measured.line_pressure)
+    layouts = {(layout.bus, layout.frame_id): number for number, layout in enumerate(bus.input_layouts)}
+    frames: Frames = [
+        Sent(each.time, each.time, layouts[each.bus, each.frame_id], each.payload)
+        for each in Framer(bus).frames(recording, whole(recording))
+    ]
+    for each in placed:
+        if each.kind.group in (Group.BUS, Group.TIME):
+            frames = with_bus_fault(frames, each, bus)
+    return _Player(scenario, bench, measured.time).play(frames)
+
+
+class _Player:
+    def __init__(self, scenario: Scenario, bench: Bench, time: NDArray[np.float64]) -> None:
+        self._bench, self._bus = bench, map_bus(bench)
+        self._time = time
+        self._of_process = [each for each in scenario.placed if each.kind.group is Group.PROCESS]
+        self._learning = scenario.learning
+        is_waited_for = all(each.kind is KILLED for each in self._of_process)
+        self._executor = None if is_waited_for else UnreliableExecutor()
+        self._core = Core(bench.injector, self._bus, executor=self._executor, learning=self._learning)
+        self._moves = [0]  # by which the device's index was ahead of the recording's, the newest last
+        self._newest = 0
+        self._published = Published(np.full(time.size, np.nan), np.zeros(time.size, np.bool_))
+
+    def play(self, frames: Frames) -> Published:
+        try:
+            for first in range(0, len(frames), BLOCK):
+                self._give(frames[first : first + BLOCK])
+            self._take(self._core.finish())
+        except Exception as error:  # whatever it is: that is what is looked for
+            self._published.crash = f"{type(error).__name__}: {error}"
+        return self._published
+
+    def _give(self, frames: Frames) -> None:
+        frames = [each for each in frames if not self._is_down(each.time)]
+        if not frames:
+            return
+        for each in frames:
+            if not each.is_foreign and each.moved != self._moves[-1]:
+                self._moves.append(each.moved)
+        self._newest = max(self._newest, round(frames[-1].time / (self._time[1] - self._time[0])))
+        self._misbehave(frames[-1].time)
+        layouts = self._bus.input_layouts
+        given = [
+            BusFrame(
+                layouts[each.message].bus,
+                Frame(
+                    layouts[each.message].frame_id,
+                    each.payload,
+                    1_700_000_000_000_000_000 + round(1e9 * each.stamp),
+                    layouts[each.message].is_extended,
+                ),
+            )
+            for each in frames
+        ]
+        self._take(self._core.handle_many(block_of(given)))
+        row = self._core.state
+        name = row[1].name
+        reasons = self._published.reason
+        if not reasons or reasons[-1][1] != name:
+            reasons.append((self._newest, name))
+
+    def _misbehave(self, time: float) -> None:
+        """What the process does wrong now."""
+        if self._executor is None:
+            return
+        now = [
+            each.kind
+            for each in self._of_process
+            if each.kind is not KILLED and each.begin <= time < each.end
+        ]
+        self._executor.kind = now[0] if now else None
+        self._executor.work()
+
+    def _is_down(self, time: float) -> bool:
+        """Whether the service was killed and is not back; it comes back with what it had saved."""
+        for each in self._of_process:
+            if each.kind is KILLED and each.begin <= time:
+                if time < each.begin + DOWN:
+                    return True
+                self._restart(each)
+        return False
+
+    def _restart(self, placed: Placed) -> None:
+        self._of_process.remove(placed)
+        self._core = Core(
+            self._bench.injector,
+            self._bus,
+            self._core.knowledge,
+            executor=self._executor,
+            learning=self._learning,
+        )
+
+    def _take(self, frames: list[OutputFrame]) -> None:
+        """Published frames, each to its samples."""
+        for frame in frames:
+            if frame.frame_id == RATE_ID:
+                self._take_rates(np.frombuffer(frame.payload, _RATES)[0])
+            elif frame.frame_id == SUMMARY_ID:
+                (index,) = struct.unpack_from("<I", frame.payload, 4)
+                (mass,) = struct.unpack_from("<H", frame.payload, _SUMMARY_MASS)
+                self._published.summaries.append(
+                    Summary(
+                        self._sample(index),
+                        bool(frame.payload[3] & 1),
+                        np.nan if mass == _MISSING else (0.01 * mass - 50.0) * MILLIGRAM,
+                        Reason(frame.payload[_SUMMARY_REASON]).name,
+                    )
+                )
+
+    def _take_rates(self, row: np.void) -> None:
+        first, raw = self._sample(int(row["index"])), row["rates"]
+        rates = np.where(raw == _MISSING, np.nan, 0.01 * raw - 100.0) * MM3_PER_MS
+        places = first + np.arange(rates.size)
+        inside = (places >= 0) & (places < self._time.size)
+        self._published.rate[places[inside]] = rates[inside]
+        self._published.valid[places[inside]] = bool(row["flags"] & 1) & np.isfinite(rates[inside])
+
+    def _sample(self, index: int) -> int:
+        """Sample of the recording that an index means: of the newest numbering in which it can have been sent."""
+        for moved in reversed(self._moves):
+            sample = (index - moved) & 0xFFFFFFFF
+            if sample <= self._newest + bus_faults.BLOCK_SAMPLES:
+                return sample
+        return self._time.size

@@ -59,7 +59,7 @@ def _drifting(time: Array, values: Array, role: str, rng: Generator) -> Array:
 
 
 def _stepping(time: Array, values: Array, role: str, rng: Generator) -> Array:
-    return values + rng.uniform(*DRIFT[role]) * rng.choice((-1.0, 1.0))
+    return np.asarray(values + rng.uniform(*DRIFT[role]) * rng.choice((-1.0, 1.0)), np.float64)
 
 
 def _spikes(time: Array, values: Array, role: str, rng: Generator) -> Array:

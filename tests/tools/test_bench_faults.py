@@ -16,7 +16,7 @@ from tools.benchmarks.faults.inputs import with_input_fault
 from tools.benchmarks.faults.player import Published, Summary
 from tools.benchmarks.faults.run import KINDS, score_scenario
 from tools.benchmarks.faults.scenario import Placed, Scenario, drawn, tasks
-from tools.benchmarks.faults.score import FaultScore, score
+from tools.benchmarks.faults.score import RECOVERY, FaultScore, score
 from tools.benchmarks.plant import Bench, Event, Needle, Outcome, Shot, record
 from tools.benchmarks.plant_parameters import Faults, Injector
 from tools.benchmarks.runs import Task
@@ -57,7 +57,9 @@ def test_frames_change_from_the_fault_on_and_bear_right_check_sums(outcome: Outc
     wrong = [
         f
         for f in found
-        if not check(np.frombuffer(f.payload, np.uint8), layout.length, layout.e2e_profile, layout.e2e_data_id)
+        if not check(
+            np.frombuffer(f.payload, np.uint8), layout.length, layout.e2e_profile, layout.e2e_data_id
+        )
     ]
     assert bool(wrong) == (name == "wrong_crc")
 
@@ -105,10 +107,23 @@ def test_wrong_and_not_valid_is_not_wrong(outcome: Outcome) -> None:
     assert found.found_after == 0.0
 
 
+PLAYED = (
+    "frozen_line",
+    "killed_and_restarted",
+    "learner_failing",
+    "wrong_crc",
+    "unit_line",
+    "swapped_pressures",
+    "drift_needle",
+)
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["frozen_line", "killed_and_restarted", "learner_failing", "wrong_crc"])
-def test_scenario_is_played_to_the_service(name: str) -> None:
+@pytest.mark.parametrize("name", PLAYED)
+def test_service_goes_through_a_fault_and_recovers(name: str) -> None:
     found = score_scenario(None, Task(name, 3, 0))
     assert not found.crash
     assert (found.wrong_samples, found.wrong_summaries) == (0, 0)
+    assert found.is_named is not False
     assert found.recovered_after is not None
+    assert found.recovered_after <= RECOVERY

@@ -13,6 +13,7 @@ from observer_rt.estimation.gating import Belief, GatedBelief
 from observer_rt.estimation.phases import Phase, no_statistics
 from observer_rt.estimation.predictor import Setting, Window
 from observer_rt.estimation.scalars import SCALARS, Parameter, Scalars, Theta, learned_of
+from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.model.sensor import LAG_UNIT
 from observer_rt.observer.learning.adequacy import (
     Innovations,
@@ -61,6 +62,27 @@ from observer_rt.observer.stream.state import Constants, Reason
 
 STANDSTILL_ENOUGH = 1000  # samples, for the first guess of the offset
 OTHER_NOISE = 1.25  # times a level
+IMPLAUSIBLE = (
+    15 * MEGAPASCAL
+)  # between rail and line at rest: another unit, or no sensor; nothing to be learned
+SWINGS, SWAPPED = (
+    2 * MEGAPASCAL,
+    3.0,
+)  # of the rail pressure in an event, and more than the line's by this factor
+
+
+def implausible(window: Window, pressure_scale: float) -> Objection | None:
+    """What shows before any fit that the pressures of an event are not those of rail and line; p_0 [Pa].
+
+    The rail hardly moves when the needle opens, the line does: where it is the other way round, they are swapped.
+    """
+    before, rail = slice(0, max(window.opening, 1)), window.inputs[:, 0]
+    if abs(float(np.median(window.output[before] - rail[before]))) * pressure_scale > IMPLAUSIBLE:
+        return Objection(Reason.PRESSURE_OFFSET, Phase.STANDSTILL)
+    rail_swing = float(np.std(rail))
+    if rail_swing * pressure_scale > SWINGS and rail_swing > SWAPPED * float(np.std(window.output)):
+        return Objection(Reason.CONTRADICTED)
+    return None
 
 
 class Learner(Tracker):
@@ -143,6 +165,8 @@ class Learner(Tracker):
         self._schedule = self._gains()
         recorded = window._replace(output=self._pressure_gains.undone(window.output))
         window = self._energizing.undone(recorded)
+        if (objection := implausible(window, self._scale)) is not None:
+            return replace(self._outcome(Adoption.FAILED, window, in_force), objections=(objection,))
         try:
             believed = self._believed(window, standstill)
             event = self._reader.explained(window, believed)

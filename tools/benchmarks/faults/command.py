@@ -19,7 +19,8 @@ from tools.benchmarks.command_line import (
     put_out,
     resumable,
 )
-from tools.benchmarks.faults.run import KINDS, run_faults
+from tools.benchmarks.faults.live import run_live
+from tools.benchmarks.faults.run import KINDS, Results, run_faults
 from tools.benchmarks.faults.tables import faults_document, print_faults, save_figure
 from tools.benchmarks.runs import Plan
 
@@ -38,13 +39,19 @@ def faults(
     figure: Annotated[
         Path | None, typer.Option(help="PNG of times until found and until valid again.")
     ] = None,
+    live: Annotated[
+        int, typer.Option(min=0, help="So many on vcan0 instead: `tools/vcan tools/bench faults --live 16`.")
+    ] = 0,
     as_json: JsonOption = False,
 ) -> None:
     """Sensors, bus, clocks and processes that fail at random times, up to three at once: is what is valid right?"""
     names = chosen_names(only, "--only", KINDS, KINDS)
     plan = Plan((), scenarios, seed, workers, out or Path("build") / f"faults-{tier}", peers=False)
     with resumable("what is scored is"):
-        results = run_faults(names, plan, tier is Tier.B, model, messages)
+        if live:
+            results = Results(tuple(run_live(live, seed, plan.out / "live", messages)), ())
+        else:
+            results = run_faults(names, plan, tier is Tier.B, model, messages)
     if figure is not None and results.scores:
         save_figure(results, figure)
     put_out(as_json, lambda: faults_document(results), lambda console: print_faults(results, console))

@@ -1,6 +1,7 @@
 """Plays a scenario to the service's core, as frames in and frames out, and keeps what it published."""
 
 import struct
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -71,36 +72,87 @@ def play(scenario: Scenario, measured: Measured, bench: Bench) -> Published:
     return _Player(scenario, bench, measured.time).play(frames)
 
 
+class Receiver:
+    """Puts published frames to the samples they are of."""
+
+    def __init__(self, time: NDArray[np.float64]) -> None:
+        """time: of the recording's samples [s]."""
+        self._time = time
+        self._moves = [0]  # by which the device's index was ahead of the recording's, the newest last
+        self._newest = 0
+        self.published = Published(np.full(time.size, np.nan), np.zeros(time.size, np.bool_))
+
+    @property
+    def newest(self) -> int:
+        """Sample sent last."""
+        return self._newest
+
+    def note_sent(self, time: float, moved: int) -> None:
+        """A frame was sent at a time [s] of the recording, its index so far ahead."""
+        if moved != self._moves[-1]:
+            self._moves.append(moved)
+        self._newest = max(self._newest, round(time / (self._time[1] - self._time[0])))
+
+    def take(self, frames: Sequence[OutputFrame]) -> None:
+        """Published frames, each to its samples."""
+        for frame in frames:
+            if frame.frame_id == RATE_ID:
+                self._take_rates(np.frombuffer(frame.payload, _RATES)[0])
+            elif frame.frame_id == SUMMARY_ID:
+                (index,) = struct.unpack_from("<I", frame.payload, 4)
+                (mass,) = struct.unpack_from("<H", frame.payload, _SUMMARY_MASS)
+                self.published.summaries.append(
+                    Summary(
+                        self._sample(index),
+                        bool(frame.payload[3] & 1),
+                        np.nan if mass == _MISSING else (0.01 * mass - 50.0) * MILLIGRAM,
+                        Reason(frame.payload[_SUMMARY_REASON]).name,
+                    )
+                )
+
+    def _take_rates(self, row: np.void) -> None:
+        first, raw = self._sample(int(row["index"])), row["rates"]
+        rates = np.where(raw == _MISSING, np.nan, 0.01 * raw - 100.0) * MM3_PER_MS
+        places = first + np.arange(rates.size)
+        inside = (places >= 0) & (places < self._time.size)
+        self.published.rate[places[inside]] = rates[inside]
+        self.published.valid[places[inside]] = bool(row["flags"] & 1) & np.isfinite(rates[inside])
+
+    def _sample(self, index: int) -> int:
+        """Sample of the recording that an index means: of the newest numbering in which it can have been sent."""
+        for moved in reversed(self._moves):
+            sample = (index - moved) & 0xFFFFFFFF
+            if sample <= self._newest + bus_faults.BLOCK_SAMPLES:
+                return sample
+        return self._time.size
+
+
 class _Player:
     def __init__(self, scenario: Scenario, bench: Bench, time: NDArray[np.float64]) -> None:
         self._bench, self._bus = bench, map_bus(bench)
-        self._time = time
         self._of_process = [each for each in scenario.placed if each.kind.group is Group.PROCESS]
         self._learning = scenario.learning
         is_waited_for = all(each.kind is KILLED for each in self._of_process)
         self._executor = None if is_waited_for else UnreliableExecutor()
         self._core = Core(bench.injector, self._bus, executor=self._executor, learning=self._learning)
-        self._moves = [0]  # by which the device's index was ahead of the recording's, the newest last
-        self._newest = 0
-        self._published = Published(np.full(time.size, np.nan), np.zeros(time.size, np.bool_))
+        self._receiver = Receiver(time)
 
     def play(self, frames: Frames) -> Published:
         try:
             for first in range(0, len(frames), BLOCK):
                 self._give(frames[first : first + BLOCK])
-            self._take(self._core.finish())
+            self._receiver.take(self._core.finish())
         except Exception as error:  # whatever it is: that is what is looked for
-            self._published.crash = f"{type(error).__name__}: {error}"
-        return self._published
+            self._receiver.published.crash = f"{type(error).__name__}: {error}"
+        return self._receiver.published
 
     def _give(self, frames: Frames) -> None:
         frames = [each for each in frames if not self._is_down(each.time)]
         if not frames:
             return
         for each in frames:
-            if not each.is_foreign and each.moved != self._moves[-1]:
-                self._moves.append(each.moved)
-        self._newest = max(self._newest, round(frames[-1].time / (self._time[1] - self._time[0])))
+            if not each.is_foreign:
+                self._receiver.note_sent(each.time, each.moved)
         self._misbehave(frames[-1].time)
         layouts = self._bus.input_layouts
         given = [
@@ -115,12 +167,11 @@ class _Player:
             )
             for each in frames
         ]
-        self._take(self._core.handle_many(block_of(given)))
-        row = self._core.state
-        name = row[1].name
-        reasons = self._published.reason
-        if not reasons or reasons[-1][1] != name:
-            reasons.append((self._newest, name))
+        self._receiver.take(self._core.handle_many(block_of(given)))
+        _, reason = self._core.state
+        said = self._receiver.published.reason
+        if not said or said[-1][1] != reason.name:
+            said.append((self._receiver.newest, reason.name))
 
     def _misbehave(self, time: float) -> None:
         """What the process does wrong now."""
@@ -152,36 +203,3 @@ class _Player:
             executor=self._executor,
             learning=self._learning,
         )
-
-    def _take(self, frames: list[OutputFrame]) -> None:
-        """Published frames, each to its samples."""
-        for frame in frames:
-            if frame.frame_id == RATE_ID:
-                self._take_rates(np.frombuffer(frame.payload, _RATES)[0])
-            elif frame.frame_id == SUMMARY_ID:
-                (index,) = struct.unpack_from("<I", frame.payload, 4)
-                (mass,) = struct.unpack_from("<H", frame.payload, _SUMMARY_MASS)
-                self._published.summaries.append(
-                    Summary(
-                        self._sample(index),
-                        bool(frame.payload[3] & 1),
-                        np.nan if mass == _MISSING else (0.01 * mass - 50.0) * MILLIGRAM,
-                        Reason(frame.payload[_SUMMARY_REASON]).name,
-                    )
-                )
-
-    def _take_rates(self, row: np.void) -> None:
-        first, raw = self._sample(int(row["index"])), row["rates"]
-        rates = np.where(raw == _MISSING, np.nan, 0.01 * raw - 100.0) * MM3_PER_MS
-        places = first + np.arange(rates.size)
-        inside = (places >= 0) & (places < self._time.size)
-        self._published.rate[places[inside]] = rates[inside]
-        self._published.valid[places[inside]] = bool(row["flags"] & 1) & np.isfinite(rates[inside])
-
-    def _sample(self, index: int) -> int:
-        """Sample of the recording that an index means: of the newest numbering in which it can have been sent."""
-        for moved in reversed(self._moves):
-            sample = (index - moved) & 0xFFFFFFFF
-            if sample <= self._newest + bus_faults.BLOCK_SAMPLES:
-                return sample
-        return self._time.size

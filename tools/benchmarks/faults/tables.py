@@ -12,6 +12,7 @@ from rich.table import Table
 
 from observer_rt.foundation.units import MILLISECOND
 from tools.benchmarks.command_line import print_lines, ruled
+from tools.benchmarks.faults import live
 from tools.benchmarks.faults.run import KINDS, Results
 from tools.benchmarks.faults.scenario import AND
 from tools.benchmarks.faults.score import RECOVERY, FaultScore
@@ -65,7 +66,7 @@ def summary(scores: Sequence[FaultScore]) -> Summary:
 
 def by_kind(scores: Sequence[FaultScore]) -> dict[str, Summary]:
     """Every kind alone, and those of several at once together."""
-    groups: dict[str, list[FaultScore]] = {name: [] for name in (*KINDS, SEVERAL)}
+    groups: dict[str, list[FaultScore]] = {name: [] for name in (*KINDS, *live.KINDS, SEVERAL)}
     for each in scores:
         groups[SEVERAL if AND in each.class_name else each.class_name].append(each)
     return {name: summary(group) for name, group in groups.items() if group}

@@ -1,0 +1,188 @@
+"""Faults of a running daemon on a real SocketCAN bus: the process stopped, the interface away, another sender."""
+
+import os
+import signal
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+
+from observer_rt.bus.links.link import Link, LinkDownError
+from observer_rt.bus.links.opening import open_link
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
+from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
+from observer_rt.recording.replay.player import play
+from observer_rt.service.core.messages import OutputFrame
+from observer_rt.terminal.console import progress_bar
+from tools.benchmarks.faults.bus import index_of
+from tools.benchmarks.faults.player import RATE_ID, SUMMARY_ID, Published, Receiver
+from tools.benchmarks.faults.scenario import Group, Kind, Placed, Scenario, drawn
+from tools.benchmarks.faults.score import FaultScore, score
+from tools.benchmarks.plant import Outcome, record
+from tools.benchmarks.plant_parameters import Faults, Injector
+from tools.benchmarks.runs import Task
+from tools.benchmarks.scoring import recording_of
+from tools.benchmarks.speed.observers import RUN, Observer, observer
+
+CHANNEL = "vcan0"
+WEAR = 0.2  # v_H: one injector for all
+REST = 0.5  # s after a scenario, for what was published last
+BUSY_ID, BUSY_FRAMES = 0x555, 2000.0  # 1/s
+_LOST = frozenset(
+    {"SAMPLES_LOST", "STARTING", "INPUT_TIMEOUT", "INPUT_STALE", "NOT_JUDGED", "TOO_FEW_EVENTS"}
+)
+
+
+@dataclass(frozen=True)
+class Bus:
+    """The daemon and the bus it is on; link: of the measuring device."""
+
+    daemon: Observer
+    link: Link
+
+
+@contextmanager
+def _stopped(bus: Bus) -> Iterator[None]:
+    bus.daemon.suspend()
+    try:
+        yield
+    finally:
+        bus.daemon.process.send_signal(signal.SIGCONT)
+
+
+@contextmanager
+def _away(bus: Bus) -> Iterator[None]:
+    _set("down")
+    try:
+        yield
+    finally:
+        _set("up")
+
+
+@contextmanager
+def _second_sender(bus: Bus) -> Iterator[None]:
+    with _sending(RATE_ID, 20.0):
+        yield
+
+
+@contextmanager
+def _busy(bus: Bus) -> Iterator[None]:
+    with _sending(BUSY_ID, BUSY_FRAMES):
+        yield
+
+
+_LIVE: dict[str, tuple[Callable[[Bus], AbstractContextManager[None]], frozenset[str]]] = {
+    "process_stopped": (_stopped, _LOST),
+    "interface_away": (_away, _LOST),
+    "second_sender": (_second_sender, frozenset({"SECOND_SENDER"})),
+    "busy_bus": (_busy, _LOST),
+}
+KINDS = {name: Kind(name, Group.PROCESS, true) for name, (_, true) in _LIVE.items()}
+
+
+def run_live(count: int, master_seed: int, folder: Path, console: Console) -> list[FaultScore]:
+    """So many scenarios one after the other on one daemon. Raises RunError where it does not start."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / "bench.toml"
+    path.write_text(
+        EXAMPLE_BENCH.read_text("utf-8").replace('channel = "can0"', f'channel = "{CHANNEL}"'), "utf-8"
+    )
+    framer, found = Framer(map_bus(load_bench(path))), []
+    names = list(KINDS)
+    with (
+        observer([*RUN, path]) as daemon,
+        open_link("socketcan", CHANNEL, True, []) as device,
+        open_link("socketcan", CHANNEL, True, [(RATE_ID, False), (SUMMARY_ID, False)]) as ear,
+        progress_bar(console, "live", float(count)) as progress,
+    ):
+        for number in range(count):
+            scenario = _scenario(Task(names[number % len(names)], master_seed, number))
+            outcome = record(scenario.bench)
+            recording = recording_of(outcome)
+            frames = list(framer.frames(recording, whole(recording)))
+            published = _played(scenario, outcome, frames, Bus(daemon, device), ear)
+            found.append(score(scenario, outcome, published, scenario.bench.injector.density))
+            progress(float(number + 1))
+            if daemon.process.poll() is not None:
+                return [*found[:-1], replace(found[-1], crash="\n".join(daemon.said[-5:]))]
+    return found
+
+
+def _scenario(task: Task) -> Scenario:
+    found = drawn(task, KINDS, is_rich=False)
+    events = tuple(replace(event, faults=Faults(orifice_area=WEAR)) for event in found.bench.events)
+    return replace(found, bench=replace(found.bench, injector=Injector(), events=events))
+
+
+def _played(scenario: Scenario, outcome: Outcome, frames: list[TimedFrame], bus: Bus, ear: Link) -> Published:
+    """What the daemon publishes while the frames are sent in real time, and the fault comes and goes."""
+    receiver = Receiver(outcome.measured.time)
+    receiver.note_sent(outcome.measured.time[-1], index_of(frames[0].payload))
+    [placed] = scenario.placed
+    begun = time.monotonic()
+    threads = [
+        threading.Thread(target=partial(play, frames, bus.link, 1.0)),
+        threading.Thread(target=partial(_misbehave, placed, bus, begun)),
+    ]
+    for thread in threads:
+        thread.start()
+    end = begun + frames[-1].time + REST
+    while time.monotonic() < end or any(thread.is_alive() for thread in threads):
+        try:
+            frame = ear.receive(0.05)
+        except LinkDownError:
+            _reconnect(ear)
+            continue
+        if frame is not None:
+            receiver.take([OutputFrame(frame.frame_id, False, True, frame.payload)])
+    return receiver.published
+
+
+def _misbehave(placed: Placed, bus: Bus, begun: float) -> None:
+    time.sleep(max(begun + placed.begin - time.monotonic(), 0.0))
+    fault, _ = _LIVE[placed.kind.name]
+    with fault(bus):
+        time.sleep(placed.end - placed.begin)
+
+
+def _reconnect(link: Link) -> None:
+    while True:
+        try:
+            link.reconnect()
+        except LinkDownError:
+            time.sleep(0.01)
+        else:
+            return
+
+
+@contextmanager
+def _sending(frame_id: int, rate: float) -> Iterator[None]:
+    """Another node's frames [1/s] on the bus."""
+    over = threading.Event()
+
+    def send() -> None:
+        rng = np.random.default_rng(1)
+        with open_link("socketcan", CHANNEL, True, []) as link:
+            while not over.wait(1.0 / rate):
+                link.send(frame_id, rng.bytes(64), False, True)
+
+    sender = threading.Thread(target=send)
+    sender.start()
+    try:
+        yield
+    finally:
+        over.set()
+        sender.join()
+
+
+def _set(state: str) -> None:
+    environment = os.environ | {"PATH": f"{os.environ['PATH']}:/usr/sbin:/sbin"}
+    subprocess.run(["ip", "link", "set", CHANNEL, state], check=True, env=environment)

@@ -2,8 +2,10 @@
 
 import asyncio
 import gc
+import hmac
 import json
 import re
+import secrets
 import socket
 import sys
 from contextlib import suppress
@@ -14,7 +16,7 @@ from rich.console import Console
 from tornado.httpserver import HTTPServer
 from tornado.ioloop import PeriodicCallback
 from tornado.netutil import bind_sockets
-from tornado.web import Application, StaticFileHandler
+from tornado.web import Application, RequestHandler, StaticFileHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from observer_rt.config.bench import Bench
@@ -25,17 +27,35 @@ from observer_rt.watch.page.session import Session
 from observer_rt.watch.watching import Watching
 
 _FILES = Path(__file__).parent / "page" / "static"
+_COOKIE = "observer_rt"
 _LOOK_EVERY = 10  # ms: whether something is new and a browser through with the last drawing
 _STOP_EVERY = 0.1  # s between two looks at the stop signal
 _TURN = 0.0002  # s that the listening thread may go on while the page waits to be served
 
 
-class _PageFiles(StaticFileHandler):
+class _Guarded(RequestHandler):
+    """Serves whoever has the token of the page, by its address at first, then by a cookie; all if it has none."""
+
+    def prepare(self) -> None:
+        """Refuse a request without it."""
+        token = self.application.settings["token"]
+        if token is None:
+            return
+        if hmac.compare_digest(self.get_query_argument("token", "").encode(), token.encode()):
+            self.set_cookie(_COOKIE, token, httponly=True, samesite="Strict")
+        elif not hmac.compare_digest((self.get_cookie(_COOKIE) or "").encode(), token.encode()):
+            self.set_status(403)
+            self.finish(
+                "Open the address with the token that `observer-rt monitor` has written on its terminal.\n"
+            )
+
+
+class _PageFiles(_Guarded, StaticFileHandler):
     def set_extra_headers(self, path: str) -> None:
         self.set_header("Cache-Control", "no-cache")  # else a browser may keep those of an older version
 
 
-class _Channel(WebSocketHandler):
+class _Channel(_Guarded, WebSocketHandler):
     """Brings what is new to a browser, which answers each message with its number once it is drawn."""
 
     def initialize(self, watching: Watching, folder: Path) -> None:
@@ -74,13 +94,17 @@ def serve_page(
 
 
 async def _serve(watching: Watching, address: str, port: int, folder: Path, console: Console) -> None:
-    application = Application()
     handlers = [
         ("/drawings", _Channel, {"watching": watching, "folder": folder}),
         ("/(.*)", _PageFiles, {"path": _FILES, "default_filename": "page.html"}),
     ]
     try:
-        application.add_handlers(_names_of(address), handlers)
+        is_local = ip_address(socket.gethostbyname(address)).is_loopback
+        token = None if is_local else secrets.token_urlsafe(12)
+        application = Application(token=token)
+        # a foreign page whose name leads here by its own name server is not served
+        names = rf"(localhost|127\.0\.0\.1|{re.escape(address)})" if is_local else ".*"
+        application.add_handlers(names, handlers)
         sockets = bind_sockets(port, address, socket.AF_INET)
     except OSError as error:
         raise RunError(
@@ -90,7 +114,8 @@ async def _serve(watching: Watching, address: str, port: int, folder: Path, cons
     HTTPServer(application).add_sockets(sockets)
     with stop_on_signals() as stop:
         watching.start()
-        say(console, f"http://{address}:{sockets[0].getsockname()[1]}/ (Ctrl-C ends it)")
+        asked = "" if token is None else f"?token={token}"
+        say(console, f"http://{address}:{sockets[0].getsockname()[1]}/{asked} (Ctrl-C ends it)")
         sys.setswitchinterval(_TURN)
         gc.freeze()  # what is loaded stays: going through all of it now and then would hold up drawings
         try:
@@ -98,13 +123,3 @@ async def _serve(watching: Watching, address: str, port: int, folder: Path, cons
                 await asyncio.sleep(_STOP_EVERY)
         finally:
             watching.close()
-
-
-def _names_of(address: str) -> str:
-    """The names of this server, a pattern: on an address that only this computer reaches its own ones, else any.
-
-    A foreign page whose name leads here by its own name server is not served.
-    """
-    if ip_address(socket.gethostbyname(address)).is_loopback:
-        return rf"(localhost|127\.0\.0\.1|{re.escape(address)})"
-    return ".*"

@@ -151,6 +151,19 @@ def test_a_page_of_another_name_is_not_served(one: Options, serve: Serve) -> Non
             urlopen(Request(url + path, headers={"Host": "elsewhere.example"}))
 
 
+def test_a_page_for_other_computers_asks_for_its_token(one: Options, page: Page, serve: Serve) -> None:
+    url = serve("--address", "0.0.0.0", *one).replace("0.0.0.0", "127.0.0.1")
+    bare, _, token = url.partition("?token=")
+    assert len(token) >= 16
+    for path in ("", "page.js", "drawings", "?token=", "?token=guessed", f"page.js?token={token[:-1]}"):
+        with pytest.raises(HTTPError, match="403"):
+            urlopen(bare + path)
+    page.goto(url)
+    expect(page.locator(".mass")).to_be_visible(timeout=PATIENCE)
+    page.goto(bare)  # by the cookie
+    expect(page.locator(".mass")).to_be_visible(timeout=PATIENCE)
+
+
 def test_a_page_that_has_lost_its_server_says_so_and_goes_on(
     one: Options, page: Page, tmp_path: Path
 ) -> None:

@@ -25,7 +25,7 @@ _QUIET = (
     "--disable-component-update",
     "--disable-sync",
 )
-_URL = re.compile(r"http://127\.0\.0\.1:\d+/")
+_URL = re.compile(r"http://\S+:\d+/\S*")
 
 
 def launch(playwright: Playwright) -> Browser:

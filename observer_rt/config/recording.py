@@ -34,7 +34,9 @@ class ColumnConfig(Section):
     @model_validator(mode="after")
     def _changes_something(self) -> Self:
         if self.factor == 0.0:
-            raise ValueError("'factor' must not be 0")
+            raise ValueError(
+                "'factor' is 0, which leaves nothing of the values; state another, or leave it out"
+            )
         return self
 
     @property
@@ -52,7 +54,7 @@ class TimeConfig(ColumnConfig):
     def _is_one_kind(self) -> Self:
         if self.format is not None and self.model_fields_set & {"unit", "factor", "offset"}:
             raise ValueError(
-                "stamps of a calendar have no 'unit', 'factor' or 'offset': leave out these, or 'format'"
+                "stamps of a calendar have no 'unit', 'factor' or 'offset'; leave out these, or 'format'"
             )
         return self
 
@@ -76,7 +78,8 @@ class RecordingConfig(Section):
         columns = [column for _, column in self.signals] + ([self.time] if self.time else [])
         if len({type(column.column) for column in columns}) > 1:
             raise ValueError(
-                "columns must all be named, or all be given by their places in a CSV file without names"
+                "some columns are named, others given by their places; name all, or give places only in a CSV "
+                "file without names"
             )
         return self
 

@@ -166,7 +166,7 @@ REFUSED = [
         "learning",
         "no effect with training = 'prediction_error'",
     ),
-    (BENCH + PAPER + "identification_gain = 0\n", "learning.identification_gain", "greater than 0"),
+    (BENCH + PAPER + "identification_gain = 0\n", "learning.identification_gain", "a number above 0"),
     (
         f'{BENCH}{PAPER}identification_gain = 1e5\n[sampling]\nmeaning = "mean"\n',
         "file",
@@ -206,7 +206,7 @@ def test_file_that_is_no_toml(tmp_path: Path) -> None:
 def test_file_that_is_no_text(tmp_path: Path) -> None:
     path = tmp_path / "bench.toml"
     path.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(UserError, match="cannot be read"):
+    with pytest.raises(UserError, match="not UTF-8"):
         load_bench(path)
     with pytest.raises(UserError, match="cannot be read"):
         load_bench(tmp_path)
@@ -227,7 +227,7 @@ def test_file_that_is_no_text(tmp_path: Path) -> None:
             "loss_factor = 8.0",
             "",
             "line.loss_factor",
-            "is missing add it; `observer-rt run --print-example-injector`",
+            "is missing add it, a number of at least 0; `observer-rt run --print-example-injector`",
         ),
         ("[chamber]", "[chambre]", "chambre", "'chamber'"),
     ],

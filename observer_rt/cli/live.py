@@ -92,12 +92,14 @@ def run(
             "is missing",
             "give a bench file; `observer-rt run --print-example-bench > bench.toml` makes one to start from",
         )
-    from observer_rt.check.buses import refuse_errors
-    from observer_rt.service.run import RunOptions, serve
+    from observer_rt.check.checkup import refuse_errors
+    from observer_rt.service.run import RunOptions, refuse_shared, serve
 
     chosen = load_bench(bench, lenient=lenient).of(injector)
-    refuse_errors(chosen)
-    serve(chosen, RunOptions(state, view, as_json, log, journal), messages)
+    asked = RunOptions(state, view, as_json, log, journal)
+    refuse_shared(chosen, asked)
+    refuse_errors(chosen, state, journal)
+    serve(chosen, asked, messages)
 
 
 def check(

@@ -104,9 +104,9 @@ def _limits(key: str, kind: Schema) -> str:
         for name, word in (
             ("minimum", "of at least"),
             ("exclusiveMinimum", "above"),
-            ("maximum", "of at most"),
+            ("maximum", "up to"),
             ("exclusiveMaximum", "below"),
         )
         if name in kind
     ]
-    return f" {', '.join(limits)}" if limits else unit and f" of{unit}"
+    return f" {' and '.join(limits)}" if limits else unit and f" of{unit}"

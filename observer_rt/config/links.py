@@ -10,8 +10,7 @@ from observer_rt.config.toml_file import Section
 from observer_rt.foundation.errors import UserError, did_you_mean
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-BitRate = Annotated[float, Field(ge=5e3, le=1e6)]
-DataBitRate = Annotated[float, Field(ge=5e3, le=2e7)]
+BitRate = Annotated[float, Field(ge=5e3, le=2e7)]  # the fastest is that of CAN XL
 Channel = Annotated[str, Field(min_length=1)]
 LinkName = Annotated[str, Field(pattern=r"^\w[\w.-]*$")]
 
@@ -23,7 +22,7 @@ class LinkConfig(Section):
     channel: Channel = "can0"
     fd: bool = True
     bit_rate: BitRate = 500e3  # bit/s, for the rules of `check`
-    data_bit_rate: DataBitRate = 5e6
+    data_bit_rate: BitRate = 5e6
 
 
 class FurtherLinkConfig(Section):
@@ -33,7 +32,7 @@ class FurtherLinkConfig(Section):
     interface: str | None = None
     fd: bool | None = None
     bit_rate: BitRate | None = None  # bit/s
-    data_bit_rate: DataBitRate | None = None
+    data_bit_rate: BitRate | None = None
 
 
 @dataclass(frozen=True)

@@ -4,9 +4,10 @@ from collections.abc import Iterator
 from enum import StrEnum
 from typing import Annotated, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from observer_rt.config.toml_file import Section
+from observer_rt.foundation.units import LENGTH_UNITS, PRESSURE_UNITS
 
 
 class Meaning(StrEnum):
@@ -72,6 +73,20 @@ class RecordingConfig(Section):
     comment: OneCharacter = "#"
     meaning: Meaning | None = None  # of their samples; None: as [sampling] says
     bridge_ms: Annotated[float, Field(ge=0.0, le=100.0)] = 0.05  # gaps up to this become a straight line
+
+    @field_validator("rail_pressure", "needle_lift", "line_pressure")
+    @classmethod
+    def _known_unit(cls, column: ColumnConfig, field: ValidationInfo) -> ColumnConfig:
+        units = LENGTH_UNITS if field.field_name == "needle_lift" else PRESSURE_UNITS
+        if column.unit is not None and column.unit not in units:
+            raise ValueError(f"{column.unit!r} is no unit of this quantity; write one of {', '.join(units)}")
+        return column
+
+    @model_validator(mode="after")
+    def _separators_differ(self) -> Self:
+        if self.separator is not None and self.separator == self.decimal:
+            raise ValueError(f"'separator' and 'decimal' are both {self.decimal!r}; change one of them")
+        return self
 
     @model_validator(mode="after")
     def _names_or_places(self) -> Self:

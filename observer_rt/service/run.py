@@ -286,10 +286,10 @@ class RunOptions:
     journal: Path | None = None
 
 
-def _refuse_shared(bench: Bench, state: Path | None, journal: Path | None) -> None:
+def refuse_shared(bench: Bench, options: RunOptions) -> None:
     """Raise `UserError` where several injectors would have one file of the command line."""
     names = [injector.name for injector in bench.injectors]
-    for option, key, path in (("--state", "file", state), ("--journal", "journal", journal)):
+    for option, key, path in (("--state", "file", options.state), ("--journal", "journal", options.journal)):
         if path is not None and len(names) > 1:
             raise UserError(
                 f"{option} {path}",
@@ -304,7 +304,6 @@ def serve(bench: Bench, options: RunOptions, console: Console) -> None:
     Raises `UserError` for files that do not fit, `RunError` when links fail.
     """
     mapped = map_bench(bench)
-    _refuse_shared(bench, options.state, options.journal)
     has_view = options.view and console.is_terminal
     notifier = Notifier()
     with ExitStack() as stack:

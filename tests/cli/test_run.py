@@ -201,7 +201,7 @@ def test_bench_file_is_required(command: Command) -> None:
         ),
         ("injection_rate_id = 0x201", "outputs.injection_rate_id", "and InjectionSummary share 0x201"),
         ("status_id = 0x200", "outputs.status_id", "InjectionRate and ObserverStatus share"),
-        ('status = "InjectionSummary"', "outputs", "2 results have one the message"),
+        ('status = "InjectionSummary"', "outputs", "2 results share the message"),
         ('status = "SampleBlock"', "outputs.status_id", "share 0x100"),
         ('status = "Nothing"', "outputs.status", "message Nothing not in the bus database"),
         ("fd = false", "link.fd", "SampleBlock is a CAN FD message, but link.fd is false"),
@@ -237,10 +237,10 @@ def test_what_check_only_warns_of_starts(
     ("option", "file", "said"),
     [
         ("--state", "no/learned.json", "no such folder"),
-        ("--state", ".", "is no file"),
+        ("--state", ".", "is a folder"),
         ("--journal", "no/injections.sqlite", "--journal"),
         ("--journal", ".", "--journal"),
-        ("--journal", "bench.toml", "is no journal of injections"),
+        ("--journal", "notes.txt", "is no journal of injections"),
         ("--log", "no/run.log", "no such folder"),
     ],
 )
@@ -248,6 +248,7 @@ def test_what_could_not_be_written_is_refused_at_the_start(
     command: Command, bench: Path, tmp_path: Path, option: str, file: str, said: str
 ) -> None:
     before = bench.read_bytes()
+    (tmp_path / "notes.txt").write_text("what was measured")
     told = command.refused("run", "--bench", bench, option, tmp_path / file)
     assert str(tmp_path) in told
     assert said in told

@@ -192,9 +192,14 @@ def test_file_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="no such file") as refused:
         load_bench(tmp_path / "none.toml")
     assert refused.value.place == str(tmp_path / "none.toml")
-    with pytest.raises(UserError, match="no such file") as refused:
-        load_bench(bench_file(tmp_path, BENCH + '[model]\nfile = "none.toml"\n'))
-    assert refused.value.place == str(tmp_path / "none.toml")
+    for missing, key in (
+        (BENCH + '[model]\nfile = "none.toml"\n', "model.file"),
+        (BENCH.replace("observer_fd.dbc", "none.toml"), "dbc.0.file"),
+    ):
+        with pytest.raises(UserError, match="does not exist") as refused:
+            load_bench(path := bench_file(tmp_path, missing))
+        assert refused.value.place == f"{path}: {key}"
+        assert str(tmp_path / "none.toml") in refused.value.problem
 
 
 def test_file_that_is_no_toml(tmp_path: Path) -> None:

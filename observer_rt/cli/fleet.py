@@ -61,7 +61,7 @@ def batch(
     from observer_rt.fleet.groups import InjectorNames, recordings_in
     from observer_rt.fleet.job import Task
     from observer_rt.service.keeping.state_file import model_hash, restored_knowledge
-    from observer_rt.terminal.console import stop_on_signals
+    from observer_rt.terminal.signals import stop_on_signals
 
     if healthy and not discover:
         raise UserError("--healthy", "is for discovery", "add --discover, or leave it out")

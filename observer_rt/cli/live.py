@@ -10,7 +10,7 @@ import typer
 
 from observer_rt.cli import options
 from observer_rt.cli.options import argument, file_option, messages, option
-from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench
+from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, Bench, load_bench
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
 from observer_rt.terminal.compiling import show_compiling
@@ -95,11 +95,15 @@ def run(
     from observer_rt.check.checkup import refuse_errors
     from observer_rt.service.run import RunOptions, refuse_shared, serve
 
-    chosen = load_bench(bench, lenient=lenient).of(injector)
     asked = RunOptions(state, view, as_json, log, journal)
-    refuse_shared(chosen, asked)
-    refuse_errors(chosen, state, journal)
-    serve(chosen, asked, messages)
+
+    def read() -> Bench:
+        chosen = load_bench(bench, lenient=lenient).of(injector)
+        refuse_shared(chosen, asked)
+        refuse_errors(chosen, state, journal)
+        return chosen
+
+    serve(read(), asked, messages, read)
 
 
 def check(

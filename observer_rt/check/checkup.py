@@ -255,6 +255,8 @@ def log_findings(bench: Bench, path: Path, from_channels: Sequence[str] = ()) ->
         yield False, f"frames {', '.join(f'{count} {what}' for what, count in odd.items() if count)}", ""
     for note in logged.notes:
         yield False, note, ""
+    for found in implausible(logged.survey):
+        yield failed("log", found.error(logged.path))
     for timing in logged.timing:
         is_known = timing.unknown == 0.0 or (timing.jitter.frames > 0 and timing.unknown <= TOLERANCE)
         yield is_known, timing.as_text(), "" if math.isinf(timing.unknown) else "see docs/time.md"

@@ -138,7 +138,7 @@ class Daemon:
         if not self._down:
             for notice in self._watch.look(now):
                 self._tell(notice)
-        for notice in self._state_watch.look(now, self.standing(now)):
+        for notice in self._state_watch.look(now, self.standing(now), self._watch.causes):
             self._tell(notice)
         if self._pump.goes_round():
             self._on_alive()

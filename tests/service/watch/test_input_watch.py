@@ -166,6 +166,25 @@ def test_a_lift_that_is_cut_off_at_rest_is_not_called_frozen(watched: Watched) -
     assert watched.tells_of("needle_lift", lambda lift: np.where(lift < 20e-6, 0.0, lift)) == []
 
 
+@pytest.mark.parametrize(
+    ("unit", "problem", "likely"),
+    [
+        ("10 MPa", "reaches 1", "which is likely bar"),
+        ("bar", "MPa in the mean, rail_pressure 120 MPa: 0.1 times as much", "is MPa, read as bar"),
+    ],
+)
+def test_a_pressure_in_another_unit_is_named_as_it_is_in_files(
+    watched: Watched, tmp_path: Path, unit: str, problem: str, likely: str
+) -> None:
+    wrong = block_bench(tmp_path, "virtual", ["watch"])
+    pattern = 'pattern = "LinePressure_{:02d}"'
+    wrong.write_text(wrong.read_text().replace(pattern, f'{pattern}\nunit = "{unit}"'))
+    told = Watched(wrong).tells(watched.frames)
+    (named,) = (text for text in told if likely in text)
+    assert named.startswith(f"{LINE}: line_pressure ")
+    assert problem in named
+
+
 FINE = LiftFigures(at_stop=0.3e-3, stop=0.3e-3)
 
 

@@ -156,7 +156,7 @@ def _kept(fitted: BenchInjector, state: Path | None, journal: Path | None) -> It
     if knowledge is None:
         yield f"none at {path} yet, `run` begins with the prior"
         return
-    learned = f"{path}: phi version {knowledge.phi_version}, learned from {knowledge.events} events"
+    learned = f"{path}: correction {knowledge.phi_version}, learned from {knowledge.events} events"
     yield knowledge.events > 0, learned, "`run` will trust its results no sooner for it"
 
 

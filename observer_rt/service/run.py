@@ -159,8 +159,10 @@ class InjectorService:
     def _announce(self) -> None:
         injector, bus, say = self._bench.injector, self._bus, self._voice.say
         constants = bench_constants(injector)
-        inputs = ", ".join(map(bus.name_of, bus.received))
-        outputs = ", ".join(map(bus.name_of, bus.sent))
+        inputs, outputs = (
+            ", ".join(f"{bus.name_of(layout)} 0x{layout.frame_id:X}" for layout in layouts)
+            for layouts in (bus.received, bus.sent)
+        )
         rate = injector.config.sampling.rate_hz
         lookahead = constants.timing.lookahead
         say(
@@ -184,7 +186,7 @@ class InjectorService:
             Topic.STOP,
             f"stopped after {counters.samples} samples, {counters.injections} injections; {counters.lost_samples} "
             f"samples lost, {daemon.dropped} frames dropped, {daemon.unsent} results unsent, "
-            f"{daemon.arrivals.foreign_frames} frames of other senders, {counters.adoptions} phi adopted, "
+            f"{daemon.arrivals.foreign_frames} frames of other senders, {counters.adoptions} corrections adopted, "
             f"{counters.late_adoptions} late, {counters.passed_over} events not learned from in time{lost}",
         )
 

@@ -194,7 +194,7 @@ def _beside_each_other(rail: SignalSurvey, line: SignalSurvey) -> Iterator[Impla
                 "line_pressure",
                 f"is {line.mean / MEGAPASCAL:.4g} MPa in the mean, rail_pressure {rail.mean / MEGAPASCAL:.4g} MPa: "
                 f"{ratio:.3g} times as much",
-                f"mind the units of both; the likely one of line_pressure is {unit}",
+                f"mind the units of both; that of line_pressure is likely {unit}",
             )
             return
 

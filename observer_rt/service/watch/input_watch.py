@@ -83,6 +83,31 @@ class InputWatch:
         return tuple(self._units.told.values())
 
 
+class RestartWatch:
+    """Tells when a device begins its sample index anew."""
+
+    def __init__(self, arrivals: Arrivals) -> None:
+        self._sources = arrivals.sources
+        self._restarts = 0
+        self._before: list[int] = []
+
+    def look(self, progress: list[int], restarts: int) -> list[Notice]:
+        """News; progress: as of `SilenceWatch`, restarts: so far."""
+        before, self._before = self._before, progress
+        if restarts == self._restarts:
+            return []
+        self._restarts = restarts
+        back = [
+            f"{source.text}: sample index {before[stream]} -> {progress[stream]}"
+            for source in self._sources
+            for stream in source.streams[:1]
+            if before and progress[stream] < before[stream]
+        ]
+        found = "; ".join(back) or "sample index begins anew"
+        remedy = "nothing, if that was meant; else see to its power supply"
+        return [Notice(Topic.INPUT, f"a measuring device was restarted: {found}\n  remedy: {remedy}")]
+
+
 class LiftWatch:
     """Looks at the figures of the lift sensor."""
 

@@ -37,7 +37,7 @@ class UnitWatch:
             return []
         odd = {
             each.signal: f"{self._named[each.signal]} {each.problem}\n  remedy: {each.remedy}"
-            for each in implausible(self._survey)
+            for each in reversed([*implausible(self._survey)])  # of several of a signal the first
         }
         self._begin()
         self._times = self._times + 1 if odd.keys() == self._found.keys() else 1

@@ -1,6 +1,7 @@
 """Commands of the live observer: `demo`, `run`, `check`, `monitor` and `journal`."""
 
 import json
+import math
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -154,6 +155,8 @@ def monitor(
     ] = None,
     from_channel: options.FromChannelOption = None,
     speed: Annotated[float, option("--speed", "Of a log: 1 = real time.", min=0.01, max=1000.0)] = 1.0,
+    start: Annotated[float, option("--start", "Of a log: from this time of it [s].", min=0.0)] = 0.0,
+    stop: Annotated[float | None, option("--stop", "Of a log: to this time of it [s].", min=0.0)] = None,
     port: Annotated[int, option("--port", "Of the page; 0 = any that is free.", min=0, max=65535)] = 5006,
     address: Annotated[
         str,
@@ -180,7 +183,13 @@ def monitor(
     source = (
         LiveSource(chosen)
         if log is None
-        else LogSource(log, chosen.config.buses, tuple(from_channel or ()), speed)
+        else LogSource(
+            log,
+            chosen.config.buses,
+            tuple(from_channel or ()),
+            speed,
+            (start, math.inf if stop is None else stop),
+        )
     )
     serve_page(chosen, source, address, port, out, messages)
 

@@ -12,7 +12,7 @@ from observer_rt.watch.page.letters import banner_html
 from observer_rt.watch.results import SeenInjection
 
 SECOND = 1_000_000_000
-SHOWN = SeenInjection(SummaryValues(**dict.fromkeys(SummaryValues._fields, 1)), 100 * SECOND)
+SHOWN = SeenInjection(SummaryValues._make([1] * len(SummaryValues._fields)), 100 * SECOND)
 SEEN = Seen("", (SHOWN,), np.empty(0, HISTORY), None, (), 0)
 
 

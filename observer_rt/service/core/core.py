@@ -177,7 +177,7 @@ class Core:
     @property
     def is_between_events(self) -> bool:
         """Whether no injection is under way, nor any to be judged."""
-        return self.is_idle and not self.compiled.observer.memory["in_event"][0]
+        return self._judging.is_idle and not self.compiled.observer.memory["in_event"][0]
 
     def finish(self) -> list[OutputFrame]:
         """No frame will come: process what waits, judge every event, publish the last block."""

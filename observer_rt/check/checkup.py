@@ -28,7 +28,7 @@ from observer_rt.foundation.units import CUBIC_MILLIMETRE, MEGAPASCAL, MICROMETR
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.recording.formats import is_log, open_recording
 from observer_rt.recording.replay.framing import bench_for
-from observer_rt.recording.signals.plausible import implausible
+from observer_rt.recording.signals.plausible import implausible, swapped
 from observer_rt.recording.signals.stream import SignalStream
 from observer_rt.service.core.learners import SIGNALS
 from observer_rt.service.keeping.keeper import kept_files
@@ -208,6 +208,8 @@ def recording_findings(bench: Bench, path: Path) -> Iterator[Said]:
     yield from _ranges(stream)
     for found in implausible(stream.survey):
         yield failed("recording", found.error(path, stream.names.get(found.signal, "")))
+    if odd := swapped(stream.survey):
+        yield False, *odd
     bench_for(bench, stream)
 
 
@@ -257,6 +259,8 @@ def log_findings(bench: Bench, path: Path, from_channels: Sequence[str] = ()) ->
         yield False, note, ""
     for found in implausible(logged.survey):
         yield failed("log", found.error(logged.path))
+    if odd := swapped(logged.survey):
+        yield False, *odd
     for timing in logged.timing:
         is_known = timing.unknown == 0.0 or (timing.jitter.frames > 0 and timing.unknown <= TOLERANCE)
         yield is_known, timing.as_text(), "" if math.isinf(timing.unknown) else "see docs/time.md"

@@ -148,13 +148,24 @@ _UNFIT = {
     ),
 }
 """Why the results of many injections are worth nothing, and what to do about it."""
+_CHANGED = (
+    "the model fits the healthy injector, so that this one has changed in a way it does not know: "
+    "`observer-rt discover` looks for it; or a sensor has"
+)
 
 
-def print_evaluation(evaluation: Evaluation, c: Coefficients, console: Console) -> None:
-    """One recording: what it is, injection by injection or, where there are many, some at a time, what is wrong."""
+def print_evaluation(
+    evaluation: Evaluation, c: Coefficients, console: Console, is_fitted: bool = False
+) -> None:
+    """One recording: what it is, injection by injection or, where there are many, some at a time, what is wrong.
+
+    is_fitted: whether the model was, to a healthy injector, and was adequate.
+    """
     counters, count = evaluation.counters, len(evaluation.injections)
     not_valid = _not_valid(evaluation.injections)
     for reason, (problem, remedy) in _UNFIT.items():
+        if reason is Reason.MODEL_INADEQUATE and is_fitted:
+            remedy = _CHANGED
         if found := not_valid.get(reason):
             said = f"{reason.name}: {problem} {len(found)} of {count} injections"
             say(console, f"{said}; their rates and masses are not to be believed\n  remedy: {remedy}")
@@ -182,7 +193,7 @@ def print_evaluation(evaluation: Evaluation, c: Coefficients, console: Console) 
         )
     for reason, numbers in not_valid.items():
         say(console, f"not valid for {reason.name}: {_ranges(numbers)}")
-    if Reason.TOO_FEW_EVENTS in not_valid:
+    if Reason.TOO_FEW_EVENTS in not_valid and sum(map(len, not_valid.values())) < count:
         say(
             console,
             "(they were learned from: --save-state FILE, then --state FILE has all but the first valid)",

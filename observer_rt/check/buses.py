@@ -7,7 +7,8 @@ import numpy as np
 
 from observer_rt.bus.can_frame import frame_key
 from observer_rt.bus.database.lookup import MessageLayout
-from observer_rt.bus.mapping.bus_map import BenchMap, in_common, map_bench
+from observer_rt.bus.links.opening import require_interface
+from observer_rt.bus.mapping.bus_map import BenchMap, in_common
 from observer_rt.bus.mapping.output_messages import frame_time
 from observer_rt.bus.mapping.timing import Joining, Numbering
 from observer_rt.check.findings import Finding, Said, ruled
@@ -23,23 +24,27 @@ HIGH_LOAD = 0.6
 _LESS = "state the rates this bus has, sample slower, or spread the messages over several buses"
 
 
-def refuse_errors(bench: Bench) -> None:
-    """Raise `UserError` for the first of all errors about the buses of a bench."""
-    errors = [each.error for each in buses_findings(bench, map_bench(bench)) if each.error is not None]
-    if not errors:
-        return
-    first, *others = errors
-    more = f"; `observer-rt check` names {len(others)} more" if others else ""
-    raise UserError(first.place, first.problem, first.remedy + more)
-
-
 def buses_findings(bench: Bench, mapped: BenchMap) -> list[Finding]:
     """All findings about the buses, those of their load where every message fits its kind of frame."""
-    findings = _carried(bench, mapped) + _results(bench, mapped)
+    findings = _links(bench) + _carried(bench, mapped) + _results(bench, mapped)
     findings += _identifiers(bench, mapped) + _databases(mapped) + _frames(bench, mapped)
     if any(finding.topic == "frames" and finding.error for finding in findings):
         return findings
     return findings + _load(bench, mapped)
+
+
+@ruled("buses")
+def _links(bench: Bench) -> Iterator[Said]:
+    """Interfaces and bit rates that there are not."""
+    for link in bench.config.buses:
+        config, place = link.config, f"{bench.path}: {link.place}"
+        require_interface(f"{place}.interface", config.interface)
+        if config.fd and config.data_bit_rate < config.bit_rate:
+            yield UserError(
+                f"{place}.data_bit_rate",
+                f"{config.data_bit_rate:g} bit/s, less than bit_rate, {config.bit_rate:g} bit/s",
+                "state both in bit/s; the data phase of CAN FD is the faster one",
+            )
 
 
 @ruled("buses")
@@ -80,7 +85,7 @@ def _results(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
         is_of_one = len(set(names)) == 1
         owners = f"{len(names)} results" if is_of_one else " and ".join(names)
         place = f"{bench.path}: {'outputs' if is_of_one else 'injectors'}"
-        yield UserError(place, f"{owners} have one {what}", "give each its own")
+        yield UserError(place, f"{owners} share {what}", "give each its own")
 
 
 @ruled("identifiers")

@@ -28,9 +28,10 @@ from observer_rt.foundation.units import CUBIC_MILLIMETRE, MEGAPASCAL, MICROMETR
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.recording.formats import is_log, open_recording
 from observer_rt.recording.replay.framing import bench_for
-from observer_rt.recording.signals.plausible import implausible
+from observer_rt.recording.signals.plausible import implausible, swapped
 from observer_rt.recording.signals.stream import SignalStream
-from observer_rt.service.core.learners import SIGNALS, refuse_state
+from observer_rt.service.core.learners import SIGNALS
+from observer_rt.service.keeping.keeper import kept_files
 from observer_rt.service.keeping.state_file import StateDoesNotFitError, load_knowledge, model_hash
 
 __all__ = ["Finding", "Level", "as_json_document", "as_table", "checkup", "of_each"]
@@ -64,9 +65,33 @@ def checkup(bench: Bench, state: Path | None = None) -> list[Finding]:
     state: file with a learned state, which stays as it is, instead of the one that the bench file names. Where there
     are several injectors, what is found of one says of which. Raises `UserError` for one state of several injectors.
     """
-    alone = None if state is None else bench.injector
+    findings = bench_findings(bench, state)
+    findings += real_time_findings(this_host(bench.config.realtime.cpus, len(bench.injectors)))
+    findings += compiled_code_findings(compiled_code())
+    for link in bench.config.buses:
+        if link.config.interface == "socketcan":
+            controller = read_controller(link.config.channel)
+            findings += interface_findings(link.config, controller, place=link.place)
+    return findings
+
+
+def refuse_errors(bench: Bench, state: Path | None = None, journal: Path | None = None) -> None:
+    """Raise `UserError` for the first of all errors that `checkup` finds in a bench."""
+    errors = [finding.error for finding in bench_findings(bench, state, journal) if finding.error is not None]
+    if not errors:
+        return
+    first, *others = errors
+    more = f"; `observer-rt check` names {len(others)} more" if others else ""
+    raise UserError(first.place, first.problem, first.remedy + more)
+
+
+def bench_findings(bench: Bench, state: Path | None = None, journal: Path | None = None) -> list[Finding]:
+    """The same of all but the machine. journal: instead of that of the bench file, as the state."""
+    alone = None if state is None and journal is None else bench.injector
     findings = _files(bench)
-    findings += _each(bench, lambda fitted: _injector(fitted, state if fitted is alone else fitted.state))
+    findings += _each(
+        bench, lambda fitted: _injector(fitted, *((state, journal) if fitted is alone else (None, None)))
+    )
     try:
         mapped = map_bench(bench)
         maps = {fitted.name: bus for fitted, bus in zip(bench.injectors, mapped.injectors, strict=True)}
@@ -77,12 +102,6 @@ def checkup(bench: Bench, state: Path | None = None) -> list[Finding]:
         findings.append(failed("mapping", error))
     findings += _each(bench, channel_findings)
     findings += _each(bench, observer_findings)
-    findings += real_time_findings(this_host(bench.config.realtime.cpus, len(bench.injectors)))
-    findings += compiled_code_findings(compiled_code())
-    for link in bench.config.buses:
-        if link.config.interface == "socketcan":
-            controller = read_controller(link.config.channel)
-            findings += interface_findings(link.config, controller, place=link.place)
     return findings
 
 
@@ -106,9 +125,9 @@ def _files(bench: Bench) -> Iterator[Said]:
     yield f"bus database {names}, hash {database_hash(bench.databases):08X}"
 
 
-def _injector(fitted: BenchInjector, state: Path | None) -> list[Finding]:
+def _injector(fitted: BenchInjector, state: Path | None, journal: Path | None) -> list[Finding]:
     """The injector's own files, and whether an injector can be like that."""
-    kept = [] if state is None else _state(fitted, state)
+    kept = _kept(fitted, state, journal)
     return [*_injector_file(fitted), *_effects(fitted), *kept, *plausibility_findings(fitted.parameters)]
 
 
@@ -120,9 +139,11 @@ def _injector_file(fitted: BenchInjector) -> Iterator[Said]:
 
 
 @ruled("learned state")
-def _state(fitted: BenchInjector, path: Path) -> Iterator[Said]:
-    """What `run` would make of a learned state."""
-    refuse_state(fitted, "--state")
+def _kept(fitted: BenchInjector, state: Path | None, journal: Path | None) -> Iterator[Said]:
+    """What `run` would make of a learned state, and whether it can keep it, and a journal."""
+    path = kept_files(fitted, state, journal).state
+    if path is None:
+        return
     scale = fitted.parameters.scaling.pressure
     try:
         knowledge = load_knowledge(path, model_hash(fitted.parameters), scale, set_aside=False).knowledge
@@ -135,7 +156,7 @@ def _state(fitted: BenchInjector, path: Path) -> Iterator[Said]:
     if knowledge is None:
         yield f"none at {path} yet, `run` begins with the prior"
         return
-    learned = f"{path}: phi version {knowledge.phi_version}, learned from {knowledge.events} events"
+    learned = f"{path}: correction {knowledge.phi_version}, learned from {knowledge.events} events"
     yield knowledge.events > 0, learned, "`run` will trust its results no sooner for it"
 
 
@@ -187,6 +208,8 @@ def recording_findings(bench: Bench, path: Path) -> Iterator[Said]:
     yield from _ranges(stream)
     for found in implausible(stream.survey):
         yield failed("recording", found.error(path, stream.names.get(found.signal, "")))
+    if odd := swapped(stream.survey):
+        yield False, *odd
     bench_for(bench, stream)
 
 
@@ -234,6 +257,10 @@ def log_findings(bench: Bench, path: Path, from_channels: Sequence[str] = ()) ->
         yield False, f"frames {', '.join(f'{count} {what}' for what, count in odd.items() if count)}", ""
     for note in logged.notes:
         yield False, note, ""
+    for found in implausible(logged.survey):
+        yield failed("log", found.error(logged.path))
+    if odd := swapped(logged.survey):
+        yield False, *odd
     for timing in logged.timing:
         is_known = timing.unknown == 0.0 or (timing.jitter.frames > 0 and timing.unknown <= TOLERANCE)
         yield is_known, timing.as_text(), "" if math.isinf(timing.unknown) else "see docs/time.md"

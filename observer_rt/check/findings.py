@@ -66,8 +66,8 @@ def _finding(topic: str, said: Said) -> Finding:
             return said
         case str():
             return Finding(topic, Level.OK, said)
-        case UserError():  # of the bench file, which is known: its text says no place
-            return Finding(topic, Level.ERROR, _said(said), said)
+        case UserError():  # of the bench file, which is known: its text says the key
+            return Finding(topic, Level.ERROR, f"{said.place.rpartition(': ')[2]}: {_said(said)}", said)
         case is_good, text, remedy:
             return graded(topic, is_good, text, remedy)
 

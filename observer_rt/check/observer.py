@@ -111,7 +111,7 @@ def _event_timing(fitted: BenchInjector) -> Iterator[Said]:
     learning = fitted.config.learning
     longest = MAX_EVENT / fitted.config.sampling.rate_hz / MILLISECOND
     text = (
-        f"openings within {learning.event_gap_ms:g} ms are one event; a new phi takes force "
+        f"openings within {learning.event_gap_ms:g} ms are one event; a new correction takes force "
         f"{learning.event_gap_ms + learning.learning_delay_ms:g} ms after the needle shuts; learned from events "
         f"up to {longest:.0f} ms, gap included"
     )

@@ -24,6 +24,7 @@ EXIT_CODES = (
     "Exit code: 0 there is a result; 1 it failed at run time, or `check` found an error; "
     "2 the command line or a file of yours must change; 130 it was interrupted."
 )
+_UsageError: Any = typer.BadParameter.__base__  # of all mistakes in a command line; typer has no name for it
 NAMES = {"<int>": "N", "<int range>": "N", "<float>": "NUMBER", "<float range>": "NUMBER", "<str>": "TEXT"}
 
 
@@ -80,9 +81,15 @@ def main() -> None:
     try:
         try:
             _refuse_without_cache()
-            app()
+            exit_code = app(standalone_mode=False)
         finally:
             sys.stdout.flush()  # so that what cannot be written shows here
+        sys.exit(exit_code)
+    except _UsageError as error:
+        if not sys.argv[1:]:  # which is answered by the help
+            error.show()
+            sys.exit(error.exit_code)
+        _fail(str(_worded(error)), error.exit_code)
     except ObserverError as error:
         _fail(str(error), error.exit_code)
     except BrokenPipeError:
@@ -93,6 +100,16 @@ def main() -> None:
     except OSError as error:
         _abandon_stdout()
         _fail(f"{error.filename or 'output'}: {error.strerror or error}", 1)
+
+
+def _worded(error: Any) -> UserError:
+    """What is wrong with a command line, as all other errors are said."""
+    called = error.ctx.info_name if error.ctx is not None and error.ctx.parent is not None else ""
+    command = f"observer-rt {called}".strip()
+    message = error.format_message().rstrip(".")
+    return UserError(
+        called or "command line", message[:1].lower() + message[1:], f"`{command} -h` explains it"
+    )
 
 
 def _refuse_without_cache() -> None:

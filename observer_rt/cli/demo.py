@@ -36,7 +36,7 @@ from observer_rt.service.screen.view import View
 from observer_rt.service.warm_up import warm_up
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import SimulatedNoise, simulate
-from observer_rt.terminal.console import stop_on_signals
+from observer_rt.terminal.signals import stop_on_signals
 
 RAIL_PRESSURES = (60 * MEGAPASCAL, 100 * MEGAPASCAL, 140 * MEGAPASCAL)
 ENERGIZING_TIME = 1.9 * MILLISECOND

@@ -31,6 +31,15 @@ def batch(
             "PATTERN",
         ),
     ] = None,
+    time_from: Annotated[
+        str | None,
+        option(
+            "--time-from",
+            "Regular expression that finds date and time of a recording in its path: its first group. Left out: by "
+            "frames or header of the file, of CSV and Parquet when it was last written.",
+            "PATTERN",
+        ),
+    ] = None,
     scheduler: Annotated[
         str | None, option("--scheduler", "Address of a Dask scheduler (default: workers here).", "ADDRESS")
     ] = None,
@@ -58,15 +67,16 @@ def batch(
     from observer_rt.fleet.batch import evaluate_all, settings_of, tell
     from observer_rt.fleet.cluster import Work, connected
     from observer_rt.fleet.dataset import Dataset
-    from observer_rt.fleet.groups import InjectorNames, recordings_in
+    from observer_rt.fleet.groups import InjectorNames, RecordingTimes, recordings_in
     from observer_rt.fleet.job import Task
     from observer_rt.service.keeping.state_file import model_hash, restored_knowledge
-    from observer_rt.terminal.console import stop_on_signals
+    from observer_rt.terminal.signals import stop_on_signals
 
     if healthy and not discover:
         raise UserError("--healthy", "is for discovery", "add --discover, or leave it out")
     chosen = load_bench(bench.absolute(), model and model.absolute(), lenient).of(injector)
     InjectorNames(injector_from)  # refuses what is no pattern
+    RecordingTimes(time_from)  # as this does
     own = OwnEffects.in_use(tuple(effects or ()))
     asked = None
     if discover:  # loading what it needs takes as long as all else
@@ -77,7 +87,8 @@ def batch(
     out.mkdir(parents=True, exist_ok=True)
     check_folder("--out", out)
     learning = not no_learning
-    dataset = Dataset(out, settings_of(chosen, state, learning, injector_from, own))
+    settings = settings_of(chosen, state, learning, injector_from, own)
+    dataset = Dataset(out, settings | ({} if time_from is None else {"time_from": time_from}))
     knowledge, parameters = None, chosen.injector.parameters
     if state is not None:
         knowledge = restored_knowledge(
@@ -87,7 +98,7 @@ def batch(
             partial(say, messages),
             set_aside=False,
         )
-    task = Task(chosen, Path.cwd(), knowledge, learning, injector_from, own)
+    task = Task(chosen, Path.cwd(), knowledge, learning, injector_from, time_from, own)
     found = None
     show_compiling(messages)
     with dataset, stop_on_signals() as stop, connected(scheduler, workers) as cluster:

@@ -1,6 +1,7 @@
 """Commands of the live observer: `demo`, `run`, `check`, `monitor` and `journal`."""
 
 import json
+import math
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -10,7 +11,7 @@ import typer
 
 from observer_rt.cli import options
 from observer_rt.cli.options import argument, file_option, messages, option
-from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench
+from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, Bench, load_bench
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
 from observer_rt.terminal.compiling import show_compiling
@@ -92,12 +93,18 @@ def run(
             "is missing",
             "give a bench file; `observer-rt run --print-example-bench > bench.toml` makes one to start from",
         )
-    from observer_rt.check.buses import refuse_errors
-    from observer_rt.service.run import RunOptions, serve
+    from observer_rt.check.checkup import refuse_errors
+    from observer_rt.service.run import RunOptions, refuse_shared, serve
 
-    chosen = load_bench(bench, lenient=lenient).of(injector)
-    refuse_errors(chosen)
-    serve(chosen, RunOptions(state, view, as_json, log, journal), messages)
+    asked = RunOptions(state, view, as_json, log, journal)
+
+    def read() -> Bench:
+        chosen = load_bench(bench, lenient=lenient).of(injector)
+        refuse_shared(chosen, asked)
+        refuse_errors(chosen, state, journal)
+        return chosen
+
+    serve(read(), asked, messages, read)
 
 
 def check(
@@ -148,6 +155,8 @@ def monitor(
     ] = None,
     from_channel: options.FromChannelOption = None,
     speed: Annotated[float, option("--speed", "Of a log: 1 = real time.", min=0.01, max=1000.0)] = 1.0,
+    start: Annotated[float, option("--start", "Of a log: from this time of it [s].", min=0.0)] = 0.0,
+    stop: Annotated[float | None, option("--stop", "Of a log: to this time of it [s].", min=0.0)] = None,
     port: Annotated[int, option("--port", "Of the page; 0 = any that is free.", min=0, max=65535)] = 5006,
     address: Annotated[
         str,
@@ -174,7 +183,13 @@ def monitor(
     source = (
         LiveSource(chosen)
         if log is None
-        else LogSource(log, chosen.config.buses, tuple(from_channel or ()), speed)
+        else LogSource(
+            log,
+            chosen.config.buses,
+            tuple(from_channel or ()),
+            speed,
+            (start, math.inf if stop is None else stop),
+        )
     )
     serve_page(chosen, source, address, port, out, messages)
 

@@ -25,7 +25,8 @@ from observer_rt.cli.options import (
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench
 from observer_rt.config.links import of_links, refuse_shared_channels
 from observer_rt.foundation.errors import UserError
-from observer_rt.terminal.console import check_folder, progress_bar, say, stop_on_signals
+from observer_rt.terminal.console import check_folder, progress_bar, say
+from observer_rt.terminal.signals import stop_on_signals
 
 if TYPE_CHECKING:
     from observer_rt.recording.recorder import RecordStatistics

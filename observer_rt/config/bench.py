@@ -159,7 +159,7 @@ def load_bench(path: Path = EXAMPLE_BENCH, model: Path | None = None, lenient: b
     return Bench(
         path=path,
         config=buses.model_copy(update={"dbc": databases}),
-        databases=tuple(_database_path(path, entry.file) for entry in databases),
+        databases=tuple(_database_path(path, number, entry.file) for number, entry in enumerate(databases)),
         injectors=tuple(_injector(files[name], config, model) for name, config in configs.items()),
     )
 
@@ -169,8 +169,10 @@ class _Named(Section):
 
 
 def _injector(file: BenchFile, config: BenchConfig, model: Path | None) -> BenchInjector:
-    if model is None:
-        model = file.path.parent / config.model.file if config.model.file else NOMINAL_INJECTOR
+    if model is None and config.model.file:
+        model = file.path.parent / config.model.file
+        _require_file(file.place("model", "file"), model)
+    model = model or NOMINAL_INJECTOR
     return BenchInjector(file, _part(InjectorConfig, config), model, load_injector(model))
 
 
@@ -179,6 +181,17 @@ def _part(model: type[_Sections], config: BenchConfig) -> _Sections:
     return model.model_construct(**{name: getattr(config, name) for name in model.model_fields})
 
 
-def _database_path(bench: Path, name: str) -> Path:
+def _database_path(bench: Path, number: int, name: str) -> Path:
     beside, shipped = bench.parent / name, PACKAGE_DATA / name
-    return shipped if shipped.exists() and not beside.exists() else beside
+    if shipped.exists() and not beside.exists():
+        return shipped
+    of_package = ", or " + ", ".join(sorted(path.name for path in PACKAGE_DATA.glob("*.dbc")))
+    _require_file(f"{bench}: dbc.{number}.file", beside, f"{of_package}, which come with the package")
+    return beside
+
+
+def _require_file(place: str, path: Path, others: str = "") -> None:
+    """Raise `UserError` for a path of the bench file that leads to no file; others: what else could be named."""
+    if not path.is_file():
+        problem = f"{path} {'is a folder' if path.is_dir() else 'does not exist'}"
+        raise UserError(place, problem, f"name a file, by its path from the bench file on{others}")

@@ -26,9 +26,9 @@ class ModelConfig(Section):
 class NoiseConfig(Section):
     """Noise of one sample (standard deviation), used until enough standstill was seen."""
 
-    rail_pressure_MPa: Positive = 0.10  # noqa: N815 - units as on screens
-    line_pressure_MPa: Positive = 0.15  # noqa: N815
-    needle_lift_um: Positive = 0.4
+    rail_pressure_MPa: Annotated[float, Field(gt=0, le=20)] = 0.10  # noqa: N815 - units as on screens
+    line_pressure_MPa: Annotated[float, Field(gt=0, le=20)] = 0.15  # noqa: N815
+    needle_lift_um: Annotated[float, Field(gt=0, le=200)] = 0.4
 
 
 class OutputsConfig(Section):
@@ -66,9 +66,11 @@ class LearningConfig(Section):
     @model_validator(mode="after")
     def _gain_of_the_paper(self) -> Self:
         if self.training is Training.PAPER and self.identification_gain is None:
-            raise ValueError("training = 'paper' needs 'identification_gain' [1/s], such as 1e5")
+            raise ValueError("training = 'paper' needs 'identification_gain'; add it [1/s], such as 1e5")
         if self.training is not Training.PAPER and self.identification_gain is not None:
-            raise ValueError(f"'identification_gain' has no effect with training = '{self.training}'")
+            raise ValueError(
+                f"'identification_gain' has no effect with training = '{self.training}'; leave it out"
+            )
         return self
 
 
@@ -95,7 +97,9 @@ class InjectorConfig(Section):
     @model_validator(mode="after")
     def _means_are_ours(self) -> Self:
         if self.learning.training is Training.PAPER and self.sampling.meaning is Meaning.MEAN:
-            raise ValueError("learning.training = 'paper' knows no sampling.meaning = 'mean', only instants")
+            raise ValueError(
+                "learning.training = 'paper' knows no sampling.meaning = 'mean', only instants; change one of them"
+            )
         return self
 
     @property

@@ -10,6 +10,8 @@ from observer_rt.config.toml_file import Section
 from observer_rt.foundation.errors import UserError, did_you_mean
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+BitRate = Annotated[float, Field(ge=5e3, le=2e7)]  # the fastest is that of CAN XL
+Channel = Annotated[str, Field(min_length=1)]
 LinkName = Annotated[str, Field(pattern=r"^\w[\w.-]*$")]
 
 
@@ -17,20 +19,20 @@ class LinkConfig(Section):
     """Where the frames come from and go to: one CAN bus."""
 
     interface: str = "socketcan"
-    channel: str = "can0"
+    channel: Channel = "can0"
     fd: bool = True
-    bit_rate: Positive = 500e3  # bit/s, for the rules of `check`
-    data_bit_rate: Positive = 5e6
+    bit_rate: BitRate = 500e3  # bit/s, for the rules of `check`
+    data_bit_rate: BitRate = 5e6
 
 
 class FurtherLinkConfig(Section):
     """A further bus; what is left out is as in `[link]`."""
 
-    channel: str
+    channel: Channel
     interface: str | None = None
     fd: bool | None = None
-    bit_rate: Positive | None = None  # bit/s
-    data_bit_rate: Positive | None = None
+    bit_rate: BitRate | None = None  # bit/s
+    data_bit_rate: BitRate | None = None
 
 
 @dataclass(frozen=True)

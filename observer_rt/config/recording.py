@@ -4,9 +4,10 @@ from collections.abc import Iterator
 from enum import StrEnum
 from typing import Annotated, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from observer_rt.config.toml_file import Section
+from observer_rt.foundation.units import LENGTH_UNITS, PRESSURE_UNITS
 
 
 class Meaning(StrEnum):
@@ -34,7 +35,9 @@ class ColumnConfig(Section):
     @model_validator(mode="after")
     def _changes_something(self) -> Self:
         if self.factor == 0.0:
-            raise ValueError("'factor' must not be 0")
+            raise ValueError(
+                "'factor' is 0, which leaves nothing of the values; state another, or leave it out"
+            )
         return self
 
     @property
@@ -52,7 +55,7 @@ class TimeConfig(ColumnConfig):
     def _is_one_kind(self) -> Self:
         if self.format is not None and self.model_fields_set & {"unit", "factor", "offset"}:
             raise ValueError(
-                "stamps of a calendar have no 'unit', 'factor' or 'offset': leave out these, or 'format'"
+                "stamps of a calendar have no 'unit', 'factor' or 'offset'; leave out these, or 'format'"
             )
         return self
 
@@ -71,12 +74,27 @@ class RecordingConfig(Section):
     meaning: Meaning | None = None  # of their samples; None: as [sampling] says
     bridge_ms: Annotated[float, Field(ge=0.0, le=100.0)] = 0.05  # gaps up to this become a straight line
 
+    @field_validator("rail_pressure", "needle_lift", "line_pressure")
+    @classmethod
+    def _known_unit(cls, column: ColumnConfig, field: ValidationInfo) -> ColumnConfig:
+        units = LENGTH_UNITS if field.field_name == "needle_lift" else PRESSURE_UNITS
+        if column.unit is not None and column.unit not in units:
+            raise ValueError(f"{column.unit!r} is no unit of this quantity; write one of {', '.join(units)}")
+        return column
+
+    @model_validator(mode="after")
+    def _separators_differ(self) -> Self:
+        if self.separator is not None and self.separator == self.decimal:
+            raise ValueError(f"'separator' and 'decimal' are both {self.decimal!r}; change one of them")
+        return self
+
     @model_validator(mode="after")
     def _names_or_places(self) -> Self:
         columns = [column for _, column in self.signals] + ([self.time] if self.time else [])
         if len({type(column.column) for column in columns}) > 1:
             raise ValueError(
-                "columns must all be named, or all be given by their places in a CSV file without names"
+                "some columns are named, others given by their places; name all, or give places only in a CSV "
+                "file without names"
             )
         return self
 

@@ -1,13 +1,14 @@
 """TOML files of the user: read, validated, refused with file, key and remedy."""
 
+import json
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from types import UnionType
-from typing import Any, TypeVar, Union, get_args, get_origin
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from observer_rt.config.allowed import Allowed
 from observer_rt.foundation.errors import UserError, did_you_mean
 
 _Model = TypeVar("_Model", bound=BaseModel)
@@ -24,19 +25,22 @@ def validated(
 ) -> _Model:
     """A document as a model. kind: of the complete example that `run --print-example-<kind>` prints.
 
-    place: of what the keys that are its arguments lead to. Raises `UserError` naming place, problem and remedy.
+    Nothing is taken for what it is not: no text for a number, no number for a switch. place: of what the keys that
+    are its arguments lead to. Raises `UserError` naming place, problem and remedy.
     """
     try:
-        return model.model_validate(document)
+        # as JSON, where a list is a tuple and a text a choice, however strict
+        return model.model_validate_json(json.dumps(document, default=str), strict=True)
     except ValidationError as error:
         errors = error.errors()
         # a misspelt key also shows as a missing one: name the cause
-        first = next((e for e in errors if e["type"] == "extra_forbidden"), errors[0])
-        location = tuple(part for part in first["loc"] if part != "[key]")  # pydantic's mark of a bad name
+        first: Any = next((e for e in errors if e["type"] == "extra_forbidden"), errors[0])
         if first["type"] == "extra_forbidden":
-            known = _keys_at(model, location[:-1])
-            raise unknown_key(place(*location), str(location[-1]), known) from None
-        raise UserError(place(*location), *_explanation(first, kind)) from None
+            *section, key = first["loc"]
+            allowed = Allowed.at(model, section)
+            raise unknown_key(place(*allowed.keys, key), key, allowed.names) from None
+        allowed = Allowed.at(model, first["loc"])
+        raise UserError(place(*allowed.keys), *_explanation(first, allowed, kind)) from None
 
 
 def place_in(path: Path) -> Callable[..., str]:
@@ -53,46 +57,32 @@ def unknown_key(place: str, key: str, known: Iterable[str]) -> UserError:
 def read_toml(path: Path) -> dict[str, Any]:
     """The content of a file. Raises `UserError`."""
     try:
-        with path.open("rb") as file:
-            return tomllib.load(file)
+        content = path.read_bytes()
+        return tomllib.loads(content.decode("utf-8-sig").replace("\r\n", "\n"))
     except FileNotFoundError:
         raise UserError(str(path), "no such file", "correct the path") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise UserError(str(path), f"cannot be read: {error}") from None
+    except OSError as error:
+        raise UserError(str(path), f"cannot be read: {error.strerror}", "name a file") from None
+    except UnicodeDecodeError as error:
+        line = 1 + content[: error.start].count(b"\n")
+        raise UserError(f"{path}:{line}", "is not UTF-8 text", "save it as UTF-8 in your editor") from None
     except RecursionError:
         raise UserError(str(path), "is not valid TOML: nested too deeply", "mend it") from None
     except ValueError as error:  # TOMLDecodeError, or a number of more digits than Python reads
         raise UserError(str(path), f"is not valid TOML: {error}", "mend the line named") from None
 
 
-def _explanation(error: Any, kind: str) -> tuple[str, str]:
+def _explanation(error: Any, allowed: Allowed, kind: str) -> tuple[str, str]:
     """Problem and remedy for one pydantic error."""
     if error["type"] == "missing":
-        return "is missing", f"add it; `observer-rt run --print-example-{kind}` shows a complete file"
-    message = str(error["msg"]).removeprefix("Value error, ")
+        example = f"`observer-rt run --print-example-{kind}` shows a complete file"
+        return "is missing", f"add it, {allowed.in_words()}; {example}"
     found = error.get("input")
     shown = f"{found!r} " if isinstance(found, str | int | float | bool) else ""
-    return f"{shown}is not allowed: {message[:1].lower()}{message[1:]}", "correct the value"
-
-
-def _keys_at(model: type[BaseModel], location: tuple[Any, ...]) -> list[str]:
-    """Names of the keys a section may have; `location` leads to it through nested sections and lists."""
-    names_follow = False  # the next part is a name the user chose, not one of ours
-    for part in location:
-        if isinstance(part, int) or names_follow:
-            names_follow = False
-            continue
-        annotation = model.model_fields[part].annotation
-        names_follow = get_origin(annotation) is Mapping
-        model = _section_in(annotation)
-    return list(model.model_fields)
-
-
-def _section_in(annotation: Any) -> type[BaseModel]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    if get_origin(annotation) in (tuple, Union, UnionType):
-        return _section_in(get_args(annotation)[0])
-    if get_origin(annotation) is Mapping:
-        return _section_in(get_args(annotation)[1])
-    raise TypeError(f"not a section: {annotation}")
+    if "[key]" in error["loc"]:  # pydantic's mark of a bad name
+        return f"{shown}is not allowed as a name", "use letters, digits, '_', '-' and '.'"
+    if error["type"] == "value_error":  # of ours, with a remedy
+        problem, _, remedy = str(error["ctx"]["error"]).partition("; ")
+        return f"{shown}is not allowed: {problem}", remedy or "correct it"
+    meant = did_you_mean(str(found), allowed.choices)
+    return f"{shown}is not allowed", f"{meant}write {allowed.in_words()}"

@@ -25,6 +25,7 @@ from observer_rt.model.parameters import temperature_of
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.recording.formats import is_log
 from observer_rt.recording.replay.framing import bench_for, clamped_in
+from observer_rt.recording.signals.plausible import swapped
 from observer_rt.recording.signals.stream import SignalStream
 from observer_rt.service.compiled.constants import injector_at
 from observer_rt.service.core.learners import doubt_about_fit, refuse_state
@@ -142,9 +143,10 @@ def evaluate_files(bench: Bench, given: Sequence[Path], options: EvaluateOptions
     if options.json:
         write_document(evaluations, model, c, sys.stdout)
     else:
-        results_console = results()
+        results_console, baseline = results(), bench.injector.parameters.baseline
+        is_fitted = baseline is not None and baseline.adequate
         for evaluation in evaluations:
-            print_evaluation(evaluation, c, results_console)
+            print_evaluation(evaluation, c, results_console, is_fitted)
     if options.plot is not None:
         from observer_rt.evaluation.figures import picture_of, plot_injections
 
@@ -254,6 +256,9 @@ def _evaluated(
         if doubt is not None:
             say(console, f"warning: {doubt.text}\n  remedy: {doubt.remedy}")
     for source in sources:
+        if odd := swapped(source.survey):
+            problem, remedy = odd
+            say(console, f"warning: {source.path}, {problem}\n  remedy: {remedy}")
         if not isinstance(source, LoggedSignals):
             for warning in clamped_in(source.survey, map_bus(bench)):
                 say(console, f"warning: {source.path}, {warning}")

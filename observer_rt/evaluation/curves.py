@@ -16,6 +16,7 @@ from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS
 from observer_rt.model.effective import Coefficients
 from observer_rt.service.reports.injection_report import (
     FIELDS,
+    MASS_BOUND,
     Field,
     InjectionReport,
     Output,
@@ -154,6 +155,8 @@ RESULT_FIELDS: tuple[Field[InjectionResult], ...] = (
     ),
 )
 """What is said of an injection, the fields of its report first."""
+SHOWN = {each.name: each for each in (*RESULT_FIELDS, _of_report(MASS_BOUND))}
+"""All that is shown of one on the screen."""
 
 
 def injection_json(result: InjectionResult, has_energizing: bool, c: Coefficients) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from observer_rt.estimation.scalars import SCALARS
-from observer_rt.evaluation.curves import RESULT_FIELDS, InjectionResult, injection_json
+from observer_rt.evaluation.curves import SHOWN, InjectionResult, injection_json
 from observer_rt.evaluation.evaluate import Evaluation
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND
 from observer_rt.model.effective import Coefficients
@@ -124,9 +124,8 @@ MOST_ROWS = 50  # injections beyond which only means of several are shown
 SUMMARY_ROWS = 20
 NOTEWORTHY = 4.0  # standard deviations from nothing
 
-_NAMED = {each.name: each for each in RESULT_FIELDS}
-_FIRST = [_NAMED[name] for name in ("number", "event", "start_s", "rail_pressure_MPa", "mass_mg")]
-_NOMINAL, _MEASURED = _NAMED["nominal_mass_mg"], _NAMED["measured_mass_mg"]
+_FIRST = [SHOWN[name] for name in ("number", "event", "start_s", "rail_pressure_MPa", "mass_mg")]
+_NOMINAL, _MEASURED = SHOWN["nominal_mass_mg"], SHOWN["measured_mass_mg"]
 _ERROR = Field[InjectionResult](
     "error",
     float,
@@ -134,7 +133,7 @@ _ERROR = Field[InjectionResult](
     "error\n%",
     ".2f",
 )
-_WEAR = [_NAMED[each.value.name] for each in WEAR]
+_WEAR = [SHOWN[each.value.name] for each in WEAR]
 
 
 _UNFIT = {
@@ -149,20 +148,32 @@ _UNFIT = {
     ),
 }
 """Why the results of many injections are worth nothing, and what to do about it."""
+_CHANGED = (
+    "the model fits the healthy injector, so that this one has changed in a way it does not know: "
+    "`observer-rt discover` looks for it; or a sensor has"
+)
 
 
-def print_evaluation(evaluation: Evaluation, c: Coefficients, console: Console) -> None:
-    """One recording: what it is, injection by injection or, where there are many, some at a time, what is wrong."""
+def print_evaluation(
+    evaluation: Evaluation, c: Coefficients, console: Console, is_fitted: bool = False
+) -> None:
+    """One recording: what it is, injection by injection or, where there are many, some at a time, what is wrong.
+
+    is_fitted: whether the model was, to a healthy injector, and was adequate.
+    """
     counters, count = evaluation.counters, len(evaluation.injections)
     not_valid = _not_valid(evaluation.injections)
     for reason, (problem, remedy) in _UNFIT.items():
+        if reason is Reason.MODEL_INADEQUATE and is_fitted:
+            remedy = _CHANGED
         if found := not_valid.get(reason):
             said = f"{reason.name}: {problem} {len(found)} of {count} injections"
             say(console, f"{said}; their rates and masses are not to be believed\n  remedy: {remedy}")
     say(
         console,
         f"{evaluation.path}: {evaluation.samples} samples at {evaluation.sample_rate:g} Hz, "
-        f"{counters.lost_samples} lost; {counters.adoptions} phi adopted, {counters.rejected_adoptions} rejected",
+        f"{counters.lost_samples} lost; {counters.adoptions} corrections adopted, "
+        f"{counters.rejected_adoptions} rejected",
     )
     if counters.outliers:
         say(console, counters.outliers)
@@ -182,6 +193,11 @@ def print_evaluation(evaluation: Evaluation, c: Coefficients, console: Console) 
         )
     for reason, numbers in not_valid.items():
         say(console, f"not valid for {reason.name}: {_ranges(numbers)}")
+    if Reason.TOO_FEW_EVENTS in not_valid and sum(map(len, not_valid.values())) < count:
+        say(
+            console,
+            "(they were learned from: --save-state FILE, then --state FILE has all but the first valid)",
+        )
     if count:
         for line in _line_side(evaluation.injections[-1], c):
             say(console, line)
@@ -192,8 +208,8 @@ def print_evaluation(evaluation: Evaluation, c: Coefficients, console: Console) 
 
 def _table(injections: Sequence[InjectionResult], measured: bool, c: Coefficients) -> Table:
     """Beside a measurement its error stands where otherwise the interval does: both do not fit."""
-    compared = [_NOMINAL, _MEASURED, _ERROR, _NAMED["rate_rmse_mm3_per_ms"]]
-    fields = [*_FIRST, *(compared if measured else [_NAMED["mass_ci95_mg"], _NOMINAL]), *_WEAR]
+    compared = [_NOMINAL, _MEASURED, _ERROR, SHOWN["rate_rmse_mm3_per_ms"]]
+    fields = [*_FIRST, *(compared if measured else [SHOWN["mass_bound_mg"], _NOMINAL]), *_WEAR]
     table = _headed(*(each.heading for each in fields))
     for result in injections:
         cells = (each.text(each.of(result, c)) for each in fields)

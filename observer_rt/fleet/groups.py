@@ -5,6 +5,7 @@ import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from glob import glob
 from pathlib import Path
 from urllib.parse import quote
@@ -87,6 +88,44 @@ class InjectorNames:
             raise UserError(str(path), f"'{self._pattern.pattern}' is not in its path", f"see {self.OPTION}")
         return name
 
+
+class RecordingTimes:
+    """When recordings were begun, by their paths."""
+
+    OPTION = "--time-from"
+
+    def __init__(self, pattern: str | None) -> None:
+        """pattern: of which the first group, or all that matches, of a path is date and time; None: they say none.
+
+        Raises `UserError` for what is no regular expression.
+        """
+        try:
+            self._pattern = None if pattern is None else re.compile(pattern)
+        except re.error as error:
+            raise UserError(
+                f"{self.OPTION} {pattern}",
+                f"is no regular expression: {error}",
+                rf"write it like '{_A_DATE}'",
+            ) from error
+
+    def of(self, path: Path) -> datetime | None:
+        """The time (UTC) that a path says. Raises `UserError` for one that says none, though it should."""
+        if self._pattern is None:
+            return None
+        found = self._pattern.search(str(path))
+        digits = re.sub(r"\D", "", (found[1] if found.groups() else found[0]) if found else "")
+        try:
+            return datetime.strptime(digits, "%Y%m%d%H%M%S"[: _DATE_FORMATS[len(digits)]]).replace(tzinfo=UTC)
+        except (KeyError, ValueError):
+            raise UserError(
+                str(path),
+                f"'{self._pattern.pattern}' finds no date in its path",
+                f"see {self.OPTION}: year, month, day and, if it is there, the time of day, such as '{_A_DATE}'",
+            ) from None
+
+
+_A_DATE = r"_(\d{8}_\d{6})"
+_DATE_FORMATS = {8: 6, 12: 10, 14: 12}  # characters of the format by digits
 
 MOST_RECORDINGS = 16
 """The latest ones of an injector: wear of months is no single size, and a search takes time and memory by samples."""

@@ -17,7 +17,7 @@ from observer_rt.config.own_effects import OwnEffects
 from observer_rt.evaluation.curves import RESULT_FIELDS
 from observer_rt.evaluation.evaluate import Evaluation, evaluate_stream
 from observer_rt.evaluation.sources import open_source
-from observer_rt.fleet.groups import InjectorNames
+from observer_rt.fleet.groups import InjectorNames, RecordingTimes
 from observer_rt.foundation.errors import ObserverError
 from observer_rt.foundation.files import file_errors, file_hash
 from observer_rt.model.effects import effective_model
@@ -62,7 +62,7 @@ _MDF4_START = 64 + 24 + 6 * 8  # byte of the header block's start time [ns since
 class Task:
     """What is the same for all files. knowledge: learned before, to start each file with.
 
-    folder: where relative paths begin; pattern: as of `InjectorNames`.
+    folder: where relative paths begin; pattern: as of `InjectorNames`; time_pattern: as of `RecordingTimes`.
     """
 
     bench: Bench
@@ -70,6 +70,7 @@ class Task:
     knowledge: Knowledge | None = None
     learning: bool = True
     pattern: str | None = None
+    time_pattern: str | None = None
     effects: OwnEffects = field(default_factory=OwnEffects)
 
 
@@ -125,7 +126,9 @@ def _rows(task: Task, path: Path, sha256: str, alone: Bench) -> Iterator[dict[st
     except OtherRateError:
         evaluation = _evaluation(task, place, alone, in_one_go=False)
     c = effective_model(alone.injector.parameters).coefficients
-    zero = _zero(place, evaluation.source)
+    stretches = evaluation.source.stretches
+    said = RecordingTimes(task.time_pattern).of(path)
+    zero = _zero(place, evaluation.source) if said is None else said - timedelta(seconds=stretches[0].start)
     for result in evaluation.injections:
         yield {
             **row_of(RESULT_FIELDS, Output.PARQUET, result, c),

@@ -20,6 +20,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from observer_rt import __version__
+from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.pages import templates_of
 from observer_rt.service.reports.injection_report import WEAR
@@ -73,10 +74,27 @@ class InjectorTrend:
 
 
 def trends(rows: pa.Table) -> list[InjectorTrend]:
-    """Of every injector in the rows of a batch (columns `NEEDED`), the most worn first."""
+    """Of every injector in the rows of a batch (columns `NEEDED`), the most worn first.
+
+    Raises `UserError` for recordings of one injector at the same time, as copied files seem to be.
+    """
     table = rows.to_pandas().sort_values(["time", "number"])
+    for name, its in table.groupby("injector"):
+        _refuse_overlapping(str(name), its)
     found = [_trend(str(name), its) for name, its in table.groupby("injector")]
     return sorted(found, key=lambda trend: (-trend.wear, trend.injector))
+
+
+def _refuse_overlapping(injector: str, table: pd.DataFrame) -> None:
+    spans = table.groupby("sha256")["time"].agg(["min", "max"]).sort_values("min")
+    if len(spans) > 1 and (spans["min"].to_numpy()[1:] <= spans["max"].to_numpy()[:-1]).any():
+        raise UserError(
+            f"trend of {injector}",
+            "has recordings at the same time: of CSV and Parquet it is when the file was last written, which copying "
+            "changes",
+            "say where their paths have it: `observer-rt batch --time-from PATTERN` into a new folder; or give each "
+            "recording once",
+        )
 
 
 def _trend(injector: str, table: pd.DataFrame) -> InjectorTrend:

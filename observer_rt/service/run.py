@@ -5,15 +5,14 @@ Each injector is served in a thread of its own, and its failure is its own.
 
 import gc
 import sys
-from collections import deque
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
-from contextlib import ExitStack
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from threading import Event, Lock, Thread
-from typing import Any
+from threading import Event, Thread
 
 from rich.console import Console
 
@@ -21,25 +20,33 @@ from observer_rt.bus.links.opening import SharedBus
 from observer_rt.bus.mapping.bus_map import BusMap, map_bench
 from observer_rt.config.bench import Bench
 from observer_rt.config.bench_file import NAME_PLACE
+from observer_rt.config.changes import changes, content_of
 from observer_rt.foundation.compilation import compiled_code
-from observer_rt.foundation.errors import CombinedError, ObserverError, UserError
+from observer_rt.foundation.errors import ObserverError, UserError
 from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.units import MICROSECOND
+from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.service.compiled.constants import bench_constants
 from observer_rt.service.core.learners import doubt_about_fit
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.keeping.keeper import Keeper, keeper_of
 from observer_rt.service.keeping.state_file import model_hash, restored_knowledge
 from observer_rt.service.log import ServiceLog, Voice
-from observer_rt.service.notify import Notifier, WatchdogPulse
+from observer_rt.service.notify import Notifier
 from observer_rt.service.opening import LinkOpening, StoppedError, buses_of, shared_buses
 from observer_rt.service.reports.news import News, Once, Teller
-from observer_rt.service.rights import REMEDY, leave_to_loops, lock_memory, processors, rights, take_time
+from observer_rt.service.rights import REMEDY, Processors, leave_to_loops, lock_memory, processors, rights
 from observer_rt.service.screen.view import Overview, View, draw
+from observer_rt.service.side_by_side import serve_side_by_side
 from observer_rt.service.warm_up import warm_up
 from observer_rt.service.words import Topic
 from observer_rt.terminal.compiling import tell_compiling
-from observer_rt.terminal.console import check_destination, stop_on_signals
+from observer_rt.terminal.console import check_destination
+from observer_rt.terminal.signals import StopRequest, stop_on_signals
+
+_LOOK = 0.05  # s between two looks at what signals ask for
+_TURN = 0.001  # s between two looks whether an injection is under way
+_PATIENCE = 2.0  # s that one is waited for
 
 
 @dataclass(frozen=True)
@@ -62,11 +69,12 @@ class InjectorService:
         keeper: Keeper,
         voice: Voice,
         shared: Shared,
+        learned: Knowledge | None = None,
         processor: int | None = None,
     ) -> None:
         """bench: with this injector only; shared: with the others; processor: of its loop.
 
-        Says what was learned before, and what it will observe.
+        learned: before the bench file was changed, else as kept. Says what that is, and what it will observe.
         """
         injector = bench.injector
         self._bench = bench
@@ -75,12 +83,13 @@ class InjectorService:
         self._voice = voice
         self._shared = shared
         self._processor = processor
-        self._knowledge = restored_knowledge(
-            keeper.state,
-            model_hash(injector.parameters),
-            injector.parameters.scaling.pressure,
-            partial(voice.say, Topic.KEPT),
+        self._model = model_hash(injector.parameters)
+        self._daemon: Daemon | None = None  # before it runs
+        self._knowledge = learned or restored_knowledge(
+            keeper.state, self._model, injector.parameters.scaling.pressure, partial(voice.say, Topic.KEPT)
         )
+        if learned is not None:
+            voice.say(Topic.KEPT, f"what was learned from {learned.events} events goes on in force")
         self._announce()
         self.screen = View(voice.named(f"observer_rt: {self._buses}"), injector) if shared.has_view else None
         self._teller = Teller(voice, shared.notifier, bench_constants(injector).coefficients, shared.once)
@@ -89,6 +98,16 @@ class InjectorService:
     def name(self) -> str:
         """Of the injector, empty where the bench has one."""
         return self._bench.injector.name
+
+    @property
+    def learned(self) -> tuple[str, Knowledge | None]:
+        """For which model, what."""
+        return self._model, self._daemon.core.knowledge if self._daemon else self._knowledge
+
+    @property
+    def is_between_events(self) -> bool:
+        """Whether no injection is under way, or waits to be judged."""
+        return self._daemon is None or self._daemon.core.is_between_events
 
     def run(self, stop: Event, learning: Executor, on_alive: Callable[[], None]) -> None:
         """Serve until `stop` is set; learning, on_alive: as of `Daemon`.
@@ -116,6 +135,7 @@ class InjectorService:
             )
             if self.screen is not None:
                 self.screen.watch(daemon)
+            self._daemon = daemon
             self._voice.say(Topic.START, "ready")
             with self._keeper.keeping(lambda: daemon.core.knowledge):
                 daemon.run(stop)
@@ -139,8 +159,10 @@ class InjectorService:
     def _announce(self) -> None:
         injector, bus, say = self._bench.injector, self._bus, self._voice.say
         constants = bench_constants(injector)
-        inputs = ", ".join(map(bus.name_of, bus.received))
-        outputs = ", ".join(map(bus.name_of, bus.sent))
+        inputs, outputs = (
+            ", ".join(f"{bus.name_of(layout)} 0x{layout.frame_id:X}" for layout in layouts)
+            for layouts in (bus.received, bus.sent)
+        )
         rate = injector.config.sampling.rate_hz
         lookahead = constants.timing.lookahead
         say(
@@ -164,115 +186,9 @@ class InjectorService:
             Topic.STOP,
             f"stopped after {counters.samples} samples, {counters.injections} injections; {counters.lost_samples} "
             f"samples lost, {daemon.dropped} frames dropped, {daemon.unsent} results unsent, "
-            f"{daemon.arrivals.foreign_frames} frames of other senders, {counters.adoptions} phi adopted, "
+            f"{daemon.arrivals.foreign_frames} frames of other senders, {counters.adoptions} corrections adopted, "
             f"{counters.late_adoptions} late, {counters.passed_over} events not learned from in time{lost}",
         )
-
-
-class LearningQueue:
-    """However many events one injector has waiting, the others' next ones come before its second."""
-
-    def __init__(self) -> None:
-        self._thread = ThreadPoolExecutor(1, thread_name_prefix="learning", initializer=take_time)
-        self._lock = Lock()
-        self._in_turn: deque[Share] = deque()
-
-    def share(self) -> "Share":
-        """The executor of one injector; its jobs are done in their order."""
-        share = Share(lambda: self._thread.submit(self._do_next))
-        with self._lock:
-            self._in_turn.append(share)
-        return share
-
-    def close(self) -> None:
-        """Wait for the job that is being done; what waits is left."""
-        self._thread.shutdown(cancel_futures=True)
-
-    def _do_next(self) -> None:
-        """One job of whoever's turn it is, if any has one."""
-        with self._lock:
-            turn = next((n for n, share in enumerate(self._in_turn) if share.waiting), None)
-            if turn is None:
-                return
-            self._in_turn.rotate(-1 - turn)
-            future, job = self._in_turn[-1].waiting.popleft()
-        if future.set_running_or_notify_cancel():
-            try:
-                future.set_result(job())
-            except BaseException as error:
-                future.set_exception(error)
-
-
-class Share(Executor):
-    """What one injector has in the queue."""
-
-    def __init__(self, do_soon: Callable[[], object]) -> None:
-        self.waiting: deque[tuple[Future[Any], Callable[[], Any]]] = deque()
-        self._do_soon = do_soon
-
-    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """Have `fn` called in its turn."""
-        future: Future[Any] = Future()
-        self.waiting.append((future, lambda: fn(*args, **kwargs)))
-        self._do_soon()
-        return future
-
-    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Leave what waits, if so asked; the queue goes on for the others."""
-        while cancel_futures and self.waiting:
-            future, _ = self.waiting.popleft()
-            future.cancel()
-
-
-def serve_side_by_side(
-    services: Sequence[InjectorService],
-    notifier: Notifier,
-    stop: Event,
-    meanwhile: Callable[[Event], None] | None,
-) -> None:
-    """Serve until `stop` is set or all have ended; `meanwhile`: is done in this thread until then.
-
-    What failed is raised when all have ended: of a single injector as it is, of several as a `CombinedError`
-    that names them, but for a mistake of this program.
-    """
-    pulse, learning, lock = WatchdogPulse(notifier, len(services)), LearningQueue(), Lock()
-    running = set(range(len(services)))
-    failures: dict[int, BaseException] = {}  # in the order in which they came
-
-    def serve_one(number: int) -> None:
-        service = services[number]
-        try:
-            with pulse.beating(number) as on_alive:
-                service.run(stop, learning.share(), on_alive)
-        except BaseException as error:
-            failures[number] = error
-        with lock:
-            running.remove(number)
-            if number in failures and running and not stop.is_set():
-                service.tell_end(failures[number])
-            if not running:
-                stop.set()
-
-    threads = [
-        Thread(target=serve_one, args=(number,), name=f"daemon {each.name}", daemon=True)
-        for number, each in enumerate(services)
-    ]
-    for thread in threads:
-        thread.start()
-    try:
-        if meanwhile is not None:
-            meanwhile(stop)
-    finally:
-        for thread in threads:
-            thread.join()
-        learning.close()
-    by_name: dict[str, ObserverError] = {}
-    for number, failure in failures.items():
-        if len(services) == 1 or not isinstance(failure, ObserverError):
-            raise failure
-        by_name[services[number].name] = failure
-    if by_name:
-        raise CombinedError(by_name)
 
 
 @dataclass(frozen=True)
@@ -286,10 +202,10 @@ class RunOptions:
     journal: Path | None = None
 
 
-def _refuse_shared(bench: Bench, state: Path | None, journal: Path | None) -> None:
+def refuse_shared(bench: Bench, options: RunOptions) -> None:
     """Raise `UserError` where several injectors would have one file of the command line."""
     names = [injector.name for injector in bench.injectors]
-    for option, key, path in (("--state", "file", state), ("--journal", "journal", journal)):
+    for option, key, path in (("--state", "file", options.state), ("--journal", "journal", options.journal)):
         if path is not None and len(names) > 1:
             raise UserError(
                 f"{option} {path}",
@@ -298,51 +214,159 @@ def _refuse_shared(bench: Bench, state: Path | None, journal: Path | None) -> No
             )
 
 
-def serve(bench: Bench, options: RunOptions, console: Console) -> None:
+@dataclass
+class Serving:
+    """What outlasts a change of the bench file. screen: of the view, if there is one.
+
+    read_again: as of `serve`; learned: by the name of the injector, for which model, so that nothing is lost where no
+    file keeps it.
+    """
+
+    screen: Console | None
+    options: RunOptions
+    log: ServiceLog
+    stop: StopRequest
+    own: Processors
+    read_again: Callable[[], Bench]
+    notifier: Notifier = field(default_factory=Notifier)
+    learned: dict[str, tuple[str, Knowledge | None]] = field(default_factory=dict)
+    is_ready: bool = False
+
+    def serve(self, bench: Bench) -> Bench | None:
+        """Serve a bench until told to stop, or another is to take its place, which is returned."""
+        maps = map_bench(bench).injectors
+        with ExitStack() as stack:
+            services = self._services(bench, maps, stack)
+            if not self.is_ready:
+                self._get_ready(bench)
+            if self.stop.is_set():
+                self.log.say(Topic.STOP, "stopped while it was starting")
+                return None
+            views = [service.screen for service in services if service.screen is not None]
+            view = views[0] if len(views) == 1 else Overview(views)
+            drawing = partial(draw, view, console=self.screen) if self.screen else None
+            with reloading(self, bench, services) as (ended, successor):
+                serve_side_by_side(services, self.notifier, ended, drawing)
+        self.learned = {service.name: service.learned for service in services}
+        return None if self.stop.is_set() else successor()
+
+    def say(self, text: str) -> None:
+        """Of the start."""
+        self.log.say(Topic.START, text)
+
+    def _services(self, bench: Bench, maps: Sequence[BusMap], stack: ExitStack) -> list[InjectorService]:
+        shared = Shared(self.notifier, shared_buses(bench, maps), self.screen is not None)
+        services = []
+        for number, (alone, bus) in enumerate(zip(bench.each, maps, strict=True)):
+            voice = Voice(self.log, alone.injector.name)
+            files = keeper_of(alone, self.options.state, self.options.journal, partial(voice.say, Topic.KEPT))
+            keeper = stack.enter_context(files)
+            model, learned = self.learned.get(alone.injector.name, ("", None))
+            known = learned if model == model_hash(alone.injector.parameters) else None
+            services.append(InjectorService(alone, bus, keeper, voice, shared, known, self.own.of(number)))
+        if any(link.config.interface == "virtual" for link in bench.config.buses):
+            self.say(
+                "the virtual bus ends at this process: nothing will come in (vcan0 reaches other programs)"
+            )
+        return services
+
+    def _get_ready(self, bench: Bench) -> None:
+        """Compile, and claim what the machine grants."""
+        tell_compiling(self.say, is_stopped=self.stop.is_set)
+        if trouble := compiled_code().trouble:
+            self.say(f"warning: {trouble}\n  remedy: {compiled_code().remedy}")
+        with suppress(KeyboardInterrupt):
+            self.warm_up(bench)
+        tell_compiling(self.say)
+        if self.stop.is_set():
+            return
+        self.notifier.ready()
+        granted = lock_memory(rights())
+        leave_to_loops(self.own)
+        self.say(f"{granted.as_text()}, {self.own.as_text()}")
+        if self.own.trouble:
+            self.say(f"warning: {self.own.trouble}\n  remedy: {REMEDY}")
+        gc.collect()
+        gc.freeze()  # a full collection would stop every Python loop for tens of milliseconds
+        self.is_ready = True
+
+    def warm_up(self, bench: Bench) -> None:
+        """Compile and load what its injectors need."""
+        for alone, bus in zip(bench.each, map_bench(bench).injectors, strict=True):
+            warm_up(alone, bus, self.stop)
+
+
+@contextmanager
+def reloading(
+    serving: Serving, bench: Bench, services: Sequence[InjectorService]
+) -> Iterator[tuple[Event, Callable[[], Bench | None]]]:
+    """An event that ends the services, and the bench that is then to take their place, if one is.
+
+    At SIGHUP the bench file is read, asked what `check` asks, and made ready beside them; they end between events.
+    """
+    ended, successors, content = Event(), list[Bench](), content_of(bench)
+
+    def take_over() -> None:
+        after = serving.read_again()
+        if not (found := changes(content, content_of(after))):
+            serving.say(f"{bench.path} is as it was: nothing to take over")
+            return
+        serving.warm_up(after)
+        patience = time.monotonic() + _PATIENCE
+        while not all(each.is_between_events for each in services) and time.monotonic() < patience:
+            time.sleep(_TURN)
+        successors.append(after)
+        serving.say(f"{bench.path} is taken over: {'; '.join(found)}")
+        if after.config.realtime != bench.config.realtime:
+            serving.say("warning: [realtime] takes force with the next start of the process")
+        ended.set()
+
+    def wait() -> None:
+        while not ended.wait(_LOOK):
+            if serving.stop.reload.is_set():
+                serving.stop.reload.clear()
+                try:
+                    take_over()
+                except ObserverError as error:
+                    serving.say(f"warning: {bench.path} is not taken over, the one before goes on: {error}")
+
+    thread = Thread(target=wait, name="reloading", daemon=True)
+    thread.start()
+    try:
+        with serving.stop.setting(ended):
+            yield ended, lambda: next(iter(successors), None)
+    finally:
+        ended.set()
+        if not serving.stop.is_set():  # else it may be in the middle of compiling for another line
+            thread.join()
+
+
+def serve(bench: Bench, options: RunOptions, console: Console, read_again: Callable[[], Bench]) -> None:
     """Run the daemons of all injectors until SIGINT or SIGTERM, with files instead of those the bench file names.
 
+    read_again: the bench as its file is now, asked for at SIGHUP; raises `UserError` for one that may not start.
     Raises `UserError` for files that do not fit, `RunError` when links fail.
     """
-    mapped = map_bench(bench)
-    _refuse_shared(bench, options.state, options.journal)
-    has_view = options.view and console.is_terminal
-    notifier = Notifier()
     with ExitStack() as stack:
+        has_view = options.view and console.is_terminal
         log = stack.enter_context(_log(options, console, has_view))
         if options.view and not has_view:
             log.say(Topic.START, "no terminal for the view: one line an injection instead")
-        own = processors(bench.config.realtime.cpus, len(bench.injectors))
-        shared = Shared(notifier, shared_buses(bench, mapped.injectors), has_view)
-        services = []
-        for number, (alone, bus) in enumerate(zip(bench.each, mapped.injectors, strict=True)):
-            voice = Voice(log, alone.injector.name)
-            files = keeper_of(alone, options.state, options.journal, partial(voice.say, Topic.KEPT))
-            keeper = stack.enter_context(files)
-            services.append(InjectorService(alone, bus, keeper, voice, shared, own.of(number)))
-        if any(link.config.interface == "virtual" for link in bench.config.buses):
-            log.say(
-                Topic.START,
-                "the virtual bus ends at this process: nothing will come in (vcan0 reaches other programs)",
-            )
-        # from here on, so that a signal while compiling is neither lost nor an interrupt in the middle of it
-        stop = stack.enter_context(stop_on_signals())
-        tell_compiling(partial(log.say, Topic.START))
-        if trouble := compiled_code().trouble:
-            log.say(Topic.START, f"warning: {trouble}\n  remedy: {compiled_code().remedy}")
-        for alone, bus in zip(bench.each, mapped.injectors, strict=True):
-            warm_up(alone, bus, stop)
-        notifier.ready()
-        granted = lock_memory(rights())
-        leave_to_loops(own)
-        log.say(Topic.START, f"{granted.as_text()}, {own.as_text()}")
-        if own.trouble:
-            log.say(Topic.START, f"warning: {own.trouble}\n  remedy: {REMEDY}")
+        # from here on, so that a signal while compiling is not lost
+        stop = stack.enter_context(stop_on_signals(reloads=True))
         stack.callback(gc.unfreeze)
-        gc.collect()
-        gc.freeze()  # a full collection would stop every Python loop for tens of milliseconds
-        views = [service.screen for service in services if service.screen is not None]
-        drawn = views[0] if len(views) == 1 else Overview(views)
-        serve_side_by_side(services, notifier, stop, partial(draw, drawn, console=console) if views else None)
+        own = processors(bench.config.realtime.cpus, len(bench.injectors))
+        serving = Serving(console if has_view else None, options, log, stop, own, read_again)
+        before: Bench | None = None
+        now: Bench | None = bench
+        while now is not None:
+            try:
+                before, now = now, serving.serve(now)
+            except UserError as error:
+                if before is None:
+                    raise
+                serving.say(f"warning: {bench.path} cannot be served, the one before goes on: {error}")
+                before, now = None, before
 
 
 def _log(options: RunOptions, console: Console, has_view: bool) -> ServiceLog:

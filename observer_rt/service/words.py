@@ -73,7 +73,7 @@ REASONS: Mapping[Reason, Words] = {
         "too few injections were judged since the start", "wait: two injections, one with a restored state"
     ),
     Reason.INPUT_TIMEOUT: Words(
-        "no frame of any input comes", "see the input lines of the log; measuring devices, cable, bit rate"
+        "no frame of any input comes", "switch the measuring devices on; check cable and bit rate"
     ),
     Reason.MODEL_INADEQUATE: Words(
         "the injector does not behave as its model",

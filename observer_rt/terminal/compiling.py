@@ -22,9 +22,15 @@ _COMPILE = "numba:compile"
 class CompilingShown(event.Listener):
     """Hears of every function that this process compiles, and says so once."""
 
-    def __init__(self, tell: Callable[[str], None], console: Console | None = None) -> None:
-        """tell: takes the line; console: where the bar is drawn, None: nowhere."""
+    def __init__(
+        self,
+        tell: Callable[[str], None],
+        console: Console | None = None,
+        is_stopped: Callable[[], bool] = lambda: False,
+    ) -> None:
+        """tell: takes the line; console: where the bar is drawn, None: nowhere; is_stopped: see `tell_compiling`."""
         self._tell = tell
+        self._is_stopped = is_stopped
         self._console = console
         self._at_work = 0  # functions begun and not ended, of all threads
         self._functions = 0
@@ -33,7 +39,9 @@ class CompilingShown(event.Listener):
         self._lock = threading.Lock()
 
     def on_start(self, event: event.Event) -> None:
-        """A function is begun; those it calls follow before it ends."""
+        """A function is begun; those it calls follow before it ends. Raises `KeyboardInterrupt` once stopped."""
+        if self._is_stopped():
+            raise KeyboardInterrupt
         with self._lock:
             self._at_work += 1
             self._begun = self._begun or time.monotonic()
@@ -70,11 +78,18 @@ def show_compiling(console: Console) -> None:
         say(console, f"warning: {trouble}\n  remedy: {compiled_code().remedy}")
 
 
-def tell_compiling(tell: Callable[[str], None], console: Console | None = None) -> None:
-    """The same by whatever takes a line, in place of who took it before; console: where a bar is, if anywhere."""
+def tell_compiling(
+    tell: Callable[[str], None],
+    console: Console | None = None,
+    is_stopped: Callable[[], bool] = lambda: False,
+) -> None:
+    """The same by whatever takes a line, in place of who took it before; console: where a bar is, if anywhere.
+
+    is_stopped: whether to go on no further; what then compiles gets a `KeyboardInterrupt`, between two functions.
+    """
     for before in _listening:
         event.unregister(_COMPILE, before)
-    _listening[:] = [CompilingShown(tell, console)]
+    _listening[:] = [CompilingShown(tell, console, is_stopped)]
     event.register(_COMPILE, _listening[0])
 
 

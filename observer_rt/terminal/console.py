@@ -1,8 +1,7 @@
-"""Results on stdout, progress bars and messages on stderr; bad destinations refused first; stop on request."""
+"""Results on stdout, progress bars and messages on stderr; bad destinations refused first."""
 
 import contextlib
 import os
-import signal
 import tempfile
 import threading
 from collections.abc import Callable, Collection, Iterable, Iterator
@@ -127,21 +126,3 @@ def check_folder(option: str, folder: Path) -> None:
         raise UserError(
             place, f"no file can be made there: {error.strerror}", "check the folder, or name another"
         ) from None
-
-
-@contextlib.contextmanager
-def stop_on_signals() -> Iterator[threading.Event]:
-    """An event that the first SIGINT or SIGTERM sets while the context lasts; a second one interrupts."""
-    stop = threading.Event()
-
-    def handle(*_: object) -> None:
-        if stop.is_set():
-            raise KeyboardInterrupt
-        stop.set()
-
-    previous = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield stop
-    finally:
-        for number, handler in previous.items():
-            signal.signal(number, handler)

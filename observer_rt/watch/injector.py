@@ -19,16 +19,22 @@ from observer_rt.service.words import REASONS, STATES, TOPICS, Topic, is_good
 from observer_rt.watch.results import Rates, ResultReader, SampleCurves, SeenInjection, layout_key
 from observer_rt.watch.samples import CountShift, InjectionModel, InputSamples, PublishedRates, best_place
 
+_OF_INPUTS = (
+    Reason.INPUT_TIMEOUT,
+    Reason.INPUT_STALE,
+    Reason.STARTING,
+)  # what the observer says of messages away
 _NO_DAEMON = "start `observer-rt run` for this bench, or see to its bus"
 
 
 @dataclass(frozen=True)
 class Fault:
-    """Something that is wrong since a moment [ns since 1970]."""
+    """Something that is wrong since a moment [ns since 1970]; parts: the messages it shows in, if several."""
 
     what: str
     since: int
     remedy: str
+    parts: tuple[str, ...] = ()
 
 
 class FaultWatch:
@@ -41,26 +47,34 @@ class FaultWatch:
         self._since = 0
 
     def look(self, now: int, status: StatusValues | None) -> tuple[Fault, ...]:
-        """All that is wrong at a time [ns since 1970], the likely cause first."""
-        return (*self._silences(now), *self._said(now, status))
+        """All that is wrong at a time [ns since 1970], one for each cause, the likely one first."""
+        silent, said = self._silence(now), self._said(now, status)
+        if silent and status is not None and int(status.reason) in _OF_INPUTS:
+            said = []
+        return (*self._no_status(now), *silent, *said)
 
-    def _silences(self, now: int) -> list[Fault]:
-        """Messages that stay away."""
-        arrivals = self._arrivals
-        silent = [
-            Fault(
-                f"{source.text}: no frame for {arrivals.silence(source, now):.0f} s",
-                now - round(arrivals.silence(source, now) * SECOND),
-                TOPICS[Topic.INPUT].remedy,
-            )
-            for source in arrivals.sources
-            if arrivals.silence(source, now) > max(TOLD, source.patience)
-        ]
-        since = arrivals.last_result(self._bus.status.layout)
-        if now - since > TOLD * SECOND:
-            text = message_text(self._bus, self._bus.status.layout)
-            silent.insert(0, Fault(f"{text}: no frame for {(now - since) / SECOND:.0f} s", since, _NO_DAEMON))
-        return silent
+    def _silence(self, now: int) -> list[Fault]:
+        """Messages that stay away, together: most often they have one device, cable or bus."""
+        ages = {source: self._arrivals.silence(source, now) for source in self._arrivals.sources}
+        silent = {source: age for source, age in ages.items() if age > max(TOLD, source.patience)}
+        if not silent:
+            return []
+        texts = tuple(f"{source.text}: no frame for {age:.0f} s" for source, age in silent.items())
+        since = now - round(max(silent.values()) * SECOND)
+        remedy = TOPICS[Topic.INPUT].remedy
+        if len(texts) == 1:
+            return [Fault(texts[0], since, remedy)]
+        sampled = {source for source in ages if source.streams}
+        count = "any input" if sampled <= silent.keys() else f"{len(texts)} messages"
+        return [Fault(f"no frame of {count} for {min(silent.values()):.0f} s", since, remedy, texts)]
+
+    def _no_status(self, now: int) -> list[Fault]:
+        """The observer itself stays away."""
+        since = self._arrivals.last_result(self._bus.status.layout)
+        if now - since <= TOLD * SECOND:
+            return []
+        text = message_text(self._bus, self._bus.status.layout)
+        return [Fault(f"{text}: no frame for {(now - since) / SECOND:.0f} s", since, _NO_DAEMON)]
 
     def _said(self, now: int, status: StatusValues | None) -> list[Fault]:
         """What the observer says of itself."""

@@ -1,5 +1,6 @@
 """Where frames come from: the buses of a bench, or a log of them at its own pace."""
 
+import math
 import threading
 import time
 from abc import ABC, abstractmethod
@@ -14,9 +15,11 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.config.links import NamedLink
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.files import file_errors
 from observer_rt.recording.channels import chosen_channels
 from observer_rt.recording.formats import open_log
 from observer_rt.service.opening import RETRY, buses_of
+from observer_rt.service.watch.arrivals import SECOND
 
 Taker = Callable[[BusFrame, int], None]
 """Takes a frame that came at a time [ns since 1970]."""
@@ -104,10 +107,20 @@ class LogSource(FrameSource):
     """A CAN log, from its first frame on, at the pace of its stamps."""
 
     def __init__(
-        self, path: Path, links: Sequence[NamedLink], from_channels: Sequence[str] = (), speed: float = 1.0
+        self,
+        path: Path,
+        links: Sequence[NamedLink],
+        from_channels: Sequence[str] = (),
+        speed: float = 1.0,
+        part: tuple[float, float] = (0.0, math.inf),
     ) -> None:
-        """from_channels: texts of `--from-channel`. Raises `UserError` for a log that is none, or malformed."""
-        self._speed = speed
+        """from_channels: texts of `--from-channel`; part: from when to when [s] of the log.
+
+        Raises `UserError` for a log that is none, or malformed.
+        """
+        with file_errors(path), path.open("rb"):
+            pass
+        self._speed, self._part = speed, part
         channels = chosen_channels(path, links, set(range(len(links))), from_channels)
         self._bus_of = {channel: bus for bus, channel in channels.items()}
         self._log = open_log(path)
@@ -125,7 +138,12 @@ class LogSource(FrameSource):
                 continue
             stamp = entry.frame.stamp_ns
             first = stamp if first is None else first
-            early = (stamp - first) / self._speed - (time.monotonic_ns() - begin)
+            at, (start, end) = (stamp - first) / SECOND, self._part
+            if at < start:
+                continue
+            if at > end:
+                return
+            early = SECOND * (at - start) / self._speed - (time.monotonic_ns() - begin)
             if early > 0 and stop.wait(early * 1e-9):
                 return
             take(BusFrame(bus, entry.frame), stamp)

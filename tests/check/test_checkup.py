@@ -124,16 +124,6 @@ def test_a_rate_the_model_cannot_be_integrated_at(findings_of: FindingsOf) -> No
     assert worst(findings, "gain").level is Level.OK  # the rest goes on
 
 
-def test_a_database_that_is_missing(findings_of: FindingsOf) -> None:
-    findings = findings_of({'file = "edited.dbc"': 'file = "nowhere.dbc"'})
-    for topic in ("files", "mapping"):
-        assert worst(findings, topic).level is Level.ERROR
-        assert "nowhere.dbc" in worst(findings, topic).text
-    assert worst(findings, "integration").level is Level.OK
-    assert of(findings, "real time")
-    assert not of(findings, "bus load")
-
-
 def test_long_messages_are_can_fd_whatever_the_database_says(findings_of: FindingsOf) -> None:
     forgotten = {
         'BA_ "VFrameFormat" BO_ 512 14': 'BA_ "VFrameFormat" BO_ 512 0',

@@ -31,7 +31,7 @@ def test_a_state_that_fits(tmp_path: Path) -> None:
     save_knowledge(path, some_knowledge(phi_version=7, events=20), MODEL)
     finding = of_state(path)
     assert finding.level is Level.OK
-    assert "phi version 7, learned from 20 events" in finding.text
+    assert "correction 7, learned from 20 events" in finding.text
 
 
 def test_a_state_that_is_not_there_yet(tmp_path: Path) -> None:

@@ -67,7 +67,7 @@ def test_results_that_two_would_send_alike_are_errors(tmp_path: Path, old: str, 
     assert old in path.read_text()
     path.write_text(path.read_text().replace(old, new))
     (first, *_) = [text for text in errors(checkup(load_bench(path))) if "give each its own" in text]
-    assert first.startswith("left and right have one")
+    assert first.startswith("injectors: left and right share")
     assert said in first
 
 

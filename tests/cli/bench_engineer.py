@@ -46,10 +46,12 @@ def run_and_stop(
     sent: Path | Sequence[TimedFrame],
     number: signal.Signals = signal.SIGTERM,
     *options: object,
+    meanwhile: Callable[[], bool] = lambda: True,
 ) -> tuple[Outcome, Heard]:
     """Play a recording, or frames, to the command over the virtual bus, then send it a signal.
 
-    As fast as it can, from the first status on; the last two frames of samples may stay unprocessed.
+    As fast as it can, from the first status on; the last two frames of samples may stay unprocessed. meanwhile: done
+    once they are played.
     """
     channel = load_bench(bench).config.link.channel
     frames = frames_of(bench, sent) if isinstance(sent, Path) else list(sent)
@@ -61,7 +63,10 @@ def run_and_stop(
             until(lambda: bool(heard.statuses))
             play(frames, player, math.inf)
 
-        with ended_when(lambda: heard.last_status()["SamplesProcessed"] >= samples, first, number):
+        def done() -> bool:
+            return heard.last_status()["SamplesProcessed"] >= samples and meanwhile()
+
+        with ended_when(done, first, number):
             outcome = command("run", "--bench", bench, *options)
         time.sleep(0.2)  # for the listener to hear the last frames
     return outcome, heard

@@ -1,8 +1,10 @@
 """The command line in this process: arguments in, exit code and both outputs back."""
 
 import json
+import os
 import subprocess
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,6 +15,8 @@ from observer_rt.cli.app import main
 from observer_rt.config.bench import EXAMPLE_BENCH
 from observer_rt.recording.formats import write_recording
 from tests.device import simulated
+
+NOTHING: Mapping[str, str] = {}
 
 
 @dataclass(frozen=True)
@@ -60,10 +64,14 @@ def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
     return Command(monkeypatch, capsys)
 
 
-def module(*arguments: object, stdout: int = subprocess.PIPE) -> "subprocess.Popen[str]":
-    """The program in a process of its own."""
+def module(
+    *arguments: object, stdout: int = subprocess.PIPE, environment: Mapping[str, str] = NOTHING
+) -> "subprocess.Popen[str]":
+    """The program in a process of its own; environment: what it has besides."""
     words = [sys.executable, "-m", "observer_rt", *map(str, arguments)]
-    return subprocess.Popen(words, stdout=stdout, stderr=subprocess.PIPE, text=True)
+    return subprocess.Popen(
+        words, stdout=stdout, stderr=subprocess.PIPE, text=True, env=os.environ | environment
+    )
 
 
 def document(command: Command, *arguments: object) -> dict[str, Any]:

@@ -78,3 +78,19 @@ def test_file_that_must_change(command: Command, bench: Path, old: str, new: str
     assert str(bench.parent) in said
     assert key in said
     assert "remedy: " in said
+
+
+@pytest.mark.parametrize(("unit", "likely"), [("10 MPa", "which is likely bar"), ("bar", "MPa, read as bar")])
+def test_a_log_in_another_unit_is_an_error(
+    command: Command, bench: Path, worn: Path, tmp_path: Path, unit: str, likely: str
+) -> None:
+    """As `evaluate` refuses it."""
+    log = tmp_path / "bus.log"
+    command.done("convert", worn, log, "--bench", bench)
+    command.done("check", "--bench", bench, "--log", log)
+    pattern = 'pattern = "LinePressure_{:02d}"'
+    bench.write_text(bench.read_text().replace(pattern, f'{pattern}\nunit = "{unit}"'))
+    checked = command("check", "--bench", bench, "--log", log)
+    assert checked.code == 1
+    assert likely in " ".join(checked.out.split())
+    assert likely in command.refused("evaluate", log, "--bench", bench)

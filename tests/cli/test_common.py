@@ -33,7 +33,8 @@ def test_wrong_command_line(command: Command, arguments: tuple[str, ...]) -> Non
     outcome = command(*arguments)
     assert outcome.code == 2
     assert outcome.out == ""
-    assert "Error: " in outcome.err
+    assert outcome.err.startswith("error: ")
+    assert "  remedy: `observer-rt" in outcome.err
 
 
 def test_as_a_module_results_and_messages_apart(resting: Path) -> None:

@@ -21,8 +21,8 @@ DEVICES = {
     "adc_multiplexed": (multiplexed_frames, 50e3, 1),
 }
 _INJECTION = re.compile(
-    r"(?P<place> *\d+ +\d+ \d+\.\d{3} +\d+\.\d) +(?P<mass>\d+\.\d\d) +(?P<interval>\d+\.\d-\d+\.\d)"
-    r"(?P<nominal> +\d+\.\d\d) +(?P<nozzle>[+-]\d\.\d{3}) +(?P<seat>[+-]\d\.\d{3})(?P<valid> +(?:yes|no))"
+    r"(?P<place> *\d+ +\d+ \d+\.\d{3} +\d+\.\d) +(?P<mass>\d+\.\d\d) +(?P<bound>\d+\.\d)"
+    r"(?P<nominal> +\d+\.\d\d) +(?P<nozzle>[+-]\d+\.\d%) +(?P<seat>[+-]\d+\.\d%)(?P<valid> +(?:yes|no))"
 )
 
 
@@ -68,7 +68,7 @@ def test_what_evaluate_prints(name: str, command: Command, with_logs: Path) -> N
 def _without_learned(line: str) -> str:
     """A line without what the observer learned, whose last digits differ from version to version."""
     row = _INJECTION.fullmatch(line)
-    return line if row is None else f"{row['place']} mass interval{row['nominal']} nozzle seat{row['valid']}"
+    return line if row is None else f"{row['place']} mass bound{row['nominal']} nozzle seat{row['valid']}"
 
 
 @pytest.mark.parametrize("name", EXAMPLES)

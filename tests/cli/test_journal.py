@@ -38,7 +38,7 @@ def test_tables_show_the_last_injections_and_the_wear(command: Command, path: Pa
     assert outcome.out.startswith("injections: 18 since 20")
     assert "; runs: 2, 1 of them killed or still running\n" in outcome.out
     wear, last = outcome.out.split("Last injections")
-    assert wear.count("+0.300 [+0.280, +0.320]") == 2 * 12  # nozzle and seat
+    assert wear.count("+30.0% [+28.0%, +32.0%]") == 2 * 12  # nozzle and seat
     assert last.count("120.0") == 10
     assert command("journal", path, "--last", 2).out.split("Last injections")[1].count("120.0") == 2
 

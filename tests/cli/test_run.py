@@ -2,9 +2,12 @@
 
 import contextlib
 import json
+import os
 import re
 import signal
 import socket
+import subprocess
+import sys
 import time
 from pathlib import Path
 from typing import ClassVar
@@ -24,7 +27,7 @@ from tests.cli.injector_files import FITTED, injector
 from tests.device import frames_of
 from tests.links import FakeLink
 from tests.service.end_to_end import SUMMARY, Heard, decoded
-from tests.service.participants import BLOCK_ID, ScriptedLink, give_link
+from tests.service.participants import BLOCK_ID, ScriptedLink, give_link, until
 
 
 @pytest.fixture
@@ -160,9 +163,9 @@ def test_without_a_terminal_the_view_gives_way_to_lines(command: Command, bench:
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_signal_while_starting_is_not_lost(bench: Path, tmp_path: Path, number: signal.Signals) -> None:
-    """From the first message on the process can be stopped; it stops as soon as it may."""
+    """From the first message on the process can be stopped, in the middle of compiling, too."""
     state = tmp_path / "learned.json"
-    process = module("run", "--bench", bench, "--state", state)
+    process = module("run", "--bench", bench, "--state", state, environment={"HOME": str(tmp_path)})
     assert process.stderr is not None
     assert "no learned state" in process.stderr.readline()
     time.sleep(0.2)
@@ -170,6 +173,58 @@ def test_signal_while_starting_is_not_lost(bench: Path, tmp_path: Path, number: 
     _, messages = process.communicate(timeout=120)
     assert process.returncode == 0, messages
     assert "Traceback" not in messages
+    assert "stopped while it was starting" in messages
+
+
+def said_in(capture: Path, text: str) -> bool:
+    return capture.exists() and text in capture.read_text()
+
+
+def test_hang_up_takes_over_a_bench_file_that_was_changed(
+    command: Command, bench: Path, worn: Path, tmp_path: Path
+) -> None:
+    """What was learned goes on, though no file keeps it; a file with a mistake leaves the one before in force."""
+    log = tmp_path / "run.log"
+    text = bench.read_text()
+
+    def changed_to(new: str, said: str) -> None:
+        bench.write_text(text.replace("bridge_ms = 0.5", new))
+        os.kill(os.getpid(), signal.SIGHUP)
+        until(lambda: said_in(log, said))
+
+    def hang_up() -> bool:
+        changed_to("bridge_ms = 50", "not taken over, the one before goes on")
+        changed_to("bridge_ms = 0.5", "is as it was: nothing to take over")
+        changed_to("bridge_ms = 0.75", "what was learned from 4 events goes on in force")
+        until(lambda: log.read_text().count("start: ready") == 2)
+        return True
+
+    outcome, _ = run_and_stop(command, bench, worn, signal.SIGTERM, "--log", log, meanwhile=hang_up)
+    assert outcome.code == 0
+    assert "sampling.bridge_ms: 50 is not allowed; remedy: write a number from 0 to 5 ms" in outcome.err
+    assert "is taken over: sampling.bridge_ms 0.5 -> 0.75" in outcome.err
+    assert outcome.err.count("stop: stopped after") == 2
+
+
+def test_a_terminal_that_hangs_up_ends_it_in_order(bench: Path, tmp_path: Path) -> None:
+    log, state = tmp_path / "run.log", tmp_path / "learned.json"
+    ours, theirs = os.openpty()
+    files = {"--bench": bench, "--log": log, "--state": state}
+    words = [
+        sys.executable,
+        "-m",
+        "observer_rt",
+        "run",
+        *(str(word) for pair in files.items() for word in pair),
+    ]
+    process = subprocess.Popen(words, stdin=theirs, stdout=theirs, stderr=theirs, start_new_session=True)
+    os.close(theirs)
+    until(lambda: said_in(log, "start: ready"))
+    os.close(ours)
+    for _ in range(2):  # as kernel and shell do
+        process.send_signal(signal.SIGHUP)
+    assert process.wait(timeout=60) == 0
+    assert said_in(log, "stop: stopped after")
     assert state.exists()
 
 
@@ -201,7 +256,7 @@ def test_bench_file_is_required(command: Command) -> None:
         ),
         ("injection_rate_id = 0x201", "outputs.injection_rate_id", "and InjectionSummary share 0x201"),
         ("status_id = 0x200", "outputs.status_id", "InjectionRate and ObserverStatus share"),
-        ('status = "InjectionSummary"', "outputs", "2 results have one the message"),
+        ('status = "InjectionSummary"', "outputs", "2 results share the message"),
         ('status = "SampleBlock"', "outputs.status_id", "share 0x100"),
         ('status = "Nothing"', "outputs.status", "message Nothing not in the bus database"),
         ("fd = false", "link.fd", "SampleBlock is a CAN FD message, but link.fd is false"),
@@ -237,10 +292,10 @@ def test_what_check_only_warns_of_starts(
     ("option", "file", "said"),
     [
         ("--state", "no/learned.json", "no such folder"),
-        ("--state", ".", "is no file"),
+        ("--state", ".", "is a folder"),
         ("--journal", "no/injections.sqlite", "--journal"),
         ("--journal", ".", "--journal"),
-        ("--journal", "bench.toml", "is no journal of injections"),
+        ("--journal", "notes.txt", "is no journal of injections"),
         ("--log", "no/run.log", "no such folder"),
     ],
 )
@@ -248,6 +303,7 @@ def test_what_could_not_be_written_is_refused_at_the_start(
     command: Command, bench: Path, tmp_path: Path, option: str, file: str, said: str
 ) -> None:
     before = bench.read_bytes()
+    (tmp_path / "notes.txt").write_text("what was measured")
     told = command.refused("run", "--bench", bench, option, tmp_path / file)
     assert str(tmp_path) in told
     assert said in told

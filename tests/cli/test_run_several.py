@@ -275,9 +275,9 @@ def test_one_of_them_can_be_run_by_itself(command: Command, bench: Path, traffic
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        (f"id_step = {STEP}\n", "", "have one the message InjectionRate 0x300"),
-        ("learned_{injector}.json", "learned.json", "have one state.file ="),
-        ("injections_{injector}.sqlite", "injections.sqlite", "have one state.journal ="),
+        (f"id_step = {STEP}\n", "", "share the message InjectionRate 0x300"),
+        ("learned_{injector}.json", "learned.json", "share state.file ="),
+        ("injections_{injector}.sqlite", "injections.sqlite", "share state.journal ="),
         ("[sampling]", "[outputs_]", "did you mean 'outputs'?"),
     ],
 )

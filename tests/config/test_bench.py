@@ -166,7 +166,7 @@ REFUSED = [
         "learning",
         "no effect with training = 'prediction_error'",
     ),
-    (BENCH + PAPER + "identification_gain = 0\n", "learning.identification_gain", "greater than 0"),
+    (BENCH + PAPER + "identification_gain = 0\n", "learning.identification_gain", "a number above 0"),
     (
         f'{BENCH}{PAPER}identification_gain = 1e5\n[sampling]\nmeaning = "mean"\n',
         "file",
@@ -192,9 +192,14 @@ def test_file_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="no such file") as refused:
         load_bench(tmp_path / "none.toml")
     assert refused.value.place == str(tmp_path / "none.toml")
-    with pytest.raises(UserError, match="no such file") as refused:
-        load_bench(bench_file(tmp_path, BENCH + '[model]\nfile = "none.toml"\n'))
-    assert refused.value.place == str(tmp_path / "none.toml")
+    for missing, key in (
+        (BENCH + '[model]\nfile = "none.toml"\n', "model.file"),
+        (BENCH.replace("observer_fd.dbc", "none.toml"), "dbc.0.file"),
+    ):
+        with pytest.raises(UserError, match="does not exist") as refused:
+            load_bench(path := bench_file(tmp_path, missing))
+        assert refused.value.place == f"{path}: {key}"
+        assert str(tmp_path / "none.toml") in refused.value.problem
 
 
 def test_file_that_is_no_toml(tmp_path: Path) -> None:
@@ -206,7 +211,7 @@ def test_file_that_is_no_toml(tmp_path: Path) -> None:
 def test_file_that_is_no_text(tmp_path: Path) -> None:
     path = tmp_path / "bench.toml"
     path.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(UserError, match="cannot be read"):
+    with pytest.raises(UserError, match="not UTF-8"):
         load_bench(path)
     with pytest.raises(UserError, match="cannot be read"):
         load_bench(tmp_path)
@@ -227,7 +232,7 @@ def test_file_that_is_no_text(tmp_path: Path) -> None:
             "loss_factor = 8.0",
             "",
             "line.loss_factor",
-            "is missing add it; `observer-rt run --print-example-injector`",
+            "is missing add it, a number of at least 0; `observer-rt run --print-example-injector`",
         ),
         ("[chamber]", "[chambre]", "chambre", "'chamber'"),
     ],

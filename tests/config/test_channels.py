@@ -82,7 +82,7 @@ def test_a_rail_pressure_has_a_delay_instead_of_a_lag(tmp_path: Path) -> None:
     error = bench_refusal(tmp_path, with_keys(BENCH, rail_pressure="lag_us = 10"))
     assert error.place.endswith(": signals.rail_pressure")
     assert "'lag_us'" in error.problem
-    assert "'filter_delay_us'" in error.problem
+    assert "'filter_delay_us'" in error.remedy
 
 
 def test_too_far_apart_for_recordings(tmp_path: Path) -> None:

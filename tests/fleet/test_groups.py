@@ -1,6 +1,7 @@
 """What a user names as recordings, of which injector each is, and which of them discovery takes together."""
 
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pyarrow as pa
@@ -13,6 +14,7 @@ from observer_rt.fleet.groups import (
     NEEDED,
     Group,
     InjectorNames,
+    RecordingTimes,
     groups_of,
     kinds_of,
     recordings_in,
@@ -135,3 +137,20 @@ def test_the_injector_is_read_off_the_path() -> None:
         InjectorNames(r"inj_(\d+)").of(Path("x.csv"), alone)
     with pytest.raises(UserError, match="no regular expression"):
         InjectorNames("(")
+
+
+@pytest.mark.parametrize(
+    ("path", "said"),
+    [
+        ("a/injector_7_20260301_120501.csv", datetime(2026, 3, 1, 12, 5, 1, tzinfo=UTC)),
+        ("2026-03-01/run.csv", datetime(2026, 3, 1, tzinfo=UTC)),
+    ],
+)
+def test_a_path_says_when_a_recording_was_made(path: str, said: datetime) -> None:
+    times = RecordingTimes(r"(\d{8}_\d{6}|\d{4}-\d\d-\d\d)")
+    assert times.of(Path(path)) == said
+    assert RecordingTimes(None).of(Path(path)) is None
+    with pytest.raises(UserError, match="finds no date"):
+        times.of(Path("a/run_99999999_999999.csv"))
+    with pytest.raises(UserError, match="--time-from"):
+        RecordingTimes("(")

@@ -9,6 +9,7 @@ import pytest
 
 from observer_rt.fleet.job import SCHEMA
 from observer_rt.fleet.trend import SURE, as_json, smoothed, trends, write_page, write_picture
+from observer_rt.foundation.errors import UserError
 from tests.fleet.rows import rows
 
 
@@ -66,6 +67,13 @@ def test_the_most_worn_comes_first_by_the_last_valid_estimate_of_each_recording(
     assert doubtful.wear == 0.0
     first = as_json([worn])[0]
     assert first["injector"] == "worn"
+
+
+def test_recordings_at_one_time_are_refused() -> None:
+    """As files seem to be that were copied together."""
+    both = pa.concat_tables([rows("aa", "worn", [0.2, 0.2]), rows("bb", "worn", [0.3, 0.3])])
+    with pytest.raises(UserError, match=r"trend of worn: has recordings at the same time(?s:.*)--time-from"):
+        trends(both)
 
 
 def test_page_and_picture_are_written(table: pa.Table, tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ from concurrent.futures import CancelledError
 
 import pytest
 
-from observer_rt.service.run import LearningQueue
+from observer_rt.service.side_by_side import LearningQueue
 
 
 def test_an_injector_with_many_events_does_not_keep_the_others_waiting() -> None:

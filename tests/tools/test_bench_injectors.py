@@ -76,7 +76,7 @@ def test_what_injectors_lost_is_counted_window_by_window(traffic: Traffic) -> No
 def test_what_several_injectors_say_is_added_up() -> None:
     record = '{"time": "x", "injector": "i0", "number": 1, "reasons": [%s]}'
     words = (
-        "INFO stop: i%d: stopped after 9 samples, %d injections; 0 samples lost, 5 phi adopted, %d late, "
+        "INFO stop: i%d: stopped after 9 samples, %d injections; 0 samples lost, 5 corrections adopted, %d late, "
         "%d events not learned from in time"
     )
     said = [

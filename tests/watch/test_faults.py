@@ -12,7 +12,7 @@ from observer_rt.observer.stream.state import Reason, State
 from observer_rt.recording.replay.framing import Span, TimedFrame
 from observer_rt.service.core.messages import FrameWriter, OutputFrame
 from observer_rt.service.words import REASONS
-from observer_rt.watch.injector import WatchedInjector
+from observer_rt.watch.injector import Fault, WatchedInjector
 from tests.benches import THREE_MESSAGES, sample_bench
 from tests.device import Device, simulated
 
@@ -33,26 +33,34 @@ class Bus:
         self._now = BEGIN
 
     def run(
-        self, end: float, without: str = "", state: State = State.ADAPTED, reason: Reason = Reason.NONE
+        self,
+        end: float,
+        without: str | tuple[str, ...] = (),
+        state: State = State.ADAPTED,
+        reason: Reason = Reason.NONE,
     ) -> None:
         """Frames every 100 ms up to a time [s], but for those of a message."""
         names = {
             layout.frame_id: layout.name for layout in (*self._bus.input_layouts, self._bus.status.layout)
         }
+        away = (without,) if isinstance(without, str) else without
         values = dict.fromkeys(StatusValues._fields, 0) | {"state": state, "reason": reason}
         while self._now < BEGIN + round(end * SECOND):
             status = self._status.write(StatusValues(**values))  # type: ignore[arg-type]
             sent: list[TimedFrame | OutputFrame] = [*self._frames, *status]
             for each in sent:
-                if names[each.frame_id] != without:
+                if names[each.frame_id] not in away:
                     came = BusFrame(0, Frame(each.frame_id, each.payload, self._now))
                     self._injector.take(came, self._now)
             self._now += SECOND // 10
 
     def faults(self) -> list[tuple[str, float, str]]:
         """What is wrong now: what, since when [s], what to do."""
-        faults = self._injector.seen(self._now).faults
-        return [(fault.what, (fault.since - BEGIN) / SECOND, fault.remedy) for fault in faults]
+        return [(each.what, (each.since - BEGIN) / SECOND, each.remedy) for each in self.seen_faults()]
+
+    def seen_faults(self) -> tuple[Fault, ...]:
+        """The same as the page has them."""
+        return self._injector.seen(self._now).faults
 
 
 @pytest.fixture
@@ -75,6 +83,16 @@ def test_a_message_that_stays_away_is_named_with_its_signal(bus: Bus) -> None:
     assert "cable" in remedy
     bus.run(6.2)
     assert bus.faults() == []
+
+
+def test_messages_that_stay_away_together_are_one_fault_that_lists_them(bus: Bus) -> None:
+    """What the observer says of it is no second one."""
+    bus.run(3.0)
+    away = tuple(THREE_MESSAGES.values())
+    bus.run(6.0, without=away, state=State.WAITING_FOR_DATA, reason=Reason.INPUT_TIMEOUT)
+    (fault,) = bus.seen_faults()
+    assert fault.what == "no frame of any input for 3 s"
+    assert [part.split()[0] for part in fault.parts] == list(away)
 
 
 def test_without_the_observer_one_is_told_to_start_it(bus: Bus) -> None:

@@ -94,12 +94,16 @@ def test_several_injectors_stand_side_by_side_and_a_fault_says_what_to_do(
 ) -> None:
     page.goto(serve(*three))
     for name in NAMES:
-        expect(page.locator(".state", has_text=name)).to_be_visible(timeout=PATIENCE)
+        expect(page.locator(".state", has=page.locator(".name", has_text=name))).to_be_visible(
+            timeout=PATIENCE
+        )
     fault = page.locator(".fault", has_text="NeedleLiftBlock_two")
     expect(fault).to_contain_text("no frame for", timeout=PATIENCE)
     expect(fault).to_contain_text("since")
     expect(fault).to_contain_text("to do: the device that sends it, its cable")
-    left, right = (page.locator(".state", has_text=name).bounding_box() for name in NAMES[:2])
+    left, right = (
+        page.locator(".state", has=page.locator(".name", has_text=name)).bounding_box() for name in NAMES[:2]
+    )
     assert left is not None
     assert right is not None
     assert left["y"] == right["y"]

@@ -11,6 +11,7 @@ from observer_rt.bus.mapping.output_messages import StatusValues, signals_of
 from observer_rt.observer.stream.state import Reason, State
 from observer_rt.service.words import COUNTERS, REASONS, STATES, TOPICS, named
 
+NO_VALUE = "not available"
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs/operating.md"
 DATABASES = tuple(ROOT / "dbc" / name for name in ("observer_fd.dbc", "observer_classic.dbc"))
@@ -36,7 +37,12 @@ def page_with_words(text: str) -> str:
 
 
 def database_with_words(text: str) -> str:
-    """The database, the value tables of its signals `State` and `Reason` anew."""
+    """The database, the value tables anew: of `State`, of `Reason`, and of every signal with a code for no value."""
+    text = re.sub(rf'^VAL_ \d+ \w+ \d+ "{NO_VALUE}" ;\n', "", text, flags=re.MULTILINE)
+    coded = re.findall(r'^BA_ "GenSigSNA" SG_ (\d+ \w+) (\d+);$', text, flags=re.MULTILINE)
+    text = (
+        text.rstrip("\n") + "\n" + "".join(f'VAL_ {signal} {code} "{NO_VALUE}" ;\n' for signal, code in coded)
+    )
     for name, members in (("State", State), ("Reason", Reason)):
         values = " ".join(f'{int(member)} "{named(member)}"' for member in members)
         text = re.sub(rf"^(VAL_ \d+ {name}) .*;$", rf"\1 {values} ;", text, flags=re.MULTILINE)

@@ -35,7 +35,7 @@ from observer_rt.bus.mapping.timing import Joining, Numbering
 from observer_rt.foundation.compiled import compiled, inner, inner_separate, separate
 from observer_rt.foundation.continuity import Doubt
 from observer_rt.foundation.referenced import referenced
-from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND
+from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLISECOND
 
 SURE = 0.75  # cycles short of a whole turn of the counter, up to which a delay is surely no loss
 DECIDED = 0.5  # the same, from which on frames are lost
@@ -318,19 +318,24 @@ class MessageTiming:
     def as_text(self) -> str:
         """One line for the screen: delays, drift, and what they do to the samples."""
         if self.jitter.frames == 0:
-            return f"{self.name}: times not known yet"
+            return f"{self.name}: too few frames to tell their times"
         drift = f"drift {self.drift * 1e6:+.1f} ppm"
         if abs(self.drift) >= LARGEST_DRIFT:
             drift = f"sent at {1.0 / (1.0 + self.drift):.3g} times its rate"
         placed = f"by its clock, its samples are placed to {self.unknown / MICROSECOND:.2g} us"
         if self.unknown == 0.0:
-            placed = "no sample is displaced by that: they are counted"
+            placed = "no effect, samples are counted"
         elif math.isinf(self.unknown):
             placed = "its samples cannot be placed: its clock is not known yet"
-        return (
-            f"{self.name}: frames came late by up to {self.jitter.greatest / MICROSECOND:.0f} us, their jitter is "
-            f"{self.jitter.sigma / MICROSECOND:.1f} us, {drift}; {placed}"
-        )
+        late, jitter = _time_text(self.jitter.greatest), _time_text(self.jitter.sigma)
+        return f"{self.name}: frames came late by up to {late}, their jitter is {jitter}, {drift}; {placed}"
+
+
+def _time_text(seconds: float) -> str:
+    """In the unit that suits it."""
+    if seconds >= 1 * MILLISECOND:
+        return f"{seconds / MILLISECOND:.3g} ms"
+    return f"{seconds / MICROSECOND:.1f} us"
 
 
 def timing_of(bus: BusMap, keeping: Timekeeping) -> tuple[MessageTiming, ...]:

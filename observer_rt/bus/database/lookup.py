@@ -229,7 +229,7 @@ def from_unit(
     factor = factor_of(stated, units)
     if factor is None:
         name = next(iter(units))
-        raise unknown_unit(place, message, stated, units, f', or a number of them ("98066.5 {name}")')
+        raise unknown_unit(place, message, stated, unit, units, f', or a number of them ("98066.5 {name}")')
     return factor
 
 
@@ -239,11 +239,16 @@ def stated_unit(message: Message, signal: str, unit: str | None) -> str:
 
 
 def unknown_unit(
-    place: str, message: Message, stated: str, units: Iterable[str], others: str = ""
+    place: str, message: Message, stated: str, own: str | None, units: Iterable[str], others: str = ""
 ) -> UserError:
-    """The error for a unit that is none of `units`; others: what else there could be."""
-    return UserError(
-        place,
-        f"unit {stated!r} of {message.name} is not known" if stated else f"{message.name} states no unit",
-        f'add unit = "..." with one of {", ".join(units)}{others}',
+    """The error for a unit that is none of `units`, whether of the database or the bench file's `own`.
+
+    others: what else there could be.
+    """
+    known = f"one of {', '.join(units)}{others}"
+    if own:
+        return UserError(f"{place}.unit", f"{own!r} is no unit of this quantity", f"write {known}")
+    problem = (
+        f"unit {stated!r} of {message.name} is not known" if stated else f"{message.name} states no unit"
     )
+    return UserError(place, problem, f'add unit = "..." with {known}')

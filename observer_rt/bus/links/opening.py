@@ -6,7 +6,9 @@ from queue import Empty, Full, Queue
 
 from observer_rt.bus.links.controller import BusCondition
 from observer_rt.bus.links.link import SWITCHED, FdFlags, Frame, Link, StampSource
+from observer_rt.foundation.errors import UserError, did_you_mean
 
+_OURS = ("socketcan", "descriptor")
 CAPACITY = 20_000  # frames that wait for one user
 _LONGEST_WAIT = 0.02  # s that the reading thread is deaf to its end
 
@@ -134,6 +136,19 @@ class _Share(Link):
         self._bus.leave(self)
 
 
+def require_interface(place: str, name: str) -> None:
+    """Raise `UserError` for an interface that is none; place: where the user says it."""
+    if name in _OURS:
+        return
+    import can  # only for those who use one of its drivers
+
+    known = sorted({"socketcan", *can.VALID_INTERFACES})
+    if name not in known:
+        raise UserError(
+            place, f"unknown interface {name!r}", f"{did_you_mean(name, known)}use one of {', '.join(known)}"
+        )
+
+
 def open_link(
     interface: str,
     channel: str,
@@ -153,6 +168,7 @@ def open_link(
         UserError: no such interface.
         RunError: the interface is there but cannot be used.
     """
+    require_interface("link.interface", interface)
     # Imported here so that neither python-can's drivers nor Linux are needed by those who use the other.
     if interface == "socketcan":
         from observer_rt.bus.links.socketcan import SocketCanLink

@@ -204,6 +204,13 @@ def _map_message(
                 f"has {len(samples[role])} samples a frame, other signals of {message.name} have {row['samples']}",
                 "name as many samples for every signal of a message",
             )
+        for other in samples:
+            if other is not role and set(samples[other]) & set(samples[role]):
+                raise UserError(
+                    fitted.place(f"signals.{role}"),
+                    f"{other} and {role} read the same signals of {message.name}",
+                    "name the signals of each",
+                )
         row["samples"] = len(samples[role])
         streams.setdefault(groups, []).append(role)
     for groups, together in streams.items():

@@ -195,7 +195,7 @@ def _slow_signal(
     if isinstance(config, FuelTemperatureConfig):
         unit = stated_unit(message, config.signal, config.unit)
         if unit not in TEMPERATURE_ORIGINS:
-            raise unknown_unit(place, message, unit, TEMPERATURE_ORIGINS)
+            raise unknown_unit(place, message, unit, config.unit, TEMPERATURE_ORIGINS)
         origin = TEMPERATURE_ORIGINS[unit]
         untold = (fitted.parameters.fluid.reference_temperature or math.nan) - origin
     elif isinstance(config, SlowQuantityConfig):

@@ -160,14 +160,14 @@ def number_signal(fitted: BenchInjector, message: Message, roles: Sequence[Role]
     if index:
         if counter is not None:
             raise UserError(
-                fitted.place(f"signals.{roles[0]}.counter"),
+                _place(fitted, roles, "counter"),
                 f"message {message.name} has an index, {index}, which tells its frames apart already",
                 "leave out 'counter', or set index = \"\"",
             )
-        return index_signal(fitted.place(f"signals.{roles[0]}.index"), message, index)
+        return index_signal(_place(fitted, roles, "index"), message, index)
     if not counter:
         return None
-    place = fitted.place(f"signals.{roles[0]}.counter")
+    place = _place(fitted, roles, "counter")
     if counter not in known:
         raise UserError(
             place, f"message {message.name} has no signal {counter!r}", "name the one that counts"
@@ -246,7 +246,7 @@ def _steps(fitted: BenchInjector, message: Message, roles: Sequence[Role]) -> in
     """Samples of the grid from one sample of the message to its next."""
     rate = fitted.config.sampling.rate_hz
     stated: float | None = _agreed(fitted, message, roles, "rate_hz")
-    place = fitted.place(f"signals.{roles[0]}.rate_hz")
+    place = _place(fitted, roles, "rate_hz")
     if stated is None:
         return 1
     ratio = rate / stated
@@ -271,7 +271,7 @@ def _set_hold(
 ) -> None:
     stated = _agreed(fitted, message, roles, "max_hold_ms")
     cycle = samples * float(row["interval"])
-    place = fitted.place(f"signals.{roles[0]}.max_hold_ms")
+    place = _place(fitted, roles, "max_hold_ms")
     if row["steps"] == 1:
         if stated is not None:
             problem = "is only for a signal slower than the others"
@@ -287,7 +287,7 @@ def _set_hold(
         )
     if hold > longest:
         raise UserError(
-            place if stated is not None else fitted.place(f"signals.{roles[0]}.rate_hz"),
+            place if stated is not None else _place(fitted, roles, "rate_hz"),
             f"samples would have to wait {hold / MILLISECOND:g} ms for it, at most {longest / MILLISECOND:.3g} are "
             f"possible at {fitted.config.sampling.rate_hz:g} Hz",
             "state a shorter max_hold_ms"
@@ -306,14 +306,23 @@ def _joining(row: np.void, same_base: bool, is_leading: bool, leading: np.void) 
     return Joining.NEAREST if same_base and row["steps"] == 1 else Joining.CLOCK
 
 
+def _place(fitted: BenchInjector, roles: Sequence[Role], key: str) -> str:
+    """Where the bench file says a key of the roles of a message, of the first where none of them states it."""
+    stating = (role for role in roles if getattr(fitted.config.signals.of(role), key) is not None)
+    return fitted.place(f"signals.{next(stating, roles[0])}.{key}")
+
+
 def _agreed(fitted: BenchInjector, message: Message, roles: Sequence[Role], key: str) -> Any:
     """The value of a key that the roles of a message have in common, None where none of them states it."""
-    stated = [getattr(fitted.config.signals.of(role), key) for role in roles]
-    values = {value for value in stated if value is not None}
-    if len(values) > 1:
-        raise UserError(
-            fitted.place(f"signals.{roles[-1]}.{key}"),
-            f"differs from that of signals.{roles[0]}, though message {message.name} carries both",
-            "state it the same for all signals of a message",
-        )
-    return values.pop() if values else None
+    stated = {
+        role: value for role in roles if (value := getattr(fitted.config.signals.of(role), key)) is not None
+    }
+    first = next(iter(stated), None)
+    for role, value in stated.items():
+        if first is not None and value != stated[first]:
+            raise UserError(
+                fitted.place(f"signals.{role}.{key}"),
+                f"differs from that of signals.{first}, though message {message.name} carries both",
+                "state it the same for all signals of a message",
+            )
+    return None if first is None else stated[first]

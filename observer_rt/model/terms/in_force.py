@@ -26,9 +26,9 @@ class TermCoefficient(BaseModel):
     @model_validator(mode="after")
     def _in_order(self) -> Self:
         if (self.low is None) != (self.high is None):
-            raise ValueError("give both 'low' and 'high', or neither")
+            raise ValueError("one of 'low' and 'high' is missing; give both, or neither")
         if self.low is not None and self.high is not None and not self.low <= self.value <= self.high:
-            raise ValueError("'value' is not between 'low' and 'high'")
+            raise ValueError("'value' is not between 'low' and 'high'; correct one of the three")
         return self
 
 

@@ -36,7 +36,7 @@ class Estimate:
 
 
 Indicators = Mapping[str, Estimate]
-"""By the effects they stand for, as theta counts them; those of nozzle and seat are v_H and v_S of (27)."""
+"""By the effects they stand for, normalised as theta is; those of nozzle and seat are v_H and v_S of (27)."""
 
 
 def indicators_of(

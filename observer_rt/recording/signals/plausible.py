@@ -122,6 +122,7 @@ OPEN = 20 * MICROMETRE  # lift of an injection, above any noise
 SMALLEST_LIFT = 5 * MICROMETRE
 SHAPE = 20.0  # highest value beside the mean step from sample to sample, beyond which it is no noise
 SAME = 0.2  # relative, within which a ratio of pressures is a ratio of units
+FURTHER = 0.03  # of the mean, by which a rail pressure does not go beyond the line's at both ends
 RESTS_OPEN = 0.7  # share of the highest lift, above which a needle is open most of the time
 _PRESSURE_FACTORS = (
     (1e-6, "Pa"),
@@ -169,8 +170,29 @@ def implausible(survey: Survey) -> Iterator[Implausible]:
     yield from _beside_each_other(rail, line)
 
 
+def swapped(survey: Survey) -> tuple[str, str] | None:
+    """Problem and remedy where the rail pressure moves as a line's does and the line's as a rail's."""
+    rail, line = survey.signals.get("rail_pressure"), survey.signals.get("line_pressure")
+    if rail is None or line is None or not (rail.count and line.count) or line.highest <= line.lowest:
+        return None
+    margin = FURTHER * line.mean
+    if rail.lowest < line.lowest - margin and rail.highest > line.highest + margin:
+        return (
+            "rail_pressure falls lower and rises higher than line_pressure: most likely the two are swapped",
+            "compare their columns or signals: the line's pressure drops while the needle is open, and rings",
+        )
+    return None
+
+
 def _pressure(name: str, pressure: SignalSurvey, opens: bool) -> Iterator[Implausible]:
     lowest, highest = PRESSURES
+    if pressure.mean < -lowest:
+        yield Implausible(
+            name,
+            f"is {pressure.mean / MEGAPASCAL:.4g} MPa in the mean: it is inverted",
+            f"give it positive; in [recording.{name}] of a bench file: factor = -1",
+        )
+        return
     is_low = opens and 0.0 < pressure.highest < lowest
     if pressure.highest <= highest and not is_low:
         return
@@ -194,7 +216,7 @@ def _beside_each_other(rail: SignalSurvey, line: SignalSurvey) -> Iterator[Impla
                 "line_pressure",
                 f"is {line.mean / MEGAPASCAL:.4g} MPa in the mean, rail_pressure {rail.mean / MEGAPASCAL:.4g} MPa: "
                 f"{ratio:.3g} times as much",
-                f"mind the units of both; the likely one of line_pressure is {unit}",
+                f"mind the units of both; that of line_pressure is likely {unit}",
             )
             return
 

@@ -174,6 +174,11 @@ class Core:
         """Have the executor call `wake` when something was learned, which `attend` then hands to the stream."""
         self._judging.on_learned = wake
 
+    @property
+    def is_between_events(self) -> bool:
+        """Whether no injection is under way, nor any to be judged."""
+        return self._judging.is_idle and not self.compiled.observer.memory["in_event"][0]
+
     def finish(self) -> list[OutputFrame]:
         """No frame will come: process what waits, judge every event, publish the last block."""
         self.compiled.observer.memory["draining"] = True

@@ -93,9 +93,7 @@ def summary_values(
 ) -> SummaryValues:
     """The summary of an injection; pressure_scale p_0 [Pa]."""
     nozzle, seat, offset = (report.indicators[name] for name in (NOZZLE, SEAT, OFFSET))
-    mass_sigma = np.nan
-    if report.mass_ci95 is not None:  # within 1.96 of it lies the interval, whose middle is another mass
-        mass_sigma = max(abs(bound - report.mass) for bound in report.mass_ci95) / 1.96
+    mass_sigma = report.mass_bound / 1.96
     return SummaryValues(
         sample_index=report.start_index & 0xFFFFFFFF,
         valid=report.valid,

@@ -134,11 +134,12 @@ class JournalWriter:
             connection.execute(
                 "UPDATE run SET stopped_utc = ? WHERE started_unix_us = ?", (utc(time.time_ns()), self._run)
             )
+            (total,) = connection.execute("SELECT count(*) FROM injection").fetchone()
             with contextlib.suppress(sqlite3.OperationalError):  # while somebody reads
                 # then whoever may read the file can, even where nothing can be made beside it
                 connection.execute("PRAGMA journal_mode = DELETE")
         self._give_up()
-        return f"{self.written} injections in the journal {self._path}"
+        return f"{total} injections in the journal {self._path}, {self.written} of this run"
 
     def _add(self, connection: sqlite3.Connection, at: int, entry: InjectionReport | MeasuredMass) -> None:
         """at: Unix time [ns]."""

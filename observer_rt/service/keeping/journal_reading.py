@@ -94,7 +94,7 @@ def print_tables(journal: JournalReader, last: int) -> None:
         f"injections: {journal.count()}{since}; runs: {len(runs)}, {killed} of them killed or still running",
         highlight=False,
     )
-    names = [each.name for each in WEAR]
+    names = [each.value.heading.replace("\n", " ") for each in WEAR]
     title = "Wear over time: means of the valid injections, with their 95 % intervals"
     wear = Table("until (UTC)", "injections", "valid", "rail MPa", *names, title=title)
     for span in journal.spans(SPANS):
@@ -119,7 +119,7 @@ def print_tables(journal: JournalReader, last: int) -> None:
 def _mean(value: float | None, low: float | None, high: float | None) -> str:
     if value is None:
         return "-"
-    return f"{value:+.3f}" + ("" if low is None else f" [{low:+.3f}, {high:+.3f}]")
+    return f"{value:+.1%}" + ("" if low is None else f" [{low:+.1%}, {high:+.1%}]")
 
 
 @contextlib.contextmanager

@@ -7,13 +7,13 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from observer_rt.config.bench import Bench, BenchInjector
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.service.core.learners import refuse_state
-from observer_rt.service.keeping.journal import JournalWriter, is_at
+from observer_rt.service.keeping.journal import JournalWriter, is_at, require_journal
 from observer_rt.service.keeping.state_file import model_hash, save_knowledge
 from observer_rt.service.reports.news import Listener
 from observer_rt.terminal.console import check_destination, check_folder
@@ -218,20 +218,48 @@ class LearnedState:
         return f"learned state saved in {self._path}"
 
 
+class KeptFiles(NamedTuple):
+    """Where learned state and journal are kept; None: nowhere."""
+
+    state: Path | None
+    journal: Path | None
+
+
+def kept_files(fitted: BenchInjector, state: Path | None = None, journal: Path | None = None) -> KeptFiles:
+    """The files of an injector: those of the command line, else those that the bench file names.
+
+    Raises `UserError` for files that cannot be kept, or are of another kind.
+    """
+    taken = {path.resolve(): str(path) for path in (fitted.file.path, fitted.parameters_path)}
+    files = KeptFiles(state or fitted.state, journal or fitted.journal)
+    options = (
+        "--state" if state else fitted.place("state.file"),
+        "--journal" if journal else fitted.place("state.journal"),
+    )
+    for option, path in zip(options, files, strict=True):
+        if path is None:
+            continue
+        if other := taken.get(path.resolve()):
+            raise UserError(option, f"{path} is {other} already", "name another file")
+        taken[path.resolve()] = option
+        check_destination(option, path)
+        check_folder(option, path.absolute().parent)
+    if files.state is not None:
+        refuse_state(fitted, options[0])
+    if files.journal is not None:
+        require_journal(files.journal)
+    return files
+
+
 @contextlib.contextmanager
 def keeper_of(bench: Bench, state: Path | None, journal: Path | None, tell: Tell) -> Iterator[Keeper]:
     """What keeps the files of a daemon, theirs alone while it lasts; those the bench file names where none is given.
 
     Raises `UserError` for files that cannot be kept, or are another daemon's.
     """
-    fitted = bench.injector
-    state, journal = state or fitted.state, journal or fitted.journal
+    files = kept_files(bench.injector, state, journal)
     with contextlib.ExitStack() as locks:
-        if state is not None:
-            refuse_state(fitted, "--state")
-            check_folder("--state", state.absolute().parent)
-            locks.enter_context(sole_writer(state))
-        if journal is not None:
-            check_destination("--journal", journal)
-            check_folder("--journal", journal.absolute().parent)
-        yield Keeper(fitted, state, None if journal is None else JournalWriter(journal, bench, tell), tell)
+        if files.state is not None:
+            locks.enter_context(sole_writer(files.state))
+        writer = None if files.journal is None else JournalWriter(files.journal, bench, tell)
+        yield Keeper(bench.injector, files.state, writer, tell)

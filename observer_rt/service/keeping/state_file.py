@@ -262,7 +262,7 @@ def load_knowledge(
         return Restored(None, f"learned state not restored, for {reason}; kept as {_set_aside(path)}")
     return Restored(
         knowledge,
-        f"learned state restored from {path}: phi version {knowledge.phi_version}, "
+        f"learned state restored from {path}: correction {knowledge.phi_version}, "
         f"learned from {knowledge.events} events",
     )
 

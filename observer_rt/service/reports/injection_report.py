@@ -76,6 +76,11 @@ class InjectionReport:
     further: tuple[Reason, ...] = ()
 
     @property
+    def mass_bound(self) -> float:
+        """By how much the mass may be off, by the interval with 95 % [kg]; nan before that is known."""
+        return math.nan if self.mass_ci95 is None else max(abs(bound - self.mass) for bound in self.mass_ci95)
+
+    @property
     def reasons(self) -> tuple[Reason, ...]:
         """All reasons why it is not valid, the most severe first."""
         return () if self.valid else (self.reason, *self.further)
@@ -221,8 +226,8 @@ def _indicator(shown: ShownIndicator) -> IndicatorFields:
         interval = report.indicators[shown.effect].ci95
         return interval and [bound * shown.factor(c) for bound in interval]
 
-    outputs, heading = Output.JOURNAL | Output.PARQUET, f"{name.partition('_')[2]}\n{unit}"
-    single = Field(f"{name}{suffix}", float, value, heading, "+.3f", outputs)
+    outputs, heading = Output.JOURNAL | Output.PARQUET, f"{name.partition('_')[0]}\nflow"
+    single = Field(f"{name}{suffix}", float, value, heading, "+.1%", outputs)
     return IndicatorFields(name, unit, single, Field(f"{name}_ci95{suffix}", tuple, ci95, outputs=outputs))
 
 
@@ -244,8 +249,7 @@ FIELDS: tuple[Field[InjectionReport], ...] = (
     Field("end_index", int, lambda r, _: r.end_index, outputs=_INDEX),
     Field("rail_pressure_MPa", float, lambda r, _: r.rail_pressure / MEGAPASCAL, "rail\nMPa", ".1f"),
     Field("mass_mg", float, lambda r, _: r.mass / MILLIGRAM, "mass\nmg", ".2f"),
-    Field("mass_ci95_mg", tuple, lambda r, _: r.mass_ci95 and [bound / MILLIGRAM for bound in r.mass_ci95],
-          "95 %\nmg", ".1f"),
+    Field("mass_ci95_mg", tuple, lambda r, _: r.mass_ci95 and [bound / MILLIGRAM for bound in r.mass_ci95]),
     Field("peak_rate_mm3_per_ms", float, lambda r, _: r.peak_rate / MM3_PER_MS, outputs=Output.JOURNAL),
     Field("valid", bool, lambda r, _: r.valid),
     Field("reasons", list, lambda r, _: [reason.name for reason in r.reasons]),
@@ -256,7 +260,11 @@ FIELDS: tuple[Field[InjectionReport], ...] = (
     *chain.from_iterable((each.value, each.ci95) for each in INDICATORS),
 )
 # fmt: on
-NAMED = {each.name: each for each in FIELDS}
+MASS_BOUND = Field[InjectionReport](
+    "mass_bound_mg", float, lambda r, _: r.mass_bound / MILLIGRAM, "± 95 %\nmg", ".1f"
+)
+"""On the screen, of the mass beside it; the interval is that of another, the mass as learned from the event."""
+NAMED = {each.name: each for each in (*FIELDS, MASS_BOUND)}
 
 
 def columns_of(fields: Sequence[Field[T]], output: Output) -> dict[str, type]:

@@ -149,6 +149,11 @@ class Judging:
         """How often a new phi was adopted."""
         return self.known.phi_version - self._first_version
 
+    @property
+    def is_idle(self) -> bool:
+        """Whether no closed event waits to be judged."""
+        return not self._waiting
+
     def follow(self, learning: bool, fuel_temperature: float | None) -> Iterator[EventRecord]:
         """What the stream did since the last call: events that were judged, after handing over those that closed.
 

@@ -29,10 +29,10 @@ class MeasuredMass:
 
     def as_text(self) -> str:
         """One line."""
-        return (
-            f"injection {self.report.number}: measured {self.mass / MILLIGRAM:.2f} mg, estimate "
-            f"{self.report.mass / MILLIGRAM:.2f} mg ({100 * self.error:+.2f} %)"
-        )
+        estimate = "unknown"
+        if not math.isnan(self.report.mass):
+            estimate = f"{self.report.mass / MILLIGRAM:.2f} mg ({100 * self.error:+.2f} %)"
+        return f"injection {self.report.number}: measured {self.mass / MILLIGRAM:.2f} mg, estimate {estimate}"
 
 
 @dataclass(frozen=True)
@@ -179,9 +179,11 @@ def line(report: InjectionReport) -> str:
     verdict = "valid" if report.valid else f"not valid: {'; '.join(map(named, report.reasons))}"
     temperature = report.fuel_temperature
     fuel = "" if temperature is None else f"fuel {temperature - ZERO_CELSIUS:.1f} degC, "
+    mass = "mass unknown" if math.isnan(report.mass) else f"{report.mass / MILLIGRAM:.2f} mg"
+    flow = 100 * report.indicators[NOZZLE].value
     return (
-        f"injection {report.number} at index {report.start_index}: {report.mass / MILLIGRAM:.2f} mg, "
-        f"rail {report.rail_pressure / MEGAPASCAL:.1f} MPa, v_H {report.indicators[NOZZLE].value:+.3f}, "
-        f"phi {report.phi_version}, {fuel}{verdict}"
+        f"injection {report.number} at index {report.start_index}: {mass}, "
+        f"rail {report.rail_pressure / MEGAPASCAL:.1f} MPa, nozzle flow {flow:+.1f} %, "
+        f"correction {report.phi_version}, {fuel}{verdict}"
         + (f", {report.commanded.as_text()}" if report.commanded else "")
     )

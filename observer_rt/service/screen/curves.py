@@ -155,7 +155,7 @@ def _plot(
 
 WITH_WORDS = 110  # columns, from which all columns have room, and reasons are put into words
 HEADING = 2  # lines
-_FIRST = [NAMED[name] for name in ("number", "rail_pressure_MPa", "mass_mg", "mass_ci95_mg")]
+_FIRST = [NAMED[name] for name in ("number", "rail_pressure_MPa", "mass_mg", "mass_bound_mg")]
 _COMMAND = [NAMED["command"], NAMED["opening_delay_us"]]
 
 
@@ -171,7 +171,7 @@ def injections(shown: Sequence[ShownInjection], width: int, c: Coefficients) -> 
         names += ["measured\nmg", "error\n%"]
     commanded = _COMMAND if is_commanded else []
     headings = [*(each.heading for each in _FIRST), *names, *(each.heading for each in commanded)]
-    for heading in (*headings, "v_H\n-"):
+    for heading in (*headings, "nozzle\nflow"):
         table.add_column(Text(heading), justify="right", no_wrap=True)
     table.add_column(Text("\nvalid?"), no_wrap=True)
     for item in shown:
@@ -199,8 +199,8 @@ def last_injection(item: ShownInjection, c: Coefficients) -> tuple[Text, ...]:
 
 def _wear(report: InjectionReport, with_interval: bool) -> str:
     wear = report.indicators[NOZZLE]
-    sigma = f" ±{1.96 * wear.sigma:.3f}" if with_interval and wear.sigma is not None else ""
-    return f"{wear.value:+.3f}{sigma}"
+    sigma = f" ±{1.96 * wear.sigma:.1%}" if with_interval and wear.sigma is not None else ""
+    return f"{wear.value:+.1%}{sigma}"
 
 
 def _verdict(report: InjectionReport, in_words: bool) -> Text:

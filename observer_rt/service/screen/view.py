@@ -246,7 +246,7 @@ def draw(screen: Screen, until: threading.Event, console: Console) -> None:
 
 
 TURN = 5_000_000_000  # ns, for which one injector is shown
-_HEADINGS = ("injector", "state", "reason", "no", "mass mg", "95 %", "v_H", "valid?")
+_HEADINGS = ("injector", "state", "reason", "no", "mass mg", "± 95 %", "nozzle flow", "valid?")
 _BORDER = 2  # lines: the headings, and one to spare
 
 

@@ -113,11 +113,17 @@ class Arrivals:
         return any(heard.frames and now - heard.last < CONTESTED * SECOND for _, heard in self._own)
 
     def as_text(self, now: int) -> str:
-        """All messages with their ages."""
-        return ", ".join(f"{source.text} {age_text(self.age(source, now))}" for source in self.sources)
+        """Messages that stay away, with their ages; of all where none does."""
+        told = self.stale(now) or self.sources
+        return ", ".join(f"{source.text}: {last_text(self.age(source, now))}" for source in told)
 
 
 CONTESTED = 2.0  # s after a frame of another sender: it may send seldom
+
+
+def last_text(age: float) -> str:
+    """When the last frame came, by its age [s]."""
+    return "no frame yet" if math.isnan(age) else f"last frame {age_text(age)}"
 
 
 def age_text(age: float) -> str:

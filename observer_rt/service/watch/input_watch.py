@@ -5,6 +5,7 @@ from pathlib import Path
 from observer_rt.bus.links.link import Frame
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench import BenchInjector
+from observer_rt.config.signals import Role
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 from observer_rt.observer.stream.standstill import LiftFigures
 from observer_rt.observer.stream.state import Reason, State
@@ -13,6 +14,7 @@ from observer_rt.service.core.core import Core
 from observer_rt.service.reports.news import Notice
 from observer_rt.service.watch.arrivals import SECOND, STALE, Arrivals, message_text
 from observer_rt.service.watch.silence import SilenceWatch, ValueWatch
+from observer_rt.service.watch.units import UnitWatch
 from observer_rt.service.words import Topic, is_good, named
 
 REMEDY = "stop the other daemon or replay; two on one bus need messages of their own in [outputs]"
@@ -56,6 +58,7 @@ class InputWatch:
         self._core = core
         self._silence = SilenceWatch(self.arrivals)
         self._values = ValueWatch(bus, configured_noise(fitted))
+        self._units = UnitWatch(self.arrivals.sources)
         self._lift = LiftWatch()
         self._senders = SenderWatch(bus, self.arrivals)
         self._seen = 0
@@ -71,7 +74,38 @@ class InputWatch:
             samples = core.inputs(self._seen, MOST_SAMPLES)
             self._seen = core.processed
             told += self._values.look(core.newest, samples)
+            told += self._units.look(core.newest, samples[Role.NEEDLE_LIFT])
         return [*told, *self._lift.look(core.lift), *self._senders.look(now)]
+
+    @property
+    def causes(self) -> tuple[str, ...]:
+        """What is known to be wrong with the inputs and lasts, which may be why nothing is valid."""
+        return tuple(self._units.told.values())
+
+
+class RestartWatch:
+    """Tells when a device begins its sample index anew."""
+
+    def __init__(self, arrivals: Arrivals) -> None:
+        self._sources = arrivals.sources
+        self._restarts = 0
+        self._before: list[int] = []
+
+    def look(self, progress: list[int], restarts: int) -> list[Notice]:
+        """News; progress: as of `SilenceWatch`, restarts: so far."""
+        before, self._before = self._before, progress
+        if restarts == self._restarts:
+            return []
+        self._restarts = restarts
+        back = [
+            f"{source.text}: sample index {before[stream]} -> {progress[stream]}"
+            for source in self._sources
+            for stream in source.streams[:1]
+            if before and progress[stream] < before[stream]
+        ]
+        found = "; ".join(back) or "sample index begins anew"
+        remedy = "nothing, if that was meant; else see to its power supply"
+        return [Notice(Topic.INPUT, f"a measuring device was restarted: {found}\n  remedy: {remedy}")]
 
 
 class LiftWatch:
@@ -111,24 +145,30 @@ LASTING = 1.0  # s that a state must last to be told: a source that sends window
 _ABOUT_INPUTS = (Reason.INPUT_TIMEOUT, Reason.INPUT_STALE, Reason.STARTING)
 
 
+_Standing = tuple[State, tuple[Reason, ...], tuple[str, ...]]
+
+
 class StateWatch:
     """Tells what state the service is in, with the ages of the inputs where these are the reason."""
 
     def __init__(self, arrivals: Arrivals) -> None:
         self._arrivals = arrivals
-        self._now: tuple[State, tuple[Reason, ...]] | None = None
+        self._now: _Standing | None = None
         self._since = 0
-        self._told: tuple[State, tuple[Reason, ...]] | None = None
+        self._told: _Standing | None = None
 
-    def look(self, now: int, state: tuple[State, tuple[Reason, ...]]) -> list[Notice]:
-        """News at a time [ns]; state: with all its reasons."""
-        if state != self._now:
-            self._now, self._since = state, now
-        if state == self._told or now - self._since < LASTING * SECOND:
-            return []
-        self._told = state
+    def look(
+        self, now: int, state: tuple[State, tuple[Reason, ...]], causes: tuple[str, ...] = ()
+    ) -> list[Notice]:
+        """News at a time [ns]; state: with all its reasons; causes: known to be wrong with the inputs."""
         what, why = state
-        text = "; ".join([named(what), *map(named, why)])
+        standing = (what, why, () if is_good(what) else causes)
+        if standing != self._now:
+            self._now, self._since = standing, now
+        if standing == self._told or now - self._since < LASTING * SECOND:
+            return []
+        self._told = standing
+        text = "; ".join([named(what), *map(named, why), *standing[2]])
         if not is_good(what) and any(reason in _ABOUT_INPUTS for reason in why):
             text += f"; {self._arrivals.as_text(now)}"
         return [Notice(Topic.STATE, text, is_good(what))]

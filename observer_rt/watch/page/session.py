@@ -132,7 +132,7 @@ class Session:
             return {}
         letters = {"top": top_html(self._watching)}
         for number, (now_seen, then_seen) in enumerate(zip(live, shown, strict=True)):
-            letters[f"banner_{number}"] = banner_html(now_seen, _last_of(then_seen))
+            letters[f"banner_{number}"] = banner_html(now_seen, _last_of(then_seen), self._watching.now)
         changed = {name: html for name, html in letters.items() if self._letters.get(name) != html}
         self._letters, self._letters_due = letters, now + _LETTERS_EVERY
         return changed

@@ -120,7 +120,7 @@ def test_number_of_an_extended_frame_is_another() -> None:
         ({"rail_pressure": 'signal = "Rial"'}, "rail_pressure", "Rial", "Rail"),
         ({"line_pressure": 'signal = "Line"'}, "line_pressure", "torr", "bar"),
         ({"line_pressure": 'signal = "Bare"'}, "line_pressure", "no unit", 'unit = "..."'),
-        ({"line_pressure": 'signal = "Lift"'}, "line_pressure", "um", "bar"),
+        ({"line_pressure": 'signal = "Lift"'}, "line_pressure", "the same signals", "of each"),
         (
             {"rail_pressure": 'signals = ["Rail", "Rail2"]'},
             "needle_lift",

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from observer_rt.config.bench import load_injector
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effects import sized
-from observer_rt.recording.signals.plausible import implausible, refuse_implausible
+from observer_rt.recording.signals.plausible import implausible, refuse_implausible, swapped
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.recording.signals.stream import HeldSignals
 from observer_rt.simulation.schedule import make_schedule
@@ -103,3 +103,14 @@ def test_the_column_of_the_file_is_named() -> None:
     wrong = changed(recorded(), needle_lift=recorded().needle_lift * 1e3)
     with pytest.raises(UserError, match=r"a\.csv, Nadelhub \(needle_lift\)"):
         refuse_implausible(Path("a.csv"), HeldSignals(wrong).survey, {"needle_lift": "Nadelhub"})
+
+
+def test_pressures_that_are_swapped_or_negative() -> None:
+    """A line rings beyond the rail at both ends."""
+    made = recorded()
+    assert swapped(HeldSignals(made).survey) is None
+    exchanged = changed(made, rail_pressure=made.line_pressure, line_pressure=made.rail_pressure)
+    odd = swapped(HeldSignals(exchanged).survey)
+    assert odd is not None
+    assert "swapped" in odd[0]
+    assert found(changed(made, line_pressure=-made.line_pressure)) == ["line_pressure"]

@@ -274,7 +274,7 @@ def test_the_keeper_writes_it_beside_the_loop(path: Path, bench: Bench, told: li
             until(lambda: path.exists() and numbers(path)[-1:] == [number])  # noqa: B023 - called at once
         listener(some_report(6))
     assert numbers(path) == list(range(1, 7))
-    assert told[-1] == f"6 injections in the journal {path}"
+    assert told[-1] == f"6 injections in the journal {path}, 6 of this run"
 
 
 def test_the_wear_over_time_is_that_of_valid_injections(path: Path, journal: JournalWriter) -> None:

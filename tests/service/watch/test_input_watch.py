@@ -14,8 +14,8 @@ from observer_rt.observer.stream.standstill import LiftFigures
 from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.service.core.core import Core
 from observer_rt.service.reports.news import Notice
-from observer_rt.service.watch.arrivals import SECOND
-from observer_rt.service.watch.input_watch import PERIOD, InputWatch, LiftWatch
+from observer_rt.service.watch.arrivals import SECOND, Arrivals
+from observer_rt.service.watch.input_watch import PERIOD, InputWatch, LiftWatch, RestartWatch
 from tests.benches import SAMPLE_RATE, block_bench
 from tests.device import frames_of, later, worn_recording
 
@@ -166,6 +166,29 @@ def test_a_lift_that_is_cut_off_at_rest_is_not_called_frozen(watched: Watched) -
     assert watched.tells_of("needle_lift", lambda lift: np.where(lift < 20e-6, 0.0, lift)) == []
 
 
+@pytest.mark.parametrize(
+    ("unit", "problem", "likely"),
+    [
+        ("10 MPa", "reaches 1", "which is likely bar"),
+        (
+            "bar",
+            "MPa in the mean, rail_pressure 120 MPa: 0.1 times as much",
+            "line_pressure is likely MPa, read as bar",
+        ),
+    ],
+)
+def test_a_pressure_in_another_unit_is_named_as_it_is_in_files(
+    watched: Watched, tmp_path: Path, unit: str, problem: str, likely: str
+) -> None:
+    wrong = block_bench(tmp_path, "virtual", ["watch"])
+    pattern = 'pattern = "LinePressure_{:02d}"'
+    wrong.write_text(wrong.read_text().replace(pattern, f'{pattern}\nunit = "{unit}"'))
+    told = Watched(wrong).tells(watched.frames)
+    (named,) = (text for text in told if likely in text)
+    assert named.startswith(f"{LINE}: line_pressure ")
+    assert problem in named
+
+
 FINE = LiftFigures(at_stop=0.3e-3, stop=0.3e-3)
 
 
@@ -189,3 +212,14 @@ def test_scale_is_told_once() -> None:
     assert not found.is_over
     assert watch.look(short) == []
     assert [one.is_over for one in watch.look(FINE)] == [True]
+
+
+def test_a_restart_is_told_with_its_index(watched: Watched) -> None:
+    watch = RestartWatch(Arrivals(map_bus(load_bench(watched.bench))))
+    assert watch.look([-1, -1, -1], 0) == []
+    assert watch.look([95_000, 95_000, 95_000], 0) == []
+    (told,) = watch.look([95_100, 95_100, 27], 1)
+    assert told.text.startswith(
+        f"a measuring device was restarted: {LINE}: sample index 95000 -> 27\n  remedy: "
+    )
+    assert watch.look([27, 27, 54], 1) == []

@@ -81,7 +81,7 @@ def run_victim(scene: Scene, messages: int, full: FullDisk | None) -> None:
         threading.Thread(target=partial(_play, scene), daemon=True).start()
         if full is not None:
             threading.Thread(target=partial(_fill, scene, full, console), daemon=True).start()
-        serve(scene.bench, RunOptions(scene.state, journal=scene.journal), console)
+        serve(scene.bench, RunOptions(scene.state, journal=scene.journal), console, lambda: scene.bench)
 
 
 class _Stamped(io.TextIOBase):

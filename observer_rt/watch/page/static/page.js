@@ -38,9 +38,9 @@ const halfOf = (plot, high, number, at) =>
 
 // Of each panel: title, unit, and `span`, what its axis shows at least, so that noise looks like noise.
 const TIME = { column: "time", label: "ms", axis: "time, ms", span: 1 };
-const NUMBER = { column: "number", label: "injection", axis: "injection", span: 100 };
+const NUMBER = { column: "number", label: "injection", axis: "injection", span: 20 };
 const rate = (name) => ({
-  title: `Injection rate ${name}`, unit: "mm³/ms", span: 10, x: TIME, height: 310,
+  title: `Injection rate ${name}`, unit: "mm³/ms", span: 10, least: 0, x: TIME, height: 310,
   series: [
     ...before("rate"),
     unnamed("low", { stroke: BAND }),
@@ -55,8 +55,12 @@ const PANELS = {
   rail_pressure: { title: "Rail pressure", unit: "MPa", span: 20, x: TIME, series: measured("rail_pressure") },
   needle_lift: { title: "Needle lift", unit: "µm", span: 50, x: TIME, series: measured("needle_lift") },
   phi: {
-    title: "Correction phi", unit: "1/s", span: 10, x: TIME,
-    series: [line("phi_1", "φ₁", OBSERVER), line("phi_2", "φ₂", SECOND), line("phi_3", "φ₃", THIRD)],
+    title: "Correction φ of the model, 1/s, each on a scale of its own", span: 10, x: TIME,
+    series: [
+      line("phi_1", "φ₁ line pressure", OBSERVER, { scale: "1" }),
+      line("phi_2", "φ₂ line flow", SECOND, { scale: "2" }),
+      line("phi_3", "φ₃ sac pressure", THIRD, { scale: "3" }),
+    ],
   },
   mass: {
     title: "Mass of each injection", unit: "mg", span: 1, x: NUMBER,
@@ -92,11 +96,12 @@ function roundEnds(low, high, span, before) {
 }
 
 // The range of an axis: it stays as long as it can. margin: beside what is to be seen, as a share of it.
-function steady(span, margin) {
+// least: the value that nothing but noise lies below.
+function steady(span, margin, least = -Infinity) {
   let range = [0, span];
   return (plot, low, high) => {
     const beside = margin * (high - low);
-    if (low !== null) range = roundEnds(low - beside, high + beside, span, range);
+    if (low !== null) range = roundEnds(Math.max(low - beside, least), high + beside, span, range);
     return range;
   };
 }
@@ -104,7 +109,7 @@ function steady(span, margin) {
 const element = (id) => document.getElementById(id);
 const panels = {}; // by the element they stand in
 
-function addPanel(id, { title, unit, span, x, height = 240, series, bands = [] }) {
+function addPanel(id, { title, unit, span, least, x, height = 240, series, bands = [] }) {
   const place = element(id);
   const all = [x, ...series.map((each) => ({ points: { show: false }, ...each }))].map(
     (each) => ({ value: (plot, value) => inShort(value), ...each }));
@@ -113,13 +118,17 @@ function addPanel(id, { title, unit, span, x, height = 240, series, bands = [] }
   const axis = (label, size) => ({ label, size, grid, font: FONT, labelFont: FONT, labelSize: 24 });
   const plot = new uPlot({
     title, width: 1, height, series: all, // as wide as its place, once that is known
-    scales: { x: { time: false, range: steady(x.span, 0) }, y: { range: steady(span, 0.04) } },
-    axes: [axis(x.axis, 34), axis(unit, 74)],
+    scales: Object.fromEntries([
+      ["x", { time: false, range: steady(x.span, 0) }],
+      ...all.slice(1).map(({ scale = "y" }) => [scale, { range: steady(span, 0.04, least) }]),
+    ]),
+    axes: unit ? [axis(x.axis, 34), axis(unit, 74)] : [axis(x.axis, 34)],
     bands: bands.map(([high, low, fill]) => ({ series: [at(high), at(low)], fill })),
     cursor: { drag: { x: false, y: false } },
   }, all.map(() => []), place);
   const fit = ([{ contentRect }]) => plot.setSize({ width: Math.floor(contentRect.width), height });
   new ResizeObserver(fit).observe(place);
+  place.classList.add("empty");
   panels[id] = { plot, names: all.map((each) => each.column) };
 }
 
@@ -144,6 +153,7 @@ function showControls({ names, chosen, held, place, last, said }) {
   element("place").hidden = last === 0;
   element("place").max = last;
   element("place").value = place;
+  element("place").title = `${place + 1} of ${last + 1} kept`;
   element("said").textContent = said;
 }
 
@@ -162,6 +172,7 @@ function show(message) {
       found[name] = Array.from(values, (value) => (Number.isFinite(value) ? value : null));
       from += 4 * length;
     }
+    element(id).classList.toggle("empty", !found[names[0]]?.length);
     plot.setData(names.map((name) => found[name] ?? []));
   }
   return number;

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from observer_rt.foundation.compiled import compiled, inner
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
+from observer_rt.recording.checksum import refuse_damaged
 from observer_rt.recording.mdf4_blocks import (
     ALIGNMENT,
     DAMAGE,
@@ -36,16 +37,17 @@ _VARIABLE = -1  # length of records that say their own
 
 
 def count_records(path: Path) -> CountedRecords:
-    """Raises `UserError` for a file that is none of MDF 4, or damaged: at the byte where no record can follow."""
+    """Raises `UserError` for a file that is none of MDF 4 or damaged: by its checksum, or where no record follows."""
     with file_errors(path):
         refuse_other_files(path)
+        odd = refuse_damaged(path)
         try:
             with path.open("rb") as file:
                 blocks = Blocks(file, path.stat().st_size)
                 if not blocks.has_lists:
-                    return CountedRecords({}, (UNFINISHED_LIST,))
+                    return CountedRecords({}, (*odd, UNFINISHED_LIST))
                 groups: dict[int, GroupCount] = {}
-                remarks: list[str] = []
+                remarks = list(odd)
                 for group in blocks.data_groups():
                     if group.id_size:
                         walk = _Walk(blocks, group)

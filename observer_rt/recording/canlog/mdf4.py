@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from observer_rt.bus.can_frame import FD_LENGTHS, length_code
 from observer_rt.bus.links.link import Frame
 from observer_rt.recording.canlog.can_log import NANOSECONDS, LogFrame, LogReader, LogWriter
+from observer_rt.recording.checksum import seal
 from observer_rt.recording.mdf4_blocks import mdf4_apart
 from observer_rt.recording.mdf4_records import count_records
 
@@ -122,3 +123,4 @@ class Mdf4LogWriter(LogWriter):
             file.header.abs_time = self._start
             file.append(signal)
             file.save(handle, add_history_block=False)
+        seal(self.path)

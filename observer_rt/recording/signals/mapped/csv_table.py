@@ -168,7 +168,9 @@ class CsvTable(Table):
         """Whether the last line has no line end: its writer was stopped, and a number in it may be cut."""
         with self.path.open("rb") as file:
             file.seek(max(0, self.path.stat().st_size - _TAIL))
-            tail = file.read().replace(b"\0", b"").rstrip(b" \t\x1a")  # of UTF-16, and what Windows ends a file with
+            tail = (
+                file.read().replace(b"\0", b"").rstrip(b" \t\x1a")
+            )  # of UTF-16, and what Windows ends a file with
         last = tail.decode("ascii", "replace").rpartition("\n")[2]
         return not last.endswith("\r") and bool(self._dialect.cells(last))
 

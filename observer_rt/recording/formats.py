@@ -21,6 +21,7 @@ from observer_rt.recording.canlog.blf import BLF
 from observer_rt.recording.canlog.busmaster import BUSMASTER
 from observer_rt.recording.canlog.can_log import LogFormat, LogReader, LogRecorder, LogWriter
 from observer_rt.recording.canlog.candump import CANDUMP
+from observer_rt.recording.canlog.csv_log import CSV_LOG
 from observer_rt.recording.canlog.mdf4 import Mdf4Log, Mdf4LogWriter, is_bus_log
 from observer_rt.recording.canlog.trc import TRC
 from observer_rt.recording.signals.mapped.csv_table import CsvTable
@@ -64,7 +65,18 @@ PARQUET = SignalFormat(
 MDF4_LOG = LogFormat((".mf4",), "ASAM MDF4, bus logging", Mdf4Log, Mdf4LogWriter, recognises=is_bus_log)
 
 Format = LogFormat | SignalFormat
-BUILT_IN: tuple[Format, ...] = (CSV, MDF4_SIGNALS, PARQUET, CANDUMP, BUSMASTER, BLF, ASC, TRC, MDF4_LOG)
+BUILT_IN: tuple[Format, ...] = (
+    CSV,
+    MDF4_SIGNALS,
+    PARQUET,
+    CANDUMP,
+    BUSMASTER,
+    BLF,
+    ASC,
+    TRC,
+    MDF4_LOG,
+    CSV_LOG,
+)
 GROUP = "observer_rt.formats"
 F = TypeVar("F", bound=Format)
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import BinaryIO, ClassVar, NoReturn, cast
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.recording.canlog.can_log import LogFrame, LogReader
+from observer_rt.recording.canlog.can_log import NANOSECONDS, LogFrame, LogReader
 from observer_rt.terminal.console import PACKED
 
 GZIP_MARK = b"\x1f\x8b"
@@ -26,10 +26,14 @@ _READ = (  # how a file begins, whose it is, the suffix it is read by
     (b"MDF ", "an MDF file", ".mf4"),
     (b"UnFinMF", "an MDF file", ".mf4"),
     (b"(", "a log of candump", ".log"),
+    (b"Time Stamp,ID,", "a log of SavvyCAN", ".csv"),
+    (b"timestamp,arbitration_id", "python-can's .csv", ".csv"),
+    (b"TimestampEpoch;", "a log of CSS Electronics", ".csv"),
 )
 _UNREAD = (
-    (b"Time Stamp,ID,", "a log of SavvyCAN"),
-    (b"timestamp,arbitration_id", "python-can's .csv"),
+    (b"@ TEXT @", "a log of CarBus Analyzer"),
+    (b"//---------------------------------\nMicrochip", "a log of Microchip's CAN analyzer"),
+    (b"//---------------------------------\r\nMicrochip", "a log of Microchip's CAN analyzer"),
     (b"SQLite format 3", "a database, as python-can's .db"),
     (b"CAN Record", "a log of Kvaser's tools"),
     (b"Kvaser", "a log of Kvaser's tools"),
@@ -62,6 +66,7 @@ def likeness(path: Path) -> tuple[str, str]:
 
 
 _LINES_TO_KNOW = 20
+EARLIEST_DATE = 100_000_000 * NANOSECONDS  # since 1970: what is less counts from the start of a log
 _SIZE_AT_END = 4  # bytes of a gzip file that say how long its content is
 
 
@@ -79,7 +84,8 @@ class TextLogReader(LogReader):
                 try:
                     entry = self._entry(text, number)
                 except (ValueError, IndexError):
-                    self.refuse_content(number, f"not a line of {self.kind}: '{text[:60]}'", self.remedy)
+                    shown = "".join(sign if sign.isprintable() else "?" for sign in text[:60])
+                    self.refuse_content(number, f"not a line of {self.kind}: '{shown}'", self.remedy)
                 if entry is not None:
                     yield number, entry
 

@@ -68,8 +68,15 @@ def test_a_byte_order_mark(tmp_path: Path, suffix: str) -> None:
 def test_other_packed_files_are_unknown(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"unknown kind of file '\.gz'"):
         is_log(tmp_path / "bus.gz")
-    with pytest.raises(UserError, match=r"unknown kind of file '\.csv\.gz'"):
-        is_log(tmp_path / "bus.csv.gz")
+    with pytest.raises(UserError, match=r"unknown kind of file '\.parquet\.gz'"):
+        is_log(tmp_path / "bus.parquet.gz")
+
+
+def test_bytes_that_are_no_text_are_not_shown(tmp_path: Path) -> None:
+    path = tmp_path / "bus.log"
+    path.write_bytes(b"\x00\x1b[31mred\x07\n")
+    with pytest.raises(UserError, match=r"not a line of a candump log: '\?\?\[31mred\?'"):
+        list(open_log(path))
 
 
 @pytest.mark.parametrize("suffix", sorted(FORMATS))

@@ -16,6 +16,7 @@ from observer_rt.terminal.console import PACKED
 
 GZIP_MARK = b"\x1f\x8b"
 _HEAD = 200  # bytes
+_CAPTURE = b"\x0a\x0d\x0d\x0a"
 _READ = (  # how a file begins, whose it is, the suffix it is read by
     (b"date ", "a log of Vector's tools", ".asc"),
     (b"base hex", "a log of Vector's tools", ".asc"),
@@ -26,6 +27,7 @@ _READ = (  # how a file begins, whose it is, the suffix it is read by
     (b"MDF ", "an MDF file", ".mf4"),
     (b"UnFinMF", "an MDF file", ".mf4"),
     (b"(", "a log of candump", ".log"),
+    (_CAPTURE, "a capture", ".pcapng"),
     (b"Time Stamp,ID,", "a log of SavvyCAN", ".csv"),
     (b"timestamp,arbitration_id", "python-can's .csv", ".csv"),
     (b"TimestampEpoch;", "a log of CSS Electronics", ".csv"),
@@ -55,7 +57,8 @@ def head_of(path: Path) -> bytes:
 
 def likeness(path: Path) -> tuple[str, str]:
     """What a file looks like and what to do about it, for the ends of problem and remedy; empty if unknown."""
-    head, named = head_of(path).lstrip(), path.name.lower().removesuffix(PACKED)
+    head, named = head_of(path), path.name.lower().removesuffix(PACKED)
+    head = head if head.startswith(_CAPTURE) else head.lstrip()
     for mark, name, suffix in _READ:
         if head.startswith(mark) and not named.endswith(suffix):
             return f"; it looks like {name}", f"name it so: {path.stem}{suffix}"

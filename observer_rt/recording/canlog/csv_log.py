@@ -117,7 +117,7 @@ def columns_of(heading: str) -> tuple[str, dict[str, int]]:
 
 def is_csv_log(path: Path) -> bool:
     """Whether a file begins with the names of the columns of such a log."""
-    lines = head_of(path).decode("utf-8", "replace").splitlines()
+    lines = head_of(path).decode("utf-8", "replace").splitlines() if path.is_file() else []
     return bool(lines and columns_of(lines[0])[1])
 
 

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.bus.can_frame import FD_LENGTHS, length_code
-from observer_rt.bus.links.link import Frame
-from observer_rt.recording.canlog.can_log import NANOSECONDS, LogFrame, LogReader, LogWriter
+from observer_rt.recording.canlog.can_log import NANOSECONDS, LogFrame, LogReader, LogWriter, log_frames
 from observer_rt.recording.checksum import seal
 from observer_rt.recording.mdf4_blocks import mdf4_apart
 from observer_rt.recording.mdf4_records import count_records
@@ -53,7 +52,7 @@ def _entries_of(records: NDArray[np.void]) -> Iterator[LogFrame]:
             ("channel", "is_sent"),
         )
     )
-    return map(LogFrame, map(Frame, records["id"].tolist(), payloads, *before), *after)
+    return log_frames(records["id"].tolist(), payloads, *before, *after)
 
 
 DATA = "CAN_DataFrame"

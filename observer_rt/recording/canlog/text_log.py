@@ -5,8 +5,10 @@ import zlib
 from abc import abstractmethod
 from collections.abc import Iterator
 from contextlib import suppress
+from functools import partial
 from gzip import BadGzipFile, GzipFile
 from io import TextIOWrapper
+from itertools import islice
 from pathlib import Path
 from typing import BinaryIO, ClassVar, NoReturn, cast
 
@@ -69,6 +71,8 @@ def likeness(path: Path) -> tuple[str, str]:
 
 
 _LINES_TO_KNOW = 20
+LINES_AT_ONCE = 60
+LONGEST_LINE = 1 << 16  # characters, of what is packed: zeros would be one line of any length
 EARLIEST_DATE = 100_000_000 * NANOSECONDS  # since 1970: what is less counts from the start of a log
 _SIZE_AT_END = 4  # bytes of a gzip file that say how long its content is
 
@@ -82,22 +86,31 @@ class TextLogReader(LogReader):
     """Of a line that is none of such a log."""
 
     def _entries(self) -> Iterator[tuple[int, LogFrame]]:
-        for number, line in self._lines():
-            if text := line.strip():
-                try:
-                    entry = self._entry(text, number)
-                except (ValueError, IndexError):
-                    shown = "".join(sign if sign.isprintable() else "?" for sign in text[:60])
-                    self.refuse_content(number, f"not a line of {self.kind}: '{shown}'", self.remedy)
-                if entry is not None:
-                    yield number, entry
+        for first, lines in self._blocks():
+            frames = self._frames("".join(lines), len(lines))
+            if frames is not None:
+                yield from enumerate(frames, first)
+                continue
+            for number, line in enumerate(lines, first):
+                if text := line.strip():
+                    try:
+                        entry = self._entry(text, number)
+                    except (ValueError, IndexError):
+                        shown = "".join(sign if sign.isprintable() else "?" for sign in text[:60])
+                        self.refuse_content(number, f"not a line of {self.kind}: '{shown}'", self.remedy)
+                    if entry is not None:
+                        yield number, entry
 
     @abstractmethod
     def _entry(self, text: str, number: int) -> LogFrame | None:
         """The frame of a line that is not blank, if it has one. Raises `ValueError`, `IndexError` where malformed."""
 
-    def _lines(self) -> Iterator[tuple[int, str]]:
-        """Every line with its number, from 1.
+    def _frames(self, text: str, lines: int) -> Iterator[LogFrame] | None:
+        """The frames of so many lines, one each, as `_entry` has them; None unless all are of the usual form."""
+        return None
+
+    def _blocks(self) -> Iterator[tuple[int, list[str]]]:
+        """All lines, some at once, with the number of the first, counted from 1.
 
         A last one without its end is left out, and told: what is left of a frame may look like a shorter one.
         """
@@ -109,20 +122,28 @@ class TextLogReader(LogReader):
             raw.seek(0)
             content = cast(BinaryIO, GzipFile(fileobj=raw)) if is_packed else raw
             with TextIOWrapper(content, encoding="utf-8-sig", errors="replace") as file:
-                try:
-                    for number, line in enumerate(file, start=1):
-                        self._position += len(line)
-                        if line.endswith("\n"):
-                            yield number, line
-                        elif line.strip():
-                            self.remarks.append(f"line {number} is cut short and left out")
-                except EOFError:
-                    self.remarks.append(
-                        "the end of the packed file is missing, and with it the end of the log"
-                    )
-                except (BadGzipFile, zlib.error) as error:
-                    problem = f"is damaged, it cannot be unpacked: {error}"
-                    raise UserError(str(self.path), problem, "give the complete file") from None
+                following: Iterator[str] = file
+                if is_packed:
+                    following = iter(partial(file.readline, LONGEST_LINE), "")
+                number = 1
+                lines = [""]
+                while lines:
+                    lines = []
+                    try:
+                        lines.extend(islice(following, LINES_AT_ONCE))  # those before an error stay
+                    except EOFError:
+                        self.remarks.append(
+                            "the end of the packed file is missing, and with it the end of the log"
+                        )
+                    except (BadGzipFile, zlib.error) as error:
+                        problem = f"is damaged, it cannot be unpacked: {error}"
+                        raise UserError(str(self.path), problem, "give the complete file") from None
+                    self._position += sum(map(len, lines))
+                    if lines and not lines[-1].endswith("\n") and lines.pop().strip():
+                        self.remarks.append(f"line {number + len(lines)} is cut short and left out")
+                    if lines:
+                        yield number, lines
+                    number += len(lines)
 
     def refuse_content(
         self, number: int, problem: str, remedy: str = "delete it, or record the log again"

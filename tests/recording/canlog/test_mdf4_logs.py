@@ -221,6 +221,30 @@ def test_an_offset_outside_the_data_does_not_end_this_process(tmp_path: Path) ->
         list(open_log(tmp_path / "saved.mf4"))
 
 
+def test_lengths_in_data_that_stand_apart_are_followed(tmp_path: Path) -> None:
+    """A shorter length gives a frame fewer bytes, and all later ones those of another."""
+    card, path = tmp_path / "card.mf4", tmp_path / "saved.mf4"
+    frames = mixture(".mf4", 20)
+    write_logger_file(card, frames, ALL_STORED, MIDNIGHT)
+    with MDF(card) as file:
+        file.save(path, compression=0)
+    data = path.read_bytes()
+    lengths = [len(frame.frame.payload) for frame in frames]
+    stored = b"".join(
+        struct.pack("<I", length) + frame.frame.payload for length, frame in zip(lengths, frames, strict=True)
+    )
+    assert list(open_log(path)) == frames
+    place = data.index(stored)
+    for length in lengths:
+        for change in (1, 4, 1 << 20):
+            damaged = bytearray(data)
+            struct.pack_into("<I", damaged, place, length ^ change)
+            path.write_bytes(damaged)
+            with pytest.raises(UserError, match=r"leads to where no data begin|beyond the data"):
+                list(open_log(path))
+        place += 4 + length
+
+
 def test_frames_that_the_heading_does_not_count_are_told(tmp_path: Path) -> None:
     path = tmp_path / "bus.mf4"
     write_log(path, mixture(".mf4", 12))

@@ -131,11 +131,14 @@ class LogReader(ABC):
         """A place in the file, for a message."""
         return f"{self.path}, {self.unit} {number}"
 
-    def refuse(
-        self, number: int, problem: str, remedy: str = "delete it, or record the log again"
-    ) -> NoReturn:
-        """Raise `UserError` for a place in the file."""
-        raise UserError(self.place(number), problem, remedy)
+    def refuse(self, number: int, problem: str, remedy: str = "") -> NoReturn:
+        """Raise `UserError` for a place in the file; where nothing is said, with the usual remedy."""
+        usual = (
+            "delete it, or record the log again"
+            if self.unit == "line"
+            else "record it again, or take another copy"
+        )
+        raise UserError(self.place(number), problem, remedy or usual)
 
     def note_text(self, text: str) -> None:
         """Take a comment of the log: it may say that frames were lost."""

@@ -82,8 +82,8 @@ class TextLogReader(LogReader):
 
     kind: ClassVar[str]
     """What its files are, with an article."""
-    remedy: ClassVar[str] = "delete it, or record the log again"
-    """Of a line that is none of such a log."""
+    remedy: ClassVar[str] = ""
+    """Of a line that is none of such a log, if not the usual one."""
 
     def _entries(self) -> Iterator[tuple[int, LogFrame]]:
         for first, lines in self._blocks():
@@ -145,9 +145,7 @@ class TextLogReader(LogReader):
                         yield number, lines
                     number += len(lines)
 
-    def refuse_content(
-        self, number: int, problem: str, remedy: str = "delete it, or record the log again"
-    ) -> NoReturn:
+    def refuse_content(self, number: int, problem: str, remedy: str = "") -> NoReturn:
         """As `refuse`, saying what the file looks like instead if nothing of it could be read so far."""
         looks, rename = likeness(self.path) if number <= _LINES_TO_KNOW else ("", "")
         self.refuse(number, f"{problem}{looks}", rename or remedy)

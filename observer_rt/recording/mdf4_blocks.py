@@ -326,11 +326,12 @@ class Blocks:
             )
         if piece.size > MOST_DEFLATED * (piece.stored + 1):
             raise ValueError(f"the data at byte {piece.place} cannot be {piece.size} bytes when unpacked")
+        unpacker = zlib.decompressobj()
         try:
-            data = zlib.decompressobj().decompress(self._read(piece.place, piece.stored), piece.size + 1)
+            data = unpacker.decompress(self._read(piece.place, piece.stored), piece.size + 1)
         except zlib.error as error:
             raise ValueError(f"the data at byte {piece.place} cannot be unpacked: {error}") from None
-        if len(data) != piece.size:
+        if len(data) != piece.size or not unpacker.eof:
             raise ValueError(f"the data at byte {piece.place} are not {piece.size} bytes when unpacked")
         array = np.frombuffer(data, np.uint8)
         if piece.packing == _TRANSPOSED and piece.row:

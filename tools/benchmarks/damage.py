@@ -102,20 +102,33 @@ def damage_table(campaign: Campaign) -> Table:
     table = Table(box=None, pad_edge=False)
     for heading in ("kind", "files", *Became, "longest s"):
         table.add_column(heading, justify="left" if heading == "kind" else "right")
-    for kind in (*makers(), "all"):
-        chosen = [each for each in campaign.outcomes if kind in (each.task.kind, "all")]
-        if chosen:
-            counts = Counter(each.became for each in chosen)
-            longest = max(each.seconds for each in chosen)
-            table.add_row(kind, str(len(chosen)), *(str(counts[b]) for b in Became), f"{longest:.2f}")
+    for kind, chosen in {**_by_kind(campaign), "all": campaign.outcomes}.items():
+        counts = Counter(each.became for each in chosen)
+        longest = max(each.seconds for each in chosen)
+        table.add_row(kind, str(len(chosen)), *(str(counts[b]) for b in Became), f"{longest:.2f}")
     return table
+
+
+def _by_kind(campaign: Campaign) -> dict[str, list[Outcome]]:
+    """The outcomes of the kinds that there are, in their order."""
+    found: dict[str, list[Outcome]] = {kind: [] for kind in makers()}
+    for each in campaign.outcomes:
+        found[each.task.kind].append(each)
+    return {kind: outcomes for kind, outcomes in found.items() if outcomes}
 
 
 def damage_document(campaign: Campaign) -> dict[str, Any]:
     """The outcomes for a program."""
-    counts = Counter(each.became for each in campaign.outcomes)
-    figures = {"files": len(campaign.outcomes)} | {b.name.lower(): counts[b] for b in Became}
-    return {"figures": figures, "faults": [[*each.task, each.said] for each in campaign.faults]}
+    return {
+        "figures": _figures(campaign.outcomes),
+        "kinds": {kind: _figures(outcomes) for kind, outcomes in _by_kind(campaign).items()},
+        "faults": [[*each.task, each.said] for each in campaign.faults],
+    }
+
+
+def _figures(outcomes: Sequence[Outcome]) -> dict[str, int]:
+    counts = Counter(each.became for each in outcomes)
+    return {"files": len(outcomes)} | {b.name.lower(): counts[b] for b in Became}
 
 
 def one_file(task: Task) -> Outcome:

@@ -104,6 +104,15 @@ def trend(
         Path | None, file_option("--out", "Page to write (default: trend.html in DIR).", show_default=False)
     ] = None,
     picture: Annotated[Path | None, file_option("--plot", "Picture to write (.png, .svg, .pdf).")] = None,
+    time_from: Annotated[
+        str | None,
+        option(
+            "--time-from",
+            "Regular expression that finds when a recording was made in its file's path: year, month, day and what "
+            "follows as groups.",
+            "PATTERN",
+        ),
+    ] = None,
     as_json: options.JsonOption = False,
 ) -> None:
     """Show the wear of every injector over its recordings, the most worn first, with 95 % bands."""
@@ -115,7 +124,14 @@ def trend(
     check_destination("--out", page, (".html",))
     if picture is not None:
         check_destination("--plot", picture, FIGURE_SUFFIXES)
-    found = trends(read_injections(folder, NEEDED))
+    found = trends(read_injections(folder, NEEDED), time_from)
+    for each in found:
+        if each.overlaps:
+            say(
+                messages,
+                f"{each.injector}: recordings are at the same time, as files are that were copied: order and wear "
+                "are not to be trusted; say their times by --time-from",
+            )
     write_page(page, found, folder)
     if picture is not None:
         write_picture(picture, found)

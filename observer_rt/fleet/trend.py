@@ -2,9 +2,10 @@
 
 import io
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import UTC, datetime
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from observer_rt import __version__
+from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.pages import templates_of
 from observer_rt.service.reports.injection_report import WEAR
@@ -28,7 +30,7 @@ Signal = NDArray[np.float64]
 SURE = 1.959964  # standard deviations of a 95 % interval
 _DRIFTS, _LEAST_DRIFT = 24, 1e-3  # how many are tried, and the least of them, of what the sightings span
 _COLUMNS = {each.name.partition("_")[0]: each.columns for each in WEAR}  # of the value, its interval
-NEEDED = ("injector", "sha256", "time", "number", "valid", *chain.from_iterable(_COLUMNS.values()))
+NEEDED = ("file", "injector", "sha256", "time", "number", "valid", *chain.from_iterable(_COLUMNS.values()))
 """Columns of a batch's rows that a trend is made of."""
 
 
@@ -55,7 +57,8 @@ class Course:
 class InjectorTrend:
     """An injector's wear: when its recordings were made, and relative changes of flow by indicator.
 
-    recordings: all of them, those without a valid estimate included.
+    recordings: all of them, those without a valid estimate included; overlaps: whether some are at the same time, so
+    that the times are not when they were made.
     """
 
     injector: str
@@ -63,6 +66,7 @@ class InjectorTrend:
     courses: dict[str, Course]
     recordings: int
     injections: int
+    overlaps: bool = False
 
     @property
     def wear(self) -> float:
@@ -72,14 +76,41 @@ class InjectorTrend:
         )
 
 
-def trends(rows: pa.Table) -> list[InjectorTrend]:
-    """Of every injector in the rows of a batch (columns `NEEDED`), the most worn first."""
-    table = rows.to_pandas().sort_values(["time", "number"])
+def trends(rows: pa.Table, time_from: str | None = None) -> list[InjectorTrend]:
+    """Of every injector in the rows of a batch (columns `NEEDED`), the most worn first.
+
+    time_from: regular expression that finds year, month, day and what follows in a file's path, each a group.
+    Raises `UserError` for a path in which it finds no time.
+    """
+    table = rows.to_pandas()
+    if time_from is not None:
+        begun = table.groupby("file")["time"].transform("min")
+        stated = table["file"].map({path: _stated_time(path, time_from) for path in table["file"].unique()})
+        table["time"] = stated + (table["time"] - begun)
+    table = table.sort_values(["time", "number"])
     found = [_trend(str(name), its) for name, its in table.groupby("injector")]
     return sorted(found, key=lambda trend: (-trend.wear, trend.injector))
 
 
+def _stated_time(path: str, pattern: str) -> datetime:
+    """What a file's path says."""
+    try:
+        found = re.search(pattern, path)
+        if found is None:
+            raise UserError(
+                "--time-from", f"'{pattern}' finds nothing in {path}", "correct it, or rename the file"
+            )
+        return datetime(*map(int, found.groups()), tzinfo=UTC)  # type: ignore[misc,arg-type]
+    except (re.error, ValueError, TypeError) as error:
+        raise UserError(
+            "--time-from",
+            f"'{pattern}' finds no time in {path}: {error}",
+            r"name its numbers by groups, as in '(\d{4})-(\d\d)-(\d\d)_(\d\d)(\d\d)(\d\d)'",
+        ) from None
+
+
 def _trend(injector: str, table: pd.DataFrame) -> InjectorTrend:
+    spans = table.groupby("sha256")["time"].agg(["min", "max"]).sort_values("min")
     known = table[table["valid"]].dropna(subset=[value for value, _, _ in _COLUMNS.values()])
     last = known.groupby("sha256", sort=False).tail(1)
     courses = {}
@@ -90,8 +121,9 @@ def _trend(injector: str, table: pd.DataFrame) -> InjectorTrend:
         injector,
         tuple(each.to_pydatetime() for each in last["time"]),
         courses,
-        int(table["sha256"].nunique()),
+        len(spans),
         len(table),
+        bool((spans["min"].to_numpy()[1:] < spans["max"].cummax().to_numpy()[:-1]).any()),
     )
 
 
@@ -148,6 +180,7 @@ def as_json(found: Sequence[InjectorTrend]) -> list[dict[str, object]]:
             "injector": trend.injector,
             "recordings": trend.recordings,
             "injections": trend.injections,
+            "times_overlap": trend.overlaps,
             **{
                 name: {
                     "value": float(course.level[-1]),

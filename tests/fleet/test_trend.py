@@ -9,6 +9,7 @@ import pytest
 
 from observer_rt.fleet.job import SCHEMA
 from observer_rt.fleet.trend import SURE, as_json, smoothed, trends, write_page, write_picture
+from observer_rt.foundation.errors import UserError
 from tests.fleet.rows import rows
 
 
@@ -77,3 +78,25 @@ def test_page_and_picture_are_written(table: pa.Table, tmp_path: Path) -> None:
     assert page.count("<svg") == len(found)
     assert not re.search(r"(?:src|href)=.http", page)
     assert (tmp_path / "trend.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_recordings_at_the_same_time_are_told_and_their_paths_may_say_when(tmp_path: Path) -> None:
+    """As of files that were copied: all were written within a second."""
+    copied = pa.concat_tables([rows("2026-02-01", "C", [0.3, 0.3]), rows("2026-01-01", "C", [0.1, 0.1])])
+    (trend,) = trends(copied.select(SCHEMA.names))
+    assert trend.overlaps
+    assert as_json([trend])[0]["times_overlap"]
+    write_page(tmp_path / "trend.html", [trend], tmp_path)
+    assert "--time-from" in (tmp_path / "trend.html").read_text()
+    (stated,) = trends(copied, r"(\d{4})-(\d\d)-(\d\d)")
+    assert not stated.overlaps
+    assert stated.courses["nozzle"].value.tolist() == [0.1, 0.3]
+    assert [time.month for time in stated.times] == [1, 2]
+
+
+@pytest.mark.parametrize(
+    "pattern", [r"(\d{6})", r"(\d{4})-(\d\d)-x(\d\d)", r"(\w+)", "(", r"(\d{4})-(\d\d)-(\d\d)(\d)?"]
+)
+def test_paths_without_a_time_are_refused(pattern: str) -> None:
+    with pytest.raises(UserError, match="--time-from"):
+        trends(rows("2026-02-01", "C", [0.3]), pattern)

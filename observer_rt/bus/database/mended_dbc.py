@@ -6,13 +6,13 @@ from typing import NamedTuple
 from observer_rt.bus.can_frame import EXTENDED_MASK, STANDARD_MASK
 
 _EXTENDED = 1 << 31  # of an identifier in a DBC file
-_TEXT = r'"(?:\\"|[^"])*"'
+_TEXT = r'"(?:\\.|[^"\\])*+"'
 _MESSAGE = re.compile(
     r"^[ \t]*BO_[ \t]+(\d+)[ \t]+(\w+)[ \t]*:.*\n?((?:[ \t]*(?:SG_[ \t].*)?\n)*)", re.MULTILINE
 )
 _SIGNAL = re.compile(r"^[ \t]*SG_[ \t]+(\w+)", re.MULTILINE)
 _OF_SIGNAL = re.compile(
-    rf"^[ \t]*((?:VAL_|SIG_VALTYPE_)[ \t]+(\d+)[ \t]+(\w+))(?:[^;\"]|{_TEXT})*;", re.MULTILINE
+    rf"^[ \t]*((?:VAL_|SIG_VALTYPE_)[ \t]+(\d+)[ \t]+(\w+))(?:[^;\"]|{_TEXT})*+;", re.MULTILINE
 )
 _IDENTIFIED = re.compile(
     rf"{_TEXT}|\b(BO_|SG_|VAL_|BO_TX_BU_|SIG_VALTYPE_|SIG_GROUP_|SG_MUL_VAL_)([ \t]+)(\d+)\b"

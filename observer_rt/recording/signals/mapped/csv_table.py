@@ -22,6 +22,8 @@ LONGEST_HEADER = 1 << 20  # characters
 _TAIL = 1 << 14  # bytes, in which the last line is
 _NOT_AT_ONCE = '"\x1c\x1d\x1e\x1f'  # quotes, and the control characters that numpy takes for blanks
 NUMBERS = "write numbers; leave the cell empty where a value is not available"
+UNGROUPED = "write numbers without separators of thousands: 1000.153 or 1000,153"
+_GROUPED = re.compile(r"[+-]?\d{1,3}(?:([.,' \u00a0\u202f])\d{3})(?:\1\d{3})*(?:[.,]\d+)?")
 
 
 class CsvTable(Table):
@@ -136,7 +138,9 @@ class CsvTable(Table):
                 found.append(np.nan)
             elif is_missing(cell) or not is_number(cell, decimal):
                 raise UserError(
-                    place, f"{self.label(name)}: '{cell}' is not a number with decimal '{decimal}'", NUMBERS
+                    place,
+                    f"{self.label(name)}: '{cell}' is not a number with decimal '{decimal}'",
+                    UNGROUPED if _GROUPED.fullmatch(cell.strip()) else NUMBERS,
                 )
             else:
                 found.append(float(cell.replace(decimal, ".")))

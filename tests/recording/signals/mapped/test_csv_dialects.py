@@ -135,6 +135,15 @@ def test_cells_without_a_value_are_not_available(tmp_path: Path) -> None:
     assert not np.isnan(recording.rail_pressure).any()
 
 
+@pytest.mark.parametrize(
+    ("cell", "decimal"), [("1.000,153", ","), ("1'000.5", "."), ("12\u00a0000,5", ","), ("1,234,567.5", ".")]
+)
+def test_separators_of_thousands_are_named(tmp_path: Path, cell: str, decimal: str) -> None:
+    rows = [row.replace(",", decimal) for row in lines(20)]
+    rows[5] = ";".join([cell, *rows[5].split(";")[1:]])
+    assert "without separators of thousands" in message(write(tmp_path, named(*rows)), tmp_path)
+
+
 @given(cut=st.integers(1, 60), encoding=st.sampled_from(("utf-8", "utf-16", "utf-16-be", "cp1252")))
 @reuse_folder
 def test_a_recording_cut_anywhere_has_the_samples_of_its_whole_lines(

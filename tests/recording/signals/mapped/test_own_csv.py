@@ -71,6 +71,7 @@ def test_a_last_line_without_its_end_is_left_out(tmp_path: Path, rest: str) -> N
     stream = open_recording(path)
     assert stream.samples == 5
     assert stream.notes == (f"{path}: its last line has no line end and is left out: it may be cut short",)
+    assert read_recording(path).notes == stream.notes
 
 
 @pytest.mark.parametrize("cell", ["", " ", "nan", "NaN"])

@@ -34,6 +34,8 @@ def refuse_damaged(path: Path) -> tuple[str, ...]:
         if not stated:
             return ()
         checksum, length = int(stated[1], 16), int(stated[2])
+        if not length:  # of a file of ours that another program wrote anew
+            return ()
         if length != size:
             return (
                 f"it had {length} bytes when observer-rt wrote it, and has {size}: changed by another program, "

@@ -143,11 +143,10 @@ class ParquetWriter(TableWriter):
                 )
                 for column, array in zip(self._columns, made, strict=True)
             ]
-            self._schema = arrow.schema(fields)
+            self._schema = arrow.schema(fields, metadata={"checksum": BLANK})
             self._writer = self._stack.enter_context(
                 arrow.parquet.ParquetWriter(str(self._path), self._schema, write_page_checksum=True)
             )
-            self._writer.add_key_value_metadata({"checksum": BLANK})
         self._writer.write_table(arrow.Table.from_arrays(made, schema=self._schema), _ROW_GROUP)
 
     def close(self) -> None:

@@ -125,20 +125,19 @@ class TextLogReader(LogReader):
                 following: Iterator[str] = file
                 if is_packed:
                     following = iter(partial(file.readline, LONGEST_LINE), "")
-                number = 1
-                lines = [""]
-                while lines:
-                    lines = []
+                number, is_whole = 1, True
+                while is_whole:
+                    lines: list[str] = []
                     try:
                         lines.extend(islice(following, LINES_AT_ONCE))  # those before an error stay
                     except EOFError:
-                        self.remarks.append(
-                            "the end of the packed file is missing, and with it the end of the log"
-                        )
+                        missing = "the end of the packed file is missing, and with it the end of the log"
+                        self.remarks.append(missing)
                     except (BadGzipFile, zlib.error) as error:
                         problem = f"is damaged, it cannot be unpacked: {error}"
                         raise UserError(str(self.path), problem, "give the complete file") from None
                     self._position += sum(map(len, lines))
+                    is_whole = len(lines) == LINES_AT_ONCE  # else the file has ended
                     if lines and not lines[-1].endswith("\n") and lines.pop().strip():
                         self.remarks.append(f"line {number + len(lines)} is cut short and left out")
                     if lines:

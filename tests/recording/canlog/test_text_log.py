@@ -50,7 +50,7 @@ def test_a_packed_log_that_was_cut_says_so(tmp_path: Path, suffix: str) -> None:
         log = open_log(path)
         found = list(log)
         assert found == frames[: len(found)]
-        assert any("the end of the packed file is missing" in note for note in log.notes())
+        assert sum("the end of the packed file is missing" in note for note in log.notes()) == 1
 
 
 @pytest.mark.parametrize("suffix", TEXTS)
@@ -152,3 +152,13 @@ def test_lines_read_at_once_are_read_as_one_by_one(
     check()
     path.write_text(whole)
     assert list(fast(path)) == as_read(classic, suffix)
+
+
+def test_a_packed_line_without_end_is_no_memory_without_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(text_log, "LONGEST_LINE", 1000)
+    path = tmp_path / "bus.log.gz"
+    path.write_bytes(gzip.compress(b"(1.5) can0 123#00\n" + b"0" * 10_000_000 + b"\n"))
+    with pytest.raises(UserError, match="line 2: not a line of a candump log"):
+        list(open_log(path))

@@ -14,7 +14,9 @@ from observer_rt.bus.links.link import Frame
 from observer_rt.config.bench import PACKAGE_DATA
 from observer_rt.recording import formats
 from observer_rt.recording.canlog.can_log import LogFrame
+from observer_rt.recording.canlog.pcap import CAN
 from observer_rt.recording.signals.recording import Recording
+from tools.benchmarks.capture_file import pcapng
 from tools.benchmarks.logger_file import Field, write_logger_file
 
 FRAMES = 40
@@ -59,6 +61,7 @@ def makers() -> dict[str, Callable[[Path], None]]:
         "signals_paged.parquet": partial(_write_parquet, paged=True),
     }
     known |= {"busmaster.log": _write_busmaster, "screen.log": _write_screen, "packed.asc.gz": _write_packed}
+    known |= {"savvycan.csv": _write_savvycan, "capture.pcapng": _write_capture}
     return known | {DATABASE: write_database}
 
 
@@ -129,6 +132,19 @@ def _write_busmaster(path: Path) -> None:
             f"{'x' if frame.is_extended else 's'} {len(frame.payload)} {frame.payload.hex(' ').upper()}".rstrip()
         )
     path.write_text("\n".join([*lines, "***[STOP LOGGING SESSION]***", ""]))
+
+
+def _write_savvycan(path: Path) -> None:
+    lines = ["Time Stamp,ID,Extended,Dir,Bus,LEN,D1,D2,D3,D4,D5,D6,D7,D8"]
+    for frame, channel, is_sent in _frames(False):
+        flags = f"{str(frame.is_extended).lower()},{'Tx' if is_sent else 'Rx'},{channel},{len(frame.payload)}"
+        data = frame.payload.ljust(8, b"\0").hex(",").upper()
+        lines.append(f"{frame.stamp_ns // 1000},{frame.frame_id:08X},{flags},{data},")
+    path.write_text("\n".join([*lines, ""]))
+
+
+def _write_capture(path: Path) -> None:
+    path.write_bytes(pcapng(_frames(True), "<", CAN))
 
 
 def _write_screen(path: Path) -> None:

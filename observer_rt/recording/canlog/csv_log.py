@@ -1,6 +1,7 @@
 """Logs of other programs as `.csv`, known by their first line: of SavvyCAN, of CSS Electronics and of python-can."""
 
 import base64
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -20,6 +21,7 @@ _ROLES = {  # by what the programs call their columns; `D1` begins those of sing
     **{"Dir": "is_sent", "EDL": "is_fd", "BRS": "bit_rate_switch", "ESI": "error_state", "error": "is_error"},
     **{"D1": "bytes", "DataBytes": "hexadecimal", "data": "base64"},
 }
+_OTHER = re.compile(r"D\d+|DLC|")  # columns that are not needed
 _NEEDED = (  # one of each
     ("seconds", "microseconds"),
     ("id",),
@@ -48,6 +50,13 @@ class CsvLog(TextLogReader):
             self._separator, self._at = columns_of(text)
             if not self._at:
                 raise ValueError
+            unknown = [
+                name
+                for name in _names(text, self._separator)
+                if name not in _ROLES and not _OTHER.fullmatch(name)
+            ]
+            if unknown:
+                self.remarks.append(f"its columns {', '.join(unknown)} are not known and left out")
             return None
         if "_" in text:  # which Python takes between digits
             raise ValueError
@@ -109,10 +118,14 @@ class CsvLog(TextLogReader):
 def columns_of(heading: str) -> tuple[str, dict[str, int]]:
     """Separator and places of the columns that a first line names, by role; empty unless it is one of such a log."""
     separator = ";" if ";" in heading else ","
-    names = [name.strip() for name in heading.split(separator)]
-    found = {_ROLES[name]: place for place, name in enumerate(names) if name in _ROLES}
+    names = enumerate(_names(heading, separator))
+    found = {_ROLES[name]: place for place, name in names if name in _ROLES}
     is_whole = all(not found.keys().isdisjoint(roles) for roles in _NEEDED)
     return separator, found if is_whole else {}
+
+
+def _names(heading: str, separator: str) -> list[str]:
+    return [name.strip() for name in heading.split(separator)]
 
 
 def is_csv_log(path: Path) -> bool:

@@ -2,8 +2,11 @@
 
 from datetime import datetime
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from observer_rt.bus.links.link import Frame
 from observer_rt.foundation.errors import UserError
@@ -11,6 +14,7 @@ from observer_rt.recording.canlog.busmaster import BusmasterLog
 from observer_rt.recording.canlog.can_log import LogFrame
 from observer_rt.recording.canlog.candump import CandumpLog
 from observer_rt.recording.formats import is_log, open_log
+from tests.recording.canlog.log_cases import log_frames
 
 START = int(datetime(2014, 8, 5, 11, 49, 7).timestamp()) * 10**9 + 965_000_000
 NOON = int(datetime(2014, 8, 5, 12).timestamp()) * 10**9
@@ -46,6 +50,41 @@ def test_frames_of_all_kinds(tmp_path: Path) -> None:
     ]
     assert found.remote_frames == 1
     assert f"{found.path}: its stamps are tenths of milliseconds" in found.notes()
+
+
+@given(
+    log_frames(".trc").filter(lambda frames: not any(entry.frame.is_fd for entry in frames)),
+    st.sampled_from((("HEX", "02X"), ("DEC", "d"))),
+    st.booleans(),
+)
+def test_whatever_is_logged_is_read(
+    entries: list[LogFrame], numbers: tuple[str, str], of_j1939: bool
+) -> None:
+    radix, form = numbers
+    lines, expected, previous = [], [], 0
+    for entry in sorted(entries, key=lambda entry: entry.frame.stamp_ns):
+        frame = entry.frame
+        if of_j1939 and not frame.is_extended:
+            continue
+        time = previous + frame.stamp_ns % 10**12 // 100_000 * 100_000 % (3600 * 10**9)
+        minutes, rest = divmod(time, 60 * 10**9)
+        seconds, fraction = divmod(rest, 10**9)
+        stamp = f"{minutes // 60}:{minutes % 60:02d}:{seconds:02d}:{fraction // 100_000:04d}"
+        direction = "Tx" if entry.is_sent else "Rx"
+        data = f"{len(frame.payload)}{''.join(f' {byte:{form}}' for byte in frame.payload)}"
+        identifier = f"{frame.frame_id:{'X' if radix == 'HEX' else 'd'}}"
+        lines.append(
+            f"{stamp} {entry.channel} {identifier} 0x00EE00 ACL 00  FF  006 {direction} {data} "
+            if of_j1939
+            else f"{stamp} {direction} {entry.channel} {identifier} {'x' if frame.is_extended else 's'} {data} "
+        )
+        expected.append(entry._replace(frame=frame._replace(stamp_ns=START + time)))
+        previous = time
+    with TemporaryDirectory() as folder:
+        found = log(
+            Path(folder), *lines, mode="ABSOLUTE", radix=radix, protocol="J1939" if of_j1939 else "CAN"
+        )
+        assert list(found) == expected
 
 
 def test_times_after_midnight_are_of_the_next_day(tmp_path: Path) -> None:

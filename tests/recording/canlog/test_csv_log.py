@@ -104,6 +104,15 @@ def test_times_from_a_start(tmp_path: Path) -> None:
     assert log.notes() == [f"{path}: its times are taken to count from its start"]
 
 
+def test_columns_that_are_not_known_are_told(tmp_path: Path) -> None:
+    """As one whose name is damaged."""
+    path = tmp_path / "bus.csv"
+    path.write_text(f"{SAVVYCAN.replace('Dir', 'Dhr')}\n166064000,21A,false,Tx,0,1,FE\n")
+    log = open_log(path)
+    assert [entry.is_sent for entry in log] == [False]
+    assert f"{path}: its columns Dhr are not known and left out" in log.notes()
+
+
 @pytest.mark.parametrize(
     ("heading", "line", "said"),
     [

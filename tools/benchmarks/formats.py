@@ -105,7 +105,7 @@ def formats_document(results: Sequence[FormatResult]) -> dict[str, Any]:
 def _log(name: str, suffix: str, is_fd: bool, count: int, folder: Path) -> FormatResult:
     path = folder / f"bus{suffix}"
     frames = _frames(count, is_fd)
-    written = _seconds(lambda: _write(path, frames))
+    (written,) = _seconds(lambda: _write(path, frames))
     read, peer = _seconds(
         lambda: deque(formats.open_log(path), maxlen=0), lambda: deque(can.LogReader(path), maxlen=0)
     )
@@ -117,7 +117,7 @@ def _log(name: str, suffix: str, is_fd: bool, count: int, folder: Path) -> Forma
         abs(one.frame.stamp_ns - other.frame.stamp_ns) for one, other in zip(found, frames, strict=True)
     )
     holds = "frames of CAN FD" if is_fd else "classic frames"
-    return replace(_result(name, holds, error, count, *written, read, path), faster=peer / read)
+    return replace(_result(name, holds, error, count, written, read, path), faster=peer / read)
 
 
 def _recording(suffix: str, count: int, folder: Path) -> FormatResult:
@@ -129,11 +129,11 @@ def _recording(suffix: str, count: int, folder: Path) -> FormatResult:
         needle_lift=0.4e-6 * noise[1],
         line_pressure=100e6 + 0.15e6 * noise[2],
     )
-    written = _seconds(lambda: formats.write_recording(path, recording))
+    (written,) = _seconds(lambda: formats.write_recording(path, recording))
     found: list[Recording] = []
-    read = _seconds(lambda: found.append(formats.read_recording(path)))
+    (read,) = _seconds(lambda: found.append(formats.read_recording(path)))
     error = round(float(np.max(np.abs(found[0].time - recording.time))) * 1e9)
-    return _result(f"{suffix} signals", "samples", error, count, *written, *read, path)
+    return _result(f"{suffix} signals", "samples", error, count, written, read, path)
 
 
 def _result(

@@ -53,7 +53,7 @@ def test_frames_of_all_kinds(tmp_path: Path) -> None:
 
 
 @given(
-    log_frames(".trc").filter(lambda frames: not any(entry.frame.is_fd for entry in frames)),
+    log_frames(".trc"),
     st.sampled_from((("HEX", "02X"), ("DEC", "d"))),
     st.booleans(),
 )

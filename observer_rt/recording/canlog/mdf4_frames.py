@@ -15,6 +15,7 @@ from asammdf.blocks.v4_constants import (
     CHANNEL_TYPE_VLSD,
     FLAG_CG_PLAIN_BUS_EVENT,
     FLAG_CG_VLSD,
+    MASTER_TYPES,
     VIRTUAL_TYPES,
 )
 from numpy.typing import NDArray
@@ -25,6 +26,10 @@ from observer_rt.recording.mdf4_blocks import CountedRecords
 from observer_rt.recording.signals.mdf4_file import opened, refuse_outside
 
 DATA, ERROR, REMOTE = KINDS = ("CAN_DataFrame", "CAN_ErrorFrame", "CAN_RemoteFrame")
+KNOWN_FIELDS = (
+    *("ID", "IDE", "DLC", "DataLength", "DataBytes", "Dir", "BusChannel", "EDL", "BRS", "ESI"),
+    *("SRR", "RTR", "R0", "R1", "CRC", "FrameDuration", "BitCount", "SingleWire", "WakeUp"),  # passed over
+)
 EXTENDED_BIT = 31  # of identifiers, where a logger stores no IDE
 LOCAL_TIME = 0x1  # of the flags of the start
 DAY = 24 * 3600 * NANOSECONDS
@@ -90,7 +95,7 @@ def records(path: Path, counted: CountedRecords) -> Iterator[Totals | NDArray[np
             if _is_of_bus(file, number)
         }
         fields = {number: _Fields(file, number) for number in _groups(file, DATA) if counts[number]}
-        odd = dict.fromkeys(remark for each in fields.values() for remark in each.odd_times())
+        odd = dict.fromkeys(remark for each in fields.values() for remark in each.oddities())
         yield _totals(file, counted, counts, tuple(odd))
         yield from in_order_of_time([each.records(counts[number]) for number, each in fields.items()])
 
@@ -154,8 +159,13 @@ class _Fields:
         for first in range(0, count, RECORDS_AT_ONCE):
             yield self._read(range(first, min(first + RECORDS_AT_ONCE, count)))
 
-    def odd_times(self) -> Iterator[str]:
-        """What is odd about when its frames begin, and in what its clock counts, of which a file has no checksum."""
+    def oddities(self) -> Iterator[str]:
+        """What is odd about its fields, when its frames begin and what its clock counts: a file has no checksum."""
+        channels = self._file.groups[self._group].channels
+        names = {each.name for each in channels if each.channel_type not in MASTER_TYPES} - {DATA}
+        unknown = sorted(names - {f"{DATA}.{field}" for field in KNOWN_FIELDS})
+        if unknown:
+            yield f"its frames have fields that are not known here: {', '.join(map(ascii, unknown[:3]))}"
         refuse_outside(self._file, self._group)
         first = int(self._stamps(range(1))[0])
         days = (first - self._start) // DAY
@@ -166,7 +176,7 @@ class _Fields:
         master = self._file.masters_db.get(self._group)
         if master is None:
             return
-        tick = getattr(self._file.groups[self._group].channels[master].conversion, "a", 1.0)
+        tick = getattr(channels[master].conversion, "a", 1.0)
         if float(f"{tick:.{ROUND_DIGITS}g}") != tick:
             yield f"its clock counts in {tick!r} s, which is no round number: it may be damaged"
 

@@ -317,6 +317,16 @@ def test_times_that_look_damaged_are_told(
     assert log.notes() == ([f"{path}: {said}"] if said else [])
 
 
+def test_fields_that_are_not_known_are_told(tmp_path: Path) -> None:
+    """As one whose name is damaged."""
+    path = tmp_path / "card.mf4"
+    write_logger_file(path, mixture(".mf4", 5), ALL_STORED, MIDNIGHT)
+    path.write_bytes(path.read_bytes().replace(b"DataFrame.Dir", b"DataFrame.D\x1br"))
+    log = open_log(path)
+    assert not any(entry.is_sent for entry in log)
+    assert log.notes() == [f"{path}: its frames have fields that are not known here: 'CAN_DataFrame.D\\x1br'"]
+
+
 def test_times_since_1970_in_floating_point_are_told(tmp_path: Path) -> None:
     path = tmp_path / "card.mf4"
     frames = mixture(".mf4", 5)

@@ -259,8 +259,8 @@ def log_findings(bench: Bench, path: Path, from_channels: Sequence[str] = ()) ->
         yield False, note, ""
     for found in implausible(logged.survey):
         yield failed("log", found.error(logged.path))
-    if odd := swapped(logged.survey):
-        yield False, *odd
+    if mixed_up := swapped(logged.survey):
+        yield False, *mixed_up
     for timing in logged.timing:
         is_known = timing.unknown == 0.0 or (timing.jitter.frames > 0 and timing.unknown <= TOLERANCE)
         yield is_known, timing.as_text(), "" if math.isinf(timing.unknown) else "see docs/time.md"

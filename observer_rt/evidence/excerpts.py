@@ -177,6 +177,6 @@ def _joined(source: SignalStream, excerpts: Sequence[_Excerpt], found: FoundInje
             signals[name][begin : begin + values.size] = values
         begin += excerpt.samples
     time = np.arange(max(begin, 2)) / source.sample_rate
-    recording = Recording(time, path=source.path, meaning=source.meaning, **signals)
+    recording = Recording(time, path=source.path, meaning=source.meaning, notes=source.notes, **signals)
     openings = [opening for event in events for opening in event.openings]
     return measurement_of(recording, openings, tuple(events), found)

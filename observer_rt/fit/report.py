@@ -44,8 +44,8 @@ _OF_FOREIGN = (
     "most probably the signals do not belong together: a lift that is later or earlier than the pressures (another "
     "clock, a delay of its channel; 0.1 ms does this), or a line pressure of another place, or of the wrong sign; "
     "compare them in --plot. Lengths and diameters wrong by less than a factor of two are not the cause: the fit "
-    "makes up for them. Or the injector of these recordings has changed, its nozzle or seat: fit to those of when it was "
-    "healthy, then `observer-rt discover` names what changed"
+    "makes up for them. Or the injector of these recordings has changed, its nozzle or seat: fit to those of when it "
+    "was healthy, then `observer-rt discover` names what changed"
 )
 _OF_INSTANTS = "; if samples are means over the sample period, state it (warning above)"
 _FITTED = "; line.diameter stands for A_L/(rho_L L_L) and was fitted with it"

@@ -22,8 +22,8 @@ from typing import Any, NamedTuple, NoReturn
 
 from observer_rt.foundation.errors import UserError
 
-CPU_SECONDS = 20  # for any file; damaged ones can lead a reader in circles
-SECONDS_PER_BYTE = 1e-6  # more than reading takes
+CPU_SECONDS = 5  # for any file; damaged ones can lead a reader in circles
+SECONDS_PER_BYTE = 4e-6  # more than reading takes
 MEMORY = 4 << 30  # bytes, for any file
 MEMORY_PER_BYTE = 8
 LONGEST_REQUEST = 1 << 16

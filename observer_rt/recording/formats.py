@@ -5,7 +5,7 @@ A further format is one entry of `BUILT_IN` or, in a distribution of its own, an
 """
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
@@ -21,7 +21,9 @@ from observer_rt.recording.canlog.blf import BLF
 from observer_rt.recording.canlog.busmaster import BUSMASTER
 from observer_rt.recording.canlog.can_log import LogFormat, LogReader, LogRecorder, LogWriter
 from observer_rt.recording.canlog.candump import CANDUMP
+from observer_rt.recording.canlog.csv_log import CSV_LOG
 from observer_rt.recording.canlog.mdf4 import Mdf4Log, Mdf4LogWriter, is_bus_log
+from observer_rt.recording.canlog.pcap import PCAP
 from observer_rt.recording.canlog.trc import TRC
 from observer_rt.recording.signals.mapped.csv_table import CsvTable
 from observer_rt.recording.signals.mapped.signals import MappedSignals
@@ -64,7 +66,19 @@ PARQUET = SignalFormat(
 MDF4_LOG = LogFormat((".mf4",), "ASAM MDF4, bus logging", Mdf4Log, Mdf4LogWriter, recognises=is_bus_log)
 
 Format = LogFormat | SignalFormat
-BUILT_IN: tuple[Format, ...] = (CSV, MDF4_SIGNALS, PARQUET, CANDUMP, BUSMASTER, BLF, ASC, TRC, MDF4_LOG)
+BUILT_IN: tuple[Format, ...] = (
+    CSV,
+    MDF4_SIGNALS,
+    PARQUET,
+    CANDUMP,
+    BUSMASTER,
+    BLF,
+    ASC,
+    TRC,
+    MDF4_LOG,
+    CSV_LOG,
+    PCAP,
+)
 GROUP = "observer_rt.formats"
 F = TypeVar("F", bound=Format)
 
@@ -203,8 +217,38 @@ def open_parts(path: Path, has_rate: bool) -> Iterator[Callable[[Recording], Non
         found.writer(path, joined(parts))
 
 
+_ADVICE = {  # what to do with other kinds of files
+    (".mat",): 'in MATLAB: parquetwrite("{0}.parquet", table(time_s, ...)), or writetable into {0}.csv',
+    (".h5", ".hdf5"): 'in Python: pandas.read_hdf("{0}{1}").to_parquet("{0}.parquet")',
+    (".xlsx", ".xls", ".ods"): "save it as {0}.csv",
+    (".mdf", ".dat"): "name it {0}.mf4 if it is MDF 4; of MDF 3 make that in Python, by asammdf: "
+    'MDF("{0}{1}").convert("4.10").save("{0}.mf4")',
+    (".mfc", ".mfe", ".mfm"): "make an .mf4 of it by mdf2finalized, of CSS Electronics",
+    (
+        ".gz",
+        ".zst",
+        ".zip",
+        ".7z",
+        ".bz2",
+        ".xz",
+    ): "unpack it first; only logs of text are read packed, by gzip",
+}
+
+
+def _check_suffix(path: Path, suffixes: Collection[str]) -> None:
+    """As `check_suffix`, with what to do with files of a kind that is met but not read."""
+    try:
+        check_suffix(str(path), path, suffixes)
+    except UserError as error:
+        for kinds, advice in _ADVICE.items():
+            if path.suffix.lower() in kinds:
+                remedy = f"{advice.format(path.stem, path.suffix)}; {error.remedy}"
+                raise UserError(error.place, error.problem, remedy) from None
+        raise
+
+
 def _of(path: Path, known: Sequence[F]) -> F:
-    check_suffix(str(path), path, suffixes_of(known))
+    _check_suffix(path, suffixes_of(known))
     return next(each for each in known if suffix_of(path) in each.suffixes)
 
 
@@ -216,7 +260,7 @@ def _kinds(path: Path, known: Iterable[F]) -> list[F]:
             if not packed or (isinstance(each, LogFormat) and each.is_text):
                 for suffix in each.suffixes:
                     found.setdefault(suffix + packed, []).append(each)
-    check_suffix(str(path), path, tuple(found))
+    _check_suffix(path, tuple(found))
     return found[suffix_of(path)]
 
 

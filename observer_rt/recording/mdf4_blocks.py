@@ -46,6 +46,7 @@ _LIST_DATA = struct.Struct("<4xI")  # number of blocks
 _LONGEST_CONTENT = max(each.size for each in (_CHANNEL_GROUP, _CHANNEL, _PACKED))
 _VARIABLE_GROUP, _VARIABLE_CHANNEL = 0x1, 1
 _CHANNELS, _ARRAY = b"##CN", b"##CA"
+_SIGNAL_DATA = (b"##SD", b"##DZ", b"##DL", b"##HL")
 _DEFLATED, _TRANSPOSED = 0, 1
 MOST_DEFLATED = 1100  # bytes that one can stand for
 _AT_ONCE = 1 << 25  # bytes
@@ -53,7 +54,7 @@ _AT_ONCE = 1 << 25  # bytes
 
 @dataclass(frozen=True)
 class DataReference:
-    """A field of a record that says where its data begin, among those of the group at a place."""
+    """A field of a record that says where its data begin, among those of the group, or in the blocks, at a place."""
 
     byte: int
     size: int
@@ -182,7 +183,7 @@ class Blocks:
             place, first, data, _ = block.links[:4]
             in_columns = data > 0 and self._read(data, 4) in (b"##DV", b"##LD")
             channel_groups = tuple(self._channel_groups(first, in_columns))
-            pieces = tuple(self._pieces(data)) if data else ()
+            pieces = self.pieces(data) if data else ()
             groups.append(DataGroup(block.content[0], channel_groups, pieces))
         if self.is_open:
             groups = self._to_the_end(groups)
@@ -224,7 +225,7 @@ class Blocks:
         return _Block(kind, place, length, links, content)
 
     def _channel_groups(self, place: int, in_columns: bool) -> list[ChannelGroup]:
-        """The groups from a place on; references are looked for where there is what they could lead to.
+        """The groups from a place on, with the references that lead to data.
 
         in_columns: records without their invalidation bits, which stand apart.
         """
@@ -237,12 +238,15 @@ class Blocks:
             found.append(ChannelGroup(place, record_id, length, cycles))
             first_channels.append(block.links[1])
             place = block.links[0]
-        if all(group.length is not None for group in found):
-            return found
         places = {group.place for group in found if group.length is None}
         return [
             replace(
-                group, references=tuple(each for each in self._references(first) if each.target in places)
+                group,
+                references=tuple(
+                    each
+                    for each in self._references(first)
+                    if each.target in places or (each.target and self._read(each.target, 4) in _SIGNAL_DATA)
+                ),
             )
             for group, first in zip(found, first_channels, strict=True)
         ]
@@ -264,9 +268,12 @@ class Blocks:
                 yield DataReference(byte, bits // 8, block.links[5])
             waiting += block.links[:2]
 
-    def _pieces(self, place: int) -> Iterator[Piece]:
+    def pieces(self, place: int) -> tuple[Piece, ...]:
         """Of the data at a place, be it a block or a list of them."""
-        block = self._block(place, b"##DT", b"##DV", b"##DZ", b"##DL", b"##LD", b"##HL")
+        return tuple(self._pieces(place))
+
+    def _pieces(self, place: int) -> Iterator[Piece]:
+        block = self._block(place, b"##DT", b"##DV", b"##SD", b"##DZ", b"##DL", b"##LD", b"##HL")
         if block.kind == b"##HL":
             block = self._block(block.links[0], b"##DL")
         if block.kind not in (b"##DL", b"##LD"):
@@ -277,7 +284,7 @@ class Blocks:
             if block.kind == b"##LD":  # invalidation bits follow
                 links = links[: _LIST_DATA.unpack_from(block.content)[0]]
             for link in filter(None, links):
-                yield self._piece(self._block(link, b"##DT", b"##DV", b"##DZ"))
+                yield self._piece(self._block(link, b"##DT", b"##DV", b"##SD", b"##DZ"))
             if not block.links[0]:
                 return
             block = self._block(block.links[0], block.kind)
@@ -319,11 +326,12 @@ class Blocks:
             )
         if piece.size > MOST_DEFLATED * (piece.stored + 1):
             raise ValueError(f"the data at byte {piece.place} cannot be {piece.size} bytes when unpacked")
+        unpacker = zlib.decompressobj()
         try:
-            data = zlib.decompressobj().decompress(self._read(piece.place, piece.stored), piece.size + 1)
+            data = unpacker.decompress(self._read(piece.place, piece.stored), piece.size + 1)
         except zlib.error as error:
             raise ValueError(f"the data at byte {piece.place} cannot be unpacked: {error}") from None
-        if len(data) != piece.size:
+        if len(data) != piece.size or not unpacker.eof:
             raise ValueError(f"the data at byte {piece.place} are not {piece.size} bytes when unpacked")
         array = np.frombuffer(data, np.uint8)
         if piece.packing == _TRANSPOSED and piece.row:

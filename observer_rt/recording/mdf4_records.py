@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from observer_rt.foundation.compiled import compiled, inner
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
+from observer_rt.recording.checksum import refuse_damaged
 from observer_rt.recording.mdf4_blocks import (
     ALIGNMENT,
     DAMAGE,
@@ -26,7 +27,7 @@ from observer_rt.recording.mdf4_blocks import (
     refuse_other_files,
 )
 
-ID_SIZES = (1, 2, 4, 8)
+ID_SIZES = (0, 1, 2, 4, 8)
 LENGTH_SIZE = 4  # bytes of the length before data of variable length
 LONGEST_EXPECTED = 64  # bytes of variable length that a frame has at the most
 RECORDS_AT_ONCE = 1 << 18
@@ -36,18 +37,20 @@ _VARIABLE = -1  # length of records that say their own
 
 
 def count_records(path: Path) -> CountedRecords:
-    """Raises `UserError` for a file that is none of MDF 4, or damaged: at the byte where no record can follow."""
+    """Raises `UserError` for a file that is none of MDF 4 or damaged: by its checksum, or where no record follows."""
     with file_errors(path):
         refuse_other_files(path)
+        odd = refuse_damaged(path)
         try:
             with path.open("rb") as file:
                 blocks = Blocks(file, path.stat().st_size)
                 if not blocks.has_lists:
-                    return CountedRecords({}, (UNFINISHED_LIST,))
+                    return CountedRecords({}, (*odd, UNFINISHED_LIST))
                 groups: dict[int, GroupCount] = {}
-                remarks: list[str] = []
+                remarks = list(odd)
                 for group in blocks.data_groups():
-                    if group.id_size:
+                    has_references = [bool(each.references) for each in group.channel_groups] == [True]
+                    if group.id_size or (has_references and not blocks.is_open):
                         walk = _Walk(blocks, group)
                         walk.run()
                         counts, said = walk.counts(), walk.remarks
@@ -88,25 +91,33 @@ def _of_one(blocks: Blocks, group: DataGroup) -> tuple[dict[int, GroupCount], li
 
 
 class _Walk:
-    """Goes from record to record through the data of a group with ids."""
+    """Goes from record to record through the data of a group, and through those of variable length apart from it."""
 
     def __init__(self, blocks: Blocks, group: DataGroup) -> None:
         if group.id_size not in ID_SIZES:
             raise ValueError(f"{group.id_size} bytes are no size of a record id")
         self._blocks, self._group = blocks, group
         self._kinds = sorted(group.channel_groups, key=lambda each: each.record_id)
-        self._ids = np.array([each.record_id for each in self._kinds], np.uint64)
+        self._ids = np.array([each.record_id if group.id_size else 0 for each in self._kinds], np.uint64)
         if np.unique(self._ids).size < self._ids.size:
             raise ValueError("two channel groups have the same record id")
         lengths = (_VARIABLE if each.length is None else each.length for each in self._kinds)
         self._lengths = np.fromiter(lengths, np.int64)
         self._found = np.zeros(self._ids.size, np.int64)
         self._fields = [_Field(each, reference) for each in self._kinds for reference in each.references]
-        targets = {field.reference.target for field in self._fields}
-        self._variable = {place: _VariableData() for place in targets}
+        self._variable = {each.place: _VariableData() for each in self._kinds if each.length is None}
+        for place in {each.reference.target for each in self._fields} - self._variable.keys():
+            self._variable[place] = self._apart(place)
         self._kind_of = np.empty(RECORDS_AT_ONCE, np.int64)
         self._place_of = np.empty(RECORDS_AT_ONCE, np.int64)
         self.remarks: list[str] = []
+
+    def _apart(self, place: int) -> "_VariableData":
+        """Those in the blocks at a place."""
+        records = ChannelGroup(place, 0, None, 0)
+        walk = _Walk(self._blocks, DataGroup(0, (records,), self._blocks.pieces(place)))
+        walk.run()
+        return walk._variable[place]
 
     def run(self) -> None:
         """Walk. Raises `ValueError` where no record can follow, `_RecordError` where that has a place."""
@@ -134,7 +145,7 @@ class _Walk:
             waiting, held = [data[position:]], data.size - position
             if needed == _UNKNOWN_ID or needed > self._group.size - done:
                 break
-        if done < self._group.size:
+        if done < self._group.size and (self._group.id_size or self._lengths.max() == _VARIABLE):
             self._end(done, needed)
 
     def counts(self) -> dict[int, GroupCount]:

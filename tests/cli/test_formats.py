@@ -124,6 +124,9 @@ def test_the_page_lists_the_formats_of_the_registry() -> None:
 
 def test_the_help_lists_the_formats_of_the_registry(command: Command) -> None:
     text = " ".join(command("convert", "--help").out.split())
-    assert "Recording (.csv, .mf4, .parquet) or CAN log (.log, .blf, .asc, .trc, .mf4)." in text
+    assert (
+        "Recording (.csv, .mf4, .parquet) or CAN log (.log, .blf, .asc, .trc, .mf4, .csv, .pcapng, .pcap)."
+        in text
+    )
     assert "no CAN FD in .trc" in text
     assert "Log to write (.log, .blf)" in " ".join(command("record", "--help").out.split())

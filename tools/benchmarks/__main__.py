@@ -152,12 +152,13 @@ def formats(
 @app.command(epilog="Example: tools/bench damage --files 5000 --seed 1")
 def damage(
     files: Annotated[int, typer.Option(min=1, help="Damaged files.")] = 5000,
+    flips: Annotated[bool, typer.Option("--flips", help="Single bits, of MF4 and Parquet only.")] = False,
     seed: SeedOption = 1,
     workers: WorkersOption = PROCESSES,
     as_json: JsonOption = False,
 ) -> None:
     """What becomes of damaged files of every format; exit code 1 if one crashes, or shows a traceback."""
-    campaign = run_damage(files, seed, workers, messages)
+    campaign = run_damage(files, seed, workers, messages, flips)
     put_out(as_json, lambda: damage_document(campaign), lambda console: console.print(damage_table(campaign)))
     for fault in campaign.faults:
         messages.print(f"{fault.task}: {fault.said}", markup=False, highlight=False, soft_wrap=True)

@@ -1,6 +1,7 @@
 """Damaged files of every format, given to the commands: what becomes of them, and that nothing crashes.
 
 Files are made whole, damaged by a seed, and converted as a user would; databases are mapped as a bench names them.
+With `flips`, damage is a single bit of an MF4 or Parquet file: how much of it shows nowhere, kind by kind.
 """
 
 import contextlib
@@ -15,6 +16,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cache
+from operator import ne
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -31,6 +33,11 @@ from tools.benchmarks.damage_files import DATABASE, makers, write_database
 from tools.benchmarks.runs import Crash, run_tasks
 
 JUDGED = (".mf4",)  # whose readers lose no frame in silence; text may lose whole lines
+BINARY = (".mf4", ".parquet")
+CHECKED = tuple(
+    f"{what}{suffix}" for what, suffix in (("frames", ".mf4"), *(("signals", each) for each in BINARY))
+)
+"""Kinds that we write with a checksum: no single bit of them is read otherwise in silence."""
 LONG = 30.0  # s, for one of these small files, on a machine that has other work
 
 
@@ -40,16 +47,18 @@ class Became(StrEnum):
     REFUSED = "refused"
     TOLD = "read, something told"
     SAME = "read as undamaged"
-    CHANGED = "read otherwise, nothing told"
+    CHANGED = "one frame or sample otherwise, nothing told"
+    MANY = "more otherwise, nothing told"
     FAULT = "fault"
 
 
 class Task(NamedTuple):
-    """A file to be damaged: the kind, and what determines the damage."""
+    """A file to be damaged: the kind, and what determines the damage, be it a single bit or any."""
 
     kind: str
     seed: int
     number: int
+    is_flip: bool = False
 
 
 @dataclass(frozen=True)
@@ -74,10 +83,10 @@ class Campaign:
         return [each for each in self.outcomes if each.became is Became.FAULT]
 
 
-def run_damage(files: int, seed: int, workers: int, console: Console) -> Campaign:
+def run_damage(files: int, seed: int, workers: int, console: Console, flips: bool = False) -> Campaign:
     """Damage so many files, the kinds in turn. Raises `RunError` where a process of ours was ended by one."""
-    kinds = list(makers())
-    tasks = [Task(kinds[number % len(kinds)], seed, number) for number in range(files)]
+    kinds = [kind for kind in makers() if not flips or kind.endswith(BINARY)]
+    tasks = [Task(kinds[number % len(kinds)], seed, number, flips) for number in range(files)]
     campaign = Campaign()
     with progress_bar(console, "damaging", float(files)) as progress:
         for result in run_tasks(one_file, tasks, workers, _warm_up):
@@ -93,20 +102,33 @@ def damage_table(campaign: Campaign) -> Table:
     table = Table(box=None, pad_edge=False)
     for heading in ("kind", "files", *Became, "longest s"):
         table.add_column(heading, justify="left" if heading == "kind" else "right")
-    for kind in (*makers(), "all"):
-        chosen = [each for each in campaign.outcomes if kind in (each.task.kind, "all")]
-        if chosen:
-            counts = Counter(each.became for each in chosen)
-            longest = max(each.seconds for each in chosen)
-            table.add_row(kind, str(len(chosen)), *(str(counts[b]) for b in Became), f"{longest:.2f}")
+    for kind, chosen in {**_by_kind(campaign), "all": campaign.outcomes}.items():
+        counts = Counter(each.became for each in chosen)
+        longest = max(each.seconds for each in chosen)
+        table.add_row(kind, str(len(chosen)), *(str(counts[b]) for b in Became), f"{longest:.2f}")
     return table
+
+
+def _by_kind(campaign: Campaign) -> dict[str, list[Outcome]]:
+    """The outcomes of the kinds that there are, in their order."""
+    found: dict[str, list[Outcome]] = {kind: [] for kind in makers()}
+    for each in campaign.outcomes:
+        found[each.task.kind].append(each)
+    return {kind: outcomes for kind, outcomes in found.items() if outcomes}
 
 
 def damage_document(campaign: Campaign) -> dict[str, Any]:
     """The outcomes for a program."""
-    counts = Counter(each.became for each in campaign.outcomes)
-    figures = {"files": len(campaign.outcomes)} | {b.name.lower(): counts[b] for b in Became}
-    return {"figures": figures, "faults": [[*each.task, each.said] for each in campaign.faults]}
+    return {
+        "figures": _figures(campaign.outcomes),
+        "kinds": {kind: _figures(outcomes) for kind, outcomes in _by_kind(campaign).items()},
+        "faults": [[*each.task, each.said] for each in campaign.faults],
+    }
+
+
+def _figures(outcomes: Sequence[Outcome]) -> dict[str, int]:
+    counts = Counter(each.became for each in outcomes)
+    return {"files": len(outcomes)} | {b.name.lower(): counts[b] for b in Became}
 
 
 def one_file(task: Task) -> Outcome:
@@ -115,12 +137,15 @@ def one_file(task: Task) -> Outcome:
         folder = Path(name)
         path = folder / task.kind
         damage = random.Random(f"{task.seed} {task.number}")
-        path.write_bytes(_damaged(_whole(task.kind), damage))
+        whole = _whole(task.kind)
+        path.write_bytes(_flipped(whole, damage) if task.is_flip else _damaged(whole, damage))
         begun = time.perf_counter()
         became, said = (_mapped if task.kind == DATABASE else _converted)(path, task.number)
         seconds = time.perf_counter() - begun
         if seconds > LONG:
             became, said = Became.FAULT, f"took {seconds:.1f} s; {said}"
+        if task.is_flip and task.kind in CHECKED and became in (Became.CHANGED, Became.MANY):
+            became, said = Became.FAULT, became
         return Outcome(task, became, seconds, said)
 
 
@@ -131,10 +156,9 @@ def _damaged(data: bytes, chance: random.Random) -> bytes:
     length = min(chance.choice((1, 2, 8, 64, 500)), size - place)
     kind = chance.choice(("bit", "bit", "bits", "byte", "noise", "zero", "gone", "twice", "cut", "link"))
     if kind in ("bit", "bits"):
-        changed = bytearray(data)
         for _ in range(1 if kind == "bit" else chance.randrange(2, 20)):
-            changed[chance.randrange(size)] ^= 1 << chance.randrange(8)
-        return bytes(changed)
+            data = _flipped(data, chance)
+        return data
     if kind == "link":  # what is 8 bytes long and leads somewhere, leads elsewhere
         place = place // 8 * 8
         other = chance.choice((0, size, size - 8, place, chance.randrange(size), 1 << chance.randrange(64)))
@@ -149,6 +173,13 @@ def _damaged(data: bytes, chance: random.Random) -> bytes:
     }[kind]
     end = size if kind == "cut" else place + (1 if kind == "byte" else length)
     return data[:place] + new + data[end:]
+
+
+def _flipped(data: bytes, chance: random.Random) -> bytes:
+    """One bit changed."""
+    changed = bytearray(data)
+    changed[chance.randrange(len(data))] ^= 1 << chance.randrange(8)
+    return bytes(changed)
 
 
 def _converted(path: Path, number: int) -> tuple[Became, str]:
@@ -175,7 +206,8 @@ def _converted(path: Path, number: int) -> tuple[Became, str]:
     lost = len(whole) - len(content)
     if path.suffix in JUDGED and formats.is_log(path) and lost > 0 and not _is_cut(path, content, whole):
         return Became.FAULT, f"{lost} of {len(whole)} frames are lost, nothing told"
-    return Became.CHANGED, ""
+    other = abs(lost) + sum(map(ne, content, whole))
+    return (Became.MANY if other > 1 else Became.CHANGED), f"{other} of {len(whole)} otherwise"
 
 
 def _is_cut(path: Path, content: Sequence[object], whole: Sequence[object]) -> bool:
@@ -239,7 +271,7 @@ def _content(path: Path) -> Sequence[object]:
     if formats.is_log(path):
         return [(entry.frame, entry.is_sent) for entry in formats.open_log(path)]
     recording = formats.read_recording(path)
-    return [values.tolist() for values in recording.signals.values()]
+    return list(zip(*(values.tolist() for values in recording.arrays.values()), strict=True))
 
 
 @cache

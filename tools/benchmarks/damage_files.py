@@ -4,7 +4,7 @@ import gzip
 import random
 import shutil
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,9 @@ from observer_rt.bus.links.link import Frame
 from observer_rt.config.bench import PACKAGE_DATA
 from observer_rt.recording import formats
 from observer_rt.recording.canlog.can_log import LogFrame
+from observer_rt.recording.canlog.pcap import CAN
 from observer_rt.recording.signals.recording import Recording
+from tools.benchmarks.capture_file import pcapng
 from tools.benchmarks.logger_file import Field, write_logger_file
 
 FRAMES = 40
@@ -30,6 +32,7 @@ STORED = (
     Field("Dir", 1),
     Field("BusChannel", 0, offset=1),
 )
+FRAGMENT = 512  # bytes
 DATABASE = "database.dbc"
 
 
@@ -40,8 +43,25 @@ def makers() -> dict[str, Callable[[Path], None]]:
     signals = formats.suffixes_of(formats.written(formats.signal_formats()))
     known: dict[str, Callable[[Path], None]] = {f"frames{suffix}": _write_frames for suffix in logs}
     known |= {f"signals{suffix}": _write_signals for suffix in signals}
-    known |= {"card.mf4": _write_card, "card_fixed.mf4": _write_fixed_card, "saved.mf4": _write_saved}
+    known |= {"card.mf4": _write_card, "card_fixed.mf4": _write_fixed_card}
+    known |= {  # as asammdf saves them: sorted, in one block of data, in a list of blocks, packed, both
+        f"{made.split('.')[0]}_{how}.mf4": partial(
+            _write_saved, made=made, fragment=fragment, packing=packing
+        )
+        for made in ("card.mf4", "card_fixed.mf4", "signals.mf4")
+        for how, fragment, packing in (
+            ("saved", 0, 0),
+            ("listed", FRAGMENT, 0),
+            ("packed", 0, 1),
+            ("packed_list", FRAGMENT, 2),
+        )
+    }
+    known |= {
+        "signals_plain.parquet": _write_parquet,
+        "signals_paged.parquet": partial(_write_parquet, paged=True),
+    }
     known |= {"busmaster.log": _write_busmaster, "screen.log": _write_screen, "packed.asc.gz": _write_packed}
+    known |= {"savvycan.csv": _write_savvycan, "capture.pcapng": _write_capture}
     return known | {DATABASE: write_database}
 
 
@@ -73,14 +93,29 @@ def _write_fixed_card(path: Path) -> None:
     write_logger_file(path, _frames(True), list(STORED), START, finalised=True, data_width=64)
 
 
-def _write_saved(path: Path) -> None:
-    """As asammdf saves what it finalised."""
+def _write_saved(path: Path, made: str, fragment: int, packing: int) -> None:
+    """As asammdf saves a file of another kind, without what our own have of us. fragment: bytes, 0: as it likes."""
     from asammdf import MDF
 
-    card = path.with_name("unsaved.mf4")
-    _write_card(card)
-    with MDF(card) as file:
-        file.save(path, compression=0)
+    unsaved = path.with_name(f"unsaved_{made}")
+    makers()[made](unsaved)
+    with MDF(unsaved) as file:
+        file.file_history.clear()
+        if fragment:
+            file.configure(write_fragment_size=fragment)
+        file.save(path, compression=packing, overwrite=True)
+    unsaved.unlink()
+
+
+def _write_parquet(path: Path, paged: bool = False) -> None:
+    """As others write it. paged: with check sums of its pages."""
+    import pyarrow.parquet
+
+    ours = path.with_name("ours.parquet")
+    _write_signals(ours)
+    content = pyarrow.parquet.read_table(ours)
+    pyarrow.parquet.write_table(content, path, write_page_checksum=paged)
+    ours.unlink()
 
 
 def _write_busmaster(path: Path) -> None:
@@ -97,6 +132,19 @@ def _write_busmaster(path: Path) -> None:
             f"{'x' if frame.is_extended else 's'} {len(frame.payload)} {frame.payload.hex(' ').upper()}".rstrip()
         )
     path.write_text("\n".join([*lines, "***[STOP LOGGING SESSION]***", ""]))
+
+
+def _write_savvycan(path: Path) -> None:
+    lines = ["Time Stamp,ID,Extended,Dir,Bus,LEN,D1,D2,D3,D4,D5,D6,D7,D8"]
+    for frame, channel, is_sent in _frames(False):
+        flags = f"{str(frame.is_extended).lower()},{'Tx' if is_sent else 'Rx'},{channel},{len(frame.payload)}"
+        data = frame.payload.ljust(8, b"\0").hex(",").upper()
+        lines.append(f"{frame.stamp_ns // 1000},{frame.frame_id:08X},{flags},{data},")
+    path.write_text("\n".join([*lines, ""]))
+
+
+def _write_capture(path: Path) -> None:
+    path.write_bytes(pcapng(_frames(True), "<", CAN))
 
 
 def _write_screen(path: Path) -> None:

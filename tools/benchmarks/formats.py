@@ -1,14 +1,18 @@
-"""What each file format holds, and how fast it is: the frames of a bench, written and read as the commands do."""
+"""What each file format holds, and how fast it is: the frames of a bench, written and read as the commands do.
+
+Logs are read by python-can, too, in the same run and in turns.
+"""
 
 import random
 import tempfile
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import can
 import numpy as np
 from rich.table import Table
 
@@ -27,7 +31,10 @@ RUNS = 3
 
 @dataclass(frozen=True)
 class FormatResult:
-    """One format: entries (frames or samples) written and read a second, bytes each, largest error of a stamp."""
+    """One format: entries (frames or samples) written and read a second, bytes each, largest error of a stamp.
+
+    faster: how many times as many are read as by python-can.
+    """
 
     name: str
     holds: str
@@ -35,14 +42,19 @@ class FormatResult:
     written_per_s: float
     read_per_s: float
     bytes_each: float
+    faster: float | None = None
 
 
 def measure_formats(count: int) -> list[FormatResult]:
     """Write and read `count` frames in every log format, and as many samples in every recording format."""
     with tempfile.TemporaryDirectory() as folder:
-        logs = [
-            _log(suffix, count, Path(folder))
-            for suffix in formats.suffixes_of(formats.written(formats.log_formats()))
+        written = formats.suffixes_of(formats.written(formats.log_formats()))
+        keeps_fd = {suffix: formats.log_format(Path(f"bus{suffix}")).keeps_fd for suffix in written}
+        logs = [_log(suffix, suffix, keeps_fd[suffix], count, Path(folder)) for suffix in written]
+        logs += [
+            _log(f"{suffix} classic", suffix, False, count, Path(folder))
+            for suffix in written
+            if keeps_fd[suffix]
         ]
         return logs + [
             _recording(suffix, count, Path(folder))
@@ -53,7 +65,15 @@ def measure_formats(count: int) -> list[FormatResult]:
 def formats_table(results: Sequence[FormatResult]) -> Table:
     """The results for a screen."""
     table = Table(box=None, pad_edge=False)
-    for heading in ("format", "holds", "stamps off by up to", "written 1/s", "read 1/s", "bytes each"):
+    for heading in (
+        "format",
+        "holds",
+        "stamps off by up to",
+        "written 1/s",
+        "read 1/s",
+        "python-can's",
+        "bytes each",
+    ):
         table.add_column(heading, justify="left" if heading in ("format", "holds") else "right")
     for result in results:
         table.add_row(
@@ -62,6 +82,7 @@ def formats_table(results: Sequence[FormatResult]) -> Table:
             f"{result.stamp_error_ns} ns",
             f"{result.written_per_s:.0f}",
             f"{result.read_per_s:.0f}",
+            "" if result.faster is None else f"x {result.faster:.2f}",
             f"{result.bytes_each:.0f}",
         )
     return table
@@ -73,16 +94,21 @@ def formats_document(results: Sequence[FormatResult]) -> dict[str, Any]:
         f"{result.name.replace(' ', '_').removeprefix('.')}_{what}_per_s": round(value)
         for result in results
         for what, value in (("written", result.written_per_s), ("read", result.read_per_s))
+    } | {
+        f"{result.name.replace(' ', '_').removeprefix('.')}_times_python_can": round(result.faster, 2)
+        for result in results
+        if result.faster is not None
     }
     return {"figures": figures, "details": [vars(result) for result in results]}
 
 
-def _log(suffix: str, count: int, folder: Path) -> FormatResult:
+def _log(name: str, suffix: str, is_fd: bool, count: int, folder: Path) -> FormatResult:
     path = folder / f"bus{suffix}"
-    is_fd = formats.log_format(path).keeps_fd
     frames = _frames(count, is_fd)
-    written = _seconds(lambda: _write(path, frames))
-    read = _seconds(lambda: deque(formats.open_log(path), maxlen=0))
+    (written,) = _seconds(lambda: _write(path, frames))
+    read, peer = _seconds(
+        lambda: deque(formats.open_log(path), maxlen=0), lambda: deque(can.LogReader(path), maxlen=0)
+    )
     found = list(formats.open_log(path))
     payloads = [entry.frame.payload for entry in frames]
     if [entry.frame.payload for entry in found] != payloads:
@@ -90,8 +116,8 @@ def _log(suffix: str, count: int, folder: Path) -> FormatResult:
     error = max(
         abs(one.frame.stamp_ns - other.frame.stamp_ns) for one, other in zip(found, frames, strict=True)
     )
-    holds = "classic and FD frames" if is_fd else "classic frames"
-    return _result(suffix, holds, error, count, written, read, path)
+    holds = "frames of CAN FD" if is_fd else "classic frames"
+    return replace(_result(name, holds, error, count, written, read, path), faster=peer / read)
 
 
 def _recording(suffix: str, count: int, folder: Path) -> FormatResult:
@@ -103,9 +129,9 @@ def _recording(suffix: str, count: int, folder: Path) -> FormatResult:
         needle_lift=0.4e-6 * noise[1],
         line_pressure=100e6 + 0.15e6 * noise[2],
     )
-    written = _seconds(lambda: formats.write_recording(path, recording))
+    (written,) = _seconds(lambda: formats.write_recording(path, recording))
     found: list[Recording] = []
-    read = _seconds(lambda: found.append(formats.read_recording(path)))
+    (read,) = _seconds(lambda: found.append(formats.read_recording(path)))
     error = round(float(np.max(np.abs(found[0].time - recording.time))) * 1e9)
     return _result(f"{suffix} signals", "samples", error, count, written, read, path)
 
@@ -134,11 +160,12 @@ def _write(path: Path, frames: Sequence[LogFrame]) -> None:
             writer.write(frame)
 
 
-def _seconds(work: Callable[[], object]) -> float:
-    """The shortest of several runs: other programs only lengthen one."""
-    durations = []
+def _seconds(*works: Callable[[], object]) -> list[float]:
+    """The shortest of several runs of each, in turns: other programs only lengthen one."""
+    durations: list[list[float]] = [[] for _ in works]
     for _ in range(RUNS):
-        begun = time.perf_counter()
-        work()
-        durations.append(time.perf_counter() - begun)
-    return min(durations)
+        for work, taken in zip(works, durations, strict=True):
+            begun = time.perf_counter()
+            work()
+            taken.append(time.perf_counter() - begun)
+    return [min(taken) for taken in durations]

@@ -5,7 +5,7 @@ Files are read here: what cantools refuses is refused with file, line and reason
 
 import re
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
@@ -14,6 +14,7 @@ import cantools.database
 from cantools.database.can import Database, Message
 
 from observer_rt.bus.database.lookup import find_message
+from observer_rt.bus.database.mended_dbc import mended_dbc
 from observer_rt.config.bench import Bench
 from observer_rt.foundation.errors import UserError
 
@@ -28,45 +29,65 @@ _OF_PYTHON = re.compile(
 _UNDEFINED = re.compile(r"uses (\S+), which it does not define")
 _IN_MESSAGE = re.compile(r"signals? (\w+).* in\s+message (\w+)")
 _MESSAGE = re.compile(r"message (\w+)\W*$")
+_OF_SIGNAL = re.compile(r"unused \w+ entries in DBC: (\w+ \d+ \w+)")
+_NOT_READ = ("expected database format", "Only SYM version 6.0")
+_DBC = ".dbc"
+_DBC_ENCODING = "cp1252"
+_CONVERT = "make a DBC of it: `canconvert {} {}.dbc`, of canmatrix, reads DBF, XLS, older SYM and some FIBEX"
 
 
 def load_database(path: Path, lenient: bool = False) -> Database:
     """Load a bus database (DBC, or another CAN format cantools reads).
 
-    Signals that overlap or do not fit their message are refused, unless `lenient`: see `overlooked`.
+    Signals that overlap or do not fit their message, and what decoding does not need, are refused unless `lenient`:
+    see `overlooked`.
 
     Raises `UserError`: no such file, not readable, not a bus database, or not correct.
     """
     try:
-        found = path.stat()
-        database = _load(path, lenient, found.st_mtime_ns, found.st_size)
+        database, _ = _loaded(path, lenient)
     except FileNotFoundError:
         raise UserError(str(path), "no such file", "correct the path of the bus database") from None
     except OSError as error:
         raise UserError(str(path), f"cannot be read: {error.strerror}") from None
     except Exception as error:  # cantools fails in many ways on what it does not expect
         remedy = "mend the bus database"
+        problem = reason = _reason(error)
         if not lenient:
-            with suppress(Exception):  # where leniency does not help
-                cantools.database.load_file(path, strict=False)
+            try:
+                _loaded(path, lenient=True)
                 remedy = f"{remedy}, {_LENIENT}"
-        reason = _reason(error)
+            except Exception as second:  # leniency does not help
+                if _reason(second) != reason:
+                    problem = f"{reason}; and, where that is overlooked: {_reason(second)}"
+        if reason.startswith(_NOT_READ):
+            remedy = _CONVERT.format(path.name, path.stem)
         line = _line_of(path, reason)
-        raise UserError(str(path) if line is None else f"{path}:{line}", reason, remedy) from None
+        raise UserError(str(path) if line is None else f"{path}:{line}", problem, remedy) from None
     if not isinstance(database, Database):
         raise UserError(str(path), "is a diagnostics database, not a bus database", "name a DBC file")
     return database
 
 
+def _loaded(path: Path, lenient: bool) -> tuple[Database, tuple[str, ...]]:
+    """A database, and what was set right in its text."""
+    found = path.stat()
+    return _load(path, lenient, found.st_mtime_ns, found.st_size)
+
+
 @lru_cache(maxsize=_KEPT)
-def _load(path: Path, lenient: bool, _changed_ns: int, _size: int) -> Database:
-    """A database in this state of its file: to read one takes as long as seconds of a recording."""
-    return cantools.database.load_file(path, strict=not lenient)
+def _load(path: Path, lenient: bool, _changed_ns: int, _size: int) -> tuple[Database, tuple[str, ...]]:
+    """As `_loaded`, in this state of its file: to read one takes as long as seconds of a recording."""
+    if not lenient or path.suffix.lower() != _DBC:
+        return cantools.database.load_file(path, strict=not lenient), ()
+    text, complaints = mended_dbc(path.read_text(encoding=_DBC_ENCODING, errors="replace"))
+    return cantools.database.load_string(text, _DBC[1:], strict=False), complaints
 
 
-def overlooked(database: Database) -> list[str]:
-    """What would have been refused in a database that was read leniently, the first of every message."""
-    complaints = []
+def overlooked(path: Path) -> list[str]:
+    """What would have been refused in a database that is read leniently; of overlaps the first of every message."""
+    database, set_right = _loaded(path, lenient=True)
+    complaints = list(set_right)
     for message in database.messages:
         try:
             message.refresh(strict=True)
@@ -84,7 +105,10 @@ def _reason(error: Exception) -> str:
     if missing:
         return f"uses {missing.group(1)}, which it does not define"
     if not isinstance(error, cantools.Error | ValueError) or _OF_PYTHON.search(text):
-        return f"is incomplete, or not of the kind its name says: what reads it fails ({text})"
+        return (
+            "is incomplete, or not of the kind its name says, or has what is not known here: what reads it fails "
+            f"({text})"
+        )
     return text
 
 
@@ -92,7 +116,9 @@ def _line_of(path: Path, reason: str) -> int | None:
     """The line of the file that a refusal speaks of, None where it cannot be told."""
     if (stopped := _AT_LINE.search(reason)) is not None:
         return int(stopped.group(1))
-    lines = path.read_text(encoding="cp1252", errors="replace").splitlines()
+    lines = path.read_text(encoding=_DBC_ENCODING, errors="replace").splitlines()
+    if (unused := _OF_SIGNAL.match(reason)) is not None:
+        return next((number for number, line in enumerate(lines, 1) if line.startswith(unused[1])), None)
     if (undefined := _UNDEFINED.match(reason)) is not None:
         use = f'BA_ "{undefined.group(1)}"'
         return next((number for number, line in enumerate(lines, 1) if line.startswith(use)), None)
@@ -161,9 +187,9 @@ class BenchDatabases:
         """What is wrong with databases that were read leniently."""
         return tuple(
             f"{path}: {complaint}"
-            for path, lenient, database, _ in self._databases
+            for path, lenient, _, _ in self._databases
             if lenient
-            for complaint in overlooked(database)
+            for complaint in overlooked(path)
         )
 
 

@@ -10,10 +10,12 @@ from observer_rt.bus.can_frame import CLASSIC_LENGTH, FD_LENGTHS, length_code, l
 from observer_rt.bus.links.link import Frame
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.canlog.can_log import (
+    CLASSIC,
     NANOSECONDS,
     LogFormat,
     LogFrame,
     LogWriter,
+    log_frames,
     seconds_text,
     text_nanoseconds,
 )
@@ -59,6 +61,11 @@ _BASE = re.compile(r"base\s+(?P<base>hex|dec)\b", re.IGNORECASE)
 _TIMES = re.compile(r"(?:base\s+\w+\s+)?timestamps\s+(?P<times>absolute|relative)", re.IGNORECASE)
 _IDENTIFIER = {16: re.compile(r"[0-9A-Fa-f]+[xX]?"), 10: re.compile(r"[0-9]+[xX]?")}
 _BYTE = {16: re.compile(r"[0-9A-Fa-f]{1,2}"), 10: re.compile(r"[0-9]{1,3}")}
+_USUAL = re.compile(  # of data frames of classic CAN
+    r"^ *(\d+)\.(\d{1,9}) +(\d+) +([0-9A-Fa-f]+x?) +(Rx|Tx) +d ([0-8])((?: [0-9A-Fa-f ]*)?)"
+    r"(?:Length = \d+ BitCount = \d+ ID = \d+x?)? *$",
+    re.MULTILINE,
+)
 _DIRECTIONS = {"rx": False, "tx": True}
 HEADING = ("internal events", "no internal events")
 _AFTER_DATA = 4  # words of a CAN FD line from its data to its flags, which comes third
@@ -92,6 +99,37 @@ class AscLog(TextLogReader):
             )
         if not self._ended:
             self.remarks.append("it has no End TriggerBlock: it may have been cut")
+
+    def _frames(self, text: str, lines: int) -> Iterator[LogFrame] | None:
+        found = (
+            _USUAL.findall(text) if self._radix == 16 and not self._relative and not self._is_empty else []
+        )
+        if len(found) != lines:
+            return None
+        seconds, fractions, channels, identifiers, directions, lengths, data = zip(*found, strict=True)
+        sizes = list(map(int, lengths))
+        try:
+            payloads = list(map(bytes.fromhex, data))
+        except ValueError:
+            return None
+        # pairs of digits only, each behind a blank
+        if list(map(len, payloads)) != sizes or [len(each.rstrip()) for each in data] != [
+            3 * n for n in sizes
+        ]:
+            return None
+        start = self._start or 0
+        return log_frames(
+            [int(each.rstrip("x"), 16) for each in identifiers],
+            payloads,
+            [
+                start + int(second) * NANOSECONDS + int(fraction.ljust(9, "0"))
+                for second, fraction in zip(seconds, fractions, strict=True)
+            ],
+            [each.endswith("x") for each in identifiers],
+            *CLASSIC,
+            map(str, map(int, channels)),
+            map("Tx".__eq__, directions),
+        )
 
     def _entry(self, text: str, number: int) -> LogFrame | None:
         self._is_empty = False

@@ -30,6 +30,7 @@ FILE_HEADER = struct.Struct("<4sL8BQQLL8H8H")
 OBJECT_HEADER = struct.Struct("<4sHHLL")  # "LOBJ", header size, header version, object size, type
 STAMP_V1 = struct.Struct("<LHHQ")  # flags (unit of time), client, object version, time
 STAMP_V2 = struct.Struct("<LBxHQ8x")
+MOST_UNPACKED = 1 << 28  # bytes of a container, which has some 100 KB
 CONTAINER = struct.Struct("<H6xL4x")  # packing, unpacked size
 CLASSIC = struct.Struct("<HBBL8s")  # channel, flags, dlc, identifier, data
 FD = struct.Struct("<HBBLLBBB5x64s")  # ..., duration, bit count, FD flags, valid bytes, data
@@ -123,10 +124,10 @@ class BlfLog(LogReader):
             mark, _, _, size, kind = OBJECT_HEADER.unpack(head)
             if mark != _MARK or size < OBJECT_HEADER.size:
                 raise UserError(place, "is damaged: no object begins where one should", READABLE)
-            body = file.read(size - OBJECT_HEADER.size)
-            if len(body) < size - OBJECT_HEADER.size:
+            if size - OBJECT_HEADER.size > self._size - file.tell():
                 self.remarks.append(cut)
                 return
+            body = file.read(size - OBJECT_HEADER.size)
             padding = file.read(size % 4)
             if kind == TYPE_CONTAINER:
                 yield self._unpacked(body, place)
@@ -142,10 +143,14 @@ class BlfLog(LogReader):
         if packing not in (PLAIN, ZLIB):
             raise UserError(place, f"is packed in a way unknown here ({packing})", "save it again unpacked")
         data = body[CONTAINER.size :]
-        try:
-            data = zlib.decompress(data) if packing == ZLIB else data
-        except zlib.error as error:
-            raise UserError(place, f"is damaged: {error}", READABLE) from None
+        if packing == ZLIB:
+            unpacker = zlib.decompressobj()
+            try:
+                data = unpacker.decompress(data, MOST_UNPACKED)
+            except zlib.error as error:
+                raise UserError(place, f"is damaged: {error}", READABLE) from None
+            if not unpacker.eof:
+                raise UserError(place, "is damaged: what is packed does not end", READABLE)
         if len(data) < size:
             raise UserError(place, f"is damaged: {len(data)} bytes instead of {size}", READABLE)
         return data

@@ -20,10 +20,8 @@ from observer_rt.recording.canlog.can_log import (
     seconds_text,
     text_nanoseconds,
 )
-from observer_rt.recording.canlog.text_log import Rising, TextLogReader
+from observer_rt.recording.canlog.text_log import EARLIEST_DATE, Rising, TextLogReader
 
-# ns since 1970: what is less counts from the start of the log, or from line to line
-EARLIEST_DATE = 100_000_000 * NANOSECONDS
 TWO_DIGITS = 2  # of a length, which only CAN FD frames have
 EXTENDED_DIGITS = 8  # of an identifier
 

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.bus.can_frame import FD_LENGTHS, length_code
-from observer_rt.bus.links.link import Frame
-from observer_rt.recording.canlog.can_log import NANOSECONDS, LogFrame, LogReader, LogWriter
+from observer_rt.recording.canlog.can_log import NANOSECONDS, LogFrame, LogReader, LogWriter, log_frames
+from observer_rt.recording.checksum import seal
 from observer_rt.recording.mdf4_blocks import mdf4_apart
 from observer_rt.recording.mdf4_records import count_records
 
@@ -52,7 +52,7 @@ def _entries_of(records: NDArray[np.void]) -> Iterator[LogFrame]:
             ("channel", "is_sent"),
         )
     )
-    return map(LogFrame, map(Frame, records["id"].tolist(), payloads, *before), *after)
+    return log_frames(records["id"].tolist(), payloads, *before, *after)
 
 
 DATA = "CAN_DataFrame"
@@ -122,3 +122,4 @@ class Mdf4LogWriter(LogWriter):
             file.header.abs_time = self._start
             file.append(signal)
             file.save(handle, add_history_block=False)
+        seal(self.path)

@@ -5,6 +5,7 @@ virtual: not stored, but given by the number of the record through its conversio
 """
 
 from collections.abc import Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,17 +15,27 @@ from asammdf.blocks.v4_constants import (
     CHANNEL_TYPE_VLSD,
     FLAG_CG_PLAIN_BUS_EVENT,
     FLAG_CG_VLSD,
+    MASTER_TYPES,
     VIRTUAL_TYPES,
 )
 from numpy.typing import NDArray
 
-from observer_rt.bus.can_frame import CLASSIC_LENGTH, EXTENDED_MASK, FD_LENGTHS, length_of
+from observer_rt.bus.can_frame import CLASSIC_LENGTH, EXTENDED_MASK, FD_LENGTHS, STANDARD_MASK, length_of
 from observer_rt.recording.canlog.can_log import NANOSECONDS
 from observer_rt.recording.mdf4_blocks import CountedRecords
 from observer_rt.recording.signals.mdf4_file import opened, refuse_outside
 
 DATA, ERROR, REMOTE = KINDS = ("CAN_DataFrame", "CAN_ErrorFrame", "CAN_RemoteFrame")
+KNOWN_FIELDS = (
+    *("ID", "IDE", "DLC", "DataLength", "DataBytes", "Dir", "BusChannel", "EDL", "BRS", "ESI"),
+    *("SRR", "RTR", "R0", "R1", "CRC", "FrameDuration", "BitCount", "SingleWire", "WakeUp"),  # passed over
+)
 EXTENDED_BIT = 31  # of identifiers, where a logger stores no IDE
+LOCAL_TIME = 0x1  # of the flags of the start
+DAY = 24 * 3600 * NANOSECONDS
+LONGEST_BEFORE = 7  # days from the start of a file to its first frame
+EXACT = 1 << 53  # ns: more are rounded in a float64
+ROUND_DIGITS = 6  # of the seconds in which a clock counts
 RECORDS_AT_ONCE = 50_000
 MAX_LENGTH = FD_LENGTHS[-1]
 _LARGEST_NUMBER = 0xFFFF_FFFF
@@ -83,15 +94,16 @@ def records(path: Path, counted: CountedRecords) -> Iterator[Totals | NDArray[np
             for number, group in enumerate(file.groups)
             if _is_of_bus(file, number)
         }
-        yield _totals(file, counted, counts)
-        groups = [number for number in _groups(file, DATA) if counts[number]]
-        yield from in_order_of_time([_Fields(file, number).records(counts[number]) for number in groups])
+        fields = {number: _Fields(file, number) for number in _groups(file, DATA) if counts[number]}
+        odd = dict.fromkeys(remark for each in fields.values() for remark in each.oddities())
+        yield _totals(file, counted, counts, tuple(odd))
+        yield from in_order_of_time([each.records(counts[number]) for number, each in fields.items()])
 
 
-def _totals(file: MDF, counted: CountedRecords, counts: dict[int, int]) -> Totals:
+def _totals(file: MDF, counted: CountedRecords, counts: dict[int, int], odd: tuple[str, ...]) -> Totals:
     data, error, remote = (sum(counts[number] for number in _groups(file, kind)) for kind in KINDS)
     places = [file.groups[number].channel_group.address for number in _groups(file, DATA)]
-    remarks = (*counted.remarks, *counted.contradictions(places, "frames"))
+    remarks = (*counted.remarks, *counted.contradictions(places, "frames"), *odd)
     return Totals(data, error, remote, sum(counts.values()) - data - error - remote, remarks)
 
 
@@ -115,12 +127,23 @@ def _cycles(file: MDF, number: int) -> int:
     return int(file.groups[number].channel_group.cycles_nr)
 
 
+def start_of(file: MDF) -> int:
+    """In ns since 1970; where it is said to be local time, by the zone of this computer, as of logs of text."""
+    start = int(file.header.abs_time)
+    if not file.header.time_flags & LOCAL_TIME:
+        return start
+    seconds, rest = divmod(start, NANOSECONDS)
+    moment = datetime.fromtimestamp(seconds, UTC).replace(tzinfo=None)
+    return int(moment.timestamp()) * NANOSECONDS + rest
+
+
 class _Fields:
     """The fields of the frames in a group, by the names ASAM gives them."""
 
     def __init__(self, file: MDF, group: int) -> None:
         self._file = file
         self._group = group
+        self._start = start_of(file)
         self._places = {
             channel.name.removeprefix(f"{DATA}."): number
             for number, channel in enumerate(file.groups[group].channels)
@@ -136,12 +159,34 @@ class _Fields:
         for first in range(0, count, RECORDS_AT_ONCE):
             yield self._read(range(first, min(first + RECORDS_AT_ONCE, count)))
 
+    def oddities(self) -> Iterator[str]:
+        """What is odd about its fields, when its frames begin and what its clock counts: a file has no checksum."""
+        channels = self._file.groups[self._group].channels
+        names = {each.name for each in channels if each.channel_type not in MASTER_TYPES} - {DATA}
+        unknown = sorted(names - {f"{DATA}.{field}" for field in KNOWN_FIELDS})
+        if unknown:
+            yield f"its frames have fields that are not known here: {', '.join(map(ascii, unknown[:3]))}"
+        refuse_outside(self._file, self._group)
+        first = int(self._stamps(range(1))[0])
+        days = (first - self._start) // DAY
+        if self._start and days > LONGEST_BEFORE:
+            yield f"its frames begin {days} days after its start: it may be damaged"
+        if not self._start and first > EXACT:
+            yield "its times count from 1970 in floating point: they are off by up to 0.5 us"
+        master = self._file.masters_db.get(self._group)
+        if master is None:
+            return
+        tick = getattr(channels[master].conversion, "a", 1.0)
+        if float(f"{tick:.{ROUND_DIGITS}g}") != tick:
+            yield f"its clock counts in {tick!r} s, which is no round number: it may be damaged"
+
     def _read(self, rows: range) -> NDArray[np.void]:
         identifiers = self._numbers("ID", rows)
         result = np.zeros(identifiers.size, RECORD)
         result["stamp"] = self._stamps(rows)
         result["id"] = identifiers & EXTENDED_MASK
-        result["is_extended"] = self._flags("IDE", rows, identifiers >> EXTENDED_BIT)
+        is_extended = (identifiers >> EXTENDED_BIT > 0) | (result["id"] > STANDARD_MASK)
+        result["is_extended"] = self._flags("IDE", rows, is_extended)
         self._read_data(rows, result)
         result["is_fd"] = self._flags("EDL", rows, result["length"] > CLASSIC_LENGTH)  # only FD carries more
         result["bit_rate_switch"] = self._flags("BRS", rows, False)
@@ -152,11 +197,10 @@ class _Fields:
 
     def _stamps(self, rows: range) -> NDArray[np.int64]:
         seconds = self._get("ID", rows).timestamps.astype(np.float64)
-        start = int(self._file.header.abs_time)
-        latest = (_LARGEST_TIME - start) / NANOSECONDS
-        if not np.all((seconds >= -start / NANOSECONDS) & (seconds <= latest)):
+        latest = (_LARGEST_TIME - self._start) / NANOSECONDS
+        if not np.all((seconds >= -self._start / NANOSECONDS) & (seconds <= latest)):
             raise ValueError("its frames have times before 1970, or after 2262")
-        stamps: NDArray[np.int64] = np.rint(seconds * NANOSECONDS).astype(np.int64) + start
+        stamps: NDArray[np.int64] = np.rint(seconds * NANOSECONDS).astype(np.int64) + self._start
         return stamps
 
     def _get(self, field: str, rows: range, **further: Any) -> Any:

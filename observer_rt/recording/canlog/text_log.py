@@ -5,17 +5,20 @@ import zlib
 from abc import abstractmethod
 from collections.abc import Iterator
 from contextlib import suppress
+from functools import partial
 from gzip import BadGzipFile, GzipFile
 from io import TextIOWrapper
+from itertools import islice
 from pathlib import Path
 from typing import BinaryIO, ClassVar, NoReturn, cast
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.recording.canlog.can_log import LogFrame, LogReader
+from observer_rt.recording.canlog.can_log import NANOSECONDS, LogFrame, LogReader
 from observer_rt.terminal.console import PACKED
 
 GZIP_MARK = b"\x1f\x8b"
 _HEAD = 200  # bytes
+_CAPTURE = b"\x0a\x0d\x0d\x0a"
 _READ = (  # how a file begins, whose it is, the suffix it is read by
     (b"date ", "a log of Vector's tools", ".asc"),
     (b"base hex", "a log of Vector's tools", ".asc"),
@@ -26,10 +29,15 @@ _READ = (  # how a file begins, whose it is, the suffix it is read by
     (b"MDF ", "an MDF file", ".mf4"),
     (b"UnFinMF", "an MDF file", ".mf4"),
     (b"(", "a log of candump", ".log"),
+    (_CAPTURE, "a capture", ".pcapng"),
+    (b"Time Stamp,ID,", "a log of SavvyCAN", ".csv"),
+    (b"timestamp,arbitration_id", "python-can's .csv", ".csv"),
+    (b"TimestampEpoch;", "a log of CSS Electronics", ".csv"),
 )
 _UNREAD = (
-    (b"Time Stamp,ID,", "a log of SavvyCAN"),
-    (b"timestamp,arbitration_id", "python-can's .csv"),
+    (b"@ TEXT @", "a log of CarBus Analyzer"),
+    (b"//---------------------------------\nMicrochip", "a log of Microchip's CAN analyzer"),
+    (b"//---------------------------------\r\nMicrochip", "a log of Microchip's CAN analyzer"),
     (b"SQLite format 3", "a database, as python-can's .db"),
     (b"CAN Record", "a log of Kvaser's tools"),
     (b"Kvaser", "a log of Kvaser's tools"),
@@ -51,7 +59,8 @@ def head_of(path: Path) -> bytes:
 
 def likeness(path: Path) -> tuple[str, str]:
     """What a file looks like and what to do about it, for the ends of problem and remedy; empty if unknown."""
-    head, named = head_of(path).lstrip(), path.name.lower().removesuffix(PACKED)
+    head, named = head_of(path), path.name.lower().removesuffix(PACKED)
+    head = head if head.startswith(_CAPTURE) else head.lstrip()
     for mark, name, suffix in _READ:
         if head.startswith(mark) and not named.endswith(suffix):
             return f"; it looks like {name}", f"name it so: {path.stem}{suffix}"
@@ -62,6 +71,9 @@ def likeness(path: Path) -> tuple[str, str]:
 
 
 _LINES_TO_KNOW = 20
+LINES_AT_ONCE = 60
+LONGEST_LINE = 1 << 16  # characters, of what is packed: zeros would be one line of any length
+EARLIEST_DATE = 100_000_000 * NANOSECONDS  # since 1970: what is less counts from the start of a log
 _SIZE_AT_END = 4  # bytes of a gzip file that say how long its content is
 
 
@@ -70,25 +82,35 @@ class TextLogReader(LogReader):
 
     kind: ClassVar[str]
     """What its files are, with an article."""
-    remedy: ClassVar[str] = "delete it, or record the log again"
-    """Of a line that is none of such a log."""
+    remedy: ClassVar[str] = ""
+    """Of a line that is none of such a log, if not the usual one."""
 
     def _entries(self) -> Iterator[tuple[int, LogFrame]]:
-        for number, line in self._lines():
-            if text := line.strip():
-                try:
-                    entry = self._entry(text, number)
-                except (ValueError, IndexError):
-                    self.refuse_content(number, f"not a line of {self.kind}: '{text[:60]}'", self.remedy)
-                if entry is not None:
-                    yield number, entry
+        for first, lines in self._blocks():
+            frames = self._frames("".join(lines), len(lines))
+            if frames is not None:
+                yield from enumerate(frames, first)
+                continue
+            for number, line in enumerate(lines, first):
+                if text := line.strip():
+                    try:
+                        entry = self._entry(text, number)
+                    except (ValueError, IndexError):
+                        shown = "".join(sign if sign.isprintable() else "?" for sign in text[:60])
+                        self.refuse_content(number, f"not a line of {self.kind}: '{shown}'", self.remedy)
+                    if entry is not None:
+                        yield number, entry
 
     @abstractmethod
     def _entry(self, text: str, number: int) -> LogFrame | None:
         """The frame of a line that is not blank, if it has one. Raises `ValueError`, `IndexError` where malformed."""
 
-    def _lines(self) -> Iterator[tuple[int, str]]:
-        """Every line with its number, from 1.
+    def _frames(self, text: str, lines: int) -> Iterator[LogFrame] | None:
+        """The frames of so many lines, one each, as `_entry` has them; None unless all are of the usual form."""
+        return None
+
+    def _blocks(self) -> Iterator[tuple[int, list[str]]]:
+        """All lines, some at once, with the number of the first, counted from 1.
 
         A last one without its end is left out, and told: what is left of a frame may look like a shorter one.
         """
@@ -100,24 +122,29 @@ class TextLogReader(LogReader):
             raw.seek(0)
             content = cast(BinaryIO, GzipFile(fileobj=raw)) if is_packed else raw
             with TextIOWrapper(content, encoding="utf-8-sig", errors="replace") as file:
-                try:
-                    for number, line in enumerate(file, start=1):
-                        self._position += len(line)
-                        if line.endswith("\n"):
-                            yield number, line
-                        elif line.strip():
-                            self.remarks.append(f"line {number} is cut short and left out")
-                except EOFError:
-                    self.remarks.append(
-                        "the end of the packed file is missing, and with it the end of the log"
-                    )
-                except (BadGzipFile, zlib.error) as error:
-                    problem = f"is damaged, it cannot be unpacked: {error}"
-                    raise UserError(str(self.path), problem, "give the complete file") from None
+                following: Iterator[str] = file
+                if is_packed:
+                    following = iter(partial(file.readline, LONGEST_LINE), "")
+                number, is_whole = 1, True
+                while is_whole:
+                    lines: list[str] = []
+                    try:
+                        lines.extend(islice(following, LINES_AT_ONCE))  # those before an error stay
+                    except EOFError:
+                        missing = "the end of the packed file is missing, and with it the end of the log"
+                        self.remarks.append(missing)
+                    except (BadGzipFile, zlib.error) as error:
+                        problem = f"is damaged, it cannot be unpacked: {error}"
+                        raise UserError(str(self.path), problem, "give the complete file") from None
+                    self._position += sum(map(len, lines))
+                    is_whole = len(lines) == LINES_AT_ONCE  # else the file has ended
+                    if lines and not lines[-1].endswith("\n") and lines.pop().strip():
+                        self.remarks.append(f"line {number + len(lines)} is cut short and left out")
+                    if lines:
+                        yield number, lines
+                    number += len(lines)
 
-    def refuse_content(
-        self, number: int, problem: str, remedy: str = "delete it, or record the log again"
-    ) -> NoReturn:
+    def refuse_content(self, number: int, problem: str, remedy: str = "") -> NoReturn:
         """As `refuse`, saying what the file looks like instead if nothing of it could be read so far."""
         looks, rename = likeness(self.path) if number <= _LINES_TO_KNOW else ("", "")
         self.refuse(number, f"{problem}{looks}", rename or remedy)

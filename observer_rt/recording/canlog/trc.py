@@ -1,18 +1,22 @@
 """Logs of PEAK's tools: `.trc` in versions 1.0 to 1.3, 2.0 and 2.1; written in 2.1, classic frames only."""
 
+import re
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 from decimal import Decimal, InvalidOperation
+from itertools import repeat
 from pathlib import Path
 
 from observer_rt.bus.can_frame import CLASSIC_LENGTH, length_of
 from observer_rt.bus.links.link import Frame
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.canlog.can_log import (
+    CLASSIC,
     NANOSECONDS,
     LogFormat,
     LogFrame,
     LogWriter,
+    log_frames,
     text_nanoseconds,
 )
 from observer_rt.recording.canlog.text_log import TextLogReader
@@ -30,6 +34,10 @@ OLD_COLUMNS = {  # places of what later versions say themselves; the type of a d
     "1.2": {"O": 1, "B": 2, "T": 3, "I": 4, "l": 5, "D": 6},
     "1.3": {"O": 1, "B": 2, "T": 3, "I": 4, "l": 6, "D": 7},
 }
+_USUAL_COLUMNS = (tuple("NOTBIdRLD"), tuple("NOTBIdRlD"))
+_USUAL = re.compile(  # of data frames of classic CAN, to the us
+    r"^ *+\d++ ++(\d++\.\d{3}) ++DT ++(\d++) ++([0-9A-F]++) (Rx|Tx) - ++([0-8])(| .*)$", re.MULTILINE
+)
 NO_IDENTIFIER = "FFFFFFFF"  # of a row of version 1.0 that is no frame
 
 
@@ -43,6 +51,7 @@ class TrcLog(TextLogReader):
         self._start = 0
         self._at: dict[str, int] = {}  # place of a column
         self._has_rows = False
+        self._usual: re.Pattern[str] | None = None
         return super()._entries()
 
     def _entry(self, text: str, number: int) -> LogFrame | None:
@@ -52,6 +61,27 @@ class TrcLog(TextLogReader):
         if not self._has_rows:
             self._begin_rows(number)
         return self._frame(text.split())
+
+    def _frames(self, text: str, lines: int) -> Iterator[LogFrame] | None:
+        found = self._usual.findall(text) if self._usual is not None else []
+        if len(found) != lines:
+            return None
+        offsets, buses, identifiers, directions, lengths, data = zip(*found, strict=True)
+        try:
+            payloads = list(map(bytes.fromhex, data))
+        except ValueError:
+            return None
+        if list(map(len, payloads)) != list(map(int, lengths)):
+            return None
+        return log_frames(
+            map(int, identifiers, repeat(16)),
+            payloads,
+            [self._start + int(each.replace(".", "")) * STAMP_STEP for each in offsets],
+            [len(each) > STANDARD_DIGITS for each in identifiers],
+            *CLASSIC,
+            buses,
+            map("Tx".__eq__, directions),
+        )
 
     def _header(self, text: str, number: int) -> None:
         key, _, value = text.partition("=")
@@ -81,6 +111,8 @@ class TrcLog(TextLogReader):
             self.refuse_content(number, problem, "export it from PEAK's tools as version 2.1")
         elif not set("OTId") <= set(self._at) or not {"l", "L"} & set(self._at):
             self.refuse(number, f"columns {','.join(self._at)} do not suffice", "export N,O,T,B,I,d,l,D")
+        if tuple(self._at) in _USUAL_COLUMNS:
+            self._usual = _USUAL
 
     def _frame(self, words: list[str]) -> LogFrame | None:
         at = self._at

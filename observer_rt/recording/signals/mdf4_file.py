@@ -18,6 +18,7 @@ from asammdf.blocks.v4_blocks import FileHistory
 
 from observer_rt.config.recording import ColumnConfig
 from observer_rt.foundation.errors import UserError
+from observer_rt.recording.checksum import BLANK
 from observer_rt.recording.mdf4_blocks import READABLE, CountedRecords, refuse_other_files
 from observer_rt.recording.signals.mapped.table import TablePart, Values, present
 
@@ -128,11 +129,11 @@ def damage_told(path: Path) -> Iterator[None]:
 
 
 def add_history(file: MDF) -> None:
-    """Say what wrote the file, but not when: the same content gives the same bytes."""
+    """Say what wrote the file, but not when: the same content gives the same bytes. For `seal`."""
     file.start_time = NO_DATE
     history = FileHistory()
     history.time_stamp = NO_DATE
-    history.comment = "<FHcomment><TX>created</TX><tool_id>observer-rt</tool_id></FHcomment>"
+    history.comment = f"<FHcomment><TX>created; {BLANK}</TX><tool_id>observer-rt</tool_id></FHcomment>"
     file.file_history.append(history)
 
 

@@ -195,6 +195,8 @@ class Recording:
     """Where the recording was read from; None for one made in memory."""
     meaning: Meaning | None = field(default=None, kw_only=True)
     """What a sample is; None: as the bench file says, without one an instant."""
+    notes: tuple[str, ...] = field(default=(), kw_only=True)
+    """What its reader left out or found odd."""
 
     def __post_init__(self) -> None:
         name = str(self.path) if self.path is not None else "recording"

@@ -87,7 +87,7 @@ class SignalStream(ABC):
 
     def collected(self) -> Recording:
         """All in memory, as `on_one_grid`."""
-        return replace(joined(list(self.on_one_grid())), meaning=self.meaning)
+        return replace(joined(list(self.on_one_grid())), meaning=self.meaning, notes=self.notes)
 
     def _grid(self, first: int, end: int) -> NDArray[np.float64]:
         """Times [s] of samples [first, end) of the one grid."""

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MM3_PER_MS
+from observer_rt.recording.checksum import BLANK, seal
 from observer_rt.recording.signals.recording import Recording
 
 WRITE_FORMAT = "%.12g"
@@ -113,6 +114,7 @@ class Mdf4Writer(TableWriter):
         quiet = redirect_stdout(StringIO())  # asammdf prints how fast it writes a large one
         with self._file, self._path.open("wb+") as handle, quiet:
             self._file.save(handle, add_history_block=False)
+        seal(self._path)
 
 
 class ParquetWriter(TableWriter):
@@ -141,11 +143,17 @@ class ParquetWriter(TableWriter):
                 )
                 for column, array in zip(self._columns, made, strict=True)
             ]
-            self._schema = arrow.schema(fields)
+            self._schema = arrow.schema(fields, metadata={"checksum": BLANK})
             self._writer = self._stack.enter_context(
-                arrow.parquet.ParquetWriter(str(self._path), self._schema)
+                arrow.parquet.ParquetWriter(str(self._path), self._schema, write_page_checksum=True)
             )
         self._writer.write_table(arrow.Table.from_arrays(made, schema=self._schema), _ROW_GROUP)
+
+    def close(self) -> None:
+        """Complete the file."""
+        super().close()
+        if self._writer is not None:
+            seal(self._path)
 
     def _array(self, column: WrittenColumn, values: NDArray[Any]) -> Any:
         if column.words:

@@ -191,3 +191,19 @@ def test_lost_frames_are_written_and_read(tmp_path: Path) -> None:
     assert list(found) == [frame, frame]
     assert found.lost_frames == 12
     assert found.other_entries == 0
+
+
+def test_what_is_packed_is_unpacked_to_its_end_and_no_further(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("observer_rt.recording.canlog.blf.MOST_UNPACKED", 5000)
+    objects = b"".join(obj(1, classic(), n) for n in range(80))
+    assert len(list(log(tmp_path, container(objects)))) == 80
+    with pytest.raises(UserError, match="what is packed does not end"):
+        list(log(tmp_path, container(objects + bytes(2000))))
+
+
+def test_no_remedy_is_to_delete_a_line_of_a_binary_file(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"4444444 is no standard identifier") as raised:
+        list(log(tmp_path, container(obj(1, classic(identifier=0x4444444)))))
+    assert raised.value.remedy == "record it again, or take another copy"

@@ -153,7 +153,10 @@ def test_a_log_under_the_wrong_name_is_recognised(tmp_path: Path, suffix: str, c
 def test_a_log_of_another_program_is_named(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"bus{suffix}"
     path.write_text("Time Stamp,ID,Extended,Dir,Bus,LEN,D1\n1,123,false,Rx,0,1,00\n" * 100)
-    with pytest.raises(UserError, match=r"it looks like a log of SavvyCAN\n.*export it as"):
+    with pytest.raises(UserError, match=r"it looks like a log of SavvyCAN\n.*name it so: bus\.csv"):
+        list(open_log(path))
+    path.write_text("@ TEXT @ 2 @ 64 @ 0 @ 55 @\n46,016\t1\t0004\t45A\t8\t5A 04 00\n" * 100)
+    with pytest.raises(UserError, match=r"it looks like a log of CarBus Analyzer\n.*export it as"):
         list(open_log(path))
 
 

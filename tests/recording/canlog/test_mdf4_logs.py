@@ -1,7 +1,9 @@
 """MF4 files of CAN loggers: every field as asammdf itself reads it, finalised or as they come off the card."""
 
 import struct
+from datetime import UTC, datetime
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from numpy.typing import NDArray
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.canlog.can_log import LogFrame
+from observer_rt.recording.canlog.mdf4_frames import start_of
 from observer_rt.recording.formats import is_log, open_log
 from tests.recording.canlog.log_cases import START, log_frames, mixture, write_log
 from tools.benchmarks.logger_file import Field, value_of, write_logger_file
@@ -221,10 +224,34 @@ def test_an_offset_outside_the_data_does_not_end_this_process(tmp_path: Path) ->
         list(open_log(tmp_path / "saved.mf4"))
 
 
+def test_lengths_in_data_that_stand_apart_are_followed(tmp_path: Path) -> None:
+    """A shorter length gives a frame fewer bytes, and all later ones those of another."""
+    card, path = tmp_path / "card.mf4", tmp_path / "saved.mf4"
+    frames = mixture(".mf4", 20)
+    write_logger_file(card, frames, ALL_STORED, MIDNIGHT)
+    with MDF(card) as file:
+        file.save(path, compression=0)
+    data = path.read_bytes()
+    lengths = [len(frame.frame.payload) for frame in frames]
+    stored = b"".join(
+        struct.pack("<I", length) + frame.frame.payload for length, frame in zip(lengths, frames, strict=True)
+    )
+    assert list(open_log(path)) == frames
+    place = data.index(stored)
+    for length in lengths:
+        for change in (1, 4, 1 << 20):
+            damaged = bytearray(data)
+            struct.pack_into("<I", damaged, place, length ^ change)
+            path.write_bytes(damaged)
+            with pytest.raises(UserError, match=r"leads to where no data begin|beyond the data"):
+                list(open_log(path))
+        place += 4 + length
+
+
 def test_frames_that_the_heading_does_not_count_are_told(tmp_path: Path) -> None:
     path = tmp_path / "bus.mf4"
     write_log(path, mixture(".mf4", 12))
-    data = bytearray(path.read_bytes())
+    data = bytearray(path.read_bytes().replace(b"crc32", b"-----"))  # as others write, without our checksum
     count = data.index(b"##CG") + 24 + 6 * 8 + 8
     assert data[count] == 12
     data[count] = 5
@@ -245,3 +272,67 @@ def test_an_older_mdf_is_named(tmp_path: Path) -> None:
     path.write_bytes(path.read_bytes().replace(b"MDF     4.10", b"MDF     3.30", 1))
     with pytest.raises(UserError, match=r"is of MDF 3\., not 4"):
         is_log(path)
+
+
+def test_identifiers_of_more_than_11_bits_are_extended_where_nothing_says_so(tmp_path: Path) -> None:
+    path = tmp_path / "card.mf4"
+    frames = mixture(".mf4", 20)
+    fields = [Field("ID", 32), *(field for field in ALL_STORED if field.name not in ("ID", "IDE"))]
+    write_logger_file(path, frames, fields, MIDNIGHT)
+    assert [(f.frame.frame_id, f.frame.is_extended) for f in open_log(path)] == [
+        (f.frame.frame_id, f.frame.frame_id > 0x7FF) for f in frames
+    ]
+
+
+def test_a_start_in_local_time_is_read_by_the_zone_of_this_computer() -> None:
+    moment = datetime(2024, 7, 1, 12, 30, 15)
+    as_utc = int(moment.replace(tzinfo=UTC).timestamp()) * 10**9 + 5
+    for flags, start in ((0, as_utc), (2, as_utc), (1, int(moment.timestamp()) * 10**9 + 5)):
+        header = SimpleNamespace(abs_time=as_utc, time_flags=flags)
+        assert start_of(SimpleNamespace(header=header)) == start
+
+
+@pytest.mark.parametrize(
+    ("offset", "tick", "said"),
+    [
+        (29 * 86_400.0, 1e-9, "its frames begin 29 days after its start: it may be damaged"),
+        (
+            0.0,
+            1.0000009e-9,
+            "its clock counts in 1.0000009e-09 s, which is no round number: it may be damaged",
+        ),
+        (86_400.0, 5e-9, None),
+    ],
+)
+def test_times_that_look_damaged_are_told(
+    tmp_path: Path, offset: float, tick: float, said: str | None
+) -> None:
+    path = tmp_path / "card.mf4"
+    write_logger_file(path, mixture(".mf4", 5), ALL_STORED, MIDNIGHT)
+    conversion = struct.pack("<dd", 0.0, 1e-9)
+    assert conversion in path.read_bytes()
+    path.write_bytes(path.read_bytes().replace(conversion, struct.pack("<dd", offset, tick)))
+    log = open_log(path)
+    assert len(list(log)) == 5
+    assert log.notes() == ([f"{path}: {said}"] if said else [])
+
+
+def test_fields_that_are_not_known_are_told(tmp_path: Path) -> None:
+    """As one whose name is damaged."""
+    path = tmp_path / "card.mf4"
+    write_logger_file(path, mixture(".mf4", 5), ALL_STORED, MIDNIGHT)
+    path.write_bytes(path.read_bytes().replace(b"DataFrame.Dir", b"DataFrame.D\x1br"))
+    log = open_log(path)
+    assert not any(entry.is_sent for entry in log)
+    assert log.notes() == [f"{path}: its frames have fields that are not known here: 'CAN_DataFrame.D\\x1br'"]
+
+
+def test_times_since_1970_in_floating_point_are_told(tmp_path: Path) -> None:
+    path = tmp_path / "card.mf4"
+    frames = mixture(".mf4", 5)
+    write_logger_file(path, frames, ALL_STORED, 0)
+    log = open_log(path)
+    assert all(abs(a.frame.stamp_ns - b.frame.stamp_ns) <= 500 for a, b in zip(log, frames, strict=True))
+    assert log.notes() == [
+        f"{path}: its times count from 1970 in floating point: they are off by up to 0.5 us"
+    ]

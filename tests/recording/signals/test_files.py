@@ -10,7 +10,7 @@ from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
 from observer_rt.foundation.errors import RunError, UserError
-from observer_rt.recording.formats import read_recording, write_recording
+from observer_rt.recording.formats import is_log, open_log, read_recording, write_recording
 from observer_rt.recording.signals.recording import Recording
 
 CODES = st.integers(0, 0xFFFD)
@@ -120,3 +120,23 @@ def test_full_disk_is_a_failure_at_run_time(tmp_path: Path) -> None:
     (tmp_path / "full.csv").symlink_to("/dev/full")
     with pytest.raises(RunError, match="No space left"):
         write_recording(tmp_path / "full.csv", RECORDING)
+
+
+@pytest.mark.parametrize(
+    ("name", "advice"),
+    [
+        ("a.mat", r'parquetwrite\("a\.parquet"'),
+        ("a.h5", r'read_hdf\("a\.h5"\)\.to_parquet'),
+        ("a.xlsx", r"save it as a\.csv"),
+        ("a.dat", r'MDF\("a\.dat"\)\.convert\("4\.10"\)\.save\("a\.mf4"\)'),
+        ("a.MFC", "mdf2finalized"),
+        ("a.mf4.gz", "unpack it first"),
+        ("a.log.zst", "unpack it first"),
+    ],
+)
+def test_kinds_that_are_met_but_not_read_have_a_remedy_of_their_own(
+    tmp_path: Path, name: str, advice: str
+) -> None:
+    for read in (is_log, open_log, read_recording):
+        with pytest.raises(UserError, match=rf"unknown kind of file(?s:.*){advice}"):
+            read(tmp_path / name)

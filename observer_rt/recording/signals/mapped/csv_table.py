@@ -22,6 +22,8 @@ LONGEST_HEADER = 1 << 20  # characters
 _TAIL = 1 << 14  # bytes, in which the last line is
 _NOT_AT_ONCE = '"\x1c\x1d\x1e\x1f'  # quotes, and the control characters that numpy takes for blanks
 NUMBERS = "write numbers; leave the cell empty where a value is not available"
+UNGROUPED = "write numbers without separators of thousands: 1000.153 or 1000,153"
+_GROUPED = re.compile(r"[+-]?\d{1,3}(?:([.,' \u00a0\u202f])\d{3})(?:\1\d{3})*(?:[.,]\d+)?")
 
 
 class CsvTable(Table):
@@ -43,9 +45,9 @@ class CsvTable(Table):
             self._origin = self._first_stamp(dialect.calendar)
             self.units[TIME] = "s"
             self.layout += f"; {dialect.calendar.as_text(self._origin)}"
-        self._is_cut = not is_own and self._ends_too_soon()
+        self._is_cut = self._ends_too_soon()
         if self._is_cut:
-            self.notes.append(f"{path}: its last line is not complete and is left out")
+            self.notes.append(f"{path}: its last line has no line end and is left out: it may be cut short")
 
     @staticmethod
     def names(path: Path) -> Collection[str]:
@@ -136,7 +138,9 @@ class CsvTable(Table):
                 found.append(np.nan)
             elif is_missing(cell) or not is_number(cell, decimal):
                 raise UserError(
-                    place, f"{self.label(name)}: '{cell}' is not a number with decimal '{decimal}'", NUMBERS
+                    place,
+                    f"{self.label(name)}: '{cell}' is not a number with decimal '{decimal}'",
+                    UNGROUPED if _GROUPED.fullmatch(cell.strip()) else NUMBERS,
                 )
             else:
                 found.append(float(cell.replace(decimal, ".")))
@@ -165,12 +169,14 @@ class CsvTable(Table):
             return next((int(calendar.nanoseconds([cell])[0]) for cell in cells if not is_missing(cell)), 0)
 
     def _ends_too_soon(self) -> bool:
-        """Whether the last line is shorter than it should be and has no line end: its writer was stopped."""
+        """Whether the last line has no line end: its writer was stopped, and a number in it may be cut."""
         with self.path.open("rb") as file:
             file.seek(max(0, self.path.stat().st_size - _TAIL))
-            tail = file.read().decode(self._dialect.encoding, "replace")
-        last = tail.splitlines()[-1:] if tail and not tail.endswith(("\n", "\r")) else []
-        return any(len(self._dialect.cells(line)) <= max(self._dialect.mapped.values()) for line in last)
+            tail = (
+                file.read().replace(b"\0", b"").rstrip(b" \t\x1a")
+            )  # of UTF-16, and what Windows ends a file with
+        last = tail.decode("ascii", "replace").rpartition("\n")[2]
+        return not last.endswith("\r") and bool(self._dialect.cells(last))
 
     @contextmanager
     def _opened(self) -> Iterator[TextIO]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from observer_rt.config.recording import ColumnConfig, RecordingConfig
 from observer_rt.foundation.errors import UserError, hint
+from observer_rt.recording.checksum import refuse_damaged
 from observer_rt.recording.mdf4_blocks import mdf4_apart
 from observer_rt.recording.mdf4_records import count_records
 from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE
@@ -167,6 +168,7 @@ class ParquetTable(Table):
     def __init__(self, path: Path, config: RecordingConfig, is_own: bool = False) -> None:
         super().__init__(path, config, is_own)
         wanted = self._wanted()
+        self.notes += [f"{path}: {remark}" for remark in refuse_damaged(path)]
         with _opened(path) as file:
             schema = file.schema_arrow
         self.mapped = present(path, wanted, schema.names, is_own)
@@ -234,7 +236,7 @@ def _opened(path: Path) -> Iterator[Any]:
     try:
         with (
             pyarrow.OSFile(str(path)) as opened,
-            pyarrow.parquet.ParquetFile(opened, pre_buffer=False) as file,
+            pyarrow.parquet.ParquetFile(opened, pre_buffer=False, page_checksum_verification=True) as file,
         ):
             yield file
     except (pyarrow.ArrowException, OSError, ValueError) as error:

@@ -1,5 +1,6 @@
 """CSV as other tools write it."""
 
+import codecs
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -36,7 +37,7 @@ def lines(
 
 def named(*rows: str) -> str:
     """Text of rows under the names of their columns."""
-    return "\n".join([";".join(NAMES), *rows])
+    return "\n".join([";".join(NAMES), *rows, ""])
 
 
 def message(path: Path, folder: Path, **bench_options: str) -> str:
@@ -134,12 +135,32 @@ def test_cells_without_a_value_are_not_available(tmp_path: Path) -> None:
     assert not np.isnan(recording.rail_pressure).any()
 
 
-def test_a_last_line_that_was_cut_is_left_out(tmp_path: Path) -> None:
-    path = write(tmp_path, named(*lines(), "0,4;10"))
-    fitted = bench(tmp_path)
+@pytest.mark.parametrize(
+    ("cell", "decimal"), [("1.000,153", ","), ("1'000.5", "."), ("12\u00a0000,5", ","), ("1,234,567.5", ".")]
+)
+def test_separators_of_thousands_are_named(tmp_path: Path, cell: str, decimal: str) -> None:
+    rows = [row.replace(",", decimal) for row in lines(20)]
+    rows[5] = ";".join([cell, *rows[5].split(";")[1:]])
+    assert "without separators of thousands" in message(write(tmp_path, named(*rows)), tmp_path)
+
+
+@given(cut=st.integers(1, 60), encoding=st.sampled_from(("utf-8", "utf-16", "utf-16-be", "cp1252")))
+@reuse_folder
+def test_a_recording_cut_anywhere_has_the_samples_of_its_whole_lines(
+    tmp_path: Path, cut: int, encoding: str
+) -> None:
+    path, fitted = tmp_path / "foreign.csv", bench(tmp_path)
+    text = named(*lines())
+    mark = codecs.BOM_UTF16_BE if encoding == "utf-16-be" else b""
+    path.write_bytes(mark + text.encode(encoding))
+    whole = read(path, fitted)
+    path.write_bytes(mark + text[:-cut].encode(encoding))
     stream = open_recording(path, fitted.injector)
-    assert stream.samples == 40
-    assert any("last line is not complete" in note for note in stream.notes)
+    ended = text[:-cut].count("\n") + 40 - text.count("\n")
+    np.testing.assert_array_equal(stream.collected().line_pressure, whole.line_pressure[:ended])
+    assert [note.endswith("is left out: it may be cut short") for note in stream.notes] == [True] * (
+        not text[:-cut].endswith("\n")
+    )
 
 
 def test_our_own_layout_is_read_as_ever_beside_a_mapping(tmp_path: Path) -> None:

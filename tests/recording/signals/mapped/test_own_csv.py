@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.recording.formats import read_recording, write_recording
+from observer_rt.recording.formats import open_recording, read_recording, write_recording
 from observer_rt.recording.signals.recording import Recording
 
 HEADER = "time_s,rail_pressure_MPa,needle_lift_mm,line_pressure_MPa"
@@ -60,9 +60,18 @@ def test_columns_in_any_order(tmp_path: Path, order: list[int]) -> None:
     names = HEADER.split(",")
     cells = [["0", "100", "0.1", "90"], ["1e-5", "101", "0.2", "91"]]
     lines = [",".join(names[i] for i in order), *(",".join(row[i] for i in order) for row in cells)]
-    recording = read_recording(write(tmp_path, "\n".join(lines)))
+    recording = read_recording(write(tmp_path, "\n".join([*lines, ""])))
     assert recording.rail_pressure.tolist() == [100e6, 101e6]
     assert recording.line_pressure.tolist() == [90e6, 91e6]
+
+
+@pytest.mark.parametrize("rest", ["0.00005,1", "0.00005,100.005,0.01,99.7", "0.0000"])
+def test_a_last_line_without_its_end_is_left_out(tmp_path: Path, rest: str) -> None:
+    path = write(tmp_path, "\n".join([HEADER, *rows()[:5], rest]))
+    stream = open_recording(path)
+    assert stream.samples == 5
+    assert stream.notes == (f"{path}: its last line has no line end and is left out: it may be cut short",)
+    assert read_recording(path).notes == stream.notes
 
 
 @pytest.mark.parametrize("cell", ["", " ", "nan", "NaN"])

@@ -11,6 +11,7 @@ from rich.markup import escape
 
 from observer_rt.foundation.errors import ObserverError, UserError
 from observer_rt.terminal.console import progress_bar
+from tools.benchmarks import history as history_command
 from tools.benchmarks import wave_recordings
 from tools.benchmarks.ablation import CLASSES_TRIED, ablation_document, ablation_tables, run_ablation
 from tools.benchmarks.accuracy import Results, print_results, run_accuracy
@@ -58,6 +59,7 @@ app.command(epilog=wave_recordings.EXAMPLE)(wave_recordings.wave_recordings)
 app.command(epilog=discovery_command.EXAMPLE)(discovery_command.discovery)
 app.command(epilog=realism_command.EXAMPLE)(realism_command.realism)
 app.command(epilog=faults_command.EXAMPLE)(faults_command.faults)
+app.command(epilog=history_command.EXAMPLE)(history_command.history)
 app.command(epilog=speed_command.EXAMPLE)(speed_command.speed)
 app.command(epilog=speed_command.SOAK_EXAMPLE)(speed_command.soak)
 FILTERS = {"ukf": joint_ukf, "ekf": joint_ekf}

@@ -1,0 +1,192 @@
+"""`tools/bench history`: hours of bus time through the service at speed; does anything grow, go back, or get lost?"""
+
+import gc
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from observer_rt.bus.links.link import BusFrame, Frame, block_of
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.foundation.units import MILLISECOND
+from observer_rt.model.effects import sized
+from observer_rt.recording.replay.framing import Framer, windows
+from observer_rt.recording.signals.recording import Recording
+from observer_rt.service.core.core import Core
+from observer_rt.service.core.messages import Counters
+from observer_rt.service.reports.news import Notes
+from observer_rt.simulation.schedule import make_schedule
+from observer_rt.simulation.simulate import SimulatedNoise, simulate
+from observer_rt.terminal.console import progress_bar
+from tools.benchmarks.command_line import JsonOption, ModelOption, messages, print_lines, put_out, ruled
+from tools.benchmarks.scoring import bench_at
+
+EXAMPLE = "Examples: tools/bench history; tools/bench history --hours 1 --model fitted.toml --json"
+SAMPLE_RATE = 100e3  # Hz: the index of 32 bits comes round after 11.9 h
+PRESSURES = (60e6, 100e6, 140e6)  # Pa
+SPACING = 40 * MILLISECOND
+RECORDED = 12  # injections, again and again
+WEAR = 0.2  # v_H
+LOOKS = 48
+SETTLED = 8  # looks, after which memory should not grow any more
+FLAT = 1.0  # MiB an hour
+_MEBIBYTE = 1 << 20
+_HOUR = 3600.0  # s
+
+
+@dataclass(frozen=True)
+class Look:
+    """At an hour of bus time: memory [MiB]; injections so far: sent, reported, valid, twice or out of turn."""
+
+    hour: float
+    memory: float
+    sent: int
+    reported: int
+    valid: int
+    out_of_turn: int
+    gone_back: tuple[str, ...]
+    """Counters that are smaller than they were."""
+
+
+@dataclass(frozen=True)
+class History:
+    """All looks; counters: at the end."""
+
+    looks: tuple[Look, ...]
+    counters: Counters
+
+    @property
+    def growth(self) -> float:
+        """Of the memory [MiB an hour], by a straight line through it once it has settled."""
+        settled = self.looks[SETTLED:]
+        return float(np.polyfit([each.hour for each in settled], [each.memory for each in settled], 1)[0])
+
+    @property
+    def missed(self) -> list[str]:
+        """What should not be."""
+        last = self.looks[-1]
+        found = {
+            f"memory grows by {self.growth:.2f} MiB an hour": self.growth > FLAT,
+            f"{last.sent - last.reported} injections not reported": last.reported != last.sent,
+            f"{last.out_of_turn} reported twice or out of turn": last.out_of_turn > 0,
+            f"counters went back: {', '.join(last.gone_back)}": bool(last.gone_back),
+            f"{self.counters.lost_samples} samples lost": self.counters.lost_samples > 0,
+            f"{self.counters.restarts} restarts": self.counters.restarts > 0,
+        }
+        return [text for text, is_so in found.items() if is_so]
+
+
+def run_history(hours: float, period: float, model: Path | None, console: Console) -> History:
+    """An injection every `period` [s], in windows with the index going on between them; model: an injector file."""
+    bench = bench_at(SAMPLE_RATE, model)
+    bus, notes, looks = map_bus(bench), Notes(), []
+    core, framer = Core(bench.injector, bus, listeners=[notes]), Framer(bus)
+    parts = _injections(model)
+    count, before = round(hours * _HOUR / period), core.counters
+    reported = valid = out_of_turn = 0
+    gone_back: dict[str, None] = {}
+    with progress_bar(console, "history", float(count)) as progress:
+        for number in range(count):
+            _send(core, framer, parts[number % len(parts)], number * period)
+            framer.skip(round(period * SAMPLE_RATE) - parts[number % len(parts)].samples)
+            for report in notes.injections:
+                reported += 1
+                out_of_turn += report.number != reported
+                valid += report.valid
+            notes.injections.clear()
+            if (number + 1) * LOOKS // count > number * LOOKS // count or number + 1 == count:
+                if number + 1 == count:
+                    core.finish()
+                    reported += len(notes.injections)
+                now = core.counters
+                gone_back |= dict.fromkeys(_gone_back(before, now))
+                before = now
+                hour = (number + 1) * period / _HOUR
+                looks.append(
+                    Look(hour, _memory(), number + 1, reported, valid, out_of_turn, tuple(gone_back))
+                )
+                progress(float(number + 1))
+    return History(tuple(looks), core.counters)
+
+
+def history(
+    hours: Annotated[float, typer.Option(min=0.1, help="Of bus time.")] = 24.0,
+    period: Annotated[float, typer.Option(min=0.05, help="Seconds from one injection to the next.")] = 1.0,
+    model: ModelOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """A day of injections in windows through the service, at speed: memory, counters, every injection once."""
+    found = run_history(hours, period, model, messages)
+    put_out(as_json, lambda: _document(found), lambda console: _show(found, console))
+
+
+def _injections(model: Path | None) -> Sequence[Recording]:
+    """Windows round injections of a worn injector."""
+    schedule = make_schedule(PRESSURES, RECORDED, SPACING, [1.2e-3])
+    injector = bench_at(SAMPLE_RATE, model).injector.parameters
+    worn = (sized("orifice_area", v_H=WEAR),)
+    whole = simulate(injector, schedule, SAMPLE_RATE, worn, SimulatedNoise(), seed=1).recording
+    return [
+        Recording(
+            np.arange(span.end - span.start) / SAMPLE_RATE,
+            whole.rail_pressure[span.start : span.end],
+            whole.needle_lift[span.start : span.end],
+            whole.line_pressure[span.start : span.end],
+        )
+        for span in windows(whole)
+    ]
+
+
+def _send(core: Core, framer: Framer, part: Recording, begin: float) -> None:
+    given = [
+        BusFrame(
+            each.bus, Frame(each.frame_id, each.payload, round(1e9 * (begin + each.time)), each.is_extended)
+        )
+        for each in framer.frames(part, windows(part))
+    ]
+    core.handle_many(block_of(given))
+
+
+def _gone_back(before: Counters, now: Counters) -> list[str]:
+    return [each.name for each in fields(now) if getattr(now, each.name) < getattr(before, each.name)]
+
+
+def _memory() -> float:
+    """Resident, MiB."""
+    gc.collect()
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * 4096 / _MEBIBYTE
+
+
+_COLUMNS: dict[str, Callable[[Look], str]] = {
+    "hour": lambda each: f"{each.hour:.1f}",
+    "MiB": lambda each: f"{each.memory:.1f}",
+    "injections sent": lambda each: str(each.sent),
+    "reported": lambda each: str(each.reported),
+    "valid": lambda each: str(each.valid),
+}
+
+
+def _show(found: History, console: Console) -> None:
+    table: Table = ruled(f"memory grows by {found.growth:.3f} MiB an hour", (), tuple(_COLUMNS))
+    for each in found.looks[:: max(1, len(found.looks) // 24)]:
+        table.add_row(*(column(each) for column in _COLUMNS.values()))
+    console.print(table)
+    print_lines(console, found.missed, "missed: ")
+
+
+def _document(found: History) -> dict[str, Any]:
+    last = found.looks[-1]
+    return {
+        "figures": {"growth_mib_per_h": found.growth, **asdict(last)},
+        "details": {
+            "looks": [asdict(each) for each in found.looks],
+            "counters": asdict(found.counters),
+            "violations": found.missed,
+        },
+    }

@@ -40,6 +40,7 @@ from tools.benchmarks.faults import command as faults_command
 from tools.benchmarks.figures import save_figures
 from tools.benchmarks.formats import formats_document, formats_table, measure_formats
 from tools.benchmarks.kalman_peers import joint_ekf, joint_ukf
+from tools.benchmarks.kills import power as power_command
 from tools.benchmarks.kills.campaign import Plan as KillPlan
 from tools.benchmarks.kills.campaign import kills_document, kills_table, run_campaign
 from tools.benchmarks.live_page.measure import measure_page, page_document, page_table
@@ -60,6 +61,7 @@ app.command(epilog=discovery_command.EXAMPLE)(discovery_command.discovery)
 app.command(epilog=realism_command.EXAMPLE)(realism_command.realism)
 app.command(epilog=faults_command.EXAMPLE)(faults_command.faults)
 app.command(epilog=history_command.EXAMPLE)(history_command.history)
+app.command(epilog=power_command.EXAMPLE)(power_command.power)
 app.command(epilog=speed_command.EXAMPLE)(speed_command.speed)
 app.command(epilog=speed_command.SOAK_EXAMPLE)(speed_command.soak)
 FILTERS = {"ukf": joint_ukf, "ekf": joint_ekf}

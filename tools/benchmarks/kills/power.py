@@ -1,0 +1,153 @@
+"""`tools/bench power`: what a loss of power at any moment leaves of learned state and journal."""
+
+import json
+import os
+import sqlite3
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from numpy.random import Generator
+from rich.table import Table
+
+from observer_rt.config.bench import load_bench, load_injector
+from observer_rt.evaluation.evaluate import evaluate
+from observer_rt.foundation.errors import RunError
+from observer_rt.service.keeping.journal import JournalWriter
+from observer_rt.service.keeping.state_file import load_knowledge, model_hash, save_knowledge
+from observer_rt.simulation.schedule import make_schedule
+from observer_rt.simulation.simulate import SimulatedNoise, simulate
+from tools.benchmarks.command_line import JsonOption, SeedOption, put_out, ruled
+from tools.benchmarks.kills.disk import Disk, Operation, operations
+from tools.benchmarks.speed.native import library
+
+EXAMPLE = "Examples: tools/bench power; tools/bench power --cuts 1000 --seed 2"
+STATE, JOURNAL, SAID = "learned.json", "injections.sqlite", "said"
+WRITTEN = 12  # injections, and states, of the victim
+
+
+@dataclass(frozen=True)
+class Cut:
+    """A loss of power after so many operations. lost: injections that were said to be on disk."""
+
+    operation: int
+    lost: int
+    problems: tuple[str, ...]
+
+
+def recorded(folder: Path) -> Sequence[Operation]:
+    """What a victim does to its files, in `folder`/disk. Raises RunError where it fails."""
+    disk = folder / "disk"
+    disk.mkdir()
+    environment = {
+        "LD_PRELOAD": str(library("disk_log", folder)),
+        "DISK_LOG": str(folder / "log"),
+        "DISK_FOLDER": str(disk),
+    }
+    command = [sys.executable, "-m", "tools.benchmarks.kills.power", str(disk)]
+    done = subprocess.run(command, env=os.environ | environment, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise RunError(f"the victim failed:\n{done.stderr}")
+    return operations(folder / "log")
+
+
+def cut(found: Sequence[Operation], cuts: int, seed: int, folder: Path) -> list[Cut]:
+    """Power lost at so many moments of `recorded` operations, each on a disk of its own."""
+    chance = np.random.default_rng(seed)
+    drive, results, done = Disk(folder / "disk"), [], 0
+    for number, moment in enumerate(sorted(chance.integers(1, len(found) + 1, cuts).tolist())):
+        for operation in found[done:moment]:
+            drive.do(operation)
+        done = moment
+        said = [json.loads(each.data) for each in found[:moment] if each.data.startswith(b'{"injections"')]
+        results.append(_after(drive, moment, said[-1] if said else {}, folder / f"cut{number}", chance))
+    return results
+
+
+def power(
+    cuts: Annotated[int, typer.Option(min=1, help="Losses of power.")] = 300,
+    seed: SeedOption = 1,
+    as_json: JsonOption = False,
+) -> None:
+    """Power lost at any moment, unsynced writes gone or torn at any byte: is anything lost or unreadable?"""
+    with tempfile.TemporaryDirectory(prefix="power-") as folder:
+        found = cut(recorded(Path(folder)), cuts, seed, Path(folder))
+    put_out(as_json, lambda: _document(found), lambda console: console.print(power_table(found)))
+    if any(each.lost or each.problems for each in found):
+        raise typer.Exit(1)
+
+
+def power_table(found: Sequence[Cut]) -> Table:
+    """All in one line, then each that went wrong."""
+    lost, problems = sum(each.lost for each in found), sum(bool(each.problems) for each in found)
+    title = (
+        f"{len(found)} losses of power: {lost} injections lost that were on disk, {problems} with a problem"
+    )
+    table = ruled(title, ("after operation", "problems"), ("lost",))
+    for each in found:
+        if each.lost or each.problems:
+            table.add_row(str(each.operation), "; ".join(each.problems), str(each.lost))
+    return table
+
+
+def _document(found: Sequence[Cut]) -> dict[str, Any]:
+    return {
+        "figures": {
+            "cuts": len(found),
+            "lost": sum(each.lost for each in found),
+            "problems": sum(bool(each.problems) for each in found),
+        },
+        "details": [asdict(each) for each in found if each.lost or each.problems],
+    }
+
+
+def _after(drive: Disk, moment: int, said: dict[str, int], folder: Path, chance: Generator) -> Cut:
+    """What is found when the computer starts again."""
+    folder.mkdir()
+    drive.cut(folder, chance)
+    problems, lost = [], 0
+    injector = load_injector()
+    restored = load_knowledge(folder / STATE, model_hash(injector))
+    events = 0 if restored.knowledge is None else restored.knowledge.events
+    if events < said.get("states", 0):
+        problems.append(f"state of event {said['states']} was saved, found: {restored.message}")
+    if (folder / JOURNAL).exists() or said.get("injections"):
+        try:
+            with sqlite3.connect(folder / JOURNAL) as connection:
+                (sound,) = connection.execute("PRAGMA integrity_check").fetchone()
+                there = {number for (number,) in connection.execute("SELECT number FROM injection")}
+        except sqlite3.DatabaseError as error:
+            sound, there = str(error), set()
+        if said.get("injections"):
+            lost = len(set(range(1, said["injections"] + 1)) - there)
+            if sound != "ok":
+                problems.append(f"journal: {sound}")
+    return Cut(moment, lost, tuple(problems))
+
+
+def _victim(folder: Path) -> None:
+    """Write injection after injection and state after state, and say what is on disk."""
+    bench, injector = load_bench(), load_injector()
+    schedule = make_schedule([100e6], 4, 0.05, [1.2e-3])
+    recording = simulate(injector, schedule, 100e3, (), SimulatedNoise(), seed=1).recording
+    history = evaluate(bench, [recording])
+    report = history.evaluations[0].reports[-1]
+    journal = JournalWriter(folder / JOURNAL, bench, lambda _: None)
+    said = os.open(folder / SAID, os.O_WRONLY | os.O_CREAT)
+    for number in range(1, WRITTEN + 1):
+        journal(replace(report, number=number))
+        journal.write()
+        os.write(said, json.dumps({"injections": number, "states": number - 1}).encode())
+        save_knowledge(folder / STATE, replace(history.knowledge, events=number), model_hash(injector))
+        os.write(said, json.dumps({"injections": number, "states": number}).encode())
+    journal.finish()
+
+
+if __name__ == "__main__":
+    _victim(Path(sys.argv[1]))

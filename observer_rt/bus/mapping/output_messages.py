@@ -178,7 +178,7 @@ def protected_layout(message: Message, bus: int) -> MessageLayout:
         raise UserError(
             f"message {layout.name}",
             f"is protected by E2E profile {layout.e2e_profile}",
-            f"only the profiles {' and '.join(map(str, PROFILES))} are supported",
+            f"only the profiles {', '.join(map(str, PROFILES))} are supported; 0 takes its frames without a check",
         )
     if layout.e2e_profile is not None and layout.length < shortest_frame(layout.e2e_profile):
         raise UserError(

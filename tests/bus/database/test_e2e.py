@@ -2,6 +2,7 @@
 
 import e2e.p01
 import e2e.p05
+import e2e.p07
 import numpy as np
 import pytest
 from hypothesis import given
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from observer_rt.bus.database.e2e import (
     PROFILE_1,
     PROFILE_5,
+    PROFILE_7,
     UNPROTECTED,
     E2EStatus,
     check,
@@ -58,6 +60,24 @@ def test_check_equals_the_reference(payload: bytes, data_id: int) -> None:
     )
     protect(frame, len(payload), PROFILE_5, data_id, 255)
     assert check(frame, len(payload), PROFILE_5, data_id)
+
+
+@given(st.binary(min_size=20, max_size=64), st.integers(0, 0xFFFFFFFF), st.integers(0, 0xFFFFFFFF))
+def test_profile_7_equals_the_reference(payload: bytes, data_id: int, counter: int) -> None:
+    frame = frame_of(payload)
+    assert check(frame, len(payload), PROFILE_7, data_id) == e2e.p07.e2e_p07_check(payload, data_id)
+    protect(frame, len(payload), PROFILE_7, data_id, counter)
+    reference = bytearray(payload)
+    reference[12:16] = counter.to_bytes(4, "big")
+    e2e.p07.e2e_p07_protect(reference, data_id, increment_counter=False)
+    assert frame.tobytes() == bytes(reference)
+    assert check(frame, len(payload), PROFILE_7, data_id)
+    assert frame_counter(frame, PROFILE_7) == counter
+    assert not check(frame, len(payload), PROFILE_7, data_id ^ 1)
+    for bit in range(0, 8 * len(payload), 7):
+        frame[bit // 8] ^= 1 << (bit % 8)
+        assert not check(frame, len(payload), PROFILE_7, data_id), f"bit {bit}"
+        frame[bit // 8] ^= 1 << (bit % 8)
 
 
 def test_only_the_protected_length_counts() -> None:

@@ -14,7 +14,7 @@ from observer_rt.evaluation.evaluate import History, evaluate
 from observer_rt.evaluation.logged import LoggedSignals
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.canlog.can_log import LogFrame
-from observer_rt.recording.formats import log_formats, suffixes_of
+from observer_rt.recording.formats import log_formats, suffixes_of, written
 from observer_rt.recording.replay.framing import Span, whole, windows
 from observer_rt.recording.signals.recording import Recording
 from tests.benches import bench_with, block_bench
@@ -26,7 +26,7 @@ from tests.service.time_scenarios import LIFT_ALONE
 BENCH = load_bench()
 RATE = 100e3
 START = 1_700_000_000_123_456_000  # ns since 1970
-HOLDING_FD = sorted(suffixes_of(each for each in log_formats() if each.keeps_fd))
+HOLDING_FD = sorted(suffixes_of(each for each in written(log_formats()) if each.keeps_fd))
 
 
 def worn() -> Recording:
@@ -95,7 +95,7 @@ def test_the_same_frames_give_the_same_in_every_format(write: Write, suffix: str
         np.testing.assert_array_equal(found[: len(values)], values)
 
 
-@pytest.mark.parametrize("suffix", sorted(suffixes_of(log_formats())))
+@pytest.mark.parametrize("suffix", sorted(suffixes_of(written(log_formats()))))
 def test_the_same_classic_frames_give_the_same_in_every_format(
     write: Write, classic_bench: Bench, suffix: str
 ) -> None:

@@ -141,7 +141,7 @@ def test_number_of_an_extended_frame_is_another() -> None:
             {"rail_pressure": 'message = "Guarded"\nsignal = "Rail"'},
             "rail_pressure.message",
             "Guarded is protected by E2E profile 2",
-            "1 and 5",
+            "1, 5, 7",
         ),
     ],
 )

@@ -15,6 +15,7 @@ from observer_rt.check.machine import (
     interface_findings,
     read_controller,
     real_time_findings,
+    socketcan_findings,
     this_host,
 )
 from observer_rt.check.mapping import channel_findings, mapping_findings, time_findings
@@ -68,6 +69,8 @@ def checkup(bench: Bench, state: Path | None = None) -> list[Finding]:
     findings = bench_findings(bench, state)
     findings += real_time_findings(this_host(bench.config.realtime.cpus, len(bench.injectors)))
     findings += compiled_code_findings(compiled_code())
+    if any(link.config.interface == "socketcan" for link in bench.config.buses):
+        findings += socketcan_findings()
     for link in bench.config.buses:
         if link.config.interface == "socketcan":
             controller = read_controller(link.config.channel)

@@ -2,6 +2,7 @@
 
 import json
 import os
+import socket
 import subprocess
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -121,6 +122,15 @@ def _timing(content: dict[str, Any], key: str) -> BitTiming | None:
         return BitTiming(int(timing["bitrate"]), float(timing["sample_point"]))
     fixed = int(content.get(f"{key}_bitrate", 0))  # controllers that choose the timing themselves
     return BitTiming(fixed, None) if fixed > 0 else None
+
+
+@ruled("interface")
+def socketcan_findings() -> Iterator[Said]:
+    """Whether the kernel knows CAN at all."""
+    try:
+        socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW).close()
+    except OSError as error:
+        yield False, f"the kernel offers no SocketCAN: {error.strerror}", "sudo modprobe can_raw"
 
 
 @ruled("interface")

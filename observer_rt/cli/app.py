@@ -18,6 +18,7 @@ from observer_rt.cli.offline import evaluate, reproduce, simulate
 from observer_rt.cli.options import messages
 from observer_rt.foundation.compilation import compiled_code
 from observer_rt.foundation.errors import ObserverError, UserError
+from observer_rt.terminal.compiling import show_compiling
 from observer_rt.terminal.console import say
 
 EXIT_CODES = (
@@ -137,11 +138,13 @@ def _version(show: bool) -> None:
 
 @app.callback()
 def _root(
+    context: typer.Context,
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
-    pass
+    if context.invoked_subcommand != "run":  # whose log says it
+        show_compiling(messages)
 
 
 for _heading, _commands in {

@@ -9,7 +9,6 @@ from observer_rt.cli import options
 from observer_rt.cli.options import argument, file_option, messages, option
 from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
 from observer_rt.foundation.errors import UserError
-from observer_rt.terminal.compiling import show_compiling
 from observer_rt.terminal.console import FIGURE_SUFFIXES, check_destination, check_folder, say
 
 
@@ -100,7 +99,6 @@ def batch(
         )
     task = Task(chosen, Path.cwd(), knowledge, learning, injector_from, time_from, own)
     found = None
-    show_compiling(messages)
     with dataset, stop_on_signals() as stop, connected(scheduler, workers) as cluster:
         work = Work(cluster, stop, messages)
         counts = evaluate_all(work, task, paths, dataset)

@@ -14,7 +14,6 @@ from observer_rt.cli.options import argument, file_option, messages, option
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, Bench, load_bench
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
-from observer_rt.terminal.compiling import show_compiling
 from observer_rt.terminal.console import FIGURE_SUFFIXES, check_destination, results, say
 
 SHOWN = 10  # injections of a journal in a table
@@ -36,7 +35,6 @@ def demo(
     from observer_rt.service.screen.view import draw
 
     check_destination("--figure", figure, FIGURE_SUFFIXES)
-    show_compiling(messages)
     say(messages, f"simulating {injections} injections of an injector with v_H = {wear:+.2f} ...")
     scene = Demo(wear, injections, seed)
     say(

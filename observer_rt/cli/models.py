@@ -15,7 +15,6 @@ from observer_rt.config.effects import effect_named
 from observer_rt.config.injector_file import InjectorFile
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.files import file_errors
-from observer_rt.terminal.compiling import show_compiling
 from observer_rt.terminal.console import (
     FIGURE_SUFFIXES,
     check_destination,
@@ -86,7 +85,6 @@ def fit(
     warned = warnings(found)
     for line in (*map(coverage, found), *(f"warning: {one}" for one in warned)):
         say(messages, line)
-    show_compiling(messages)
     with progress_bar(messages, "fitting", 1.0) as progress:
         try:
             done = calibrate(start, found, weighed, progress)
@@ -191,7 +189,6 @@ def discover(
     make_folder(out)
     for one in measured:
         say(messages, coverage(one))
-    show_compiling(messages)
     ask = partial(second_opinion, signals=None if decoder is None else decoder.injector.config.signals)
     store = fits_in(out, question, stated)
     if store.taken_over:

@@ -10,7 +10,6 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.units import MILLISECOND
 from observer_rt.model.parameters import at_temperature, temperature_of
-from observer_rt.terminal.compiling import show_compiling
 from observer_rt.terminal.console import (
     check_destination,
     check_folder,
@@ -104,7 +103,6 @@ def simulate(
         parameters = at_temperature(parameters, temperature_of("--fuel-temperature", fuel_temperature))
     deviations = parse_effects(effect or ())
     levels = SimulatedNoise() if noise == "on" else None
-    show_compiling(messages)
     with progress_bar(messages, "simulating", 1.0) as progress:
         simulation = simulated(
             parameters, schedule, sample_rate, deviations, levels, measured_rate, seed, progress
@@ -182,7 +180,6 @@ def reproduce(
     with file_errors(out):
         out.mkdir(parents=True, exist_ok=True)
     check_folder("--out", out)
-    show_compiling(messages)
     with progress_bar(messages, "reproducing", 1.0) as progress:
         study = run_study(load_bench(), sample_rate, progress)
     with file_errors(out):

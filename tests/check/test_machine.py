@@ -1,6 +1,8 @@
 """What `check` says of the machine: its rights, and a SocketCAN interface, from what the kernel tells."""
 
+import errno
 import json
+import socket
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +22,7 @@ from observer_rt.check.machine import (
     interface_findings,
     read_controller,
     real_time_findings,
+    socketcan_findings,
 )
 from observer_rt.config.links import LinkConfig
 from observer_rt.foundation.compilation import CompiledCode
@@ -269,3 +272,14 @@ def test_where_compiled_code_is_kept() -> None:
     assert (kept.level, kept.text) == (Level.OK, "kept in /var/cache/ours")
     (lost,) = compiled_code_findings(CompiledCode(Path("/tmp/ours"), "cannot be kept in /home", "make room"))
     assert (lost.level, lost.text) == (Level.WARNING, "cannot be kept in /home; make room")
+
+
+def test_a_kernel_without_can_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise OSError(errno.EAFNOSUPPORT, "Address family not supported by protocol")
+
+    monkeypatch.setattr(socket, "socket", refuse)
+    (finding,) = socketcan_findings()
+    assert finding.level is Level.WARNING
+    assert "no SocketCAN" in finding.text
+    assert "sudo modprobe can_raw" in finding.text

@@ -243,6 +243,7 @@ def draw(screen: Screen, until: threading.Event, console: Console) -> None:
         while not until.wait(1 / FRAMES_PER_SECOND):
             live.update(picture(), refresh=True)
         live.update(picture(), refresh=True)
+    console.print()  # what is said next has a line of its own
 
 
 TURN = 5_000_000_000  # ns, for which one injector is shown

@@ -111,7 +111,7 @@ def test_places_that_are_not_there(tmp_path: Path) -> None:
 
 
 def test_names_and_places_are_not_mixed(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match="some columns are named, others given by their places"):
+    with pytest.raises(UserError, match="name all, or give places only"):
         bench(tmp_path, text=PLACES.replace("column = 3", 'column = "lift"'))
 
 

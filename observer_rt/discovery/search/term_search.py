@@ -22,6 +22,8 @@ PRICE = 10.0  # of -2 log L for a term more, which of two near-ties leads
 LEAST_GAIN, LEAST_SHARE = 25.0, 0.05  # of what is left unexplained, that a further term must gain
 KEPT_SHARE = 0.02  # of the same, that a term already taken must be worth
 MOST_TERMS = 4
+SHARPENED = 2  # best fits, in which the numbers within laws are fitted, too
+TAILORED_EQUATIONS = 2  # in which laws are made to measure
 ITERATIONS = 6  # of a refit
 
 
@@ -49,6 +51,12 @@ class TermProblem(Protocol):
 
     def is_adequate(self, chosen: Sequence[int], theta: NDArray[np.float64]) -> bool:
         """Whether nothing but noise is left."""
+
+    def tailored(self, about: "TermFit", equations: Sequence[str], each: "Each") -> Sequence[int]:
+        """Candidates made for what a fit leaves, in these equations, most promising first; they may be new."""
+
+    def sharpened(self, chosen: Sequence[int], theta: NDArray[np.float64]) -> tuple[int, ...] | None:
+        """The same terms with the numbers within their laws fitted; None where they have none. They may be new."""
 
 
 Each = Callable[[Callable[[int], object], Sequence[int]], Iterable[object]]
@@ -180,9 +188,9 @@ class TermSearch:
         tried: list[TermFit] = []
         while len(best.chosen) < MOST_TERMS and not problem.is_adequate(best.chosen, best.theta):
             fits = self._next(best)
-            tried += fits
             if not fits:
                 break
+            tried += fits
             better = self._without_idle(min(fits, key=_price))
             if best.statistic - better.statistic < _least(best, LEAST_SHARE):
                 break
@@ -197,8 +205,43 @@ class TermSearch:
         additions: list[tuple[int, ...]] = [(row,) for row in self._leaders(scores)]
         if room > 1:
             additions += self._pairs(scores)
-        fits = self._each(lambda i: self._with(about, scores, additions[i]), range(len(additions)))
-        return [one for one in fits if isinstance(one, TermFit)]
+        fits = self._fits(lambda i: self._with(about, scores, additions[i]), len(additions))
+        fits += self._sharpened(fits)
+        if fits and not self._is_adequate(min(fits, key=_price)):
+            fits += self._tailored(about, fits)
+        return fits
+
+    def _fits(self, fit: Callable[[int], TermFit | None], count: int) -> list[TermFit]:
+        """Those that there are."""
+        return [one for one in self._each(fit, range(count)) if isinstance(one, TermFit)]
+
+    def _sharpened(self, fits: Sequence[TermFit]) -> list[TermFit]:
+        """The best fits with the numbers within their laws fitted, too."""
+        leaders = sorted(fits, key=_price)[:SHARPENED]
+
+        def sharpened(i: int) -> TermFit | None:
+            chosen = self._problem.sharpened(leaders[i].chosen, leaders[i].theta)
+            return None if chosen is None else self._fit(chosen, leaders[i].theta)
+
+        return self._fits(sharpened, len(leaders))
+
+    def _tailored(self, about: TermFit, fits: Sequence[TermFit]) -> list[TermFit]:
+        """Fits with a term more that is made for what is left, in the equations that promise most."""
+        equations = [
+            self._problem.candidates[number].equation
+            for one in sorted(fits, key=_price)
+            for number in one.chosen[len(about.chosen) :]
+        ]
+        made = self._problem.tailored(about, list(dict.fromkeys(equations))[:TAILORED_EQUATIONS], self._each)
+
+        def fitted(i: int) -> TermFit | None:
+            return self._fit((*about.chosen, made[i]), np.append(about.theta, 0.0))
+
+        found = self._fits(fitted, len(made))
+        return found + self._sharpened(found)
+
+    def _is_adequate(self, one: TermFit) -> bool:
+        return self._problem.is_adequate(one.chosen, one.theta)
 
     def _leaders(self, scores: Scores) -> list[int]:
         """Rows of the best singles, but for those that another of their equation stands for."""

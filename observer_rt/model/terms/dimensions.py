@@ -45,9 +45,9 @@ class _Check:
             case Lagged(argument):
                 return self.unit_of(argument)
             case Table(argument, points, values):
-                unit = self.unit_of(argument)
+                place = self.unit_of(argument)
                 for point in points:
-                    self.alike(unit, self.unit_of(point), f"in '{law}', '{argument}'", f"the point {point}")
+                    self.alike(place, self.unit_of(point), f"in '{law}', '{argument}'", f"the point {point}")
                 return self._of_values(law, values)
             case Applied(operation, arguments):
                 return self._of_operation(law, operation, arguments)

@@ -1,7 +1,7 @@
 """Laws as trees: printed, evaluated over arrays, their slopes by a variable.
 
-A law is made of numbers, the coefficient `c`, variables, operations on them, lags and tables. Numbers are in the units of
-`variable`, whatever unit they were written in.
+A law is made of numbers, the coefficient `c`, variables, operations on them, lags and tables. Numbers are in the
+units of `variable`, whatever unit they were written in.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, least_squares
 
-from observer_rt.discovery.search.term_search import TermSearch, TermSearchResult
+from observer_rt.discovery.search.term_search import Each, TermFit, TermSearch, TermSearchResult
 from observer_rt.evidence.bounded_fit import Range, Residuals
 
 Floats = NDArray[np.float64]
@@ -38,7 +38,17 @@ def residuals_of(errors: Floats, sigma: float) -> Residuals:
     return Residuals(errors / sigma, np.full(PARTS, errors.size // PARTS), np.full(PARTS, np.log(sigma)))
 
 
-class Regression:
+class LibraryOnly:
+    """No candidate but those given, without numbers of their own."""
+
+    def tailored(self, about: TermFit, equations: Sequence[str], each: Each) -> Sequence[int]:
+        return ()
+
+    def sharpened(self, chosen: Sequence[int], theta: Floats) -> tuple[int, ...] | None:
+        return None
+
+
+class Regression(LibraryOnly):
     """y = F theta + noise of 1: columns of F are candidates, named by their equations."""
 
     def __init__(self, equations: str, columns: Floats, y: Floats) -> None:
@@ -101,6 +111,44 @@ def test_a_rival_of_another_equation_is_listed() -> None:
     assert len(result.rivals) == 1
 
 
+def bump(u: Floats, place: float) -> Floats:
+    return np.exp(-(((u - place) / 0.2) ** 2))
+
+
+class Bumps(Regression):
+    """Candidates in two equations; another, a bump over u, is made for what is left, and moved until it fits."""
+
+    def __init__(self, u: Floats, y: Floats) -> None:
+        super().__init__("ab", np.column_stack((u, u**2)), y)
+        self._u = u
+
+    def tailored(self, about: TermFit, equations: Sequence[str], each: Each) -> Sequence[int]:
+        assert set(equations) <= {"a", "b"}
+        return [self._with(0.5, "b")]
+
+    def sharpened(self, chosen: Sequence[int], theta: Floats) -> tuple[int, ...] | None:
+        if chosen[-1] < 2:
+            return None
+        left = self._y - self._columns[:, chosen[:-1]] @ theta[:-1]
+        best = least_squares(lambda p: p[0] * bump(self._u, p[1]) - left, (theta[-1], 0.5))
+        return (*chosen[:-1], self._with(best.x[1], "b"))
+
+    def _with(self, place: float, equation: str) -> int:
+        self._columns = np.column_stack((self._columns, bump(self._u, place)))
+        self.candidates = (*self.candidates, Term(equation, Range(-10.0, 10.0, 0.01)))
+        return len(self.candidates) - 1
+
+
+def test_a_term_made_for_what_is_left_is_taken_at_its_sharpest() -> None:
+    u = np.linspace(0.0, 1.0, 800)
+    y = 3.0 * bump(u, 0.62) + np.random.default_rng(3).normal(size=800)
+    problem = Bumps(u, y)
+    best = TermSearch(problem, in_turn).run().best
+    assert len(best.chosen) == 1
+    np.testing.assert_allclose(problem._columns[:, best.chosen[0]], bump(u, 0.62), atol=0.2)
+    assert best.theta[0] == pytest.approx(3.0, abs=0.3)
+
+
 # Two cascaded tanks, the lower level measured in V every 4 s. M. Schoukens, P. Mattsson, T. Wigren, J.-P. Noel:
 # Cascaded Tanks benchmark, 4TU.ResearchData 10.4121/12960104.
 
@@ -148,7 +196,7 @@ def errors(p: Floats, terms: Sequence[Term], u: Floats, y: Floats) -> Floats:
     return np.asarray(lower_level(np.exp(p[:5]), u, where.reshape(-1, 2), theta, thresholds) - y)
 
 
-class Tanks:
+class Tanks(LibraryOnly):
     """Base parameters are fitted anew with every choice of terms."""
 
     def __init__(self, u: Floats, y: Floats, sigma: float) -> None:

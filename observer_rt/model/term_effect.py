@@ -1,5 +1,6 @@
 """Terms as effects with one size, the coefficient of their law, so that both are searched, fitted and told alike."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -11,6 +12,7 @@ from observer_rt.model.terms.law import Law
 from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.term import Term, TermEquation
 
+EXACT_DIGITS = 3  # of a number within a law, beside its range
 DEAD_ZONE = 0.002  # of the bound: a smaller term does not matter
 
 _PLACES = {
@@ -48,8 +50,13 @@ class FormNumber(NamedTuple):
     lowest: float
     highest: float
 
+    def settled(self, value: float) -> "FormNumber":
+        """With a value as exact as it need be."""
+        decimals = EXACT_DIGITS - math.floor(math.log10(self.highest - self.lowest))
+        return self._replace(value=round(value, decimals) + 0.0)
 
-LETTERS = "AW"
+
+LETTERS = "AWF"
 """What stands in a form for its numbers, in order."""
 
 
@@ -98,9 +105,7 @@ def form_settled(effect: Effect, numbers: Sequence[float]) -> Effect:
     law = effect.apply
     if not isinstance(law, TermLaw):
         return effect
-    settled = (
-        one._replace(value=float(f"{value:.3g}")) for one, value in zip(law.numbers, numbers, strict=True)
-    )
+    settled = (one.settled(value) for one, value in zip(law.numbers, numbers, strict=True))
     return term_effect(law.equation, law.form, tuple(settled))
 
 

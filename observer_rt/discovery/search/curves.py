@@ -4,7 +4,8 @@ A curve is a sum of hats, each a term of its own: what they do to the innovation
 that variable would gain.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -12,11 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.discovery.search.term_search import Each, Scores, TermFit, TermProblem, scores_of
+from observer_rt.discovery.search.waves import turned
 from observer_rt.evidence.bounded_fit import Residuals
 from observer_rt.model.effect import Effect
-from observer_rt.model.term_effect import FormNumber, term_effect
+from observer_rt.model.term_effect import LETTERS, FormNumber, term_effect
 from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.term import TermEquation
+
+Floats = NDArray[np.float64]
 
 MOST_LAWS = 4  # made at once
 MOST_OF_CURVE = 2  # over one variable
@@ -25,7 +29,7 @@ KNOTS: Mapping[str, tuple[float, ...]] = {
     "line_flow/60": (-0.3, -0.1, 0.0, 0.1, 0.25, 0.5, 0.75, 1.0),
     "(line_pressure - 100)/50": (-1.0, -0.7, -0.4, -0.15, 0.0, 0.15, 0.4, 0.7),
     "needle_lift/max_lift": (0.0, 0.1, 0.25, 0.4, 0.55, 0.7, 0.85, 1.0),
-    "time_since_opening/1": (0.0, 0.15, 0.3, 0.5, 0.75, 1.05, 1.45, 2.0),
+    "time_since_opening/1": (*(0.07 * number for number in range(19)), 1.5, 2.0),
     "(sac_pressure - chamber_pressure)/100": (0.0, 0.1, 0.25, 0.4, 0.6, 0.8, 1.0, 1.3),
     "(line_pressure - sac_pressure)/10": (0.0, 0.3, 0.7, 1.2, 2.0, 3.5, 6.0, 10.0),
     "lift_rate": (-0.5, -0.35, -0.2, -0.1, 0.1, 0.2, 0.35, 0.5),
@@ -34,7 +38,7 @@ KNOTS: Mapping[str, tuple[float, ...]] = {
 """Variables of curves, of order 1, and where their hats are."""
 FLOW, PRESSURE, LIFT, SINCE, OVER_NOZZLE, OVER_SEAT, SPEED, RATE = KNOTS
 CURVES: Mapping[TermEquation, tuple[tuple[str, str], ...]] = {
-    TermEquation.LINE_FLOW: ((FLOW, ""), (PRESSURE, "line_flow/60*"), (SINCE, "")),
+    TermEquation.LINE_FLOW: ((FLOW, ""), (PRESSURE, "line_flow/60*")),
     TermEquation.INERTANCE: ((FLOW, ""), (PRESSURE, "")),
     TermEquation.STIFFNESS: ((PRESSURE, ""), (FLOW, ""), (LIFT, "")),
     TermEquation.LINE_PRESSURE: ((PRESSURE, ""), (LIFT, ""), (SPEED, "")),
@@ -47,63 +51,87 @@ CURVES: Mapping[TermEquation, tuple[tuple[str, str], ...]] = {
     ),
     TermEquation.NOZZLE_FLOW: ((SINCE, ""), (LIFT, ""), (OVER_NOZZLE, ""), (PRESSURE, "")),
     TermEquation.CHAMBER_PRESSURE: ((SINCE, ""), (LIFT, ""), (OVER_NOZZLE, "")),
-    TermEquation.NEEDLE_LIFT: ((LIFT, ""), (SPEED, ""), (SINCE, "")),
-    TermEquation.LINE_PRESSURE_SENSOR: ((PRESSURE, ""), (RATE, ""), (FLOW, ""), (SINCE, "")),
+    TermEquation.NEEDLE_LIFT: ((LIFT, ""), (SPEED, "")),
+    TermEquation.LINE_PRESSURE_SENSOR: ((PRESSURE, ""), (RATE, ""), (FLOW, "")),
 }
 """Curves of an equation: over what, and a factor before it."""
 
 
 @dataclass(frozen=True)
 class Form:
-    """A law of a variable u with numbers of its own, as shares of the range of u: A from its start, W of it."""
+    """A law of a variable u; numbers: by `LETTERS`, what each is tried with, and between what it may be."""
 
     law: str
-    grid_a: tuple[float, ...] = ()
-    grid_w: tuple[float, ...] = ()
+    numbers: tuple[tuple[FormNumber, ...], ...] = ()
 
-    def tried(self, knots: Sequence[float]) -> Iterator[tuple[FormNumber, ...]]:
-        """Its numbers over a range, each between what it may become."""
-        start, span = knots[0], knots[-1] - knots[0]
-        places = [FormNumber(start + share * span, start, knots[-1]) for share in self.grid_a]
-        widths = [FormNumber(share * span, 0.2 * share * span, 4.0 * share * span) for share in self.grid_w]
-        yield from product(*(each for each in (places, widths) if each))
+    def over(self, argument: str) -> str:
+        """The law over this argument."""
+        return self.law.replace("u", f"({argument})")
+
+    def values(self, numbers: Sequence[FormNumber], knots: Floats) -> Floats:
+        """At knots (k,)."""
+        text = self.law.replace("u", "time")
+        for letter, number in zip(LETTERS, numbers, strict=False):
+            text = text.replace(letter, f"({number.value!r})")
+        return np.broadcast_to(parse(text).at({"time": knots}), knots.shape)
 
 
-_PLACES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
-FORMS = (
-    Form("max(u - A, 0)", _PLACES),
-    Form("max(A - u, 0)", _PLACES),
-    Form("(1 + tanh((u - A)/W))/2", _PLACES, (0.02, 0.08, 0.2)),
-    Form("tanh((u - A)/W)", (0.0, *_PLACES), (0.08, 0.2)),
-    Form("exp(-((u - A)/W)^2)", (0.0, *_PLACES, 1.0), (0.1, 0.2, 0.35)),
-    Form("1"), Form("u"), Form("u*abs(u)"), Form("u^3"),
-)  # fmt: skip
+def _forms(knots: Sequence[float]) -> tuple[Form, ...]:
+    """Simple laws of a variable that ranges so."""
+    start, span = knots[0], knots[-1] - knots[0]
+    places = tuple(FormNumber(start + 0.1 * tenth * span, start, knots[-1]) for tenth in range(11))
+    widths = tuple(FormNumber(w * span, 0.2 * w * span, 4.0 * w * span) for w in (0.02, 0.08, 0.2, 0.35))
+    return (
+        Form("max(u - A, 0)", (places[1:-1],)),
+        Form("max(A - u, 0)", (places[1:-1],)),
+        Form("(1 + tanh((u - A)/W))/2", (places[1:-1], widths[:3])),
+        Form("tanh((u - A)/W)", (places[:-1], widths[1:3])),
+        Form("exp(-((u - A)/W)^2)", (places, widths[1:])),
+        *(Form(law) for law in ("1", "u", "u*abs(u)", "u^3")),
+    )  # fmt: skip
+
+
+FORMS: Mapping[str, tuple[Form, ...]] = {over: _forms(knots) for over, knots in KNOTS.items()}
+RINGING = Form(
+    "exp(-u/A)*sin(6.283185307*W*u + F)",
+    (
+        (FormNumber(0.3, 0.1, 2.0), FormNumber(1.0, 0.1, 4.0)),  # ms
+        tuple(FormNumber(0.5 + 0.2 * step, 0.3 + 0.2 * step, 0.7 + 0.2 * step) for step in range(16)),  # kHz
+        tuple(FormNumber(0.25 * eighth * math.pi, -4.0, 8.0) for eighth in range(4)),
+    ),
+)
+"""What rings after every opening."""
 
 
 def made_to_measure(
     equations: Sequence[TermEquation],
+    swings: Sequence[tuple[Effect, Effect]],
     about_here: Callable[[Sequence[Effect]], TermProblem],
     here: Residuals,
     each: Each,
 ) -> list[Effect]:
-    """Terms of these equations that would gain most, one linearisation for each hat.
+    """Terms of these equations that would gain most, and of waves, of which sine and cosine are given.
 
-    about_here: terms as a problem of their own, beside nothing but the model at hand; here: its residuals.
+    about_here: terms as a problem of their own, beside nothing but the model at hand; here: its residuals. Each hat
+    and each wave is linearised once.
     """
     curves = [(equation, *one) for equation in equations for one in CURVES.get(equation, ())]
-    hats = [
-        term_effect(equation, f"{factor}{_hat(over, place)}")
+    groups = [
+        [term_effect(equation, f"{factor}{_hat(over, place)}") for place in range(len(KNOTS[over]))]
         for equation, over, factor in curves
-        for place in range(len(KNOTS[over]))
     ]
+    groups += [list(pair) for pair in swings]
     nothing = TermFit((), np.zeros(0), np.zeros(0), here)
-    scores = scores_of(about_here(hats), nothing, each)
-    promising: list[tuple[float, Effect]] = []
-    first = 0
-    for equation, over, factor in curves:
-        last = first + len(KNOTS[over])
-        promising += _laws(scores, range(first, last), equation, over, factor)
-        first = last
+    scores = scores_of(about_here([effect for group in groups for effect in group]), nothing, each)
+    ends = np.cumsum([len(group) for group in groups])
+    parts = [
+        scores.part(range(int(end) - len(group), int(end))) for end, group in zip(ends, groups, strict=True)
+    ]
+    promising = [found for curve, part in zip(curves, parts, strict=False) for found in _laws(part, *curve)]
+    for pair, part in zip(swings, parts[len(curves) :], strict=True):
+        sizes = np.linalg.lstsq(part.information, part.gradient, rcond=1e-9)[0]
+        if sizes.size == 2:
+            promising.append((float(sizes @ part.gradient), turned(pair[0], sizes)))
     promising.sort(key=lambda item: -item[0])
     return [effect for _, effect in promising[:MOST_LAWS]]
 
@@ -116,36 +144,18 @@ def _hat(over: str, place: int) -> str:
     return f"table({over}, {', '.join(pairs)})"
 
 
-def _laws(
-    scores: Scores, numbers: range, equation: TermEquation, over: str, factor: str
-) -> list[tuple[float, Effect]]:
-    """The best forms of a curve, and what each would gain."""
-    rows = np.flatnonzero(np.isin(scores.numbers, numbers))
-    knots = np.array(KNOTS[over])
-    seen = scores.numbers[rows] - numbers.start
-    information, gradient = scores.information[np.ix_(rows, rows)], scores.gradient[rows]
+def _laws(part: Scores, equation: TermEquation, over: str, factor: str) -> list[tuple[float, Effect]]:
+    """The best forms of a curve, and what each would gain; part: scores of its hats."""
+    knots = np.array(KNOTS[over])[part.numbers]
     found: list[tuple[float, Effect]] = []
-    for form in FORMS:
-        best: tuple[float, Effect] | None = None
-        for form_numbers in form.tried(KNOTS[over]):
-            values = _values(form, form_numbers, knots)[seen]
-            weight = float(values @ information @ values)
-            size = float(values @ gradient) / weight if weight > 0.0 else 0.0
-            size = float(np.clip(size, -equation.bounds[1], equation.bounds[1]))
-            gain = 2.0 * size * float(values @ gradient) - size**2 * weight
-            if best is None or gain > best[0]:
-                best = (
-                    gain,
-                    term_effect(equation, f"{factor}{form.law.replace('u', f'({over})')}", form_numbers),
-                )
-        assert best is not None
-        found.append(best)
+    for form in (*FORMS[over], *([RINGING] if over == SINCE else [])):
+        tried = list(product(*form.numbers))
+        values = np.array([form.values(numbers, knots) for numbers in tried])
+        weights = np.einsum("ij,jk,ik->i", values, part.information, values)
+        slopes = values @ part.gradient
+        sizes = np.divide(slopes, weights, out=np.zeros_like(slopes), where=weights > 0.0)
+        sizes = np.clip(sizes, -equation.bounds[1], equation.bounds[1])
+        gains = 2.0 * sizes * slopes - sizes**2 * weights
+        best = int(np.argmax(gains))
+        found.append((float(gains[best]), term_effect(equation, factor + form.over(over), tried[best])))
     return sorted(found, key=lambda item: -item[0])[:MOST_OF_CURVE]
-
-
-def _values(form: Form, numbers: Sequence[FormNumber], knots: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Of a form at the knots."""
-    text = form.law
-    for letter, number in zip("AW" if form.grid_a else "W", numbers, strict=False):
-        text = text.replace(letter, f"({number.value!r})")
-    return np.broadcast_to(parse(text.replace("u", "time")).at({"time": knots}), knots.shape)

@@ -21,6 +21,7 @@ from observer_rt.model.term_effect import is_term
 from observer_rt.model.terms.bounds import refuse_unbounded
 
 CLEARLY = 50.0  # of -2 log L, by which a term must beat the vocabulary to be offered in its place
+SEVERAL = 2  # effects together, of which one law may take the place
 MOST_PROPOSED = 4
 INTERVAL_MARGIN = 1.08  # as of effects
 
@@ -35,9 +36,8 @@ def propose(
     Without an effect that explains the recordings, all that terms explain is proposed; else only what does it
     clearly better.
     """
-    if outcome.adequate and not (
-        outcome.winner.hypothesis.effects and _leaves_a_term(fitter, outcome, baseline)
-    ):
+    named = len(outcome.winner.hypothesis.effects) if outcome.adequate else SEVERAL
+    if named == 0 or (named < SEVERAL and not _leaves_a_term(fitter, outcome, baseline)):
         return ()
     problem = InjectorTerms(fitter.evidence, fitter.nominal, _candidates(fitter.evidence, outcome), baseline)
     result = TermSearch(problem, fitter.each).run()
@@ -77,11 +77,15 @@ def _leaves_a_term(fitter: Fitter, outcome: SearchOutcome, baseline: HealthyBase
 
 
 def _beats(problem: InjectorTerms, best: TermFit, outcome: SearchOutcome) -> bool:
-    """Whether terms explain all, and clearly more than the effects named, each counted by its price."""
+    """Whether terms explain all, and clearly more than the effects named, each counted by its price.
+
+    One term in place of several effects need not do it clearly.
+    """
     if not any(is_term(effect) for effect in problem.hypothesis(best.chosen).effects):
         return False
     named = outcome.winner.statistic + PRICE * len(outcome.winner.sizes)
-    better = best.statistic + PRICE * len(best.chosen) < named - CLEARLY
+    margin = CLEARLY if len(best.chosen) >= len(outcome.winner.hypothesis.effects) else 0.0
+    better = best.statistic + PRICE * len(best.chosen) < named - margin
     return better and problem.is_adequate(best.chosen, best.theta)
 
 

@@ -15,6 +15,7 @@ from observer_rt.discovery.search.adequacy import VARIANCE_LIMIT, HealthyBaselin
 from observer_rt.discovery.search.curves import made_to_measure
 from observer_rt.discovery.search.result import Hypothesis, Sizing
 from observer_rt.discovery.search.term_search import Each, TermFit
+from observer_rt.discovery.search.waves import lines, waves
 from observer_rt.estimation.phases import Phase
 from observer_rt.evidence.bounded_fit import Range, Residuals, fit
 from observer_rt.evidence.likelihood import Evidence, Pool, pool_of
@@ -37,6 +38,11 @@ MOST_BREAKS = 5  # injections after each of which something may be new
 REMAINDER = (
     0.02  # of the variance there was, that a fitted model may leave: a law is no more exact than it is
 )
+TAILORED_FIRST, TAILORED_FURTHER = (
+    4,
+    2,
+)  # equations with laws made to measure, most promising first: one term, more
+MASKED = (TermEquation.CHAMBER_PRESSURE,)  # what rings there is promising nowhere in the library
 ITERATIONS = 8  # of a fit with the numbers within laws free
 STEP = 0.01  # of the bound: a term so small changes the innovations in proportion
 
@@ -163,9 +169,19 @@ class InjectorTerms:
         def about_here(effects: Sequence[Effect]) -> InjectorTerms:
             return InjectorTerms(self._evidence, model, effects, self._baseline)
 
-        known = [one for one in TermEquation if one in equations]
-        found = made_to_measure(known, about_here, about.residuals, each)
+        known = [TermEquation(one) for one in equations if one in set(TermEquation)]
+        first = known[:TAILORED_FURTHER] if about.chosen else [*known[:TAILORED_FIRST], *MASKED]
+        found = made_to_measure(
+            tuple(dict.fromkeys(first)), self._waves(about.residuals), about_here, about.residuals, each
+        )
         return [self._number_of(one) for one in found]
+
+    def _waves(self, left: Residuals) -> list[tuple[Effect, Effect]]:
+        """Of frequencies that stand out of what is left."""
+        by_group = np.split(left.z, np.cumsum(left.counts)[:-1])  # line pressure and rate in turn
+        times = [trial.times for trial in self._evidence.trials]
+        found = lines(by_group[::2], times, self._evidence.trials[0].measurement.interval)
+        return waves(found, max(float(one[-1] - one[0]) for one in times))
 
     def sharpened(self, chosen: Sequence[int], theta: NDArray[np.float64]) -> tuple[int, ...] | None:
         """See `TermProblem`."""

@@ -21,9 +21,8 @@ PAIR_GAIN, PAIR_SHARE = 30.0, 0.05  # that a pair of one equation must gain over
 PRICE = 10.0  # of -2 log L for a term more, which of two near-ties leads
 LEAST_GAIN, LEAST_SHARE = 25.0, 0.05  # of what is left unexplained, that a further term must gain
 KEPT_SHARE = 0.02  # of the same, that a term already taken must be worth
-MOST_TERMS = 4
+MOST_TERMS = 3
 SHARPENED = 2  # best fits, in which the numbers within laws are fitted, too
-TAILORED_EQUATIONS = 2  # in which laws are made to measure
 ITERATIONS = 6  # of a refit
 
 
@@ -53,7 +52,7 @@ class TermProblem(Protocol):
         """Whether nothing but noise is left."""
 
     def tailored(self, about: "TermFit", equations: Sequence[str], each: "Each") -> Sequence[int]:
-        """Candidates made for what a fit leaves, in these equations, most promising first; they may be new."""
+        """Candidates made for what a fit leaves, which may be new; equations: the most promising first."""
 
     def sharpened(self, chosen: Sequence[int], theta: NDArray[np.float64]) -> tuple[int, ...] | None:
         """The same terms with the numbers within their laws fitted; None where they have none. They may be new."""
@@ -123,6 +122,17 @@ class Scores:
         """Of the signatures in two rows."""
         length = math.sqrt(self.information[one, one] * self.information[other, other])
         return abs(float(self.information[one, other])) / length
+
+    def part(self, numbers: range) -> "Scores":
+        """Those of some candidates, their numbers counted from the first; what has no signature is not there."""
+        rows = np.flatnonzero((self.numbers >= numbers.start) & (self.numbers < numbers.stop))
+        return Scores(
+            self.numbers[rows] - numbers.start,
+            self.information[np.ix_(rows, rows)],
+            self.gradient[rows],
+            self.gains[rows],
+            self.validated[rows],
+        )
 
     def pair_gain(self, one: int, other: int) -> float:
         """What two rows together would gain."""
@@ -207,8 +217,9 @@ class TermSearch:
             additions += self._pairs(scores)
         fits = self._fits(lambda i: self._with(about, scores, additions[i]), len(additions))
         fits += self._sharpened(fits)
-        if fits and not self._is_adequate(min(fits, key=_price)):
-            fits += self._tailored(about, fits)
+        singles = [one for one in fits if len(one.chosen) == len(about.chosen) + 1]
+        if singles and not self._is_adequate(min(singles, key=_price)):
+            fits += self._tailored(about, scores)
         return fits
 
     def _fits(self, fit: Callable[[int], TermFit | None], count: int) -> list[TermFit]:
@@ -225,14 +236,10 @@ class TermSearch:
 
         return self._fits(sharpened, len(leaders))
 
-    def _tailored(self, about: TermFit, fits: Sequence[TermFit]) -> list[TermFit]:
-        """Fits with a term more that is made for what is left, in the equations that promise most."""
-        equations = [
-            self._problem.candidates[number].equation
-            for one in sorted(fits, key=_price)
-            for number in one.chosen[len(about.chosen) :]
-        ]
-        made = self._problem.tailored(about, list(dict.fromkeys(equations))[:TAILORED_EQUATIONS], self._each)
+    def _tailored(self, about: TermFit, scores: Scores) -> list[TermFit]:
+        """Fits with a term more that is made for what is left."""
+        promising = (self._equation(scores, row) for row in np.argsort(-scores.validated).tolist())
+        made = self._problem.tailored(about, list(dict.fromkeys(promising)), self._each)
 
         def fitted(i: int) -> TermFit | None:
             return self._fit((*about.chosen, made[i]), np.append(about.theta, 0.0))

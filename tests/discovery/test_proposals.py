@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
@@ -12,7 +13,7 @@ from observer_rt.discovery.answer import Question, answer
 from observer_rt.discovery.findings import Findings
 from observer_rt.discovery.report.document import as_json
 from observer_rt.discovery.report.report import report
-from observer_rt.discovery.report.text import as_text
+from observer_rt.discovery.report.text import as_text, frequency
 from observer_rt.discovery.search.candidates import NoMemory
 from observer_rt.discovery.search.result import Verdict
 from observer_rt.evidence.measurement import measurements
@@ -61,6 +62,25 @@ def test_what_no_effect_explains_is_proposed_as_a_law(accepted: Findings) -> Non
     assert high - low < 0.01
     assert proposal.may_enter
     assert proposal.held_out[1] < 0.5 * proposal.held_out[0]
+
+
+def test_a_law_is_drawn_beside_what_the_recordings_say(accepted: Findings) -> None:
+    (curve,) = accepted.discovery.proposals[0].curves
+
+    assert curve.words == "injection"
+    np.testing.assert_array_equal(curve.at, (1.0, 2.0))
+    np.testing.assert_allclose(curve.points, (0.0, -0.2), atol=0.01)
+    assert np.all(curve.half < 0.02)
+    assert "free curve" not in as_text(accepted)
+    assert "may be any curve there" in report(accepted, SOURCES)
+
+
+def test_the_frequency_of_a_wave_is_told() -> None:
+    assert frequency(parse("c * sin(6.283185307 * 2791[Hz] * time + 1)")) == pytest.approx(2.791)
+    assert frequency(parse("c * (1 + exp(-time_since_opening / 2) * sin(9.42477 * time_since_opening))")) == (
+        pytest.approx(1.5, abs=1e-4)
+    )
+    assert frequency(parse("c * time")) is None
 
 
 def test_an_accepted_proposal_explains_the_recordings(

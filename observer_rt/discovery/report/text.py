@@ -1,5 +1,6 @@
 """The answer in words, for the screen and the first lines of the report, in units people read."""
 
+import math
 from collections.abc import Mapping, Sequence
 
 from observer_rt.discovery.findings import Caveat, Findings, gap_share
@@ -17,6 +18,7 @@ from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MM3_
 from observer_rt.model.effect import EffectParameter, Equation
 from observer_rt.model.effects import VOCABULARY
 from observer_rt.model.parameters import EffectValue, Finite
+from observer_rt.model.terms.law import Applied, Law, Operation
 from observer_rt.model.terms.term import Term, TermEquation
 
 _SIGNS = {"um": "µm", "us": "µs", "mm3/ms": "mm³/ms", "m3/(s Pa)": "m³/(s Pa)", "-": ""}
@@ -151,7 +153,20 @@ def _sized_law(term: Term) -> str:
     step = significant(0.5 * (high - low))
     between = f"c = {shown(term.coefficient, step)}, 95 %: {shown(low, step)} to {shown(high, step)}"
     unit = "" if term.equation.is_share else f" {sign(str(term.equation.unit))}"
-    return f"{term.law}{unit} ({between})"
+    wave = frequency(term.law)
+    swing = "" if wave is None else f", a wave of {wave:.4g} kHz"
+    return f"{term.law}{unit} ({between}{swing})"
+
+
+def frequency(law: Law) -> float | None:
+    """Of the wave in a law [kHz]; None without one."""
+    if isinstance(law, Applied) and law.operation is Operation.SIN:
+        slopes = (
+            law.arguments[0].slope("time").at({}) / 1e3,
+            law.arguments[0].slope("time_since_opening").at({}),
+        )
+        return float(max(map(abs, slopes))) / (2.0 * math.pi)
+    return next((found for part in law.parts if (found := frequency(part)) is not None), None)
 
 
 def standing_words(one: Proposal) -> str:

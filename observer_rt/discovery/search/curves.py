@@ -7,6 +7,7 @@ that variable would gain.
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 
 import numpy as np
@@ -25,19 +26,83 @@ Floats = NDArray[np.float64]
 MOST_LAWS = 4  # made at once
 MOST_OF_CURVE = 2  # over one variable
 
-KNOTS: Mapping[str, tuple[float, ...]] = {
-    "line_flow/60": (-0.3, -0.1, 0.0, 0.1, 0.25, 0.5, 0.75, 1.0),
-    "(line_pressure - 100)/50": (-1.0, -0.7, -0.4, -0.15, 0.0, 0.15, 0.4, 0.7),
-    "needle_lift/max_lift": (0.0, 0.1, 0.25, 0.4, 0.55, 0.7, 0.85, 1.0),
-    "time_since_opening/1": (*(0.07 * number for number in range(19)), 1.5, 2.0),
-    "(sac_pressure - chamber_pressure)/100": (0.0, 0.1, 0.25, 0.4, 0.6, 0.8, 1.0, 1.3),
-    "(line_pressure - sac_pressure)/10": (0.0, 0.3, 0.7, 1.2, 2.0, 3.5, 6.0, 10.0),
-    "lift_rate": (-0.5, -0.35, -0.2, -0.1, 0.1, 0.2, 0.35, 0.5),
-    "line_pressure_rate/50": (-1.5, -0.8, -0.3, -0.1, 0.1, 0.3, 0.8, 1.5),
-}
-"""Variables of curves, of order 1, and where their hats are."""
-FLOW, PRESSURE, LIFT, SINCE, OVER_NOZZLE, OVER_SEAT, SPEED, RATE = KNOTS
-CURVES: Mapping[TermEquation, tuple[tuple[str, str], ...]] = {
+
+@dataclass(frozen=True)
+class Axis:
+    """A variable u of curves, of order 1.
+
+    over: u in the language of laws; knots: where its hats are; words, unit, scale: of what is shown, which is offset
+    + scale u; of: a moment at which it has its values, by variable what it is at 0, and how it goes with u.
+    """
+
+    over: str
+    knots: tuple[float, ...]
+    words: str
+    unit: str
+    scale: float
+    of: Mapping[str, tuple[float, float]]
+    offset: float = 0.0
+
+    @cached_property
+    def forms(self) -> tuple["Form", ...]:
+        """Simple laws of it."""
+        start, span = self.knots[0], self.knots[-1] - self.knots[0]
+        places = tuple(FormNumber(start + 0.1 * tenth * span, start, self.knots[-1]) for tenth in range(11))
+        widths = tuple(FormNumber(w * span, 0.2 * w * span, 4.0 * w * span) for w in (0.02, 0.08, 0.2, 0.35))
+        return (
+            Form("max(u - A, 0)", (places[1:-1],)),
+            Form("max(A - u, 0)", (places[1:-1],)),
+            Form("(1 + tanh((u - A)/W))/2", (places[1:-1], widths[:3])),
+            Form("tanh((u - A)/W)", (places[:-1], widths[1:3])),
+            Form("exp(-((u - A)/W)^2)", (places, widths[1:])),
+            *(Form(law) for law in ("1", "u", "u*abs(u)", "u^3")),
+            *([RINGING] if self is SINCE else []),
+        )
+
+    def hats(self, equation: TermEquation, factor: str = "") -> list[Effect]:
+        """Terms that are 1 at a knot, 0 at the next ones; the first and last stay 1 beyond."""
+        made = []
+        for place in range(len(self.knots)):
+            shown = range(max(0, place - 1), min(place + 2, len(self.knots)))
+            pairs = ", ".join(f"{self.knots[number]:g}, {float(number == place):g}" for number in shown)
+            made.append(term_effect(equation, f"{factor}table({self.over}, {pairs})"))
+        return made
+
+
+FLOW = Axis(
+    "line_flow/60", (-0.3, -0.1, 0.0, 0.1, 0.25, 0.5, 0.75, 1.0),
+    "flow through the line", "mm³/ms", 60.0, {"line_flow": (0.0, 60.0)},
+)  # fmt: skip
+PRESSURE = Axis(
+    "(line_pressure - 100)/50", (-1.0, -0.7, -0.4, -0.15, 0.0, 0.15, 0.4, 0.7),
+    "line pressure", "MPa", 50.0, {"line_pressure": (100.0, 50.0), "chamber_pressure": (0.0, 0.0)}, 100.0,
+)  # fmt: skip
+LIFT = Axis(
+    "needle_lift/max_lift", (0.0, 0.1, 0.25, 0.4, 0.55, 0.7, 0.85, 1.0),
+    "needle lift, share of the largest", "-", 1.0, {"needle_lift": (0.0, 1.0), "max_lift": (1.0, 0.0)},
+)  # fmt: skip
+SINCE = Axis(
+    "time_since_opening/1", (*(0.07 * number for number in range(19)), 1.5, 2.0),
+    "time since the opening", "ms", 1.0, {"time_since_opening": (0.0, 1.0)},
+)  # fmt: skip
+OVER_NOZZLE = Axis(
+    "(sac_pressure - chamber_pressure)/100", (0.0, 0.1, 0.25, 0.4, 0.6, 0.8, 1.0, 1.3),
+    "pressure drop over the nozzle", "MPa", 100.0, {"sac_pressure": (0.0, 100.0), "chamber_pressure": (0.0, 0.0)},
+)  # fmt: skip
+OVER_SEAT = Axis(
+    "(line_pressure - sac_pressure)/10", (0.0, 0.3, 0.7, 1.2, 2.0, 3.5, 6.0, 10.0),
+    "pressure drop over the seat", "MPa", 10.0, {"line_pressure": (0.0, 10.0), "sac_pressure": (0.0, 0.0)},
+)  # fmt: skip
+SPEED = Axis(
+    "lift_rate", (-0.5, -0.35, -0.2, -0.1, 0.1, 0.2, 0.35, 0.5),
+    "speed of the needle", "mm/ms", 1.0, {"lift_rate": (0.0, 1.0)},
+)  # fmt: skip
+RATE = Axis(
+    "line_pressure_rate/50", (-1.5, -0.8, -0.3, -0.1, 0.1, 0.3, 0.8, 1.5),
+    "change of the line pressure", "MPa/ms", 50.0, {"line_pressure_rate": (0.0, 50.0)},
+)  # fmt: skip
+AXES = (FLOW, PRESSURE, LIFT, SINCE, OVER_NOZZLE, OVER_SEAT, SPEED, RATE)
+CURVES: Mapping[TermEquation, tuple[tuple[Axis, str], ...]] = {
     TermEquation.LINE_FLOW: ((FLOW, ""), (PRESSURE, "line_flow/60*")),
     TermEquation.INERTANCE: ((FLOW, ""), (PRESSURE, "")),
     TermEquation.STIFFNESS: ((PRESSURE, ""), (FLOW, ""), (LIFT, "")),
@@ -64,10 +129,6 @@ class Form:
     law: str
     numbers: tuple[tuple[FormNumber, ...], ...] = ()
 
-    def over(self, argument: str) -> str:
-        """The law over this argument."""
-        return self.law.replace("u", f"({argument})")
-
     def values(self, numbers: Sequence[FormNumber], knots: Floats) -> Floats:
         """At knots (k,)."""
         text = self.law.replace("u", "time")
@@ -76,22 +137,6 @@ class Form:
         return np.broadcast_to(parse(text).at({"time": knots}), knots.shape)
 
 
-def _forms(knots: Sequence[float]) -> tuple[Form, ...]:
-    """Simple laws of a variable that ranges so."""
-    start, span = knots[0], knots[-1] - knots[0]
-    places = tuple(FormNumber(start + 0.1 * tenth * span, start, knots[-1]) for tenth in range(11))
-    widths = tuple(FormNumber(w * span, 0.2 * w * span, 4.0 * w * span) for w in (0.02, 0.08, 0.2, 0.35))
-    return (
-        Form("max(u - A, 0)", (places[1:-1],)),
-        Form("max(A - u, 0)", (places[1:-1],)),
-        Form("(1 + tanh((u - A)/W))/2", (places[1:-1], widths[:3])),
-        Form("tanh((u - A)/W)", (places[:-1], widths[1:3])),
-        Form("exp(-((u - A)/W)^2)", (places, widths[1:])),
-        *(Form(law) for law in ("1", "u", "u*abs(u)", "u^3")),
-    )  # fmt: skip
-
-
-FORMS: Mapping[str, tuple[Form, ...]] = {over: _forms(knots) for over, knots in KNOTS.items()}
 RINGING = Form(
     "exp(-u/A)*sin(6.283185307*W*u + F)",
     (
@@ -116,10 +161,7 @@ def made_to_measure(
     and each wave is linearised once.
     """
     curves = [(equation, *one) for equation in equations for one in CURVES.get(equation, ())]
-    groups = [
-        [term_effect(equation, f"{factor}{_hat(over, place)}") for place in range(len(KNOTS[over]))]
-        for equation, over, factor in curves
-    ]
+    groups = [axis.hats(equation, factor) for equation, axis, factor in curves]
     groups += [list(pair) for pair in swings]
     nothing = TermFit((), np.zeros(0), np.zeros(0), here)
     scores = scores_of(about_here([effect for group in groups for effect in group]), nothing, each)
@@ -131,24 +173,16 @@ def made_to_measure(
     for pair, part in zip(swings, parts[len(curves) :], strict=True):
         sizes = np.linalg.lstsq(part.information, part.gradient, rcond=1e-9)[0]
         if sizes.size == 2:
-            promising.append((float(sizes @ part.gradient), turned(pair[0], sizes)))
+            promising.append((float(sizes @ part.gradient), turned(pair[0], sizes.tolist())))
     promising.sort(key=lambda item: -item[0])
     return [effect for _, effect in promising[:MOST_LAWS]]
 
 
-def _hat(over: str, place: int) -> str:
-    """1 at a knot, 0 at the next ones; the first and last stay 1 beyond."""
-    knots = KNOTS[over]
-    shown = slice(max(0, place - 1), place + 2)
-    pairs = (f"{knot:g}, {float(number == place):g}" for number, knot in list(enumerate(knots))[shown])
-    return f"table({over}, {', '.join(pairs)})"
-
-
-def _laws(part: Scores, equation: TermEquation, over: str, factor: str) -> list[tuple[float, Effect]]:
+def _laws(part: Scores, equation: TermEquation, axis: Axis, factor: str) -> list[tuple[float, Effect]]:
     """The best forms of a curve, and what each would gain; part: scores of its hats."""
-    knots = np.array(KNOTS[over])[part.numbers]
+    knots = np.array(axis.knots)[part.numbers]
     found: list[tuple[float, Effect]] = []
-    for form in (*FORMS[over], *([RINGING] if over == SINCE else [])):
+    for form in axis.forms:
         tried = list(product(*form.numbers))
         values = np.array([form.values(numbers, knots) for numbers in tried])
         weights = np.einsum("ij,jk,ik->i", values, part.information, values)
@@ -157,5 +191,6 @@ def _laws(part: Scores, equation: TermEquation, over: str, factor: str) -> list[
         sizes = np.clip(sizes, -equation.bounds[1], equation.bounds[1])
         gains = 2.0 * sizes * slopes - sizes**2 * weights
         best = int(np.argmax(gains))
-        found.append((float(gains[best]), term_effect(equation, factor + form.over(over), tried[best])))
+        law = form.law.replace("u", f"({axis.over})")
+        found.append((float(gains[best]), term_effect(equation, factor + law, tried[best])))
     return sorted(found, key=lambda item: -item[0])[:MOST_OF_CURVE]

@@ -1,6 +1,7 @@
 """Proposes terms where no effect of the vocabulary explains recordings, or a term does it clearly better."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from itertools import chain
 
 import numpy as np
@@ -8,7 +9,8 @@ import numpy as np
 from observer_rt.config.terms import term_domain
 from observer_rt.discovery.search.adequacy import HealthyBaseline, worst
 from observer_rt.discovery.search.candidates import Fitter
-from observer_rt.discovery.search.result import Candidate, Consequence, Proposal
+from observer_rt.discovery.search.law_evidence import law_curve
+from observer_rt.discovery.search.result import Candidate, Consequence, LawCurve, Proposal
 from observer_rt.discovery.search.search import HeldOutPoints, SearchOutcome
 from observer_rt.discovery.search.term_library import InjectorTerms, RecordingSpan, library
 from observer_rt.discovery.search.term_search import PRICE, TermFit, TermSearch, no_terms, scores_of
@@ -63,7 +65,22 @@ def propose(
             moves(fitter.nominal, model),
         )
 
-    return tuple(proposal(fit) for fit in (result.best, *result.rivals)[:MOST_PROPOSED])
+    first, *others = (proposal(fit) for fit in (result.best, *result.rivals)[:MOST_PROPOSED])
+    return (replace(first, curves=_curves(fitter, first, result.best, baseline)), *others)
+
+
+def _curves(
+    fitter: Fitter, first: Proposal, best: TermFit, baseline: HealthyBaseline
+) -> tuple[LawCurve, ...]:
+    """The laws of a proposal over their variables."""
+    span, model = _span(fitter.evidence), first.model(fitter.nominal)
+
+    def about_here(effects: Sequence[Effect]) -> InjectorTerms:
+        return InjectorTerms(fitter.evidence, model, effects, baseline)
+
+    reach = (span.time, span.injections)
+    drawn = (law_curve(term, about_here, best.residuals, fitter.each, reach) for term in first.terms)
+    return tuple(one for one in drawn if one is not None)
 
 
 def _leaves_a_term(fitter: Fitter, outcome: SearchOutcome, baseline: HealthyBaseline) -> bool:

@@ -35,13 +35,9 @@ from observer_rt.model.terms.term import TermEquation
 
 WITHIN = 4.0  # times what it is scored with, that a number within a law may become
 MOST_BREAKS = 5  # injections after each of which something may be new
-REMAINDER = (
-    0.02  # of the variance there was, that a fitted model may leave: a law is no more exact than it is
-)
-TAILORED_FIRST, TAILORED_FURTHER = (
-    4,
-    2,
-)  # equations with laws made to measure, most promising first: one term, more
+REMAINDER = 0.06  # of what there was, that a fitted model may leave: a law is no more exact than it is
+TAILORED_FIRST = 4  # most promising equations, in which laws are made to measure
+TAILORED_FURTHER = 2  # the same of further terms
 MASKED = (TermEquation.CHAMBER_PRESSURE,)  # what rings there is promising nowhere in the library
 ITERATIONS = 8  # of a fit with the numbers within laws free
 STEP = 0.01  # of the bound: a term so small changes the innovations in proportion
@@ -158,6 +154,11 @@ class InjectorTerms:
         """These candidates as effects."""
         return Hypothesis(tuple(self.candidates[number].effect for number in chosen))
 
+    @property
+    def remainder(self) -> float:
+        """See `TermProblem`."""
+        return REMAINDER if self._baseline.appears else 0.0
+
     def residuals(self, chosen: Sequence[int], theta: NDArray[np.float64]) -> Residuals | None:
         """See `TermProblem`."""
         return Sizing(self._evidence, self._nominal, self.hypothesis(chosen)).residuals(theta)
@@ -217,7 +218,7 @@ class InjectorTerms:
 
     def _is_remainder(self, pool: Pool) -> bool:
         """Whether a fitted model leaves so little of what there was in every phase that it may be its own error."""
-        if not self._baseline.appears:
+        if not self.remainder:
             return False
         if self._before is None:
             judged = self._evidence.judge(self._nominal)
@@ -227,7 +228,7 @@ class InjectorTerms:
             for phase in Phase:
                 healthy = VARIANCE_LIMIT[signal] * self._baseline.variance.get((signal, phase), 1.0)
                 excess = statistics.variance(phase) - healthy
-                if excess > REMAINDER * max(0.0, self._before[signal].variance(phase) - healthy):
+                if excess > self.remainder * max(0.0, self._before[signal].variance(phase) - healthy):
                     return False
         return True
 

@@ -45,6 +45,10 @@ class TermProblem(Protocol):
     def candidates(self) -> Sequence[CandidateTerm]:
         """Terms that may be missing."""
 
+    @property
+    def remainder(self) -> float:
+        """Share of what terms explain that may be the model's own error; 0 of an exact one."""
+
     def residuals(self, chosen: Sequence[int], theta: NDArray[np.float64]) -> Residuals | None:
         """Residuals with these candidates in force, their coefficients theta; None without a solution."""
 
@@ -201,8 +205,9 @@ class TermSearch:
             if not fits:
                 break
             tried += fits
-            better = self._without_idle(min(fits, key=_price))
-            if best.statistic - better.statistic < _least(best, LEAST_SHARE):
+            better = self._without_idle(self._simplest(fits, nothing), nothing)
+            least = max(_least(best, LEAST_SHARE), problem.remainder * (nothing.statistic - better.statistic))
+            if best.statistic - better.statistic < least:
                 break
             best = better
         rivals = [one for one in tried if self._is_rival(one, best)]
@@ -295,7 +300,15 @@ class TermSearch:
                 return _fitted(chosen, found)
         return None
 
-    def _without_idle(self, best: TermFit) -> TermFit:
+    def _simplest(self, fits: Sequence[TermFit], nothing: TermFit) -> TermFit:
+        """The best fit, or one of fewer terms that explains all but what may be the model's own error."""
+        best = min(fits, key=_price)
+        limit = _price(best) + self._problem.remainder * (nothing.statistic - best.statistic)
+        return min(
+            fits, key=lambda one: (len(one.chosen) if _price(one) <= limit else MOST_TERMS + 1, _price(one))
+        )
+
+    def _without_idle(self, best: TermFit, nothing: TermFit) -> TermFit:
         """Without the terms that later ones have made needless."""
         for number in best.chosen:
             if len(best.chosen) < 2:
@@ -303,7 +316,10 @@ class TermSearch:
             place = best.chosen.index(number)
             rest = tuple(one for one in best.chosen if one != number)
             smaller = self._fit(rest, np.delete(best.theta, place))
-            if smaller is not None and smaller.statistic - best.statistic < _least(smaller, KEPT_SHARE):
+            if smaller is None:
+                continue
+            own = self._problem.remainder * (nothing.statistic - best.statistic)
+            if smaller.statistic - best.statistic < max(_least(smaller, KEPT_SHARE), own):
                 best = smaller
         return best
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from observer_rt.model.effect import Effect
-from observer_rt.model.term_effect import FormNumber, term_effect
+from observer_rt.model.term_effect import FormNumber, TermLaw, term_effect
 from observer_rt.model.terms.term import TermEquation
 
 LOWEST, HIGHEST = 200.0, 0.4  # Hz, and share of the sample rate
@@ -41,11 +41,13 @@ def waves(frequencies: Sequence[float], longest: float) -> list[tuple[Effect, Ef
     return found
 
 
-def turned(sine: Effect, swings: NDArray[np.float64]) -> Effect:
-    """A wave of which these (2,) are the parts of sine and cosine, as one term with a phase."""
-    frequency, phase = sine.apply.numbers
+def turned(sine: Effect, swings: Sequence[float]) -> Effect:
+    """A wave of which these two are the shares of sine and cosine, as one term with a phase."""
+    law = sine.apply
+    assert isinstance(law, TermLaw)
+    frequency, phase = law.numbers
     angle = math.atan2(swings[1], swings[0])
-    return term_effect(sine.apply.equation, sine.apply.form, (frequency, phase._replace(value=angle)))
+    return term_effect(law.equation, law.form, (frequency, phase._replace(value=angle)))
 
 
 def lines(

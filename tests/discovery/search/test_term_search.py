@@ -41,6 +41,8 @@ def residuals_of(errors: Floats, sigma: float) -> Residuals:
 class LibraryOnly:
     """No candidate but those given, without numbers of their own."""
 
+    remainder = 0.0
+
     def tailored(self, about: TermFit, equations: Sequence[str], each: Each) -> Sequence[int]:
         return ()
 
@@ -95,11 +97,22 @@ def test_two_terms_of_one_equation_are_found_that_alone_explain_next_to_nothing(
 
 
 def test_a_term_that_later_ones_make_needless_is_dropped_and_its_place_used() -> None:
-    *parts, weak, noise = white(5)
+    *parts, weak, noise = white(4)
     whole = 2.0 * np.sum(parts, axis=0)
-    result = searched("abcde", [whole + 4.0 * noise, *parts, weak], whole + 0.6 * weak)
-    assert sorted(result.best.chosen) == [1, 2, 3, 4]
+    result = searched("abcd", [whole + 3.0 * noise, *parts, weak], whole + 0.6 * weak)
+    assert sorted(result.best.chosen) == [1, 2, 3]
     assert result.adequate
+
+
+def test_what_may_be_the_own_error_of_a_model_is_no_term() -> None:
+    class Fitted(Regression):
+        remainder = 0.06
+
+    cause, error = white(2)
+    y = 5.0 * cause + error + np.random.default_rng(0).normal(size=cause.size)
+    for kind, count in ((Regression, 2), (Fitted, 1)):
+        best = TermSearch(kind("ab", np.column_stack((cause, error)), y), in_turn).run().best
+        assert len(best.chosen) == count
 
 
 def test_a_rival_of_another_equation_is_listed() -> None:

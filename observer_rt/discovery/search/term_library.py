@@ -241,9 +241,11 @@ class EffectCandidate:
 
     @property
     def equation(self) -> str:
-        """Where it sits; of a term, which equation."""
+        """Of a term, and of an effect that is one; else where the effect sits."""
         law = self.effect.apply
-        return law.equation if isinstance(law, TermLaw) else self.effect.place
+        if isinstance(law, TermLaw):
+            return law.equation
+        return LAWS_OF_EFFECTS.get(self.effect.id, (self.effect.place, ""))[0]
 
     @property
     def range(self) -> Range:

@@ -18,10 +18,12 @@ from observer_rt.evidence.bounded_fit import Minimum, Range, Residuals, fit
 SAME = 0.998  # cosine of two signatures of one equation, from which on the weaker one is not fitted
 REFITTED, REFITTED_PAIRS = 5, 3  # of the best by score
 PAIR_GAIN, PAIR_SHARE = 30.0, 0.05  # that a pair of one equation must gain over the best single to be fitted
+TIE = 16.0  # of -2 log L, within which fits explain as much
 PRICE = 10.0  # of -2 log L for a term more, which of two near-ties leads
 LEAST_GAIN, LEAST_SHARE = 25.0, 0.05  # of what is left unexplained, that a further term must gain
 KEPT_SHARE = 0.02  # of the same, that a term already taken must be worth
 MOST_TERMS = 3
+STARTS = 2  # first terms from which others are sought, where the best ends inadequate
 SHARPENED = 2  # best fits, in which the numbers within laws are fitted, too
 ITERATIONS = 6  # of a refit
 
@@ -197,21 +199,46 @@ class TermSearch:
 
     def run(self) -> TermSearchResult:
         """See `TermSearchResult`. Raises ArithmeticError where the model itself has no solution."""
-        problem = self._problem
-        nothing = best = no_terms(problem)
+        nothing = best = no_terms(self._problem)
         tried: list[TermFit] = []
-        while len(best.chosen) < MOST_TERMS and not problem.is_adequate(best.chosen, best.theta):
+        adequate = self._is_adequate(nothing)
+        if not adequate:
+            tried = self._next(nothing)
+            for first in self._firsts(tried, nothing):
+                grown = self._grown(first, nothing, tried)
+                adequate = self._is_adequate(grown)
+                if adequate or _price(grown) < _price(best):
+                    best = grown
+                if adequate:
+                    break
+        rivals = [one for one in tried if self._is_rival(one, best)]
+        return TermSearchResult(nothing, best, adequate, tuple(rivals))
+
+    def _firsts(self, fits: Sequence[TermFit], nothing: TermFit) -> list[TermFit]:
+        """First terms to go on from: the best, and the best that share no equation with it."""
+        found: list[TermFit] = []
+        left = list(fits)
+        while left and len(found) < STARTS:
+            one = self._without_idle(self._simplest(left, nothing), nothing)
+            if nothing.statistic - one.statistic < _least(nothing, LEAST_SHARE):
+                break
+            found.append(one)
+            left = [other for other in left if not self._equations(other) & self._equations(one)]
+        return found
+
+    def _grown(self, best: TermFit, nothing: TermFit, tried: list[TermFit]) -> TermFit:
+        """A fit with the terms added that it needs; what was fitted goes to `tried`."""
+        while len(best.chosen) < MOST_TERMS and not self._is_adequate(best):
             fits = self._next(best)
             if not fits:
                 break
             tried += fits
             better = self._without_idle(self._simplest(fits, nothing), nothing)
-            least = max(_least(best, LEAST_SHARE), problem.remainder * (nothing.statistic - better.statistic))
-            if best.statistic - better.statistic < least:
+            own = self._problem.remainder * (nothing.statistic - better.statistic)
+            if best.statistic - better.statistic < max(_least(best, LEAST_SHARE), own):
                 break
             best = better
-        rivals = [one for one in tried if self._is_rival(one, best)]
-        return TermSearchResult(nothing, best, problem.is_adequate(best.chosen, best.theta), tuple(rivals))
+        return best
 
     def _next(self, about: TermFit) -> list[TermFit]:
         """Fits with a term or two more: of those whose signatures explain most of what is left."""
@@ -301,12 +328,15 @@ class TermSearch:
         return None
 
     def _simplest(self, fits: Sequence[TermFit], nothing: TermFit) -> TermFit:
-        """The best fit, or one of fewer terms that explains all but what may be the model's own error."""
+        """The best fit, or one of fewer terms and equations that explains all but the model's own error."""
         best = min(fits, key=_price)
-        limit = _price(best) + self._problem.remainder * (nothing.statistic - best.statistic)
-        return min(
-            fits, key=lambda one: (len(one.chosen) if _price(one) <= limit else MOST_TERMS + 1, _price(one))
-        )
+        own = self._problem.remainder * (nothing.statistic - best.statistic)
+        limit = _price(best) + max(own, TIE * best.spread)
+        tied = [one for one in fits if _price(one) <= limit]
+        return min(tied, key=lambda one: (len(one.chosen), len(self._equations(one)), _price(one)))
+
+    def _equations(self, one: TermFit) -> set[str]:
+        return {self._problem.candidates[number].equation for number in one.chosen}
 
     def _without_idle(self, best: TermFit, nothing: TermFit) -> TermFit:
         """Without the terms that later ones have made needless."""
@@ -325,12 +355,11 @@ class TermSearch:
 
     def _is_rival(self, one: TermFit, best: TermFit) -> bool:
         """Whether it explains as much with no more terms, by another equation."""
-        equations = [{self._problem.candidates[n].equation for n in fit.chosen} for fit in (one, best)]
         return (
             bool(best.chosen)
             and len(one.chosen) <= len(best.chosen)
-            and equations[0] != equations[1]
-            and one.statistic < best.statistic + 16.0 * best.spread
+            and self._equations(one) != self._equations(best)
+            and one.statistic < best.statistic + TIE * best.spread
         )
 
 

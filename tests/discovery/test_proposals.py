@@ -103,6 +103,8 @@ def test_a_proposal_is_in_every_answer(accepted: Findings) -> None:
 
     assert stated["terms"][0]["equation"] == "nozzle_flow"
     assert stated["terms"][0]["depends_on"] == ["injection_number"]
+    assert stated["terms"][0]["hardly_told_from"] == ["chamber_pressure"]
+    assert "hardly tells it from a law of chamber_pressure" in as_text(accepted)
     assert stated["gap_held_out"]["after_MPa"] < stated["gap_held_out"]["before_MPa"]
     for text in (as_text(accepted), report(accepted, SOURCES)):
         assert "as if the flow through the nozzle were larger by c * (injection_number" in text.replace(

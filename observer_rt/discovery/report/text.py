@@ -179,7 +179,9 @@ def standing_words(one: Proposal) -> str:
     fit = "explains all" if one.adequate else "does not explain all: no model may have it"
     if one.adequate and not one.may_enter:
         fit += ", but no model may have it: " + ("too many terms" if one.sound else "not sound everywhere")
-    return "; ".join(filter(None, (fit, apart, moved)))
+    alike = dict.fromkeys(other for term in one.terms for other in term.equation.alike)
+    hardly = f"line pressure alone hardly tells it from a law of {' or '.join(alike)}" if alike else ""
+    return "; ".join(filter(None, (fit, apart, moved, hardly)))
 
 
 def visible_words(one: SmallestVisible) -> str:

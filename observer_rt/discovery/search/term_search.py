@@ -101,7 +101,7 @@ class TermSearchResult:
     """How a search ended.
 
     best: the terms found, none where nothing is worth one; nothing: the model as it is; adequate: whether the best
-    leaves nothing but noise; rivals: fits of as many terms, one of them of another equation, that explain as much.
+    leaves nothing but noise; rivals: of other equations, the best fit of as many terms that explains as much.
     """
 
     nothing: TermFit
@@ -211,8 +211,11 @@ class TermSearch:
                     best = grown
                 if adequate:
                     break
-        rivals = [one for one in tried if self._is_rival(one, best)]
-        return TermSearchResult(nothing, best, adequate, tuple(rivals))
+        rivals: dict[frozenset[str], TermFit] = {}
+        for one in sorted(tried, key=_price):
+            if self._is_rival(one, best):
+                rivals.setdefault(frozenset(self._equations(one)), one)
+        return TermSearchResult(nothing, best, adequate, tuple(rivals.values()))
 
     def _firsts(self, fits: Sequence[TermFit], nothing: TermFit) -> list[TermFit]:
         """First terms to go on from: the best, and the best that share no equation with it."""

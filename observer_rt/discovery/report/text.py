@@ -1,9 +1,9 @@
 """The answer in words, for the screen and the first lines of the report, in units people read."""
 
-import math
 from collections.abc import Mapping, Sequence
 
 from observer_rt.discovery.findings import Caveat, Findings, gap_share
+from observer_rt.discovery.report.law_words import as_if
 from observer_rt.discovery.search.result import (
     Candidate,
     Discovery,
@@ -18,8 +18,7 @@ from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MM3_
 from observer_rt.model.effect import EffectParameter, Equation
 from observer_rt.model.effects import VOCABULARY
 from observer_rt.model.parameters import EffectValue, Finite
-from observer_rt.model.terms.law import Applied, Law, Operation
-from observer_rt.model.terms.term import Term, TermEquation
+from observer_rt.model.terms.term import Term
 
 _SIGNS = {"um": "µm", "us": "µs", "mm3/ms": "mm³/ms", "m3/(s Pa)": "m³/(s Pa)", "-": ""}
 """How people write the units that are written otherwise in files."""
@@ -124,23 +123,9 @@ def as_text(findings: Findings) -> str:
     return "\n".join([*lines, *gap_lines(findings)])
 
 
-_AS_IF = {
-    TermEquation.LINE_FLOW: "the line lost more pressure, by {}",
-    TermEquation.LINE_PRESSURE: "fuel left the line beside the nozzle, {}",
-    TermEquation.SEAT_FLOW: "the flow through the seat were larger by {} of it",
-    TermEquation.NOZZLE_FLOW: "the flow through the nozzle were larger by {} of it",
-    TermEquation.STIFFNESS: "the fuel in the line were stiffer by {} of it",
-    TermEquation.INERTANCE: "the inertance of the line were larger by {} of it",
-    TermEquation.CHAMBER_PRESSURE: "the pressure in the chamber were higher by {}",
-    TermEquation.LINE_PRESSURE_SENSOR: "the line-pressure sensor read more, by {}",
-    TermEquation.NEEDLE_LIFT: "the needle stood higher than measured, by {}",
-    TermEquation.RAIL_PRESSURE: "the rail pressure were higher than measured, by {}",
-}
-
-
 def proposal_words(one: Proposal) -> str:
     """What it is as if, in a sentence with the law and its coefficient."""
-    parts = [_AS_IF[term.equation].format(_sized_law(term)) for term in one.terms]
+    parts = [as_if(term, _sized_law(term)) for term in one.terms]
     sizes = dict(zip(one.found.ids, one.found.parameters, strict=True))
     known = [
         f"{name} ({', '.join(_size_words(printed(name, sizes[name]), '95 %: '))})" for name in one.effects
@@ -153,20 +138,7 @@ def _sized_law(term: Term) -> str:
     step = significant(0.5 * (high - low))
     between = f"c = {shown(term.coefficient, step)}, 95 %: {shown(low, step)} to {shown(high, step)}"
     unit = "" if term.equation.is_share else f" {sign(str(term.equation.unit))}"
-    wave = frequency(term.law)
-    swing = "" if wave is None else f", a wave of {wave:.4g} kHz"
-    return f"{term.law}{unit} ({between}{swing})"
-
-
-def frequency(law: Law) -> float | None:
-    """Of the wave in a law [kHz]; None without one."""
-    if isinstance(law, Applied) and law.operation is Operation.SIN:
-        slopes = (
-            law.arguments[0].slope("time").at({}) / 1e3,
-            law.arguments[0].slope("time_since_opening").at({}),
-        )
-        return float(max(map(abs, slopes))) / (2.0 * math.pi)
-    return next((found for part in law.parts if (found := frequency(part)) is not None), None)
+    return f"{term.law}{unit} ({between})"
 
 
 def standing_words(one: Proposal) -> str:

@@ -79,7 +79,7 @@ PRESSURE = Axis(
 )  # fmt: skip
 LIFT = Axis(
     "needle_lift/max_lift", (0.0, 0.1, 0.25, 0.4, 0.55, 0.7, 0.85, 1.0),
-    "needle lift, share of the largest", "-", 1.0, {"needle_lift": (0.0, 1.0), "max_lift": (1.0, 0.0)},
+    "needle lift over the largest", "-", 1.0, {"needle_lift": (0.0, 1.0), "max_lift": (1.0, 0.0)},
 )  # fmt: skip
 SINCE = Axis(
     "time_since_opening/1", (*(0.07 * number for number in range(19)), 1.5, 2.0),

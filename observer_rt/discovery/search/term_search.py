@@ -253,7 +253,7 @@ class TermSearch:
         fits = self._fits(lambda i: self._with(about, scores, additions[i]), len(additions))
         fits += self._sharpened(fits)
         singles = [one for one in fits if len(one.chosen) == len(about.chosen) + 1]
-        if singles and not self._is_adequate(min(singles, key=_price)):
+        if not singles or not self._is_adequate(min(singles, key=_price)):
             fits += self._tailored(about, scores)
         return fits
 

@@ -137,7 +137,7 @@ class Bumps(Regression):
 
     def tailored(self, about: TermFit, equations: Sequence[str], each: Each) -> Sequence[int]:
         assert set(equations) <= {"a", "b"}
-        return [self._with(0.5, "b")]
+        return [self._with(0.5, "b")] if not about.chosen else []
 
     def sharpened(self, chosen: Sequence[int], theta: Floats) -> tuple[int, ...] | None:
         if chosen[-1] < 2:
@@ -160,6 +160,13 @@ def test_a_term_made_for_what_is_left_is_taken_at_its_sharpest() -> None:
     assert len(best.chosen) == 1
     np.testing.assert_allclose(problem._columns[:, best.chosen[0]], bump(u, 0.62), atol=0.2)
     assert best.theta[0] == pytest.approx(3.0, abs=0.3)
+
+
+def test_a_term_is_made_even_where_no_candidate_says_anything() -> None:
+    u = np.linspace(0.0, 1.0, 800)
+    problem = Bumps(u, 3.0 * bump(u, 0.5) + np.random.default_rng(3).normal(size=800))
+    problem._columns[:, :2] = 0.0
+    assert len(TermSearch(problem, in_turn).run().best.chosen) == 1
 
 
 # Two cascaded tanks, the lower level measured in V every 4 s. M. Schoukens, P. Mattsson, T. Wigren, J.-P. Noel:

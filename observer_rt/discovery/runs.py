@@ -42,6 +42,18 @@ class CaveatWords(_Part):
     words: str
 
 
+class ProposalWords(_Part):
+    """What would explain the recordings, in a sentence."""
+
+    sentence: str
+
+
+class Unknown(_Part):
+    """What is said where no effect explains the recordings, the best proposal first."""
+
+    proposals: tuple[ProposalWords, ...] = ()
+
+
 class Model(_Part):
     """The injector file the run began with."""
 
@@ -59,9 +71,15 @@ class Document(_Part):
     caveats: tuple[CaveatWords, ...]
     effects: tuple[NamedEffect, ...]
     rivals: tuple[tuple[str, ...], ...]
+    unknown: Unknown | None = None
     gap: dict[str, dict[str, float | bool | None] | None]
     model: Model
     recordings: dict[str, str]
+
+    @property
+    def proposal(self) -> str:
+        """The first proposal; empty without one."""
+        return next((one.sentence for one in self.unknown.proposals), "") if self.unknown else ""
 
 
 @dataclass(frozen=True)
@@ -186,6 +204,8 @@ def _rows(runs: Sequence[DiscoveryRun], documents: Sequence[Document]) -> Iterat
     yield "but", ["; ".join(caveat.words for caveat in document.caveats) or "-" for document in documents]
     if any(document.rivals for document in documents):
         yield "or", [", ".join("+".join(ids) for ids in document.rivals) or "-" for document in documents]
+    if any(document.proposal for document in documents):
+        yield "proposal", [document.proposal or "-" for document in documents]
     for key in dict.fromkeys(key for run in runs for key in run.sizes()):
         yield " ".join(key), [size_text(run.sizes().get(key)) for run in runs]
     switches = dict.fromkeys(e.id for document in documents for e in document.effects if not e.parameters)

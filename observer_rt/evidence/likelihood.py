@@ -144,6 +144,14 @@ class Trial:
         masses = model.coefficients.density * self._rows.volumes(rate)
         return JudgedModel(z, log_sigma, rate_z, rate_log_sigma, masses)
 
+    @property
+    def times(self) -> NDArray[np.float64]:
+        """(n,): of the counted innovations [s], on the clock of laws."""
+        events, interval = self.measurement.events, self.measurement.interval
+        return np.concatenate(
+            [e.clock.time + interval * np.arange(e.counted - e.start, e.end - e.start) for e in events]
+        )
+
     def lift_and_rate(
         self, model: EffectiveModel, at_line: bool
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

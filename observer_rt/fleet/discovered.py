@@ -120,7 +120,7 @@ _GROUP = "group.json"
 _FILES = {"report": REPORT, "amended": AMENDED}
 _FLOOR = "line_pressure_noise_floor_MPa"
 _GAPS = {"line_pressure": "MPa", "injection_rate": "mm3_per_ms", "injected_mass": "mg"}
-_WORDS = ("verdict", "effects", "sizes", "parameter", "unit", "caveats", "rivals")
+_WORDS = ("verdict", "effects", "sizes", "parameter", "unit", "caveats", "rivals", "proposal")
 _NUMBERS = (
     "size",
     "size_low",
@@ -143,7 +143,8 @@ SCHEMA = pa.schema(
     ]
 )
 """recordings: there are; judged: of these, the latest; left_out: could not be taken. parameter, size, unit: of the
-first effect, `_low`, `_high` its 95 % interval; sizes: of all, in words. report, amended: files below the folder."""
+first effect, `_low`, `_high` its 95 % interval; sizes: of all, in words; proposal: the first, if there is one.
+report, amended: files below the folder."""
 
 
 class _Note(BaseModel):
@@ -236,6 +237,7 @@ def said_of(document: Document) -> dict[str, Any]:
         "confidence": document.confidence,
         "caveats": "; ".join(each.words for each in document.caveats),
         "rivals": ", ".join(" + ".join(ids) for ids in document.rivals),
+        "proposal": document.proposal,
     }
     if named:
         _, name, size = named[0]

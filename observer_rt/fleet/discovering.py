@@ -130,7 +130,9 @@ def answer_table(answers: pa.Table) -> Table:
 def _cells(row: dict[str, Any]) -> tuple[str, str, str, str, str]:
     if row["verdict"] is None:
         return "-", "-", "-", str(row["recordings"]), row["problem"].splitlines()[0]
-    missing = f"{row['effects']}: {row['sizes']}" if row["sizes"] else row["effects"] or "-"
+    missing = (
+        f"{row['effects']}: {row['sizes']}" if row["sizes"] else row["effects"] or row["proposal"] or "-"
+    )
     if row["rivals"]:
         missing += f", or {row['rivals']}"
     but = [row["caveats"]] * bool(row["caveats"])

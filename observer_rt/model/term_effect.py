@@ -1,8 +1,10 @@
 """Terms as effects with one size, the coefficient of their law, so that both are searched, fitted and told alike."""
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import NamedTuple
 
 from observer_rt.model.effect import Effect, EffectParameter, Place
 from observer_rt.model.effective import EffectiveModel
@@ -10,6 +12,7 @@ from observer_rt.model.terms.law import Law
 from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.term import Term, TermEquation
 
+EXACT_DIGITS = 3  # of a number within a law, beside its range
 DEAD_ZONE = 0.002  # of the bound: a smaller term does not matter
 
 _PLACES = {
@@ -40,25 +43,77 @@ LAWS_OF_EFFECTS: Mapping[str, tuple[TermEquation, str]] = {
 """Effects of the vocabulary that are a law of order 1: what is found as such a law is called by their names."""
 
 
+class FormNumber(NamedTuple):
+    """A number within a law that may be fitted, too, and between what."""
+
+    value: float
+    lowest: float
+    highest: float
+
+    def settled(self, value: float) -> "FormNumber":
+        """With a value as exact as it need be."""
+        decimals = EXACT_DIGITS - math.floor(math.log10(self.highest - self.lowest))
+        return self._replace(value=round(value, decimals) + 0.0)
+
+
+LETTERS = "AWF"
+"""What stands in a form for its numbers, in order."""
+
+
 @dataclass(frozen=True)
 class TermLaw:
-    """The law of an effect that is a term; its size is the coefficient."""
+    """The law of an effect that is a term; its size is the coefficient.
+
+    form: the law as text, with letters where numbers of its own stand, empty where it has none.
+    """
 
     equation: TermEquation
     law: Law
+    form: str = ""
+    numbers: tuple[FormNumber, ...] = ()
 
     def __call__(self, model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
-        return model.with_term(Term(self.equation, self.law, values[0]))
+        coefficient, *numbers = values
+        law = _law_of(self.form, tuple(numbers)) if numbers else self.law
+        return model.with_term(Term(self.equation, law, coefficient))
 
 
 @lru_cache(maxsize=4096)
-def term_effect(equation: TermEquation, law: str) -> Effect:
-    """A term as an effect whose size is the coefficient of a law of order 1."""
-    applied = TermLaw(equation, parse(f"c*({law})"))
+def term_effect(equation: TermEquation, form: str, numbers: tuple[FormNumber, ...] = ()) -> Effect:
+    """A term as an effect whose size is the coefficient of a law of order 1, the numbers in it as they are."""
+    applied = TermLaw(equation, _law_of(form, tuple(one.value for one in numbers)), form, numbers)
     highest = equation.bounds[1]
     lowest = max(equation.bounds[0], -highest)
     size = EffectParameter("c", str(equation.unit), 1.0, 0.0, lowest, highest, DEAD_ZONE * highest, (0.0,))
     return Effect(f"{equation}: {applied.law}", _PLACES[equation], (size,), applied, str(applied.law), "")
+
+
+def form_freed(effect: Effect) -> Effect:
+    """A term with the numbers within its law as further parameters; any other effect as it is."""
+    law = effect.apply
+    if not isinstance(law, TermLaw):
+        return effect
+    further = (
+        EffectParameter(letter, "-", 1.0, one.value, one.lowest, one.highest, 0.0, (one.value,))
+        for letter, one in zip(LETTERS, law.numbers, strict=False)
+    )
+    return replace(effect, parameters=(*effect.parameters, *further))
+
+
+def form_settled(effect: Effect, numbers: Sequence[float]) -> Effect:
+    """A term with these numbers within its law, as exact as they need be."""
+    law = effect.apply
+    if not isinstance(law, TermLaw):
+        return effect
+    settled = (one.settled(value) for one, value in zip(law.numbers, numbers, strict=True))
+    return term_effect(law.equation, law.form, tuple(settled))
+
+
+@lru_cache(maxsize=4096)
+def _law_of(form: str, numbers: tuple[float, ...]) -> Law:
+    for letter, number in zip(LETTERS, numbers, strict=False):
+        form = form.replace(letter, f"{number:.8g}" if number >= 0.0 else f"({number:.8g})")
+    return parse(f"c*({form})")
 
 
 def term_of(effect: Effect, coefficient: float) -> Term | None:

@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.discovery.report.document import as_json as document_of
-from observer_rt.discovery.runs import DiscoveryRun, as_json, change_lines, changes
+from observer_rt.discovery.runs import DiscoveryRun, as_json, change_lines, changes, run_table
+from observer_rt.fleet.discovered import said_of
 from observer_rt.foundation.errors import UserError
 from tests.discovery.conftest import SOURCES, WEAR, Worn
 
@@ -48,6 +49,20 @@ def test_wear_that_grew_is_told_with_its_interval(
     compared = as_json(runs)
     assert [run["run"] for run in compared["runs"]] == [str(tmp_path / name) for name in ("spring", "autumn")]
     assert compared["runs"][0]["effects"][0]["parameters"]["v_H"]["value"] == pytest.approx(WEAR, abs=0.01)
+
+
+def test_a_proposal_stands_beside_those_of_other_runs(document: dict[str, Any], tmp_path: Path) -> None:
+    unknown = document | {
+        "effects": [],
+        "unknown": {"proposals": [{"sentence": "as if it hummed", "number": 1}]},
+    }
+    runs = [_run(tmp_path, "first", document), _run(tmp_path, "second", unknown)]
+
+    assert [run.document.proposal for run in runs] == ["", "as if it hummed"]
+    assert "as if it hummed" in [
+        cell for column in run_table(runs).columns for cell in map(str, column.cells)
+    ]
+    assert said_of(runs[1].document)["proposal"] == "as if it hummed"
 
 
 def test_sizes_in_different_models_are_not_subtracted(document: dict[str, Any], tmp_path: Path) -> None:

@@ -130,6 +130,7 @@ def _term(term: Term) -> dict[str, Any]:
         "equation": term.equation,
         "law": str(term.law),
         "coefficient": {"value": term.coefficient, "low": low, "high": high, "unit": str(term.equation.unit)},
+        "hardly_told_from": term.equation.alike,
         "depends_on": sorted(variable.word for variable in term.law.variables),
     }
 

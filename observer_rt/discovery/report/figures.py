@@ -11,6 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from observer_rt.discovery.gaps import Gap, Overlay
+from observer_rt.discovery.report.text import sign
+from observer_rt.discovery.search.result import LawCurve
 from observer_rt.evidence.figure_look import FOUND, GIVEN, LOOK, MEASURED
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLISECOND, MM3_PER_MS
 
@@ -130,6 +132,31 @@ def _draw_bars(axes: Axes, labels: Sequence[str], bars: Bars) -> None:
     axes.set_xlim(-spare, places.size - 1.0 + spare)
     axes.set_ylabel(f"rms [{bars.unit}]")
     axes.set_title(bars.title, loc="left", fontsize=10.5, fontweight="bold")
+
+
+def laws_figure(curves: Sequence[LawCurve]) -> str:
+    """Laws over their variables, with the band of their coefficients, and the points of a free curve."""
+    with _figure(10.4, 3.1) as (figure, svg):
+        for column, one in enumerate(curves):
+            axes = figure.add_subplot(1, len(curves), column + 1)
+            law, low, high = one.law
+            axes.fill_between(one.x, low, high, color=FOUND, alpha=0.2, lw=0)
+            axes.plot(one.x, law, color=FOUND, lw=1.4, label="law")
+            axes.errorbar(
+                one.at, one.points, one.half, color=MEASURED, fmt="o", ms=3.5, lw=1.0, label="recordings"
+            )
+            axes.set_xlabel(_with_unit(one.words, one.unit))
+            equation = one.term.equation
+            unit = "share" if equation.is_share else sign(str(equation.unit))
+            axes.set_ylabel(f"{equation.value.replace('_', ' ')} [{unit}]")
+            if column == 0:
+                handles = axes.get_legend_handles_labels()
+                figure.legend(*handles, loc="outside upper right", ncols=2, frameon=False)
+    return svg()
+
+
+def _with_unit(words: str, unit: str) -> str:
+    return words if unit == "-" else f"{words} [{unit}]"
 
 
 def _two_digits(value: float) -> str:

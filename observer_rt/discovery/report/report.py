@@ -9,7 +9,7 @@ from observer_rt.discovery.findings import Findings, Sources
 from observer_rt.discovery.gaps import PHASE_NAMES, Disagreement
 from observer_rt.discovery.opinion import remark
 from observer_rt.discovery.report import text, views
-from observer_rt.discovery.report.figures import overlay_figure
+from observer_rt.discovery.report.figures import laws_figure, overlay_figure
 from observer_rt.discovery.report.text import sign
 from observer_rt.discovery.search.adequacy import SIGNIFICANT
 from observer_rt.discovery.search.result import Cell
@@ -21,6 +21,7 @@ from observer_rt.foundation.pages import templates_of
 _PAGES = templates_of(__package__)
 _PAGES.globals |= vars(text) | vars(views)
 _PAGES.globals |= {"version": __version__, "remark": remark, "overlay_figure": overlay_figure}
+_PAGES.globals["laws_figure"] = laws_figure
 _WORST = 10.0  # times the noise, from which on a cell is as red as it gets
 _WHITE, _RED = (255, 246, 240), (176, 38, 28)
 _CALM = "#eef4f0"

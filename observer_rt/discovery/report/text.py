@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 from observer_rt.discovery.findings import Caveat, Findings, gap_share
+from observer_rt.discovery.report.law_words import as_if
 from observer_rt.discovery.search.result import (
     Candidate,
     Discovery,
@@ -17,7 +18,7 @@ from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MM3_
 from observer_rt.model.effect import EffectParameter, Equation
 from observer_rt.model.effects import VOCABULARY
 from observer_rt.model.parameters import EffectValue, Finite
-from observer_rt.model.terms.term import Term, TermEquation
+from observer_rt.model.terms.term import Term
 
 _SIGNS = {"um": "µm", "us": "µs", "mm3/ms": "mm³/ms", "m3/(s Pa)": "m³/(s Pa)", "-": ""}
 """How people write the units that are written otherwise in files."""
@@ -122,23 +123,9 @@ def as_text(findings: Findings) -> str:
     return "\n".join([*lines, *gap_lines(findings)])
 
 
-_AS_IF = {
-    TermEquation.LINE_FLOW: "the line lost more pressure, by {}",
-    TermEquation.LINE_PRESSURE: "fuel left the line beside the nozzle, {}",
-    TermEquation.SEAT_FLOW: "the flow through the seat were larger by {} of it",
-    TermEquation.NOZZLE_FLOW: "the flow through the nozzle were larger by {} of it",
-    TermEquation.STIFFNESS: "the fuel in the line were stiffer by {} of it",
-    TermEquation.INERTANCE: "the inertance of the line were larger by {} of it",
-    TermEquation.CHAMBER_PRESSURE: "the pressure in the chamber were higher by {}",
-    TermEquation.LINE_PRESSURE_SENSOR: "the line-pressure sensor read more, by {}",
-    TermEquation.NEEDLE_LIFT: "the needle stood higher than measured, by {}",
-    TermEquation.RAIL_PRESSURE: "the rail pressure were higher than measured, by {}",
-}
-
-
 def proposal_words(one: Proposal) -> str:
     """What it is as if, in a sentence with the law and its coefficient."""
-    parts = [_AS_IF[term.equation].format(_sized_law(term)) for term in one.terms]
+    parts = [as_if(term, _sized_law(term)) for term in one.terms]
     sizes = dict(zip(one.found.ids, one.found.parameters, strict=True))
     known = [
         f"{name} ({', '.join(_size_words(printed(name, sizes[name]), '95 %: '))})" for name in one.effects
@@ -164,7 +151,9 @@ def standing_words(one: Proposal) -> str:
     fit = "explains all" if one.adequate else "does not explain all: no model may have it"
     if one.adequate and not one.may_enter:
         fit += ", but no model may have it: " + ("too many terms" if one.sound else "not sound everywhere")
-    return "; ".join(filter(None, (fit, apart, moved)))
+    alike = dict.fromkeys(other for term in one.terms for other in term.equation.alike)
+    hardly = f"line pressure alone hardly tells it from a law of {' or '.join(alike)}" if alike else ""
+    return "; ".join(filter(None, (fit, apart, moved, hardly)))
 
 
 def visible_words(one: SmallestVisible) -> str:

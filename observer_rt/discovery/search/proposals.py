@@ -1,6 +1,7 @@
 """Proposes terms where no effect of the vocabulary explains recordings, or a term does it clearly better."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from itertools import chain
 
 import numpy as np
@@ -8,7 +9,8 @@ import numpy as np
 from observer_rt.config.terms import term_domain
 from observer_rt.discovery.search.adequacy import HealthyBaseline, worst
 from observer_rt.discovery.search.candidates import Fitter
-from observer_rt.discovery.search.result import Candidate, Consequence, Proposal
+from observer_rt.discovery.search.law_evidence import law_curve
+from observer_rt.discovery.search.result import Candidate, Consequence, LawCurve, Proposal
 from observer_rt.discovery.search.search import HeldOutPoints, SearchOutcome
 from observer_rt.discovery.search.term_library import InjectorTerms, RecordingSpan, library
 from observer_rt.discovery.search.term_search import PRICE, TermFit, TermSearch, no_terms, scores_of
@@ -21,6 +23,7 @@ from observer_rt.model.term_effect import is_term
 from observer_rt.model.terms.bounds import refuse_unbounded
 
 CLEARLY = 50.0  # of -2 log L, by which a term must beat the vocabulary to be offered in its place
+SEVERAL = 2  # effects together, of which one law may take the place
 MOST_PROPOSED = 4
 INTERVAL_MARGIN = 1.08  # as of effects
 
@@ -35,9 +38,8 @@ def propose(
     Without an effect that explains the recordings, all that terms explain is proposed; else only what does it
     clearly better.
     """
-    if outcome.adequate and not (
-        outcome.winner.hypothesis.effects and _leaves_a_term(fitter, outcome, baseline)
-    ):
+    named = len(outcome.winner.hypothesis.effects) if outcome.adequate else SEVERAL
+    if named == 0 or (named < SEVERAL and not _leaves_a_term(fitter, outcome, baseline)):
         return ()
     problem = InjectorTerms(fitter.evidence, fitter.nominal, _candidates(fitter.evidence, outcome), baseline)
     result = TermSearch(problem, fitter.each).run()
@@ -63,7 +65,22 @@ def propose(
             moves(fitter.nominal, model),
         )
 
-    return tuple(proposal(fit) for fit in (result.best, *result.rivals)[:MOST_PROPOSED])
+    first, *others = (proposal(fit) for fit in (result.best, *result.rivals)[:MOST_PROPOSED])
+    return (replace(first, curves=_curves(fitter, first, result.best, baseline)), *others)
+
+
+def _curves(
+    fitter: Fitter, first: Proposal, best: TermFit, baseline: HealthyBaseline
+) -> tuple[LawCurve, ...]:
+    """The laws of a proposal over their variables."""
+    span, model = _span(fitter.evidence), first.model(fitter.nominal)
+
+    def about_here(effects: Sequence[Effect]) -> InjectorTerms:
+        return InjectorTerms(fitter.evidence, model, effects, baseline)
+
+    reach = (span.time, span.injections)
+    drawn = (law_curve(term, about_here, best.residuals, fitter.each, reach) for term in first.terms)
+    return tuple(one for one in drawn if one is not None)
 
 
 def _leaves_a_term(fitter: Fitter, outcome: SearchOutcome, baseline: HealthyBaseline) -> bool:
@@ -77,11 +94,15 @@ def _leaves_a_term(fitter: Fitter, outcome: SearchOutcome, baseline: HealthyBase
 
 
 def _beats(problem: InjectorTerms, best: TermFit, outcome: SearchOutcome) -> bool:
-    """Whether terms explain all, and clearly more than the effects named, each counted by its price."""
+    """Whether terms explain all, and clearly more than the effects named, each counted by its price.
+
+    One term in place of several effects need not do it clearly.
+    """
     if not any(is_term(effect) for effect in problem.hypothesis(best.chosen).effects):
         return False
     named = outcome.winner.statistic + PRICE * len(outcome.winner.sizes)
-    better = best.statistic + PRICE * len(best.chosen) < named - CLEARLY
+    margin = CLEARLY if len(best.chosen) >= len(outcome.winner.hypothesis.effects) else 0.0
+    better = best.statistic + PRICE * len(best.chosen) < named - margin
     return better and problem.is_adequate(best.chosen, best.theta)
 
 

@@ -276,6 +276,24 @@ class SmallestVisible:
     size: float
 
 
+@dataclass(frozen=True, eq=False)
+class LawCurve:
+    """A term over its variable, in printed units, beside what the recordings say of it.
+
+    x: (n,); law: lines (n,) of it and of its interval's ends; at, points, half: (k,) of a free curve about it,
+    with half widths of 95 % intervals.
+    """
+
+    term: Term
+    words: str
+    unit: str
+    x: NDArray[np.float64]
+    law: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+    at: NDArray[np.float64]
+    points: NDArray[np.float64]
+    half: NDArray[np.float64]
+
+
 @dataclass(frozen=True)
 class Proposal:
     """What would explain the recordings: terms, perhaps beside effects of the vocabulary.
@@ -283,7 +301,8 @@ class Proposal:
     found: the terms as effects with one size, and their intervals; gain: of -2 log L over the model as given; phase:
     in which the model as given fails most; adequate: nothing but noise is left; sound: every law holds over the whole
     domain; held_out: rms of the line pressure's gap on events it was not fitted to, before and after [Pa], nan where
-    nothing was held out; moves: what it does to line pressure and mass.
+    nothing was held out; moves: what it does to line pressure and mass; curves: of the first proposal, its laws over
+    their variables where they have one.
     """
 
     found: Candidate
@@ -293,6 +312,7 @@ class Proposal:
     sound: bool
     held_out: tuple[float, float]
     moves: Consequence
+    curves: tuple[LawCurve, ...] = ()
 
     @property
     def terms(self) -> tuple[Term, ...]:

@@ -6,25 +6,40 @@ centred: with a factor of the pressure itself, most of it would be a constant.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.discovery.search.adequacy import VARIANCE_LIMIT, HealthyBaseline, worst
+from observer_rt.discovery.search.curves import made_to_measure
 from observer_rt.discovery.search.result import Hypothesis, Sizing
+from observer_rt.discovery.search.term_search import Each, TermFit
+from observer_rt.discovery.search.waves import lines, waves
 from observer_rt.estimation.phases import Phase
-from observer_rt.evidence.bounded_fit import Range, Residuals
+from observer_rt.evidence.bounded_fit import Range, Residuals, fit
 from observer_rt.evidence.likelihood import Evidence, Pool, pool_of
 from observer_rt.model.effect import Effect
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import VOCABULARY
-from observer_rt.model.term_effect import LAWS_OF_EFFECTS, TermLaw, is_term, term_effect
+from observer_rt.model.term_effect import (
+    LAWS_OF_EFFECTS,
+    FormNumber,
+    TermLaw,
+    form_freed,
+    form_settled,
+    is_term,
+    term_effect,
+)
 from observer_rt.model.terms.term import TermEquation
 
+WITHIN = 4.0  # times what it is scored with, that a number within a law may become
 MOST_BREAKS = 5  # injections after each of which something may be new
-REMAINDER = (
-    0.02  # of the variance there was, that a fitted model may leave: a law is no more exact than it is
-)
+REMAINDER = 0.06  # of what there was, that a fitted model may leave: a law is no more exact than it is
+TAILORED_FIRST = 4  # most promising equations, in which laws are made to measure
+TAILORED_FURTHER = 2  # the same of further terms
+MASKED = (TermEquation.CHAMBER_PRESSURE,)  # what rings there is promising nowhere in the library
+ITERATIONS = 8  # of a fit with the numbers within laws free
 STEP = 0.01  # of the bound: a term so small changes the innovations in proportion
 
 _SHORT = {  # T and N: time and injection number, from 0 to 1 over the recordings
@@ -38,35 +53,47 @@ _SHORT = {  # T and N: time and injection number, from 0 to 1 over the recording
     "S": "((line_pressure - sac_pressure)/10)",
     "D": "((line_pressure - chamber_pressure)/100)",
 }
-_LAGGED_LIFT = tuple(f"X - lagged(X, {ms})" for ms in (0.02, 0.05, 0.1, 0.2))
-_LAGGED_FLOW = tuple(f"Q - lagged(Q, {ms})" for ms in (0.02, 0.05, 0.1, 0.3))
+SHAPED: Mapping[str, tuple[float, ...]] = {
+    "X - lagged(X, A)": (0.02, 0.05, 0.1, 0.2),
+    "Q - lagged(Q, A)": (0.02, 0.05, 0.1, 0.3),
+    "P - lagged(P, A)": (0.05, 0.2),
+    "line_pressure_rate/50 - lagged(line_pressure_rate/50, A)": (0.02,),
+    "exp(-X/A)": (0.1, 0.3),
+    "max(X - A, 0)": (0.5, 0.8),
+    "exp(-U/A)": (0.3, 1.0),
+    "sqrt(A/(H + A))": (0.01, 0.1),
+    "Q*exp(-U/A)": (1.0,),
+    "Q*abs(Q)*exp(-U/A)": (1.0,),
+}
+"""Laws with a number A of their own, fitted, too, where they lead, and what it is where it is scored."""
 _OF_SEAT = (
-    "X", "X^2", "exp(-X/0.1)", "exp(-X/0.3)", "max(X - 0.5, 0)", "max(X - 0.8, 0)", "X > 0.93",
-    "V", "abs(V)", "opening", "closing", "U", "exp(-U)", "exp(-U/0.3)", "T", "N", "B", "R", *_LAGGED_LIFT,
+    "X", "X^2", "exp(-X/A)", "max(X - A, 0)", "X > 0.93",
+    "V", "abs(V)", "opening", "closing", "U", "exp(-U/A)", "T", "N", "B", "R", "X - lagged(X, A)",
 )  # fmt: skip
 LIBRARY: Mapping[TermEquation, tuple[str, ...]] = {
     TermEquation.LINE_FLOW: (
         "Q", "sqrt(Q)", "Q^3", "Q^2", "line_pressure_rate/50", "V", "X", "Q*(Q < 0)", "Q*abs(Q)*(Q < 0)",
-        "Q*T", "Q*N", "Q*P", "Q*exp(-U)", "Q*abs(Q)*T", "Q*abs(Q)*N", "Q*abs(Q)*P", "Q*abs(Q)*exp(-U)", *_LAGGED_FLOW,
+        "Q*T", "Q*N", "Q*P", "Q*exp(-U/A)", "Q*abs(Q)*T", "Q*abs(Q)*N", "Q*abs(Q)*P", "Q*abs(Q)*exp(-U/A)",
+        "Q - lagged(Q, A)",
     ),
-    TermEquation.INERTANCE: ("1", "abs(Q)", "Q", "Q^2", "P", "P^2", "T", "N", "X", "U", "exp(-U)"),
+    TermEquation.INERTANCE: ("1", "abs(Q)", "Q", "Q^2", "P", "P^2", "T", "N", "X", "U", "exp(-U/A)"),
     TermEquation.STIFFNESS: (
-        "abs(Q)", "Q", "Q^2", "P", "P^2", "100/(line_pressure + 20)", "T", "N", "X", "U", "exp(-U)",
+        "abs(Q)", "Q", "Q^2", "P", "P^2", "100/(line_pressure + 20)", "T", "N", "X", "U", "exp(-U/A)",
     ),
     TermEquation.RAIL_PRESSURE: ("R^2", "R^3", "T", "N", "X", "open", "abs(Q)", "rail_pressure_rate"),
     TermEquation.LINE_PRESSURE: (
         "1", "sqrt(D)", "D^2", "D^3", "D*closed", "sqrt(D)*closed", "D*open", "sqrt(D)*open", "X", "V", "abs(V)",
-        "T", "N", "D*T", "D*N", "D*B", *_LAGGED_LIFT,
+        "T", "N", "D*T", "D*N", "D*B", "X - lagged(X, A)",
     ),
     TermEquation.SEAT_FLOW: (*_OF_SEAT, "tanh(S)", "sqrt(tanh(S))"),
     TermEquation.NOZZLE_FLOW: (
-        *_OF_SEAT, "H", "sqrt(H)", "H^2", "0.3/sqrt(H + 0.1)", "0.1/sqrt(H + 0.01)", "P", "abs(Q)",
+        *_OF_SEAT, "H", "sqrt(H)", "H^2", "sqrt(A/(H + A))", "P", "abs(Q)",
     ),
-    TermEquation.CHAMBER_PRESSURE: ("min(X/0.33, 1)", "X", "U", "exp(-U)", "nozzle_flow/60", "T", "N", "H"),
-    TermEquation.NEEDLE_LIFT: ("X^2", "X^3", "V", "T", "N", "B", "R", *_LAGGED_LIFT),
+    TermEquation.CHAMBER_PRESSURE: ("min(X/0.33, 1)", "X", "U", "exp(-U/A)", "nozzle_flow/60", "T", "N", "H"),
+    TermEquation.NEEDLE_LIFT: ("X^2", "X^3", "V", "T", "N", "B", "R", "X - lagged(X, A)"),
     TermEquation.LINE_PRESSURE_SENSOR: (
         "P^2", "P^3", "abs(line_pressure_rate)/50", "line_pressure_rate/50", "T", "N", "X", "V", "R", "Q",
-        "P - lagged(P, 0.05)", "P - lagged(P, 0.2)",
+        "P - lagged(P, A)", "line_pressure_rate/50 - lagged(line_pressure_rate/50, A)",
     ),
 }  # fmt: skip
 """Laws by equation."""
@@ -86,7 +113,14 @@ def library(span: RecordingSpan) -> Iterator[Effect]:
     for equation, laws in LIBRARY.items():
         for law in (*laws, *(one for other, one in unnamed if other is equation)):
             if not set(law) & {"N", "B"} or span.injections > 1.0:
-                yield from (term_effect(equation, one) for one in spelled(law, span))
+                yield from (
+                    term_effect(equation, *one) for one in product(spelled(law, span), numbers_of(law))
+                )
+
+
+def numbers_of(law: str) -> list[tuple[FormNumber, ...]]:
+    """The numbers within a law of the library, where it is scored."""
+    return [(FormNumber(value, value / WITHIN, value * WITHIN),) for value in SHAPED.get(law, ())] or [()]
 
 
 def spelled(law: str, span: RecordingSpan) -> Iterator[str]:
@@ -114,15 +148,65 @@ class InjectorTerms:
         self._nominal = nominal
         self._baseline = baseline
         self._before: Pool | None = None
-        self.candidates: tuple[EffectCandidate, ...] = tuple(EffectCandidate(effect) for effect in effects)
+        self.candidates: list[EffectCandidate] = [EffectCandidate(effect) for effect in effects]
 
     def hypothesis(self, chosen: Sequence[int]) -> Hypothesis:
         """These candidates as effects."""
         return Hypothesis(tuple(self.candidates[number].effect for number in chosen))
 
+    @property
+    def remainder(self) -> float:
+        """See `TermProblem`."""
+        return REMAINDER if self._baseline.appears else 0.0
+
     def residuals(self, chosen: Sequence[int], theta: NDArray[np.float64]) -> Residuals | None:
         """See `TermProblem`."""
         return Sizing(self._evidence, self._nominal, self.hypothesis(chosen)).residuals(theta)
+
+    def tailored(self, about: TermFit, equations: Sequence[str], each: Each) -> Sequence[int]:
+        """See `TermProblem`."""
+        model = self.hypothesis(about.chosen).model(self._nominal, about.theta)
+
+        def about_here(effects: Sequence[Effect]) -> InjectorTerms:
+            return InjectorTerms(self._evidence, model, effects, self._baseline)
+
+        known = [TermEquation(one) for one in equations if one in set(TermEquation)]
+        first = known[:TAILORED_FURTHER] if about.chosen else [*known[:TAILORED_FIRST], *MASKED]
+        found = made_to_measure(
+            tuple(dict.fromkeys(first)), self._waves(about.residuals), about_here, about.residuals, each
+        )
+        return [self._number_of(one) for one in found]
+
+    def _waves(self, left: Residuals) -> list[tuple[Effect, Effect]]:
+        """Of frequencies that stand out of what is left."""
+        by_group = np.split(left.z, np.cumsum(left.counts)[:-1])  # line pressure and rate in turn
+        times = [trial.times for trial in self._evidence.trials]
+        found = lines(by_group[::2], times, self._evidence.trials[0].measurement.interval)
+        return waves(found, max(float(one[-1] - one[0]) for one in times))
+
+    def sharpened(self, chosen: Sequence[int], theta: NDArray[np.float64]) -> tuple[int, ...] | None:
+        """See `TermProblem`."""
+        effects = self.hypothesis(chosen).effects
+        freed = Hypothesis(tuple(form_freed(effect) for effect in effects))
+        if len(freed.parameters) == len(chosen):
+            return None
+        start = [
+            value
+            for effect, size in zip(freed.effects, theta, strict=True)
+            for value in (size, *(one.starts[0] for one in effect.parameters[1:]))
+        ]
+        found = fit(Sizing(self._evidence, self._nominal, freed), np.array(start), freed.ranges(), ITERATIONS)
+        if found is None:
+            return None
+        parts = zip(effects, freed.split(found.at.theta), strict=True)
+        return tuple(self._number_of(form_settled(effect, values[1:].tolist())) for effect, values in parts)
+
+    def _number_of(self, effect: Effect) -> int:
+        """The number of a candidate, which may be new."""
+        candidate = EffectCandidate(effect)
+        if candidate not in self.candidates:
+            self.candidates.append(candidate)
+        return self.candidates.index(candidate)
 
     def is_adequate(self, chosen: Sequence[int], theta: NDArray[np.float64]) -> bool:
         """See `TermProblem`."""
@@ -134,7 +218,7 @@ class InjectorTerms:
 
     def _is_remainder(self, pool: Pool) -> bool:
         """Whether a fitted model leaves so little of what there was in every phase that it may be its own error."""
-        if not self._baseline.appears:
+        if not self.remainder:
             return False
         if self._before is None:
             judged = self._evidence.judge(self._nominal)
@@ -144,7 +228,7 @@ class InjectorTerms:
             for phase in Phase:
                 healthy = VARIANCE_LIMIT[signal] * self._baseline.variance.get((signal, phase), 1.0)
                 excess = statistics.variance(phase) - healthy
-                if excess > REMAINDER * max(0.0, self._before[signal].variance(phase) - healthy):
+                if excess > self.remainder * max(0.0, self._before[signal].variance(phase) - healthy):
                     return False
         return True
 
@@ -157,9 +241,11 @@ class EffectCandidate:
 
     @property
     def equation(self) -> str:
-        """Where it sits; of a term, which equation."""
+        """Of a term, and of an effect that is one; else where the effect sits."""
         law = self.effect.apply
-        return law.equation if isinstance(law, TermLaw) else self.effect.place
+        if isinstance(law, TermLaw):
+            return law.equation
+        return LAWS_OF_EFFECTS.get(self.effect.id, (self.effect.place, ""))[0]
 
     @property
     def range(self) -> Range:

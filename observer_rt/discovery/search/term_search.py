@@ -18,10 +18,13 @@ from observer_rt.evidence.bounded_fit import Minimum, Range, Residuals, fit
 SAME = 0.998  # cosine of two signatures of one equation, from which on the weaker one is not fitted
 REFITTED, REFITTED_PAIRS = 5, 3  # of the best by score
 PAIR_GAIN, PAIR_SHARE = 30.0, 0.05  # that a pair of one equation must gain over the best single to be fitted
+TIE = 16.0  # of -2 log L, within which fits explain as much
 PRICE = 10.0  # of -2 log L for a term more, which of two near-ties leads
 LEAST_GAIN, LEAST_SHARE = 25.0, 0.05  # of what is left unexplained, that a further term must gain
 KEPT_SHARE = 0.02  # of the same, that a term already taken must be worth
-MOST_TERMS = 4
+MOST_TERMS = 3
+STARTS = 2  # first terms from which others are sought, where the best ends inadequate
+SHARPENED = 2  # best fits, in which the numbers within laws are fitted, too
 ITERATIONS = 6  # of a refit
 
 
@@ -44,11 +47,21 @@ class TermProblem(Protocol):
     def candidates(self) -> Sequence[CandidateTerm]:
         """Terms that may be missing."""
 
+    @property
+    def remainder(self) -> float:
+        """Share of what terms explain that may be the model's own error; 0 of an exact one."""
+
     def residuals(self, chosen: Sequence[int], theta: NDArray[np.float64]) -> Residuals | None:
         """Residuals with these candidates in force, their coefficients theta; None without a solution."""
 
     def is_adequate(self, chosen: Sequence[int], theta: NDArray[np.float64]) -> bool:
         """Whether nothing but noise is left."""
+
+    def tailored(self, about: "TermFit", equations: Sequence[str], each: "Each") -> Sequence[int]:
+        """Candidates made for what a fit leaves, which may be new; equations: the most promising first."""
+
+    def sharpened(self, chosen: Sequence[int], theta: NDArray[np.float64]) -> tuple[int, ...] | None:
+        """The same terms with the numbers within their laws fitted; None where they have none. They may be new."""
 
 
 Each = Callable[[Callable[[int], object], Sequence[int]], Iterable[object]]
@@ -88,7 +101,7 @@ class TermSearchResult:
     """How a search ended.
 
     best: the terms found, none where nothing is worth one; nothing: the model as it is; adequate: whether the best
-    leaves nothing but noise; rivals: fits of as many terms, one of them of another equation, that explain as much.
+    leaves nothing but noise; rivals: of other equations, the best fit of as many terms that explains as much.
     """
 
     nothing: TermFit
@@ -115,6 +128,17 @@ class Scores:
         """Of the signatures in two rows."""
         length = math.sqrt(self.information[one, one] * self.information[other, other])
         return abs(float(self.information[one, other])) / length
+
+    def part(self, numbers: range) -> "Scores":
+        """Those of some candidates, their numbers counted from the first; what has no signature is not there."""
+        rows = np.flatnonzero((self.numbers >= numbers.start) & (self.numbers < numbers.stop))
+        return Scores(
+            self.numbers[rows] - numbers.start,
+            self.information[np.ix_(rows, rows)],
+            self.gradient[rows],
+            self.gains[rows],
+            self.validated[rows],
+        )
 
     def pair_gain(self, one: int, other: int) -> float:
         """What two rows together would gain."""
@@ -175,20 +199,49 @@ class TermSearch:
 
     def run(self) -> TermSearchResult:
         """See `TermSearchResult`. Raises ArithmeticError where the model itself has no solution."""
-        problem = self._problem
-        nothing = best = no_terms(problem)
+        nothing = best = no_terms(self._problem)
         tried: list[TermFit] = []
-        while len(best.chosen) < MOST_TERMS and not problem.is_adequate(best.chosen, best.theta):
+        adequate = self._is_adequate(nothing)
+        if not adequate:
+            tried = self._next(nothing)
+            for first in self._firsts(tried, nothing):
+                grown = self._grown(first, nothing, tried)
+                adequate = self._is_adequate(grown)
+                if adequate or _price(grown) < _price(best):
+                    best = grown
+                if adequate:
+                    break
+        rivals: dict[frozenset[str], TermFit] = {}
+        for one in sorted(tried, key=_price):
+            if self._is_rival(one, best):
+                rivals.setdefault(frozenset(self._equations(one)), one)
+        return TermSearchResult(nothing, best, adequate, tuple(rivals.values()))
+
+    def _firsts(self, fits: Sequence[TermFit], nothing: TermFit) -> list[TermFit]:
+        """First terms to go on from: the best, and the best that share no equation with it."""
+        found: list[TermFit] = []
+        left = list(fits)
+        while left and len(found) < STARTS:
+            one = self._without_idle(self._simplest(left, nothing), nothing)
+            if nothing.statistic - one.statistic < _least(nothing, LEAST_SHARE):
+                break
+            found.append(one)
+            left = [other for other in left if not self._equations(other) & self._equations(one)]
+        return found
+
+    def _grown(self, best: TermFit, nothing: TermFit, tried: list[TermFit]) -> TermFit:
+        """A fit with the terms added that it needs; what was fitted goes to `tried`."""
+        while len(best.chosen) < MOST_TERMS and not self._is_adequate(best):
             fits = self._next(best)
-            tried += fits
             if not fits:
                 break
-            better = self._without_idle(min(fits, key=_price))
-            if best.statistic - better.statistic < _least(best, LEAST_SHARE):
+            tried += fits
+            better = self._without_idle(self._simplest(fits, nothing), nothing)
+            own = self._problem.remainder * (nothing.statistic - better.statistic)
+            if best.statistic - better.statistic < max(_least(best, LEAST_SHARE), own):
                 break
             best = better
-        rivals = [one for one in tried if self._is_rival(one, best)]
-        return TermSearchResult(nothing, best, problem.is_adequate(best.chosen, best.theta), tuple(rivals))
+        return best
 
     def _next(self, about: TermFit) -> list[TermFit]:
         """Fits with a term or two more: of those whose signatures explain most of what is left."""
@@ -197,8 +250,40 @@ class TermSearch:
         additions: list[tuple[int, ...]] = [(row,) for row in self._leaders(scores)]
         if room > 1:
             additions += self._pairs(scores)
-        fits = self._each(lambda i: self._with(about, scores, additions[i]), range(len(additions)))
-        return [one for one in fits if isinstance(one, TermFit)]
+        fits = self._fits(lambda i: self._with(about, scores, additions[i]), len(additions))
+        fits += self._sharpened(fits)
+        singles = [one for one in fits if len(one.chosen) == len(about.chosen) + 1]
+        if not singles or not self._is_adequate(min(singles, key=_price)):
+            fits += self._tailored(about, scores)
+        return fits
+
+    def _fits(self, fit: Callable[[int], TermFit | None], count: int) -> list[TermFit]:
+        """Those that there are."""
+        return [one for one in self._each(fit, range(count)) if isinstance(one, TermFit)]
+
+    def _sharpened(self, fits: Sequence[TermFit]) -> list[TermFit]:
+        """The best fits with the numbers within their laws fitted, too."""
+        leaders = sorted(fits, key=_price)[:SHARPENED]
+
+        def sharpened(i: int) -> TermFit | None:
+            chosen = self._problem.sharpened(leaders[i].chosen, leaders[i].theta)
+            return None if chosen is None else self._fit(chosen, leaders[i].theta)
+
+        return self._fits(sharpened, len(leaders))
+
+    def _tailored(self, about: TermFit, scores: Scores) -> list[TermFit]:
+        """Fits with a term more that is made for what is left."""
+        promising = (self._equation(scores, row) for row in np.argsort(-scores.validated).tolist())
+        made = self._problem.tailored(about, list(dict.fromkeys(promising)), self._each)
+
+        def fitted(i: int) -> TermFit | None:
+            return self._fit((*about.chosen, made[i]), np.append(about.theta, 0.0))
+
+        found = self._fits(fitted, len(made))
+        return found + self._sharpened(found)
+
+    def _is_adequate(self, one: TermFit) -> bool:
+        return self._problem.is_adequate(one.chosen, one.theta)
 
     def _leaders(self, scores: Scores) -> list[int]:
         """Rows of the best singles, but for those that another of their equation stands for."""
@@ -245,7 +330,18 @@ class TermSearch:
                 return _fitted(chosen, found)
         return None
 
-    def _without_idle(self, best: TermFit) -> TermFit:
+    def _simplest(self, fits: Sequence[TermFit], nothing: TermFit) -> TermFit:
+        """The best fit, or one of fewer terms and equations that explains all but the model's own error."""
+        best = min(fits, key=_price)
+        own = self._problem.remainder * (nothing.statistic - best.statistic)
+        limit = _price(best) + max(own, TIE * best.spread)
+        tied = [one for one in fits if _price(one) <= limit]
+        return min(tied, key=lambda one: (len(one.chosen), len(self._equations(one)), _price(one)))
+
+    def _equations(self, one: TermFit) -> set[str]:
+        return {self._problem.candidates[number].equation for number in one.chosen}
+
+    def _without_idle(self, best: TermFit, nothing: TermFit) -> TermFit:
         """Without the terms that later ones have made needless."""
         for number in best.chosen:
             if len(best.chosen) < 2:
@@ -253,18 +349,20 @@ class TermSearch:
             place = best.chosen.index(number)
             rest = tuple(one for one in best.chosen if one != number)
             smaller = self._fit(rest, np.delete(best.theta, place))
-            if smaller is not None and smaller.statistic - best.statistic < _least(smaller, KEPT_SHARE):
+            if smaller is None:
+                continue
+            own = self._problem.remainder * (nothing.statistic - best.statistic)
+            if smaller.statistic - best.statistic < max(_least(smaller, KEPT_SHARE), own):
                 best = smaller
         return best
 
     def _is_rival(self, one: TermFit, best: TermFit) -> bool:
         """Whether it explains as much with no more terms, by another equation."""
-        equations = [{self._problem.candidates[n].equation for n in fit.chosen} for fit in (one, best)]
         return (
             bool(best.chosen)
             and len(one.chosen) <= len(best.chosen)
-            and equations[0] != equations[1]
-            and one.statistic < best.statistic + 16.0 * best.spread
+            and self._equations(one) != self._equations(best)
+            and one.statistic < best.statistic + TIE * best.spread
         )
 
 

@@ -24,6 +24,7 @@ from observer_rt.discovery.search.result import (
     Decisive,
     Discovery,
     FittedEffect,
+    Proposal,
     SmallestVisible,
     Unexplained,
     Verdict,
@@ -50,6 +51,10 @@ from observer_rt.model.effects import VOCABULARY
 _PRESSURE_SENSORS = frozenset({Place.RAIL_SENSOR, Place.LINE_SENSOR})
 
 
+_BESIDE_SHUT_NEEDLE = {Place.SEAT, Place.LIFT_SENSOR, Place.CLOSED_END}
+"""Where fuel may leave, or seem to, while the needle is shut."""
+
+
 def decide_by(ids: Iterable[str], rate_measured: bool = False) -> tuple[Decisive, ...]:
     """For every two of the effects, the measurement that would tell them apart.
 
@@ -63,12 +68,27 @@ def decide_by(ids: Iterable[str], rate_measured: bool = False) -> tuple[Decisive
     return tuple(Decisive(measurement, tuple(ids)) for measurement, ids in found.items())
 
 
+def decide_between(proposals: Sequence[Proposal], rate_measured: bool = False) -> tuple[Decisive, ...]:
+    """The measurements that would tell the first proposal from the others; see `decide_by`."""
+    found: dict[str, list[str]] = {}
+    for number, other in enumerate(proposals[1:], start=2):
+        ours, theirs = (one.found.hypothesis.effects for one in (proposals[0], other))
+        one = next((effect for effect in ours if effect not in theirs), ours[0])
+        instead = next((effect for effect in theirs if effect not in ours), theirs[0])
+        found.setdefault(_measurement(one, instead, rate_measured), ["proposal 1"]).append(
+            f"proposal {number}"
+        )
+    return tuple(Decisive(measurement, tuple(names)) for measurement, names in found.items())
+
+
 def _measurement(one: Effect, other: Effect, rate_measured: bool) -> str:
     """What the effects themselves say decides, else what decides by their places."""
     relation, places = one.relation_to(other), {one.place, other.place}
     said = relation.decided_by if relation is not None else one.decided_by or other.decided_by
     if said:
         return WITH_A_MEASURED_RATE.get(said, said) if rate_measured else said
+    if places <= _BESIDE_SHUT_NEEDLE and len(places) > 1 and not rate_measured:
+        return "the injection rate or mass measured, or a recording with the needle shut for a second"
     if places & _PRESSURE_SENSORS:
         return "the pressure sensors against a reference gauge, and recordings at more rail pressures"
     at_chamber = Place.CHAMBER in places or Place.NOZZLE in places
@@ -219,7 +239,7 @@ class _Verdict:
             unexplained=self._unexplained() if verdict is Verdict.UNKNOWN else None,
             decide_by=decide_by(open_ids, self._rate_noise() is not None)
             if verdict is Verdict.AMBIGUOUS
-            else (),
+            else decide_between(self._proposals, self._rate_noise() is not None),
             before=self._cells(found.nominal),
             after=self._cells(self._best),
             noise=NoiseLevels(

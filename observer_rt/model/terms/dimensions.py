@@ -4,8 +4,10 @@ A bare number takes whatever unit makes the law right, and so does what it is mu
 a variable and `c` have one.
 """
 
+from collections.abc import Sequence
+
 from observer_rt.foundation.errors import UserError
-from observer_rt.model.terms.law import Applied, Coefficient, Lagged, Law, Number, Operation, Quantity
+from observer_rt.model.terms.law import Applied, Coefficient, Lagged, Law, Number, Operation, Quantity, Table
 from observer_rt.model.terms.term import TermEquation
 from observer_rt.model.terms.variable import PURE, Unit, unit_named
 
@@ -42,6 +44,11 @@ class _Check:
                 return variable.unit
             case Lagged(argument):
                 return self.unit_of(argument)
+            case Table(argument, points, values):
+                place = self.unit_of(argument)
+                for point in points:
+                    self.alike(place, self.unit_of(point), f"in '{law}', '{argument}'", f"the point {point}")
+                return self._of_values(law, values)
             case Applied(operation, arguments):
                 return self._of_operation(law, operation, arguments)
         raise TypeError(f"no law: {law!r}")
@@ -61,6 +68,13 @@ class _Check:
                 "give a number the missing unit, such as 100[MPa], or correct the law",
             )
         return one
+
+    def _of_values(self, law: Law, values: Sequence[Law]) -> Unit | None:
+        """The one unit of a table's values."""
+        unit = self.unit_of(values[0])
+        for value in values[1:]:
+            unit = self.alike(unit, self.unit_of(value), f"in '{law}', {values[0]}", f"{value}")
+        return unit
 
     def _known(self, unit: Unit) -> Unit:
         """The unit with that of `c` put in."""

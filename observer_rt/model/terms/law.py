@@ -1,7 +1,7 @@
 """Laws as trees: printed, evaluated over arrays, their slopes by a variable.
 
-A law is made of numbers, the coefficient `c`, variables, operations on them and lags. Numbers are in the units of
-`variable`, whatever unit they were written in.
+A law is made of numbers, the coefficient `c`, variables, operations on them, lags and tables. Numbers are in the
+units of `variable`, whatever unit they were written in.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -54,7 +55,7 @@ SIGNS = {
 }
 FUNCTIONS = {operation.name.lower(): operation for operation in Operation if operation >= Operation.SQRT}
 PAIRS = (Operation.MIN, Operation.MAX)  # the functions of two arguments
-LAGGED = "lagged"
+LAGGED, TABLE = "lagged", "table"
 
 
 class Law:
@@ -188,6 +189,42 @@ class Lagged(Law):
         if lag is None:
             raise ValueError(f"'{self}' remembers: say what a lag does")
         return lag(np.asarray(self.argument._at(values, c, lag), dtype=np.float64), self.milliseconds)
+
+
+@dataclass(frozen=True)
+class Table(Law):
+    """Straight lines between values at points that rise, the first and last value beyond."""
+
+    argument: Law
+    points: tuple[Number, ...]
+    values: tuple[Number, ...]
+
+    @property
+    def parts(self) -> tuple[Law, ...]:
+        return (self.argument,)
+
+    @property
+    def spelled(self) -> Law:
+        """The same as a sum of lines that begin and end."""
+        law: Law = Number(self.values[0].reckoned)
+        knots = [
+            (point.reckoned, value.reckoned) for point, value in zip(self.points, self.values, strict=True)
+        ]
+        for (start, low), (end, high) in pairwise(knots):
+            done = _call(Operation.MAX, _difference(self.argument, Number(start)), ZERO)
+            part = _call(Operation.MIN, done, Number(end - start))
+            law = _sum(law, _product(Number((high - low) / (end - start)), part))
+        return law
+
+    def slope(self, variable: str) -> Law:
+        return self.spelled.slope(variable)
+
+    def settled(self) -> Law:
+        return Table(self.argument.settled(), self.points, self.values)
+
+    def _at(self, values: Mapping[str, Any], c: float, lag: Lag | None) -> Any:
+        knots, found = ([one.reckoned for one in each] for each in (self.points, self.values))
+        return np.interp(self.argument._at(values, c, lag), knots, found)
 
 
 def first_order(interval_ms: float) -> Lag:
@@ -342,6 +379,9 @@ def _printed(law: Law) -> tuple[str, int]:
         case Lagged(argument, milliseconds):
             time = repr(milliseconds).removesuffix(".0")
             return f"{LAGGED}({argument}, {time})", _WHOLE
+        case Table(argument, points, values):
+            knots = ", ".join(f"{point}, {value}" for point, value in zip(points, values, strict=True))
+            return f"{TABLE}({argument}, {knots})", _WHOLE
         case Applied(
             Operation.NEGATE, (Number() as number,)
         ):  # without parentheses it were a negative number

@@ -10,6 +10,7 @@ part       = number ["[" unit "]"] | name | function "(" comparison {"," compari
 
 import math
 import re
+from itertools import pairwise
 from typing import NamedTuple, NoReturn
 
 from observer_rt.foundation.errors import UserError, did_you_mean
@@ -18,6 +19,7 @@ from observer_rt.model.terms.law import (
     LAGGED,
     PAIRS,
     SIGNS,
+    TABLE,
     Applied,
     Coefficient,
     Lagged,
@@ -25,6 +27,7 @@ from observer_rt.model.terms.law import (
     Number,
     Operation,
     Quantity,
+    Table,
 )
 from observer_rt.model.terms.variable import UNIT_NAMES, VARIABLES, unit_named
 
@@ -35,7 +38,7 @@ _TOKEN = re.compile(
     r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?:\s*\[(?P<unit>[^\]]*)\])?"
     r"|(?P<name>[A-Za-z_]\w*)|(?P<sign>[-+*/^(),<>])|(?P<end>$)|(?P<other>.))"
 )
-_ALL_NAMES = (*VARIABLES, *FUNCTIONS, LAGGED, COEFFICIENT)
+_ALL_NAMES = (*VARIABLES, *FUNCTIONS, LAGGED, TABLE, COEFFICIENT)
 
 
 class _Token(NamedTuple):
@@ -150,7 +153,7 @@ class _Parser:
     def _named(self) -> Law:
         token = self.token
         self.token = self._next()
-        if token.text in (*FUNCTIONS, LAGGED):
+        if token.text in (*FUNCTIONS, LAGGED, TABLE):
             return self._call(token)
         if token.text == COEFFICIENT:
             return Coefficient()
@@ -159,7 +162,7 @@ class _Parser:
                 f"column {token.column}",
                 f"unknown name '{token.text}'",
                 f"{did_you_mean(token.text, _ALL_NAMES)}variables: {', '.join(VARIABLES)}; "
-                f"functions: {', '.join((*FUNCTIONS, LAGGED))}; c is the coefficient",
+                f"functions: {', '.join((*FUNCTIONS, LAGGED, TABLE))}; c is the coefficient",
             )
         return Quantity(VARIABLES[token.text])
 
@@ -173,6 +176,8 @@ class _Parser:
             known = unit_named(time.unit or "ms")
             if not time.value > 0.0 or known is None or str(known[1]) != "ms":
                 raise UserError(f"column {function.column}", "no time of a lag", "give it in ms, above 0")
+        elif function.text == TABLE:
+            law = self._table(arguments[0])
         else:
             if FUNCTIONS[function.text] in PAIRS:
                 self._demand(",")
@@ -180,6 +185,22 @@ class _Parser:
             law = Applied(FUNCTIONS[function.text], tuple(arguments))
         self._demand(")")
         return law
+
+    def _table(self, argument: Law) -> Table:
+        """The points and values behind a table's argument."""
+        numbers: list[Number] = []
+        while self._taken(","):
+            sign = -1.0 if self._taken("-") else 1.0
+            one = self._number("a point or a value of the table, a number")
+            numbers.append(Number(sign * one.value, one.unit))
+        points, values = tuple(numbers[::2]), tuple(numbers[1::2])
+        if len(values) < 2 or len(points) != len(values):
+            self.refuse("a point and a value of it, two times or more")
+        if any(one.reckoned >= other.reckoned for one, other in pairwise(points)):
+            raise UserError(
+                f"column {self.token.column}", "the points of the table do not rise", "put them in order"
+            )
+        return Table(argument, points, values)
 
     def _taken(self, *signs: str) -> str:
         """The sign at hand, where it is one of these; then it is behind us."""

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.foundation.compiled import compiled, inner
-from observer_rt.model.terms.law import Applied, Coefficient, Lagged, Law, Number, Operation, Quantity
+from observer_rt.model.terms.law import Applied, Coefficient, Lagged, Law, Number, Operation, Quantity, Table
 from observer_rt.model.terms.term import Term, TermEquation
 from observer_rt.model.terms.variable import Variable
 
@@ -99,6 +99,8 @@ def _rows(law: Law, c: float, known: Mapping[Variable, float]) -> Iterator[tuple
         case Lagged(argument, milliseconds):
             yield from _rows(argument, c, known)
             yield _LAG, milliseconds
+        case Table():
+            yield from _rows(law.spelled, c, known)
         case Applied(operation, arguments):
             for argument in arguments:
                 yield from _rows(argument, c, known)

@@ -40,9 +40,21 @@ class TermEquation(StrEnum):
         return list(TermEquation).index(self)
 
     @property
+    def alike(self) -> tuple["TermEquation", ...]:
+        """Other equations in which a simple law does much the same to the line pressure."""
+        return tuple(one for group in _ALIKE if self in group for one in sorted(group - {self}))
+
+    @property
     def is_share(self) -> bool:
         """Whether the quantity is multiplied by 1 + term."""
         return self.unit == PURE
+
+
+_ALIKE = (
+    {TermEquation.LINE_FLOW, TermEquation.INERTANCE, TermEquation.RAIL_PRESSURE},
+    {TermEquation.SEAT_FLOW, TermEquation.NEEDLE_LIFT},
+    {TermEquation.NOZZLE_FLOW, TermEquation.CHAMBER_PRESSURE},
+)
 
 
 @dataclass(frozen=True)

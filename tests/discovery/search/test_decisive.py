@@ -4,8 +4,13 @@ from itertools import combinations
 
 import pytest
 
-from observer_rt.discovery.search.verdict import decide_by
+from observer_rt.discovery.search.result import Candidate, Consequence, Hypothesis, Proposal
+from observer_rt.discovery.search.verdict import decide_between, decide_by
+from observer_rt.estimation.phases import Phase
+from observer_rt.model.effect import Effect
 from observer_rt.model.effects import VOCABULARY
+from observer_rt.model.term_effect import term_effect
+from observer_rt.model.terms.term import TermEquation
 
 NEAR_TIES = {
     ("line_pressure_sensor_lag", "channel_skew"): "one signal",
@@ -41,3 +46,26 @@ def test_effects_one_measurement_separates_stand_together() -> None:
 
 def test_one_effect_needs_no_decision() -> None:
     assert decide_by(("seat_area",)) == ()
+
+
+def proposal(*effects: Effect) -> Proposal:
+    found = Candidate(Hypothesis(effects), (0.1,) * len(effects), 0.0)
+    return Proposal(found, 0.0, Phase.OPEN, True, True, (0.0, 0.0), Consequence(0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "word"),
+    [
+        (TermEquation.NEEDLE_LIFT, TermEquation.LINE_PRESSURE, "mass"),
+        (TermEquation.NOZZLE_FLOW, TermEquation.CHAMBER_PRESSURE, "another chamber pressure"),
+        (TermEquation.RAIL_PRESSURE, TermEquation.LINE_PRESSURE_SENSOR, "gauge"),
+        (TermEquation.LINE_FLOW, TermEquation.STIFFNESS, "rail pressures"),
+    ],
+)
+def test_proposals_have_a_measurement_that_decides(one: TermEquation, other: TermEquation, word: str) -> None:
+    both = VOCABULARY["orifice_area"]
+    (decisive,) = decide_between(
+        [proposal(term_effect(one, "1"), both), proposal(both, term_effect(other, "1"))]
+    )
+    assert decisive.separates == ("proposal 1", "proposal 2")
+    assert word in decisive.measurement

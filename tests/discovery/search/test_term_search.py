@@ -13,7 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, least_squares
 
-from observer_rt.discovery.search.term_search import TermSearch, TermSearchResult
+from observer_rt.discovery.search.term_search import Each, TermFit, TermSearch, TermSearchResult
 from observer_rt.evidence.bounded_fit import Range, Residuals
 
 Floats = NDArray[np.float64]
@@ -38,7 +38,19 @@ def residuals_of(errors: Floats, sigma: float) -> Residuals:
     return Residuals(errors / sigma, np.full(PARTS, errors.size // PARTS), np.full(PARTS, np.log(sigma)))
 
 
-class Regression:
+class LibraryOnly:
+    """No candidate but those given, without numbers of their own."""
+
+    remainder = 0.0
+
+    def tailored(self, about: TermFit, equations: Sequence[str], each: Each) -> Sequence[int]:
+        return ()
+
+    def sharpened(self, chosen: Sequence[int], theta: Floats) -> tuple[int, ...] | None:
+        return None
+
+
+class Regression(LibraryOnly):
     """y = F theta + noise of 1: columns of F are candidates, named by their equations."""
 
     def __init__(self, equations: str, columns: Floats, y: Floats) -> None:
@@ -85,11 +97,22 @@ def test_two_terms_of_one_equation_are_found_that_alone_explain_next_to_nothing(
 
 
 def test_a_term_that_later_ones_make_needless_is_dropped_and_its_place_used() -> None:
-    *parts, weak, noise = white(5)
+    *parts, weak, noise = white(4)
     whole = 2.0 * np.sum(parts, axis=0)
-    result = searched("abcde", [whole + 4.0 * noise, *parts, weak], whole + 0.6 * weak)
-    assert sorted(result.best.chosen) == [1, 2, 3, 4]
+    result = searched("abcd", [whole + 3.0 * noise, *parts, weak], whole + 0.6 * weak)
+    assert sorted(result.best.chosen) == [1, 2, 3]
     assert result.adequate
+
+
+def test_what_may_be_the_own_error_of_a_model_is_no_term() -> None:
+    class Fitted(Regression):
+        remainder = 0.06
+
+    cause, error = white(2)
+    y = 5.0 * cause + error + np.random.default_rng(0).normal(size=cause.size)
+    for kind, count in ((Regression, 2), (Fitted, 1)):
+        best = TermSearch(kind("ab", np.column_stack((cause, error)), y), in_turn).run().best
+        assert len(best.chosen) == count
 
 
 def test_a_rival_of_another_equation_is_listed() -> None:
@@ -99,6 +122,51 @@ def test_a_rival_of_another_equation_is_listed() -> None:
     found = {"aabc"[number] for fit in (result.best, *result.rivals) for number in fit.chosen}
     assert found == {"a", "b"}
     assert len(result.rivals) == 1
+
+
+def bump(u: Floats, place: float) -> Floats:
+    return np.exp(-(((u - place) / 0.2) ** 2))
+
+
+class Bumps(Regression):
+    """Candidates in two equations; another, a bump over u, is made for what is left, and moved until it fits."""
+
+    def __init__(self, u: Floats, y: Floats) -> None:
+        super().__init__("ab", np.column_stack((u, u**2)), y)
+        self._u = u
+
+    def tailored(self, about: TermFit, equations: Sequence[str], each: Each) -> Sequence[int]:
+        assert set(equations) <= {"a", "b"}
+        return [self._with(0.5, "b")] if not about.chosen else []
+
+    def sharpened(self, chosen: Sequence[int], theta: Floats) -> tuple[int, ...] | None:
+        if chosen[-1] < 2:
+            return None
+        left = self._y - self._columns[:, chosen[:-1]] @ theta[:-1]
+        best = least_squares(lambda p: p[0] * bump(self._u, p[1]) - left, (theta[-1], 0.5))
+        return (*chosen[:-1], self._with(best.x[1], "b"))
+
+    def _with(self, place: float, equation: str) -> int:
+        self._columns = np.column_stack((self._columns, bump(self._u, place)))
+        self.candidates = (*self.candidates, Term(equation, Range(-10.0, 10.0, 0.01)))
+        return len(self.candidates) - 1
+
+
+def test_a_term_made_for_what_is_left_is_taken_at_its_sharpest() -> None:
+    u = np.linspace(0.0, 1.0, 800)
+    y = 3.0 * bump(u, 0.62) + np.random.default_rng(3).normal(size=800)
+    problem = Bumps(u, y)
+    best = TermSearch(problem, in_turn).run().best
+    assert len(best.chosen) == 1
+    np.testing.assert_allclose(problem._columns[:, best.chosen[0]], bump(u, 0.62), atol=0.2)
+    assert best.theta[0] == pytest.approx(3.0, abs=0.3)
+
+
+def test_a_term_is_made_even_where_no_candidate_says_anything() -> None:
+    u = np.linspace(0.0, 1.0, 800)
+    problem = Bumps(u, 3.0 * bump(u, 0.5) + np.random.default_rng(3).normal(size=800))
+    problem._columns[:, :2] = 0.0
+    assert len(TermSearch(problem, in_turn).run().best.chosen) == 1
 
 
 # Two cascaded tanks, the lower level measured in V every 4 s. M. Schoukens, P. Mattsson, T. Wigren, J.-P. Noel:
@@ -148,7 +216,7 @@ def errors(p: Floats, terms: Sequence[Term], u: Floats, y: Floats) -> Floats:
     return np.asarray(lower_level(np.exp(p[:5]), u, where.reshape(-1, 2), theta, thresholds) - y)
 
 
-class Tanks:
+class Tanks(LibraryOnly):
     """Base parameters are fitted anew with every choice of terms."""
 
     def __init__(self, u: Floats, y: Floats, sigma: float) -> None:

@@ -15,6 +15,7 @@ from observer_rt.model.terms.law import (
     Number,
     Operation,
     Quantity,
+    Table,
 )
 from observer_rt.model.terms.variable import Variable
 
@@ -26,6 +27,7 @@ _LEAVES = st.one_of(
 )
 _TWO = [one for one in Operation if one <= Operation.LESS and one is not Operation.POWER] + list(PAIRS)
 _ONE = [Operation.NEGATE, *(one for one in FUNCTIONS.values() if one not in PAIRS)]
+_POINTS = (Number(-20.0), Number(0.125), Number(0.5), Number(80.0, "MPa"))
 _EXPONENTS = st.sampled_from([-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0, 3.0]).map(Number)
 
 
@@ -37,6 +39,7 @@ def laws(lagged: bool = True) -> st.SearchStrategy[Law]:
             st.builds(Applied, st.sampled_from(_TWO), st.tuples(part, part)),
             st.builds(Applied, st.sampled_from(_ONE), st.tuples(part)),
             st.builds(Applied, st.just(Operation.POWER), st.tuples(part, _EXPONENTS)),
+            st.builds(Table, part, st.just(_POINTS), st.tuples(*[_VALUES.map(Number)] * len(_POINTS))),
         ]
         if lagged:
             choices.append(st.builds(Lagged, part, st.sampled_from([0.01, 0.25, 3.0])))

@@ -40,6 +40,8 @@ def test_what_is_printed_is_read_back(law: Law) -> None:
         ("500[us] + 1[ms]", 1.5),
         ("exp(0) + log(1) + sin(0) + cos(0) + tanh(0)", 2.0),
         (".5e1*c", 20.0),
+        ("table(rail_pressure, 0, -3, 900[bar], 4, 110, 6)", 5.0),
+        ("table(rail_pressure, 0, 3, 90, 4)", 4.0),
     ],
 )
 def test_values(text: str, value: float) -> None:
@@ -75,6 +77,7 @@ def test_variables_and_coefficient() -> None:
         ("-line_pressure + line_flow", "-1"),
         ("2 * (3 * line_pressure)", "6"),
         ("lagged(line_pressure, 1)", "0"),
+        ("table(line_pressure, 0, 3, 8, 4)", "0.125 * ((max(line_pressure, 0) < 8) * (line_pressure > 0))"),
         ("sqrt(line_pressure)", "0.5 / sqrt(abs(line_pressure))"),
     ],
 )
@@ -122,6 +125,10 @@ def test_slopes_are_those_of_differences(law: Law, name: str, seed: int) -> None
         ("lagged(open, 3[s])", 1, "in ms"),
         ("100[MPA]", 1, "did you mean 'MPa'?"),
         ("1e999", 1, "smaller number"),
+        ("table(open, 0, 1)", 17, "two times or more"),
+        ("table(open, 0, 1, 2)", 20, "two times or more"),
+        ("table(open, 0, 1, 0, 2)", 23, "do not rise"),
+        ("table(open, 0, open, 1, 2)", 16, "a point or a value"),
         ("open & 1", 6, "found '&'"),
         ("__import__('os')", 1, "unknown name '__import__'"),
         ("(" * 40 + "1" + ")" * 40, 31, "nested"),

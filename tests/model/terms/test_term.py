@@ -30,6 +30,8 @@ def term(equation: str, law: str, c: float = 1.0) -> Term:
         ("seat_flow", "(needle_lift > c) * 0.1", "mm"),
         ("line_pressure_sensor", "c * time", "MPa/s"),
         ("chamber_pressure", "c^2", "MPa^0.5"),
+        ("line_pressure", "table(c * line_pressure, 0, 1, 2, 3[mm3/ms])", "None"),
+        ("line_pressure", "c * table(line_pressure, 0, 1[mm], 2[bar], 3[mm])", "mm2/ms"),
         ("line_pressure_sensor", "2 * c * time", "None"),
         ("nozzle_flow", "0.1 * injection_number", "None"),
         ("nozzle_flow", "(line_pressure - 100) * 0.01", "None"),
@@ -55,6 +57,8 @@ def test_unit_of_the_coefficient(equation: str, law: str, unit: str) -> None:
             "(time - time_since_opening) * 1[Hz]",
             "'time' is in s, 'time_since_opening' is in ms",
         ),
+        ("nozzle_flow", "table(line_pressure, 0, 1, 2[mm], 3)", "the point 2[mm] is in mm"),
+        ("nozzle_flow", "table(open, 0, 1[mm], 1, 3[MPa])", "3[MPa] is in MPa"),
         ("nozzle_flow", "max(open, lift_rate)", "'lift_rate' is in mm/ms"),
     ],
 )

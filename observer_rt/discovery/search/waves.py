@@ -1,0 +1,77 @@
+"""Waves of a fixed frequency in what a model leaves: lines of its spectrum, tried as terms that swing."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from observer_rt.model.effect import Effect
+from observer_rt.model.term_effect import FormNumber, TermLaw, term_effect
+from observer_rt.model.terms.term import TermEquation
+
+LOWEST, HIGHEST = 200.0, 0.4  # Hz, and share of the sample rate
+PADDED = 4  # times as many frequencies as samples
+AROUND = 500.0  # Hz, whose median a line stands out from
+STANDS_OUT = 8.0  # times that median
+LARGEST = 5.0  # standard deviations: transients would hide a wave
+APART = 50.0  # Hz
+MOST_LINES = 2
+SWINGING = (
+    TermEquation.RAIL_PRESSURE, TermEquation.LINE_PRESSURE_SENSOR, TermEquation.LINE_PRESSURE,
+    TermEquation.CHAMBER_PRESSURE,
+)  # fmt: skip
+"""Where something may hum by itself."""
+
+
+def waves(frequencies: Sequence[float], longest: float) -> list[tuple[Effect, Effect]]:
+    """Sine and cosine of every frequency [Hz] at every place; longest: recording [s], which says how exact it is."""
+    found = []
+    for frequency in frequencies:
+        numbers = FormNumber(frequency, frequency - 1.0 / longest, frequency + 1.0 / longest)
+        for equation in SWINGING:
+            sine, cosine = (
+                term_effect(
+                    equation, "sin(6.283185307*A[Hz]*time + W)", (numbers, FormNumber(phase, -4.0, 4.0))
+                )
+                for phase in (0.0, 0.5 * math.pi)
+            )
+            found.append((sine, cosine))
+    return found
+
+
+def turned(sine: Effect, swings: Sequence[float]) -> Effect:
+    """A wave of which these two are the shares of sine and cosine, as one term with a phase."""
+    law = sine.apply
+    assert isinstance(law, TermLaw)
+    frequency, phase = law.numbers
+    angle = math.atan2(swings[1], swings[0])
+    return term_effect(law.equation, law.form, (frequency, phase._replace(value=angle)))
+
+
+def lines(
+    left: Sequence[NDArray[np.float64]], times: Sequence[NDArray[np.float64]], interval: float
+) -> list[float]:
+    """Frequencies [Hz] that stand out of what recordings leave, strongest first.
+
+    left: normalised residuals of each recording; times: theirs [s], a whole number of intervals apart.
+    """
+    size = 1 << math.ceil(math.log2(PADDED * max(one[-1] - one[0] for one in times) / interval))
+    power = np.zeros(size // 2 + 1)
+    for values, when in zip(left, times, strict=True):
+        grid = np.zeros(size)
+        grid[np.rint((when - when[0]) / interval).astype(np.int64)] = np.clip(values, -LARGEST, LARGEST)
+        power += np.abs(np.fft.rfft(grid)) ** 2
+    step = 1.0 / (size * interval)
+    coarse = 8  # bins of which one is enough for the median
+    background = np.repeat(median_filter(power[::coarse], max(3, round(AROUND / step / coarse))), coarse)
+    power = np.where(power > STANDS_OUT * background[: power.size], power, 0.0)
+    first, last = round(LOWEST / step), round(HIGHEST / (interval * step))
+    power[:first] = power[last:] = 0.0
+    found: list[float] = []
+    while len(found) < MOST_LINES and power.any():
+        top = int(np.argmax(power))
+        found.append(top * step)
+        power[max(0, top - round(APART / step)) : top + round(APART / step)] = 0.0
+    return found

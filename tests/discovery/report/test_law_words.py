@@ -1,0 +1,55 @@
+"""Terms in the words of an engineer."""
+
+import pytest
+
+from observer_rt.discovery.report.law_words import as_if
+from observer_rt.model.terms.parser import parse
+from observer_rt.model.terms.term import Term, TermEquation
+
+
+@pytest.mark.parametrize(
+    ("equation", "law", "c", "words"),
+    [
+        (
+            "nozzle_flow",
+            "c*((1 + tanh((time_since_opening/1 - 0.605)/0.008))/2)",
+            -0.2126,
+            "the nozzle lost 21.3 % of its flow from a time since the opening of 0.605 ms on",
+        ),
+        (
+            "stiffness",
+            "c*exp(-(((line_pressure - 100)/50 - -0.1)/0.3)^2)",
+            0.075,
+            "the fuel in the line were stiffer by 7.5 % round a line pressure of 95 MPa",
+        ),
+        (
+            "chamber_pressure",
+            "c*(exp(-(time_since_opening/1)/0.53)*sin(6.283185307*1.5*(time_since_opening/1) + (-0.1)))",
+            5.7,
+            "in the chamber were 5.7 MPa higher at most, ringing at 1.5 kHz after every opening for 0.53 ms",
+        ),
+        (
+            "rail_pressure",
+            "c*sin(6.283185307*2791.05[Hz]*time + 0.06)",
+            -0.4,
+            "the rail pressure were 0.4 MPa lower than measured and back, a wave of 2791.05 Hz",
+        ),
+        (
+            "line_pressure",
+            "c*closed",
+            1.5,
+            "1.5 mm³/ms left the line beside the nozzle while the needle is shut",
+        ),
+        ("seat_flow", "c*exp(-(time_since_opening/1)/0.3)", 0.2, "at every opening, fading in 0.3 ms"),
+        ("line_pressure_sensor", "c*(time/0.187)", 2.0, "read 2 MPa more in the end, growing for 0.187 s"),
+    ],
+)
+def test_simple_laws_are_told_in_words(equation: str, law: str, c: float, words: str) -> None:
+    told = as_if(Term(TermEquation(equation), parse(law), c), "the law")
+    assert words in told
+    assert told.endswith(f": {equation} = the law")
+
+
+def test_any_other_law_stands_as_it_is() -> None:
+    term = Term(TermEquation.LINE_FLOW, parse("c*(line_flow/60)*abs(lift_rate)"), 0.3)
+    assert as_if(term, "this law") == "the line lost more pressure, by this law"

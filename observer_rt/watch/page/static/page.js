@@ -39,8 +39,8 @@ const halfOf = (plot, high, number, at) =>
 // Of each panel: title, unit, and `span`, what its axis shows at least, so that noise looks like noise.
 const TIME = { column: "time", label: "ms", axis: "time, ms", span: 1 };
 const NUMBER = { column: "number", label: "injection", axis: "injection", span: 20 };
-const rate = (name) => ({
-  title: `Injection rate ${name}`, unit: "mm³/ms", span: 10, least: 0, x: TIME, height: 310,
+const rate = (name, height) => ({
+  title: `Injection rate ${name}`, unit: "mm³/ms", span: 10, least: 0, x: TIME, height,
   series: [
     ...before("rate"),
     unnamed("low", { stroke: BAND }),
@@ -55,7 +55,7 @@ const PANELS = {
   rail_pressure: { title: "Rail pressure", unit: "MPa", span: 20, x: TIME, series: measured("rail_pressure") },
   needle_lift: { title: "Needle lift", unit: "µm", span: 50, x: TIME, series: measured("needle_lift") },
   phi: {
-    title: "Correction φ of the model, 1/s, each on a scale of its own", span: 10, x: TIME,
+    title: "Correction φ, 1/s, own scales", span: 10, x: TIME,
     series: [
       line("phi_1", "φ₁ line pressure", OBSERVER, { scale: "1" }),
       line("phi_2", "φ₂ line flow", SECOND, { scale: "2" }),
@@ -142,7 +142,7 @@ function build(names) {
       `<div class="injector"><div id="banner_${k}" class="letters"></div><div><div id="rate_${k}"></div></div></div>`);
   });
   element("names").hidden = names.length === 1;
-  names.forEach((name, k) => addPanel(`rate_${k}`, rate(name)));
+  names.forEach((name, k) => addPanel(`rate_${k}`, rate(name, names.length === 1 ? 490 : 310)));
   for (const [id, panel] of Object.entries(PANELS)) addPanel(id, panel);
 }
 

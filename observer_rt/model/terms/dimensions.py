@@ -7,7 +7,16 @@ a variable and `c` have one.
 from collections.abc import Sequence
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.model.terms.law import Applied, Coefficient, Lagged, Law, Number, Operation, Quantity, Table
+from observer_rt.model.terms.law import (
+    Applied,
+    Coefficient,
+    Lagged,
+    Law,
+    Number,
+    Operation,
+    Quantity,
+    Tabulated,
+)
 from observer_rt.model.terms.term import TermEquation
 from observer_rt.model.terms.variable import PURE, Unit, unit_named
 
@@ -44,7 +53,7 @@ class _Check:
                 return variable.unit
             case Lagged(argument):
                 return self.unit_of(argument)
-            case Table(argument, points, values):
+            case Tabulated(argument, points, values):
                 place = self.unit_of(argument)
                 for point in points:
                     self.alike(place, self.unit_of(point), f"in '{law}', '{argument}'", f"the point {point}")

@@ -192,7 +192,7 @@ class Lagged(Law):
 
 
 @dataclass(frozen=True)
-class Table(Law):
+class Tabulated(Law):
     """Straight lines between values at points that rise, the first and last value beyond."""
 
     argument: Law
@@ -220,7 +220,7 @@ class Table(Law):
         return self.spelled.slope(variable)
 
     def settled(self) -> Law:
-        return Table(self.argument.settled(), self.points, self.values)
+        return Tabulated(self.argument.settled(), self.points, self.values)
 
     def _at(self, values: Mapping[str, Any], c: float, lag: Lag | None) -> Any:
         knots, found = ([one.reckoned for one in each] for each in (self.points, self.values))
@@ -379,7 +379,7 @@ def _printed(law: Law) -> tuple[str, int]:
         case Lagged(argument, milliseconds):
             time = repr(milliseconds).removesuffix(".0")
             return f"{LAGGED}({argument}, {time})", _WHOLE
-        case Table(argument, points, values):
+        case Tabulated(argument, points, values):
             knots = ", ".join(f"{point}, {value}" for point, value in zip(points, values, strict=True))
             return f"{TABLE}({argument}, {knots})", _WHOLE
         case Applied(

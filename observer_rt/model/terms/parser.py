@@ -27,7 +27,7 @@ from observer_rt.model.terms.law import (
     Number,
     Operation,
     Quantity,
-    Table,
+    Tabulated,
 )
 from observer_rt.model.terms.variable import UNIT_NAMES, VARIABLES, unit_named
 
@@ -186,7 +186,7 @@ class _Parser:
         self._demand(")")
         return law
 
-    def _table(self, argument: Law) -> Table:
+    def _table(self, argument: Law) -> Tabulated:
         """The points and values behind a table's argument."""
         numbers: list[Number] = []
         while self._taken(","):
@@ -200,7 +200,7 @@ class _Parser:
             raise UserError(
                 f"column {self.token.column}", "the points of the table do not rise", "put them in order"
             )
-        return Table(argument, points, values)
+        return Tabulated(argument, points, values)
 
     def _taken(self, *signs: str) -> str:
         """The sign at hand, where it is one of these; then it is behind us."""

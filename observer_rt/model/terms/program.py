@@ -11,7 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.foundation.compiled import compiled, inner
-from observer_rt.model.terms.law import Applied, Coefficient, Lagged, Law, Number, Operation, Quantity, Table
+from observer_rt.model.terms.law import (
+    Applied,
+    Coefficient,
+    Lagged,
+    Law,
+    Number,
+    Operation,
+    Quantity,
+    Tabulated,
+)
 from observer_rt.model.terms.term import Term, TermEquation
 from observer_rt.model.terms.variable import Variable
 
@@ -99,7 +108,7 @@ def _rows(law: Law, c: float, known: Mapping[Variable, float]) -> Iterator[tuple
         case Lagged(argument, milliseconds):
             yield from _rows(argument, c, known)
             yield _LAG, milliseconds
-        case Table():
+        case Tabulated():
             yield from _rows(law.spelled, c, known)
         case Applied(operation, arguments):
             for argument in arguments:

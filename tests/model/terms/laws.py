@@ -15,7 +15,7 @@ from observer_rt.model.terms.law import (
     Number,
     Operation,
     Quantity,
-    Table,
+    Tabulated,
 )
 from observer_rt.model.terms.variable import Variable
 
@@ -39,7 +39,7 @@ def laws(lagged: bool = True) -> st.SearchStrategy[Law]:
             st.builds(Applied, st.sampled_from(_TWO), st.tuples(part, part)),
             st.builds(Applied, st.sampled_from(_ONE), st.tuples(part)),
             st.builds(Applied, st.just(Operation.POWER), st.tuples(part, _EXPONENTS)),
-            st.builds(Table, part, st.just(_POINTS), st.tuples(*[_VALUES.map(Number)] * len(_POINTS))),
+            st.builds(Tabulated, part, st.just(_POINTS), st.tuples(*[_VALUES.map(Number)] * len(_POINTS))),
         ]
         if lagged:
             choices.append(st.builds(Lagged, part, st.sampled_from([0.01, 0.25, 3.0])))

@@ -10,6 +10,8 @@ from observer_rt.foundation.errors import CombinedError, ObserverError
 from observer_rt.service.notify import Notifier, WatchdogPulse
 from observer_rt.service.rights import take_time
 
+_TURN = 0.2  # s between two looks at what signals ask for
+
 
 class Served(Protocol):
     """What is served in a thread: one injector."""
@@ -120,7 +122,8 @@ def serve_side_by_side(
             meanwhile(stop)
     finally:
         for thread in threads:
-            thread.join()
+            while thread.is_alive():  # a signal that another thread took wakes no join without an end
+                thread.join(_TURN)
         learning.close()
     by_name: dict[str, ObserverError] = {}
     for number, failure in failures.items():

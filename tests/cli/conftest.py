@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -57,6 +58,12 @@ class Command:
         outcome = self(*arguments)
         assert outcome.code == 2, f"{arguments}\n{outcome.err}\n{outcome.out}"
         return outcome.err
+
+
+@pytest.fixture(autouse=True)
+def hang_up_counts() -> None:
+    """As without nohup, whatever these tests are started by."""
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 @pytest.fixture

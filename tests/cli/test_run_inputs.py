@@ -74,7 +74,7 @@ def test_learning_stops_and_errors_of_the_estimate_are_printed(
     outcome, heard = run_and_stop(command, with_optional, frames)
     status = heard.last_status()
     assert outcome.code == 0
-    assert "SampleBlock, Bed at 50000 Hz" in outcome.err
+    assert "SampleBlock 0x100, Bed 0x321 at 50000 Hz" in outcome.err
     assert (status["Learning"], status["Adoptions"]) == (0, 0)
     found = [[float(number) for number in one] for one in MEASURED.findall(outcome.err)]
     assert [number for number, *_ in found] == [1, 2, 3, 4]

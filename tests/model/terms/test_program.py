@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from observer_rt.model.terms.law import Applied, Law, Quantity, first_order
+from observer_rt.model.terms.law import Applied, Law, Quantity, Tabulated, first_order
 from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.program import memory_of, program_of, totals_of
 from observer_rt.model.terms.term import Term, TermEquation
@@ -29,6 +29,8 @@ def held(value: NDArray[np.float64], equation: TermEquation) -> NDArray[np.float
 
 def blurred(law: Law, values: Values, c: float, random: np.random.Generator) -> NDArray[np.float64]:
     """The law with every operation's result off by some roundings."""
+    if isinstance(law, Tabulated):
+        return blurred(law.spelled, values, c, random)
     if not isinstance(law, Applied):
         return law.at(values, c)
     names = list(Variable)[: len(law.arguments)]

@@ -10,6 +10,7 @@ from observer_rt.bus.mapping.bus_map import map_bench
 from observer_rt.bus.mapping.timing import TOLERANCE
 from observer_rt.check.buses import buses_findings
 from observer_rt.check.findings import Finding, Level, Said, as_json_document, as_table, failed, ruled
+from observer_rt.check.injector import channel_findings, mapping_findings, observer_findings, time_findings
 from observer_rt.check.machine import (
     compiled_code_findings,
     interface_findings,
@@ -18,8 +19,6 @@ from observer_rt.check.machine import (
     socketcan_findings,
     this_host,
 )
-from observer_rt.check.mapping import channel_findings, mapping_findings, time_findings
-from observer_rt.check.observer import observer_findings
 from observer_rt.config.bench import Bench, BenchInjector
 from observer_rt.evaluation.logged import LoggedSignals
 from observer_rt.foundation.compilation import compiled_code

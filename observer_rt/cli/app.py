@@ -17,9 +17,8 @@ from observer_rt.cli.models import compare, discover, effects, fit
 from observer_rt.cli.offline import evaluate, reproduce, simulate
 from observer_rt.cli.options import messages
 from observer_rt.foundation.compilation import compiled_code
+from observer_rt.foundation.console import say, show_compiling
 from observer_rt.foundation.errors import ObserverError, UserError
-from observer_rt.terminal.compiling import show_compiling
-from observer_rt.terminal.console import say
 
 EXIT_CODES = (
     "Exit code: 0 there is a result; 1 it failed at run time, or `check` found an error; "

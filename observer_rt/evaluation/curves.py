@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.evaluation.compiled import area, mean_flowing, rms_difference
-from observer_rt.evaluation.passage import Passage
-from observer_rt.evaluation.trace import Signal
+from observer_rt.evaluation.passage import Passage, Signal
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS
 from observer_rt.model.effective import Coefficients

@@ -7,6 +7,7 @@ kept as a trace.
 import pickle
 import tempfile
 from array import array
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -15,17 +16,24 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Generic, TypeVar, overload
 
-from observer_rt.config.bench import Bench
+from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench
+from observer_rt.config.channels import with_channels_of
+from observer_rt.config.signals import SignalsConfig
+from observer_rt.discovery.findings import Indicator, Opinion
+from observer_rt.estimation.scalars import SCALARS
 from observer_rt.evaluation.curves import InjectionResult, RateCurves, injection_result, rate_curves
 from observer_rt.evaluation.logged import LoggedSignals
-from observer_rt.evaluation.passage import Passage
+from observer_rt.evaluation.passage import Passage, Signal, Trace, joined, open_trace, trace_arrays
 from observer_rt.evaluation.run import ObserverRun, Progress
-from observer_rt.evaluation.trace import Signal, Trace, joined, open_trace, trace_arrays
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
 from observer_rt.model.effective import Coefficients
+from observer_rt.model.effects import effective_model
+from observer_rt.model.parameters import InjectorParameters
+from observer_rt.observer.learning.indicators import Indicators
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.observer.stream.standstill import Standstill
+from observer_rt.observer.stream.state import Reason
 from observer_rt.recording.replay.framing import bench_for
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.recording.signals.stream import HeldSignals, SignalStream
@@ -278,3 +286,41 @@ def _passages(log: LoggedSignals, evaluation: Evaluation) -> list[Passage]:
             passages.append(Passage(evaluation, first, end - first, log.rate, offset))
             offset += end - first
     return passages
+
+
+_OF_A_START = (Reason.STARTING, Reason.TOO_FEW_EVENTS, Reason.JUMPED)
+
+
+def second_opinion(
+    parameters: InjectorParameters, recordings: Sequence[Recording], signals: SignalsConfig | None = None
+) -> Opinion | None:
+    """Let the observer learn from all recordings as one history; None when it saw no injection.
+
+    signals: of the bench file, which may state delays and lags of the channels.
+    Raises `UserError` for recordings that do not fit on its bus, such as a pressure beyond its range.
+    """
+    bench = load_bench(EXAMPLE_BENCH).with_parameters(parameters)
+    if signals is not None:
+        bench = bench.with_sections(signals=with_channels_of(bench.injector.config.signals, signals))
+    evaluations, _ = evaluate_stream(bench, [HeldSignals(recording) for recording in recordings])
+    reports = [report for one in evaluations for report in one.reports]
+    if not reports:
+        return None
+    reasons = Counter(
+        report.reason.name for report in reports if not report.valid and report.reason not in _OF_A_START
+    )
+    c = effective_model(parameters).coefficients
+    valid = sum(report.valid for report in reports)
+    return Opinion(_indicators(reports[-1].indicators, c), valid, len(reports), reasons)
+
+
+def _indicators(learned: Indicators, c: Coefficients) -> tuple[Indicator, ...]:
+    """By the effects they stand for, SI."""
+    return tuple(
+        Indicator(
+            shown.effect,
+            learned[shown.effect].value * shown.si(c),
+            float("nan") if (sigma := learned[shown.effect].sigma) is None else sigma * shown.si(c),
+        )
+        for _, shown in SCALARS.shown()
+    )

@@ -1,24 +1,29 @@
-"""A CAN log as a recording: its frames through the daemon's own path, and what the observer was given of them."""
+"""What a user names as recordings: files of signals, and CAN logs, which go through the daemon's own path."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import groupby, pairwise
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from rich.console import Console
 
 from observer_rt.bus.links.link import AT_ONCE, BusFrame, Frame, block_of
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.config.channels import as_sent
-from observer_rt.config.recording import Meaning
+from observer_rt.config.injector import Meaning
+from observer_rt.foundation.console import progress_bar, say, show_compiling
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effective import Coefficients
 from observer_rt.observer.stream.state import RING
 from observer_rt.recording.canlog.can_log import NANOSECONDS
 from observer_rt.recording.channels import InputFrames, chosen_channels
-from observer_rt.recording.signals.recording import Chunk
+from observer_rt.recording.formats import is_log, open_recording
+from observer_rt.recording.signals.plausible import refuse_implausible
+from observer_rt.recording.signals.recording import TRUTH_SUFFIX, Chunk
 from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE, SignalStream, Stretch
 from observer_rt.service.compiled.constants import bench_constants
 from observer_rt.service.core.core import Core
@@ -273,3 +278,63 @@ class _Stamps:
             f"{path}: by its stamps {found:.4g} samples a second were sent, the bench file says {rate:g}: "
             "right if it was replayed at another speed, else correct sampling.rate_hz"
         ]
+
+
+def open_source(
+    path: Path, bench: Bench | None, from_channels: Sequence[str], console: Console, in_one_go: bool = False
+) -> SignalStream:
+    """Look through a file; what is odd about it is said. from_channels: of a log, as `--from-channel` names them.
+
+    in_one_go: as of `open_recording`; `refuse_implausible` is then for whoever has read it.
+
+    Raises `UserError` for an unknown suffix, a file that will not do, signals that are no injector's, and a log
+    without a bench file.
+    """
+    if not is_log(path):
+        with progress_bar(console, f"looking through {path.name}", None):
+            source = open_recording(path, None if bench is None else bench.injector, in_one_go)
+    elif bench is None:
+        raise UserError(
+            "--bench", f"is missing: it says which signals the frames of {path} carry", "name a bench file"
+        )
+    else:
+        show_compiling(console)
+        with progress_bar(console, f"decoding {path.name}", 1.0) as progress:
+            source = LoggedSignals(bench, path, from_channels, progress)
+    if not in_one_go:
+        refuse_implausible(path, source.survey, source.names)
+    for note in source.notes:
+        say(console, note)
+    return source
+
+
+def without_truths(paths: Sequence[Path], console: Console) -> list[Path]:
+    """The files without the truths beside simulated recordings, which `*.csv` catches, too."""
+    kept = [path for path in paths if not path.name.endswith(TRUTH_SUFFIX)]
+    if kept and len(kept) < len(paths):
+        say(
+            console,
+            f"left out: {len(paths) - len(kept)} files {TRUTH_SUFFIX[1:]}, which are not for the observer",
+        )
+    return kept or list(paths)
+
+
+def in_runs(sources: Sequence[SignalStream]) -> list[Sequence[SignalStream]]:
+    """Sources of one history, apart where one observer could not go on: an observer is a run.
+
+    Recordings are sent by a device of our own, one after another. A log goes on from that before it where its first
+    sample index lies beyond the other's last, as in files a recorder began anew; else the device was restarted.
+    """
+    number = 0
+    numbers = [0] * len(sources[:1])
+    for before, after in pairwise(sources):
+        number += not _goes_on(before, after)
+        numbers.append(number)
+    numbered = groupby(zip(numbers, sources, strict=True), key=lambda pair: pair[0])
+    return [[source for _, source in pairs] for _, pairs in numbered]
+
+
+def _goes_on(before: SignalStream, after: SignalStream) -> bool:
+    if isinstance(before, LoggedSignals) and isinstance(after, LoggedSignals):
+        return after.logged[0].first_index > before.logged[-1].last_index
+    return not isinstance(before, LoggedSignals) and not isinstance(after, LoggedSignals)

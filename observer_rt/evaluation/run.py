@@ -16,8 +16,7 @@ from observer_rt.bus.links.link import BusFrame, FrameBlock, blocks_of
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus
 from observer_rt.config.bench import Bench, BenchInjector
 from observer_rt.evaluation.compiled import FOLLOWED, copy_indices, nominal_rates
-from observer_rt.evaluation.passage import Hearer, Passage
-from observer_rt.evaluation.trace import Signal
+from observer_rt.evaluation.passage import Hearer, Passage, Signal
 from observer_rt.observer.learning.knowledge import Knowledge, no_knowledge
 from observer_rt.observer.observer import make_observer, with_constants
 from observer_rt.observer.stream.state import RING, Observer

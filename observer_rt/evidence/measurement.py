@@ -7,7 +7,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.config.recording import Meaning
+from observer_rt.config.injector import Meaning
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.evidence.noise import white_noise
 from observer_rt.evidence.openings import Opening, find_openings, ramp_samples

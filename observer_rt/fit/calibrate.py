@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from observer_rt.estimation.phases import Phase
 from observer_rt.evidence.measurement import Measurement
 from observer_rt.fit.parts import Part, Weighed, parts_of, share_between_samples, thinned
-from observer_rt.fit.problem import interval
+from observer_rt.fit.problem import INERTANCE, STRUCTURES, FreeParameter, Structure, interval
 from observer_rt.fit.residuals import Comparison, UnexplainedSignal, compared
 from observer_rt.fit.search import (
     FINE_EVENTS,
@@ -27,7 +27,6 @@ from observer_rt.fit.search import (
     searched,
     settled,
 )
-from observer_rt.fit.structures import INERTANCE, STRUCTURES, FreeParameter, Structure
 from observer_rt.foundation.errors import RunError
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
 

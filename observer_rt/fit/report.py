@@ -23,10 +23,10 @@ from observer_rt.fit.calibrate import GATE, Calibrated, FlowLevel, judged_by
 from observer_rt.fit.parts import WORTH_A_WORD, share_between_samples, spread
 from observer_rt.fit.residuals import PartOverlay
 from observer_rt.fit.search import FailedStructure, Fitted
+from observer_rt.foundation.console import say
 from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
 from observer_rt.model.baseline import Baseline
-from observer_rt.terminal.console import say
 
 _SEAT = "check the lift's calibration and the seat's geometry, and run `discover` on these recordings"
 _TRY = {

@@ -16,10 +16,10 @@ from observer_rt.config.bench import Bench
 from observer_rt.config.channels import effects_on_one_raster
 from observer_rt.config.injector_file import InjectorFile
 from observer_rt.discovery.search.candidates import problem_key
+from observer_rt.foundation.console import suffix_of
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.formats import formats, suffixes_of
 from observer_rt.recording.signals.recording import TRUTH_SUFFIX
-from observer_rt.terminal.console import suffix_of
 
 _PATTERN = re.compile(r"[*?\[]")
 

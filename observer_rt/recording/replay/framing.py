@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from observer_rt.bus.database.codec import encode_column
 from observer_rt.bus.database.e2e import protect
 from observer_rt.bus.database.multiplexing import is_selected
-from observer_rt.bus.mapping.bus_map import BusMap
+from observer_rt.bus.mapping.bus_map import BusMap, message_of, role_range, role_resolution
 from observer_rt.bus.mapping.input_tables import MAX_INPUTS, ROLES
-from observer_rt.bus.mapping.signal_range import message_of, role_range, role_resolution
 from observer_rt.bus.mapping.timing import Numbering
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench
 from observer_rt.config.signals import Role

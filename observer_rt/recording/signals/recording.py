@@ -12,7 +12,7 @@ from typing import NamedTuple, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.config.recording import Meaning
+from observer_rt.config.injector import Meaning
 from observer_rt.foundation.compiled import compiled
 from observer_rt.foundation.errors import UserError
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.config.recording import Meaning
+from observer_rt.config.injector import Meaning
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.signals.plausible import Survey
 from observer_rt.recording.signals.recording import Chunk, Recording

@@ -35,7 +35,7 @@ from observer_rt.service.compiled.pipeline import Pipeline, make_receiver
 from observer_rt.service.compiled.publisher import flush, make_publisher
 from observer_rt.service.core.learners import LearnerFactory, healthy_injector, make_learner, slow_noise_of
 from observer_rt.service.core.messages import Counters, OutputFrame, ResultFrames, counted
-from observer_rt.service.inputs.optional_inputs import OptionalInputs
+from observer_rt.service.core.optional_inputs import OptionalInputs
 from observer_rt.service.reports.injection_report import report_of
 from observer_rt.service.reports.judging import EventRecord, InlineExecutor, Judging
 from observer_rt.service.reports.news import Listener, Notice, to_all

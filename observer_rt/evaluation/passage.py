@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,9 @@ from observer_rt.observer.stream.state import RING, Observer, State
 from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE
 from observer_rt.recording.signals.table_writers import TABLE_WRITERS, TableWriter, WrittenColumn
 from observer_rt.service.reports.injection_report import InjectionReport
-from observer_rt.service.reports.news import MeasuredMass
+
+if TYPE_CHECKING:
+    from observer_rt.evaluation.evaluate import Evaluation
 
 Signal = NDArray[np.float64]
 
@@ -87,28 +89,13 @@ STATES = np.dtype([("x", np.float64, (3,)), ("phi", np.float64, (3,))], align=Tr
 _UNKNOWN = np.broadcast_to(np.nan, (1 << 32, 3))  # x or phi, of no memory
 
 
-class Hearer(Protocol):
-    """Whoever is told what becomes of a recording, in the order it becomes known."""
-
-    @property
-    def wants_states(self) -> bool:
-        """Whether traces are to have x and phi; else these are nan."""
-
-    def take_report(self, passage: "Passage", report: InjectionReport) -> None:
-        """An injection, of which the passage still knows the samples."""
-
-    def take_measured(self, measured: MeasuredMass) -> None:
-        """The mass of the last injection, measured."""
-
-    def take_passed(self, time: Signal, trace: Trace) -> None:
-        """Samples that are now forgotten: times [s] (n,) and what was said of them, to be copied where it is kept."""
-
-
 class Passage:
     """One stretch of a recording or a log on its way through the observer."""
 
-    def __init__(self, hearer: Hearer, first_index: int, samples: int, rate: float, offset: int = 0) -> None:
-        """first_index: that its first sample is sent with; samples: at least, more are those it is given.
+    def __init__(
+        self, hearer: "Evaluation", first_index: int, samples: int, rate: float, offset: int = 0
+    ) -> None:
+        """hearer: is told what becomes of it; first_index: that its first sample is sent with; samples: at least.
 
         rate [Hz]; offset: number of its first sample where nobody gives times.
         """

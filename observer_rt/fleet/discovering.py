@@ -33,7 +33,7 @@ from observer_rt.discovery.answer import (
     refuse_incomparable,
     write_answer,
 )
-from observer_rt.discovery.runs import DiscoveryRun, Document, size_text
+from observer_rt.discovery.runs import GAPS, DiscoveryRun, Document, size_text
 from observer_rt.evaluation.evaluate import second_opinion
 from observer_rt.evaluation.logged import open_source
 from observer_rt.evidence.excerpts import MOST_SAMPLES
@@ -131,14 +131,13 @@ FOLDER, TABLE = "discovered", "discovered.parquet"
 _GROUP = "group.json"
 _FILES = {"report": REPORT, "amended": AMENDED}
 _FLOOR = "line_pressure_noise_floor_MPa"
-_GAPS = {"line_pressure": "MPa", "injection_rate": "mm3_per_ms", "injected_mass": "mg"}
 _WORDS = ("verdict", "effects", "sizes", "parameter", "unit", "caveats", "rivals", "proposal")
 _NUMBERS = (
     "size",
     "size_low",
     "size_high",
     "confidence",
-    *(f"{name}_{when}_{unit}" for name, unit in _GAPS.items() for when in ("before", "after")),
+    *(f"{name}_{when}_{unit}" for name, unit, _ in GAPS for when in ("before", "after")),
     _FLOOR,
 )
 SCHEMA = pa.schema(
@@ -255,7 +254,7 @@ def said_of(document: Document) -> dict[str, Any]:
         _, name, size = named[0]
         low, high = size.ci95
         row |= {"parameter": name, "size": size.value, "size_low": low, "size_high": high, "unit": size.unit}
-    for signal, unit in _GAPS.items():
+    for signal, unit, _ in GAPS:
         gap = document.gap.get(signal) or {}
         row |= {f"{signal}_{when}_{unit}": gap.get(f"{when}_{unit}") for when in ("before", "after")}
     row[_FLOOR] = (document.gap.get("line_pressure") or {}).get("noise_floor_MPa")

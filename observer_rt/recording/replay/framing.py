@@ -22,7 +22,8 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.small_arrays import copy_vector
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIMETRE, MILLISECOND
 from observer_rt.recording.signals.plausible import Survey
-from observer_rt.recording.signals.recording import Recording, Sampled
+from observer_rt.recording.signals.recording import Recording
+from observer_rt.recording.signals.stream import Sampled
 
 WINDOW_BEFORE = 2 * MILLISECOND  # of standstill before an injection, in which x~ becomes good
 WINDOW_AFTER = 4 * MILLISECOND  # after it, in which the line rings

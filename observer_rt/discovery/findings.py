@@ -132,12 +132,6 @@ class Caveat:
     sentence: str
 
 
-def caveats_of(findings: "Findings") -> tuple[Caveat, ...]:
-    """The reservations an answer is given with, the gravest first."""
-    every = (_of_opponents, _of_bench, _of_coverage, _of_names, _of_level)
-    return tuple(caveat for arising in every for caveat in arising(findings))
-
-
 def remedies(found: Discovery) -> tuple[str, ...]:
     """What to do about the effects found that no injector file can have in force."""
     return tuple(remedy for effect in found.effects if (remedy := VOCABULARY[effect.id].remedy))
@@ -286,7 +280,8 @@ class Findings:
     @property
     def caveats(self) -> tuple[Caveat, ...]:
         """What must be kept in mind with the answer, the gravest first."""
-        return caveats_of(self)
+        every = (_of_opponents, _of_bench, _of_coverage, _of_names, _of_level)
+        return tuple(caveat for arising in every for caveat in arising(self))
 
     @property
     def is_open(self) -> bool:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.discovery.search.adequacy import SIGNIFICANT, cells_of
-from observer_rt.discovery.search.result import Candidate, Cell, Discovery, Sizing, Verdict
+from observer_rt.discovery.search.result import Cell, Discovery, Sizing, Verdict
 from observer_rt.estimation.phases import Phase
 from observer_rt.evidence.bounded_fit import fit
 from observer_rt.evidence.likelihood import GAIN_ERROR, Evidence, Signal, evidence_of
@@ -100,7 +100,10 @@ def gaps_of(
     amended = found.named.model(nominal)
     fitted_on, held_out = every_second_point(measured)
     held_out = held_out or fitted_on
-    refitted = _refitted(found.named, [measured[i] for i in fitted_on], nominal, healthy)
+    named, hypothesis = found.named, found.named.hypothesis
+    sizing = Sizing(evidence_of([measured[i] for i in fitted_on], nominal, healthy), nominal, hypothesis)
+    again = fit(sizing, named.theta, hypothesis.ranges())
+    refitted = hypothesis.model(nominal, named.theta if again is None else again.at.theta)
     points = tuple(_point(number, measured[number], nominal, refitted, amended) for number in held_out)
     rates = [point.injection_rate for point in points if point.injection_rate is not None]
     return ModelGaps(
@@ -113,15 +116,6 @@ def gaps_of(
         fitted_on,
         held_out,
     )
-
-
-def _refitted(
-    named: Candidate, part: Sequence[Measurement], nominal: EffectiveModel, healthy: HealthyShape | None
-) -> EffectiveModel:
-    hypothesis = named.hypothesis
-    sizing = Sizing(evidence_of(part, nominal, healthy), nominal, hypothesis)
-    again = fit(sizing, named.theta, hypothesis.ranges())
-    return hypothesis.model(nominal, named.theta if again is None else again.at.theta)
 
 
 def _point(

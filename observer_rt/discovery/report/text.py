@@ -8,7 +8,6 @@ from observer_rt.discovery.search.curves import AXES
 from observer_rt.discovery.search.result import (
     Candidate,
     Discovery,
-    FittedEffect,
     FittedParameter,
     Proposal,
     SmallestVisible,
@@ -109,7 +108,13 @@ def as_text(findings: Findings) -> str:
     found = findings.discovery
     lines = [headline(found, findings.caveats)]
     for effect in found.effects:
-        lines.append(f"  {effect_text(effect)}; explains {share_words(found, effect)} of the disagreement")
+        sizes = ", ".join(_size_words(printed(effect.id, effect.parameters), "95 %: "))
+        others = f" [or {', '.join(effect.indistinguishable_from)}]" if effect.indistinguishable_from else ""
+        share = gap_share(found, effect)
+        lines.append(
+            f"  {effect.id}{others}: {sizes or VOCABULARY[effect.id].sentence}; explains "
+            f"{f'{share:.0%}' if share >= 0.01 else 'less than 1%'} of the disagreement"
+        )
     for decisive in found.decide_by:
         lines.append(f"  to tell {' from '.join(decisive.separates)}: {decisive.measurement}")
     if findings.is_open:
@@ -120,8 +125,10 @@ def as_text(findings: Findings) -> str:
         lines += [f"  proposal {number}: {proposal_words(proposal)}", f"    {standing_words(proposal)}"]
     if found.proposals and found.proposals[0].may_enter and findings.amended_model is None:
         lines.append("  to have it in the amended model: --accept-term 1, and --force")
-    if found.verdict is Verdict.NONE and found.smallest_visible:
-        lines.append(_not_seen(found))
+    if found.verdict is Verdict.NONE and found.smallest_visible:  # wear may be there up to these all the same
+        wear = (one for one in found.smallest_visible if VOCABULARY[one.id].wear)
+        names = (f"{one.id} below {visible_words(one)}" for one in wear)
+        lines.append(f"  not seen: {', '.join(names)}; all in the report")
     return "\n".join([*lines, *gap_lines(findings)])
 
 
@@ -164,13 +171,6 @@ def visible_words(one: SmallestVisible) -> str:
     return f"{one.parameter} = {one.size / unit.si:.2g} {sign(unit.unit)}".rstrip()
 
 
-def _not_seen(found: Discovery) -> str:
-    """Up to which size wear may be there all the same."""
-    wear = (one for one in found.smallest_visible if VOCABULARY[one.id].wear)
-    names = (f"{one.id} below {visible_words(one)}" for one in wear)
-    return f"  not seen: {', '.join(names)}; all in the report"
-
-
 def headline(found: Discovery, caveats: Sequence[Caveat] = ()) -> str:
     """The verdict in one sentence, with what must be kept in mind."""
     sure = f"(confidence {found.confidence:.2f})"
@@ -192,12 +192,6 @@ def _verdict_words(found: Discovery) -> str:
 def caveat_words(caveats: Sequence[Caveat]) -> str:
     """The reservations in a few words, for a headline."""
     return "; ".join(caveat.words for caveat in caveats)
-
-
-def share_words(found: Discovery, effect: FittedEffect) -> str:
-    """An effect's part of what is explained."""
-    share = gap_share(found, effect)
-    return f"{share:.0%}" if share >= 0.01 else "less than 1%"
 
 
 def choices(found: Discovery) -> str:
@@ -232,13 +226,6 @@ def candidate_words(candidate: Candidate) -> str:
 
 def _size_words(sizes: Mapping[str, Size], level: str) -> list[str]:
     return [f"{name} = {one.value_text} ({level}{one.interval_text})" for name, one in sizes.items()]
-
-
-def effect_text(effect: FittedEffect) -> str:
-    """An effect with its sizes."""
-    sizes = ", ".join(_size_words(printed(effect.id, effect.parameters), "95 %: "))
-    others = f" [or {', '.join(effect.indistinguishable_from)}]" if effect.indistinguishable_from else ""
-    return f"{effect.id}{others}: {sizes or VOCABULARY[effect.id].sentence}"
 
 
 def gap_lines(findings: Findings) -> list[str]:

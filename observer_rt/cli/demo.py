@@ -20,7 +20,7 @@ from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.bus.mapping.output_messages import RateMessage
 from observer_rt.config.bench import Bench, load_bench
-from observer_rt.config.links import LinkConfig
+from observer_rt.config.bench_file import LinkConfig
 from observer_rt.evaluation.curves import RateCurves
 from observer_rt.evaluation.figures import MassRow, Picture, plot_injections
 from observer_rt.foundation.console import stop_on_signals

@@ -23,7 +23,7 @@ from observer_rt.cli.options import (
     option,
 )
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench
-from observer_rt.config.links import of_links, refuse_shared_channels
+from observer_rt.config.bench_file import of_links, refuse_shared_channels
 from observer_rt.foundation.console import check_folder, progress_bar, say, stop_on_signals
 from observer_rt.foundation.errors import UserError
 

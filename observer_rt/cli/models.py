@@ -57,8 +57,7 @@ def fit(
     from observer_rt.evaluation.logged import open_source, without_truths
     from observer_rt.evidence.excerpts import MOST_SAMPLES
     from observer_rt.evidence.reading import coverage, hashes, read_measured, refuse_rates_missing
-    from observer_rt.fit.calibrate import calibrate
-    from observer_rt.fit.fitted_file import baseline_of, write_fitted
+    from observer_rt.fit.calibrate import baseline_of, calibrate, write_fitted
     from observer_rt.fit.parts import read_masses, refuse_clipped, warnings
     from observer_rt.fit.report import as_json as document_of
     from observer_rt.fit.report import print_fit

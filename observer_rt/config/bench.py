@@ -14,10 +14,16 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, TypeVar
 
-from observer_rt.config.bench_file import BenchConfig, BenchFile, BusesConfig
+from observer_rt.config.bench_file import (
+    BenchConfig,
+    BenchFile,
+    BusesConfig,
+    LinkName,
+    refuse_shared_channels,
+    require_link,
+)
 from observer_rt.config.effects import check_effects, check_terms
 from observer_rt.config.injector import InjectorConfig
-from observer_rt.config.links import LinkName, refuse_shared_channels, require_link
 from observer_rt.config.toml_file import Section, place_in, read_toml, validated
 from observer_rt.foundation.errors import UserError, did_you_mean
 from observer_rt.foundation.files import file_hash

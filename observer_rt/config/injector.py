@@ -6,9 +6,8 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from observer_rt.config.links import Positive
 from observer_rt.config.signals import Role, SignalsConfig
-from observer_rt.config.toml_file import Section
+from observer_rt.config.toml_file import Positive, Section
 from observer_rt.foundation.units import LENGTH_UNITS, PRESSURE_UNITS
 
 

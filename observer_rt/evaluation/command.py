@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
@@ -274,13 +274,12 @@ def _evaluated(
         for run in runs:
             known = known if options.chain else knowledge
             mine = traces[len(evaluations) :][: len(run)]
-            report = partial(_report, progress, done)
+
+            def report(samples: int, before: int = done) -> None:
+                progress(before + samples)
+
             found, known = evaluate_stream(bench, run, mine, known, learning, report, curves)
             evaluations += found
             done += sum(source.samples for source in run)
     assert known is not None  # there is a run
     return evaluations, known
-
-
-def _report(progress: Callable[[float], None], before: int, samples: int) -> None:
-    progress(before + samples)

@@ -30,7 +30,6 @@ from observer_rt.foundation.files import file_errors
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import InjectorParameters
-from observer_rt.observer.learning.indicators import Indicators
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.observer.stream.standstill import Standstill
 from observer_rt.observer.stream.state import Reason
@@ -119,7 +118,8 @@ class Evaluation:
         self.source = source
         self._curves_of = curves_of
         self._held: InjectionResult | None = None  # until no measured mass can come for it
-        self._writer: TableWriter | None = None
+        self.writer: TableWriter | None = None
+        """Of the trace."""
         self._traces: list[Trace] | None = [] if keeps_trace else None
 
     @property
@@ -137,14 +137,10 @@ class Evaluation:
         """Of all injections, without the course of their sigma."""
         return tuple(injection.report for injection in self.injections)
 
-    def write_to(self, writer: TableWriter) -> None:
-        """Write the trace."""
-        self._writer = writer
-
     @property
     def wants_states(self) -> bool:
         """For the trace, and curves of the line."""
-        return self._writer is not None or self._traces is not None or self._curves_of is not None
+        return self.writer is not None or self._traces is not None or self._curves_of is not None
 
     def take_report(self, passage: Passage, report: InjectionReport) -> None:
         """An injection, whose samples the passage remembers."""
@@ -161,8 +157,8 @@ class Evaluation:
 
     def take_passed(self, time: Signal, trace: Trace) -> None:
         """Into the trace."""
-        if self._writer is not None:
-            self._writer.write(trace_arrays(time.copy(), joined([trace])))
+        if self.writer is not None:
+            self.writer.write(trace_arrays(time.copy(), joined([trace])))
         if self._traces is not None:
             self._traces.append(joined([trace]))
 
@@ -235,7 +231,7 @@ def evaluate_stream(
             learner_of = awaited(make_learner, wait)
         for path, evaluation in zip(traces, evaluations, strict=False):
             stack.enter_context(file_errors(path))
-            evaluation.write_to(stack.enter_context(open_trace(path)))
+            evaluation.writer = stack.enter_context(open_trace(path))
         begin = partial(ObserverRun, knowledge=knowledge, learning=learning, progress=progress)
         run = _observed(bench, evaluations, partial(begin, learner_of=learner_of, reads_ahead=reads_ahead))
     return evaluations, run.core.knowledge
@@ -311,12 +307,8 @@ def second_opinion(
     )
     c = effective_model(parameters).coefficients
     valid = sum(report.valid for report in reports)
-    return Opinion(_indicators(reports[-1].indicators, c), valid, len(reports), reasons)
-
-
-def _indicators(learned: Indicators, c: Coefficients) -> tuple[Indicator, ...]:
-    """By the effects they stand for, SI."""
-    return tuple(
+    learned = reports[-1].indicators
+    indicators = tuple(  # by the effects they stand for, SI
         Indicator(
             shown.effect,
             learned[shown.effect].value * shown.si(c),
@@ -324,3 +316,4 @@ def _indicators(learned: Indicators, c: Coefficients) -> tuple[Indicator, ...]:
         )
         for _, shown in SCALARS.shown()
     )
+    return Opinion(indicators, valid, len(reports), reasons)

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import groupby, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -51,12 +50,6 @@ class LoggedStretch:
     def samples(self) -> int:
         """With those that did not come."""
         return self.last_index - self.first_index + 1
-
-    def gone_on(self, index: NDArray[np.int64]) -> "LoggedStretch":
-        """With further indices (n,), rising."""
-        holes = np.diff(index, prepend=self.last_index) > RING
-        resumed = (*self.resumed, *index[holes].tolist()) if holes.any() else self.resumed
-        return LoggedStretch(self.first_index, int(index[-1]), resumed)
 
 
 class LoggedSignals(SignalStream):
@@ -106,10 +99,16 @@ class LoggedSignals(SignalStream):
             ):  # where they do not rise
                 if not index.size:
                     continue
-                _refuse_hole(index, stretches, path)
+                before = min(stretches[-1].last_index if stretches else int(index[0]), int(index[0]))
+                steps = np.diff(index, prepend=before)
+                if steps.max() > LARGEST_HOLE:
+                    problem = f"its sample index jumps by {steps.max()} samples"
+                    raise UserError(str(path), problem, "split the log where the index jumps")
                 if not stretches or index[0] <= stretches[-1].last_index:
                     stretches.append(LoggedStretch(int(index[0]), int(index[0])))
-                stretches[-1] = stretches[-1].gone_on(index)
+                begun = stretches[-1]
+                resumed = (*begun.resumed, *index[steps > RING].tolist())
+                stretches[-1] = LoggedStretch(begun.first_index, int(index[-1]), resumed)
             self._survey(rows)
             progress(self.frames.share_read)
         if found < 2:
@@ -237,15 +236,6 @@ def _restarts(path: Path, stretches: Sequence[LoggedStretch]) -> Iterator[str]:
         yield f"{path}: a device was restarted, its sample index begins anew: split {shown}{more}"
 
 
-def _refuse_hole(index: NDArray[np.int64], stretches: Sequence[LoggedStretch], path: Path) -> None:
-    last = stretches[-1].last_index if stretches else int(index[0])
-    hole = int(np.diff(index, prepend=min(last, int(index[0]))).max())
-    if hole > LARGEST_HOLE:
-        raise UserError(
-            str(path), f"its sample index jumps by {hole} samples", "split the log where the index jumps"
-        )
-
-
 class _Stamps:
     """First and last stamp of the frames: with the sample index they tell the sample rate.
 
@@ -319,22 +309,21 @@ def without_truths(paths: Sequence[Path], console: Console) -> list[Path]:
     return kept or list(paths)
 
 
-def in_runs(sources: Sequence[SignalStream]) -> list[Sequence[SignalStream]]:
+def in_runs(sources: Sequence[SignalStream]) -> list[list[SignalStream]]:
     """Sources of one history, apart where one observer could not go on: an observer is a run.
 
     Recordings are sent by a device of our own, one after another. A log goes on from that before it where its first
     sample index lies beyond the other's last, as in files a recorder began anew; else the device was restarted.
     """
-    number = 0
-    numbers = [0] * len(sources[:1])
-    for before, after in pairwise(sources):
-        number += not _goes_on(before, after)
-        numbers.append(number)
-    numbered = groupby(zip(numbers, sources, strict=True), key=lambda pair: pair[0])
-    return [[source for _, source in pairs] for _, pairs in numbered]
-
-
-def _goes_on(before: SignalStream, after: SignalStream) -> bool:
-    if isinstance(before, LoggedSignals) and isinstance(after, LoggedSignals):
-        return after.logged[0].first_index > before.logged[-1].last_index
-    return not isinstance(before, LoggedSignals) and not isinstance(after, LoggedSignals)
+    runs: list[list[SignalStream]] = []
+    for before, source in zip((None, *sources), sources, strict=False):
+        if isinstance(before, LoggedSignals) and isinstance(source, LoggedSignals):
+            goes_on = source.logged[0].first_index > before.logged[-1].last_index
+        else:
+            with_log = isinstance(before, LoggedSignals) or isinstance(source, LoggedSignals)
+            goes_on = before is not None and not with_log
+        if goes_on:
+            runs[-1].append(source)
+        else:
+            runs.append([source])
+    return runs

@@ -9,14 +9,13 @@ from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from functools import partial
 
-from observer_rt.bus.links.controller import BusState, condition_messages
 from observer_rt.bus.links.descriptor import IdleLink
-from observer_rt.bus.links.link import Link, LinkDownError
+from observer_rt.bus.links.link import BusState, Link, LinkDownError, condition_messages
 from observer_rt.bus.links.opening import SharedBus, open_link
 from observer_rt.bus.links.receiver import Outage
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench import Bench
-from observer_rt.config.links import NamedLink
+from observer_rt.config.bench_file import NamedLink
 from observer_rt.recording.replay.player import first_heard
 from observer_rt.service.core.messages import OutputFrame
 from observer_rt.service.reports.news import Listener, Notice, of_bus

@@ -18,7 +18,7 @@ from observer_rt.bus.links.receiver import EnduringReading
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.bus.mapping.output_messages import frame_time
 from observer_rt.config.bench import Bench
-from observer_rt.config.links import LinkConfig, NamedLink
+from observer_rt.config.bench_file import LinkConfig, NamedLink
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
 from observer_rt.recording.channels import chosen_channels

@@ -9,7 +9,7 @@ import pytest
 
 from observer_rt.bus.links.link import Link
 from observer_rt.bus.links.opening import open_link
-from observer_rt.config.links import LinkConfig
+from observer_rt.config.bench_file import LinkConfig
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.formats import open_log
 from observer_rt.recording.recorder import RecordLimits, RecordStatistics, record

@@ -16,9 +16,9 @@ from observer_rt.bus.database.lookup import MessageLayout, find_signal
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.bus.mapping.output_messages import frame_time
 from observer_rt.config.bench import BenchInjector
+from observer_rt.config.bench_file import LinkConfig
 from observer_rt.config.channels import undone_in_alignment
 from observer_rt.config.injector import Meaning
-from observer_rt.config.links import LinkConfig
 from observer_rt.config.signals import Role
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MICROSECOND, MILLISECOND

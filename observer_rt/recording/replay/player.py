@@ -17,7 +17,7 @@ from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.links.receiver import RECONNECT_PERIOD
 from observer_rt.bus.mapping.bus_map import map_bench, map_bus
 from observer_rt.config.bench import Bench
-from observer_rt.config.links import LinkConfig, NamedLink
+from observer_rt.config.bench_file import LinkConfig, NamedLink
 from observer_rt.foundation.console import progress_bar, say
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MICROSECOND, MILLISECOND

@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt import __version__
-from observer_rt.bus.alignment.alignment import is_stale
-from observer_rt.bus.alignment.memory import make_alignment, progress
+from observer_rt.bus.alignment.alignment import is_stale, make_alignment, progress
 from observer_rt.bus.alignment.timekeeping import MessageTiming, make_timekeeping, timing_of
 from observer_rt.bus.links.link import BusFrame, Frame, FrameBlock, block_of
 from observer_rt.bus.mapping.bus_map import BusMap, stream_of

@@ -18,8 +18,8 @@ from rich.console import Console
 from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench, load_bench, load_injector
+from observer_rt.config.bench_file import LinkConfig
 from observer_rt.config.injector import LearningConfig, SamplingConfig, StateConfig
-from observer_rt.config.links import LinkConfig
 from observer_rt.foundation.console import say
 from observer_rt.model.effects import sized
 from observer_rt.recording.replay.framing import Framer, TimedFrame, whole

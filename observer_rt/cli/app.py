@@ -17,7 +17,8 @@ from observer_rt.cli.models import compare, discover, effects, fit
 from observer_rt.cli.offline import evaluate, reproduce, simulate
 from observer_rt.cli.options import messages
 from observer_rt.foundation.compilation import compiled_code
-from observer_rt.foundation.console import say, show_compiling
+from observer_rt.foundation.compiling import show_compiling
+from observer_rt.foundation.console import say
 from observer_rt.foundation.errors import ObserverError, UserError
 
 EXIT_CODES = (

@@ -17,6 +17,7 @@ from observer_rt.evaluation.evaluate import Evaluation, bench_for_all, evaluate_
 from observer_rt.evaluation.logged import LoggedSignals, in_runs, open_source, without_truths
 from observer_rt.evaluation.passage import SUFFIXES, TRACE_SUFFIX
 from observer_rt.evaluation.results import print_evaluation, write_document
+from observer_rt.foundation.compiling import show_compiling
 from observer_rt.foundation.console import (
     FIGURE_SUFFIXES,
     check_destination,
@@ -25,7 +26,6 @@ from observer_rt.foundation.console import (
     refuse_existing,
     results,
     say,
-    show_compiling,
 )
 from observer_rt.foundation.errors import CombinedError, UserError
 from observer_rt.foundation.files import file_errors, replacing

@@ -9,13 +9,8 @@ from rich.console import Console
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.evaluation.logged import LoggedSignals, open_source
-from observer_rt.foundation.console import (
-    check_destination,
-    progress_bar,
-    refuse_existing,
-    say,
-    show_compiling,
-)
+from observer_rt.foundation.compiling import show_compiling
+from observer_rt.foundation.console import check_destination, progress_bar, refuse_existing, say
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors, replacing
 from observer_rt.recording.canlog.can_log import LogFrame

@@ -21,7 +21,8 @@ from observer_rt.bus.mapping.bus_map import BusMap, map_bench
 from observer_rt.config.bench import Bench, changes, content_of
 from observer_rt.config.bench_file import NAME_PLACE
 from observer_rt.foundation.compilation import compiled_code
-from observer_rt.foundation.console import StopRequest, check_destination, stop_on_signals, tell_compiling
+from observer_rt.foundation.compiling import tell_compiling
+from observer_rt.foundation.console import StopRequest, check_destination, stop_on_signals
 from observer_rt.foundation.errors import ObserverError, UserError
 from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.units import MICROSECOND

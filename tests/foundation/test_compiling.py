@@ -9,8 +9,8 @@ from numba import njit
 from numba.core import event
 from rich.console import Console
 
-from observer_rt.foundation import console as compiling
-from observer_rt.foundation.console import CompilingShown, tell_compiling
+from observer_rt.foundation import compiling
+from observer_rt.foundation.compiling import CompilingShown, tell_compiling
 from tests.service.participants import PATIENCE, until
 
 

@@ -42,6 +42,20 @@ class Gap:
 
 
 @dataclass(frozen=True)
+class PrintedGap(Gap):
+    """A gap in its printed unit; measured: else it is against the model with what was found."""
+
+    name: str
+    unit: str
+    measured: bool
+
+    @property
+    def words(self) -> str:
+        """What it is a gap of."""
+        return self.name.replace("_", " ")
+
+
+@dataclass(frozen=True)
 class SignalGaps:
     """The gap of every signal; of the injection rate None where it is not measured."""
 
@@ -51,16 +65,16 @@ class SignalGaps:
     injected: float  # kg, mean of an event
 
     @property
-    def printed(self) -> dict[str, tuple[str, Gap]]:
-        """Unit and gap in it, by the name of the signal."""
+    def printed(self) -> dict[str, "PrintedGap"]:
+        """By the name of the signal; the mass is measured where a rate is."""
         known = (
-            ("line_pressure", "MPa", MEGAPASCAL, self.line_pressure),
-            ("injection_rate", "mm3/ms", MM3_PER_MS, self.injection_rate),
-            ("injected_mass", "mg", MILLIGRAM, self.mass),
+            ("line_pressure", "MPa", MEGAPASCAL, self.line_pressure, True),
+            ("injection_rate", "mm3/ms", MM3_PER_MS, self.injection_rate, True),
+            ("injected_mass", "mg", MILLIGRAM, self.mass, self.injection_rate is not None),
         )
         return {
-            name: (unit, Gap(gap.before / si, gap.after / si, gap.noise_floor / si))
-            for name, unit, si, gap in known
+            name: PrintedGap(gap.before / si, gap.after / si, gap.noise_floor / si, name, unit, measured)
+            for name, unit, si, gap, measured in known
             if gap is not None
         }
 

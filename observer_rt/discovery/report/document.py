@@ -181,10 +181,11 @@ def _opinion(opinion: Opinion, against: tuple[str, ...]) -> dict[str, Any]:
 
 def _gaps(gaps: ModelGaps) -> dict[str, Any]:
     result: dict[str, Any] = {"line_pressure": None, "injection_rate": None}
-    for name, (unit, gap) in gaps.printed.items():
-        result[name] = {f"{when}_{_key(unit)}": value for when, value in vars(gap).items()}
+    for name, gap in gaps.printed.items():
+        figures = {"before": gap.before, "after": gap.after, "noise_floor": gap.noise_floor}
+        result[name] = {f"{when}_{_key(gap.unit)}": value for when, value in figures.items()}
     del result["injected_mass"]["noise_floor_mg"]
-    result["injected_mass"]["measured"] = gaps.injection_rate is not None
+    result["injected_mass"]["measured"] = gaps.printed["injected_mass"].measured
     return result
 
 
@@ -295,9 +296,9 @@ def _gap_rows(findings: Findings) -> Iterator[Row]:
     after = bool(findings.discovery.effects)
     yield "operating_point", "signal", "unit", "before", "after", "noise_alone"
     for point in findings.gaps.points:
-        for signal, (unit, gap) in point.printed.items():
+        for gap in point.printed.values():
             left = gap.after if after else None
-            yield findings.points[point.recording], signal, unit, gap.before, left, gap.noise_floor
+            yield findings.points[point.recording], gap.name, gap.unit, gap.before, left, gap.noise_floor
 
 
 def _standstill_rows(findings: Findings) -> Iterator[Row]:

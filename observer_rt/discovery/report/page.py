@@ -97,16 +97,14 @@ def tiles(findings: Findings) -> list[Tile]:
     elif findings.caveats:
         sure = "confidence, with the reservations above"
     result = [Tile(f"{found.confidence:.0%}", "", sure)]
-
-    for name, (unit, gap) in gaps.printed.items():
-        words = name.replace("_", " ")
-        if name != "injected_mass" or gaps.injection_rate is not None:
+    for gap in gaps.printed.values():
+        if gap.measured:
             value = f"{gap.before:.2g}" + (f" → {gap.after:.2g}" if found.effects else "")
-            result.append(Tile(value, sign(unit), f"{words}, model minus measured, rms"))
+            result.append(Tile(value, sign(gap.unit), f"{gap.words}, model minus measured, rms"))
         elif found.effects:
             least = LEAST_MASS / MILLIGRAM
             value = f"{gap.before:.2g}" if gaps.mass.before >= LEAST_MASS else f"< {least:g}"
-            result.append(Tile(value, unit, f"{words}, what the model given is wrong"))
+            result.append(Tile(value, gap.unit, f"{gap.words}, what the model given is wrong"))
     if found.effects and len(result) < 4:
         result.append(Tile(f"{explained_share(found):.0%}", "", "of the disagreement explained"))
     return result
@@ -120,13 +118,12 @@ def held_out_figure(findings: Findings) -> str:
     label = with_words(findings.discovery) if amended else None
     of_points = [point.printed for point in gaps.points]
     groups = []
-    for name, (unit, _) in gaps.printed.items():
-        words = name.replace("_", " ")
-        every = tuple(printed[name][1] for printed in of_points if name in printed)
-        if name != "injected_mass" or gaps.injection_rate is not None:
-            groups.append(Bars(words, sign(unit), every, label))
+    for name, gap in gaps.printed.items():
+        every = tuple(printed[name] for printed in of_points if name in printed)
+        if gap.measured:
+            groups.append(Bars(gap.words, sign(gap.unit), every, label))
         elif amended:
-            groups.append(Bars(f"{words}, if this is right", unit, every, None))
+            groups.append(Bars(f"{gap.words}, if this is right", gap.unit, every, None))
     return gap_figure(labels, groups)
 
 

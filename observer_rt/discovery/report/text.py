@@ -230,18 +230,18 @@ def _size_words(sizes: Mapping[str, Size], level: str) -> list[str]:
 
 def gap_lines(findings: Findings) -> list[str]:
     """The gaps on held-out operating points."""
-    gaps = findings.gaps
     apart = findings.held_apart and findings.discovery.effects
     where = "on operating points held out" if apart else "on the recordings"
     lines = []
-    for name, (unit, gap) in gaps.printed.items():
-        words = name.replace("_", " ")
-        if name != "injected_mass" or gaps.injection_rate is not None:
+    for gap in findings.gaps.printed.values():
+        if gap.measured:
             after = f" before, {gap.after:.3g} after" if findings.discovery.effects else ""
             alone = f"(noise alone {gap.noise_floor:.2g})"
-            lines.append(f"  {words} {where}: {gap.before:.3g} {unit} off{after} {alone}")
+            lines.append(f"  {gap.words} {where}: {gap.before:.3g} {gap.unit} off{after} {alone}")
         elif findings.discovery.effects:
-            lines.append(f"  {words}: the model given is {gap.before:.2g} {unit} off, if this is right")
+            lines.append(
+                f"  {gap.words}: the model given is {gap.before:.2g} {gap.unit} off, if this is right"
+            )
     return lines
 
 

@@ -131,18 +131,14 @@ class Feeder(DescriptorLink):
             payload = data[HEADER_BYTES : HEADER_BYTES + length]
             frame = OutputFrame(identifier & EXTENDED_MASK, is_extended, is_fd, payload, self._bus)
             while not self._ended.is_set():
-                if self._is_sent(frame):
-                    break
+                try:
+                    if self._link.try_send(frame.frame_id, frame.payload, frame.is_extended, frame.is_fd):
+                        break
+                except Exception as error:
+                    self._fail(error)
                 time.sleep(RETRY)
             else:
                 self._unsent.append(frame)
-
-    def _is_sent(self, frame: OutputFrame) -> bool:
-        try:
-            return self._link.try_send(frame.frame_id, frame.payload, frame.is_extended, frame.is_fd)
-        except Exception as error:
-            self._fail(error)
-            return False
 
     def _fail(self, error: Exception) -> None:
         """End, and let the loop see it behind the frames that wait."""
@@ -214,18 +210,14 @@ class FramePump:
             raise self._failure
         self._note_what_came()
         failure = self._failed()
-        frames = self._attend()
+        if self._waits.is_set():
+            frames = self._core.answer()
+            self._waits.clear()
+            self._may_go_on.set()
+        else:
+            frames = self._core.attend()
         if failure is not None and not frames:  # what came before it is said first
             raise failure
-        return frames
-
-    def _attend(self) -> Sequence[OutputFrame]:
-        """What the loop did meanwhile, and what it waits for."""
-        if not self._waits.is_set():
-            return self._core.attend()
-        frames = self._core.answer()
-        self._waits.clear()
-        self._may_go_on.set()
         return frames
 
     def _look(self) -> None:

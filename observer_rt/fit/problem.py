@@ -168,16 +168,12 @@ class Calibration:
         self.free = tuple(free)
         self.parts = tuple(parts)
         self._injector = start
-        self._trials = [Trial(part.measurement, effective_model(start)) for part in parts]
+        self.trials = [Trial(part.measurement, effective_model(start)) for part in parts]
+        """Of the parts, in their order."""
         self._kept: list[dict[tuple[float, ...], JudgedModel | None]] = [{} for _ in parts]
         self.centre = np.concatenate(
             [np.log(values_of(start, free)), [standstill_offset(part) / MEGAPASCAL for part in parts]]
         )
-
-    @property
-    def trials(self) -> Sequence[Trial]:
-        """Of the parts, in their order."""
-        return self._trials
 
     @property
     def prior_sigmas(self) -> NDArray[np.float64]:
@@ -211,7 +207,7 @@ class Calibration:
             model = self.model(theta, number)
             # sound must cross less than a cell in a step
             is_stable = model.coefficients.line.strain(STEP) < STABLE
-            kept[key] = self._trials[number].judge(model) if is_stable else None
+            kept[key] = self.trials[number].judge(model) if is_stable else None
         return kept[key]
 
     def judge_all(self, theta: NDArray[np.float64]) -> list[JudgedModel] | None:

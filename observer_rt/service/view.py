@@ -6,7 +6,6 @@ import time
 from collections import deque
 from collections.abc import Sequence
 from datetime import UTC, datetime
-from typing import Protocol
 
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
@@ -224,28 +223,6 @@ def _figures(daemon: Daemon) -> list[Text]:
 
 
 FRAMES_PER_SECOND = 8
-
-
-class Screen(Protocol):
-    """What can be drawn."""
-
-    def render(self, now: int, width: int, height: int) -> RenderableType:
-        """At a monotonic time [ns], for a terminal of `width` x `height` characters."""
-
-
-def draw(screen: Screen, until: threading.Event, console: Console) -> None:
-    """Draw the view on a terminal until the event is set."""
-
-    def picture() -> RenderableType:
-        return screen.render(time.monotonic_ns(), console.width, console.height)
-
-    with Live(picture(), console=console, auto_refresh=False) as live:
-        while not until.wait(1 / FRAMES_PER_SECOND):
-            live.update(picture(), refresh=True)
-        live.update(picture(), refresh=True)
-    console.print()  # what is said next has a line of its own
-
-
 TURN = 5_000_000_000  # ns, for which one injector is shown
 _HEADINGS = ("injector", "state", "reason", "no", "mass mg", "± 95 %", "nozzle flow", "valid?")
 _BORDER = 2  # lines: the headings, and one to spare
@@ -267,3 +244,16 @@ class Overview:
             table.add_row(*view.summary(now), style="bold" if number == shown else "")
         whole = self._views[shown].render(now, width, height - len(self._views) - _BORDER)
         return Group(table, Text(), whole)
+
+
+def draw(screen: View | Overview, until: threading.Event, console: Console) -> None:
+    """Draw the view on a terminal until the event is set."""
+
+    def picture() -> RenderableType:
+        return screen.render(time.monotonic_ns(), console.width, console.height)
+
+    with Live(picture(), console=console, auto_refresh=False) as live:
+        while not until.wait(1 / FRAMES_PER_SECOND):
+            live.update(picture(), refresh=True)
+        live.update(picture(), refresh=True)
+    console.print()  # what is said next has a line of its own

@@ -29,7 +29,7 @@ from observer_rt.service.daemon import Daemon
 from observer_rt.service.pump.pump import FramePump
 from observer_rt.service.reports.news import Notes
 from observer_rt.service.shown_injections import References
-from observer_rt.service.view import Screen, View
+from observer_rt.service.view import Overview, View
 from observer_rt.service.warm_up import warm_up
 from observer_rt.service.watch.arrivals import Arrivals
 from tests.benches import SAMPLE_RATE
@@ -172,7 +172,7 @@ class Pumped:
         self.pump.close()
 
 
-def drawn(screen: Screen, width: int = 80, height: int = 24, now: int | None = None) -> list[str]:
+def drawn(screen: View | Overview, width: int = 80, height: int = 24, now: int | None = None) -> list[str]:
     """Lines on a terminal of this size; now: a monotonic time [ns]."""
     file = io.StringIO()
     console = Console(file=file, width=width, height=height, force_terminal=True, color_system=None)

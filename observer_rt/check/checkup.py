@@ -204,7 +204,12 @@ def recording_findings(bench: Bench, path: Path) -> Iterator[Said]:
             raise UserError(str(path), "is a CAN log", "look at it by --log")
         stream = open_recording(path, bench.injector)
     yield from stream.details or (f"{path}: our own layout",)
-    yield _extent(stream)
+    parts = [
+        f"{stretch.start:.6g} to {stretch.start + (stretch.samples - 1) / stream.sample_rate:.6g} s"
+        for stretch in stream.stretches
+    ]
+    more = f" and {len(parts) - _SHOWN} more" if len(parts) > _SHOWN else ""
+    yield f"{stream.samples} samples at {stream.sample_rate:g} Hz: {', '.join(parts[:_SHOWN])}{more}"
     for note in stream.notes:
         yield False, note, ""
     yield from _ranges(stream)
@@ -213,15 +218,6 @@ def recording_findings(bench: Bench, path: Path) -> Iterator[Said]:
     if odd := swapped(stream.survey):
         yield False, *odd
     bench_for(bench, stream)
-
-
-def _extent(stream: SignalStream) -> str:
-    parts = [
-        f"{stretch.start:.6g} to {stretch.start + (stretch.samples - 1) / stream.sample_rate:.6g} s"
-        for stretch in stream.stretches
-    ]
-    more = f" and {len(parts) - _SHOWN} more" if len(parts) > _SHOWN else ""
-    return f"{stream.samples} samples at {stream.sample_rate:g} Hz: {', '.join(parts[:_SHOWN])}{more}"
 
 
 def _ranges(stream: SignalStream) -> Iterator[Said]:

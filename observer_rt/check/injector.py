@@ -149,8 +149,12 @@ def _mapping(fitted: BenchInjector, bus: BusMap, role: Role) -> Finding:
     coded = next(
         (name for name, known in units.items() if known == code), f"units of {code:g} {next(iter(units))}"
     )
+    samples, frames = int(message["samples"]), int(message["kind_count"])
+    division = "1 sample a frame" if samples == 1 else f"{samples} samples a frame"
+    if frames > 1:
+        division = f"{samples} samples in {frames} frames that take turns,"
     text = (
-        f"{role}: {bus.name_of(layout)} 0x{layout.frame_id:X}, {_division(message)} in {coded}, "
+        f"{role}: {bus.name_of(layout)} 0x{layout.frame_id:X}, {division} in {coded}, "
         f"{limits.lowest / factor:.6g} to {limits.highest / factor:.6g} {unit} in steps of "
         f"{resolution / factor:.3g} {unit}"
     )
@@ -158,13 +162,6 @@ def _mapping(fitted: BenchInjector, bus: BusMap, role: Role) -> Finding:
         return graded("mapping", False, text, f"cannot hold 0 to {needed / factor:g} {unit}")
     is_fine = resolution <= noise
     return graded("mapping", is_fine, text, f"coarser than the noise configured, {noise / factor:g} {unit}")
-
-
-def _division(message: np.void) -> str:
-    samples, frames = int(message["samples"]), int(message["kind_count"])
-    if frames > 1:
-        return f"{samples} samples in {frames} frames that take turns,"
-    return "1 sample a frame" if samples == 1 else f"{samples} samples a frame"
 
 
 @ruled("sampling")

@@ -40,7 +40,7 @@ from observer_rt.foundation.errors import RunError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 from observer_rt.model.baseline import Baseline, HealthyRemainder, NoiseFigures, PhaseFigures
 from observer_rt.model.effects import BUILT_IN, effective_model
-from observer_rt.model.parameters import InjectorParameters, LineOutflow, LineParameters
+from observer_rt.model.parameters import InjectorParameters, LineOutflow
 
 MARGIN, WORST_MARGIN = (
     1.15,
@@ -211,13 +211,6 @@ class Calibrated:
         return math.hypot(LEAST_MASS_SHARE, left_out, self.choice.mass_spread, level, between)
 
 
-def level_of(found: Sequence[Measurement], weighed: Mapping[int, Weighed]) -> FlowLevel:
-    """What tells the level: a rate does so at every sample."""
-    if any(one.recording.injection_rate is not None for one in found):
-        return FlowLevel.RATE
-    return FlowLevel.MASS if weighed else FlowLevel.FILE
-
-
 def calibrate(
     file: InjectorParameters,
     found: Sequence[Measurement],
@@ -229,7 +222,9 @@ def calibrate(
 
     Raises `RunError` where no structure has a solution.
     """
-    level = level_of(found, weighed)
+    level = FlowLevel.MASS if weighed else FlowLevel.FILE
+    if any(one.recording.injection_rate is not None for one in found):  # which tells it at every sample
+        level = FlowLevel.RATE
     parts = parts_of(found, weighed)
     coarse = tuple(thinned(part, ROUGH_EVENTS) for part in parts)  # structures are compared on
     steps = len(structures) + 2
@@ -269,6 +264,8 @@ ORIGIN = "observer-rt fit"
 BASELINE = "baseline"
 _DIGITS = 7
 _PAIR = 2
+_OF_LINE = ("model", "cells", "wall_viscosity", "inlet_loss_factor", "impedance_ratio", "impedance_step")
+"""Keys of [line] that a structure changes."""
 
 
 def write_fitted(path: Path, file: InjectorFile, done: Calibrated, baseline: Baseline) -> None:
@@ -278,7 +275,13 @@ def write_fitted(path: Path, file: InjectorFile, done: Calibrated, baseline: Bas
         content: Any = document  # its sections are there, for the file was loaded
         if injector.line_outflow != done.file.line_outflow:
             content["line_outflow"] = injector.line_outflow.value
-        _state_line(content["line"], done.file.line, injector.line)
+        section, before, after = content["line"], done.file.line, injector.line
+        for key in _OF_LINE:
+            value = getattr(after, key)
+            if value is None:
+                section.pop(key, None)
+            elif value != getattr(before, key) or key in section:
+                section[key] = value
         for parameter in done.fitted.calibration.free:
             value = parameter.of(injector)
             number = Float(value, Trivia(), f"{value:.{_DIGITS}g}")
@@ -296,16 +299,6 @@ def _tables(entry: Mapping[str, Any]) -> Any:
         )
         table[key] = _tables(value) if is_section else inline(value) if isinstance(value, dict) else value
     return table
-
-
-def _state_line(section: Any, before: LineParameters, after: LineParameters) -> None:
-    """What a structure changes in [line]."""
-    for key in ("model", "cells", "wall_viscosity", "inlet_loss_factor", "impedance_ratio", "impedance_step"):
-        value = getattr(after, key)
-        if value is None:
-            section.pop(key, None)
-        elif value != getattr(before, key) or key in section:
-            section[key] = value
 
 
 def baseline_of(done: Calibrated, hashes: dict[str, str]) -> Baseline:

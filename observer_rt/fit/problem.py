@@ -313,15 +313,13 @@ def certainty(calibration: Calibration, at: Quadratic, inflation: float) -> Cert
     values, vectors = np.linalg.eigh(marginal / inflation)
     told = np.maximum(values, np.finfo(float).eps * max(float(values[-1]), 1.0))
     sigmas = np.sqrt(np.sum(vectors**2 / told, axis=1))
+    main = np.take_along_axis(vectors, np.argmax(np.abs(vectors), axis=0)[None], axis=0)
+    symbols, signed = [one.symbol for one in calibration.free], vectors * np.sign(main)
     directions = tuple(
-        Direction(1.0 / math.sqrt(told[i]), _shares(calibration.free, vectors[:, i])) for i in range(p)[::-1]
+        Direction(1.0 / math.sqrt(told[i]), tuple(zip(symbols, signed[:, i].tolist(), strict=True)))
+        for i in range(p)[::-1]
     )
     return Certainty(calibration.free, sigmas, directions)
-
-
-def _shares(free: Sequence[FreeParameter], vector: NDArray[np.float64]) -> tuple[tuple[str, float], ...]:
-    main = vector[np.argmax(np.abs(vector))]
-    return tuple((one.symbol, float(v * np.sign(main))) for one, v in zip(free, vector, strict=True))
 
 
 def interval(value: float, sigma: float) -> tuple[float, float]:

@@ -69,15 +69,6 @@ def level_words(done: Calibrated) -> str:
     )
 
 
-def kept_words(done: Calibrated) -> list[str]:
-    """Of each parameter that stays as in the file."""
-    return [
-        f"{one.name} ({one.symbol}) stays {one.of(done.injector) / one.si:.4g} {one.unit}: "
-        "these recordings do not tell it"
-        for one in done.kept
-    ]
-
-
 def verdict_words(done: Calibrated) -> str:
     """Adequate or not, where, and what to try."""
     left = done.left
@@ -209,7 +200,13 @@ def print_fit(done: Calibrated, console: Console) -> None:
         interval = "{:.5g} .. {:.5g}".format(*size.ci95)
         parameters.add_row(name, size.symbol, before, f"{size.value:.5g}", interval, size.unit)
     console.print(parameters)
-    for line in (*kept_words(done), *_together(done), *oddities(done)):
+    for kept in done.kept:
+        value = f"{kept.of(done.injector) / kept.si:.4g} {kept.unit}"
+        say(console, f"{kept.name} ({kept.symbol}) stays {value}: these recordings do not tell it")
+    if len(done.fitted.calibration.free) > 1:
+        worst = done.fitted.certainty.directions[-1]
+        say(console, f"told worst: {worst.words}, to {worst.sigma:.2%} (1 sigma)")
+    for line in oddities(done):
         say(console, line)
     say(console, "\nresiduals, file -> fitted (rms one sample ahead; chi2 of means of 8 samples)")
     residuals = _table(("signal", "phase", "rms", "", "", "unit", "chi2", "", ""), left=(0, 1, 5))
@@ -224,13 +221,6 @@ def print_fit(done: Calibrated, console: Console) -> None:
         say(console, line)
     say(console, f"\nabsolute level: {level_words(done)}")
     say(console, f"verdict: {verdict_words(done)}")
-
-
-def _together(done: Calibrated) -> Iterable[str]:
-    """The combination of parameters that is told worst."""
-    if len(done.fitted.calibration.free) > 1:
-        worst = done.fitted.certainty.directions[-1]
-        yield f"told worst: {worst.words}, to {worst.sigma:.2%} (1 sigma)"
 
 
 def _masses(done: Calibrated) -> Iterable[str]:

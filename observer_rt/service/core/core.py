@@ -40,6 +40,10 @@ from observer_rt.service.reports.judging import EventRecord, InlineExecutor, Jud
 from observer_rt.service.reports.news import Listener, Notice, to_all
 from observer_rt.service.words import Topic
 
+_NOT_LEARNED = (
+    "nothing was learned from an event: {}\n  remedy: see that memory is free; report it if it comes again"
+)
+
 
 class Contest:
     """Whether there is a second sender now, and the samples between which there was one last."""
@@ -125,7 +129,9 @@ class Core:
             start,
             healthy,
             partial(learner_of, fitted, constants),
-            self._tell_failure,
+            lambda failure: self._tell(
+                Notice(Topic.LEARNING, _NOT_LEARNED.format(f"{type(failure).__name__}: {failure}"))
+            ),
         )
         self._writes_summaries = writes_summaries
         self.optional = OptionalInputs(fitted, bus, self.compiled, self._tell, is_restored)
@@ -303,13 +309,6 @@ class Core:
         """Hand over closed events, report judged ones."""
         for judged in self._judging.follow(self.optional.learning, self.optional.fuel_temperature):
             self._report(judged)
-
-    def _tell_failure(self, failure: Exception) -> None:
-        text = (
-            f"nothing was learned from an event: {type(failure).__name__}: {failure}\n"
-            "  remedy: see that memory is free; report it if it comes again"
-        )
-        self._tell(Notice(Topic.LEARNING, text))
 
     def _report(self, judged: EventRecord) -> None:
         """Say of the injections of a judged event what was found, with what came before it was."""

@@ -130,14 +130,10 @@ def banner_html(seen: Seen, shown: SeenInjection | None, now: int) -> str:
         validity="" if shown is None else _validity(shown),
         lately=len(lately),
         valid_share=valid,
-        age=_age(age),
+        # as often as it changes it is drawn
+        age=f"{age:.0f} s ago" if age < MINUTE else f"{age / MINUTE:.0f} min ago",
         is_old=age > OLD,
     )
-
-
-def top_html(watching: Watching) -> str:
-    """The head of the page: time, buses, frames lost before they were heard."""
-    return _TEMPLATES.get_template("top.html").render(watching=watching)
 
 
 def _state(status: StatusValues | None) -> tuple[str, str, str]:
@@ -156,11 +152,6 @@ def _validity(shown: SeenInjection) -> str:
         return "valid"
     reason = Reason(int(shown.summary.reason))
     return f"not valid: {reason.name}, {REASONS[reason].what}"
-
-
-def _age(seconds: float) -> str:
-    """In whole seconds, or minutes: as often as it changes it is drawn."""
-    return f"{seconds:.0f} s ago" if seconds < MINUTE else f"{seconds / MINUTE:.0f} min ago"
 
 
 def _clock(moment: int) -> str:
@@ -286,7 +277,7 @@ class Session:
         now = time.monotonic()
         if now < self._letters_due:
             return {}
-        letters = {"top": top_html(self._watching)}
+        letters = {"top": _TEMPLATES.get_template("top.html").render(watching=self._watching)}
         for number, (now_seen, then_seen) in enumerate(zip(live, shown, strict=True)):
             letters[f"banner_{number}"] = banner_html(now_seen, _last_of(then_seen), self._watching.now)
         changed = {name: html for name, html in letters.items() if self._letters.get(name) != html}

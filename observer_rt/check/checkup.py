@@ -10,6 +10,7 @@ from observer_rt.bus.mapping.bus_map import map_bench
 from observer_rt.bus.mapping.timing import TOLERANCE
 from observer_rt.check.buses import buses_findings
 from observer_rt.check.findings import Finding, Level, Said, as_json_document, as_table, failed, ruled
+from observer_rt.check.injector import channel_findings, mapping_findings, observer_findings, time_findings
 from observer_rt.check.machine import (
     compiled_code_findings,
     interface_findings,
@@ -18,8 +19,6 @@ from observer_rt.check.machine import (
     socketcan_findings,
     this_host,
 )
-from observer_rt.check.mapping import channel_findings, mapping_findings, time_findings
-from observer_rt.check.observer import observer_findings
 from observer_rt.config.bench import Bench, BenchInjector
 from observer_rt.evaluation.logged import LoggedSignals
 from observer_rt.foundation.compilation import compiled_code
@@ -205,7 +204,12 @@ def recording_findings(bench: Bench, path: Path) -> Iterator[Said]:
             raise UserError(str(path), "is a CAN log", "look at it by --log")
         stream = open_recording(path, bench.injector)
     yield from stream.details or (f"{path}: our own layout",)
-    yield _extent(stream)
+    parts = [
+        f"{stretch.start:.6g} to {stretch.start + (stretch.samples - 1) / stream.sample_rate:.6g} s"
+        for stretch in stream.stretches
+    ]
+    more = f" and {len(parts) - _SHOWN} more" if len(parts) > _SHOWN else ""
+    yield f"{stream.samples} samples at {stream.sample_rate:g} Hz: {', '.join(parts[:_SHOWN])}{more}"
     for note in stream.notes:
         yield False, note, ""
     yield from _ranges(stream)
@@ -214,15 +218,6 @@ def recording_findings(bench: Bench, path: Path) -> Iterator[Said]:
     if odd := swapped(stream.survey):
         yield False, *odd
     bench_for(bench, stream)
-
-
-def _extent(stream: SignalStream) -> str:
-    parts = [
-        f"{stretch.start:.6g} to {stretch.start + (stretch.samples - 1) / stream.sample_rate:.6g} s"
-        for stretch in stream.stretches
-    ]
-    more = f" and {len(parts) - _SHOWN} more" if len(parts) > _SHOWN else ""
-    return f"{stream.samples} samples at {stream.sample_rate:g} Hz: {', '.join(parts[:_SHOWN])}{more}"
 
 
 def _ranges(stream: SignalStream) -> Iterator[Said]:

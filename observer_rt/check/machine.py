@@ -11,7 +11,7 @@ from typing import Any
 
 from observer_rt.bus.can_frame import ARPHRD_CAN, FD_MTU
 from observer_rt.check.findings import Said, ruled
-from observer_rt.config.links import LinkConfig
+from observer_rt.config.bench_file import LinkConfig
 from observer_rt.foundation.compilation import CompiledCode
 from observer_rt.service.rights import PRIORITY, REMEDY, Processors, Rights, processors, rights
 

@@ -3,7 +3,6 @@
 import inspect
 import os
 import sys
-from collections.abc import Callable
 from typing import Annotated, Any, NoReturn
 
 import typer
@@ -17,9 +16,9 @@ from observer_rt.cli.models import compare, discover, effects, fit
 from observer_rt.cli.offline import evaluate, reproduce, simulate
 from observer_rt.cli.options import messages
 from observer_rt.foundation.compilation import compiled_code
+from observer_rt.foundation.compiling import show_compiling
+from observer_rt.foundation.console import say
 from observer_rt.foundation.errors import ObserverError, UserError
-from observer_rt.terminal.compiling import show_compiling
-from observer_rt.terminal.console import say
 
 EXIT_CODES = (
     "Exit code: 0 there is a result; 1 it failed at run time, or `check` found an error; "
@@ -60,11 +59,6 @@ def _reword(parameter: Any) -> None:
     )
 
 
-def first_sentence(command: Callable[..., object]) -> str:
-    """Of a command's docstring, whole: for the list of commands."""
-    return inspect.cleandoc(command.__doc__ or "").split("\n\n")[0].replace("\n", " ")
-
-
 app = typer.Typer(
     cls=GroupedCommands,
     no_args_is_help=True,
@@ -81,7 +75,8 @@ def main() -> None:
     """Entry point of `observer-rt`."""
     try:
         try:
-            _refuse_without_cache()
+            if (code := compiled_code()).folder is None:
+                raise UserError("cache", code.trouble, code.remedy)
             exit_code = app(standalone_mode=False)
         finally:
             sys.stdout.flush()  # so that what cannot be written shows here
@@ -111,12 +106,6 @@ def _worded(error: Any) -> UserError:
     return UserError(
         called or "command line", message[:1].lower() + message[1:], f"`{command} -h` explains it"
     )
-
-
-def _refuse_without_cache() -> None:
-    code = compiled_code()
-    if code.folder is None:
-        raise UserError("cache", code.trouble, code.remedy)
 
 
 def _abandon_stdout() -> None:
@@ -181,7 +170,7 @@ for _heading, _commands in {
     for _command, _example in _commands:
         app.command(
             cls=WordedCommand,
-            short_help=first_sentence(_command),
+            short_help=inspect.cleandoc(_command.__doc__ or "").split("\n\n")[0].replace("\n", " "),
             epilog=f"Example: observer-rt {_command.__name__} {_example}\n\n{EXIT_CODES}",
             rich_help_panel=_heading,
         )(_command)

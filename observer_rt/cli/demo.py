@@ -20,9 +20,10 @@ from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.bus.mapping.output_messages import RateMessage
 from observer_rt.config.bench import Bench, load_bench
-from observer_rt.config.links import LinkConfig
+from observer_rt.config.bench_file import LinkConfig
 from observer_rt.evaluation.curves import RateCurves
 from observer_rt.evaluation.figures import MassRow, Picture, plot_injections
+from observer_rt.foundation.console import stop_on_signals
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.recording.replay.framing import Framer, whole
@@ -31,12 +32,11 @@ from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import Notes
-from observer_rt.service.screen.curves import ComparedRate
-from observer_rt.service.screen.view import View
+from observer_rt.service.shown_injections import ComparedRate
+from observer_rt.service.view import View
 from observer_rt.service.warm_up import warm_up
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import SimulatedNoise, simulate
-from observer_rt.terminal.signals import stop_on_signals
 
 RAIL_PRESSURES = (60 * MEGAPASCAL, 100 * MEGAPASCAL, 140 * MEGAPASCAL)
 ENERGIZING_TIME = 1.9 * MILLISECOND

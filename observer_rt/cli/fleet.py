@@ -8,8 +8,8 @@ from typing import Annotated
 from observer_rt.cli import options
 from observer_rt.cli.options import argument, file_option, messages, option
 from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
+from observer_rt.foundation.console import FIGURE_SUFFIXES, check_destination, check_folder, say
 from observer_rt.foundation.errors import UserError
-from observer_rt.terminal.console import FIGURE_SUFFIXES, check_destination, check_folder, say
 
 
 def batch(
@@ -63,13 +63,12 @@ def batch(
 ) -> None:
     """Evaluate thousands of recordings side by side: an injection a row of Parquet, resumed where it stopped."""
     from observer_rt.config.own_effects import OwnEffects
-    from observer_rt.fleet.batch import evaluate_all, settings_of, tell
+    from observer_rt.fleet.batch import Dataset, evaluate_all, settings_of, tell
     from observer_rt.fleet.cluster import Work, connected
-    from observer_rt.fleet.dataset import Dataset
     from observer_rt.fleet.groups import InjectorNames, RecordingTimes, recordings_in
     from observer_rt.fleet.job import Task
+    from observer_rt.foundation.console import stop_on_signals
     from observer_rt.service.keeping.state_file import model_hash, restored_knowledge
-    from observer_rt.terminal.signals import stop_on_signals
 
     if healthy and not discover:
         raise UserError("--healthy", "is for discovery", "add --discover, or leave it out")
@@ -116,7 +115,7 @@ def trend(
     as_json: options.JsonOption = False,
 ) -> None:
     """Show the wear of every injector over its recordings, the most worn first, with 95 % bands."""
-    from observer_rt.fleet.dataset import read_injections
+    from observer_rt.fleet.batch import read_injections
     from observer_rt.fleet.trend import NEEDED, trends, write_page, write_picture
     from observer_rt.fleet.trend import as_json as document
 

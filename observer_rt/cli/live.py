@@ -12,9 +12,9 @@ import typer
 from observer_rt.cli import options
 from observer_rt.cli.options import argument, file_option, messages, option
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, Bench, load_bench
+from observer_rt.foundation.console import FIGURE_SUFFIXES, check_destination, results, say
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
-from observer_rt.terminal.console import FIGURE_SUFFIXES, check_destination, results, say
 
 SHOWN = 10  # injections of a journal in a table
 
@@ -32,7 +32,7 @@ def demo(
 ) -> None:
     """Watch a worn injector being learned: simulated, sent as CAN FD frames, estimated by the daemon."""
     from observer_rt.cli.demo import Demo, mass_table, write_figure
-    from observer_rt.service.screen.view import draw
+    from observer_rt.service.view import draw
 
     check_destination("--figure", figure, FIGURE_SUFFIXES)
     say(messages, f"simulating {injections} injections of an injector with v_H = {wear:+.2f} ...")
@@ -174,8 +174,8 @@ def monitor(
         raise UserError(
             "monitor", "needs Tornado, which is not installed", "pip install 'observer-rt[monitor]'"
         )
-    from observer_rt.watch.listening import LiveSource, LogSource
     from observer_rt.watch.server import serve_page
+    from observer_rt.watch.watching import LiveSource, LogSource
 
     chosen = load_bench(bench, lenient=lenient).of(injector)
     source = (
@@ -201,7 +201,7 @@ def journal(
     as_json: options.JsonOption = False,
 ) -> None:
     """Show a journal of injections: the last ones, and the wear over time; also while it is written."""
-    from observer_rt.service.keeping.journal_reading import (
+    from observer_rt.service.keeping.journal import (
         print_csv,
         print_json,
         print_tables,

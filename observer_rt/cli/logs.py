@@ -23,10 +23,9 @@ from observer_rt.cli.options import (
     option,
 )
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench
-from observer_rt.config.links import of_links, refuse_shared_channels
+from observer_rt.config.bench_file import of_links, refuse_shared_channels
+from observer_rt.foundation.console import check_folder, progress_bar, say, stop_on_signals
 from observer_rt.foundation.errors import UserError
-from observer_rt.terminal.console import check_folder, progress_bar, say
-from observer_rt.terminal.signals import stop_on_signals
 
 if TYPE_CHECKING:
     from observer_rt.recording.recorder import RecordStatistics
@@ -78,8 +77,7 @@ def replay(
         remapped,
         remapped_identifiers,
     )
-    from observer_rt.recording.replay.player import play
-    from observer_rt.recording.replay.sources import log_source, recording_source, refuse_traffic
+    from observer_rt.recording.replay.player import log_source, play, recording_source, refuse_traffic
 
     chosen = _with_links(load_bench(bench, lenient=lenient).of(injector), interface, channel)
     channels, identifiers = channel_map(map_channel or ()), identifier_map(map_id or ())

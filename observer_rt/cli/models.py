@@ -13,9 +13,7 @@ from observer_rt.cli.options import argument, decoder_of, file_option, messages,
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.config.effects import effect_named
 from observer_rt.config.injector_file import InjectorFile
-from observer_rt.foundation.errors import RunError, UserError
-from observer_rt.foundation.files import file_errors
-from observer_rt.terminal.console import (
+from observer_rt.foundation.console import (
     FIGURE_SUFFIXES,
     check_destination,
     progress_bar,
@@ -23,6 +21,8 @@ from observer_rt.terminal.console import (
     results,
     say,
 )
+from observer_rt.foundation.errors import RunError, UserError
+from observer_rt.foundation.files import file_errors
 
 
 def fit(
@@ -54,13 +54,11 @@ def fit(
 ) -> None:
     """Calibrate the model, its structure included, to recordings of the healthy injector."""
     from observer_rt.config.channels import effects_on_one_raster
-    from observer_rt.evaluation.sources import open_source, without_truths
+    from observer_rt.evaluation.logged import open_source, without_truths
     from observer_rt.evidence.excerpts import MOST_SAMPLES
     from observer_rt.evidence.reading import coverage, hashes, read_measured, refuse_rates_missing
-    from observer_rt.fit.calibrate import calibrate
-    from observer_rt.fit.fitted_file import baseline_of, write_fitted
-    from observer_rt.fit.masses import read_masses
-    from observer_rt.fit.parts import refuse_clipped, warnings
+    from observer_rt.fit.calibrate import baseline_of, calibrate, write_fitted
+    from observer_rt.fit.parts import read_masses, refuse_clipped, warnings
     from observer_rt.fit.report import as_json as document_of
     from observer_rt.fit.report import print_fit
 
@@ -155,21 +153,23 @@ def discover(
 ) -> None:
     """Find the physical effect the model is missing, its size and how sure that is; write the amended model."""
     from observer_rt.config.channels import effects_on_one_raster
-    from observer_rt.discovery.answer import Question, answer, refuse_incomparable
-    from observer_rt.discovery.folder import (
+    from observer_rt.discovery.answer import (
         AMENDED,
         DATA,
         FINDINGS,
         FITS,
         REPORT,
+        Question,
+        answer,
         fits_in,
         make_folder,
+        refuse_incomparable,
         refuse_replacing,
         write_answer,
     )
     from observer_rt.discovery.report.text import as_text
-    from observer_rt.evaluation.second_opinion import second_opinion
-    from observer_rt.evaluation.sources import open_source, without_truths
+    from observer_rt.evaluation.evaluate import second_opinion
+    from observer_rt.evaluation.logged import open_source, without_truths
     from observer_rt.evidence.reading import coverage, hashes, read_measured
 
     begin = time.monotonic()

@@ -6,11 +6,7 @@ from typing import Annotated
 from observer_rt.cli import options
 from observer_rt.cli.options import SIGNALS, file_option, messages, option
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench, load_injector
-from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.files import file_errors
-from observer_rt.foundation.units import MILLISECOND
-from observer_rt.model.parameters import at_temperature, temperature_of
-from observer_rt.terminal.console import (
+from observer_rt.foundation.console import (
     check_destination,
     check_folder,
     progress_bar,
@@ -18,6 +14,10 @@ from observer_rt.terminal.console import (
     results,
     say,
 )
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.files import file_errors
+from observer_rt.foundation.units import MILLISECOND
+from observer_rt.model.parameters import at_temperature, temperature_of
 
 MAX_SAMPLES = 20_000_000  # of a simulation, that a machine of 4 GiB can hold with their truth
 SampleRateOption = Annotated[float, option("--sample-rate", "Samples a second [Hz].", min=1.0)]
@@ -170,8 +170,7 @@ def reproduce(
     sample_rate: SampleRateOption = 100e3,
 ) -> None:
     """Reproduce the paper's Figs. 3-5, its scheme and ours side by side, with a table and a report."""
-    from observer_rt.paper.figures import draw_figure_3, draw_figure_4, draw_figure_5
-    from observer_rt.paper.report import report
+    from observer_rt.paper.figures import draw_figure_3, draw_figure_4, draw_figure_5, report
     from observer_rt.paper.study import NOZZLE_WEAR, run_study
     from observer_rt.paper.table import markdown, screen_table, write_csv
 

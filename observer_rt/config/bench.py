@@ -14,13 +14,19 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, TypeVar
 
-from observer_rt.config.bench_file import BenchConfig, BenchFile, BusesConfig
-from observer_rt.config.effects import check_effects
+from observer_rt.config.bench_file import (
+    BenchConfig,
+    BenchFile,
+    BusesConfig,
+    LinkName,
+    refuse_shared_channels,
+    require_link,
+)
+from observer_rt.config.effects import check_effects, check_terms
 from observer_rt.config.injector import InjectorConfig
-from observer_rt.config.links import LinkName, refuse_shared_channels, require_link
-from observer_rt.config.terms import check_terms
 from observer_rt.config.toml_file import Section, place_in, read_toml, validated
 from observer_rt.foundation.errors import UserError, did_you_mean
+from observer_rt.foundation.files import file_hash
 from observer_rt.model.line.wave import with_cells
 from observer_rt.model.parameters import InjectorParameters
 
@@ -195,3 +201,42 @@ def _require_file(place: str, path: Path, others: str = "") -> None:
     if not path.is_file():
         problem = f"{path} {'is a folder' if path.is_dir() else 'does not exist'}"
         raise UserError(place, problem, f"name a file, by its path from the bench file on{others}")
+
+
+_SHOWN = 8
+Content = Mapping[str, Any]
+"""All that a bench says, by the keys that lead to it; of databases what tells their content."""
+
+
+def content_of(bench: Bench) -> Content:
+    """What a bench says, with its injector files and databases as they are now."""
+    said = _flat("", bench.config.model_dump())
+    for injector in bench.injectors:
+        prefix = f"injectors.{injector.name}." if injector.name else ""
+        said |= _flat(prefix, injector.config.model_dump())
+        said |= _flat(f"{prefix}{injector.parameters_path.name}: ", injector.parameters.model_dump())
+    return said | {str(path): (file_hash(path),) for path in bench.databases}
+
+
+def changes(before: Content, after: Content) -> list[str]:
+    """Each key that says something else, with what it says."""
+    pairs = {key: (before.get(key), after.get(key)) for key in [*before, *after]}
+    found = [
+        f"{key}: other content" if isinstance(now, tuple) else f"{key} {_shown(was)} -> {_shown(now)}"
+        for key, (was, now) in pairs.items()
+        if was != now
+    ]
+    return found if len(found) <= _SHOWN else [*found[:_SHOWN], f"{len(found) - _SHOWN} more"]
+
+
+def _shown(value: Any) -> str:
+    return "(left out)" if value is None else str(value)
+
+
+def _flat(prefix: str, value: Any) -> dict[str, Any]:
+    """Values by the keys that lead to them."""
+    if not isinstance(value, Mapping):
+        return {prefix: value}
+    join = "." if prefix and not prefix.endswith((".", " ")) else ""
+    parts = (_flat(f"{prefix}{join}{name}", below) for name, below in value.items())
+    return {key: leaf for part in parts for key, leaf in part.items()}

@@ -1,11 +1,13 @@
-"""Effects and their parameters as users write them, in files and on the command line: found, or refused by name."""
+"""Effects and terms as users write them, in files and on the command line: found, tried, or refused by name."""
 
 from collections.abc import Sequence
 
 from observer_rt.foundation.errors import UserError, hint
+from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MM3_PER_MS
 from observer_rt.model.effect import Effect, EffectParameter
 from observer_rt.model.effects import VOCABULARY
-from observer_rt.model.parameters import EffectInForce
+from observer_rt.model.parameters import EffectInForce, InjectorParameters
+from observer_rt.model.terms.bounds import TermDomain, refuse_unbounded
 
 
 def effect_named(place: str, name: str) -> Effect:
@@ -74,3 +76,28 @@ def check_effects(place: str, effects: Sequence[EffectInForce]) -> None:
 def _described(effect: Effect) -> str:
     units = [p.name if p.unit == "-" else f"{p.name} [{p.unit}]" for p in effect.parameters]
     return ":".join([effect.id, *units])
+
+
+def term_domain(parameters: InjectorParameters) -> TermDomain:
+    """Where terms of an injector must be sound."""
+    line = parameters.line
+    friction = line.loss_factor * parameters.fluid.density_line / line.area**2  # Pa/(m3/s)^2
+    return TermDomain(parameters.seat.max_lift / MILLIMETRE, friction * MM3_PER_MS**2 / MEGAPASCAL)
+
+
+def check_terms(place: str, parameters: InjectorParameters) -> None:
+    """Refuse terms of an injector file that cannot be read, do not fit, or make no sound model.
+
+    Raises `UserError` at a key below `place`.
+    """
+    domain = term_domain(parameters)
+    for number, stated in enumerate(parameters.terms):
+        here = f"{place}terms.{number}"
+        try:
+            term = stated.term
+        except UserError as error:
+            raise UserError(f"{here}.{error.place}", error.problem, error.remedy) from None
+        try:
+            refuse_unbounded(term, domain)
+        except UserError as error:
+            raise UserError(f"{here}.law", f"'{error.place}' {error.problem}", error.remedy) from None

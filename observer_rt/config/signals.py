@@ -5,8 +5,7 @@ from typing import Annotated, Self
 
 from pydantic import Field, field_validator, model_validator
 
-from observer_rt.config.links import Positive
-from observer_rt.config.toml_file import Section
+from observer_rt.config.toml_file import Positive, Section
 
 
 class Role(StrEnum):

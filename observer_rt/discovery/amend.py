@@ -57,7 +57,13 @@ def amended_effects(
     if again:
         sizes = _totals(parameters.model_copy(update={"effects": kept}), again, found, measured, healthy)
     added = (
-        _in_force(effect, fitted, _reason(found, effect, recordings))
+        EffectInForce(
+            id=effect.id,
+            parameters=printed(effect.id, fitted),
+            origin=ORIGIN,
+            evidence=_reason(found, effect, recordings),
+            date=date.today().isoformat(),
+        )
         for effect, fitted in zip(found.effects, sizes, strict=True)
     )
     return (*kept, *added)
@@ -152,17 +158,6 @@ def _totals(
     half = NORMAL_975 * spread * fitted.sigmas()
     total = replace(found.named, sizes=tuple(fitted.at.theta.tolist()), half=tuple(half.tolist()))
     return total.parameters
-
-
-def _in_force(effect: FittedEffect, fitted: Sequence[FittedParameter], evidence: str) -> EffectInForce:
-    """A fitted effect as the injector file has it."""
-    return EffectInForce(
-        id=effect.id,
-        parameters=printed(effect.id, fitted),
-        origin=ORIGIN,
-        evidence=evidence,
-        date=date.today().isoformat(),
-    )
 
 
 def _reason(found: Discovery, effect: FittedEffect, recordings: Mapping[str, str]) -> str:

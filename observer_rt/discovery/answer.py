@@ -1,17 +1,30 @@
-"""From recordings to the whole answer: check, find, name, add, show."""
+"""From recordings to the whole answer: check, find, name, add, show; and the folder it is written into."""
 
+import hashlib
+import json
 import os
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
 
-from observer_rt.discovery.amend import accepted, amended_effects
-from observer_rt.discovery.findings import Findings, is_level_measured, is_like_inertance, remedies
+from observer_rt.config.injector_file import InjectorFile
+from observer_rt.discovery.amend import accepted, amended_effects, stable_cells, write_amended
+from observer_rt.discovery.findings import (
+    Findings,
+    Opinion,
+    Sources,
+    is_level_measured,
+    is_like_inertance,
+    remedies,
+)
 from observer_rt.discovery.gaps import disagreements, gaps_of, typical_overlays
-from observer_rt.discovery.opinion import Opinion
+from observer_rt.discovery.report.document import as_json, remove_data, write_data
+from observer_rt.discovery.report.page import report
 from observer_rt.discovery.report.text import headline
 from observer_rt.discovery.search.adequacy import NO_BASELINE, HealthyBaseline, baseline_of_fit
-from observer_rt.discovery.search.candidates import FitMemory
+from observer_rt.discovery.search.candidates import FitMemory, FitStore, problem_key
 from observer_rt.discovery.search.result import Verdict
 from observer_rt.discovery.search.verdict import SearchOptions, healthy_baseline, name_effects
 from observer_rt.discovery.standstill import standstill_checks
@@ -20,7 +33,10 @@ from observer_rt.evidence.likelihood import evidence_of
 from observer_rt.evidence.measurement import Measurement
 from observer_rt.evidence.operating_points import by_operating_point
 from observer_rt.evidence.reading import chosen_words, refuse_rates_missing
+from observer_rt.foundation.console import check_folder
 from observer_rt.foundation.errors import ObserverError, UserError
+from observer_rt.foundation.files import file_errors
+from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import EffectInForce, InjectorParameters
@@ -198,3 +214,82 @@ def _opinion(ask_observer: AskObserver, question: Question) -> Opinion | None:
         return ask_observer(question.parameters, [one.recording for one in question.measured])
     except ObserverError:
         return None  # not a matter of discovery: the report says that there is none
+
+
+FINDINGS, AMENDED, REPORT, FITS = "findings.json", "amended.toml", "report.html", "fits.jsonl"
+DATA = "data"
+ANSWER = (REPORT, FINDINGS, AMENDED, DATA)
+
+
+def refuse_replacing(folder: Path, model: Path, force: bool) -> None:
+    """Raise `UserError` where an answer, or a model that somebody may be using, would be replaced unless wanted."""
+    there = [name for name in ANSWER if (folder / name).exists()]
+    if (folder / AMENDED).resolve() == model.resolve():
+        raise UserError(
+            f"--out {folder}",
+            f"holds the model to be amended as {AMENDED}",
+            "name another folder, or copy the model",
+        )
+    if there and not force:
+        raise UserError(
+            f"--out {folder}",
+            f"holds {', '.join(there)} already",
+            "name another folder, or add --force to replace what is there",
+        )
+
+
+def make_folder(folder: Path) -> None:
+    """The folder, if it is not there. Raises `UserError` where it cannot be made or written."""
+    if folder.exists() and not folder.is_dir():
+        raise UserError(f"--out {folder}", "is a file", "name a folder")
+    with file_errors(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    check_folder("--out", folder)
+
+
+def fits_in(folder: Path, question: Question, stated: Sequence[SizedEffect]) -> FitStore:
+    """Where the search for an answer keeps its fits, and finds those of an interrupted one."""
+    parts = [
+        f"{sha256} {one.recording.samples}"  # of a long one it depends on the command how much is kept
+        for sha256, one in zip(question.hashes.values(), question.measured, strict=True)
+    ]
+    parts += [  # what is taken out of the evidence comes of these
+        hashlib.sha256(one.recording.line_pressure.tobytes()).hexdigest() for one in question.healthy
+    ]
+    with file_errors(folder):
+        return FitStore(folder / FITS, problem_key(question.parameters, parts, stated))
+
+
+def write_answer(
+    folder: Path,
+    question: Question,
+    found: Findings,
+    injector: InjectorFile,
+    healthy: Sequence[Path],
+    data: bool = False,
+) -> str:
+    """Everything into the folder, and back what findings.json says. data: figures and numbers as files, too.
+
+    What an earlier run left there and this one does not make is removed.
+    """
+    sources = Sources(
+        model=injector.name,
+        model_hash=injector.sha256,
+        in_force=tuple(effect.id for effect in question.parameters.effects),
+        recordings=question.hashes,
+        healthy=tuple(path.name for path in healthy),
+        made=datetime.now(),
+    )
+    document = json.dumps(as_json(found, sources), indent=2)
+    with file_errors(folder):
+        (folder / FINDINGS).write_text(document + "\n", encoding="utf-8")
+        (folder / REPORT).write_text(report(found, sources), encoding="utf-8")
+        remove_data(folder / DATA)
+        if data:
+            write_data(folder / DATA, found)
+        if found.amended_model is not None:
+            cells = stable_cells(question.parameters, found.in_force, question.measured)
+            write_amended(folder / AMENDED, injector, found.in_force, cells, found.terms)
+        else:
+            (folder / AMENDED).unlink(missing_ok=True)
+    return document

@@ -1,11 +1,11 @@
-"""What `discover` answers: what it rests on, and the caveats told wherever the answer is."""
+"""What `discover` answers: what it rests on, the learning observer's opinion, and the caveats told with it."""
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 
 from observer_rt.discovery.gaps import Disagreement, ModelGaps, Overlay
-from observer_rt.discovery.opinion import Opinion, contradictions
 from observer_rt.discovery.search.result import Discovery, FittedEffect, Verdict
 from observer_rt.discovery.search.search import indistinguishable
 from observer_rt.discovery.standstill import StandstillFigure
@@ -18,6 +18,107 @@ from observer_rt.model.parameters import EffectInForce
 from observer_rt.model.terms.in_force import TermInForce
 from observer_rt.observer.learning.adequacy import looks_like_inertance
 
+SIGNIFICANT = 4.0  # standard deviations
+AGREES = 0.1  # of the larger size, that both may differ besides their intervals
+
+
+@dataclass(frozen=True)
+class Indicator:
+    """One of the observer's figures, as the effect it stands for (SI). sigma: standard deviation, nan unknown."""
+
+    effect_id: str
+    value: float
+    sigma: float
+
+    @property
+    def stands_out(self) -> bool:
+        """Whether it is beyond its own uncertainty and the effect's dead zone."""
+        parameter = VOCABULARY[self.effect_id].parameters[0]
+        return abs(self.value) > max(parameter.dead_zone, SIGNIFICANT * self.sigma)
+
+
+@dataclass(frozen=True)
+class Opinion:
+    """The observer after it learned from all recordings, one after another.
+
+    indicators: at the last injection; valid, injections: how many of them it declared valid; reasons: how often each
+    reason for `not valid` was given, but for those of a start.
+    """
+
+    indicators: tuple[Indicator, ...]
+    valid: int
+    injections: int
+    reasons: Mapping[str, int]
+
+
+def contradictions(found: Discovery, opinion: Opinion) -> tuple[str, ...]:
+    """Where both say what cannot both be true, each in a sentence."""
+    if found.verdict is Verdict.UNKNOWN:
+        return ()
+    if found.verdict is Verdict.NONE:
+        return tuple(_of_nothing(opinion))
+    return tuple(_of_effects(found, opinion))
+
+
+def remark(found: Discovery, opinion: Opinion) -> str:
+    """What a reader must know of the observer's figures, in a sentence."""
+    known = {indicator.effect_id for indicator in opinion.indicators}
+    foreign = [effect.id for effect in found.effects if effect.id not in known]
+    if foreign:
+        return (
+            f"The observer has no term for {' and '.join(foreign)} and puts it down to what it knows; with the "
+            "amended model in force it need not."
+        )
+    if _inadequate(opinion):
+        return (
+            "It finds its model inadequate on some of these injections: its figures are not to be believed."
+        )
+    return ""
+
+
+def _of_nothing(opinion: Opinion) -> list[str]:
+    result = [
+        f"discovery finds nothing missing, the observer learned {indicator.effect_id}"
+        for indicator in opinion.indicators
+        if indicator.stands_out
+    ]
+    inadequate = _inadequate(opinion)
+    if inadequate:
+        result.append(
+            f"discovery finds the model adequate, the observer finds it inadequate in {inadequate} of "
+            f"{opinion.injections} injections"
+        )
+    return result
+
+
+def _inadequate(opinion: Opinion) -> int:
+    """Injections that contradict the observer's model, whichever cause it names."""
+    return opinion.reasons.get("MODEL_INADEQUATE", 0) + opinion.reasons.get("LIFT_SENSOR_LAG", 0)
+
+
+def _of_effects(found: Discovery, opinion: Opinion) -> list[str]:
+    """Compared only where the observer has a term for everything found: elsewhere it must put it down to others."""
+    by_id = {indicator.effect_id: indicator for indicator in opinion.indicators}
+    named = {effect.id: effect for effect in found.effects}
+    if not set(named) <= set(by_id):
+        return []
+    result = []
+    for effect_id, effect in named.items():
+        ours, (low, high) = effect.parameters[0].value, effect.parameters[0].ci95
+        theirs = by_id[effect_id]
+        sigma = math.hypot((high - low) / 4.0, 0.0 if math.isnan(theirs.sigma) else theirs.sigma)
+        allowed = SIGNIFICANT * sigma + AGREES * max(abs(ours), abs(theirs.value))
+        if abs(ours - theirs.value) > allowed:
+            result.append(f"both see {effect_id}, but of different size")
+    like = {other for effect in found.effects for other in effect.indistinguishable_from}
+    result += [
+        f"the observer learned {indicator.effect_id} besides"
+        for indicator in opinion.indicators
+        if indicator.stands_out and indicator.effect_id not in like | set(named)
+    ]
+    return result
+
+
 LEAST_MASS = 0.01 * MILLIGRAM  # kg, below which a change or gap is not worth a number
 RECORD_MORE = "record at least three rail pressures and two durations"
 
@@ -29,12 +130,6 @@ class Caveat:
     id: str
     words: str
     sentence: str
-
-
-def caveats_of(findings: "Findings") -> tuple[Caveat, ...]:
-    """The reservations an answer is given with, the gravest first."""
-    every = (_of_opponents, _of_bench, _of_coverage, _of_names, _of_level)
-    return tuple(caveat for arising in every for caveat in arising(findings))
 
 
 def remedies(found: Discovery) -> tuple[str, ...]:
@@ -185,7 +280,8 @@ class Findings:
     @property
     def caveats(self) -> tuple[Caveat, ...]:
         """What must be kept in mind with the answer, the gravest first."""
-        return caveats_of(self)
+        every = (_of_opponents, _of_bench, _of_coverage, _of_names, _of_level)
+        return tuple(caveat for arising in every for caveat in arising(self))
 
     @property
     def is_open(self) -> bool:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.discovery.search.adequacy import SIGNIFICANT, cells_of
-from observer_rt.discovery.search.result import Candidate, Cell, Discovery, Sizing, Verdict
+from observer_rt.discovery.search.result import Cell, Discovery, Sizing, Verdict
 from observer_rt.estimation.phases import Phase
 from observer_rt.evidence.bounded_fit import fit
 from observer_rt.evidence.likelihood import GAIN_ERROR, Evidence, Signal, evidence_of
@@ -42,6 +42,20 @@ class Gap:
 
 
 @dataclass(frozen=True)
+class PrintedGap(Gap):
+    """A gap in its printed unit; measured: else it is against the model with what was found."""
+
+    name: str
+    unit: str
+    measured: bool
+
+    @property
+    def words(self) -> str:
+        """What it is a gap of."""
+        return self.name.replace("_", " ")
+
+
+@dataclass(frozen=True)
 class SignalGaps:
     """The gap of every signal; of the injection rate None where it is not measured."""
 
@@ -51,16 +65,16 @@ class SignalGaps:
     injected: float  # kg, mean of an event
 
     @property
-    def printed(self) -> dict[str, tuple[str, Gap]]:
-        """Unit and gap in it, by the name of the signal."""
+    def printed(self) -> dict[str, "PrintedGap"]:
+        """By the name of the signal; the mass is measured where a rate is."""
         known = (
-            ("line_pressure", "MPa", MEGAPASCAL, self.line_pressure),
-            ("injection_rate", "mm3/ms", MM3_PER_MS, self.injection_rate),
-            ("injected_mass", "mg", MILLIGRAM, self.mass),
+            ("line_pressure", "MPa", MEGAPASCAL, self.line_pressure, True),
+            ("injection_rate", "mm3/ms", MM3_PER_MS, self.injection_rate, True),
+            ("injected_mass", "mg", MILLIGRAM, self.mass, self.injection_rate is not None),
         )
         return {
-            name: (unit, Gap(gap.before / si, gap.after / si, gap.noise_floor / si))
-            for name, unit, si, gap in known
+            name: PrintedGap(gap.before / si, gap.after / si, gap.noise_floor / si, name, unit, measured)
+            for name, unit, si, gap, measured in known
             if gap is not None
         }
 
@@ -100,7 +114,10 @@ def gaps_of(
     amended = found.named.model(nominal)
     fitted_on, held_out = every_second_point(measured)
     held_out = held_out or fitted_on
-    refitted = _refitted(found.named, [measured[i] for i in fitted_on], nominal, healthy)
+    named, hypothesis = found.named, found.named.hypothesis
+    sizing = Sizing(evidence_of([measured[i] for i in fitted_on], nominal, healthy), nominal, hypothesis)
+    again = fit(sizing, named.theta, hypothesis.ranges())
+    refitted = hypothesis.model(nominal, named.theta if again is None else again.at.theta)
     points = tuple(_point(number, measured[number], nominal, refitted, amended) for number in held_out)
     rates = [point.injection_rate for point in points if point.injection_rate is not None]
     return ModelGaps(
@@ -113,15 +130,6 @@ def gaps_of(
         fitted_on,
         held_out,
     )
-
-
-def _refitted(
-    named: Candidate, part: Sequence[Measurement], nominal: EffectiveModel, healthy: HealthyShape | None
-) -> EffectiveModel:
-    hypothesis = named.hypothesis
-    sizing = Sizing(evidence_of(part, nominal, healthy), nominal, hypothesis)
-    again = fit(sizing, named.theta, hypothesis.ranges())
-    return hypothesis.model(nominal, named.theta if again is None else again.at.theta)
 
 
 def _point(

@@ -16,7 +16,7 @@ from observer_rt.foundation.files import file_errors
 
 FINDINGS = "findings.json"
 SCHEMA = 1
-_GAPS = (
+GAPS = (
     ("line_pressure", "MPa", "line pressure off, rms"),
     ("injection_rate", "mm3_per_ms", "injection rate off, rms"),
     ("injected_mass", "mg", "injected mass off, rms"),
@@ -211,7 +211,7 @@ def _rows(runs: Sequence[DiscoveryRun], documents: Sequence[Document]) -> Iterat
     switches = dict.fromkeys(e.id for document in documents for e in document.effects if not e.parameters)
     for effect in switches:
         yield effect, ["found" if effect in [e.id for e in d.effects] else "-" for d in documents]
-    for signal, unit, words in _GAPS:
+    for signal, unit, words in GAPS:
         cells = [_gap(document, signal, unit) for document in documents]
         if any(cell != "-" for cell in cells):
             yield f"{words} [{unit.replace('_per_', '/')}]", cells

@@ -50,7 +50,9 @@ def standstill_checks(
     result: list[StandstillFigure] = []
     for number, measurement in enumerate(measured):
         result += _of_recording(number, measurement, nominal.coefficients)
-    for effect in apparent_effects():
+    told = (effect for effect in VOCABULARY.values() if effect.apparent is not None)
+    # of the settled needle, sensors first; then of what is left
+    for effect in sorted(told, key=lambda e: (e.apparent is Apparent.LEFT, e.place is not Place.LINE_SENSOR)):
         settled = effect.apparent is Apparent.SETTLED
         figures = _apparent(evidence, nominal if settled else amended, effect, settled)
         if settled and not all(figure.passed for figure in figures):
@@ -60,20 +62,16 @@ def standstill_checks(
     return tuple(result)
 
 
-def apparent_effects() -> list[Effect]:
-    """Effects whose apparent size is told: of the settled needle, sensors first; then of what is left."""
-    told = [effect for effect in VOCABULARY.values() if effect.apparent is not None]
-    return sorted(told, key=lambda e: (e.apparent is Apparent.LEFT, e.place is not Place.LINE_SENSOR))
-
-
 def _of_recording(number: int, measurement: Measurement, c: Coefficients) -> list[StandstillFigure]:
     noise = measurement.noise
     result = []
     period = 2.0 * math.pi / c.line.mode
     blocks = _blocks(measurement, period)
     if blocks is not None:
-        offset, sigma = float(np.mean(blocks.differences)), _error_of_mean(blocks.differences)
-        result.append(_check("rail_line_offset", number, offset, sigma, MEGAPASCAL, "MPa"))
+        offset, each = float(np.mean(blocks.differences)), float(np.std(blocks.differences, ddof=1))
+        result.append(
+            _check("rail_line_offset", number, offset, each / math.sqrt(blocks.runs.size), MEGAPASCAL, "MPa")
+        )
         slope, sigma = _slope(blocks)
         result.append(_check("line_pressure_slope", number, slope, sigma, MEGAPASCAL, "MPa/s"))
     levels = [
@@ -122,10 +120,6 @@ def _calm(measurement: Measurement) -> NDArray[np.bool_]:
     last_open = np.maximum.accumulate(np.where(recording.needle_lift <= opens, -settled - 1, every))
     finite = np.isfinite(recording.rail_pressure + recording.line_pressure)
     return np.asarray((every - last_open > settled) & finite, np.bool_)
-
-
-def _error_of_mean(values: NDArray[np.float64]) -> float:
-    return float(np.std(values, ddof=1)) / math.sqrt(values.size)
 
 
 def _slope(blocks: _PeriodMeans) -> tuple[float, float]:

@@ -29,17 +29,12 @@ def as_table(effects: Sequence[Effect], in_detail: bool) -> RenderableType:
     for effect in effects:
         name = Text(effect.id, style="bold")
         for parameter in effect.parameters:
-            name.append(f"\n  :{parameter_words(parameter)}", style="not bold")
+            low, high = parameter.lowest / parameter.si, parameter.highest / parameter.si
+            name.append(f"\n  :{parameter.name} = {low:g} to {high:g} {_unit(parameter)}", style="not bold")
         if not effect.parameters:
             name.append("\n  a switch: no value", style="not bold")
         table.add_row(name, Text("\n".join([effect.sentence, *_more(effect, in_detail)])))
     return table
-
-
-def parameter_words(parameter: EffectParameter) -> str:
-    """Such as `d = -60 to 60 us`."""
-    low, high = parameter.lowest / parameter.si, parameter.highest / parameter.si
-    return f"{parameter.name} = {low:g} to {high:g} {_unit(parameter)}"
 
 
 def as_json(effects: Iterable[Effect]) -> dict[str, Any]:
@@ -58,16 +53,12 @@ def _more(effect: Effect, in_detail: bool) -> list[str]:
         others = [other for other in VOCABULARY.values() if effect.is_like(other, likeness)]
         if others and not in_detail:
             lines.append(f"{words} {', '.join(other.id for other in others)}")
-        elif others:
-            lines += [f"{words} {other.id}; decided by {_decided_by(effect, other)}" for other in others]
+        for other in others if in_detail else ():
+            relation = effect.relation_to(other)
+            lines.append(f"{words} {other.id}; decided by {relation.decided_by if relation else ''}")
     if in_detail and effect.decided_by:
         lines.append(f"told from all others by {effect.decided_by}")
     return lines
-
-
-def _decided_by(effect: Effect, other: Effect) -> str:
-    relation = effect.relation_to(other)
-    return relation.decided_by if relation is not None else ""
 
 
 def _unit(parameter: EffectParameter) -> str:

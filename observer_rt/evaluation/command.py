@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
@@ -14,10 +14,19 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.evaluation.curves import numbers_shown, refuse_beyond
 from observer_rt.evaluation.evaluate import Evaluation, bench_for_all, evaluate_stream
-from observer_rt.evaluation.logged import LoggedSignals
+from observer_rt.evaluation.logged import LoggedSignals, in_runs, open_source, without_truths
+from observer_rt.evaluation.passage import SUFFIXES, TRACE_SUFFIX
 from observer_rt.evaluation.results import print_evaluation, write_document
-from observer_rt.evaluation.sources import in_runs, open_source, without_truths
-from observer_rt.evaluation.trace import SUFFIXES, TRACE_SUFFIX
+from observer_rt.foundation.compiling import show_compiling
+from observer_rt.foundation.console import (
+    FIGURE_SUFFIXES,
+    check_destination,
+    check_folder,
+    progress_bar,
+    refuse_existing,
+    results,
+    say,
+)
 from observer_rt.foundation.errors import CombinedError, UserError
 from observer_rt.foundation.files import file_errors, replacing
 from observer_rt.model.effects import effective_model
@@ -31,16 +40,6 @@ from observer_rt.service.compiled.constants import injector_at
 from observer_rt.service.core.learners import doubt_about_fit, refuse_state
 from observer_rt.service.keeping.keeper import sole_writer
 from observer_rt.service.keeping.state_file import model_hash, restored_knowledge, save_knowledge
-from observer_rt.terminal.compiling import show_compiling
-from observer_rt.terminal.console import (
-    FIGURE_SUFFIXES,
-    check_destination,
-    check_folder,
-    progress_bar,
-    refuse_existing,
-    results,
-    say,
-)
 
 
 @dataclass(frozen=True)
@@ -275,13 +274,12 @@ def _evaluated(
         for run in runs:
             known = known if options.chain else knowledge
             mine = traces[len(evaluations) :][: len(run)]
-            report = partial(_report, progress, done)
+
+            def report(samples: int, before: int = done) -> None:
+                progress(before + samples)
+
             found, known = evaluate_stream(bench, run, mine, known, learning, report, curves)
             evaluations += found
             done += sum(source.samples for source in run)
     assert known is not None  # there is a run
     return evaluations, known
-
-
-def _report(progress: Callable[[float], None], before: int, samples: int) -> None:
-    progress(before + samples)

@@ -8,8 +8,9 @@ from rich.console import Console
 
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
-from observer_rt.evaluation.logged import LoggedSignals
-from observer_rt.evaluation.sources import open_source
+from observer_rt.evaluation.logged import LoggedSignals, open_source
+from observer_rt.foundation.compiling import show_compiling
+from observer_rt.foundation.console import check_destination, progress_bar, refuse_existing, say
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors, replacing
 from observer_rt.recording.canlog.can_log import LogFrame
@@ -27,8 +28,6 @@ from observer_rt.recording.formats import (
 )
 from observer_rt.recording.replay.framing import bench_for
 from observer_rt.recording.replay.recording_frames import Device
-from observer_rt.terminal.compiling import show_compiling
-from observer_rt.terminal.console import check_destination, progress_bar, refuse_existing, say
 
 FIRST_FRAMES = 1000  # the earliest is among them: drivers swap frames, channels have their own time
 FRAMES_PER_STEP = 5000  # of the progress bar

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.evaluation.compiled import area, mean_flowing, rms_difference
-from observer_rt.evaluation.passage import Passage
-from observer_rt.evaluation.trace import Signal
+from observer_rt.evaluation.passage import Passage, Signal
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS
 from observer_rt.model.effective import Coefficients
@@ -23,7 +22,6 @@ from observer_rt.service.reports.injection_report import (
     injection_record,
 )
 
-CURVES = 3  # injections drawn as curves where none are chosen
 MOST_CURVES = 8
 OPTION = "--injections"
 
@@ -53,11 +51,6 @@ class RateCurves:
     line: PressureCurves | None = None
 
 
-def shown_numbers(injections: int) -> list[int]:
-    """The first, a middle and the last one of so many."""
-    return sorted({0, injections // 2, injections - 1})[:CURVES] if injections else []
-
-
 def chosen_numbers(text: str) -> tuple[int, ...]:
     """Numbers of injections from `1,5-8`. Raises `UserError` for what is none, or more than can be drawn."""
     found: set[int] = set()
@@ -84,7 +77,8 @@ def numbers_shown(chosen: Sequence[int], there: Collection[int]) -> list[int]:
         known = f"there are {min(there)} to {max(there)}" if there else "no injection was found"
         raise UserError(OPTION, f"there is no injection {missing[0]}", known)
     ordered = sorted(there)
-    return list(chosen) or [ordered[place] for place in shown_numbers(len(ordered))]
+    places = sorted({0, len(ordered) // 2, len(ordered) - 1}) if ordered else ()
+    return list(chosen) or [ordered[place] for place in places]
 
 
 def refuse_beyond(chosen: Sequence[int], most: int) -> None:

@@ -7,25 +7,32 @@ kept as a trace.
 import pickle
 import tempfile
 from array import array
-from collections.abc import Callable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import pairwise
 from pathlib import Path
-from typing import Generic, TypeVar, overload
+from typing import Any, Generic, TypeVar
 
-from observer_rt.config.bench import Bench
+from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench
+from observer_rt.config.channels import with_channels_of
+from observer_rt.config.signals import SignalsConfig
+from observer_rt.discovery.findings import Indicator, Opinion
+from observer_rt.estimation.scalars import SCALARS
 from observer_rt.evaluation.curves import InjectionResult, RateCurves, injection_result, rate_curves
 from observer_rt.evaluation.logged import LoggedSignals
-from observer_rt.evaluation.passage import Passage
+from observer_rt.evaluation.passage import Passage, Signal, Trace, joined, open_trace, trace_arrays
 from observer_rt.evaluation.run import ObserverRun, Progress
-from observer_rt.evaluation.trace import Signal, Trace, joined, open_trace, trace_arrays
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
 from observer_rt.model.effective import Coefficients
+from observer_rt.model.effects import effective_model
+from observer_rt.model.parameters import InjectorParameters
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.observer.stream.standstill import Standstill
+from observer_rt.observer.stream.state import Reason
 from observer_rt.recording.replay.framing import bench_for
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.recording.signals.stream import HeldSignals, SignalStream
@@ -64,16 +71,7 @@ class Spool(Sequence[T], Generic[T]):
     def __len__(self) -> int:
         return len(self._starts) * self._size + len(self._newest)
 
-    def __iter__(self) -> Iterator[T]:
-        return (self[number] for number in range(len(self)))
-
-    @overload
-    def __getitem__(self, number: int) -> T: ...
-
-    @overload
-    def __getitem__(self, number: slice) -> list[T]: ...
-
-    def __getitem__(self, number: int | slice) -> T | list[T]:
+    def __getitem__(self, number: Any) -> Any:
         if isinstance(number, slice):
             return [self[each] for each in range(len(self))[number]]
         block, place = divmod(range(len(self))[number], self._size)
@@ -111,7 +109,8 @@ class Evaluation:
         self.source = source
         self._curves_of = curves_of
         self._held: InjectionResult | None = None  # until no measured mass can come for it
-        self._writer: TableWriter | None = None
+        self.writer: TableWriter | None = None
+        """Of the trace."""
         self._traces: list[Trace] | None = [] if keeps_trace else None
 
     @property
@@ -129,14 +128,10 @@ class Evaluation:
         """Of all injections, without the course of their sigma."""
         return tuple(injection.report for injection in self.injections)
 
-    def write_to(self, writer: TableWriter) -> None:
-        """Write the trace."""
-        self._writer = writer
-
     @property
     def wants_states(self) -> bool:
         """For the trace, and curves of the line."""
-        return self._writer is not None or self._traces is not None or self._curves_of is not None
+        return self.writer is not None or self._traces is not None or self._curves_of is not None
 
     def take_report(self, passage: Passage, report: InjectionReport) -> None:
         """An injection, whose samples the passage remembers."""
@@ -153,8 +148,8 @@ class Evaluation:
 
     def take_passed(self, time: Signal, trace: Trace) -> None:
         """Into the trace."""
-        if self._writer is not None:
-            self._writer.write(trace_arrays(time.copy(), joined([trace])))
+        if self.writer is not None:
+            self.writer.write(trace_arrays(time.copy(), joined([trace])))
         if self._traces is not None:
             self._traces.append(joined([trace]))
 
@@ -227,7 +222,7 @@ def evaluate_stream(
             learner_of = awaited(make_learner, wait)
         for path, evaluation in zip(traces, evaluations, strict=False):
             stack.enter_context(file_errors(path))
-            evaluation.write_to(stack.enter_context(open_trace(path)))
+            evaluation.writer = stack.enter_context(open_trace(path))
         begin = partial(ObserverRun, knowledge=knowledge, learning=learning, progress=progress)
         run = _observed(bench, evaluations, partial(begin, learner_of=learner_of, reads_ahead=reads_ahead))
     return evaluations, run.core.knowledge
@@ -278,3 +273,38 @@ def _passages(log: LoggedSignals, evaluation: Evaluation) -> list[Passage]:
             passages.append(Passage(evaluation, first, end - first, log.rate, offset))
             offset += end - first
     return passages
+
+
+_OF_A_START = (Reason.STARTING, Reason.TOO_FEW_EVENTS, Reason.JUMPED)
+
+
+def second_opinion(
+    parameters: InjectorParameters, recordings: Sequence[Recording], signals: SignalsConfig | None = None
+) -> Opinion | None:
+    """Let the observer learn from all recordings as one history; None when it saw no injection.
+
+    signals: of the bench file, which may state delays and lags of the channels.
+    Raises `UserError` for recordings that do not fit on its bus, such as a pressure beyond its range.
+    """
+    bench = load_bench(EXAMPLE_BENCH).with_parameters(parameters)
+    if signals is not None:
+        bench = bench.with_sections(signals=with_channels_of(bench.injector.config.signals, signals))
+    evaluations, _ = evaluate_stream(bench, [HeldSignals(recording) for recording in recordings])
+    reports = [report for one in evaluations for report in one.reports]
+    if not reports:
+        return None
+    reasons = Counter(
+        report.reason.name for report in reports if not report.valid and report.reason not in _OF_A_START
+    )
+    c = effective_model(parameters).coefficients
+    valid = sum(report.valid for report in reports)
+    learned = reports[-1].indicators
+    indicators = tuple(  # by the effects they stand for, SI
+        Indicator(
+            shown.effect,
+            learned[shown.effect].value * shown.si(c),
+            float("nan") if (sigma := learned[shown.effect].sigma) is None else sigma * shown.si(c),
+        )
+        for _, shown in SCALARS.shown()
+    )
+    return Opinion(indicators, valid, len(reports), reasons)

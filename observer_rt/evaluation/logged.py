@@ -1,4 +1,4 @@
-"""A CAN log as a recording: its frames through the daemon's own path, and what the observer was given of them."""
+"""What a user names as recordings: files of signals, and CAN logs, which go through the daemon's own path."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -7,18 +7,23 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from rich.console import Console
 
 from observer_rt.bus.links.link import AT_ONCE, BusFrame, Frame, block_of
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.config.channels import as_sent
-from observer_rt.config.recording import Meaning
+from observer_rt.config.injector import Meaning
+from observer_rt.foundation.compiling import show_compiling
+from observer_rt.foundation.console import progress_bar, say
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effective import Coefficients
 from observer_rt.observer.stream.state import RING
 from observer_rt.recording.canlog.can_log import NANOSECONDS
 from observer_rt.recording.channels import InputFrames, chosen_channels
-from observer_rt.recording.signals.recording import Chunk
+from observer_rt.recording.formats import is_log, open_recording
+from observer_rt.recording.signals.plausible import refuse_implausible
+from observer_rt.recording.signals.recording import TRUTH_SUFFIX, Chunk
 from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE, SignalStream, Stretch
 from observer_rt.service.compiled.constants import bench_constants
 from observer_rt.service.core.core import Core
@@ -46,12 +51,6 @@ class LoggedStretch:
     def samples(self) -> int:
         """With those that did not come."""
         return self.last_index - self.first_index + 1
-
-    def gone_on(self, index: NDArray[np.int64]) -> "LoggedStretch":
-        """With further indices (n,), rising."""
-        holes = np.diff(index, prepend=self.last_index) > RING
-        resumed = (*self.resumed, *index[holes].tolist()) if holes.any() else self.resumed
-        return LoggedStretch(self.first_index, int(index[-1]), resumed)
 
 
 class LoggedSignals(SignalStream):
@@ -101,10 +100,16 @@ class LoggedSignals(SignalStream):
             ):  # where they do not rise
                 if not index.size:
                     continue
-                _refuse_hole(index, stretches, path)
+                before = min(stretches[-1].last_index if stretches else int(index[0]), int(index[0]))
+                steps = np.diff(index, prepend=before)
+                if steps.max() > LARGEST_HOLE:
+                    problem = f"its sample index jumps by {steps.max()} samples"
+                    raise UserError(str(path), problem, "split the log where the index jumps")
                 if not stretches or index[0] <= stretches[-1].last_index:
                     stretches.append(LoggedStretch(int(index[0]), int(index[0])))
-                stretches[-1] = stretches[-1].gone_on(index)
+                begun = stretches[-1]
+                resumed = (*begun.resumed, *index[steps > RING].tolist())
+                stretches[-1] = LoggedStretch(begun.first_index, int(index[-1]), resumed)
             self._survey(rows)
             progress(self.frames.share_read)
         if found < 2:
@@ -232,15 +237,6 @@ def _restarts(path: Path, stretches: Sequence[LoggedStretch]) -> Iterator[str]:
         yield f"{path}: a device was restarted, its sample index begins anew: split {shown}{more}"
 
 
-def _refuse_hole(index: NDArray[np.int64], stretches: Sequence[LoggedStretch], path: Path) -> None:
-    last = stretches[-1].last_index if stretches else int(index[0])
-    hole = int(np.diff(index, prepend=min(last, int(index[0]))).max())
-    if hole > LARGEST_HOLE:
-        raise UserError(
-            str(path), f"its sample index jumps by {hole} samples", "split the log where the index jumps"
-        )
-
-
 class _Stamps:
     """First and last stamp of the frames: with the sample index they tell the sample rate.
 
@@ -273,3 +269,62 @@ class _Stamps:
             f"{path}: by its stamps {found:.4g} samples a second were sent, the bench file says {rate:g}: "
             "right if it was replayed at another speed, else correct sampling.rate_hz"
         ]
+
+
+def open_source(
+    path: Path, bench: Bench | None, from_channels: Sequence[str], console: Console, in_one_go: bool = False
+) -> SignalStream:
+    """Look through a file; what is odd about it is said. from_channels: of a log, as `--from-channel` names them.
+
+    in_one_go: as of `open_recording`; `refuse_implausible` is then for whoever has read it.
+
+    Raises `UserError` for an unknown suffix, a file that will not do, signals that are no injector's, and a log
+    without a bench file.
+    """
+    if not is_log(path):
+        with progress_bar(console, f"looking through {path.name}", None):
+            source = open_recording(path, None if bench is None else bench.injector, in_one_go)
+    elif bench is None:
+        raise UserError(
+            "--bench", f"is missing: it says which signals the frames of {path} carry", "name a bench file"
+        )
+    else:
+        show_compiling(console)
+        with progress_bar(console, f"decoding {path.name}", 1.0) as progress:
+            source = LoggedSignals(bench, path, from_channels, progress)
+    if not in_one_go:
+        refuse_implausible(path, source.survey, source.names)
+    for note in source.notes:
+        say(console, note)
+    return source
+
+
+def without_truths(paths: Sequence[Path], console: Console) -> list[Path]:
+    """The files without the truths beside simulated recordings, which `*.csv` catches, too."""
+    kept = [path for path in paths if not path.name.endswith(TRUTH_SUFFIX)]
+    if kept and len(kept) < len(paths):
+        say(
+            console,
+            f"left out: {len(paths) - len(kept)} files {TRUTH_SUFFIX[1:]}, which are not for the observer",
+        )
+    return kept or list(paths)
+
+
+def in_runs(sources: Sequence[SignalStream]) -> list[list[SignalStream]]:
+    """Sources of one history, apart where one observer could not go on: an observer is a run.
+
+    Recordings are sent by a device of our own, one after another. A log goes on from that before it where its first
+    sample index lies beyond the other's last, as in files a recorder began anew; else the device was restarted.
+    """
+    runs: list[list[SignalStream]] = []
+    for before, source in zip((None, *sources), sources, strict=False):
+        if isinstance(before, LoggedSignals) and isinstance(source, LoggedSignals):
+            goes_on = source.logged[0].first_index > before.logged[-1].last_index
+        else:
+            with_log = isinstance(before, LoggedSignals) or isinstance(source, LoggedSignals)
+            goes_on = before is not None and not with_log
+        if goes_on:
+            runs[-1].append(source)
+        else:
+            runs.append([source])
+    return runs

@@ -1,17 +1,74 @@
-"""A stretch of samples while it is evaluated: what the observer said of its last samples, or of all."""
+"""A stretch of samples while it is evaluated: what was said of the last ones, and the trace of all as a table."""
 
-from dataclasses import fields
-from typing import Protocol
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.evaluation.compiled import begin_samples, note_samples
-from observer_rt.evaluation.trace import Signal, Trace
-from observer_rt.observer.stream.state import RING, Observer
+from observer_rt.foundation.units import MM3_PER_MS
+from observer_rt.observer.stream.state import RING, Observer, State
 from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE
+from observer_rt.recording.signals.table_writers import TABLE_WRITERS, TableWriter, WrittenColumn
 from observer_rt.service.reports.injection_report import InjectionReport
-from observer_rt.service.reports.news import MeasuredMass
+
+if TYPE_CHECKING:
+    from observer_rt.evaluation.evaluate import Evaluation
+
+Signal = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Trace:
+    """The observer at every sample of a recording (n samples); nan where not available.
+
+    injection_rate [m3/s]; injection_rate_sigma [m3/s]: its standard deviation over the windows of injections that
+    were learned from; state: `State`; x normalised (n, 3); phi [1/s] (n, 3); nominal_rate [m3/s]: the model
+    with phi = 0 on the same frames.
+    """
+
+    injection_rate: Signal
+    injection_rate_sigma: Signal
+    valid: NDArray[np.bool_]
+    state: NDArray[np.int8]
+    x: Signal
+    phi: Signal
+    nominal_rate: Signal
+
+
+def joined(traces: Sequence[Trace]) -> Trace:
+    """One after another, in memory of its own."""
+    return Trace(*(np.concatenate([getattr(trace, each.name) for trace in traces]) for each in fields(Trace)))
+
+
+SUFFIXES = tuple(TABLE_WRITERS)
+TRACE_SUFFIX = ".trace.csv"  # added to a recording's name, in a folder
+NUMBER = "%.9g"
+_COLUMNS = (
+    WrittenColumn("time_s", "time", "s", NUMBER),
+    WrittenColumn("injection_rate_mm3_per_ms", "injection_rate", "mm3/ms", NUMBER),
+    WrittenColumn("valid", "valid", "", "%d"),
+    WrittenColumn("state", "state", "", "%s", tuple(state.name for state in State)),
+    *(WrittenColumn(f"x{i}", f"x{i}", "", NUMBER) for i in (1, 2, 3)),
+    *(WrittenColumn(f"phi{i}", f"phi{i}", "1/s", NUMBER) for i in (1, 2, 3)),
+)
+
+
+def open_trace(path: Path) -> TableWriter:
+    """A trace to be written, in the format of its suffix, one of SUFFIXES."""
+    return TABLE_WRITERS[path.suffix.lower()](path, _COLUMNS)
+
+
+def trace_arrays(time: NDArray[Any], trace: Trace) -> Sequence[NDArray[Any]]:
+    """What is written of some samples."""
+    rate = trace.injection_rate / MM3_PER_MS
+    x = (trace.x[:, i] for i in range(3))
+    phi = (trace.phi[:, i] for i in range(3))
+    return [time, rate, trace.valid, trace.state, *x, *phi]
+
 
 HELD = np.dtype(
     [
@@ -32,28 +89,13 @@ STATES = np.dtype([("x", np.float64, (3,)), ("phi", np.float64, (3,))], align=Tr
 _UNKNOWN = np.broadcast_to(np.nan, (1 << 32, 3))  # x or phi, of no memory
 
 
-class Hearer(Protocol):
-    """Whoever is told what becomes of a recording, in the order it becomes known."""
-
-    @property
-    def wants_states(self) -> bool:
-        """Whether traces are to have x and phi; else these are nan."""
-
-    def take_report(self, passage: "Passage", report: InjectionReport) -> None:
-        """An injection, of which the passage still knows the samples."""
-
-    def take_measured(self, measured: MeasuredMass) -> None:
-        """The mass of the last injection, measured."""
-
-    def take_passed(self, time: Signal, trace: Trace) -> None:
-        """Samples that are now forgotten: times [s] (n,) and what was said of them, to be copied where it is kept."""
-
-
 class Passage:
     """One stretch of a recording or a log on its way through the observer."""
 
-    def __init__(self, hearer: Hearer, first_index: int, samples: int, rate: float, offset: int = 0) -> None:
-        """first_index: that its first sample is sent with; samples: at least, more are those it is given.
+    def __init__(
+        self, hearer: "Evaluation", first_index: int, samples: int, rate: float, offset: int = 0
+    ) -> None:
+        """hearer: is told what becomes of it; first_index: that its first sample is sent with; samples: at least.
 
         rate [Hz]; offset: number of its first sample where nobody gives times.
         """

@@ -16,12 +16,12 @@ from rich.text import Text
 from observer_rt.estimation.scalars import SCALARS
 from observer_rt.evaluation.curves import SHOWN, InjectionResult, injection_json
 from observer_rt.evaluation.evaluate import Evaluation
+from observer_rt.foundation.console import say
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND
 from observer_rt.model.effective import Coefficients
 from observer_rt.observer.stream.lift_zero import LIMIT
 from observer_rt.observer.stream.state import Reason
 from observer_rt.service.reports.injection_report import WEAR, Field
-from observer_rt.terminal.console import say
 
 SCHEMA = 1
 PLAUSIBLE_OFFSET = 2 * MEGAPASCAL  # between line and rail pressure at standstill

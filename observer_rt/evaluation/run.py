@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import pairwise
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +16,7 @@ from observer_rt.bus.links.link import BusFrame, FrameBlock, blocks_of
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus
 from observer_rt.config.bench import Bench, BenchInjector
 from observer_rt.evaluation.compiled import FOLLOWED, copy_indices, nominal_rates
-from observer_rt.evaluation.passage import Hearer, Passage
-from observer_rt.evaluation.trace import Signal
+from observer_rt.evaluation.passage import Passage, Signal
 from observer_rt.observer.learning.knowledge import Knowledge, no_knowledge
 from observer_rt.observer.observer import make_observer, with_constants
 from observer_rt.observer.stream.state import RING, Observer
@@ -30,6 +29,9 @@ from observer_rt.service.core.learners import LearnerFactory, make_learner
 from observer_rt.service.core.messages import OutputFrame
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import MeasuredMass, News
+
+if TYPE_CHECKING:
+    from observer_rt.evaluation.evaluate import Evaluation
 
 Thing = TypeVar("Thing")
 
@@ -154,7 +156,7 @@ class ObserverRun:
         self._passages: list[Passage] = []
         self._finished = 0  # passages
 
-    def take(self, stream: SignalStream, hearer: Hearer) -> list[Passage]:
+    def take(self, stream: SignalStream, hearer: "Evaluation") -> list[Passage]:
         """Observe a recording as the frames of a measuring device; between stretches the sample index jumps."""
         rate, before = stream.sample_rate, len(self._passages)
         framed = self._framed(stream)

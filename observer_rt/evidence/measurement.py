@@ -7,7 +7,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.config.recording import Meaning
+from observer_rt.config.injector import Meaning
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.evidence.noise import white_noise
 from observer_rt.evidence.openings import Opening, find_openings, ramp_samples
@@ -16,7 +16,8 @@ from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import Coefficients, EffectiveModel, averaged
 from observer_rt.model.forcing import NO_CLOCK, Clock
-from observer_rt.recording.signals.recording import Recording, Sampled
+from observer_rt.recording.signals.recording import Recording
+from observer_rt.recording.signals.stream import Sampled
 
 
 class MissingSamples:

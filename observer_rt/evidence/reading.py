@@ -9,14 +9,14 @@ from rich.console import Console
 
 from observer_rt.evidence.excerpts import MOST_SAMPLES, measured
 from observer_rt.evidence.measurement import Measurement
+from observer_rt.foundation.console import progress_bar
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_hash
 from observer_rt.foundation.units import MILLISECOND
 from observer_rt.model.effect import SizedEffect
 from observer_rt.recording.signals.plausible import refuse_implausible
-from observer_rt.recording.signals.recording import Recording, Sampled
-from observer_rt.recording.signals.stream import SignalStream
-from observer_rt.terminal.console import progress_bar
+from observer_rt.recording.signals.recording import Recording
+from observer_rt.recording.signals.stream import Sampled, SignalStream
 
 _RATE_TOLERANCE = 1e-6  # relative
 

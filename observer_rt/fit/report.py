@@ -23,10 +23,10 @@ from observer_rt.fit.calibrate import GATE, Calibrated, FlowLevel, judged_by
 from observer_rt.fit.parts import WORTH_A_WORD, share_between_samples, spread
 from observer_rt.fit.residuals import PartOverlay
 from observer_rt.fit.search import FailedStructure, Fitted
+from observer_rt.foundation.console import say
 from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
 from observer_rt.model.baseline import Baseline
-from observer_rt.terminal.console import say
 
 _SEAT = "check the lift's calibration and the seat's geometry, and run `discover` on these recordings"
 _TRY = {
@@ -67,15 +67,6 @@ def level_words(done: Calibrated) -> str:
         "alone do not tell it. If that is 5 % too large, so are all masses and the fitted alpha_H, alpha_S, V_S and "
         "V_L/K_L. A measured rate (column injection_rate) or one measured mass (--mass) fixes it"
     )
-
-
-def kept_words(done: Calibrated) -> list[str]:
-    """Of each parameter that stays as in the file."""
-    return [
-        f"{one.name} ({one.symbol}) stays {one.of(done.injector) / one.si:.4g} {one.unit}: "
-        "these recordings do not tell it"
-        for one in done.kept
-    ]
 
 
 def verdict_words(done: Calibrated) -> str:
@@ -209,7 +200,13 @@ def print_fit(done: Calibrated, console: Console) -> None:
         interval = "{:.5g} .. {:.5g}".format(*size.ci95)
         parameters.add_row(name, size.symbol, before, f"{size.value:.5g}", interval, size.unit)
     console.print(parameters)
-    for line in (*kept_words(done), *_together(done), *oddities(done)):
+    for kept in done.kept:
+        value = f"{kept.of(done.injector) / kept.si:.4g} {kept.unit}"
+        say(console, f"{kept.name} ({kept.symbol}) stays {value}: these recordings do not tell it")
+    if len(done.fitted.calibration.free) > 1:
+        worst = done.fitted.certainty.directions[-1]
+        say(console, f"told worst: {worst.words}, to {worst.sigma:.2%} (1 sigma)")
+    for line in oddities(done):
         say(console, line)
     say(console, "\nresiduals, file -> fitted (rms one sample ahead; chi2 of means of 8 samples)")
     residuals = _table(("signal", "phase", "rms", "", "", "unit", "chi2", "", ""), left=(0, 1, 5))
@@ -224,13 +221,6 @@ def print_fit(done: Calibrated, console: Console) -> None:
         say(console, line)
     say(console, f"\nabsolute level: {level_words(done)}")
     say(console, f"verdict: {verdict_words(done)}")
-
-
-def _together(done: Calibrated) -> Iterable[str]:
-    """The combination of parameters that is told worst."""
-    if len(done.fitted.calibration.free) > 1:
-        worst = done.fitted.certainty.directions[-1]
-        yield f"told worst: {worst.words}, to {worst.sigma:.2%} (1 sigma)"
 
 
 def _masses(done: Calibrated) -> Iterable[str]:

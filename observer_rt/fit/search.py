@@ -15,16 +15,18 @@ import numpy as np
 from observer_rt.evidence.bounded_fit import Minimum, fit
 from observer_rt.evidence.likelihood import JudgedModel
 from observer_rt.fit.parts import Part, thinned
-from observer_rt.fit.problem import Calibration, Certainty, certainty
-from observer_rt.fit.residuals import HeldOut, UnexplainedSignal, held_out, pooled
-from observer_rt.fit.structures import (
+from observer_rt.fit.problem import (
     STIFFNESS,
     WAVE_DAMPING,
+    Calibration,
+    Certainty,
     FreeParameter,
     Structure,
+    certainty,
     values_of,
     with_values,
 )
+from observer_rt.fit.residuals import HeldOut, UnexplainedSignal, held_out, pooled
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.stability import MAX_SUBSTEPS, substeps_needed

@@ -20,7 +20,7 @@ _SETTINGS = {
     "distributed.worker.profile.enabled": False,
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "10s",
-    "distributed.worker.preload": ["observer_rt.fleet.ready"],
+    "distributed.worker.preload": ["observer_rt.fleet.job"],
     # what workers keep of memory they gave back: with the little that Dask leaves them, a chunk of samples after
     # another is taken from the kernel anew, for a twelfth of all their time
     "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": 1 << 24,

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from glob import glob
 from pathlib import Path
+from typing import ClassVar
 from urllib.parse import quote
 
 import pyarrow as pa
@@ -16,10 +17,10 @@ from observer_rt.config.bench import Bench
 from observer_rt.config.channels import effects_on_one_raster
 from observer_rt.config.injector_file import InjectorFile
 from observer_rt.discovery.search.candidates import problem_key
+from observer_rt.foundation.console import suffix_of
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.formats import formats, suffixes_of
 from observer_rt.recording.signals.recording import TRUTH_SUFFIX
-from observer_rt.terminal.console import suffix_of
 
 _PATTERN = re.compile(r"[*?\[]")
 
@@ -58,73 +59,63 @@ def _suffixes() -> tuple[str, ...]:
     return suffixes_of(formats())
 
 
-class InjectorNames:
-    """Which injector a recording is of, and its name in tables."""
+class _PathPattern:
+    """A regular expression of the command line, looked for in paths; None: nothing is."""
 
-    OPTION = "--injector-from"
+    OPTION: ClassVar[str]
+    EXAMPLE: ClassVar[str]
 
     def __init__(self, pattern: str | None) -> None:
-        """pattern: of which the first group, or all that matches, of a file's path is the injector's name.
-
-        None: every recording is of the bench's injector. Raises `UserError` for what is no regular expression.
-        """
+        """Raises `UserError` for what is no regular expression."""
         try:
             self._pattern = None if pattern is None else re.compile(pattern)
         except re.error as error:
-            raise UserError(
-                f"{self.OPTION} {pattern}",
-                f"is no regular expression: {error}",
-                r"write it like 'injector_(\w+)'",
-            ) from error
+            problem = f"is no regular expression: {error}"
+            raise UserError(f"{self.OPTION} {pattern}", problem, f"write it like '{self.EXAMPLE}'") from error
+
+    def _found(self, path: Path) -> str:
+        """The first group, or all that matches, of a path; empty where nothing does."""
+        found = self._pattern and self._pattern.search(str(path))
+        return (found[1] if found.groups() else found[0]) or "" if found else ""
+
+
+class InjectorNames(_PathPattern):
+    """Which injector a recording is of, and its name in tables; without a pattern that of the bench's injector."""
+
+    OPTION = "--injector-from"
+    EXAMPLE = r"injector_(\w+)"
 
     def of(self, path: Path, alone: Bench) -> str:
         """The injector's name. Raises `UserError` for a path that the pattern does not match."""
-        own = alone.injector.name or f"injector_{alone.injector.config.outputs.injector_id}"
         if self._pattern is None:
-            return own
-        found = self._pattern.search(str(path))
-        name = found and (found[1] if found.groups() else found[0])
-        if not name:
+            return alone.injector.name or f"injector_{alone.injector.config.outputs.injector_id}"
+        if not (name := self._found(path)):
             raise UserError(str(path), f"'{self._pattern.pattern}' is not in its path", f"see {self.OPTION}")
         return name
 
 
-class RecordingTimes:
-    """When recordings were begun, by their paths."""
+class RecordingTimes(_PathPattern):
+    """When recordings were begun, by their paths; without a pattern they say nothing."""
 
     OPTION = "--time-from"
-
-    def __init__(self, pattern: str | None) -> None:
-        """pattern: of which the first group, or all that matches, of a path is date and time; None: they say none.
-
-        Raises `UserError` for what is no regular expression.
-        """
-        try:
-            self._pattern = None if pattern is None else re.compile(pattern)
-        except re.error as error:
-            raise UserError(
-                f"{self.OPTION} {pattern}",
-                f"is no regular expression: {error}",
-                rf"write it like '{_A_DATE}'",
-            ) from error
+    EXAMPLE = r"_(\d{8}_\d{6})"
 
     def of(self, path: Path) -> datetime | None:
         """The time (UTC) that a path says. Raises `UserError` for one that says none, though it should."""
         if self._pattern is None:
             return None
-        found = self._pattern.search(str(path))
-        digits = re.sub(r"\D", "", (found[1] if found.groups() else found[0]) if found else "")
+        digits = re.sub(r"\D", "", self._found(path))
         try:
             return datetime.strptime(digits, "%Y%m%d%H%M%S"[: _DATE_FORMATS[len(digits)]]).replace(tzinfo=UTC)
         except (KeyError, ValueError):
             raise UserError(
                 str(path),
                 f"'{self._pattern.pattern}' finds no date in its path",
-                f"see {self.OPTION}: year, month, day and, if it is there, the time of day, such as '{_A_DATE}'",
+                f"see {self.OPTION}: year, month, day and, if it is there, the time of day, such as "
+                f"'{self.EXAMPLE}'",
             ) from None
 
 
-_A_DATE = r"_(\d{8}_\d{6})"
 _DATE_FORMATS = {8: 6, 12: 10, 14: 12}  # characters of the format by digits
 
 MOST_RECORDINGS = 16

@@ -12,11 +12,12 @@ from typing import Any
 import pyarrow as pa
 from rich.console import Console
 
+import observer_rt.fleet.job  # noqa: F401 - imported for what it imports
 from observer_rt.config.bench import Bench
 from observer_rt.config.own_effects import OwnEffects
 from observer_rt.evaluation.curves import RESULT_FIELDS
 from observer_rt.evaluation.evaluate import Evaluation, evaluate_stream
-from observer_rt.evaluation.sources import open_source
+from observer_rt.evaluation.logged import open_source
 from observer_rt.fleet.groups import InjectorNames, RecordingTimes
 from observer_rt.foundation.errors import ObserverError
 from observer_rt.foundation.files import file_errors, file_hash
@@ -24,9 +25,9 @@ from observer_rt.model.effects import effective_model
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.recording.canlog.can_log import NANOSECONDS
 from observer_rt.recording.formats import is_log, open_log
-from observer_rt.recording.signals.mapped.table_signals import OtherRateError
 from observer_rt.recording.signals.plausible import refuse_implausible
 from observer_rt.recording.signals.stream import SignalStream
+from observer_rt.recording.signals.table_signals import OtherRateError
 from observer_rt.service.reports.injection_report import INDICATORS, Output, columns_of, row_of
 
 _KINDS = {int: pa.int64(), float: pa.float64(), bool: pa.bool_(), str: pa.string()}
@@ -172,3 +173,9 @@ def _mdf4_start(path: Path) -> int:
         return 0
     (start,) = struct.unpack_from("<Q", head, _MDF4_START)
     return int(start)
+
+
+def dask_setup(_worker: object) -> None:
+    """All that is imported stays: the search for garbage need not go through it again and again."""
+    gc.collect()
+    gc.freeze()

@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 
 from observer_rt import __version__
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.files import file_errors
-from observer_rt.foundation.pages import templates_of
+from observer_rt.foundation.files import file_errors, templates_of
 from observer_rt.service.reports.injection_report import WEAR
 
 Signal = NDArray[np.float64]

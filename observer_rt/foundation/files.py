@@ -1,9 +1,11 @@
-"""Files: their failures as those a user can meet, their content as a hash, and replacing one once complete."""
+"""Files: failures as those a user can meet, hashes, replacing one once complete, HTML pages from templates."""
 
 import hashlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from observer_rt.foundation.errors import RunError, UserError
 
@@ -38,3 +40,14 @@ def replacing(target: Path) -> Iterator[Path]:
         raise UserError(error.place.replace(str(part), str(target)), error.problem, error.remedy) from None
     finally:
         part.unlink(missing_ok=True)
+
+
+def templates_of(package: str) -> Environment:
+    """The templates in a package's folder `templates`; what they name and are not given is an error."""
+    return Environment(
+        loader=PackageLoader(package),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=StrictUndefined,
+    )

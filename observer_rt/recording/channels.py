@@ -6,7 +6,7 @@ from pathlib import Path
 from observer_rt.bus.can_frame import GroupIdentifier, ParameterGroups
 from observer_rt.bus.links.link import BusFrame
 from observer_rt.bus.mapping.bus_map import BusMap
-from observer_rt.config.links import NamedLink, of_links
+from observer_rt.config.bench_file import NamedLink, of_links
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.canlog.can_log import ChannelNumbers, LogReader
 from observer_rt.recording.formats import open_log

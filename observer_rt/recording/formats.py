@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import TypeVar
 
 from observer_rt.config.bench import BenchInjector
-from observer_rt.config.recording import Meaning, RecordingConfig
+from observer_rt.config.injector import Meaning, RecordingConfig
+from observer_rt.foundation.console import PACKED, check_suffix, suffix_of
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
 from observer_rt.recording.canlog.asc import ASC
@@ -25,13 +26,13 @@ from observer_rt.recording.canlog.csv_log import CSV_LOG
 from observer_rt.recording.canlog.mdf4 import Mdf4Log, Mdf4LogWriter, is_bus_log
 from observer_rt.recording.canlog.pcap import PCAP
 from observer_rt.recording.canlog.trc import TRC
-from observer_rt.recording.signals.mapped.csv_table import CsvTable
-from observer_rt.recording.signals.mapped.signals import MappedSignals
-from observer_rt.recording.signals.mapped.table import Mdf4Table, ParquetTable
-from observer_rt.recording.signals.mapped.table_signals import EvenSignals
+from observer_rt.recording.signals.csv_table import CsvTable
+from observer_rt.recording.signals.mapped_signals import MappedSignals
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.recording.signals.signal_format import OwnLayout, SignalFormat
 from observer_rt.recording.signals.stream import HeldSignals, SignalStream, joined
+from observer_rt.recording.signals.table import Mdf4Table, ParquetTable
+from observer_rt.recording.signals.table_signals import EvenSignals
 from observer_rt.recording.signals.table_writers import (
     PRINTED,
     SI,
@@ -39,7 +40,6 @@ from observer_rt.recording.signals.table_writers import (
     recording_writer,
     write_whole,
 )
-from observer_rt.terminal.console import PACKED, check_suffix, suffix_of
 
 
 def _header(columns: Sequence[WrittenColumn]) -> str:

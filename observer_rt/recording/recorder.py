@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from observer_rt.bus.links.link import Frame, Link
-from observer_rt.bus.links.outage import EnduringReading
+from observer_rt.bus.links.receiver import EnduringReading
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
 from observer_rt.recording.canlog.can_log import NANOSECONDS, LogFrame, LogRecorder

@@ -17,8 +17,7 @@ from observer_rt.observer.stream.validity import Surroundings, contested, state_
 from observer_rt.service.core.core import Core, status_values
 from observer_rt.service.core.messages import FrameWriter, OutputFrame
 from observer_rt.service.keeping.state_file import model_hash
-from observer_rt.service.opening import buses_of
-from observer_rt.service.port import RETRY, Port
+from observer_rt.service.port import RETRY, Port, buses_of
 from observer_rt.service.pump.pump import FramePump
 from observer_rt.service.reports.news import Listener, to_all
 from observer_rt.service.rights import take_time

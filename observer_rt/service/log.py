@@ -16,8 +16,8 @@ from typing import IO, Any, Self, TextIO
 
 from rich.console import Console
 
+from observer_rt.foundation.console import say
 from observer_rt.service.words import TOPICS, Topic
-from observer_rt.terminal.console import say
 
 CAPACITY = 10_000  # lines that wait for a slow disk, terminal or reader; more are given up and counted
 CLOSING = 1.0  # s for what waits when the service ends

@@ -18,10 +18,11 @@ from rich.console import Console
 
 from observer_rt.bus.links.opening import SharedBus
 from observer_rt.bus.mapping.bus_map import BusMap, map_bench
-from observer_rt.config.bench import Bench
+from observer_rt.config.bench import Bench, changes, content_of
 from observer_rt.config.bench_file import NAME_PLACE
-from observer_rt.config.changes import changes, content_of
 from observer_rt.foundation.compilation import compiled_code
+from observer_rt.foundation.compiling import tell_compiling
+from observer_rt.foundation.console import StopRequest, check_destination, stop_on_signals
 from observer_rt.foundation.errors import ObserverError, UserError
 from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.units import MICROSECOND
@@ -33,16 +34,13 @@ from observer_rt.service.keeping.keeper import Keeper, keeper_of
 from observer_rt.service.keeping.state_file import model_hash, restored_knowledge
 from observer_rt.service.log import ServiceLog, Voice
 from observer_rt.service.notify import Notifier
-from observer_rt.service.opening import LinkOpening, StoppedError, buses_of, shared_buses
+from observer_rt.service.port import LinkOpening, StoppedError, buses_of, shared_buses
 from observer_rt.service.reports.news import News, Once, Teller
 from observer_rt.service.rights import REMEDY, Processors, leave_to_loops, lock_memory, processors, rights
-from observer_rt.service.screen.view import Overview, View, draw
 from observer_rt.service.side_by_side import serve_side_by_side
+from observer_rt.service.view import Overview, View, draw
 from observer_rt.service.warm_up import warm_up
 from observer_rt.service.words import Topic
-from observer_rt.terminal.compiling import tell_compiling
-from observer_rt.terminal.console import check_destination
-from observer_rt.terminal.signals import StopRequest, stop_on_signals
 
 _LOOK = 0.05  # s between two looks at what signals ask for
 _TURN = 0.001  # s between two looks whether an injection is under way

@@ -4,27 +4,16 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from threading import Event, Lock, Thread
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from observer_rt.foundation.errors import CombinedError, ObserverError
 from observer_rt.service.notify import Notifier, WatchdogPulse
 from observer_rt.service.rights import take_time
 
+if TYPE_CHECKING:
+    from observer_rt.service.run import InjectorService
+
 _TURN = 0.2  # s between two looks at what signals ask for
-
-
-class Served(Protocol):
-    """What is served in a thread: one injector."""
-
-    @property
-    def name(self) -> str:
-        """Of the injector."""
-
-    def run(self, stop: Event, learning: Executor, on_alive: Callable[[], None]) -> None:
-        """Serve until `stop` is set."""
-
-    def tell_end(self, failure: BaseException) -> None:
-        """Say that it is served no more, while others are."""
 
 
 class LearningQueue:
@@ -83,7 +72,7 @@ class Share(Executor):
 
 
 def serve_side_by_side(
-    services: Sequence[Served],
+    services: Sequence["InjectorService"],
     notifier: Notifier,
     stop: Event,
     meanwhile: Callable[[Event], None] | None,

@@ -16,8 +16,18 @@ from observer_rt.service.watch.arrivals import SECOND, Arrivals, message_text
 from observer_rt.service.watch.input_watch import LASTING
 from observer_rt.service.watch.silence import TOLD
 from observer_rt.service.words import REASONS, STATES, TOPICS, Topic, is_good
-from observer_rt.watch.results import Rates, ResultReader, SampleCurves, SeenInjection, layout_key
-from observer_rt.watch.samples import CountShift, InjectionModel, InputSamples, PublishedRates, best_place
+from observer_rt.watch.samples import (
+    CountShift,
+    InjectionModel,
+    InputSamples,
+    PublishedRates,
+    Rates,
+    ResultReader,
+    SampleCurves,
+    SeenInjection,
+    best_place,
+    layout_key,
+)
 
 _OF_INPUTS = (
     Reason.INPUT_TIMEOUT,

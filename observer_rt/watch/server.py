@@ -20,12 +20,10 @@ from tornado.web import Application, RequestHandler, StaticFileHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from observer_rt.config.bench import Bench
+from observer_rt.foundation.console import say, stop_on_signals
 from observer_rt.foundation.errors import RunError
-from observer_rt.terminal.console import say
-from observer_rt.terminal.signals import stop_on_signals
-from observer_rt.watch.listening import FrameSource
 from observer_rt.watch.page.session import Session
-from observer_rt.watch.watching import Watching
+from observer_rt.watch.watching import FrameSource, Watching
 
 _FILES = Path(__file__).parent / "page" / "static"
 _COOKIE = "observer_rt"

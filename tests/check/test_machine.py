@@ -24,7 +24,7 @@ from observer_rt.check.machine import (
     real_time_findings,
     socketcan_findings,
 )
-from observer_rt.config.links import LinkConfig
+from observer_rt.config.bench_file import LinkConfig
 from observer_rt.foundation.compilation import CompiledCode
 from observer_rt.service.rights import Processors, Rights
 

@@ -4,8 +4,7 @@ from pathlib import Path
 
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.check.findings import Finding, Level
-from observer_rt.check.mapping import channel_findings, time_findings
-from observer_rt.check.observer import observer_findings
+from observer_rt.check.injector import channel_findings, observer_findings, time_findings
 from observer_rt.config.bench import load_bench
 from observer_rt.config.signals import Role
 from tests.benches import bench_with

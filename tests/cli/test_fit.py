@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
-from observer_rt.fit.structures import STRUCTURES
+from observer_rt.fit.problem import STRUCTURES
 from observer_rt.recording.formats import write_recording
 from observer_rt.recording.signals.recording import Recording
 from tests.cli.conftest import Command

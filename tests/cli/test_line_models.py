@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from observer_rt.check.findings import Level
-from observer_rt.check.observer import observer_findings
+from observer_rt.check.injector import observer_findings
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench
-from observer_rt.fit.fitted_file import BASELINE
+from observer_rt.fit.calibrate import BASELINE
 from tests.cli.conftest import Command, document
 from tests.cli.injector_files import ADDED, FITTED, injector
 

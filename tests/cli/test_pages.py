@@ -21,7 +21,7 @@ from observer_rt.bus.mapping.bus_map import map_bench
 from observer_rt.check.findings import Level
 from observer_rt.check.machine import interface_findings
 from observer_rt.config.bench import EXAMPLE_BENCH, load_bench, load_injector
-from observer_rt.config.links import LinkConfig
+from observer_rt.config.bench_file import LinkConfig
 from observer_rt.config.signals import SignalConfig
 from observer_rt.model.baseline import Baseline
 from observer_rt.recording.formats import read_recording, write_recording

@@ -19,7 +19,7 @@ from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench
 from observer_rt.foundation.errors import RunError
 from observer_rt.recording.formats import read_recording
 from observer_rt.recording.replay.framing import TimedFrame
-from observer_rt.service import opening
+from observer_rt.service import port
 from observer_rt.service.keeping.state_file import load_knowledge, model_hash
 from tests.cli.bench_engineer import run_and_stop
 from tests.cli.conftest import Command, module
@@ -324,7 +324,7 @@ def test_an_interface_that_is_not_there_is_waited_for(
             raise LinkDownError(f"there is no interface {channel}\n  remedy: plug it in")
         return link if (BLOCK_ID, False) in wanted else FakeLink()
 
-    monkeypatch.setattr(opening, "open_link", opened)
+    monkeypatch.setattr(port, "open_link", opened)
     outcome = command("run", "--bench", bench)
     assert outcome.code == 1
     channel = load_bench(bench).config.link.channel
@@ -357,7 +357,7 @@ def test_another_sender_is_told_before_anything_is_sent(
         is_input = (BLOCK_ID, False) in wanted
         return ScriptedLink((), RunError("that was it")) if is_input else ScriptedLink([other])
 
-    monkeypatch.setattr(opening, "open_link", opened)
+    monkeypatch.setattr(port, "open_link", opened)
     outcome = command("run", "--bench", bench)
     assert "WARNING sender: another node sends ObserverStatus 0x202 already; remedy: stop" in outcome.err
     assert outcome.err.index("sender:") < outcome.err.index("ready")

@@ -20,7 +20,7 @@ from observer_rt.config.bench import load_bench
 from observer_rt.foundation.errors import ObserverError, RunError, UserError
 from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.recording.replay.player import play
-from observer_rt.service import opening
+from observer_rt.service import port
 from tests.cli.bench_engineer import ended_when
 from tests.cli.conftest import Command, Outcome
 from tests.links import FakeLink
@@ -139,8 +139,8 @@ def test_on_an_interface_that_opens_once_they_share_the_connection(
         opened.extend(wanted)
         return open_link(interface, channel, fd, wanted, stamps)
 
-    monkeypatch.setattr(opening, "open_link", connect)
-    monkeypatch.setattr("observer_rt.service.opening.OPENED_OFTEN", ())
+    monkeypatch.setattr(port, "open_link", connect)
+    monkeypatch.setattr("observer_rt.service.port.OPENED_OFTEN", ())
     outcome, heard = run_and_stop(command, bench, traffic.frames, EVERYONE)
     assert outcome.code == 0, outcome.err
     for number in EVERYONE:
@@ -185,7 +185,7 @@ def test_one_that_fails_ends_alone(
         is_failing = (lift_id(1), False) in wanted
         return FailingLink() if is_failing else open_link(interface, channel, fd, wanted, stamps)
 
-    monkeypatch.setattr(opening, "open_link", opened)
+    monkeypatch.setattr(port, "open_link", opened)
     outcome, heard = run_and_stop(command, bench, traffic.frames, (0, 2))
     assert outcome.code == 1
     assert "WARNING stop: two: ended, the other injectors go on: the interface of two burnt" in outcome.err
@@ -195,7 +195,7 @@ def test_one_that_fails_ends_alone(
 
 
 def test_when_all_have_failed_it_ends(command: Command, bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(opening, "open_link", lambda *_: FailingLink())
+    monkeypatch.setattr(port, "open_link", lambda *_: FailingLink())
     outcome = command("run", "--bench", bench)
     assert outcome.code == 1
     assert all(f"{name}: the interface" in outcome.err for name in NAMES)
@@ -215,7 +215,7 @@ def test_a_mistake_of_the_user_is_one_for_several_as_well(
             raise MISTAKE
         return FakeLink()
 
-    monkeypatch.setattr(opening, "open_link", opened)
+    monkeypatch.setattr(port, "open_link", opened)
     outcome = command("run", "--bench", bench)
     assert outcome.code == code
     for name, failure in zip(NAMES, (MISTAKE, of_two, MISTAKE), strict=True):
@@ -253,7 +253,7 @@ def test_what_is_wrong_with_their_bus_is_said_once(
             raise LinkDownError("can0 is down\n  remedy: raise it")
         return FakeLink()
 
-    monkeypatch.setattr(opening, "open_link", opened)
+    monkeypatch.setattr(port, "open_link", opened)
     with ended_when(lambda: len(links) == len(NAMES) and all(link.was_away and link.sent for link in links)):
         outcome = command.done("run", "--bench", bench)
     channel = load_bench(bench).config.link.channel

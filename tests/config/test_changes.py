@@ -2,8 +2,7 @@
 
 from pathlib import Path
 
-from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench
-from observer_rt.config.changes import changes, content_of
+from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, changes, content_of, load_bench
 
 
 def test_keys_are_named_with_both_values(tmp_path: Path) -> None:

@@ -5,8 +5,7 @@ from pathlib import Path
 import pytest
 
 from observer_rt.config.bench import load_bench
-from observer_rt.config.bench_file import BusesConfig
-from observer_rt.config.links import of_links
+from observer_rt.config.bench_file import BusesConfig, of_links
 from observer_rt.foundation.errors import UserError
 from tests.config.test_bench import bench_file, bench_refusal
 

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
+from observer_rt.config.effects import term_domain
 from observer_rt.config.injector_file import InjectorFile, tables_in_force
-from observer_rt.config.terms import term_domain
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effects import effective_model
 from observer_rt.model.terms.bounds import refuse_unbounded

@@ -7,8 +7,7 @@ from datetime import datetime
 import pytest
 
 from observer_rt.discovery.answer import Question, answer
-from observer_rt.discovery.findings import Findings, Sources
-from observer_rt.discovery.opinion import Indicator, Opinion
+from observer_rt.discovery.findings import Findings, Indicator, Opinion, Sources
 from observer_rt.discovery.search.candidates import NoMemory
 from observer_rt.evidence.measurement import measurements
 from observer_rt.model.effects import sized

@@ -12,7 +12,7 @@ ABOVE = ("service", "evaluation", "cli")
 
 
 def test_discovery_imports_nothing_from_above() -> None:
-    code = "import observer_rt.discovery.folder, observer_rt.discovery.report.text, sys; print(*sys.modules)"
+    code = "import observer_rt.discovery.answer, observer_rt.discovery.report.text, sys; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     loaded = {name.split(".")[1] for name in done.stdout.split() if name.startswith("observer_rt.")}
     assert "discovery" in loaded

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from observer_rt.discovery.opinion import Indicator, Opinion, contradictions, remark
+from observer_rt.discovery.findings import Indicator, Opinion, contradictions, remark
 from observer_rt.discovery.search.result import Consequence, Discovery, FittedEffect, FittedParameter, Verdict
 from tests.discovery.conftest import Worn
 

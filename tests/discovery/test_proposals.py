@@ -13,7 +13,7 @@ from observer_rt.discovery.amend import write_amended
 from observer_rt.discovery.answer import Question, answer
 from observer_rt.discovery.findings import Findings
 from observer_rt.discovery.report.document import as_json
-from observer_rt.discovery.report.report import report
+from observer_rt.discovery.report.page import report
 from observer_rt.discovery.report.text import as_text
 from observer_rt.discovery.search.candidates import NoMemory
 from observer_rt.discovery.search.result import Verdict

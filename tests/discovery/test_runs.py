@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from observer_rt.discovery.report.document import as_json as document_of
 from observer_rt.discovery.runs import DiscoveryRun, as_json, change_lines, changes, run_table
-from observer_rt.fleet.discovered import said_of
+from observer_rt.fleet.discovering import said_of
 from observer_rt.foundation.errors import UserError
 from tests.discovery.conftest import SOURCES, WEAR, Worn
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from observer_rt.evaluation.second_opinion import second_opinion
+from observer_rt.evaluation.evaluate import second_opinion
 from observer_rt.model.effects import sized
 from tests.discovery.hidden import NOMINAL, recordings
 

@@ -13,12 +13,11 @@ from observer_rt.config.bench import load_bench
 from observer_rt.evaluation import passage
 from observer_rt.evaluation.evaluate import Spool, evaluate, evaluate_stream
 from observer_rt.evaluation.logged import LoggedSignals
-from observer_rt.evaluation.passage import Passage
-from observer_rt.evaluation.trace import Signal
+from observer_rt.evaluation.passage import Passage, Signal
 from observer_rt.model.effects import effective_model
 from observer_rt.recording.formats import open_recording, write_recording
 from observer_rt.recording.replay.framing import Framer, whole
-from observer_rt.recording.signals.mapped import csv_table
+from observer_rt.recording.signals import csv_table
 from observer_rt.recording.signals.recording import Chunk, Recording
 from observer_rt.recording.signals.stream import HeldSignals, SignalStream, Stretch
 from tests.device import frames_of, later, simulated

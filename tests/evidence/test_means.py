@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.config.recording import Meaning
+from observer_rt.config.injector import Meaning
 from observer_rt.evidence.likelihood import JudgedModel, evidence_of
 from observer_rt.evidence.measurement import Measurement, measurements
 from observer_rt.evidence.open_loop import mass, simulated

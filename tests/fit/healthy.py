@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from observer_rt.config.bench import load_injector
-from observer_rt.fit.structures import LOSS, NOZZLE, SEAT, STIFFNESS, with_values
+from observer_rt.fit.problem import LOSS, NOZZLE, SEAT, STIFFNESS, with_values
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.simulation.schedule import make_schedule

@@ -11,9 +11,8 @@ from observer_rt.evidence.measurement import Measurement, measurements
 from observer_rt.evidence.open_loop import mass, simulated
 from observer_rt.fit.calibrate import Calibrated, FlowLevel, calibrate
 from observer_rt.fit.parts import Weighed, parts_of
-from observer_rt.fit.problem import Calibration, certainty
+from observer_rt.fit.problem import INERTANCE, STRUCTURES, Calibration, FreeParameter, certainty, with_values
 from observer_rt.fit.report import level_words, verdict_words
-from observer_rt.fit.structures import INERTANCE, STRUCTURES, FreeParameter, with_values
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import EffectInForce, EffectValue, InjectorParameters, LineOutflow
 from observer_rt.simulation.simulate import Simulation

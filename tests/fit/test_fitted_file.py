@@ -8,9 +8,8 @@ import tomlkit
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.config.injector_file import InjectorFile
 from observer_rt.evidence.measurement import measurements
-from observer_rt.fit.calibrate import Calibrated, calibrate
-from observer_rt.fit.fitted_file import baseline_of, rounded, write_fitted
-from observer_rt.fit.structures import STRUCTURES
+from observer_rt.fit.calibrate import Calibrated, baseline_of, calibrate, rounded, write_fitted
+from observer_rt.fit.problem import STRUCTURES
 from observer_rt.foundation.errors import UserError
 from tests.fit.healthy import NOMINAL, off_by_ten_percent, simulations
 

@@ -7,7 +7,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from observer_rt.evidence.measurement import measurements
-from observer_rt.fit.masses import read_masses
+from observer_rt.fit.parts import read_masses
 from observer_rt.foundation.errors import UserError
 from tests.fit.healthy import simulations
 

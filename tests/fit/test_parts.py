@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.config.recording import Meaning
+from observer_rt.config.injector import Meaning
 from observer_rt.evidence.measurement import measurements
 from observer_rt.fit.parts import (
     Weighed,

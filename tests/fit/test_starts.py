@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import pytest
 
-from observer_rt.config.recording import Meaning
+from observer_rt.config.injector import Meaning
 from observer_rt.evidence.measurement import Measurement, measurements
 from observer_rt.fit.calibrate import calibrate
-from observer_rt.fit.structures import LOSS, NOZZLE, SEAT, STIFFNESS, STRUCTURES, values_of, with_values
+from observer_rt.fit.problem import LOSS, NOZZLE, SEAT, STIFFNESS, STRUCTURES, values_of, with_values
 from observer_rt.model.parameters import InjectorParameters
 from tests.fit.healthy import NOMINAL
 from tools.benchmarks.plant import record

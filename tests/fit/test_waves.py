@@ -7,8 +7,8 @@ import pytest
 
 from observer_rt.evidence.measurement import measurements
 from observer_rt.fit.calibrate import Calibrated, calibrate, judged_by
+from observer_rt.fit.problem import SAC, STIFFNESS, STRUCTURES, Structure, values_of, with_values
 from observer_rt.fit.search import FailedStructure
-from observer_rt.fit.structures import SAC, STIFFNESS, STRUCTURES, Structure, values_of, with_values
 from observer_rt.model.effective import coefficients
 from observer_rt.model.line.wave import STEP
 from observer_rt.model.parameters import InjectorParameters, LineOutflow

@@ -7,8 +7,8 @@ import pytest
 
 from observer_rt.evidence.measurement import measurements
 from observer_rt.fit.calibrate import calibrate
+from observer_rt.fit.problem import STRUCTURES
 from observer_rt.fit.report import verdict_words
-from observer_rt.fit.structures import STRUCTURES
 from observer_rt.recording.signals.recording import Recording
 from tests.fit.healthy import NOMINAL, simulations
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from observer_rt.fleet.dataset import read_injections
+from observer_rt.fleet.batch import read_injections
 from observer_rt.foundation.files import file_hash
 from observer_rt.recording.formats import write_recording
 from tests.device import simulated

@@ -10,7 +10,7 @@ import pytest
 
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.config.own_effects import use_effects
-from observer_rt.fleet.dataset import read_injections
+from observer_rt.fleet.batch import read_injections
 from observer_rt.model.effects import sized
 from observer_rt.recording.formats import write_recording
 from observer_rt.simulation.schedule import make_schedule

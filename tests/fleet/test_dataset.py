@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from observer_rt.fleet.dataset import Dataset, read_injections
+from observer_rt.fleet.batch import Dataset, read_injections
 from observer_rt.fleet.job import OLD_NAMES, SCHEMA, FailedFile
 from observer_rt.foundation.errors import UserError
 from tests.fleet.rows import rows

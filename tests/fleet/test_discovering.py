@@ -12,7 +12,7 @@ import pytest
 
 from observer_rt.cli.models import discover
 from observer_rt.config.bench import EXAMPLE_BENCH, load_injector
-from observer_rt.fleet.discovered import TABLE
+from observer_rt.fleet.discovering import TABLE
 from observer_rt.model.effects import sized
 from observer_rt.recording.formats import write_recording
 from observer_rt.recording.signals.recording import Recording

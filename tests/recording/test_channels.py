@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from observer_rt.bus.links.link import Frame
-from observer_rt.config.links import LinkConfig, NamedLink
+from observer_rt.config.bench_file import LinkConfig, NamedLink
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.canlog.can_log import LogFrame
 from observer_rt.recording.channels import chosen_channels

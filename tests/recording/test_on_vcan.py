@@ -9,14 +9,13 @@ import pytest
 
 from observer_rt.bus.links.link import Link
 from observer_rt.bus.links.opening import open_link
-from observer_rt.config.links import LinkConfig
+from observer_rt.config.bench_file import LinkConfig
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.formats import open_log
 from observer_rt.recording.recorder import RecordLimits, RecordStatistics, record
 from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.recording.replay.log_frames import LogPart, Sent, log_frames
-from observer_rt.recording.replay.player import play
-from observer_rt.recording.replay.sources import refuse_traffic
+from observer_rt.recording.replay.player import play, refuse_traffic
 
 pytestmark = pytest.mark.vcan
 

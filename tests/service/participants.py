@@ -14,8 +14,7 @@ import pytest
 from rich.console import Console
 
 from observer_rt.bus.database.lookup import MessageLayout
-from observer_rt.bus.links.controller import BusCondition
-from observer_rt.bus.links.link import Frame, Link, LinkDownError
+from observer_rt.bus.links.link import BusCondition, Frame, Link, LinkDownError
 from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench, load_bench
@@ -23,14 +22,14 @@ from observer_rt.foundation.errors import RunError
 from observer_rt.observer.stream.state import Reason, State
 from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.recording.replay.player import play
-from observer_rt.service import opening
+from observer_rt.service import port
 from observer_rt.service.core.core import Core
 from observer_rt.service.core.messages import OutputFrame
 from observer_rt.service.daemon import Daemon
 from observer_rt.service.pump.pump import FramePump
 from observer_rt.service.reports.news import Notes
-from observer_rt.service.screen.curves import References
-from observer_rt.service.screen.view import Screen, View
+from observer_rt.service.shown_injections import References
+from observer_rt.service.view import Overview, View
 from observer_rt.service.warm_up import warm_up
 from observer_rt.service.watch.arrivals import Arrivals
 from tests.benches import SAMPLE_RATE
@@ -173,7 +172,7 @@ class Pumped:
         self.pump.close()
 
 
-def drawn(screen: Screen, width: int = 80, height: int = 24, now: int | None = None) -> list[str]:
+def drawn(screen: View | Overview, width: int = 80, height: int = 24, now: int | None = None) -> list[str]:
     """Lines on a terminal of this size; now: a monotonic time [ns]."""
     file = io.StringIO()
     console = Console(file=file, width=width, height=height, force_terminal=True, color_system=None)
@@ -222,7 +221,7 @@ def give_link(monkeypatch: pytest.MonkeyPatch, link: Link) -> None:
         is_input = (BLOCK_ID, False) in wanted
         return link if is_input else FakeLink()
 
-    monkeypatch.setattr(opening, "open_link", opened)
+    monkeypatch.setattr(port, "open_link", opened)
 
 
 def bench_file(folder: Path, channel: str, interface: str = "virtual") -> Path:

@@ -9,8 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.bus.links.controller import BusCondition, BusState
-from observer_rt.bus.links.link import Frame
+from observer_rt.bus.links.link import BusCondition, BusState, Frame
 from observer_rt.config.bench import load_bench
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.observer.stream.state import Reason, State

@@ -8,8 +8,8 @@ import pytest
 
 from observer_rt.bus.mapping.output_messages import SummaryValues
 from observer_rt.watch.injector import HISTORY, Seen
-from observer_rt.watch.page.columns import DETAILS, Columns, mass_columns, rate_columns, wear_columns
-from observer_rt.watch.results import SampleCurves, SeenInjection
+from observer_rt.watch.page.session import DETAILS, Columns, mass_columns, rate_columns, wear_columns
+from observer_rt.watch.samples import SampleCurves, SeenInjection
 
 
 def seen(*numbers: float, samples: Mapping[float, int] | None = None) -> Seen:

@@ -13,7 +13,7 @@ from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLIMETRE
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.watch.injector import Seen, WatchedInjector
-from observer_rt.watch.results import SampleCurves, SeenInjection
+from observer_rt.watch.samples import SampleCurves, SeenInjection
 from tests.benches import SAMPLE_RATE
 from tests.device import frames_of, worn_recording
 from tests.service.participants import bench_file

@@ -8,8 +8,8 @@ import pytest
 
 from observer_rt.bus.mapping.output_messages import SummaryValues
 from observer_rt.watch.injector import HISTORY, Fault, Seen
-from observer_rt.watch.page.letters import banner_html
-from observer_rt.watch.results import SeenInjection
+from observer_rt.watch.page.session import banner_html
+from observer_rt.watch.samples import SeenInjection
 
 SECOND = 1_000_000_000
 SHOWN = SeenInjection(SummaryValues._make([1] * len(SummaryValues._fields)), 100 * SECOND)

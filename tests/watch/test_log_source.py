@@ -8,7 +8,7 @@ import pytest
 from observer_rt.bus.links.link import BusFrame, Frame
 from observer_rt.config.bench import load_bench
 from observer_rt.foundation.errors import UserError
-from observer_rt.watch.listening import LogSource
+from observer_rt.watch.watching import LogSource
 from tests.watch.traffic import write_log
 
 BUSES = load_bench().config.buses

@@ -12,8 +12,7 @@ from observer_rt.bus.mapping.bus_map import BusMap, map_bus
 from observer_rt.bus.mapping.output_messages import OutputMessage, StatusValues, SummaryValues
 from observer_rt.config.bench import load_bench
 from observer_rt.service.core.messages import FrameWriter, OutputFrame
-from observer_rt.watch.results import Rates, ResultReader
-from observer_rt.watch.samples import PublishedRates
+from observer_rt.watch.samples import PublishedRates, Rates, ResultReader
 from tests.bus.j1939_bench import write_j1939_bench
 
 _COUNT = st.integers(0, 6).map(float)

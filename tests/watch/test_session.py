@@ -12,10 +12,9 @@ from hypothesis import strategies as st
 
 from observer_rt.bus.mapping.output_messages import SummaryValues
 from observer_rt.config.bench import load_bench
-from observer_rt.watch.listening import FrameSource, Taker
 from observer_rt.watch.page.session import Session, packed, save_injection
-from observer_rt.watch.results import SampleCurves, SeenInjection
-from observer_rt.watch.watching import Watching
+from observer_rt.watch.samples import SampleCurves, SeenInjection
+from observer_rt.watch.watching import FrameSource, Taker, Watching
 from tests.watch.message import unpacked
 
 _VALUES = st.lists(st.floats(width=32), max_size=20).map(lambda each: np.array(each, np.float32))

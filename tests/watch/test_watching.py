@@ -8,8 +8,7 @@ import pytest
 
 from observer_rt.bus.links.link import BusFrame, Frame
 from observer_rt.config.bench import load_bench
-from observer_rt.watch.listening import FrameSource, LiveSource, Taker
-from observer_rt.watch.watching import Watching
+from observer_rt.watch.watching import FrameSource, LiveSource, Taker, Watching
 from tests.bus.j1939_bench import write_j1939_bench
 from tests.device import frames_of, worn_recording
 from tests.service.participants import bench_file, over_bus, until

@@ -9,8 +9,8 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
+from observer_rt.foundation.console import progress_bar
 from observer_rt.foundation.errors import ObserverError, UserError
-from observer_rt.terminal.console import progress_bar
 from tools.benchmarks import history as history_command
 from tools.benchmarks import wave_recordings
 from tools.benchmarks.ablation import CLASSES_TRIED, ablation_document, ablation_tables, run_ablation

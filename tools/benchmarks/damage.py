@@ -26,9 +26,9 @@ from rich.table import Table
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.cli.app import main
 from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
+from observer_rt.foundation.console import progress_bar
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording import formats
-from observer_rt.terminal.console import progress_bar
 from tools.benchmarks.damage_files import DATABASE, makers, write_database
 from tools.benchmarks.runs import Crash, run_tasks
 

@@ -13,6 +13,7 @@ from rich.table import Table
 
 from observer_rt.bus.links.link import BusFrame, Frame, block_of
 from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.foundation.console import progress_bar
 from observer_rt.foundation.units import MILLISECOND
 from observer_rt.model.effects import sized
 from observer_rt.recording.replay.framing import Framer, windows
@@ -22,7 +23,6 @@ from observer_rt.service.core.messages import Counters
 from observer_rt.service.reports.news import Notes
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import SimulatedNoise, simulate
-from observer_rt.terminal.console import progress_bar
 from tools.benchmarks.command_line import JsonOption, ModelOption, messages, print_lines, put_out, ruled
 from tools.benchmarks.scoring import bench_at
 

@@ -16,8 +16,8 @@ from pydantic import TypeAdapter, ValidationError
 from rich.console import Console
 
 import observer_rt
+from observer_rt.foundation.console import progress_bar
 from observer_rt.foundation.errors import RunError
-from observer_rt.terminal.console import progress_bar
 
 BENCHMARKS = Path(__file__).parent
 PACKAGE = Path(observer_rt.__file__).parent

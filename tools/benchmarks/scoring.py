@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import Bench, load_bench
-from observer_rt.config.injector import SamplingConfig
-from observer_rt.config.recording import Meaning
+from observer_rt.config.injector import Meaning, SamplingConfig
 from observer_rt.evaluation.evaluate import Evaluation, evaluate
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
 from observer_rt.recording.signals.recording import Recording

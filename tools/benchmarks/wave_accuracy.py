@@ -10,8 +10,8 @@ from pathlib import Path
 from rich.console import Console
 
 from observer_rt.config.bench import load_injector
+from observer_rt.foundation.console import progress_bar
 from observer_rt.foundation.errors import RunError
-from observer_rt.terminal.console import progress_bar
 from tools.benchmarks.accuracy import Results, joined
 from tools.benchmarks.bars import slow_sample
 from tools.benchmarks.cases import Case, make_case

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 
 from observer_rt.config.bench import NOMINAL_INJECTOR
+from observer_rt.foundation.console import progress_bar
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
 from observer_rt.recording.formats import write_recording
@@ -24,7 +25,6 @@ from observer_rt.recording.signals.table_writers import (
     write_columns,
 )
 from observer_rt.simulation.simulate import SAC_PRESSURE, truth_path
-from observer_rt.terminal.console import progress_bar
 from tools.benchmarks.cases import drawn_events
 from tools.benchmarks.fitted_lump import RATE_NOISE
 from tools.benchmarks.plant import SAMPLE_RATE, Bench, Event, Needle, Outcome, Shot, record

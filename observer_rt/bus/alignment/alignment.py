@@ -6,14 +6,133 @@ contiguous E2E counter in every message on the grid and a closed needle before a
 told by `placing`.
 """
 
-import numpy as np
+from collections.abc import Sequence
+from typing import NamedTuple
 
-from observer_rt.bus.alignment.memory import Alignment
+import numpy as np
+from numpy.typing import NDArray
+
 from observer_rt.bus.mapping.input_tables import MAX_INPUTS, ROLES
-from observer_rt.bus.mapping.timing import MAX_INTERPOLATED, SLOTS
+from observer_rt.bus.mapping.timing import MAX_INTERPOLATED, SLOTS, Following
 from observer_rt.config.signals import Role
 from observer_rt.foundation.compiled import inner, inner_separate, separate
 from observer_rt.foundation.continuity import RECORDED_RING, Break
+from observer_rt.foundation.referenced import referenced
+
+STREAM = np.dtype(
+    [
+        ("on_grid", np.bool_),  # its index is the grid's; else it is a follower
+        ("seen", np.bool_),
+        ("first_index", np.int64),  # of the first sample, unwrapped
+        ("next_index", np.int64),  # of the sample expected next
+        ("last_start", np.int64),  # of the last accepted block
+        ("jump_block", np.int64),  # start of the last block before the last gap of this message
+        ("jump_from", np.int64),  # that gap: [jump_from, jump_to)
+        ("jump_to", np.int64),
+        ("jump_contiguous", np.bool_),  # by the E2E counter
+        ("old_blocks", np.int64),  # consecutive
+        ("old_next", np.int64),
+    ],
+    align=True,
+)
+
+# A message with samples between those of the grid, or further apart.
+FOLLOWER = np.dtype(
+    [
+        ("roles", np.int64),  # bit r: carries ROLES[r]
+        ("spacing", np.float64),  # samples of the grid between two of its own
+        ("reach", np.float64),  # samples of the grid between two of its own that a straight line joins
+        ("holds", np.bool_),  # its last value counts for `reach`
+        ("early", np.float64),  # samples of the grid by which its values are of before its samples' time
+        ("begun", np.bool_),
+        ("position", np.float64),  # of its last sample on the grid
+        ("values", np.float64, (MAX_INPUTS,)),  # SI
+        ("first_index", np.int64),  # of the first sample of the grid that has its values
+        ("next_index", np.int64),  # of the first that has not got them yet
+        ("lift_row", np.int64),  # index of the sample of the grid that has its last lift
+        ("lift_after", np.float64),  # by how much [samples of the grid] it was taken later than that
+        ("shut_for", np.int64),  # its samples in a row with a closed needle
+        ("stale", np.bool_),  # the others do not wait for it any longer
+    ],
+    align=True,
+)
+
+SLOT = np.dtype(
+    [
+        ("index", np.int64),
+        ("present", np.int64),
+        ("interpolated", np.bool_),  # over a gap of a follower
+        ("values", np.float64, (MAX_INPUTS,)),
+        ("shares", np.float64, (MAX_INPUTS,)),  # 0..1: see `alignment.store`
+    ],
+    align=True,
+)
+
+ALIGNMENT = np.dtype(
+    [
+        ("streams", STREAM, (MAX_INPUTS,)),
+        ("followers", FOLLOWER, (MAX_INPUTS,)),
+        ("stream_count", np.int64),
+        ("next_index", np.int64),  # of the sample to decide on next
+        ("newest", np.int64),  # index beyond the last sample any message sent
+        ("begun", np.bool_),
+        ("next_break", np.int8),  # of the first sample to come: START or RESTART
+        ("last_index", np.int64),  # of the last sample passed on
+        ("last_values", np.float64, (MAX_INPUTS,)),
+        ("closed_lift", np.float64),  # m, at or below which the needle is closed
+        ("decided", np.int64),  # samples written to the ring
+        # counters
+        ("lost", np.int64),  # samples
+        ("repeated", np.int64),  # blocks
+        ("old", np.int64),
+        ("restarts", np.int64),
+        ("jumps", np.int64),
+    ],
+    align=True,
+)
+
+
+@referenced()
+class Alignment(NamedTuple):
+    """Alignment as compiled functions see it; `memory[0].decided` samples were written to `recorded`."""
+
+    memory: NDArray[np.void]  # (1,) ALIGNMENT
+    slots: NDArray[np.void]  # (SLOTS,) SLOT
+    recorded: NDArray[np.void]  # (RECORDED_RING,) RECORDED
+
+
+def make_alignment(
+    following: Sequence[Following | None], closed_lift: float, recorded: NDArray[np.void]
+) -> Alignment:
+    """Empty alignment of messages on the grid (None, or in part) and others that follow it.
+
+    `closed_lift` [m] bounds the lift of a closed needle; `recorded`: the ring it writes to.
+    """
+    alignment = Alignment(np.zeros(1, ALIGNMENT), np.zeros(SLOTS, SLOT), recorded)
+    memory = alignment.memory[0]
+    memory["stream_count"] = len(following)
+    for number, follows in enumerate(following):
+        memory["streams"][number]["on_grid"] = follows is None or follows.on_grid
+        if follows is not None:
+            for name in ("roles", "spacing", "reach", "holds", "early"):
+                memory["followers"][number][name] = getattr(follows, name)
+    memory["closed_lift"] = closed_lift
+    memory["next_break"] = int(Break.START)
+    alignment.slots["index"] = -1
+    return alignment
+
+
+def progress(alignment: Alignment) -> list[int]:
+    """The index on the grid up to which each stream has sent its samples; -1: none yet."""
+    memory = alignment.memory[0]
+    count = int(memory["stream_count"])
+    return [
+        int(stream["next_index"] if stream["seen"] else -1)
+        if stream["on_grid"]
+        else int(follower["next_index"] if follower["begun"] else -1)
+        for stream, follower in zip(memory["streams"][:count], memory["followers"][:count], strict=True)
+    ]
+
 
 # What no sensor of an injector can mean [Pa, m, Pa]: a value beyond it, or none at all, is missing.
 IMPOSSIBLE = np.array([1e-2 if role is Role.NEEDLE_LIFT else 1e9 for role in ROLES])

@@ -19,8 +19,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.alignment.alignment import IMPOSSIBLE, NEEDLE_LIFT, decide_until, store
-from observer_rt.bus.alignment.memory import Alignment
+from observer_rt.bus.alignment.alignment import IMPOSSIBLE, NEEDLE_LIFT, Alignment, decide_until, store
 from observer_rt.bus.mapping.input_tables import MAX_INPUTS
 from observer_rt.bus.mapping.timing import SLOTS
 from observer_rt.foundation.compiled import inner, separate

@@ -4,8 +4,7 @@ import threading
 from collections.abc import Callable, Sequence
 from queue import Empty, Full, Queue
 
-from observer_rt.bus.links.controller import BusCondition
-from observer_rt.bus.links.link import SWITCHED, FdFlags, Frame, Link, StampSource
+from observer_rt.bus.links.link import SWITCHED, BusCondition, FdFlags, Frame, Link, StampSource
 from observer_rt.foundation.errors import UserError, did_you_mean
 
 _OURS = ("socketcan", "descriptor")

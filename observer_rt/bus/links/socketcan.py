@@ -24,8 +24,18 @@ from observer_rt.bus.can_frame import (
     GroupIdentifier,
     ParameterGroups,
 )
-from observer_rt.bus.links.controller import BusCondition, BusState, ErrorClass, after_error_frame
-from observer_rt.bus.links.link import SWITCHED, FdFlags, Frame, Link, LinkDownError, StampSource
+from observer_rt.bus.links.link import (
+    SWITCHED,
+    BusCondition,
+    BusState,
+    ErrorClass,
+    FdFlags,
+    Frame,
+    Link,
+    LinkDownError,
+    StampSource,
+    after_error_frame,
+)
 from observer_rt.foundation.errors import RunError, UserError
 
 # Of the generic Linux interface (linux/net_tstamp.h, linux/ethtool.h), not known to Python's socket module.

@@ -40,7 +40,7 @@ from observer_rt.bus.mapping.input_tables import (
 from observer_rt.bus.mapping.output_messages import protected_layout
 from observer_rt.bus.mapping.timing import USUAL_INDEX, Joining, Numbering, index_signal, time_on_bus
 from observer_rt.config.bench import BenchInjector
-from observer_rt.config.links import LinkConfig
+from observer_rt.config.bench_file import LinkConfig
 from observer_rt.config.signals import (
     EnergizingConfig,
     FuelTemperatureConfig,

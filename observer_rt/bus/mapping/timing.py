@@ -16,9 +16,9 @@ from observer_rt.bus.database.lookup import MessageLayout, find_signal
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.bus.mapping.output_messages import frame_time
 from observer_rt.config.bench import BenchInjector
+from observer_rt.config.bench_file import LinkConfig
 from observer_rt.config.channels import undone_in_alignment
-from observer_rt.config.links import LinkConfig
-from observer_rt.config.recording import Meaning
+from observer_rt.config.injector import Meaning
 from observer_rt.config.signals import Role
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MICROSECOND, MILLISECOND
@@ -106,7 +106,13 @@ def map_timing(
         )
     for number, (row, (message, roles)) in enumerate(zip(rows, messages, strict=True)):
         same_base = _agreed(fitted, message, roles, "time_base") == grid.time_base
-        row["joining"] = _joining(row, same_base, number == leading, rows[leading])
+        both_indexed = row["numbering"] == rows[leading]["numbering"] == Numbering.INDEX
+        if number == leading or (same_base and both_indexed and row["steps"] == 1):
+            row["joining"] = Joining.INDEX
+        elif same_base and both_indexed:
+            row["joining"] = Joining.RATIO
+        else:
+            row["joining"] = Joining.NEAREST if same_base and row["steps"] == 1 else Joining.CLOCK
     return rows
 
 
@@ -118,11 +124,18 @@ def following(
     What is a mean lies half a sample period before its sample, what a filter delays by the stated time; the line
     pressure stays: the model's is averaged and delayed.
     """
-    is_mean = fitted.config.sampling.meaning is Meaning.MEAN
+    config = fitted.config
+    is_mean = config.sampling.meaning is Meaning.MEAN
     result: list[Following | None] = []
     for row, bits in zip(timing, roles, strict=True):
         spacing = float(row["steps"])
-        early = (0.5 * spacing if is_mean else 0.0) + _delay(fitted, int(bits))
+        delays = (  # of its roles, as stated of their message
+            undone_in_alignment(config.signals, role)
+            for number, role in enumerate(ROLES)
+            if role is not Role.LINE_PRESSURE and (int(bits) >> number) & 1
+        )
+        late = max(delays, default=0.0) * config.sampling.rate_hz
+        early = (0.5 * spacing if is_mean else 0.0) + late
         reach = MAX_INTERPOLATED + 1.0
         if row["joining"] in (Joining.INDEX, Joining.NEAREST):
             others = int(bits) & ~(1 << ROLES.index(Role.LINE_PRESSURE))
@@ -131,20 +144,9 @@ def following(
             continue
         is_slow = bool(row["steps"] > 1)
         if is_slow:
-            reach = float(row["hold"]) * fitted.config.sampling.rate_hz
+            reach = float(row["hold"]) * config.sampling.rate_hz
         result.append(Following(int(bits), spacing, reach, is_slow, early))
     return result
-
-
-def _delay(fitted: BenchInjector, roles: int) -> float:
-    """Samples of the grid by which those of a stream's roles (bits) are late, as stated of their message."""
-    config = fitted.config
-    delays = (
-        undone_in_alignment(config.signals, role)
-        for number, role in enumerate(ROLES)
-        if role is not Role.LINE_PRESSURE and (roles >> number) & 1
-    )
-    return max(delays, default=0.0) * config.sampling.rate_hz
 
 
 def number_signal(fitted: BenchInjector, message: Message, roles: Sequence[Role]) -> Signal | None:
@@ -295,15 +297,6 @@ def _set_hold(
             else "a faster signal of the rail pressure is needed",
         )
     row["hold"] = hold
-
-
-def _joining(row: np.void, same_base: bool, is_leading: bool, leading: np.void) -> Joining:
-    both_indexed = row["numbering"] == Numbering.INDEX and leading["numbering"] == Numbering.INDEX
-    if is_leading or (same_base and both_indexed and row["steps"] == 1):
-        return Joining.INDEX
-    if same_base and both_indexed:
-        return Joining.RATIO
-    return Joining.NEAREST if same_base and row["steps"] == 1 else Joining.CLOCK
 
 
 def _place(fitted: BenchInjector, roles: Sequence[Role], key: str) -> str:

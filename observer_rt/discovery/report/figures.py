@@ -120,9 +120,8 @@ def _draw_bars(axes: Axes, labels: Sequence[str], bars: Bars) -> None:
         axes.bar(places + shift, heights, width, color=colour, label=label)
         tops = np.maximum(heights, floors)  # where the line does not strike the number through
         for place, top, height in zip(places + shift, tops, heights, strict=True):
-            axes.annotate(
-                _two_digits(height), (place, top), (0, 2), textcoords="offset points", ha="center", fontsize=8
-            )
+            text = f"{height:.0f}" if height >= 10.0 else f"{height:#.2g}"
+            axes.annotate(text, (place, top), (0, 2), textcoords="offset points", ha="center", fontsize=8)
     axes.hlines(floors, places - 0.45, places + 0.45, color=MEASURED, lw=1.4, label="noise alone")
     axes.margins(y=0.15)
     axes.set_ylim(bottom=0.0)
@@ -145,7 +144,7 @@ def laws_figure(curves: Sequence[LawCurve]) -> str:
             axes.errorbar(
                 one.at, one.points, one.half, color=MEASURED, fmt="o", ms=3.5, lw=1.0, label="recordings"
             )
-            axes.set_xlabel(_with_unit(one.words, one.unit))
+            axes.set_xlabel(one.words if one.unit == "-" else f"{one.words} [{one.unit}]")
             equation = one.term.equation
             unit = "share" if equation.is_share else sign(str(equation.unit))
             axes.set_ylabel(f"{equation.value.replace('_', ' ')} [{unit}]")
@@ -153,14 +152,6 @@ def laws_figure(curves: Sequence[LawCurve]) -> str:
                 handles = axes.get_legend_handles_labels()
                 figure.legend(*handles, loc="outside upper right", ncols=2, frameon=False)
     return svg()
-
-
-def _with_unit(words: str, unit: str) -> str:
-    return words if unit == "-" else f"{words} [{unit}]"
-
-
-def _two_digits(value: float) -> str:
-    return f"{value:.0f}" if value >= 10.0 else f"{value:#.2g}"
 
 
 @contextmanager

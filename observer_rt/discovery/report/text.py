@@ -1,13 +1,13 @@
-"""The answer in words, for the screen and the first lines of the report, in units people read."""
+"""The answer in words, for the screen and the first lines of the report; terms in the words of an engineer."""
 
+import re
 from collections.abc import Mapping, Sequence
 
 from observer_rt.discovery.findings import Caveat, Findings, gap_share
-from observer_rt.discovery.report.law_words import as_if
+from observer_rt.discovery.search.curves import AXES
 from observer_rt.discovery.search.result import (
     Candidate,
     Discovery,
-    FittedEffect,
     FittedParameter,
     Proposal,
     SmallestVisible,
@@ -18,7 +18,8 @@ from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MM3_
 from observer_rt.model.effect import EffectParameter, Equation
 from observer_rt.model.effects import VOCABULARY
 from observer_rt.model.parameters import EffectValue, Finite
-from observer_rt.model.terms.term import Term
+from observer_rt.model.terms.parser import parse
+from observer_rt.model.terms.term import Term, TermEquation
 
 _SIGNS = {"um": "µm", "us": "µs", "mm3/ms": "mm³/ms", "m3/(s Pa)": "m³/(s Pa)", "-": ""}
 """How people write the units that are written otherwise in files."""
@@ -107,7 +108,13 @@ def as_text(findings: Findings) -> str:
     found = findings.discovery
     lines = [headline(found, findings.caveats)]
     for effect in found.effects:
-        lines.append(f"  {effect_text(effect)}; explains {share_words(found, effect)} of the disagreement")
+        sizes = ", ".join(_size_words(printed(effect.id, effect.parameters), "95 %: "))
+        others = f" [or {', '.join(effect.indistinguishable_from)}]" if effect.indistinguishable_from else ""
+        share = gap_share(found, effect)
+        lines.append(
+            f"  {effect.id}{others}: {sizes or VOCABULARY[effect.id].sentence}; explains "
+            f"{f'{share:.0%}' if share >= 0.01 else 'less than 1%'} of the disagreement"
+        )
     for decisive in found.decide_by:
         lines.append(f"  to tell {' from '.join(decisive.separates)}: {decisive.measurement}")
     if findings.is_open:
@@ -118,8 +125,10 @@ def as_text(findings: Findings) -> str:
         lines += [f"  proposal {number}: {proposal_words(proposal)}", f"    {standing_words(proposal)}"]
     if found.proposals and found.proposals[0].may_enter and findings.amended_model is None:
         lines.append("  to have it in the amended model: --accept-term 1, and --force")
-    if found.verdict is Verdict.NONE and found.smallest_visible:
-        lines.append(_not_seen(found))
+    if found.verdict is Verdict.NONE and found.smallest_visible:  # wear may be there up to these all the same
+        wear = (one for one in found.smallest_visible if VOCABULARY[one.id].wear)
+        names = (f"{one.id} below {visible_words(one)}" for one in wear)
+        lines.append(f"  not seen: {', '.join(names)}; all in the report")
     return "\n".join([*lines, *gap_lines(findings)])
 
 
@@ -162,13 +171,6 @@ def visible_words(one: SmallestVisible) -> str:
     return f"{one.parameter} = {one.size / unit.si:.2g} {sign(unit.unit)}".rstrip()
 
 
-def _not_seen(found: Discovery) -> str:
-    """Up to which size wear may be there all the same."""
-    wear = (one for one in found.smallest_visible if VOCABULARY[one.id].wear)
-    names = (f"{one.id} below {visible_words(one)}" for one in wear)
-    return f"  not seen: {', '.join(names)}; all in the report"
-
-
 def headline(found: Discovery, caveats: Sequence[Caveat] = ()) -> str:
     """The verdict in one sentence, with what must be kept in mind."""
     sure = f"(confidence {found.confidence:.2f})"
@@ -190,12 +192,6 @@ def _verdict_words(found: Discovery) -> str:
 def caveat_words(caveats: Sequence[Caveat]) -> str:
     """The reservations in a few words, for a headline."""
     return "; ".join(caveat.words for caveat in caveats)
-
-
-def share_words(found: Discovery, effect: FittedEffect) -> str:
-    """An effect's part of what is explained."""
-    share = gap_share(found, effect)
-    return f"{share:.0%}" if share >= 0.01 else "less than 1%"
 
 
 def choices(found: Discovery) -> str:
@@ -232,25 +228,109 @@ def _size_words(sizes: Mapping[str, Size], level: str) -> list[str]:
     return [f"{name} = {one.value_text} ({level}{one.interval_text})" for name, one in sizes.items()]
 
 
-def effect_text(effect: FittedEffect) -> str:
-    """An effect with its sizes."""
-    sizes = ", ".join(_size_words(printed(effect.id, effect.parameters), "95 %: "))
-    others = f" [or {', '.join(effect.indistinguishable_from)}]" if effect.indistinguishable_from else ""
-    return f"{effect.id}{others}: {sizes or VOCABULARY[effect.id].sentence}"
-
-
 def gap_lines(findings: Findings) -> list[str]:
     """The gaps on held-out operating points."""
-    gaps = findings.gaps
     apart = findings.held_apart and findings.discovery.effects
     where = "on operating points held out" if apart else "on the recordings"
     lines = []
-    for name, (unit, gap) in gaps.printed.items():
-        words = name.replace("_", " ")
-        if name != "injected_mass" or gaps.injection_rate is not None:
+    for gap in findings.gaps.printed.values():
+        if gap.measured:
             after = f" before, {gap.after:.3g} after" if findings.discovery.effects else ""
             alone = f"(noise alone {gap.noise_floor:.2g})"
-            lines.append(f"  {words} {where}: {gap.before:.3g} {unit} off{after} {alone}")
+            lines.append(f"  {gap.words} {where}: {gap.before:.3g} {gap.unit} off{after} {alone}")
         elif findings.discovery.effects:
-            lines.append(f"  {words}: the model given is {gap.before:.2g} {unit} off, if this is right")
+            lines.append(
+                f"  {gap.words}: the model given is {gap.before:.2g} {gap.unit} off, if this is right"
+            )
     return lines
+
+
+_AS_IF: Mapping[TermEquation, tuple[str, str, str]] = {
+    TermEquation.LINE_FLOW: ("the line lost more pressure, by", "the line lost {} less", "the line lost {} more"),
+    TermEquation.LINE_PRESSURE: (
+        "fuel left the line beside the nozzle,", "{} came into the line's end", "{} left the line beside the nozzle",
+    ),
+    TermEquation.SEAT_FLOW: (
+        "the flow through the seat were larger by a share of",
+        "the seat let {} less through", "the seat let {} more through",
+    ),
+    TermEquation.NOZZLE_FLOW: (
+        "the flow through the nozzle were larger by a share of",
+        "the nozzle lost {} of its flow", "the nozzle let {} more through",
+    ),
+    TermEquation.STIFFNESS: (
+        "the fuel in the line were stiffer by a share of",
+        "the fuel in the line were softer by {}", "the fuel in the line were stiffer by {}",
+    ),
+    TermEquation.INERTANCE: (
+        "the inertance of the line were larger by a share of",
+        "the line's inertance were {} less", "the line's inertance were {} more",
+    ),
+    TermEquation.CHAMBER_PRESSURE: (
+        "the pressure in the chamber were higher by",
+        "the pressure in the chamber were {} lower", "the pressure in the chamber were {} higher",
+    ),
+    TermEquation.LINE_PRESSURE_SENSOR: (
+        "the line-pressure sensor read more, by",
+        "the line-pressure sensor read {} less", "the line-pressure sensor read {} more",
+    ),
+    TermEquation.NEEDLE_LIFT: (
+        "the needle stood higher than measured, by",
+        "the needle stood {} lower than measured", "the needle stood {} higher than measured",
+    ),
+    TermEquation.RAIL_PRESSURE: (
+        "the rail pressure were higher than measured, by",
+        "the rail pressure were {} lower than measured", "the rail pressure were {} higher than measured",
+    ),
+}  # fmt: skip
+"""By equation: of any law, and of a simple one with a negative coefficient and a positive one."""
+_AXIS_OF = {str(parse(axis.over)): axis for axis in AXES}
+_NUMBER = r"(-?[\d.]+(?:e[-+]?\d+)?)"
+_OVER = "(" + "|".join(map(re.escape, _AXIS_OF)) + ")"
+_SINCE = r"\(?time_since_opening / 1\)?"
+_WORDS = tuple(
+    (re.compile(rf"c \* \(?{pattern}\)?"), words)
+    for pattern, words in {
+        "1": "all the time",
+        r"\(1 \+ tanh\(\(" + _OVER + rf" - {_NUMBER}\) / {_NUMBER}\)\) / 2": "from {0} on",
+        r"exp\(-\(\(" + _OVER + rf" - {_NUMBER}\) / {_NUMBER}\)\^2": "round {0}",
+        rf"exp\(-{_SINCE} / {_NUMBER}": "at every opening, fading in {0} ms",
+        rf"exp\(-{_SINCE} / {_NUMBER}\) \* sin\(6\.283185307 \* {_NUMBER} \* {_SINCE} \+ {_NUMBER}\)": (
+            "at most, ringing at {1} kHz after every opening for {0} ms"
+        ),
+        rf"sin\(6\.283185307 \* {_NUMBER}\[Hz\] \* time \+ {_NUMBER}": "and back, a wave of {0} Hz",
+        rf"injection_number > {_NUMBER}": "from the injection after number {0} on",
+        rf"\(?injection_number - 1\)? / {_NUMBER}": "in the end, growing from injection to injection",
+        rf"time / {_NUMBER}": "in the end, growing for {0} s",
+        "open": "while the needle is open",
+        "closed": "while the needle is shut",
+        "opening": "while the needle opens",
+        "closing": "while the needle closes",
+    }.items()
+)
+
+
+def as_if(term: Term, sized: str) -> str:
+    """What it is as if. sized: its law with its coefficient."""
+    plain = _plain_words(term)
+    return f"{plain}: {term.equation} = {sized}" if plain else f"{_AS_IF[term.equation][0]} {sized}"
+
+
+def _plain_words(term: Term) -> str:
+    """Such as `the nozzle lost 21 % of its flow from a time since the opening of 0.605 ms on`.
+
+    Empty where the law is not so simple.
+    """
+    matches = ((pattern.fullmatch(str(term.law)), words) for pattern, words in _WORDS)
+    found, words = next(((found, words) for found, words in matches if found), (None, ""))
+    if found is None:
+        return ""
+    numbers = list(found.groups())
+    if numbers and numbers[0] in _AXIS_OF:
+        axis = _AXIS_OF[numbers[0]]
+        value = f"{axis.offset + axis.scale * float(numbers[1]):.3g}"
+        numbers = [f"a {axis.words} of {value}{'' if axis.unit == '-' else f' {axis.unit}'}"]
+    size = abs(term.coefficient)
+    unit = str(term.equation.unit)
+    amount = f"{100.0 * size:.3g} %" if term.equation.is_share else f"{size:.3g} {sign(unit)}"
+    return f"{_AS_IF[term.equation][1 + (term.coefficient > 0.0)].format(amount)} {words.format(*numbers)}"

@@ -6,7 +6,7 @@ from itertools import chain
 
 import numpy as np
 
-from observer_rt.config.terms import term_domain
+from observer_rt.config.effects import term_domain
 from observer_rt.discovery.search.adequacy import HealthyBaseline, worst
 from observer_rt.discovery.search.candidates import Fitter
 from observer_rt.discovery.search.law_evidence import law_curve

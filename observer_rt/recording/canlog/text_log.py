@@ -12,9 +12,9 @@ from itertools import islice
 from pathlib import Path
 from typing import BinaryIO, ClassVar, NoReturn, cast
 
+from observer_rt.foundation.console import PACKED
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.canlog.can_log import NANOSECONDS, LogFrame, LogReader
-from observer_rt.terminal.console import PACKED
 
 GZIP_MARK = b"\x1f\x8b"
 _HEAD = 200  # bytes

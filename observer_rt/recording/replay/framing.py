@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from observer_rt.bus.database.codec import encode_column
 from observer_rt.bus.database.e2e import protect
 from observer_rt.bus.database.multiplexing import is_selected
-from observer_rt.bus.mapping.bus_map import BusMap
+from observer_rt.bus.mapping.bus_map import BusMap, message_of, role_range, role_resolution
 from observer_rt.bus.mapping.input_tables import MAX_INPUTS, ROLES
-from observer_rt.bus.mapping.signal_range import message_of, role_range, role_resolution
 from observer_rt.bus.mapping.timing import Numbering
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench
 from observer_rt.config.signals import Role
@@ -23,7 +22,8 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.small_arrays import copy_vector
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIMETRE, MILLISECOND
 from observer_rt.recording.signals.plausible import Survey
-from observer_rt.recording.signals.recording import Recording, Sampled
+from observer_rt.recording.signals.recording import Recording
+from observer_rt.recording.signals.stream import Sampled
 
 WINDOW_BEFORE = 2 * MILLISECOND  # of standstill before an injection, in which x~ becomes good
 WINDOW_AFTER = 4 * MILLISECOND  # after it, in which the line rings
@@ -136,31 +136,27 @@ class Framer:
     def __init__(self, bus: BusMap) -> None:
         self._bus = bus
         self._counters = [0] * len(bus.input_layouts)
-        self._index = 0
-
-    @property
-    def next_index(self) -> int:
+        self.next_index = 0
         """Sample index of the next recording's first sample."""
-        return self._index
 
     def pause(self, samples: int) -> None:
         """Let the index go on by at least `samples` that are not sent, as over a pause of a windowed source.
 
         The index then begins a frame of every message, so that no frame sent before reaches into it.
         """
-        before = self._index
+        before = self.next_index
         block = math.lcm(*(grid_samples(self._bus, n) for n in range(len(self._bus.input_layouts))))
-        self._index = -(-(before + samples) // block) * block
+        self.next_index = -(-(before + samples) // block) * block
         for number in range(len(self._counters)):
             if (
                 message_timing(self._bus, number)["numbering"] != Numbering.INDEX
             ):  # their counters go on with time
-                passed = (self._index - before) // grid_samples(self._bus, number)
+                passed = (self.next_index - before) // grid_samples(self._bus, number)
                 self._counters[number] += passed
 
     def skip(self, samples: int) -> None:
         """Let the index go on by samples that are not sent, within a recording."""
-        self._index += samples
+        self.next_index += samples
 
     def frames(self, recording: Recording, spans: Sequence[Span]) -> Iterator[TimedFrame]:
         """Frames of the spans in order of time: each is sent with its last sample.
@@ -181,14 +177,14 @@ class Framer:
         values = np.column_stack([getattr(recording, role.value) for role in ROLES])
         for span in spans:
             yield _merged([self._encode(number, values, span) for number in range(len(self._counters))])
-        self._index += recording.samples
+        self.next_index += recording.samples
 
     def _encode(self, number: int, values: NDArray[np.float64], span: Span) -> "Framed":
         """The frames of one input message."""
         message, inputs = self._bus.inputs.messages[number], self._bus.inputs
         steps = int(message_timing(self._bus, number)["steps"])
-        first_index = -(-(self._index + span.start) // steps)  # of its own samples
-        first = first_index * steps - self._index
+        first_index = -(-(self.next_index + span.start) // steps)  # of its own samples
+        first = first_index * steps - self.next_index
         payloads = _payloads(
             values[first : span.end : steps], first_index, inputs, number, self._counters[number]
         )

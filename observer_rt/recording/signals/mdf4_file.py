@@ -16,11 +16,11 @@ from asammdf import MDF, Signal
 from asammdf.blocks.utils import MdfException
 from asammdf.blocks.v4_blocks import FileHistory
 
-from observer_rt.config.recording import ColumnConfig
+from observer_rt.config.injector import ColumnConfig
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.checksum import BLANK
 from observer_rt.recording.mdf4_blocks import READABLE, CountedRecords, refuse_other_files
-from observer_rt.recording.signals.mapped.table import TablePart, Values, present
+from observer_rt.recording.signals.table import TablePart, Values, present
 
 DAMAGE = (  # the ways in which asammdf fails on a damaged file
     MdfException,

@@ -7,12 +7,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple, Protocol, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.config.recording import Meaning
+from observer_rt.config.injector import Meaning
 from observer_rt.foundation.compiled import compiled
 from observer_rt.foundation.errors import UserError
 
@@ -150,22 +150,6 @@ EQUIDISTANT = (
     "a recording must be equidistant: cut it at the gap, resample it on an even grid, or describe it in [recording] "
     "of a bench file, which bridges and splits"
 )
-
-
-class Sampled(Protocol):
-    """What was recorded somewhere at a sample rate: a recording, or the file of one that is read in parts."""
-
-    @property
-    def path(self) -> Path | None:
-        """Where it was read from; None for one made in memory."""
-
-    @property
-    def sample_rate(self) -> float:
-        """Of every signal [Hz]."""
-
-    @property
-    def meaning(self) -> Meaning | None:
-        """What a sample is; None: as the bench file says, without one an instant."""
 
 
 SIGNALS = ("rail_pressure", "needle_lift", "line_pressure", "injection_rate")

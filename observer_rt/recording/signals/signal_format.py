@@ -4,9 +4,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from observer_rt.config.recording import RecordingConfig
-from observer_rt.recording.signals.mapped.table import OPTIONAL, Table
+from observer_rt.config.injector import RecordingConfig
 from observer_rt.recording.signals.recording import Recording
+from observer_rt.recording.signals.table import OPTIONAL, Table
 
 
 @dataclass(frozen=True)

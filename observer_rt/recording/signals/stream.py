@@ -4,11 +4,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.config.recording import Meaning
+from observer_rt.config.injector import Meaning
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.signals.plausible import Survey
 from observer_rt.recording.signals.recording import Chunk, Recording
@@ -107,6 +108,10 @@ class SignalStream(ABC):
                 )
             places.append(places[-1] + before.samples + (hole if hole > 0 else round(self.rate)))
         return places
+
+
+Sampled: TypeAlias = Recording | SignalStream
+"""What was recorded at a sample rate, in memory or read in parts."""
 
 
 def joined(parts: Sequence[Recording]) -> Recording:

@@ -103,58 +103,50 @@ class CompiledPipeline:
     """The one owner of a pipeline; what it holds by value, the observer's constants, is replaced here only."""
 
     def __init__(self, pipeline: Pipeline) -> None:
-        self._pipeline = pipeline
-        self._held = self._hold()
+        self.pipeline = pipeline
+        """What compiled code works on now; not to be kept."""
+        self.held = self._hold()
+        """The record by which compiled code knows the pipeline."""
 
     def _hold(self) -> Any:
-        held = _hold.compile((typeof(self._pipeline).tuple_type,))(self._pipeline)
+        held = _hold.compile((typeof(self.pipeline).tuple_type,))(self.pipeline)
         held.kept = self.observer.kept  # by who is at work with it, while another takes its place
         return held
 
     @cached_property
     def _listen(self) -> Any:
         payload = types.Array(types.uint8, 1, "C")
-        return _listen.compile((typeof(self._held), types.int64, payload, types.int64))
+        return _listen.compile((typeof(self.held), types.int64, payload, types.int64))
 
     @cached_property
     def _take_many(self) -> Any:
         numbers, payloads = types.Array(types.int64, 1, "C"), types.Array(types.uint8, 1, "C")
         block = types.NamedTuple((numbers, numbers, numbers, payloads), FrameBlock)
-        return _take_many.compile((typeof(self._held), block, types.int64))
+        return _take_many.compile((typeof(self.held), block, types.int64))
 
     @cached_property
     def _proceed(self) -> Any:
-        return _proceed.compile((typeof(self._held),))
-
-    @property
-    def held(self) -> Any:
-        """The record by which compiled code knows the pipeline."""
-        return self._held
-
-    @property
-    def pipeline(self) -> Pipeline:
-        """What compiled code works on now; not to be kept."""
-        return self._pipeline
+        return _proceed.compile((typeof(self.held),))
 
     @property
     def observer(self) -> Observer:
         """The pipeline's observer now; not to be kept."""
-        return self._pipeline.observer
+        return self.pipeline.observer
 
     def listen(self, key: int, payload: NDArray[np.uint8], stamp: int) -> None:
         """Take the samples of one frame without observing them: see `pipeline.listen`."""
-        self._listen(self._held, key, payload, stamp)
+        self._listen(self.held, key, payload, stamp)
 
     def take_many(self, block: FrameBlock, first: int) -> tuple[int, bool]:
         """Take frames of a block from `first` on: see `many.take_many`."""
-        number, waits = self._take_many(self._held, block, first)
+        number, waits = self._take_many(self.held, block, first)
         return number, bool(waits)
 
     def proceed(self) -> bool:
         """Go on after a judgement or with another model: see `pipeline.proceed`."""
-        return bool(self._proceed(self._held))
+        return bool(self._proceed(self.held))
 
     def change_constants(self, constants: Constants) -> None:
         """Observe with other constants from here on."""
-        self._pipeline = self._pipeline._replace(observer=with_constants(self.observer, constants))
-        self._held = self._hold()
+        self.pipeline = self.pipeline._replace(observer=with_constants(self.observer, constants))
+        self.held = self._hold()

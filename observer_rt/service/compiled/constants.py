@@ -2,7 +2,7 @@
 
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.channels import effects_after_alignment
-from observer_rt.config.recording import Meaning
+from observer_rt.config.injector import Meaning
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLISECOND

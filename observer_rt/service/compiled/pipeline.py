@@ -6,8 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.alignment.alignment import decide, store
-from observer_rt.bus.alignment.memory import Alignment
+from observer_rt.bus.alignment.alignment import Alignment, decide, store
 from observer_rt.bus.alignment.placing import Placing, follow, place_block
 from observer_rt.bus.alignment.timekeeping import (
     Count,

@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt import __version__
-from observer_rt.bus.alignment.alignment import is_stale
-from observer_rt.bus.alignment.memory import make_alignment, progress
+from observer_rt.bus.alignment.alignment import is_stale, make_alignment, progress
 from observer_rt.bus.alignment.timekeeping import MessageTiming, make_timekeeping, timing_of
 from observer_rt.bus.links.link import BusFrame, Frame, FrameBlock, block_of
 from observer_rt.bus.mapping.bus_map import BusMap, stream_of
@@ -35,11 +34,15 @@ from observer_rt.service.compiled.pipeline import Pipeline, make_receiver
 from observer_rt.service.compiled.publisher import flush, make_publisher
 from observer_rt.service.core.learners import LearnerFactory, healthy_injector, make_learner, slow_noise_of
 from observer_rt.service.core.messages import Counters, OutputFrame, ResultFrames, counted
-from observer_rt.service.inputs.optional_inputs import OptionalInputs
+from observer_rt.service.core.optional_inputs import OptionalInputs
 from observer_rt.service.reports.injection_report import report_of
 from observer_rt.service.reports.judging import EventRecord, InlineExecutor, Judging
 from observer_rt.service.reports.news import Listener, Notice, to_all
 from observer_rt.service.words import Topic
+
+_NOT_LEARNED = (
+    "nothing was learned from an event: {}\n  remedy: see that memory is free; report it if it comes again"
+)
 
 
 class Contest:
@@ -126,7 +129,9 @@ class Core:
             start,
             healthy,
             partial(learner_of, fitted, constants),
-            self._tell_failure,
+            lambda failure: self._tell(
+                Notice(Topic.LEARNING, _NOT_LEARNED.format(f"{type(failure).__name__}: {failure}"))
+            ),
         )
         self._writes_summaries = writes_summaries
         self.optional = OptionalInputs(fitted, bus, self.compiled, self._tell, is_restored)
@@ -304,13 +309,6 @@ class Core:
         """Hand over closed events, report judged ones."""
         for judged in self._judging.follow(self.optional.learning, self.optional.fuel_temperature):
             self._report(judged)
-
-    def _tell_failure(self, failure: Exception) -> None:
-        text = (
-            f"nothing was learned from an event: {type(failure).__name__}: {failure}\n"
-            "  remedy: see that memory is free; report it if it comes again"
-        )
-        self._tell(Notice(Topic.LEARNING, text))
 
     def _report(self, judged: EventRecord) -> None:
         """Say of the injections of a judged event what was found, with what came before it was."""

@@ -14,7 +14,7 @@ from observer_rt.estimation.scalars import NOZZLE, OFFSET, SEAT
 from observer_rt.foundation.units import CUBIC_MILLIMETRE, MEGAPASCAL, MILLIGRAM, MM3_PER_MS
 from observer_rt.service.compiled.pipeline import Pipeline
 from observer_rt.service.compiled.publisher import Publisher
-from observer_rt.service.inputs.energizing import EnergizingFigures
+from observer_rt.service.core.energizing import EnergizingFigures
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.judging import Judging
 

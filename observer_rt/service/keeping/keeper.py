@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import NamedTuple, Protocol
 
 from observer_rt.config.bench import Bench, BenchInjector
+from observer_rt.foundation.console import check_destination, check_folder
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.service.core.learners import refuse_state
 from observer_rt.service.keeping.journal import JournalWriter, is_at, require_journal
 from observer_rt.service.keeping.state_file import model_hash, save_knowledge
 from observer_rt.service.reports.news import Listener
-from observer_rt.terminal.console import check_destination, check_folder
 
 LONGEST_ID = 20  # digits of a process id
 

@@ -310,7 +310,10 @@ def _knowledge_in(data: bytes, model: str, pressure_scale: float) -> Knowledge:
         document = json.loads(data.decode("ascii"))
         version = document["version"]
         if version not in range(OLDEST, VERSION + 1):
-            raise _UnusableError(f"its format is version {version!r}, not {VERSION}{_written_by(document)}")
+            content = document.get("content")
+            by = content.get("package_version") if isinstance(content, dict) else None
+            by = f" (observer_rt {by} wrote it, this is {__version__})" if isinstance(by, str) else ""
+            raise _UnusableError(f"its format is version {version!r}, not {VERSION}{by}")
         if document["sha256"] != _digest(document["content"]):
             raise _UnusableError("it was changed or damaged: its content does not match its checksum")
         content = _Content.model_validate(document["content"])
@@ -365,12 +368,6 @@ def _by_name(found: Knowledge, names: tuple[str, ...], pressure_scale: float) ->
         belief=Belief(**moved),
         active=frozenset(column for column, old in zip(here, there, strict=True) if old in found.active),
     )
-
-
-def _written_by(document: dict[str, Any]) -> str:
-    content = document.get("content")
-    version = content.get("package_version") if isinstance(content, dict) else None
-    return f" (observer_rt {version} wrote it, this is {__version__})" if isinstance(version, str) else ""
 
 
 def restored_knowledge(

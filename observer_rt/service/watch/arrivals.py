@@ -115,15 +115,14 @@ class Arrivals:
     def as_text(self, now: int) -> str:
         """Messages that stay away, with their ages; of all where none does."""
         told = self.stale(now) or self.sources
-        return ", ".join(f"{source.text}: {last_text(self.age(source, now))}" for source in told)
+        ages = ((source.text, self.age(source, now)) for source in told)
+        return ", ".join(
+            f"{text}: {'no frame yet' if math.isnan(age) else f'last frame {age_text(age)}'}"
+            for text, age in ages
+        )
 
 
 CONTESTED = 2.0  # s after a frame of another sender: it may send seldom
-
-
-def last_text(age: float) -> str:
-    """When the last frame came, by its age [s]."""
-    return "no frame yet" if math.isnan(age) else f"last frame {age_text(age)}"
 
 
 def age_text(age: float) -> str:

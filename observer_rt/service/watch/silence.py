@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.bus.alignment.alignment import IMPOSSIBLE
-from observer_rt.bus.mapping.bus_map import BusMap
+from observer_rt.bus.mapping.bus_map import BusMap, RoleRange, role_range, role_resolution
 from observer_rt.bus.mapping.input_tables import ROLES
-from observer_rt.bus.mapping.signal_range import RoleRange, role_range, role_resolution
 from observer_rt.config.signals import Role
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE

@@ -1,22 +1,169 @@
 """One browser's view of what is watched: live, or held at an injection that can be stepped from and saved."""
 
 import json
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from datetime import datetime
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
+from observer_rt.bus.mapping.output_messages import StatusValues
 from observer_rt.foundation.errors import ObserverError
-from observer_rt.foundation.files import file_errors
+from observer_rt.foundation.files import file_errors, templates_of
+from observer_rt.observer.stream.state import Reason, State
 from observer_rt.service.reports.injection_report import known
+from observer_rt.service.watch.arrivals import SECOND
+from observer_rt.service.words import REASONS, STATES, is_good
 from observer_rt.watch.injector import Seen
-from observer_rt.watch.page.columns import DETAILS, HISTORY, Columns, rate_columns
-from observer_rt.watch.page.letters import banner_html, top_html
-from observer_rt.watch.results import SeenInjection
+from observer_rt.watch.samples import SampleCurves, SeenInjection
 from observer_rt.watch.watching import Watching
+
+Columns: TypeAlias = Mapping[str, NDArray[np.floating]]
+"""By name, (n,) each, nan: nothing to be drawn; the first is the x of all others, and rises. None: nothing at all."""
+SURE = 1.96  # standard deviations of a 95 % interval
+_OVERLAID = 8  # injections, the one shown included
+_POINTS = 300  # of a curve, at the most: a screen shows no more
+
+
+def rate_columns(seen: Seen) -> Columns:
+    """The rate of the last injection and of those before it, its 95 % band and the nominal one [mm3/ms].
+
+    The band is that of the mass: the rate is as sure as the mass.
+    """
+    columns = _overlaid(("rate",), ("nominal",), seen)
+    if not columns:
+        return {}
+    said = next(each for each in reversed(seen.injections) if each.curves is not None).summary
+    rate = columns["rate"]
+    band = np.abs(rate) * (SURE * said.mass_sigma / said.mass if said.mass else np.nan)
+    return {**columns, "low": rate - band, "high": rate + band}
+
+
+def mass_columns(seen: Seen) -> Columns:
+    """Masses of all injections by their numbers [mg], valid ones and others, with 95 % intervals."""
+    said = _in_order(seen)
+    is_valid = said["valid"] == 1.0
+    return {
+        "number": said["injection_number"],
+        "nominal": said["nominal_mass"],
+        **_banded("valid", np.where(is_valid, said["mass"], np.nan), said["mass_sigma"]),
+        **_banded("refused", np.where(is_valid, np.nan, said["mass"]), said["mass_sigma"]),
+    }
+
+
+def wear_columns(seen: Seen) -> Columns:
+    """Wear of nozzle and seat over all injections by their numbers [%], with 95 % intervals."""
+    said = _in_order(seen)
+    return {
+        "number": said["injection_number"],
+        **_banded("nozzle", 100.0 * said["nozzle_wear"], 100.0 * said["nozzle_wear_sigma"]),
+        **_banded("seat", 100.0 * said["seat_wear"], 100.0 * said["seat_wear_sigma"]),
+    }
+
+
+def _in_order(seen: Seen) -> NDArray[np.void]:
+    """What is kept, by numbers that rise: an observer that was started anew counts from 1 again."""
+    numbered = seen.history[np.isfinite(seen.history["injection_number"])]
+    order = np.argsort(numbered["injection_number"], kind="stable")
+    return np.take(numbered, order)
+
+
+def _banded(name: str, mean: NDArray[np.floating], sigma: NDArray[np.floating]) -> Columns:
+    return {name: mean, f"{name}_low": mean - SURE * sigma, f"{name}_high": mean + SURE * sigma}
+
+
+def _overlaid(overlaid: Sequence[str], shown: Sequence[str], seen: Seen) -> Columns:
+    """Time [ms], curves of the last injection, and of those before: `NAME_before_K` is that of K injections ago."""
+    drawn = [each.curves for each in seen.injections[-_OVERLAID:] if each.curves is not None]
+    if not drawn:
+        return {}
+    longest = max((each.time for each in drawn), key=len)
+    step = -(-longest.size // _POINTS)
+    time = longest[::step]
+
+    def thinned(curves: SampleCurves, name: str) -> NDArray[np.float32]:
+        values = getattr(curves, name)[::step]
+        return np.pad(values, (0, time.size - values.size), constant_values=np.nan)
+
+    *before, last = drawn
+    columns = {name: thinned(last, name) for name in (*overlaid, *shown)}
+    for ago, curves in enumerate(reversed(before), 1):
+        columns |= {f"{name}_before_{ago}": thinned(curves, name) for name in overlaid}
+    return {"time": time, **columns}
+
+
+DETAILS: Mapping[str, Callable[[Seen], Columns]] = {
+    "line_pressure": partial(_overlaid, ("line_pressure",), ()),
+    "rail_pressure": partial(_overlaid, ("rail_pressure",), ()),
+    "needle_lift": partial(_overlaid, ("needle_lift",), ()),
+    "phi": partial(_overlaid, (), ("phi_1", "phi_2", "phi_3")),
+}
+"""What lies behind the rate, by panel: pressures [MPa], lift [um], phi [1/s]."""
+HISTORY: Mapping[str, Callable[[Seen], Columns]] = {"mass": mass_columns, "wear": wear_columns}
+"""What became of an injector, by panel."""
+
+
+_LATELY = 100  # injections of which the share of valid ones is told
+OLD = 2.0  # s after which numbers are not those of now
+MINUTE = 60.0  # s
+_BUSY = 0.8  # share of the time from which a bus is hardly able to carry more
+
+
+def banner_html(seen: Seen, shown: SeenInjection | None, now: int) -> str:
+    """One injector: state and faults now [ns since 1970], and the injection shown, pale once it is old."""
+    lately = seen.injections[-_LATELY:]
+    valid = sum(each.summary.valid == 1.0 for each in lately) / max(1, len(lately))
+    kind, state, words = _state(seen.status)
+    age = 0.0 if shown is None else max(0.0, (now - shown.moment) / SECOND)
+    return _TEMPLATES.get_template("banner.html").render(
+        seen=seen,
+        kind="bad" if seen.faults else kind,
+        state=state,
+        words=words,
+        shown=shown,
+        validity="" if shown is None else _validity(shown),
+        lately=len(lately),
+        valid_share=valid,
+        # as often as it changes it is drawn
+        age=f"{age:.0f} s ago" if age < MINUTE else f"{age / MINUTE:.0f} min ago",
+        is_old=age > OLD,
+    )
+
+
+def _state(status: StatusValues | None) -> tuple[str, str, str]:
+    """Its colour, a class of page.css, its name, and words."""
+    if status is None or math.isnan(status.state):
+        return "waiting", "no status yet", "nothing was heard of the observer"
+    state, reason = State(int(status.state)), Reason(int(status.reason))
+    words = STATES[state].what if reason is Reason.NONE else f"{reason.name}: {REASONS[reason].what}"
+    if is_good(state):
+        return ("good" if reason in (Reason.NONE, Reason.JUMPED) else "waiting"), state.name, words
+    return "bad", state.name, words
+
+
+def _validity(shown: SeenInjection) -> str:
+    if shown.summary.valid == 1.0:
+        return "valid"
+    reason = Reason(int(shown.summary.reason))
+    return f"not valid: {reason.name}, {REASONS[reason].what}"
+
+
+def _clock(moment: int) -> str:
+    """A moment [ns since 1970] as local time."""
+    return datetime.fromtimestamp(moment / 1e9).strftime("%H:%M:%S")
+
+
+_TEMPLATES = templates_of(__package__)
+_TEMPLATES.filters["clock"] = _clock
+_TEMPLATES.tests["known"] = math.isfinite
+_TEMPLATES.globals |= {"nan": math.nan, "SURE": SURE, "BUSY": _BUSY}
+
 
 _AHEAD = 2  # messages: one is on its way while the last one is drawn
 # what nobody follows injection by injection: the rate is drawn with every one, and must not wait for much else
@@ -130,7 +277,7 @@ class Session:
         now = time.monotonic()
         if now < self._letters_due:
             return {}
-        letters = {"top": top_html(self._watching)}
+        letters = {"top": _TEMPLATES.get_template("top.html").render(watching=self._watching)}
         for number, (now_seen, then_seen) in enumerate(zip(live, shown, strict=True)):
             letters[f"banner_{number}"] = banner_html(now_seen, _last_of(then_seen), self._watching.now)
         changed = {name: html for name, html in letters.items() if self._letters.get(name) != html}

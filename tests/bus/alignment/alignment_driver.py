@@ -5,8 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from observer_rt.bus.alignment.alignment import decide, store
-from observer_rt.bus.alignment.memory import Alignment, make_alignment
+from observer_rt.bus.alignment.alignment import Alignment, decide, make_alignment, store
 from observer_rt.bus.alignment.placing import Placing, place_block
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.config.signals import Role

@@ -10,8 +10,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from observer_rt.bus.alignment.alignment import decide, is_stale, store
-from observer_rt.bus.alignment.memory import make_alignment
+from observer_rt.bus.alignment.alignment import decide, is_stale, make_alignment, store
 from observer_rt.bus.alignment.placing import follow, place_block
 from observer_rt.bus.mapping.input_tables import MAX_INPUTS, ROLES
 from observer_rt.bus.mapping.timing import SLOTS, Following

@@ -7,9 +7,8 @@ from cantools.database.can import Database, Message
 from hypothesis import given
 from hypothesis import strategies as st
 
-from observer_rt.bus.database.catalogue import load_database, overlooked
+from observer_rt.bus.database.catalogue import load_database, mended_dbc, overlooked
 from observer_rt.bus.database.lookup import find_message, signal_names
-from observer_rt.bus.database.mended_dbc import mended_dbc
 from observer_rt.foundation.errors import UserError
 from tests.bus.database.random_databases import RandomMessage, multiplexed_messages, plain_messages
 

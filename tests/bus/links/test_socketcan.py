@@ -9,8 +9,7 @@ import can
 import pytest
 
 from observer_rt.bus.links import socketcan as socketcan_link
-from observer_rt.bus.links.controller import BusCondition, BusState
-from observer_rt.bus.links.link import Link, StampSource
+from observer_rt.bus.links.link import BusCondition, BusState, Link, StampSource
 from observer_rt.bus.links.opening import open_link
 from observer_rt.foundation.errors import RunError
 

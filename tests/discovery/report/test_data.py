@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.discovery.report.data import remove_data, write_data
-from observer_rt.discovery.report.document import as_json
+from observer_rt.discovery.report.document import as_json, remove_data, write_data
 from tests.discovery.conftest import SOURCES, Worn
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from observer_rt.discovery.report.law_words import as_if
+from observer_rt.discovery.report.text import as_if
 from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.term import Term, TermEquation
 

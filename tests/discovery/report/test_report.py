@@ -8,10 +8,9 @@ from typing import Any
 
 import pytest
 
-from observer_rt.discovery.findings import Sources
-from observer_rt.discovery.opinion import Opinion
+from observer_rt.discovery.findings import Opinion, Sources
 from observer_rt.discovery.report.document import as_json
-from observer_rt.discovery.report.report import report
+from observer_rt.discovery.report.page import report
 from observer_rt.discovery.search.result import Decisive, Discovery, Unexplained, Verdict
 from observer_rt.estimation.phases import Phase
 from observer_rt.evidence.likelihood import Signal

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_bench
-from observer_rt.config.injector import SamplingConfig
-from observer_rt.config.recording import Meaning
+from observer_rt.config.injector import Meaning, SamplingConfig
 from observer_rt.evaluation.evaluate import Evaluation, evaluate
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.observer.stream.front_end import slope_of_means

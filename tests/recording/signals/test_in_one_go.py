@@ -8,9 +8,9 @@ import pytest
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.formats import open_recording, write_recording
-from observer_rt.recording.signals.mapped.table_signals import OtherRateError
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE, joined
+from observer_rt.recording.signals.table_signals import OtherRateError
 
 SAMPLES = 2 * SAMPLES_AT_ONCE + 4321
 SUFFIXES = pytest.mark.parametrize("suffix", [".csv", ".mf4", ".parquet"])

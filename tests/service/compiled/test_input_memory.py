@@ -10,7 +10,7 @@ from observer_rt.recording.replay.framing import Span, TimedFrame
 from observer_rt.service.compiled.input_memory import GRACE
 from tests.benches import SAMPLE_RATE
 from tests.device import Device, core_of, hand, simulated
-from tests.service.inputs.test_fuel_temperature import BLOCK, bench, sensor
+from tests.service.core.test_fuel_temperature import BLOCK, bench, sensor
 
 Fuel = Callable[..., float | None]
 

@@ -25,7 +25,7 @@ from tests.device import (
     simulated,
     worn_recording,
 )
-from tests.service.inputs import test_fuel_temperature
+from tests.service.core import test_fuel_temperature
 from tests.service.pulses import PILOT_AND_MAIN, SOURCES, injected, misfired, pulse_bench, samples
 from tests.service.slow_frames import bed, slow_bench
 

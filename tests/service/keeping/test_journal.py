@@ -15,8 +15,7 @@ from observer_rt.config.bench import Bench, load_bench
 from observer_rt.config.injector import StateConfig
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.observer.stream.state import Reason
-from observer_rt.service.keeping.journal import COLUMNS, MOST_WAITING, JournalWriter
-from observer_rt.service.keeping.journal_reading import Row, reading_journal
+from observer_rt.service.keeping.journal import COLUMNS, MOST_WAITING, JournalWriter, Row, reading_journal
 from observer_rt.service.keeping.keeper import keeper_of
 from observer_rt.service.keeping.state_file import model_hash
 from observer_rt.service.reports.injection_report import INDICATORS

@@ -22,9 +22,9 @@ from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.service.core.messages import OutputFrame
 from observer_rt.service.daemon import Daemon
 from tests.device import RATES, Device, encoded, frames_of, inserted, run, simulated, worn_recording
+from tests.service.core.test_fuel_temperature import bench as temperature_bench
+from tests.service.core.test_fuel_temperature import sensor
 from tests.service.end_to_end import RATE, STATUS, SUMMARY, decoded, payloads, published_rates, results_of
-from tests.service.inputs.test_fuel_temperature import bench as temperature_bench
-from tests.service.inputs.test_fuel_temperature import sensor
 from tests.service.participants import Pumped, bench_file, serving, until
 from tests.service.slow_frames import bed, slow_bench
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.service.keeping.journal_reading import Row, reading_journal
+from observer_rt.service.keeping.journal import Row, reading_journal
 from observer_rt.service.keeping.state_file import load_knowledge, model_hash
 from tools.benchmarks.kills.victim import Scene
 

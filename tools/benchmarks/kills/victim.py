@@ -18,8 +18,9 @@ from rich.console import Console
 from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench, load_bench, load_injector
+from observer_rt.config.bench_file import LinkConfig
 from observer_rt.config.injector import LearningConfig, SamplingConfig, StateConfig
-from observer_rt.config.links import LinkConfig
+from observer_rt.foundation.console import say
 from observer_rt.model.effects import sized
 from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
 from observer_rt.recording.replay.player import play
@@ -27,7 +28,6 @@ from observer_rt.service.run import RunOptions, serve
 from observer_rt.service.warm_up import warm_up
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import SimulatedNoise, simulate
-from observer_rt.terminal.console import say
 
 SAMPLE_RATE = 50e3  # Hz
 SPEED = 2.0  # of the replay: 40 injections a second

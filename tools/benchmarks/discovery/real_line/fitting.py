@@ -9,8 +9,8 @@ from typing import Any
 from rich.console import Console
 
 from observer_rt.config.bench import NOMINAL_INJECTOR
+from observer_rt.foundation.console import progress_bar
 from observer_rt.foundation.errors import RunError
-from observer_rt.terminal.console import progress_bar
 from tools.benchmarks.discovery import run as nominal
 from tools.benchmarks.discovery.answers import OUR_PROGRAM
 from tools.benchmarks.discovery.asking import Asking, generate, seal

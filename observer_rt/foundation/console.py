@@ -1,0 +1,186 @@
+"""Screen and signals: results on stdout, progress and messages on stderr; bad destinations refused."""
+
+import contextlib
+import os
+import signal
+import tempfile
+import threading
+from collections.abc import Callable, Collection, Iterable, Iterator
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+from observer_rt.foundation.errors import UserError
+
+
+@contextlib.contextmanager
+def progress_bar(console: Console, text: str, total: float | None) -> Iterator[Callable[[float], None]]:
+    """A bar that is told what is done so far, out of `total` (None: unknown); gone when done.
+
+    Bars of several threads stand below each other.
+    """
+    with _bars.on(console) as progress:
+        task = progress.add_task(text, total=total)
+        try:
+            yield lambda done: progress.update(task, completed=done)
+        finally:
+            progress.remove_task(task)
+
+
+class _Bars:
+    """The one place where bars are drawn, as long as there are any."""
+
+    def __init__(self) -> None:
+        self._users = 0
+        self._progress: Progress | None = None
+        self._lock = threading.Lock()
+
+    @contextlib.contextmanager
+    def on(self, console: Console) -> Iterator[Progress]:
+        """Where to add a bar."""
+        with self._lock:
+            if self._progress is None:
+                self._progress = _drawn_on(console)
+                self._progress.start()
+            self._users += 1
+            progress = self._progress
+        try:
+            yield progress
+        finally:
+            with self._lock:
+                self._users -= 1
+                if self._users == 0:
+                    self._progress = None
+                    progress.stop()
+
+
+_bars = _Bars()
+
+
+def _drawn_on(console: Console) -> Progress:
+    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+
+
+def say(console: Console, text: str) -> None:
+    """A message as it is: no markup, no colours, wrapped on a terminal only."""
+    console.print(text, highlight=False, markup=False, emoji=False, soft_wrap=not console.is_terminal)
+
+
+def results() -> Console:
+    """Console for tables on stdout: as wide as they are when stdout is a file or a pipe."""
+    console = Console()
+    return console if console.is_terminal else Console(width=160)
+
+
+PACKED = ".gz"
+FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
+
+
+def check_destination(option: str, path: Path, suffixes: Collection[str] = ()) -> None:
+    """Check that a file can be written, or replaced, at `path`; `suffixes`: the kinds known, empty for any.
+
+    Raises `UserError` that names the command line's option.
+    """
+    place = f"{option} {path}"
+    if suffixes:
+        check_suffix(place, path, suffixes)
+    if path.is_dir():
+        raise UserError(place, "is a folder", "name a file")
+    if path.exists() and not os.access(path, os.W_OK):
+        raise UserError(place, "must not be written", "check its rights, or name another file")
+    if not path.exists():
+        check_folder(option, path.parent)
+
+
+def refuse_existing(option: str, paths: Iterable[Path], force: bool) -> None:
+    """Raise `UserError` for a file that would be replaced although nobody said --force."""
+    for path in paths:
+        if path.exists() and not force:
+            raise UserError(f"{option} {path}", "exists already", "name another file, or add --force")
+
+
+def suffix_of(path: Path) -> str:
+    """What kind a file is by its name, in lower case: of a packed one with that of its content, as `.asc.gz`."""
+    suffix = path.suffix.lower()
+    return Path(path.stem).suffix.lower() + suffix if suffix == PACKED else suffix
+
+
+def check_suffix(place: str, path: Path, suffixes: Collection[str]) -> None:
+    """Raise `UserError` for a file whose suffix is not among those known."""
+    if suffix_of(path) not in suffixes:
+        raise UserError(
+            place, f"unknown kind of file '{suffix_of(path)}'", f"known suffixes: {', '.join(suffixes)}"
+        )
+
+
+def check_folder(option: str, folder: Path) -> None:
+    """Check that files can be made in an existing folder. Raises `UserError` that names the option."""
+    place = f"{option}: {folder}"
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except FileNotFoundError:
+        raise UserError(place, "no such folder", "create it first, or correct the path") from None
+    except OSError as error:
+        raise UserError(
+            place, f"no file can be made there: {error.strerror}", "check the folder, or name another"
+        ) from None
+
+
+class StopRequest(threading.Event):
+    """Set by the first signal that ends a command; the next one interrupts it.
+
+    reload: set by SIGHUP where it has files read again.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.reload = threading.Event()
+        self._parts: list[threading.Event] = []
+
+    @contextlib.contextmanager
+    def setting(self, part: threading.Event) -> Iterator[None]:
+        """While it lasts, the end of a part of the command is set with its own."""
+        self._parts.append(part)
+        if self.is_set():
+            part.set()
+        try:
+            yield
+        finally:
+            self._parts.remove(part)
+
+    def end(self, *_: object) -> None:
+        """Set it, and what is set with it."""
+        self.set()
+        for part in self._parts:
+            part.set()
+
+    def end_or_interrupt(self, *_: object) -> None:
+        """The same; when it is set already, interrupt."""
+        if self.is_set():
+            raise KeyboardInterrupt
+        self.end()
+
+
+@contextlib.contextmanager
+def stop_on_signals(reloads: bool = False) -> Iterator[StopRequest]:
+    """An event that the first SIGINT or SIGTERM sets while the context lasts, and SIGHUP unless it is ignored.
+
+    reloads: SIGHUP asks to read files again where no terminal can hang up.
+    """
+    stop = StopRequest()
+    handlers: dict[signal.Signals, Callable[..., None]] = dict.fromkeys(
+        (signal.SIGINT, signal.SIGTERM), stop.end_or_interrupt
+    )
+    if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:  # as under nohup
+        is_asked = reloads and not any(map(os.isatty, range(3)))
+        # a shell and the kernel both send it when a terminal is closed
+        handlers[signal.SIGHUP] = (lambda *_: stop.reload.set()) if is_asked else stop.end
+    previous = {number: signal.signal(number, handler) for number, handler in handlers.items()}
+    try:
+        yield stop
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)

@@ -1,1 +1,0 @@
-"""Optional inputs: fuel temperature, energizing, measured mass, learning switch."""

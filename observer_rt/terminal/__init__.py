@@ -1,1 +1,0 @@
-"""The terminal: results and progress, files that can be written, stopping on request."""

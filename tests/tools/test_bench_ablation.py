@@ -20,13 +20,17 @@ from tools.benchmarks.ablation import (
     ablation_tables,
     listened,
 )
-from tools.benchmarks.batch_learning import SeenEvent, learn_events
-from tools.benchmarks.batch_models import shipped_model, tied_rows_model, trained_hidden_model
+from tools.benchmarks.batch_learning import (
+    SeenEvent,
+    learn_events,
+    shipped_model,
+    tied_rows_model,
+    trained_hidden_model,
+)
 from tools.benchmarks.cases import make_case
 from tools.benchmarks.plant import Outcome, record
-from tools.benchmarks.score import OBSERVER, CaseScore
+from tools.benchmarks.score import OBSERVER, CaseScore, windows_of
 from tools.benchmarks.scoring import bench_at
-from tools.benchmarks.windows import windows_of
 
 BENCH = bench_at(100e3)
 CONSTANTS = bench_constants(BENCH.injector)

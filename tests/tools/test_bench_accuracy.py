@@ -11,7 +11,7 @@ import pytest
 
 from tools.benchmarks.cases import Case, make_case
 from tools.benchmarks.figures import save_figures
-from tools.benchmarks.paper_peer import score_paper
+from tools.benchmarks.peers import score_paper
 from tools.benchmarks.runs import Plan
 from tools.benchmarks.score import NOMINAL, OBSERVER, PAPER, CaseScore
 from tools.benchmarks.scoring import score_case

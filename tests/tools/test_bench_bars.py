@@ -7,10 +7,10 @@ from dataclasses import replace
 import pytest
 
 from tests.tools.made_scores import UKF_SCORE, factors, score
+from tools.benchmarks.accuracy import class_table, following_table, json_document, peer_tables
 from tools.benchmarks.bars import slow_sample, sustained_excess_pct, violations
 from tools.benchmarks.proportions import clopper_pearson
 from tools.benchmarks.score import NOMINAL, UKF, CaseScore, SampleTime
-from tools.benchmarks.tables import class_table, following_table, json_document, peer_tables
 
 QUICK = SampleTime(open_us=2.0, closed_us=0.5)
 

@@ -6,7 +6,7 @@ import pytest
 from tools.benchmarks.cases import CLASSES, EVENTS, make_case
 from tools.benchmarks.plant import record
 from tools.benchmarks.plant_parameters import Faults
-from tools.benchmarks.windows import windows_of
+from tools.benchmarks.score import windows_of
 
 MANY = range(300)
 

@@ -34,11 +34,20 @@ from tools.benchmarks.discovery.outside.kinds import (
 )
 from tools.benchmarks.discovery.real_line.cases import Rig
 from tools.benchmarks.discovery.real_line.hidden import OUTSIDE
-from tools.benchmarks.plant import Bench, Event, Needle, Outcome, Shot, Surroundings, record
+from tools.benchmarks.plant import (
+    LINE_NOISE,
+    RAIL_NOISE,
+    Bench,
+    Event,
+    Needle,
+    Outcome,
+    Shot,
+    Surroundings,
+    record,
+)
 from tools.benchmarks.plant_equations import chamber_pressure, seat_factor
 from tools.benchmarks.plant_laws import NO_LAWS, Laws
 from tools.benchmarks.plant_parameters import Faults, Injector
-from tools.benchmarks.sampling import LINE_NOISE, RAIL_NOISE
 from tools.benchmarks.wave_plant import LINES, Variant, WaveLine, new_part
 
 PLANTS: dict[str, tuple[Injector, WaveLine | None]] = {

@@ -12,6 +12,7 @@ from tools.benchmarks.plant import (
     FIRST_EVENT,
     Bench,
     Event,
+    Measured,
     Needle,
     Outcome,
     Shot,
@@ -21,7 +22,6 @@ from tools.benchmarks.plant import (
 )
 from tools.benchmarks.plant_equations import lift_at
 from tools.benchmarks.plant_parameters import Faults, Injector
-from tools.benchmarks.sampling import Measured
 
 ALONE = """
 from tools.benchmarks import cases, plant

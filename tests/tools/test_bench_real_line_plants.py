@@ -36,10 +36,9 @@ from tools.benchmarks.discovery.real_line.hidden import (
     steps_of,
 )
 from tools.benchmarks.discovery.real_line.rail import LONGEST, drawn_rail
-from tools.benchmarks.plant import Bench, Event, Needle, Outcome, Shot, Surroundings, record
+from tools.benchmarks.plant import Bench, Event, Measured, Needle, Outcome, Shot, Surroundings, record
 from tools.benchmarks.plant_laws import NO_LAWS, Laws
 from tools.benchmarks.plant_parameters import Faults, Injector
-from tools.benchmarks.sampling import Measured
 from tools.benchmarks.wave_plant import LINES, Variant, WaveLine, new_part, real_part
 
 STRUCTURES = {"seat_outflow"}

@@ -19,8 +19,7 @@ from tools.benchmarks.realism.run import Results, is_known, phantoms, with_state
 from tools.benchmarks.realism.score import RunScore, Verdict, summary
 from tools.benchmarks.realism.tables import missed_bars, realism_document
 from tools.benchmarks.runs import Crash, Task
-from tools.benchmarks.score import CaseScore
-from tools.benchmarks.windows import Windows
+from tools.benchmarks.score import CaseScore, Windows
 
 HUM, FILTER = "hum_50_hz_line 0.2", "lift_filter 10"
 

@@ -8,11 +8,17 @@ import pytest
 
 from tests.tools.made_scores import factors, score
 from tools.benchmarks.bars import recovered, useful_at_third, x3_ratios
-from tools.benchmarks.plant import Outcome, Truth
+from tools.benchmarks.plant import Measured, Outcome, Truth
 from tools.benchmarks.runs import Store
-from tools.benchmarks.sampling import Measured
-from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore, EstimatorScore
-from tools.benchmarks.windows import Windows, covered_samples, windows_of
+from tools.benchmarks.score import (
+    NOMINAL,
+    OBSERVER,
+    CaseScore,
+    EstimatorScore,
+    Windows,
+    covered_samples,
+    windows_of,
+)
 
 RATE = 100e3
 DENSITY = 830.0

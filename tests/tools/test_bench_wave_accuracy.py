@@ -13,17 +13,16 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.recording.formats import read_recording
 from tests.tools.made_scores import UKF_SCORE, factors, score
 from tests.tools.test_bench_accuracy import bench
+from tools.benchmarks.accuracy import class_table, peer_tables
 from tools.benchmarks.cases import CLASSES, LUMP_CLASSES, make_case
-from tools.benchmarks.fitted_lump import fitted_lump
 from tools.benchmarks.kalman_peers import joint_ukf
 from tools.benchmarks.peer_inputs import lump_model, peer_inputs
-from tools.benchmarks.peers import TUNING
+from tools.benchmarks.peers import TUNING, fitted_lump
 from tools.benchmarks.plant import Bench, Event, Needle, Outcome, Shot, record
 from tools.benchmarks.plant_laws import Laws
 from tools.benchmarks.plant_parameters import Faults
-from tools.benchmarks.tables import class_table, peer_tables
-from tools.benchmarks.wave_accuracy import WAVE_CLASSES, make_wave_case
-from tools.benchmarks.wave_bars import BARS, wave_violations
+from tools.benchmarks.score import windows_of
+from tools.benchmarks.wave_accuracy import BARS, WAVE_CLASSES, make_wave_case, wave_violations
 from tools.benchmarks.wave_plant import LINES, Variant, new_part, real_part
 from tools.benchmarks.wave_recordings import (
     FIT_EVENTS,
@@ -33,7 +32,6 @@ from tools.benchmarks.wave_recordings import (
     parsed_faults,
     write_recordings,
 )
-from tools.benchmarks.windows import windows_of
 
 DENSITY = 830.0
 

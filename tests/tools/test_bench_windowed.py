@@ -11,8 +11,7 @@ from tools.benchmarks.peers import has_peers
 from tools.benchmarks.plant import record
 from tools.benchmarks.plant_parameters import Faults
 from tools.benchmarks.score import NOMINAL, CaseScore
-from tools.benchmarks.scoring import bench_at, recording_of, score_case
-from tools.benchmarks.windowed import evaluate_windowed
+from tools.benchmarks.scoring import bench_at, evaluate_windowed, recording_of, score_case
 
 EVENTS = 6
 

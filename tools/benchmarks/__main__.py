@@ -14,7 +14,7 @@ from observer_rt.terminal.console import progress_bar
 from tools.benchmarks import history as history_command
 from tools.benchmarks import wave_recordings
 from tools.benchmarks.ablation import CLASSES_TRIED, ablation_document, ablation_tables, run_ablation
-from tools.benchmarks.accuracy import Results, print_results, run_accuracy
+from tools.benchmarks.accuracy import Results, json_document, print_results, run_accuracy
 from tools.benchmarks.cases import CLASSES, LUMP_CLASSES
 from tools.benchmarks.command_line import (
     PROCESSES,
@@ -39,19 +39,17 @@ from tools.benchmarks.discovery import command as discovery_command
 from tools.benchmarks.faults import command as faults_command
 from tools.benchmarks.figures import save_figures
 from tools.benchmarks.formats import formats_document, formats_table, measure_formats
-from tools.benchmarks.kalman_peers import joint_ekf, joint_ukf
+from tools.benchmarks.kalman_peers import Trial, grid, joint_ekf, joint_ukf, trials, tuning_table
 from tools.benchmarks.kills import power as power_command
 from tools.benchmarks.kills.campaign import Plan as KillPlan
 from tools.benchmarks.kills.campaign import kills_document, kills_table, run_campaign
 from tools.benchmarks.live_page.measure import measure_page, page_document, page_table
 from tools.benchmarks.many.measure import FULL, QUICK, measure_many
 from tools.benchmarks.many.report import many_document, print_many
-from tools.benchmarks.peer_tuning import Trial, grid, trials, tuning_table
 from tools.benchmarks.realism import command as realism_command
 from tools.benchmarks.runs import Plan
 from tools.benchmarks.speed import command as speed_command
 from tools.benchmarks.surgery import findings_table, operate, surgeries
-from tools.benchmarks.tables import json_document
 from tools.benchmarks.wave_accuracy import WAVE_CLASSES, WavePlan, run_wave_accuracy
 from tools.benchmarks.wave_plant import Variant
 

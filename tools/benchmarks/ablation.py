@@ -18,6 +18,7 @@ from observer_rt.observer.stream.state import Constants
 from observer_rt.service.compiled.constants import bench_constants, configured_noise
 from observer_rt.service.core.learners import LearnerFactory, make_learner
 from tools.benchmarks.batch_learning import (
+    KNOWN,
     BatchResult,
     Listener,
     Model,
@@ -26,14 +27,16 @@ from tools.benchmarks.batch_learning import (
     bfgs,
     gauss_newton,
     learn_events,
+    shipped_model,
+    tied_rows_model,
+    trained_hidden_model,
 )
-from tools.benchmarks.batch_models import KNOWN, shipped_model, tied_rows_model, trained_hidden_model
 from tools.benchmarks.cases import Case, make_case
 from tools.benchmarks.command_line import ruled
-from tools.benchmarks.paper_peer import paper_bench
+from tools.benchmarks.peers import paper_bench
 from tools.benchmarks.plant import Outcome, record
 from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Crash, Plan, Task, on_case
-from tools.benchmarks.score import OBSERVER, CaseScore
+from tools.benchmarks.score import OBSERVER, CaseScore, score_rate, windows_of
 from tools.benchmarks.scoring import (
     bench_at,
     recording_of,
@@ -42,7 +45,6 @@ from tools.benchmarks.scoring import (
     short_case,
     timed_training,
 )
-from tools.benchmarks.windows import score_rate, windows_of
 
 CLASSES_TRIED = (
     "healthy",

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tools.benchmarks.peer_equations import Model, Stream
+from tools.benchmarks.plant import Measured
 from tools.benchmarks.plant_parameters import Injector
-from tools.benchmarks.sampling import Measured
 
 PRESSURE_SCALE, FLOW_SCALE, AREA_SCALE = 1e8, 6e-5, 7e-7  # Pa, m3/s, m2
 TRANSITION = 0.5e6  # Pa

@@ -26,7 +26,7 @@ from observer_rt.recording.signals.table_writers import (
 from observer_rt.simulation.simulate import SAC_PRESSURE, truth_path
 from observer_rt.terminal.console import progress_bar
 from tools.benchmarks.cases import drawn_events
-from tools.benchmarks.fitted_lump import RATE_NOISE
+from tools.benchmarks.peers import RATE_NOISE
 from tools.benchmarks.plant import SAMPLE_RATE, Bench, Event, Needle, Outcome, Shot, record
 from tools.benchmarks.plant_laws import NO_LAWS, Laws
 from tools.benchmarks.plant_parameters import Faults

@@ -12,9 +12,9 @@ from numpy.random import Generator
 
 from tools.benchmarks.arrays import Array
 from tools.benchmarks.discovery.hidden import HiddenParameter
+from tools.benchmarks.plant import Step
 from tools.benchmarks.plant_laws import Laws
 from tools.benchmarks.plant_parameters import Faults
-from tools.benchmarks.sampling import Step
 
 
 class TermEquation(StrEnum):

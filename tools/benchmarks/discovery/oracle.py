@@ -16,8 +16,11 @@ from scipy.optimize import least_squares
 from tools.benchmarks.discovery.cases import RATE_GAIN, RATE_NOISE, measured_rate
 from tools.benchmarks.discovery.hidden import HIDDEN, HiddenEffect
 from tools.benchmarks.discovery.oracle_equations import Sampled, follow
-from tools.benchmarks.line_gain import line_gain
+from tools.benchmarks.peer_equations import line_gain
 from tools.benchmarks.plant import (
+    LIFT_NOISE,
+    LINE_NOISE,
+    RAIL_NOISE,
     SAMPLE_RATE,
     Bench,
     Outcome,
@@ -27,7 +30,6 @@ from tools.benchmarks.plant import (
 )
 from tools.benchmarks.plant_equations import line_stiffness, seat_factor
 from tools.benchmarks.plant_parameters import Faults, Injector, with_faults
-from tools.benchmarks.sampling import LIFT_NOISE, LINE_NOISE, RAIL_NOISE
 
 INTERVAL = 1.0 / SAMPLE_RATE  # s
 LEAD, TAIL = 1e-3, 12e-3  # s before an opening and after its end that are judged

@@ -26,8 +26,8 @@ from tools.benchmarks.discovery.oracle import Recorded, best_statistic, record_a
 from tools.benchmarks.discovery.result import AMBIGUOUS, CaseResult, Gap, Interval, Visibility
 from tools.benchmarks.plant import SAMPLE_RATE
 from tools.benchmarks.plant_parameters import Faults, with_faults
+from tools.benchmarks.score import Windows, windows_of
 from tools.benchmarks.scoring import recording_of
-from tools.benchmarks.windows import Windows, windows_of
 
 SUBSTEPS = 10  # at 100 kHz, or what is needed: of the nominal injector a fifth, at the largest orifice
 Model = tuple[NDArray[np.float64], NDArray[np.float64]]

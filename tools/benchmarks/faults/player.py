@@ -21,7 +21,7 @@ from tools.benchmarks.faults.bus import Frames, Sent, with_bus_fault
 from tools.benchmarks.faults.inputs import with_input_fault
 from tools.benchmarks.faults.process import KILLED, UnreliableExecutor
 from tools.benchmarks.faults.scenario import Group, Placed, Scenario
-from tools.benchmarks.sampling import Measured
+from tools.benchmarks.plant import Measured
 
 BLOCK = 32  # frames given at once
 DOWN = 0.15  # s from a kill until the service is there again

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.random import Generator
 
 from tools.benchmarks.arrays import Array
-from tools.benchmarks.plant import Bench
-from tools.benchmarks.sampling import Measured, Step
+from tools.benchmarks.plant import Bench, Measured, Step
 
 ALL = ("rail_pressure", "needle_lift", "line_pressure")
 RAIL, LIFT, LINE = ALL

@@ -7,7 +7,7 @@ from numpy.random import Generator
 from scipy.signal import lfilter
 
 from tools.benchmarks.arrays import Array
-from tools.benchmarks.plant import Bench
+from tools.benchmarks.plant import Bench, Measured
 from tools.benchmarks.realism import reasons
 from tools.benchmarks.realism.disturbance import (
     KHZ,
@@ -25,7 +25,6 @@ from tools.benchmarks.realism.disturbance import (
     with_step_before,
 )
 from tools.benchmarks.realism.noises import hum
-from tools.benchmarks.sampling import Measured
 
 REFERENCE = 100e6  # Pa, at which a lift with crosstalk of the whole pressure was set to 0
 CREEP, CREEP_TIME = 3e-3, 15e-3  # s: how fast it comes while open, and goes

@@ -7,6 +7,7 @@ from numpy.random import Generator
 from scipy.signal import lfilter
 
 from tools.benchmarks.arrays import Array
+from tools.benchmarks.plant import LIFT_NOISE, LINE_NOISE, RAIL_NOISE
 from tools.benchmarks.realism import reasons
 from tools.benchmarks.realism.disturbance import (
     ALL,
@@ -21,7 +22,6 @@ from tools.benchmarks.realism.disturbance import (
     in_order,
     of_signal,
 )
-from tools.benchmarks.sampling import LIFT_NOISE, LINE_NOISE, RAIL_NOISE
 
 NOISE = {RAIL: RAIL_NOISE, LIFT: LIFT_NOISE, LINE: LINE_NOISE}  # of the plant, per sample
 BURST, BURSTS = 2e-3, 8.0  # s; per s

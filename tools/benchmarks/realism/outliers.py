@@ -5,7 +5,15 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from tools.benchmarks.arrays import Array
-from tools.benchmarks.plant import Bench
+from tools.benchmarks.plant import (
+    HIGHEST_CODE,
+    LIFT_FLOOR,
+    LIFT_STEP,
+    PRESSURE_FLOOR,
+    PRESSURE_STEP,
+    Bench,
+    Measured,
+)
 from tools.benchmarks.realism import reasons
 from tools.benchmarks.realism.disturbance import (
     ALL,
@@ -24,14 +32,6 @@ from tools.benchmarks.realism.disturbance import (
     of_signal,
     sign,
     with_step_before,
-)
-from tools.benchmarks.sampling import (
-    HIGHEST_CODE,
-    LIFT_FLOOR,
-    LIFT_STEP,
-    PRESSURE_FLOOR,
-    PRESSURE_STEP,
-    Measured,
 )
 
 OPENING_DELAY = 0.25e-3  # s, from the start of energizing to the opening

@@ -14,17 +14,16 @@ from observer_rt.config.signals import SignalConfig
 from observer_rt.estimation.scalars import NOZZLE, SEAT
 from observer_rt.evaluation.evaluate import Evaluation, evaluate
 from tools.benchmarks.accuracy import joined
-from tools.benchmarks.fitted_lump import FITTED_LUMP, lumps_of
 from tools.benchmarks.kalman_peers import joint_ukf
 from tools.benchmarks.peer_equations import Model
 from tools.benchmarks.peer_inputs import peer_inputs
-from tools.benchmarks.peers import TUNING, PeerScore, peer_score
+from tools.benchmarks.peers import FITTED_LUMP, TUNING, PeerScore, lumps_of, peer_score
 from tools.benchmarks.plant import record
 from tools.benchmarks.realism.catalogue import Entry, make_realism_case, name_of, parsed
 from tools.benchmarks.realism.disturbance import Stated
 from tools.benchmarks.realism.score import Interval, RunScore
 from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Crash, Plan, Task
-from tools.benchmarks.score import UKF
+from tools.benchmarks.score import UKF, Windows, windows_of
 from tools.benchmarks.scoring import (
     bench_for_case,
     recording_of,
@@ -35,7 +34,6 @@ from tools.benchmarks.scoring import (
 )
 from tools.benchmarks.wave_accuracy import WavePlan, fitted_model, warm_up_model
 from tools.benchmarks.wave_plant import Variant
-from tools.benchmarks.windows import Windows, windows_of
 
 
 @dataclass(frozen=True)

@@ -22,9 +22,8 @@ from tools.benchmarks.discovery.real_line.hidden import (
     laws_of,
     steps_of,
 )
-from tools.benchmarks.plant import SAMPLE_RATE, Bench, Event, Needle, Shot, Surroundings
+from tools.benchmarks.plant import SAMPLE_RATE, Bench, Event, Needle, Shot, Step, Surroundings
 from tools.benchmarks.plant_parameters import Faults
-from tools.benchmarks.sampling import Step
 
 FIT_INJECTIONS, INJECTIONS = 6, 3  # in each recording
 FIRST, DISTANCE = 40e-3, 50e-3  # s: start of the first injection, and from one to the next

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.random import Generator
 
 from tools.benchmarks.discovery.real_line.rail import MovingRail, drawn_rail
+from tools.benchmarks.plant import Measured, Step
 from tools.benchmarks.plant_parameters import Injector
 from tools.benchmarks.realism.channels import filtered, resonance
 from tools.benchmarks.realism.disturbance import sign
-from tools.benchmarks.sampling import Measured, Step
 from tools.benchmarks.wave_plant import LINES, Variant, WaveLine, real_part
 
 

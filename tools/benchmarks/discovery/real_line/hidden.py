@@ -19,9 +19,9 @@ from tools.benchmarks.discovery.hidden_kind import (
     TermEquation,
 )
 from tools.benchmarks.discovery.real_line.discrepancies import resonant_line
+from tools.benchmarks.plant import Measured, Step
 from tools.benchmarks.plant_laws import Laws
 from tools.benchmarks.plant_parameters import Faults
-from tools.benchmarks.sampling import Measured, Step
 
 MPA = 1e6
 TAP_DAMPING = 0.15

@@ -18,8 +18,8 @@ from tools.benchmarks.discovery.result import NAMED, Interval
 from tools.benchmarks.discovery.scoring import Model, differences_of, injector_of, intervals, open_loop, rms
 from tools.benchmarks.plant import SAMPLE_RATE, record
 from tools.benchmarks.plant_parameters import with_faults
+from tools.benchmarks.score import windows_of
 from tools.benchmarks.scoring import recording_of
-from tools.benchmarks.windows import windows_of
 
 
 def score_case(case: RealCase, answer: Answer, model: Path) -> RealResult:

@@ -5,11 +5,8 @@ from pathlib import Path
 import pytest
 
 from observer_rt.foundation.files import file_hash
-from tools.benchmarks.many.measure import Many, line_through
-from tools.benchmarks.many.report import figures, many_document
-from tools.benchmarks.many.run import Files, Taken, Work
-from tools.benchmarks.speed.core_alone import INJECTIONS
-from tools.benchmarks.speed.evaluated import CAN_LOG, MDF4, PARQUET
+from tools.benchmarks.many.run import Files, Many, Taken, Work, figures, line_through, many_document
+from tools.benchmarks.speed.core_alone import CAN_LOG, INJECTIONS, MDF4, PARQUET
 
 START, A_FILE, REPEATS = 5.0, 2.0, 8  # s, s a file
 CORE = 1000.0  # injections a second

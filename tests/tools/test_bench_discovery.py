@@ -13,7 +13,7 @@ from rich.console import Console
 
 from observer_rt.config.bench import NOMINAL_INJECTOR
 from observer_rt.model.effects import VOCABULARY
-from tools.benchmarks.discovery import summary
+from tools.benchmarks.discovery import result as summary
 from tools.benchmarks.discovery.answers import Answer, read_answer
 from tools.benchmarks.discovery.asking import Asking
 from tools.benchmarks.discovery.cases import GIVEN, HiddenCase, make_case, without_noise

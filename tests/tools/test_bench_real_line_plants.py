@@ -24,7 +24,13 @@ from tools.benchmarks.discovery.real_line.cases import (
     names_of,
     shared_out,
 )
-from tools.benchmarks.discovery.real_line.discrepancies import Discrepancy, Plant, plant_of
+from tools.benchmarks.discovery.real_line.discrepancies import (
+    LONGEST,
+    Discrepancy,
+    Plant,
+    drawn_rail,
+    plant_of,
+)
 from tools.benchmarks.discovery.real_line.hidden import (
     EFFECTS,
     OUTSIDE,
@@ -35,7 +41,6 @@ from tools.benchmarks.discovery.real_line.hidden import (
     late_rail,
     steps_of,
 )
-from tools.benchmarks.discovery.real_line.rail import LONGEST, drawn_rail
 from tools.benchmarks.plant import Bench, Event, Measured, Needle, Outcome, Shot, Surroundings, record
 from tools.benchmarks.plant_laws import NO_LAWS, Laws
 from tools.benchmarks.plant_parameters import Faults, Injector

@@ -11,7 +11,7 @@ from rich.console import Console
 from observer_rt.config.bench import NOMINAL_INJECTOR
 from tools.benchmarks.discovery.answers import Answer, Claim, ClaimedParameter, Smallest, read_answer
 from tools.benchmarks.discovery.asking import Asking
-from tools.benchmarks.discovery.real_line import summary
+from tools.benchmarks.discovery.real_line import result as summary
 from tools.benchmarks.discovery.real_line.cases import Kind, Numbers, Rig, make_case
 from tools.benchmarks.discovery.real_line.discrepancies import Discrepancy
 from tools.benchmarks.discovery.real_line.fitting import record_only

@@ -13,8 +13,8 @@ from observer_rt.evaluation.evaluate import Evaluation
 from observer_rt.observer.stream.state import Reason
 from tests.tools.made_scores import UKF_SCORE, factors, score
 from tests.tools.test_bench_accuracy import bench
-from tools.benchmarks.realism import reasons as reasons_declared
 from tools.benchmarks.realism.catalogue import alone
+from tools.benchmarks.realism.disturbance import Reasons
 from tools.benchmarks.realism.run import Results, is_known, phantoms, with_stated
 from tools.benchmarks.realism.score import RunScore, Verdict, summary
 from tools.benchmarks.realism.tables import missed_bars, realism_document
@@ -197,6 +197,6 @@ def test_what_a_disturbance_states_goes_into_the_bench_file() -> None:
 
 
 def test_every_reason_that_may_be_true_is_one_of_the_observer() -> None:
-    declared = [names for names in vars(reasons_declared).values() if isinstance(names, frozenset)]
+    declared = [names for names in vars(Reasons).values() if isinstance(names, frozenset)]
     assert len(declared) > 10
     assert {name for names in declared for name in names} <= set(Reason.__members__)

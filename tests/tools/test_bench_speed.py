@@ -17,8 +17,7 @@ from tools.benchmarks.scoring import bench_at
 from tools.benchmarks.speed import native
 from tools.benchmarks.speed.observers import observer
 from tools.benchmarks.speed.pace import Pacer, Passage
-from tools.benchmarks.speed.python_observer import Estimator, Pair, QuasiStaticNozzle
-from tools.benchmarks.speed.python_peer import Peer
+from tools.benchmarks.speed.python_peer import Estimator, Pair, Peer, QuasiStaticNozzle
 from tools.benchmarks.speed.roundtrip import (
     ECHO,
     LEAN,

@@ -44,11 +44,10 @@ from tools.benchmarks.kills import power as power_command
 from tools.benchmarks.kills.campaign import Plan as KillPlan
 from tools.benchmarks.kills.campaign import kills_document, kills_table, run_campaign
 from tools.benchmarks.live_page.measure import measure_page, page_document, page_table
-from tools.benchmarks.many.measure import FULL, QUICK, measure_many
-from tools.benchmarks.many.report import many_document, print_many
-from tools.benchmarks.realism import command as realism_command
+from tools.benchmarks.many.run import FULL, QUICK, many_document, measure_many, print_many
+from tools.benchmarks.realism import run as realism_command
 from tools.benchmarks.runs import Plan
-from tools.benchmarks.speed import command as speed_command
+from tools.benchmarks.speed import measure as speed_command
 from tools.benchmarks.surgery import findings_table, operate, surgeries
 from tools.benchmarks.wave_accuracy import WAVE_CLASSES, WavePlan, run_wave_accuracy
 from tools.benchmarks.wave_plant import Variant

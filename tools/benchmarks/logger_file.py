@@ -1,7 +1,8 @@
 """Files that others write, byte by byte: MF4 files of CAN loggers, captures of SocketCAN.
 
 MF4 as it is left on the card: unsorted, not finalised, with data of variable length; or finalised, with constants as
-virtual channels. Captures as of Wireshark and tcpdump."""
+virtual channels. Captures as of Wireshark and tcpdump.
+"""
 
 import struct
 from collections.abc import Callable

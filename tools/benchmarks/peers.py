@@ -1,7 +1,9 @@
 """The peers on one case, and the information limit beside them.
 
-On the plant of the nominal structure: joint Kalman filters, the parametric fit, the paper's scheme. On the richer plant:
-the joint UKF on the paper's lump, as its maker says, fitted, and fitted with a measured rate."""
+On the plant of the nominal structure: joint Kalman filters, the parametric fit, the paper's scheme. On the richer
+plant: the joint UKF on the paper's lump, as its maker says, fitted, and fitted with a measured rate. The sac of a few
+mm3 follows without delay: filling it takes a thousandth of the mass.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace

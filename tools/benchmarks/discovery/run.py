@@ -20,9 +20,8 @@ from tools.benchmarks.discovery.asking import (
 from tools.benchmarks.discovery.cases import HiddenCase, make_case
 from tools.benchmarks.discovery.generator import HIDING, HidingPlan, write_recordings
 from tools.benchmarks.discovery.hidden import HEALTHY
-from tools.benchmarks.discovery.result import CaseResult
+from tools.benchmarks.discovery.result import CaseResult, violations
 from tools.benchmarks.discovery.scoring import score_case
-from tools.benchmarks.discovery.summary import violations
 from tools.benchmarks.discovery.tables import confusion_table, effect_table, misses, reliability_table
 from tools.benchmarks.runs import BENCHMARKS, PACKAGE
 

@@ -1,10 +1,12 @@
 """The live page with a daemon at work, and a bare page beside it in the same run."""
 
 import os
+import socket
+import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -13,13 +15,63 @@ from playwright.sync_api import Browser, sync_playwright
 from rich.table import Table
 
 from tools.benchmarks.live_page import bare_page
-from tools.benchmarks.live_page.browser import Served, launch, served
-from tools.benchmarks.live_page.socket_bus import SocketBus, socket_buses
-from tools.benchmarks.live_page.watched import Gaps, Watched, watch
+from tools.benchmarks.live_page.watched import Gaps, Served, Watched, launch, served, watch
+from tools.benchmarks.speed import native
 from tools.benchmarks.speed.injectors import in_windows, socket_bench, until_all_ready
 from tools.benchmarks.speed.observers import RUN, observer
 from tools.benchmarks.speed.pace import Passage, socket_pacer
+from tools.benchmarks.speed.sustained import socket_pair
 from tools.benchmarks.speed.traffic import SAMPLE_RATE, SAMPLES, Traffic, make_traffic
+
+
+@dataclass(frozen=True)
+class SocketBus:
+    """A bus with a place for the devices, the daemon and a listener."""
+
+    devices: socket.socket
+    daemon: socket.socket
+    listener: socket.socket
+
+
+class Hub:
+    """What connects the sockets of some buses."""
+
+    def __init__(self, process: subprocess.Popen[str], ends: list[list[int]]) -> None:
+        self._process = process
+        self._listeners = [each[-1] for each in ends]
+
+    def lost_to_listeners(self) -> int:
+        """Frames so far that listeners were too late for."""
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._process.stdin.write("?")
+        self._process.stdin.flush()
+        numbers = list(map(int, self._process.stdout.readline().split()))
+        lost = dict(zip(numbers[::2], numbers[1::2], strict=True))
+        return sum(lost[each] for each in self._listeners)
+
+
+@contextmanager
+def socket_buses(folder: Path, count: int) -> Iterator[tuple[list[SocketBus], Hub]]:
+    """So many buses. Raises UserError without a C compiler."""
+    with ExitStack() as stack:
+        pairs = [[socket_pair(stack) for _ in range(3)] for _ in range(count)]
+        ends = [[pair.receiver.fileno() for pair in each] for each in pairs]
+        words = [native.program("hub", folder), *(",".join(map(str, each)) for each in ends)]
+        process = stack.enter_context(
+            subprocess.Popen(
+                list(map(str, words)),
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                text=True,
+                pass_fds=[number for each in ends for number in each],
+            )
+        )
+        buses = [SocketBus(*(pair.sender for pair in each)) for each in pairs]
+        yield buses, Hub(process, ends)
+        assert process.stdin is not None
+        process.stdin.close()
+
 
 PER_SECOND = 30  # injections
 LONGEST = 100.0  # ms between frames with something new, at the most

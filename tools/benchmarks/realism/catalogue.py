@@ -11,8 +11,7 @@ from tools.benchmarks.cases import Case, drawn_events
 from tools.benchmarks.plant import Bench, Needle
 from tools.benchmarks.plant_parameters import Faults, Injector
 from tools.benchmarks.realism import benches, channels, lifts, noises, outliers
-from tools.benchmarks.realism.disturbance import Disturbance, Stated
-from tools.benchmarks.realism.reasons import ALWAYS
+from tools.benchmarks.realism.disturbance import Disturbance, Reasons, Stated
 from tools.benchmarks.runs import Task
 from tools.benchmarks.wave_plant import LINES, Variant, real_part
 
@@ -68,7 +67,7 @@ def parsed(name: str) -> Entry:
 
 def true_reasons(entry: Entry) -> frozenset[str]:
     """Names of the reasons that are true of it."""
-    return ALWAYS.union(*(each.disturbance.true_reasons for each in entry))
+    return Reasons.ALWAYS.union(*(each.disturbance.true_reasons for each in entry))
 
 
 def alone(table: bool = False) -> list[Entry]:

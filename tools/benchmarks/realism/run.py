@@ -4,24 +4,49 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+import typer
 from rich.console import Console
 
 from observer_rt.config.bench import Bench
 from observer_rt.config.signals import SignalConfig
 from observer_rt.estimation.scalars import NOZZLE, SEAT
 from observer_rt.evaluation.evaluate import Evaluation, evaluate
+from observer_rt.foundation.errors import UserError
 from tools.benchmarks.accuracy import joined
+from tools.benchmarks.command_line import (
+    PROCESSES,
+    JsonOption,
+    ModelOption,
+    NoPeersOption,
+    OutOption,
+    SeedOption,
+    Tier,
+    TierOption,
+    WorkersOption,
+    messages,
+    put_out,
+    resumable,
+)
 from tools.benchmarks.kalman_peers import joint_ukf
 from tools.benchmarks.peer_equations import Model
 from tools.benchmarks.peer_inputs import peer_inputs
 from tools.benchmarks.peers import FITTED_LUMP, TUNING, PeerScore, lumps_of, peer_score
 from tools.benchmarks.plant import record
-from tools.benchmarks.realism.catalogue import Entry, make_realism_case, name_of, parsed
+from tools.benchmarks.realism.catalogue import (
+    DISTURBANCES,
+    Entry,
+    Selection,
+    entries,
+    make_realism_case,
+    name_of,
+    parsed,
+)
 from tools.benchmarks.realism.disturbance import Stated
 from tools.benchmarks.realism.score import Interval, RunScore
+from tools.benchmarks.realism.tables import print_realism, realism_document
 from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Crash, Plan, Task
 from tools.benchmarks.score import UKF, Windows, windows_of
 from tools.benchmarks.scoring import (
@@ -150,3 +175,44 @@ def _intervals(evaluation: Evaluation, windows: Windows, effect: str) -> tuple[I
 def _rich(wave: WavePlan, console: Console) -> Rich:
     model, healthy = fitted_model(wave, console)
     return Rich(model, lumps_of(list(healthy.values()))[FITTED_LUMP] if wave.plan.peers else None)
+
+
+EXAMPLE = "Examples: tools/bench realism --set table; tools/bench realism --only hum_50_hz_line,frozen_line --cases 1"
+CASES = 3  # each has another wear
+TABLE_WIDTH = 200  # where stdout is no terminal
+
+
+def realism(
+    cases: Annotated[
+        int, typer.Option(min=1, help="Recordings of each size; three have three wears.")
+    ] = CASES,
+    only: Annotated[
+        str, typer.Option(help="Disturbances, or lines of the table ('frozen_line 0.2'), by commas.")
+    ] = "",
+    selection: Annotated[
+        Selection, typer.Option("--set", help="All; those of the table of sizes to be right; random pairs.")
+    ] = Selection.ALL,
+    tier: TierOption = Tier.A,
+    model: ModelOption = None,
+    seed: SeedOption = 1,
+    workers: WorkersOption = PROCESSES,
+    out: OutOption = None,
+    no_peers: NoPeersOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Signals of a real bench: hum, drift, spikes, lag, ... on independent plants; right, or truly refused?"""
+    chosen = tuple(name.strip() for name in only.split(",") if name.strip())
+    found = entries(selection, chosen, seed)
+    known = {*DISTURBANCES, *map(name_of, found)}
+    for name in chosen:
+        if name not in known:
+            raise UserError("--only", f"unknown name '{name}'", f"known: {', '.join(DISTURBANCES)}")
+    plan = Plan((), cases, seed, workers, out or Path("build") / f"realism-{tier}", not no_peers)
+    with resumable("what is scored is"):
+        results = run_realism(found, plan, tier is Tier.B, model, messages)
+    put_out(
+        as_json,
+        lambda: realism_document(results),
+        lambda console: print_realism(results, console),
+        TABLE_WIDTH,
+    )

@@ -27,14 +27,13 @@ HIDING_SOURCES = (
     *(
         BENCHMARKS / f"{name}.py"
         for name in (
-            "sampling",
             "wave_line_equations",
             "wave_plant",
             "wave_plant_equations",
             "discovery/hidden_kind",
         )
     ),
-    *(HERE / f"{name}.py" for name in ("rail", "discrepancies", "hidden", "cases", "generator", "fitting")),
+    *(HERE / f"{name}.py" for name in ("discrepancies", "hidden", "cases", "generator", "fitting")),
 )
 """What, with the package, a fitted model and an answer depend on."""
 GENERATOR = "tools.benchmarks.discovery.real_line.generator"

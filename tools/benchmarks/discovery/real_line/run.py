@@ -24,9 +24,8 @@ from tools.benchmarks.discovery.asking import (
 from tools.benchmarks.discovery.real_line.cases import RealCase
 from tools.benchmarks.discovery.real_line.fitting import GENERATOR, HEALTHY, HIDING_SOURCES, fitted_models
 from tools.benchmarks.discovery.real_line.generator import HIDING, RealPlan
-from tools.benchmarks.discovery.real_line.result import RealResult
+from tools.benchmarks.discovery.real_line.result import RealResult, violations
 from tools.benchmarks.discovery.real_line.scoring import score_case
-from tools.benchmarks.discovery.real_line.summary import violations
 from tools.benchmarks.discovery.real_line.tables import discrepancy_table, effect_table, kind_lines, misses
 from tools.benchmarks.runs import BENCHMARKS, PACKAGE
 

@@ -12,7 +12,6 @@ from observer_rt.estimation.scalars import PARAMETERS, Parameter
 from observer_rt.service.compiled.constants import bench_constants, configured_noise
 from tools.benchmarks.ablation import (
     BATCHES,
-    RULES,
     VARIANTS,
     AblationScore,
     VariantScore,
@@ -115,15 +114,6 @@ def test_tied_rows_are_the_model_itself_at_zero_and_leave_it_with_the_bias(worn:
     nominal = shipped.rate(window, SETTING, theta_of())[opened].mean()
     assert rates[0] > 1.1 * nominal
     assert rates[1] > 1.1 * nominal
-
-
-def test_variants_know_beforehand_what_they_do_not_learn() -> None:
-    sigmas = RULES["no seat term"].prior(SCALE)
-    usual = RULES["scalars always active"].prior(SCALE)
-    changed = np.flatnonzero(sigmas != usual)
-    assert changed.tolist() == [Parameter.SEAT_BIAS]
-    assert RULES["no line or sensor terms"].drift(SCALE)[Parameter.LINE_FRICTION] == 0.0
-    assert RULES["scalars always active"].gate.columns == ()
 
 
 def test_tables_and_data_name_every_variant() -> None:

@@ -127,14 +127,6 @@ def test_confidence_at_twice_the_limit_counts_a_wrong_name_as_none() -> None:
     assert summary.confidences_at_twice_the_limit(cases) == [0.95, 0.0, 0.95]
 
 
-def test_gap_left_is_the_worse_of_both_signals_where_there_was_a_gap() -> None:
-    assert RIGHT.injected_mass is not None
-    assert RIGHT.injected_mass.share_left == pytest.approx(0.02)
-    assert Gap(before=0.09, after=0.3, oracle=0.0).share_left is None
-    both = replace(RIGHT, line_pressure=Gap(before=0.5, after=0.1, oracle=0.0))
-    assert summary.worst_gap_shares([both, RIGHT, HEALTHY_RIGHT]) == pytest.approx([0.2, 0.02])
-
-
 def test_missed_bars_are_said() -> None:
     assert list(summary.violations([RIGHT] * 40 + [HEALTHY_RIGHT] * 40)) == []
     late = replace(RIGHT, intervals=(Interval("v_S", 0.2, 0.3, 0.1),))

@@ -125,12 +125,6 @@ def test_what_has_lost_its_name_is_found_by_a_term_or_a_near_tie() -> None:
     assert not asked(Asked.LEFT_OUT, "seat_area", verdict="unknown", claims=()).as_good
 
 
-def test_the_suspected_equation_is_right_where_the_law_may_show_in_it() -> None:
-    assert RIGHT.right_suspicion
-    assert not replace(RIGHT, answer=replace(ANSWER, suspect="output")).right_suspicion
-    assert not replace(RIGHT, answer=replace(ANSWER, suspect="")).right_suspicion
-
-
 def test_every_figure_has_a_bar_that_can_be_missed() -> None:
     outside_library = replace(RIGHT, case=replace(CASE, name="relief_leakage"))
     good = [RIGHT, outside_library, NAMED, LEFT_OUT, HEALTHY]

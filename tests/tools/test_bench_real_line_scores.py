@@ -82,19 +82,6 @@ def test_right_answers(result: RealResult, right: bool) -> None:
     assert result.right is right
 
 
-def test_half_of_a_pair_is_told_from_none() -> None:
-    assert [
-        r.half_right
-        for r in (
-            PAIR,
-            replace(PAIR, claims=PAIR.claims[1:]),
-            replace(PAIR, claims=(("seat_area", 0.9), ("guide_leakage", 0.9))),
-            replace(PAIR, claims=(("seat_area", 0.9),)),
-            SINGLE,
-        )
-    ] == [False, True, True, False, False]
-
-
 def test_three_times_the_smallest_visible_must_be_named() -> None:
     assert SINGLE.counted
     assert SINGLE.times_smallest("seat_area") == pytest.approx(5.0)
@@ -124,20 +111,6 @@ def test_a_gap_may_grow_within_tolerances() -> None:
     assert not SINGLE.gap_larger
     assert replace(SINGLE, injected_mass=RealGap(1.0, 1.1, 0.9)).gap_larger
     assert not NOTHING.gap_larger
-
-
-def test_smallest_sizes_and_coverage() -> None:
-    cases = [
-        SINGLE,
-        replace(SINGLE, parts=(("seat_area", (-0.03,)),), smallest=(("seat_area", 0.04),)),
-        WRONG,
-    ]
-    assert summary.smallest_visible(cases, "seat_area") == pytest.approx(0.02)
-    assert summary.smallest_visible(cases, "lift_gain") is None
-    assert summary.smallest_named(cases) == pytest.approx(0.03)
-    assert summary.smallest_named([WRONG]) is None
-    assert summary.coverage(cases) == [True, True]
-    assert summary.named_as_others(cases) == 1
 
 
 def test_missed_bars_are_said() -> None:

@@ -30,7 +30,8 @@ from observer_rt.simulation.simulate import SimulatedNoise, simulate
 from tests import engine, own_injector
 from tests.cli.conftest import Command, document
 from tests.pages import PAGES, ROOT, Page, needs_bus, serves_a_page, words_of
-from tools.benchmarks.__main__ import app as bench
+import tools.benchmarks.__main__  # noqa: F401
+from tools.benchmarks.command_line import app as bench
 
 NOT_RUN = {  # with the reason, and what looks after it instead
     "tools/demo": "it is `observer-rt demo`, which test_demo.py runs, in a virtual environment of its own",

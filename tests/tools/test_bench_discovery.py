@@ -21,7 +21,7 @@ from tools.benchmarks.discovery.figures import save_figures
 from tools.benchmarks.discovery.generator import HidingPlan
 from tools.benchmarks.discovery.hidden import HEALTHY, HIDDEN
 from tools.benchmarks.discovery.result import CaseResult, Gap, Interval, Visibility
-from tools.benchmarks.discovery.run import print_results, run_discovery
+from tools.benchmarks.discovery.run import run_discovery, shown
 from tools.benchmarks.discovery.scoring import injector_of, open_loop, score_case
 from tools.benchmarks.discovery.tables import json_document, misses
 from tools.benchmarks.plant import record
@@ -283,9 +283,10 @@ def test_a_run_asks_once_scores_all_and_goes_on_where_it_stopped(tmp_path: Path)
     assert len(log.read_text().splitlines()) == len(calls) + 1
     assert [r for r in again.results if r in found.results] == list(found.results)
     console = Console(width=190)
-    with console.capture() as shown:
-        print_results(again, console)
-    assert f"missed: {outflow.label} with rate: seat_outflow: none" in shown.get()
+    with console.capture() as told:
+        for part in shown(again):
+            console.print(part, highlight=False, markup=False)
+    assert f"missed: {outflow.label} with rate: seat_outflow: none" in told.get()
 
 
 @pytest.mark.slow

@@ -29,7 +29,7 @@ from tools.benchmarks.discovery.outside.answers import (
 )
 from tools.benchmarks.discovery.outside.cases import Asked, OutsideCase, OutsidePlan, further_benches
 from tools.benchmarks.discovery.outside.result import OutsideResult, figures
-from tools.benchmarks.discovery.outside.run import print_results, run_outside
+from tools.benchmarks.discovery.outside.run import run_outside, shown
 from tools.benchmarks.discovery.outside.tables import case_lines, json_document
 
 LEAK = ProposedTerm("line_pressure", "sqrt(line_pressure - chamber_pressure)*closed", 2.0)
@@ -212,7 +212,8 @@ def test_a_run_asks_once_and_tells_what_came_of_it(tmp_path: Path) -> None:
     assert run_outside(asking, Console(quiet=True)) == found
     assert (tmp_path / "answers.jsonl").read_text() == answers
     console = Console(width=200)
-    with console.capture() as shown:
-        print_results(found, "A", console)
-    assert "stop_loss" in shown.get()
-    assert "right_equation_in_library" in shown.get()
+    with console.capture() as told:
+        for part in shown(found, "A"):
+            console.print(part, highlight=False, markup=False)
+    assert "stop_loss" in told.get()
+    assert "right_equation_in_library" in told.get()

@@ -17,7 +17,7 @@ from tools.benchmarks.discovery.real_line.discrepancies import Discrepancy
 from tools.benchmarks.discovery.real_line.fitting import record_only
 from tools.benchmarks.discovery.real_line.generator import RealPlan
 from tools.benchmarks.discovery.real_line.result import RealGap, RealResult
-from tools.benchmarks.discovery.real_line.run import print_results, run_real_lines
+from tools.benchmarks.discovery.real_line.run import run_real_lines, shown
 from tools.benchmarks.discovery.real_line.scoring import score_case
 from tools.benchmarks.discovery.real_line.tables import json_document, misses
 from tools.benchmarks.discovery.result import Interval
@@ -226,9 +226,10 @@ def test_a_run_fits_first_asks_with_the_fitted_model_and_goes_on_where_it_stoppe
     assert again.results == found.results
     assert len(log.read_text().splitlines()) == len(calls)
     console = Console(width=190)
-    with console.capture() as shown:
-        print_results(again, console)
-    assert "step" in shown.get()
+    with console.capture() as told:
+        for part in shown(again):
+            console.print(part, highlight=False, markup=False)
+    assert "step" in told.get()
 
 
 @pytest.mark.slow
@@ -237,7 +238,7 @@ def test_recordings_for_trials_stay(tmp_path: Path) -> None:
     stub.write_text(STUB.replace("LOG", repr(str(log))))
     plan = RealPlan(Numbers(0, 1, 0, 0), (False,), (Discrepancy.MOUNTING,), 1)
     console = Console(width=190)
-    with console.capture() as shown:
+    with console.capture() as told:
         record_only(plan, out, console, (sys.executable, str(stub)))
     assert len(list((out / "mounting" / "healthy").glob("*.csv"))) == 6
     assert (out / "mounting" / "fitted.toml").exists()
@@ -245,4 +246,4 @@ def test_recordings_for_trials_stay(tmp_path: Path) -> None:
         (e["label"], e["parts"][0][0]) for e in json.loads((out / "sealed.json").read_text())
     ]
     assert len(list((out / "cases" / label).glob("*.csv"))) == 6
-    assert f"{label} mounting: {hidden}" in shown.get()
+    assert f"{label} mounting: {hidden}" in told.get()

@@ -15,8 +15,8 @@ from tests.tools.made_scores import UKF_SCORE, factors, score
 from tests.tools.test_bench_accuracy import bench
 from tools.benchmarks.realism.catalogue import alone
 from tools.benchmarks.realism.disturbance import Reasons
-from tools.benchmarks.realism.run import Results, is_known, phantoms, with_stated
-from tools.benchmarks.realism.score import RunScore, Verdict, summary
+from tools.benchmarks.realism.run import is_known, phantoms, with_stated
+from tools.benchmarks.realism.score import Results, RunScore, Verdict, summary
 from tools.benchmarks.realism.tables import missed_bars
 from tools.benchmarks.score import CaseScore, Windows
 

@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tools.benchmarks.command_line import finite
-from tools.benchmarks.figure import Figure
+from tools.benchmarks.report import Figure, finite
 from tools.benchmarks.speed.pace import latency_of
 from tools.benchmarks.speed.roundtrip import ECHO, OURS, PEER, RoundTrip, RoundTrips
 from tools.benchmarks.speed.soak import Soak, Stretch

@@ -1,6 +1,6 @@
 """`tools/bench accuracy --ablation`: the observer with one part changed each, so that each part earns its place."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -32,9 +32,9 @@ from tools.benchmarks.batch_learning import (
     trained_hidden_model,
 )
 from tools.benchmarks.cases import Case, make_case
-from tools.benchmarks.command_line import ruled
 from tools.benchmarks.peers import paper_bench
 from tools.benchmarks.plant import Outcome, record
+from tools.benchmarks.report import Shown, ruled
 from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Crash, Plan, Task, on_case
 from tools.benchmarks.score import OBSERVER, CaseScore, score_rate, windows_of
 from tools.benchmarks.scoring import (
@@ -214,6 +214,12 @@ def ablation_tables(scores: Sequence[AblationScore]) -> tuple[Table, Table]:
             *(f"{_p95_mass(_of(variant, [s for s in scores if s.class_name == c])):.3f}" for c in classes),
         )
     return overall, by_class
+
+
+def ablation_shown(scores: Sequence[AblationScore], crashes: Sequence[Crash[Task]]) -> Iterator[Shown]:
+    """The tables, then a line for every crash."""
+    yield from ablation_tables(scores)
+    yield from (f"crash: {crash.task}: {crash.message}" for crash in crashes)
 
 
 def ablation_document(scores: Sequence[AblationScore], crashes: Sequence[str]) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """`tools/bench accuracy`: run the cases, print what came out."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -24,9 +24,8 @@ from tools.benchmarks.bars import (
     x3_ratios,
 )
 from tools.benchmarks.cases import CLASSES, Group, make_case
-from tools.benchmarks.command_line import print_lines, ruled
 from tools.benchmarks.peers import PeerScore, has_paper, has_peers, score_paper, score_peers
-from tools.benchmarks.proportions import clopper_pearson
+from tools.benchmarks.report import Shown, clopper_pearson, ruled
 from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Crash, Plan, Task, on_case
 from tools.benchmarks.sample_time import measure_sample_time
 from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore, SampleTime
@@ -65,21 +64,17 @@ def run_accuracy(plan: Plan, console: Console) -> Results:
     return Results(found, runs.crashes, took, (*violations(found), *slow_sample(took)))
 
 
-def print_results(results: Results, console: Console) -> None:
+def shown(results: Results) -> Iterator[Shown]:
     """The tables, then a line for every bar that is missed and every crash."""
-    console.print(class_table(results.scores))
+    yield class_table(results.scores)
     if any(has_peer(score) for score in results.scores):
-        for table in peer_tables(results.scores):
-            console.print(table)
+        yield from peer_tables(results.scores)
     if any(followed(s) is not None for s in results.scores):
-        console.print(following_table(results.scores))
+        yield following_table(results.scores)
     took = results.sample_time
-    console.print(
-        f"one sample of the observer at 100 kHz, us: needle open {took.open_us:.2f}, shut {took.closed_us:.2f}",
-        highlight=False,
-    )
-    print_lines(console, results.missed)
-    print_lines(console, [f"{crash.task}: {crash.message}" for crash in results.crashes], "crash: ")
+    yield f"one sample of the observer at 100 kHz, us: needle open {took.open_us:.2f}, shut {took.closed_us:.2f}"
+    yield from results.missed
+    yield from (f"crash: {crash.task}: {crash.message}" for crash in results.crashes)
 
 
 def joined(scores: dict[str, CaseScore], parts: dict[str, PeerScore]) -> dict[str, CaseScore]:

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 
 from tools.benchmarks.bars import WEAR, by_class, coverage
 from tools.benchmarks.cases import CLASSES, Group
-from tools.benchmarks.proportions import clopper_pearson
+from tools.benchmarks.report import clopper_pearson
 from tools.benchmarks.score import OBSERVER, CaseScore
 
 MEDIAN_OF_NORMAL = 0.674  # of the absolute value, in sigmas

@@ -1,20 +1,24 @@
 """Peers: joint unscented and extended Kalman filters, v_H as a fourth state, on every sample."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import product
+from typing import Annotated
 
 import numpy as np
-from rich.table import Table
+import typer
 
+from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MM3_PER_MS
+from observer_rt.terminal.console import progress_bar
 from tools.benchmarks.arrays import Array
 from tools.benchmarks.cases import CLASSES, Group, make_case
-from tools.benchmarks.command_line import ruled
+from tools.benchmarks.command_line import app, messages
 from tools.benchmarks.peer_equations import Start, extended, unscented
 from tools.benchmarks.peer_inputs import PRESSURE_SCALE, PeerInputs, peer_inputs
 from tools.benchmarks.plant import Outcome, record
+from tools.benchmarks.report import Columns, put_out, ruled
 from tools.benchmarks.score import SCORED, windows_of
 
 RAIL_NOISE, LINE_NOISE = 0.1e6, 0.15e6  # Pa, as on every bench
@@ -116,21 +120,11 @@ def trials(run: Filter) -> Iterator[Trial]:
         yield Trial(tuning, math.exp(float(np.mean(logs))))
 
 
-def tuning_table(tried: Sequence[Trial]) -> Table:
-    """Settings and what they gave, in this order."""
-    headings = (
-        "v_H walk a sample",
-        "model noise [MPa]",
-        "line noise [x true]",
-        "RMSE, geometric mean [mm3/ms]",
-    )
-    table = ruled(f"noise settings, seed {TUNING_SEED}", (), headings)
-    for trial in tried:
-        t = trial.tuning
-        table.add_row(
-            f"{t.wear_walk:.0e}", f"{t.model_noise / MEGAPASCAL:g}", f"{t.line_noise:g}", f"{trial.rmse:.4f}"
-        )
-    return table
+COLUMNS: Columns[Trial] = {
+    "model noise [MPa]": lambda trial: f"{trial.tuning.model_noise / MEGAPASCAL:g}",
+    "line noise [x true]": lambda trial: f"{trial.tuning.line_noise:g}",
+    "RMSE, geometric mean [mm3/ms]": lambda trial: f"{trial.rmse:.4f}",
+}
 
 
 def _rmse(outcome: Outcome, result: FilterResult) -> float:
@@ -140,3 +134,22 @@ def _rmse(outcome: Outcome, result: FilterResult) -> float:
     windows = windows_of(outcome, 1.0 / interval)
     squares = windows.mean_squares((result.rate - outcome.truth.injection_rate) / MM3_PER_MS)
     return math.sqrt(float(np.mean(squares[SCORED])))
+
+
+FILTERS: dict[str, Filter] = {"ukf": joint_ukf, "ekf": joint_ekf}
+
+
+@app.command(epilog="Example: tools/bench peer-tuning --peer ekf")
+def peer_tuning(peer: Annotated[str, typer.Option(help="Which filter: ukf or ekf.")] = "ukf") -> None:
+    """The grid the joint Kalman filters' noise settings were chosen from, best first (minutes)."""
+    if peer not in FILTERS:
+        raise UserError("--peer", f"unknown filter '{peer}'", f"known: {', '.join(FILTERS)}")
+    tried: list[Trial] = []
+    with progress_bar(messages, f"tuning {peer}", float(len(grid()))) as progress:
+        for trial in trials(FILTERS[peer]):
+            tried.append(trial)
+            progress(float(len(tried)))
+    table = ruled(f"noise settings, seed {TUNING_SEED}", (), ("v_H walk a sample", *COLUMNS))
+    for trial in sorted(tried, key=lambda trial: trial.rmse):
+        table.add_row(f"{trial.tuning.wear_walk:.0e}", *(cell(trial) for cell in COLUMNS.values()))
+    put_out(False, None, [table])

@@ -18,7 +18,7 @@ from tools.benchmarks.bars import WEAR, above, by_class, coverage, rate_coverage
 from tools.benchmarks.cases import Case, make_case
 from tools.benchmarks.peers import PeerScore, lumps_of, score_wave_peers
 from tools.benchmarks.plant import Outcome, record
-from tools.benchmarks.proportions import clopper_pearson
+from tools.benchmarks.report import clopper_pearson
 from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Plan, on_case
 from tools.benchmarks.sample_time import measure_sample_time
 from tools.benchmarks.score import CaseScore

@@ -10,7 +10,6 @@ from typing import Annotated
 import numpy as np
 import typer
 from numpy.typing import NDArray
-from rich.console import Console
 
 from observer_rt.config.bench import NOMINAL_INJECTOR
 from observer_rt.foundation.errors import UserError
@@ -26,6 +25,7 @@ from observer_rt.recording.signals.table_writers import (
 from observer_rt.simulation.simulate import SAC_PRESSURE, truth_path
 from observer_rt.terminal.console import progress_bar
 from tools.benchmarks.cases import drawn_events
+from tools.benchmarks.command_line import app, messages
 from tools.benchmarks.peers import RATE_NOISE
 from tools.benchmarks.plant import SAMPLE_RATE, Bench, Event, Needle, Outcome, Shot, record
 from tools.benchmarks.plant_laws import NO_LAWS, Laws
@@ -39,7 +39,6 @@ FIT_EVENTS = 6  # in a recording of 0.52 s
 START_SPREAD = 50e-6  # s, of an event on the grid of samples
 NEW_PART = "new_part.toml"
 WRONG_LENGTH = 1.05  # of the line, as its maker says, where a measured rate can put it right
-EXAMPLE = "Example: tools/bench wave-recordings --out build/plain; observer-rt fit build/plain/*ms.csv ..."
 
 
 def healthy_benches(
@@ -144,6 +143,9 @@ def _write_truth(path: Path, outcome: Outcome) -> None:
     )
 
 
+@app.command(
+    epilog="Example: tools/bench wave-recordings --out build/plain; observer-rt fit build/plain/*ms.csv ..."
+)
 def wave_recordings(
     out: Annotated[Path, typer.Option(help="Folder for the recordings and their truth.")],
     variant: Annotated[Variant, typer.Option(help="What the line is like.")] = Variant.PLAIN,
@@ -172,7 +174,6 @@ def wave_recordings(
     else:
         benches = healthy_benches(variant, seed, hz, averaged)
     outcomes = ((name, record(bench)) for name, bench in benches.items())
-    messages = Console(stderr=True)
     with progress_bar(messages, "recording", float(len(benches))) as progress:
         for number, path in enumerate(write_recordings(out, outcomes, measured_rate), 1):
             progress(float(number))

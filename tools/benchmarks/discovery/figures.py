@@ -18,7 +18,7 @@ from tools.benchmarks.discovery.result import (
 )
 from tools.benchmarks.discovery.tables import printed_size
 from tools.benchmarks.figures import saved
-from tools.benchmarks.proportions import clopper_pearson
+from tools.benchmarks.report import clopper_pearson
 
 RED, GREY, BLUE, GREEN = "#d1495b", "#8d99ae", "#00798c", "#66a182"
 LEAST_GAIN = 0.5  # drawn where the oracle gains less

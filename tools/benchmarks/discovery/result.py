@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from tools.benchmarks.discovery.hidden import HEALTHY, HIDDEN, same_effect
-from tools.benchmarks.proportions import clopper_pearson
+from tools.benchmarks.report import clopper_pearson
 
 VISIBLE_GAIN = 50.0  # of the oracle's -2 log L
 RELEVANT_MASS_MG, RELEVANT_PRESSURE_MPA = 0.3, 0.3  # one of them moves by that much

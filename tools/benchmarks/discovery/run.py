@@ -1,10 +1,10 @@
 """`tools/bench discovery`: hide, ask, and, when all answers are in, open what was hidden and score."""
 
 import shutil
+from collections.abc import Iterator
 
 from rich.console import Console
 
-from tools.benchmarks.command_line import print_lines
 from tools.benchmarks.discovery.answers import Answer, ask
 from tools.benchmarks.discovery.asking import (
     WARM_UP_RECORDINGS,
@@ -23,6 +23,7 @@ from tools.benchmarks.discovery.hidden import HEALTHY
 from tools.benchmarks.discovery.result import CaseResult, violations
 from tools.benchmarks.discovery.scoring import score_case
 from tools.benchmarks.discovery.tables import confusion_table, effect_table, misses, reliability_table
+from tools.benchmarks.report import Shown
 from tools.benchmarks.runs import BENCHMARKS, PACKAGE
 
 GENERATOR = "tools.benchmarks.discovery.generator"
@@ -59,13 +60,13 @@ def run_discovery(asking: Asking[HidingPlan], console: Console) -> Found[CaseRes
     )
 
 
-def print_results(found: Found[CaseResult], console: Console) -> None:
+def shown(found: Found[CaseResult]) -> Iterator[Shown]:
     """The tables, then a line for every miss, every bar that is missed and every crash."""
     for table in (effect_table, confusion_table, reliability_table):
-        console.print(table(found.results))
-    print_lines(console, misses(found.results), "missed: ")
-    print_lines(console, violations(found.results), "bar missed: ")
-    print_lines(console, found.crashes, "crash: ")
+        yield table(found.results)
+    yield from (f"missed: {line}" for line in misses(found.results))
+    yield from (f"bar missed: {line}" for line in violations(found.results))
+    yield from (f"crash: {line}" for line in found.crashes)
 
 
 def ask_question(question: Question) -> Answer:

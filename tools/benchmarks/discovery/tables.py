@@ -8,10 +8,10 @@ import numpy as np
 from rich.table import Table
 
 from observer_rt.model.effects import VOCABULARY
-from tools.benchmarks.command_line import ruled
 from tools.benchmarks.discovery import result as results_of
 from tools.benchmarks.discovery.hidden import HEALTHY
 from tools.benchmarks.discovery.result import CaseResult
+from tools.benchmarks.report import ruled
 
 NOTHING = "-"
 

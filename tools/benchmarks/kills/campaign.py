@@ -13,15 +13,19 @@ from dataclasses import asdict, dataclass
 from enum import StrEnum
 from multiprocessing.process import BaseProcess
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+import typer
 from rich.table import Table
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.service.keeping.journal_reading import Row, reading_journal
 from observer_rt.service.keeping.keeper import sole_writer
 from observer_rt.service.keeping.state_file import load_knowledge, model_hash
+from observer_rt.terminal.console import progress_bar
+from tools.benchmarks.command_line import JsonOption, SeedOption, app, messages
 from tools.benchmarks.kills.victim import FILLER, FREE, FULL, FullDisk, Scene, make_scene, run_victim
+from tools.benchmarks.report import Columns, put_out, table_of
 
 _INJECTION = re.compile(
     r"injection (?P<number>\d+) at index (?P<index>\d+): (?P<mass>[\d.]+|nan) mg, rail (?P<rail>[\d.]+) MPa, "
@@ -308,25 +312,21 @@ def _late(lost: Loss, excused: float, within: float) -> list[str]:
     ]
 
 
+COLUMNS: Columns[Sequence[Kill]] = {
+    "kills": lambda of_it: str(len(of_it)),
+    "injections told": lambda of_it: str(sum(kill.told for kill in of_it)),
+    "warnings": lambda of_it: str(sum(kill.warnings for kill in of_it)),
+    "oldest loss: state s": lambda of_it: f"{max(kill.loss.state for kill in of_it):.3f}",
+    "journal s": lambda of_it: f"{max(kill.loss.journal for kill in of_it):.3f}",
+    "problems": lambda of_it: str(sum(len(kill.problems) for kill in of_it)),
+}
+
+
 def kills_table(kills: Sequence[Kill], plan: Plan) -> Table:
     """A row for each way of being killed."""
-    table = Table(
-        *("killed", "kills", "injections told", "warnings", "oldest loss: state s", "journal s", "problems"),
-        title=f"{len(kills)} kills, saved within {plan.within:g} s, or as long as the disk was full",
-    )
-    for strike in Strike:
-        of_it = [kill for kill in kills if kill.strike is strike]
-        if of_it:
-            table.add_row(
-                strike.value,
-                str(len(of_it)),
-                str(sum(kill.told for kill in of_it)),
-                str(sum(kill.warnings for kill in of_it)),
-                f"{max(kill.loss.state for kill in of_it):.3f}",
-                f"{max(kill.loss.journal for kill in of_it):.3f}",
-                str(sum(len(kill.problems) for kill in of_it)),
-            )
-    return table
+    title = f"{len(kills)} kills, saved within {plan.within:g} s, or as long as the disk was full"
+    rows = {strike.value: [kill for kill in kills if kill.strike is strike] for strike in Strike}
+    return table_of(title, "killed", {name: of_it for name, of_it in rows.items() if of_it}, COLUMNS)
 
 
 def kills_document(kills: Sequence[Kill], plan: Plan) -> dict[str, Any]:
@@ -337,3 +337,34 @@ def kills_document(kills: Sequence[Kill], plan: Plan) -> dict[str, Any]:
         "interface": plan.interface,
         "kills": [asdict(kill) for kill in kills],
     }
+
+
+@app.command(
+    epilog="Example: tools/bench kills --kills 20; tools/vcan tools/bench kills --interface socketcan"
+)
+def kills(
+    kills: Annotated[int, typer.Option(min=1, help="How many daemons are killed.")] = 120,
+    seed: SeedOption = 1,
+    within: Annotated[float, typer.Option(min=0.1, max=3600, help="save_within_s of the bench file.")] = 1.0,
+    interface: Annotated[
+        str, typer.Option(help="virtual, or socketcan with a channel that is up.")
+    ] = "virtual",
+    channel: Annotated[str, typer.Option(help="Channel of the interface.")] = "vcan0",
+    small_disk: Annotated[
+        bool, typer.Option("--small-disk", help="--out is on a disk of few MB: fill it, instead of a limit.")
+    ] = False,
+    out: Annotated[Path, typer.Option(help="Folder for the daemons' files, which are removed first.")] = Path(
+        "build/kills"
+    ),
+    as_json: JsonOption = False,
+) -> None:
+    """Kill daemons that learn at random moments (kill -9): what is lost, and is the rest whole?"""
+    plan = Plan(kills, seed, out, within, interface, channel, small_disk=small_disk)
+    with progress_bar(messages, "killing", float(kills)) as progress:
+        found = list(run_campaign(plan, progress))
+    put_out(as_json, kills_document(found, plan), [kills_table(found, plan)])
+    problems = [problem for kill in found for problem in kill.problems]
+    for problem in problems:
+        messages.print(problem, highlight=False, markup=False)
+    if problems:
+        raise typer.Exit(1)

@@ -26,7 +26,8 @@ from observer_rt.service.keeping.journal import JournalWriter
 from observer_rt.service.keeping.state_file import load_knowledge, model_hash, save_knowledge
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import SimulatedNoise, simulate
-from tools.benchmarks.command_line import JsonOption, SeedOption, put_out, ruled
+from tools.benchmarks.command_line import JsonOption, SeedOption, app
+from tools.benchmarks.report import put_out, ruled
 from tools.benchmarks.speed.native import library
 
 
@@ -156,7 +157,6 @@ def _move(names: dict[str, _File], move: tuple[str, str, _File | None]) -> None:
         names[path] = file
 
 
-EXAMPLE = "Examples: tools/bench power; tools/bench power --cuts 1000 --seed 2"
 STATE, JOURNAL, SAID = "learned.json", "injections.sqlite", "said"
 WRITTEN = 12  # injections, and states, of the victim
 
@@ -199,6 +199,7 @@ def cut(found: Sequence[Operation], cuts: int, seed: int, folder: Path) -> list[
     return results
 
 
+@app.command(epilog="Examples: tools/bench power; tools/bench power --cuts 1000 --seed 2")
 def power(
     cuts: Annotated[int, typer.Option(min=1, help="Losses of power.")] = 300,
     seed: SeedOption = 1,
@@ -207,7 +208,7 @@ def power(
     """Power lost at any moment, unsynced writes gone or torn at any byte: is anything lost or unreadable?"""
     with tempfile.TemporaryDirectory(prefix="power-") as folder:
         found = cut(recorded(Path(folder)), cuts, seed, Path(folder))
-    put_out(as_json, lambda: _document(found), lambda console: console.print(power_table(found)))
+    put_out(as_json, _document(found), [power_table(found)])
     if any(each.lost or each.problems for each in found):
         raise typer.Exit(1)
 

@@ -4,18 +4,22 @@ import os
 import socket
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+import typer
 from playwright.sync_api import Browser, sync_playwright
 from rich.table import Table
 
+from tools.benchmarks.command_line import JsonOption, app
 from tools.benchmarks.live_page import bare_page
 from tools.benchmarks.live_page.watched import Gaps, Served, Watched, launch, served, watch
+from tools.benchmarks.report import put_out
 from tools.benchmarks.speed import native
 from tools.benchmarks.speed.injectors import in_windows, socket_bench, until_all_ready
 from tools.benchmarks.speed.observers import RUN, observer
@@ -204,3 +208,17 @@ def page_table(found: LivePage) -> Table:
 def _add(table: Table, name: str, gaps: Gaps, watched: Watched | None = None) -> None:
     shares = (f"{watched.server_cpu:.2f}", f"{watched.browser_cpu:.2f}") if watched else ("", "")
     table.add_row(name, f"{gaps.per_second:.1f}", str(gaps), *shares)
+
+
+@app.command(epilog="Examples: tools/bench monitor; tools/bench monitor --injectors 3 --seconds 20")
+def monitor(
+    seconds: Annotated[float, typer.Option(min=1.0, help="How long each page is watched.")] = 60.0,
+    injectors: Annotated[int, typer.Option(min=1, max=8, help="Side by side, each on a bus.")] = 1,
+    as_json: JsonOption = False,
+) -> None:
+    """How smoothly the live page is drawn in a real browser, beside a bare page; exit code 1 where it is not."""
+    with tempfile.TemporaryDirectory(prefix="monitor-") as folder:
+        found = measure_page(Path(folder), seconds, injectors)
+    put_out(as_json, page_document(found), [page_table(found)], 120)
+    if not found.is_met:
+        raise typer.Exit(1)

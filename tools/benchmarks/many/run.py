@@ -10,10 +10,11 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import psutil
+import typer
 from rich.console import Console
 from rich.table import Table
 
@@ -21,7 +22,8 @@ from observer_rt.evaluation.convert import convert
 from observer_rt.foundation.errors import RunError
 from observer_rt.foundation.units import MICROSECOND
 from observer_rt.recording.signals.table_writers import write_whole
-from tools.benchmarks.figure import Figure, figures_table
+from tools.benchmarks.command_line import JsonOption, app, messages
+from tools.benchmarks.report import Figure, Shown, figures_table, put_out
 from tools.benchmarks.scoring import bench_at
 from tools.benchmarks.speed.core_alone import (
     CAN_LOG,
@@ -297,13 +299,12 @@ def _core_per_s() -> float:
 _FLOOR = "the compiled core alone, nothing learned"
 
 
-def print_many(many: Many, console: Console) -> None:
+def shown(many: Many) -> Iterator[Shown]:
     """Figures beside their bars, then every batch."""
-    console.print(figures_table(figures(many), "batch", many.load))
-    console.print(_batches_table(many))
+    yield figures_table(figures(many), "batch", many.load)
+    yield _batches_table(many)
     start = many.by_number(clock, many.numbers).start
-    told = f"beyond the start of {start:.1f} s; the core alone: {many.core_per_s:.0f} injections a second"
-    console.print(told, highlight=False)
+    yield f"beyond the start of {start:.1f} s; the core alone: {many.core_per_s:.0f} injections a second"
 
 
 def many_document(many: Many) -> dict[str, Any]:
@@ -370,3 +371,15 @@ def _batches_table(many: Many) -> Table:
             table.add_row(*what, str(each.work.workers), *times, f"{rate:.0f}" if rate > 0.0 else "-")
         table.add_section()
     return table
+
+
+@app.command(epilog="Examples: tools/bench batch; tools/bench batch --quick --json")
+def batch(
+    quick: Annotated[bool, typer.Option("--quick", help="Few and short files: a look, no verdict.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """What many recordings cost through `observer-rt batch`, beside the compiled core alone."""
+    found = measure_many(
+        QUICK if quick else FULL, lambda text: messages.print(f"{text} ...", highlight=False)
+    )
+    put_out(as_json, many_document(found), shown(found), 150)

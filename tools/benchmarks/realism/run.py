@@ -26,8 +26,8 @@ from tools.benchmarks.command_line import (
     Tier,
     TierOption,
     WorkersOption,
+    app,
     messages,
-    put_out,
     resumable,
 )
 from tools.benchmarks.kalman_peers import joint_ukf
@@ -45,9 +45,10 @@ from tools.benchmarks.realism.catalogue import (
     parsed,
 )
 from tools.benchmarks.realism.disturbance import Stated
-from tools.benchmarks.realism.score import Interval, RunScore
-from tools.benchmarks.realism.tables import print_realism, realism_document
-from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Crash, Plan, Task
+from tools.benchmarks.realism.score import Interval, Results, RunScore
+from tools.benchmarks.realism.tables import realism_document, shown
+from tools.benchmarks.report import put_out
+from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Plan, Task
 from tools.benchmarks.score import UKF, Windows, windows_of
 from tools.benchmarks.scoring import (
     bench_for_case,
@@ -59,15 +60,6 @@ from tools.benchmarks.scoring import (
 )
 from tools.benchmarks.wave_accuracy import WavePlan, fitted_model, warm_up_model
 from tools.benchmarks.wave_plant import Variant
-
-
-@dataclass(frozen=True)
-class Results:
-    """What came out; not_known: entries whose keys of the bench file this observer does not know."""
-
-    runs: tuple[RunScore, ...]
-    crashes: tuple[Crash[Task], ...]
-    not_known: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -177,11 +169,14 @@ def _rich(wave: WavePlan, console: Console) -> Rich:
     return Rich(model, lumps_of(list(healthy.values()))[FITTED_LUMP] if wave.plan.peers else None)
 
 
-EXAMPLE = "Examples: tools/bench realism --set table; tools/bench realism --only hum_50_hz_line,frozen_line --cases 1"
 CASES = 3  # each has another wear
 TABLE_WIDTH = 200  # where stdout is no terminal
 
 
+@app.command(
+    epilog="Examples: tools/bench realism --set table; "
+    "tools/bench realism --only hum_50_hz_line,frozen_line --cases 1"
+)
 def realism(
     cases: Annotated[
         int, typer.Option(min=1, help="Recordings of each size; three have three wears.")
@@ -210,9 +205,4 @@ def realism(
     plan = Plan((), cases, seed, workers, out or Path("build") / f"realism-{tier}", not no_peers)
     with resumable("what is scored is"):
         results = run_realism(found, plan, tier is Tier.B, model, messages)
-    put_out(
-        as_json,
-        lambda: realism_document(results),
-        lambda console: print_realism(results, console),
-        TABLE_WIDTH,
-    )
+    put_out(as_json, realism_document(results), shown(results), TABLE_WIDTH)

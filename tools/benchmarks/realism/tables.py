@@ -4,13 +4,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from rich.console import Console
 from rich.table import Table
 
-from tools.benchmarks.command_line import print_lines
 from tools.benchmarks.realism.catalogue import AND, STATED, alone, name_of
-from tools.benchmarks.realism.run import Results
-from tools.benchmarks.realism.score import RunScore, Summary, Verdict, summary
+from tools.benchmarks.realism.score import Results, RunScore, Summary, Verdict, summary
+from tools.benchmarks.report import Shown
 
 RIGHT_SHARE = 0.85
 REASONS_SHOWN = 3
@@ -28,15 +26,14 @@ def missed_bars(results: Results) -> list[str]:
     return list(_missed(results.runs)) if results.runs else []
 
 
-def print_realism(results: Results, console: Console) -> None:
+def shown(results: Results) -> Iterator[Shown]:
     """Every entry a line, the totals, the bars that are missed, what could not be run."""
     if results.runs:
-        console.print(_entries_table(by_entry(results.runs)))
-        console.print(_totals_table(_groups(results.runs)))
-    print_lines(console, missed_bars(results))
-    no_key = "not run, this observer's bench file has no such key"
-    print_lines(console, [f"{name}: {no_key}" for name in results.not_known])
-    print_lines(console, [f"{crash.task}: {crash.message}" for crash in results.crashes], "crash: ")
+        yield _entries_table(by_entry(results.runs))
+        yield _totals_table(_groups(results.runs))
+    yield from missed_bars(results)
+    yield from (f"{name}: not run, this observer's bench file has no such key" for name in results.not_known)
+    yield from (f"crash: {crash.task}: {crash.message}" for crash in results.crashes)
 
 
 def realism_document(results: Results) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """A run of `tools/bench speed` as figures beside their bars, as tables, as a document and as a histogram."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -9,22 +9,37 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
-from rich.console import Console
 from rich.table import Table
 
 from observer_rt.foundation.units import MICROSECOND
-from tools.benchmarks.figure import Figure, figures_table
 from tools.benchmarks.figures import COLOURS
+from tools.benchmarks.report import Figure, Shown, figures_table
 from tools.benchmarks.speed.core_alone import ARRAYS, CAN_LOG, MDF4, PARQUET, EvaluateTimes
 from tools.benchmarks.speed.injectors import NUMBERS, InjectorsRow
-from tools.benchmarks.speed.measure import Speed
 from tools.benchmarks.speed.roundtrip import BUSY, ECHO, LEAN, OURS, PACES, PEER, RoundTrips
-from tools.benchmarks.speed.scaling import exponent
+from tools.benchmarks.speed.sample import SampleTimes
+from tools.benchmarks.speed.scaling import Row, exponent
+from tools.benchmarks.speed.sustained import Startup, Sustained
 from tools.benchmarks.speed.traffic import SAMPLES
 from tools.benchmarks.speed.training import USUAL, TrainingTimes
 
 EVALUATE_BARS = {ARRAYS: 0.8, PARQUET: 0.5, MDF4: 0.5, CAN_LOG: 0.5}
 """Of the core's speed, by what is evaluated."""
+
+
+@dataclass(frozen=True)
+class Speed:
+    """What was measured; None: was not. load: of the machine in the last minute, before and after."""
+
+    load: tuple[float, float]
+    sustained: Sustained | None = None
+    roundtrips: RoundTrips | None = None
+    sample: SampleTimes | None = None
+    evaluate: EvaluateTimes | None = None
+    training: TrainingTimes | None = None
+    startup: Startup | None = None
+    scaling: tuple[Row, ...] = ()
+    injectors: tuple[InjectorsRow, ...] = ()
 
 
 def figures(speed: Speed) -> list[Figure]:
@@ -99,46 +114,46 @@ def _rest(speed: Speed) -> Iterator[Figure]:
     yield Figure("substeps", float(speed.sample.substeps) if speed.sample else None, "")
 
 
-def print_speed(speed: Speed, console: Console) -> None:
-    """Every table there is something for."""
-    console.print(figures_table(figures(speed), "speed", speed.load))
+def shown(speed: Speed) -> Iterator[Shown]:
+    """What there is something for."""
+    yield figures_table(figures(speed), "speed", speed.load)
     if speed.roundtrips:
-        console.print(_round_trip_table(speed.roundtrips))
+        yield _round_trip_table(speed.roundtrips)
         for party, text in speed.roundtrips.said.items():
             if "us a frame" in text:
-                console.print(f"{party}, {text}", highlight=False)
+                yield f"{party}, {text}"
     if speed.sustained:
         shares = ", ".join(f"{share:.2f}" for share in speed.sustained.thread_shares[:4])
         text = f"socket pair: {speed.sustained.latency}; busiest threads {shares} of a core"
-        console.print(f"{text}; {speed.sustained.farewell}", highlight=False)
+        yield f"{text}; {speed.sustained.farewell}"
     if speed.sample:
         times = speed.sample
         text = f"open sample: {times.ours:.2f} us, in C {times.in_c:.2f}, whole step {times.whole:.2f}"
-        console.print(f"{text}; the same rates to {times.largest_difference:.1e}", highlight=False)
+        yield f"{text}; the same rates to {times.largest_difference:.1e}"
     if speed.evaluate:
-        console.print(_evaluate_table(speed.evaluate))
+        yield _evaluate_table(speed.evaluate)
     if speed.training:
-        console.print(_training_table(speed.training))
+        yield _training_table(speed.training)
         ours, theirs = speed.training.costs
         text = f"J of {USUAL} samples falls to {ours:.1e} and {theirs:.1e} of what it was"
         (values, gradients), (_, at_once) = speed.training.evaluations
         text += f", ours by {values} values and {gradients} gradients, scipy by {at_once} of both"
         default = f"an event of the default training takes {speed.training.default_ms:.1f} ms"
-        console.print(f"{text}; {default}", highlight=False)
+        yield f"{text}; {default}"
     if speed.startup:
         started = speed.startup
         parts = (
             f"{started.imports_s:.1f} s until its first word, {started.warm_cpu_s:.1f} s of processor time"
         )
         cold = "" if started.cold_cpu_s is None else f"; cold {started.cold_cpu_s:.0f} s"
-        console.print(f"start-up: of the warm one {parts}{cold}", highlight=False)
+        yield f"start-up: of the warm one {parts}{cold}"
     if speed.scaling:
         table = Table("grows", "to", "us a sample", title="scaling", title_justify="left")
         for row in speed.scaling:
             table.add_row(row.what, f"{row.value:g}", f"{row.us_a_sample:.2f}")
-        console.print(table)
+        yield table
     if speed.injectors:
-        console.print(_injectors_table(speed.injectors))
+        yield _injectors_table(speed.injectors)
 
 
 def speed_document(speed: Speed) -> dict[str, Any]:

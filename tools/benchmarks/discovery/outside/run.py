@@ -1,12 +1,12 @@
 """`tools/bench discovery --outside`: hide, fit in tier B, ask, and open what was hidden when all answers are in."""
 
 import shutil
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
 
-from tools.benchmarks.command_line import print_lines
 from tools.benchmarks.discovery.asking import Asking, Found, Question, generate, seal
 from tools.benchmarks.discovery.outside.answers import OutsideAnswer, ask_outside
 from tools.benchmarks.discovery.outside.cases import Asked, OutsidePlan
@@ -14,7 +14,7 @@ from tools.benchmarks.discovery.outside.generator import HIDING
 from tools.benchmarks.discovery.outside.result import OutsideResult, asked_for, figures
 from tools.benchmarks.discovery.outside.tables import answer_table, case_lines, kind_table
 from tools.benchmarks.discovery.real_line.fitting import HIDING_SOURCES, fitted_models
-from tools.benchmarks.figure import figures_table
+from tools.benchmarks.report import Shown, figures_table
 from tools.benchmarks.runs import PACKAGE
 
 GENERATOR = "tools.benchmarks.discovery.outside.generator"
@@ -50,15 +50,15 @@ def run_outside(asking: Asking[OutsidePlan], console: Console) -> Found[OutsideR
     return Found(tuple(found), (*failed, *campaign.crash_lines))
 
 
-def print_results(found: Found[OutsideResult], tier: str, console: Console) -> None:
+def shown(found: Found[OutsideResult], tier: str) -> Iterator[Shown]:
     """The tables, then a line for every case with something wrong and every crash."""
     for asked in Asked:
         if asked_for(found.results, asked):
-            console.print(kind_table(found.results, asked))
-    console.print(answer_table(found.results))
-    console.print(figures_table(figures(found.results, tier), f"outside the vocabulary, tier {tier}"))
-    print_lines(console, case_lines(found.results))
-    print_lines(console, found.crashes, "crash: ")
+            yield kind_table(found.results, asked)
+    yield answer_table(found.results)
+    yield figures_table(figures(found.results, tier), f"outside the vocabulary, tier {tier}")
+    yield from case_lines(found.results)
+    yield from (f"crash: {line}" for line in found.crashes)
 
 
 def ask_question(question: OutsideQuestion) -> OutsideAnswer:

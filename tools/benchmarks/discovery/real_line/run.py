@@ -2,13 +2,12 @@
 
 import shutil
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
 
-from tools.benchmarks.command_line import print_lines
 from tools.benchmarks.discovery.answers import Answer, ask
 from tools.benchmarks.discovery.asking import (
     WARM_UP_RECORDINGS,
@@ -27,6 +26,7 @@ from tools.benchmarks.discovery.real_line.generator import HIDING, RealPlan
 from tools.benchmarks.discovery.real_line.result import RealResult, violations
 from tools.benchmarks.discovery.real_line.scoring import score_case
 from tools.benchmarks.discovery.real_line.tables import discrepancy_table, effect_table, kind_lines, misses
+from tools.benchmarks.report import Shown
 from tools.benchmarks.runs import BENCHMARKS, PACKAGE
 
 
@@ -56,15 +56,14 @@ def run_real_lines(asking: Asking[RealPlan], console: Console) -> RealResults:
     return RealResults(found.results, (*failed, *found.crashes), adequate)
 
 
-def print_results(found: RealResults, console: Console) -> None:
+def shown(found: RealResults) -> Iterator[Shown]:
     """The tables, then a line for every miss, every bar that is missed and every crash."""
-    console.print(discrepancy_table(found.results, found.adequate))
-    console.print(effect_table(found.results))
-    for line in kind_lines(found.results):
-        console.print(line, highlight=False)
-    print_lines(console, misses(found.results), "missed: ")
-    print_lines(console, violations(found.results, len(found.crashes)), "bar missed: ")
-    print_lines(console, found.crashes, "crash: ")
+    yield discrepancy_table(found.results, found.adequate)
+    yield effect_table(found.results)
+    yield from kind_lines(found.results)
+    yield from (f"missed: {line}" for line in misses(found.results))
+    yield from (f"bar missed: {line}" for line in violations(found.results, len(found.crashes)))
+    yield from (f"crash: {line}" for line in found.crashes)
 
 
 def ask_question(question: Question) -> Answer:

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from tools.benchmarks.command_line import ruled
 from tools.benchmarks.discovery.real_line import result as results_of
 from tools.benchmarks.discovery.real_line.cases import Kind, hidden_text
 from tools.benchmarks.discovery.real_line.discrepancies import Discrepancy
 from tools.benchmarks.discovery.real_line.hidden import EFFECTS
 from tools.benchmarks.discovery.real_line.result import RealGap, RealResult
 from tools.benchmarks.discovery.tables import NOTHING, printed_size
+from tools.benchmarks.report import ruled
 
 KINDS = (Kind.HEALTHY, Kind.SINGLE, Kind.PAIR, Kind.OUTSIDE)
 

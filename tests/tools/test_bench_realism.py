@@ -15,10 +15,11 @@ from tests.tools.made_scores import UKF_SCORE, factors, score
 from tests.tools.test_bench_accuracy import bench
 from tools.benchmarks.realism.catalogue import alone
 from tools.benchmarks.realism.disturbance import Reasons
-from tools.benchmarks.realism.run import is_known, phantoms, with_stated
+from tools.benchmarks.realism.run import is_known, phantoms
 from tools.benchmarks.realism.score import Results, RunScore, Verdict, summary
 from tools.benchmarks.realism.tables import missed_bars
 from tools.benchmarks.score import CaseScore, Windows
+from tools.benchmarks.scoring import with_signals
 
 HUM, FILTER = "hum_50_hz_line 0.2", "lift_filter 10"
 
@@ -163,7 +164,7 @@ def test_what_a_disturbance_states_goes_into_the_bench_file() -> None:
     assert not is_known({"rail_pressure": {"late_us": 10.0}})
     bench = load_bench()
     for stated in every:
-        signals = with_stated(bench, stated).injector.config.signals
+        signals = with_signals(bench, stated).injector.config.signals
         for role, keys in stated.items():
             assert {key: getattr(getattr(signals, role), key) for key in keys} == keys
 

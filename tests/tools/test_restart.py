@@ -13,9 +13,8 @@ from observer_rt.service.keeping.state_file import load_knowledge, model_hash, s
 from observer_rt.service.reports.injection_report import InjectionReport
 from tools.benchmarks.plant import record
 from tools.benchmarks.realism.catalogue import alone, make_realism_case, name_of, parsed
-from tools.benchmarks.realism.run import with_stated
 from tools.benchmarks.runs import Task
-from tools.benchmarks.scoring import bench_for_case, recording_of
+from tools.benchmarks.scoring import bench_for_case, recording_of, with_signals
 
 SEED = 1
 SOON = (Reason.STARTING, Reason.TOO_FEW_EVENTS)  # until an event was judged, as after every start
@@ -55,7 +54,7 @@ def test_a_restart_in_the_midst(tmp_path: Path, name: str) -> None:
     case = make_realism_case(Task(name, SEED, 0))
     bench = bench_for_case(case)
     for each in parsed(name):
-        bench = with_stated(bench, each.stated)
+        bench = with_signals(bench, each.stated)
     recording = recording_of(record(case.bench))
     whole = evaluate(bench, [recording]).evaluations[0]
     reports = reports_of(whole)

@@ -9,7 +9,7 @@ from rich.markup import escape
 
 from observer_rt.foundation.errors import ObserverError
 from tools.benchmarks import damage, formats, history, kalman_peers, surgery, wave_recordings  # noqa: F401
-from tools.benchmarks.ablation import CLASSES_TRIED, ablation_document, run_ablation
+from tools.benchmarks.ablation import CLASSES_TRIED, ablation_document, ablation_shown, run_ablation
 from tools.benchmarks.accuracy import Results, json_document, run_accuracy, shown
 from tools.benchmarks.cases import CLASSES, LUMP_CLASSES
 from tools.benchmarks.command_line import (

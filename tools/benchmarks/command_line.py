@@ -5,13 +5,15 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 import typer
 from rich.console import Console
 
 from observer_rt.foundation.errors import UserError
+from observer_rt.terminal.console import progress_bar
 
+Item = TypeVar("Item")
 INTERRUPTED = 130  # exit code
 PROCESSES = os.cpu_count() or 1
 messages = Console(stderr=True)
@@ -57,3 +59,11 @@ def resumable(kept: str) -> Iterator[None]:
     except KeyboardInterrupt:
         messages.print(f"interrupted; {kept} kept, the same command goes on")
         raise typer.Exit(INTERRUPTED) from None
+
+
+def tracked(items: Collection[Item], what: str, console: Console = messages) -> Iterator[Item]:
+    """Item by item, a bar on the console meanwhile."""
+    with progress_bar(console, what, float(len(items))) as progress:
+        for number, item in enumerate(items, 1):
+            yield item
+            progress(float(number))

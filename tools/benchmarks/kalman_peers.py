@@ -11,10 +11,9 @@ import typer
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MM3_PER_MS
-from observer_rt.terminal.console import progress_bar
 from tools.benchmarks.arrays import Array
 from tools.benchmarks.cases import CLASSES, Group, make_case
-from tools.benchmarks.command_line import app, messages
+from tools.benchmarks.command_line import app, tracked
 from tools.benchmarks.peer_equations import Start, extended, unscented
 from tools.benchmarks.peer_inputs import PRESSURE_SCALE, PeerInputs, peer_inputs
 from tools.benchmarks.plant import Outcome, record
@@ -105,17 +104,13 @@ class Trial:
     rmse: float
 
 
-def grid() -> tuple[Tuning, ...]:
-    """All settings tried."""
-    return tuple(Tuning(*values) for values in product(WEAR_WALKS, MODEL_NOISES, LINE_NOISES))
-
-
 def trials(run: Filter) -> Iterator[Trial]:
     """Every setting of the grid, tried on the tuning cases."""
     names = [name for name, c in CLASSES.items() if c.group is Group.MAIN]
     outcomes = [record(make_case(name, TUNING_SEED, 0).bench) for name in names]
     inputs = [peer_inputs(outcome.measured) for outcome in outcomes]
-    for tuning in grid():
+    for values in tracked(list(product(WEAR_WALKS, MODEL_NOISES, LINE_NOISES)), "tuning"):
+        tuning = Tuning(*values)
         logs = [math.log(_rmse(o, run(i, tuning))) for o, i in zip(outcomes, inputs, strict=True)]
         yield Trial(tuning, math.exp(float(np.mean(logs))))
 
@@ -144,12 +139,7 @@ def peer_tuning(peer: Annotated[str, typer.Option(help="Which filter: ukf or ekf
     """The grid the joint Kalman filters' noise settings were chosen from, best first (minutes)."""
     if peer not in FILTERS:
         raise UserError("--peer", f"unknown filter '{peer}'", f"known: {', '.join(FILTERS)}")
-    tried: list[Trial] = []
-    with progress_bar(messages, f"tuning {peer}", float(len(grid()))) as progress:
-        for trial in trials(FILTERS[peer]):
-            tried.append(trial)
-            progress(float(len(tried)))
     table = ruled(f"noise settings, seed {TUNING_SEED}", (), ("v_H walk a sample", *COLUMNS))
-    for trial in sorted(tried, key=lambda trial: trial.rmse):
+    for trial in sorted(trials(FILTERS[peer]), key=lambda trial: trial.rmse):
         table.add_row(f"{trial.tuning.wear_walk:.0e}", *(cell(trial) for cell in COLUMNS.values()))
     put_out(False, None, [table])

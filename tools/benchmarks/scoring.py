@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
@@ -153,9 +153,9 @@ def score_evaluation(
     )
 
 
-def warm_up() -> None:
-    """Compile, or load from the cache, so that no case's training time holds it."""
-    score_case(short_case())
+def warm_up(model: Path | None = None) -> None:
+    """Compile, or load from the cache, what a model needs, so that no case's training time holds it."""
+    score_case(short_case(), model)
 
 
 def short_case() -> Case:
@@ -180,6 +180,13 @@ def bench_for_case(case: Case, model: Path | None = None) -> Bench:
     meaning = Meaning.MEAN if case.bench.averaged else Meaning.INSTANT
     sampling = SamplingConfig(rate_hz=case.bench.sample_rate, meaning=meaning)
     return load_bench(model=model).with_sections(sampling=sampling)
+
+
+def with_signals(bench: Bench, changed: Mapping[str, Mapping[str, Any]]) -> Bench:
+    """The bench with other keys of its signals, by role."""
+    signals = bench.injector.config.signals
+    update = {role: getattr(signals, role).model_copy(update=dict(keys)) for role, keys in changed.items()}
+    return bench.with_sections(signals=signals.model_copy(update=update))
 
 
 def x3_of_rate(rate: NDArray[np.float64], bench: Bench) -> NDArray[np.float64]:

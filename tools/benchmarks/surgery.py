@@ -24,8 +24,7 @@ from observer_rt.service.reports.news import Notes
 from observer_rt.simulation.plant import Truth
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import SimulatedNoise, simulate
-from observer_rt.terminal.console import progress_bar
-from tools.benchmarks.command_line import app, messages
+from tools.benchmarks.command_line import app, tracked
 from tools.benchmarks.report import Columns, put_out, table_of
 from tools.benchmarks.scoring import bench_at
 
@@ -165,11 +164,9 @@ COLUMNS: Columns[list[Finding]] = {
 @app.command(epilog="Example: tools/bench surgery")
 def surgery() -> None:
     """Whether anything wrong is ever valid: faults in recordings, for every way of learning."""
-    todo, by_fault = surgeries(), dict[str, list[Finding]]()
-    with progress_bar(messages, "surgeries", len(todo)) as advance:
-        for number, each in enumerate(todo, 1):
-            by_fault.setdefault(each.fault or "none", []).append(operate(each))
-            advance(number)
+    by_fault: dict[str, list[Finding]] = {}
+    for each in tracked(surgeries(), "surgeries"):
+        by_fault.setdefault(each.fault or "none", []).append(operate(each))
     table = table_of("over wear, onsets and ways of learning", "fault", by_fault, COLUMNS)
     put_out(False, None, [table])
 

@@ -1,7 +1,5 @@
 """`tools/bench accuracy --tier B`: a model fitted to healthy recordings of the richer plant; all classes."""
 
-import subprocess
-import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -11,20 +9,19 @@ import numpy as np
 from rich.console import Console
 
 from observer_rt.config.bench import load_injector
-from observer_rt.foundation.errors import RunError
-from observer_rt.terminal.console import progress_bar
 from tools.benchmarks.accuracy import Results, joined
 from tools.benchmarks.bars import WEAR, above, by_class, coverage, rate_coverages, slow_sample, x3_ratios
 from tools.benchmarks.cases import Case, make_case
+from tools.benchmarks.command_line import tracked
 from tools.benchmarks.peers import PeerScore, lumps_of, score_wave_peers
 from tools.benchmarks.plant import Outcome, record
 from tools.benchmarks.report import clopper_pearson
 from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Plan, on_case
 from tools.benchmarks.sample_time import measure_sample_time
 from tools.benchmarks.score import CaseScore
-from tools.benchmarks.scoring import score_case, short_case
+from tools.benchmarks.scoring import score_case, warm_up
 from tools.benchmarks.wave_plant import LINES, Variant, real_part
-from tools.benchmarks.wave_recordings import NEW_PART, healthy_benches, write_recordings
+from tools.benchmarks.wave_recordings import NEW_PART, fit_model, healthy_benches, write_recordings
 
 FITTED = "fitted.toml"
 PEER_CASES = 4  # of a class: a joint UKF takes some 15 s a recording
@@ -74,7 +71,7 @@ def run_wave_accuracy(wave: WavePlan, console: Console) -> Results:
     plan, variant = wave.plan, wave.variant
     model, healthy = fitted_model(wave, console)
     runs = plan.campaign(console)
-    make, ready = partial(make_wave_case, variant), partial(warm_up_model, model)
+    make, ready = partial(make_wave_case, variant), partial(warm_up, model)
     kept = runs.store(f"observer-{variant}", CaseScore, PACKAGE, BENCHMARKS, model)
     scores = runs.results(
         "observer", kept, partial(on_case, make, partial(score_case, model=model)), plan.tasks, ready
@@ -90,25 +87,13 @@ def run_wave_accuracy(wave: WavePlan, console: Console) -> Results:
 
 def fitted_model(wave: WavePlan, console: Console) -> tuple[Path, dict[str, Outcome]]:
     """The injector file of a plan, fitted unless it is given, and the healthy recordings where they are wanted."""
-    healthy = _recorded(wave, console) if wave.plan.peers or wave.model is None else {}
+    healthy = {}
+    if wave.plan.peers or wave.model is None:
+        benches = healthy_benches(wave.variant, wave.plan.master_seed)
+        healthy = {name: record(benches[name]) for name in tracked(benches, "recording", console)}
     model = wave.model or _fitted(wave, healthy, console)
     load_injector(model)  # refused here, not in every process
     return model, healthy
-
-
-def warm_up_model(model: Path) -> None:
-    """Compile, or load from the cache, what the model needs, so that no case's training time holds it."""
-    score_case(short_case(), model)
-
-
-def _recorded(wave: WavePlan, console: Console) -> dict[str, Outcome]:
-    benches = healthy_benches(wave.variant, wave.plan.master_seed)
-    outcomes = {}
-    with progress_bar(console, "recording", float(len(benches))) as progress:
-        for number, (name, bench) in enumerate(benches.items(), 1):
-            outcomes[name] = record(bench)
-            progress(float(number))
-    return outcomes
 
 
 def _fitted(wave: WavePlan, healthy: dict[str, Outcome], console: Console) -> Path:
@@ -116,20 +101,8 @@ def _fitted(wave: WavePlan, healthy: dict[str, Outcome], console: Console) -> Pa
     out = wave.plan.out
     recordings = list(write_recordings(out / "healthy", healthy.items(), wave.measured_rate))
     fitted = out / FITTED
-    _observer_rt(
-        console,
-        ["fit", *map(str, recordings), "--model", str(out / "healthy" / NEW_PART)],
-        ["--output", str(fitted), "--force"],
-    )
+    console.print(fit_model(recordings, out / "healthy" / NEW_PART, fitted), highlight=False, markup=False)
     return fitted
-
-
-def _observer_rt(console: Console, *arguments: Sequence[str]) -> None:
-    command = [sys.executable, "-m", "observer_rt", *(a for part in arguments for a in part)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    console.print(done.stdout, highlight=False, markup=False)
-    if done.returncode:
-        raise RunError(f"observer-rt fit ended with {done.returncode}: {done.stderr.strip()}")
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,9 @@ from typing import Any, Generic, TypeVar
 from rich.console import Console
 
 from observer_rt.config.bench import NOMINAL_INJECTOR
-from tools.benchmarks.discovery.answers import OUR_PROGRAM, Answer, ask
+from tools.benchmarks.discovery.answers import Answer, ask
 from tools.benchmarks.runs import Campaign, Labelled, Store
+from tools.benchmarks.wave_recordings import OUR_PROGRAM
 
 WARM_UP_RECORDINGS = 2
 Hiding = TypeVar("Hiding")

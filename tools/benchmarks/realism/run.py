@@ -4,13 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import typer
 from rich.console import Console
 
-from observer_rt.config.bench import Bench
 from observer_rt.config.signals import SignalConfig
 from observer_rt.estimation.scalars import NOZZLE, SEAT
 from observer_rt.evaluation.evaluate import Evaluation, evaluate
@@ -57,8 +56,9 @@ from tools.benchmarks.scoring import (
     score_evaluation,
     timed_training,
     warm_up,
+    with_signals,
 )
-from tools.benchmarks.wave_accuracy import WavePlan, fitted_model, warm_up_model
+from tools.benchmarks.wave_accuracy import WavePlan, fitted_model
 from tools.benchmarks.wave_plant import Variant
 
 
@@ -81,7 +81,7 @@ def run_realism(
     plan = replace(plan, classes=tuple(name for name, known in names.items() if known))
     rich = _rich(WavePlan(plan, Variant.PLAIN, given), console) if is_rich else None
     model = None if rich is None else rich.model
-    ready = warm_up if model is None else partial(warm_up_model, model)
+    ready = partial(warm_up, model)
     sources = () if model is None else (model,)
     campaign = plan.campaign(console)
     kept = campaign.store("observer", RunScore, PACKAGE, BENCHMARKS, *sources)
@@ -101,22 +101,13 @@ def is_known(stated: Stated) -> bool:
     return all(key in SignalConfig.model_fields for keys in stated.values() for key in keys)
 
 
-def with_stated(bench: Bench, stated: Stated) -> Bench:
-    """The bench file's bench with these keys of its signals."""
-    signals = bench.injector.config.signals
-    update: dict[str, Any] = {
-        role: getattr(signals, role).model_copy(update=keys) for role, keys in stated.items()
-    }
-    return bench.with_sections(signals=signals.model_copy(update=update))
-
-
 def score_run(model: Path | None, task: Task) -> RunScore:
     """Work of one process: our observer on a disturbed recording; model: the injector file, on tier B."""
     case = make_realism_case(task, is_rich=model is not None)
     outcome = record(case.bench)
     bench = bench_for_case(case, model)
     for each in parsed(task.class_name):
-        bench = with_stated(bench, each.stated)
+        bench = with_signals(bench, each.stated)
     with timed_training() as training:
         evaluation = evaluate(bench, [recording_of(outcome)]).evaluations[0]
     windows = windows_of(outcome, case.bench.sample_rate)

@@ -43,12 +43,12 @@ label = json.loads(open(folder + "/labels.json").read())[0]
 hiding.run(["record", folder, label if isinstance(label, str) else label["label"], folder + "/recordings"])
 """
 PLANS: dict[str, tuple[dict[str, Any], tuple[str, ...], int]] = {
-    "discovery.generator": (
+    "discovery.cases": (
         {"effects": ["seat_area"], "faulty": 1, "healthy": 0, "rates": [True], "master_seed": 1},
         tuple(HIDDEN),
         len(GIVEN),
     ),
-    "discovery.real_line.generator": (
+    "discovery.real_line.cases": (
         {
             "numbers": {"healthy": 0, "singles": 0, "pairs": 1, "outside": 0},
             "rates": [True],
@@ -58,7 +58,7 @@ PLANS: dict[str, tuple[dict[str, Any], tuple[str, ...], int]] = {
         (*EFFECTS, *Kind, *Discrepancy),
         len(GIVEN),
     ),
-    "discovery.outside.generator": (
+    "discovery.outside.cases": (
         {"tier": "A", "cases": 0, "rates": [True], "master_seed": 1, "names": ["relief_leakage"]},
         (*KINDS, *Asked),
         len(GIVEN) + len(FURTHER),

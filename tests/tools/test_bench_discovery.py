@@ -16,9 +16,8 @@ from observer_rt.model.effects import VOCABULARY
 from tools.benchmarks.discovery import result as summary
 from tools.benchmarks.discovery.answers import Answer, read_answer
 from tools.benchmarks.discovery.asking import Asking
-from tools.benchmarks.discovery.cases import GIVEN, HiddenCase, make_case, without_noise
+from tools.benchmarks.discovery.cases import GIVEN, HiddenCase, HidingPlan, make_case, without_noise
 from tools.benchmarks.discovery.figures import save_figures
-from tools.benchmarks.discovery.generator import HidingPlan
 from tools.benchmarks.discovery.hidden import HEALTHY, HIDDEN
 from tools.benchmarks.discovery.result import CaseResult, Gap, Interval, Visibility
 from tools.benchmarks.discovery.run import run_discovery, shown

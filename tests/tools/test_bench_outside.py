@@ -17,7 +17,7 @@ from observer_rt.evidence.measurement import measurements
 from observer_rt.model.effects import VOCABULARY, effective_model, sized
 from observer_rt.recording.formats import read_recording
 from tools.benchmarks.discovery.asking import Asking
-from tools.benchmarks.discovery.generator import write_all
+from tools.benchmarks.discovery.cases import write_all
 from tools.benchmarks.discovery.outside.answers import (
     Misfit,
     OutsideAnswer,

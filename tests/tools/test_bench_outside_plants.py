@@ -11,7 +11,7 @@ from observer_rt.model.effects import VOCABULARY
 from observer_rt.model.terms.term import TermEquation as TheirEquation
 from tests.tools.test_bench_real_line_plants import short
 from tools.benchmarks.discovery.cases import FURTHER, GIVEN
-from tools.benchmarks.discovery.hidden_kind import HiddenKind, TermEquation
+from tools.benchmarks.discovery.hidden import HiddenKind, TermEquation
 from tools.benchmarks.discovery.outside.cases import (
     INJECTIONS,
     Asked,

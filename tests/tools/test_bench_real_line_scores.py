@@ -12,10 +12,9 @@ from observer_rt.config.bench import NOMINAL_INJECTOR
 from tools.benchmarks.discovery.answers import Answer, Claim, ClaimedParameter, Smallest, read_answer
 from tools.benchmarks.discovery.asking import Asking
 from tools.benchmarks.discovery.real_line import result as summary
-from tools.benchmarks.discovery.real_line.cases import Kind, Numbers, Rig, make_case
+from tools.benchmarks.discovery.real_line.cases import Kind, Numbers, RealPlan, Rig, make_case
 from tools.benchmarks.discovery.real_line.discrepancies import Discrepancy
 from tools.benchmarks.discovery.real_line.fitting import record_only
-from tools.benchmarks.discovery.real_line.generator import RealPlan
 from tools.benchmarks.discovery.real_line.result import RealGap, RealResult
 from tools.benchmarks.discovery.real_line.run import run_real_lines, shown
 from tools.benchmarks.discovery.real_line.scoring import score_case

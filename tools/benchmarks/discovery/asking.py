@@ -12,6 +12,7 @@ from typing import Any, Generic, TypeVar
 from rich.console import Console
 
 from observer_rt.config.bench import NOMINAL_INJECTOR
+from tools.benchmarks.discovery import hiding
 from tools.benchmarks.discovery.answers import Answer, ask
 from tools.benchmarks.runs import Campaign, Labelled, Store
 from tools.benchmarks.wave_recordings import OUR_PROGRAM
@@ -72,16 +73,22 @@ class Found(Generic[Scored]):
     crashes: tuple[str, ...]
 
 
-def generate(module: str, verb: str, folder: Path, *arguments: str, given: str = "") -> tuple[Path, ...]:
-    """Run a generator, the only process that knows what is hidden before the answers are in; the files it wrote."""
-    command = [sys.executable, "-m", module, verb, str(folder), *arguments]
+def generate(cases: str, verb: str, folder: Path, *arguments: str, given: str = "") -> tuple[Path, ...]:
+    """Run what hides the cases of a module, the only process that knows them before the answers are in; its files."""
+    command = [sys.executable, "-m", hiding.__name__, cases, verb, str(folder), *arguments]
     done = subprocess.run(command, input=given, stdout=subprocess.PIPE, text=True, check=True)
     return tuple(Path(line) for line in done.stdout.splitlines())
 
 
-def seal(module: str, plan: Any, folder: Path) -> None:
-    """Have the cases of a plan drawn by a generator."""
-    generate(module, "seal", folder, given=json.dumps(asdict(plan)))
+def seal(plan: Any, folder: Path) -> None:
+    """Have the cases of a plan drawn by the module it is of."""
+    generate(type(plan).__module__, "seal", folder, given=json.dumps(asdict(plan)))
+
+
+def recorded(question: Question) -> tuple[Path, ...]:
+    """Have a case recorded in a folder of its own; the files."""
+    hidden, label = question.asking.hidden, question.label
+    return generate(type(question.asking.plan).__module__, "record", hidden, label, str(hidden / label))
 
 
 def ask_and_keep(question: Question, recordings: Sequence[Path], choose: bool = True) -> Answer:

@@ -21,8 +21,8 @@ from tools.benchmarks.command_line import (
 )
 from tools.benchmarks.discovery import run, tables
 from tools.benchmarks.discovery.asking import Asking
+from tools.benchmarks.discovery.cases import HidingPlan
 from tools.benchmarks.discovery.figures import save_figures
-from tools.benchmarks.discovery.generator import HidingPlan
 from tools.benchmarks.discovery.hidden import HIDDEN
 from tools.benchmarks.discovery.outside import run as outside_run
 from tools.benchmarks.discovery.outside import tables as outside_tables
@@ -30,10 +30,9 @@ from tools.benchmarks.discovery.outside.cases import Asked, OutsidePlan
 from tools.benchmarks.discovery.outside.kinds import KINDS, VOCABULARY_KINDS
 from tools.benchmarks.discovery.real_line import run as real_run
 from tools.benchmarks.discovery.real_line import tables as real_tables
-from tools.benchmarks.discovery.real_line.cases import names_of, shared_out
+from tools.benchmarks.discovery.real_line.cases import RealPlan, names_of, shared_out
 from tools.benchmarks.discovery.real_line.discrepancies import Discrepancy
 from tools.benchmarks.discovery.real_line.fitting import record_only
-from tools.benchmarks.discovery.real_line.generator import RealPlan
 from tools.benchmarks.report import put_out
 
 CASES, REAL_CASES, OUTSIDE_CASES = 300, 150, 150

@@ -14,11 +14,10 @@ from tools.benchmarks.discovery.asking import (
     Question,
     ask_and_keep,
     ask_and_score,
-    generate,
+    recorded,
     seal,
 )
-from tools.benchmarks.discovery.cases import HiddenCase, make_case
-from tools.benchmarks.discovery.generator import HIDING, HidingPlan, write_recordings
+from tools.benchmarks.discovery.cases import HIDING, HiddenCase, HidingPlan, make_case, write_recordings
 from tools.benchmarks.discovery.hidden import HEALTHY
 from tools.benchmarks.discovery.result import CaseResult, violations
 from tools.benchmarks.discovery.scoring import score_case
@@ -26,7 +25,6 @@ from tools.benchmarks.discovery.tables import confusion_table, effect_table, mis
 from tools.benchmarks.report import Shown
 from tools.benchmarks.runs import BENCHMARKS, PACKAGE
 
-GENERATOR = "tools.benchmarks.discovery.generator"
 HIDING_SOURCES = tuple(
     BENCHMARKS / name
     for name in (
@@ -37,7 +35,6 @@ HIDING_SOURCES = tuple(
         "discovery/hidden.py",
         "discovery/cases.py",
         "discovery/hiding.py",
-        "discovery/generator.py",
         "discovery/answers.py",
     )
 )
@@ -47,7 +44,7 @@ HIDING_SOURCES = tuple(
 def run_discovery(asking: Asking[HidingPlan], console: Console) -> Found[CaseResult]:
     """Ask about the cases not yet asked about with this state of the code, then score; progress goes to `console`."""
     hidden, campaign = asking.hidden, asking.campaign(console)
-    seal(GENERATOR, asking.plan, hidden)
+    seal(asking.plan, hidden)
     labels = HIDING.labels_in(hidden)
     answers = campaign.store("answers", Answer, PACKAGE, *HIDING_SOURCES)
     results = campaign.store("results", CaseResult, PACKAGE, BENCHMARKS)
@@ -71,8 +68,7 @@ def shown(found: Found[CaseResult]) -> Iterator[Shown]:
 
 def ask_question(question: Question) -> Answer:
     """Work of one process: have a case recorded, and ask. Its findings stay in `out`, nothing else."""
-    label, hidden = question.label, question.asking.hidden
-    return ask_and_keep(question, generate(GENERATOR, "record", hidden, label, str(hidden / label)))
+    return ask_and_keep(question, recorded(question))
 
 
 def score_answered(answered: Answered[HiddenCase]) -> CaseResult:

@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tools.benchmarks.arrays import Array
-from tools.benchmarks.discovery.hidden import HiddenParameter
-from tools.benchmarks.discovery.hidden_kind import (
+from tools.benchmarks.discovery.hidden import (
     MOMENTUM,
     NOZZLE,
     OUTFLOW,
     SEAT,
     SENSOR,
     HiddenKind,
+    HiddenParameter,
     TermEquation,
 )
 from tools.benchmarks.discovery.real_line.discrepancies import resonant_line

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tools.benchmarks.discovery.hidden_kind import (
+from tools.benchmarks.discovery.hidden import (
     MOMENTUM,
     NOZZLE,
     OUTFLOW,

@@ -7,21 +7,19 @@ from pathlib import Path
 
 from rich.console import Console
 
-from tools.benchmarks.discovery.asking import Asking, Found, Question, generate, seal
+from tools.benchmarks.discovery.asking import Asking, Found, Question, recorded, seal
 from tools.benchmarks.discovery.outside.answers import OutsideAnswer, ask_outside
-from tools.benchmarks.discovery.outside.cases import Asked, OutsidePlan
-from tools.benchmarks.discovery.outside.generator import HIDING
+from tools.benchmarks.discovery.outside.cases import HIDING, Asked, OutsidePlan
 from tools.benchmarks.discovery.outside.result import OutsideResult, asked_for, figures
 from tools.benchmarks.discovery.outside.tables import answer_table, case_lines, kind_table
 from tools.benchmarks.discovery.real_line.fitting import HIDING_SOURCES, fitted_models
 from tools.benchmarks.report import Shown, figures_table
 from tools.benchmarks.runs import PACKAGE
 
-GENERATOR = "tools.benchmarks.discovery.outside.generator"
 HERE = Path(__file__).parent
 SOURCES = (
     *HIDING_SOURCES,
-    *(HERE / f"{name}.py" for name in ("kinds", "cases", "generator", "answers")),
+    *(HERE / f"{name}.py" for name in ("kinds", "cases", "answers")),
 )
 """What, with the package, an answer depends on."""
 
@@ -36,7 +34,7 @@ class OutsideQuestion(Question):
 def run_outside(asking: Asking[OutsidePlan], console: Console) -> Found[OutsideResult]:
     """Ask about the cases not yet asked about with this state of the code; progress goes to `console`."""
     hidden, campaign, failed = asking.hidden, asking.campaign(console), list[str]()
-    seal(GENERATOR, asking.plan, hidden)
+    seal(asking.plan, hidden)
     labels = HIDING.labels_in(hidden)
     models = fitted_models({label.rig for label in labels}, asking, console, failed)
     questions = [
@@ -65,7 +63,7 @@ def ask_question(question: OutsideQuestion) -> OutsideAnswer:
     """Work of one process: have a case recorded, and ask."""
     folder = question.asking.hidden / question.label
     try:
-        generate(GENERATOR, "record", question.asking.hidden, question.label, str(folder))
+        recorded(question)
         return ask_outside(question.label, folder, question.model, question.without)
     finally:
         shutil.rmtree(folder, ignore_errors=True)

@@ -5,11 +5,14 @@ import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from pathlib import Path
 
 import numpy as np
 from numpy.random import Generator
+from pydantic import TypeAdapter
 
-from tools.benchmarks.discovery.cases import FURTHER, GIVEN
+from tools.benchmarks.discovery.cases import FURTHER, GIVEN, write_all
+from tools.benchmarks.discovery.hiding import Hiding
 from tools.benchmarks.discovery.real_line.discrepancies import Discrepancy, plant_of
 from tools.benchmarks.discovery.real_line.hidden import (
     EFFECTS,
@@ -218,3 +221,43 @@ def _needle(rig: Rig) -> Needle:
     rng = np.random.default_rng([rig.seed, rig.number, zlib.crc32(b"needle")])
     opening, closing = 1.0 + NEEDLE_SPREAD * rng.uniform(-1.0, 1.0, 2)
     return Needle(0.80 * opening, 0.90 * closing)
+
+
+@dataclass(frozen=True)
+class RealPlan:
+    """What is drawn: numbers of cases, without and with measured rate, on which plants, seed, and what alone."""
+
+    numbers: Numbers
+    rates: tuple[bool, ...]
+    discrepancies: tuple[Discrepancy, ...]
+    master_seed: int
+    chosen: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class RigLabel:
+    """What may be known of a case before it is opened: its rig, whose fitted model it is asked with.
+
+    None: the nominal injector; without: names the vocabulary is asked without.
+    """
+
+    label: str
+    rig: Rig | None
+    without: tuple[str, ...] = ()
+
+
+def write_healthy(labels: Sequence[RigLabel], name: str, target: Path) -> tuple[Path, ...]:
+    """What the fit of a rig is given."""
+    rig = next(label.rig for label in labels if label.rig is not None and label.rig.name == name)
+    return write_all(healthy_benches(rig), rig.with_rate, target)
+
+
+HIDING = Hiding(
+    plan=TypeAdapter(RealPlan),
+    cases=TypeAdapter(tuple[RealCase, ...]),
+    labels=TypeAdapter(tuple[RigLabel, ...]),
+    make=lambda plan: make_cases(plan.numbers, plan.rates, plan.discrepancies, plan.master_seed, plan.chosen),
+    label_of=lambda case: RigLabel(case.label, case.rig),
+    record=lambda case, target: write_all(given_benches(case), case.rig.with_rate, target),
+    healthy=write_healthy,
+)

@@ -13,8 +13,7 @@ from tools.benchmarks.command_line import tracked
 from tools.benchmarks.discovery import run as nominal
 from tools.benchmarks.discovery.asking import Asking, generate, seal
 from tools.benchmarks.discovery.cases import GIVEN
-from tools.benchmarks.discovery.real_line.cases import Rig, hidden_text
-from tools.benchmarks.discovery.real_line.generator import HIDING, RealPlan
+from tools.benchmarks.discovery.real_line.cases import HIDING, RealPlan, Rig, hidden_text
 from tools.benchmarks.runs import BENCHMARKS, PACKAGE, digest_of
 from tools.benchmarks.wave_recordings import NEW_PART, OUR_PROGRAM, fit_model, maker_file
 
@@ -28,13 +27,11 @@ HIDING_SOURCES = (
             "wave_line_equations",
             "wave_plant",
             "wave_plant_equations",
-            "discovery/hidden_kind",
         )
     ),
-    *(HERE / f"{name}.py" for name in ("discrepancies", "hidden", "cases", "generator", "fitting")),
+    *(HERE / f"{name}.py" for name in ("discrepancies", "hidden", "cases", "fitting")),
 )
 """What, with the package, a fitted model and an answer depend on."""
-GENERATOR = "tools.benchmarks.discovery.real_line.generator"
 
 
 @cache
@@ -52,7 +49,7 @@ def fitted_model(rig: Rig, sealed: Path, folder: Path, program: Sequence[str] = 
     state = f"{state_of_the_code()} {rig}"
     if fitted.exists() and made_by.exists() and made_by.read_text() == state:
         return fitted
-    recordings = generate(GENERATOR, "healthy", sealed, rig.name, str(folder / HEALTHY))
+    recordings = generate(RealPlan.__module__, "healthy", sealed, rig.name, str(folder / HEALTHY))
     maker = folder / NEW_PART
     maker.write_text(maker_file())
     (folder / FIT_LOG).write_text(fit_model(recordings, maker, fitted, program))
@@ -80,7 +77,7 @@ def record_only(plan: RealPlan, out: Path, console: Console, program: Sequence[s
 
     What is there already stays. A line for each case says what is in it.
     """
-    seal(GENERATOR, plan, out)
+    seal(plan, out)
     cases = HIDING.opened(out)
     rigs = sorted({case.rig for case in cases}, key=lambda rig: rig.name)
     for rig in tracked(rigs, "fitting", console):
@@ -88,6 +85,6 @@ def record_only(plan: RealPlan, out: Path, console: Console, program: Sequence[s
     for case in tracked(cases, "recording", console):
         folder = out / CASES / case.label
         if len(list(folder.glob("*.csv"))) < len(GIVEN):
-            generate(GENERATOR, "record", out, case.label, str(folder))
+            generate(RealPlan.__module__, "record", out, case.label, str(folder))
     for case in cases:
         console.print(f"{case.label} {case.rig.open_name}: {hidden_text(case.parts)}", highlight=False)

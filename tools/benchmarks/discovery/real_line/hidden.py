@@ -8,14 +8,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from tools.benchmarks.discovery.hidden import HIDDEN, MICROMETRE, MICROSECOND, HiddenParameter
-from tools.benchmarks.discovery.hidden_kind import (
+from tools.benchmarks.discovery.hidden import (
+    HIDDEN,
+    MICROMETRE,
+    MICROSECOND,
     MOMENTUM,
     NOZZLE,
     SEAT,
     SENSOR,
     Family,
     HiddenKind,
+    HiddenParameter,
     TermEquation,
 )
 from tools.benchmarks.discovery.real_line.discrepancies import resonant_line

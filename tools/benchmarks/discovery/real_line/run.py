@@ -17,12 +17,11 @@ from tools.benchmarks.discovery.asking import (
     Question,
     ask_and_keep,
     ask_and_score,
-    generate,
+    recorded,
     seal,
 )
-from tools.benchmarks.discovery.real_line.cases import RealCase
-from tools.benchmarks.discovery.real_line.fitting import GENERATOR, HEALTHY, HIDING_SOURCES, fitted_models
-from tools.benchmarks.discovery.real_line.generator import HIDING, RealPlan
+from tools.benchmarks.discovery.real_line.cases import HIDING, RealCase, RealPlan
+from tools.benchmarks.discovery.real_line.fitting import HEALTHY, HIDING_SOURCES, fitted_models
 from tools.benchmarks.discovery.real_line.result import RealResult, violations
 from tools.benchmarks.discovery.real_line.scoring import score_case
 from tools.benchmarks.discovery.real_line.tables import discrepancy_table, effect_table, kind_lines, misses
@@ -40,7 +39,7 @@ class RealResults(Found[RealResult]):
 def run_real_lines(asking: Asking[RealPlan], console: Console) -> RealResults:
     """Fit, and ask about the cases not yet asked about with this state of the code; progress goes to `console`."""
     hidden, campaign, failed = asking.hidden, asking.campaign(console), list[str]()
-    seal(GENERATOR, asking.plan, hidden)
+    seal(asking.plan, hidden)
     labels = HIDING.labels_in(hidden)
     answers = campaign.store("answers", Answer, PACKAGE, *HIDING_SOURCES)
     results = campaign.store("results", RealResult, PACKAGE, BENCHMARKS)
@@ -68,9 +67,7 @@ def shown(found: RealResults) -> Iterator[Shown]:
 
 def ask_question(question: Question) -> Answer:
     """Work of one process: have a case recorded, and ask. Its findings stay in `out`, nothing else."""
-    label, hidden = question.label, question.asking.hidden
-    files = generate(GENERATOR, "record", hidden, label, str(hidden / label))
-    return ask_and_keep(question, files, choose=False)
+    return ask_and_keep(question, recorded(question), choose=False)
 
 
 def score_answered(answered: Answered[RealCase]) -> RealResult:

@@ -25,7 +25,7 @@ from tools.benchmarks.bars import (
 )
 from tools.benchmarks.cases import CLASSES, Group, make_case
 from tools.benchmarks.peers import PeerScore, has_paper, has_peers, score_paper, score_peers
-from tools.benchmarks.report import Shown, clopper_pearson, ruled
+from tools.benchmarks.report import NOTHING, Shown, clopper_pearson, mean, median, percentile, ruled
 from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Crash, Plan, Task, on_case
 from tools.benchmarks.sample_time import measure_sample_time
 from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore, SampleTime
@@ -90,7 +90,7 @@ def with_peers(score: CaseScore, part: PeerScore) -> CaseScore:
     return replace(score, estimators=score.estimators + part.estimators, limits_mg=limits)
 
 
-_WEAR_ONLY = _NOT_RUN = "-"
+SPREAD = ("median", "p95", "max")
 
 
 def class_table(scores: Sequence[CaseScore]) -> Table:
@@ -134,7 +134,7 @@ def _followed_row(cases: Sequence[CaseScore]) -> list[str]:
 
 
 def _percent(found: Sequence[bool]) -> str:
-    return f"{100.0 * np.mean(found):.1f}" if found else _NOT_RUN
+    return f"{100.0 * np.mean(found):.1f}" if found else NOTHING
 
 
 def _interval(found: Sequence[bool]) -> str:
@@ -175,28 +175,28 @@ def _cells(
     cells = []
     for name in names:
         values = [figure(s, name) for s in cases if s.has(name)]
-        cells.append(f"{np.median(values):.2f} / {max(values):.2f}" if values else _NOT_RUN)
+        cells.append(f"{np.median(values):.2f} / {max(values):.2f}" if values else NOTHING)
     return cells
 
 
 def _row(cases: Sequence[CaseScore]) -> list[str]:
-    mass = [abs(s.mass_error_pct()) for s in cases]
-    rmse = [s.rate_rmse() for s in cases]
-    training = [ms for s in cases for ms in s.training_ms]
-    ratios = x3_ratios(cases)
-    covered, rates = coverage(cases), rate_coverages(cases)
+    found, ratios = _class_details(cases), x3_ratios(cases)
+    covered, rates, training = (
+        found["coverage_95_share"],
+        found["rate_coverage_share"],
+        found["training_ms_median"],
+    )
     return [
-        str(len(cases)),
-        *(f"{value:.3f}" for value in _spread(mass)),
-        *(f"{value:.3f}" for value in _spread(rmse)),
-        f"{100.0 * np.mean([s.valid_share for s in cases]):.1f}",
-        str(sum(s.wrong_valid for s in cases)),
-        f"{max(sustained_excess_pct(s) for s in cases):.2f}",
-        f"{np.percentile(ratios, 5):.0f}" if ratios else _WEAR_ONLY,
-        f"{100.0 * np.mean(covered):.0f} ({_interval(covered)})" if covered else "",
-        f"{100.0 * np.mean(rates):.1f}" if rates else "",
-        f"{np.median(training):.1f}" if training else "",
-        f"{np.percentile(training, 99):.1f}" if training else "",
+        str(found["cases"]),
+        *(f"{found[name][key]:.3f}" for name in ("mass_error_pct", "rate_rmse_mm3_per_ms") for key in SPREAD),
+        f"{100.0 * found['valid_share']:.1f}",
+        str(found["wrong_valid"]),
+        f"{found['sustained_excess_max_pct']:.2f}",
+        f"{np.percentile(ratios, 5):.0f}" if ratios else NOTHING,
+        "" if covered is None else f"{100.0 * covered:.0f} ({_interval(coverage(cases))})",
+        "" if rates is None else f"{100.0 * rates:.1f}",
+        "" if training is None else f"{training:.1f}",
+        "" if training is None else f"{found['training_ms_p99']:.1f}",
         f"{np.median([abs(s.mass_error_pct(NOMINAL)) for s in cases]):.3f}",
     ]
 
@@ -208,7 +208,6 @@ def json_document(
     main = [s for s in scores if CLASSES[s.class_name].group is Group.MAIN]
     ratios = x3_ratios(scores)
     covered = coverage(main)
-    widths = halfwidths(main)
     shares = [np.mean([s.valid_share for s in cases]) for cases in by_class(main).values()]
     worn, changed = worn_from_the_start(scores), [s for s in scores if s.change_event is not None]
     training = [ms for s in main for ms in s.training_ms]
@@ -217,17 +216,15 @@ def json_document(
             "mass_error_max_pct": max((abs(s.mass_error_pct()) for s in main), default=None),
             "rate_rmse_max_mm3_per_ms": max((s.rate_rmse() for s in main), default=None),
             "x3_mse_ratio_min": min(ratios, default=None),
-            "coverage_95_share": float(np.mean(covered)) if covered else None,
+            "coverage_95_share": mean(covered),
             "wrong_valid": sum(s.wrong_valid for s in scores),
             "valid_share_min": float(min(shares)) if shares else None,
-            "interval_halfwidth_vs_limit_median": float(np.median(widths)) if widths else None,
-            "rate_coverage_share": float(np.mean(rates)) if (rates := rate_coverages(main)) else None,
-            "first_useful_phi_share": float(np.mean([useful_at_third(s) for s in worn])) if worn else None,
-            "recovered_after_three_share": float(np.mean([recovered(s) for s in changed]))
-            if changed
-            else None,
-            "training_ms_median": float(np.median(training)) if training else None,
-            "training_ms_p99": float(np.percentile(training, 99)) if training else None,
+            "interval_halfwidth_vs_limit_median": median(halfwidths(main)),
+            "rate_coverage_share": mean(rate_coverages(main)),
+            "first_useful_phi_share": mean([useful_at_third(s) for s in worn]),
+            "recovered_after_three_share": mean([recovered(s) for s in changed]),
+            "training_ms_median": median(training),
+            "training_ms_p99": percentile(training, 99),
             "sample_open_us": took.open_us,
             "sample_closed_us": took.closed_us,
         },
@@ -241,37 +238,33 @@ def json_document(
 
 def _class_details(cases: Sequence[CaseScore]) -> dict[str, Any]:
     training = [ms for s in cases for ms in s.training_ms]
-    covered, widths, rates = coverage(cases), halfwidths(cases), rate_coverages(cases)
+    covered = coverage(cases)
     in_time = [found for s in cases if (found := followed(s)) is not None]
     return {
         "cases": len(cases),
-        "mass_error_pct": _named_spread([abs(s.mass_error_pct()) for s in cases]),
-        "rate_rmse_mm3_per_ms": _named_spread([s.rate_rmse() for s in cases]),
+        "mass_error_pct": _spread([abs(s.mass_error_pct()) for s in cases]),
+        "rate_rmse_mm3_per_ms": _spread([s.rate_rmse() for s in cases]),
         "valid_share": float(np.mean([s.valid_share for s in cases])),
         "wrong_valid": sum(s.wrong_valid for s in cases),
         "peers": {
             e.name: {
-                "mass_error_pct": _named_spread([abs(s.mass_error_pct(e.name)) for s in cases]),
-                "rate_rmse_mm3_per_ms": _named_spread([s.rate_rmse(e.name) for s in cases]),
+                "mass_error_pct": _spread([abs(s.mass_error_pct(e.name)) for s in cases]),
+                "rate_rmse_mm3_per_ms": _spread([s.rate_rmse(e.name) for s in cases]),
             }
             for e in cases[0].estimators
             if e.name != OBSERVER and all(s.has(e.name) for s in cases)
         },
         "sustained_excess_max_pct": max(sustained_excess_pct(s) for s in cases),
-        "coverage_95_share": float(np.mean(covered)) if covered else None,
+        "coverage_95_share": mean(covered),
         "coverage_95_share_ci99": clopper_pearson(sum(covered), len(covered)) if covered else None,
-        "rate_coverage_share": float(np.mean(rates)) if rates else None,
-        "interval_halfwidth_vs_limit_median": float(np.median(widths)) if widths else None,
-        "within_1_pct_in_time_share": float(np.mean(in_time)) if in_time else None,
-        "training_ms_median": float(np.median(training)) if training else None,
-        "training_ms_p99": float(np.percentile(training, 99)) if training else None,
+        "rate_coverage_share": mean(rate_coverages(cases)),
+        "interval_halfwidth_vs_limit_median": median(halfwidths(cases)),
+        "within_1_pct_in_time_share": mean(in_time),
+        "training_ms_median": median(training),
+        "training_ms_p99": percentile(training, 99),
         "worst": [s.number for s in sorted(cases, key=lambda s: -abs(s.mass_error_pct()))[:3]],
     }
 
 
-def _spread(values: Sequence[float]) -> tuple[float, float, float]:
-    return float(np.median(values)), float(np.percentile(values, 95)), max(values)
-
-
-def _named_spread(values: Sequence[float]) -> dict[str, float]:
-    return dict(zip(("median", "p95", "max"), _spread(values), strict=True))
+def _spread(values: Sequence[float]) -> dict[str, float]:
+    return dict(zip(SPREAD, (float(np.median(values)), percentile(values, 95), max(values)), strict=True))

@@ -4,7 +4,7 @@ import gc
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import typer
@@ -24,7 +24,7 @@ from observer_rt.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.terminal.console import progress_bar
 from tools.benchmarks.command_line import JsonOption, ModelOption, app, messages
 from tools.benchmarks.report import Columns, put_out, table_of
-from tools.benchmarks.scoring import bench_at
+from tools.benchmarks.scoring import bench_at, part_of
 
 SAMPLE_RATE = 100e3  # Hz: the index of 32 bits comes round after 11.9 h
 PRESSURES = (60e6, 100e6, 140e6)  # Pa
@@ -103,7 +103,10 @@ def run_history(hours: float, period: float, model: Path | None, console: Consol
                     core.finish()
                     reported += len(notes.injections)
                 now = core.counters
-                gone_back |= dict.fromkeys(_gone_back(before, now))
+                smaller = (
+                    each.name for each in fields(now) if getattr(now, each.name) < getattr(before, each.name)
+                )
+                gone_back |= dict.fromkeys(smaller)
                 before = now
                 hour = (number + 1) * period / _HOUR
                 looks.append(
@@ -124,7 +127,15 @@ def history(
     found = run_history(hours, period, model, messages)
     looks = {f"{each.hour:.1f}": each for each in found.looks[:: max(1, len(found.looks) // 24)]}
     table = table_of(f"memory grows by {found.growth:.3f} MiB an hour", "hour", looks, _COLUMNS)
-    put_out(as_json, _document(found), [table, *(f"missed: {text}" for text in found.missed)])
+    document = {
+        "figures": {"growth_mib_per_h": found.growth, **asdict(found.looks[-1])},
+        "details": {
+            "looks": [asdict(each) for each in found.looks],
+            "counters": asdict(found.counters),
+            "violations": found.missed,
+        },
+    }
+    put_out(as_json, document, [table, *(f"missed: {text}" for text in found.missed)])
 
 
 def _injections(model: Path | None) -> Sequence[Recording]:
@@ -133,15 +144,7 @@ def _injections(model: Path | None) -> Sequence[Recording]:
     injector = bench_at(SAMPLE_RATE, model).injector.parameters
     worn = (sized("orifice_area", v_H=WEAR),)
     whole = simulate(injector, schedule, SAMPLE_RATE, worn, SimulatedNoise(), seed=1).recording
-    return [
-        Recording(
-            np.arange(span.end - span.start) / SAMPLE_RATE,
-            whole.rail_pressure[span.start : span.end],
-            whole.needle_lift[span.start : span.end],
-            whole.line_pressure[span.start : span.end],
-        )
-        for span in windows(whole)
-    ]
+    return [part_of(whole, span) for span in windows(whole)]
 
 
 def _send(core: Core, framer: Framer, part: Recording, begin: float) -> None:
@@ -152,10 +155,6 @@ def _send(core: Core, framer: Framer, part: Recording, begin: float) -> None:
         for each in framer.frames(part, windows(part))
     ]
     core.handle_many(block_of(given))
-
-
-def _gone_back(before: Counters, now: Counters) -> list[str]:
-    return [each.name for each in fields(now) if getattr(now, each.name) < getattr(before, each.name)]
 
 
 def _memory() -> float:
@@ -171,15 +170,3 @@ _COLUMNS: Columns[Look] = {
     "reported": lambda each: str(each.reported),
     "valid": lambda each: str(each.valid),
 }
-
-
-def _document(found: History) -> dict[str, Any]:
-    last = found.looks[-1]
-    return {
-        "figures": {"growth_mib_per_h": found.growth, **asdict(last)},
-        "details": {
-            "looks": [asdict(each) for each in found.looks],
-            "counters": asdict(found.counters),
-            "violations": found.missed,
-        },
-    }

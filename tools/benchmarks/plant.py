@@ -47,7 +47,10 @@ def sampled(
     """
 
     def slowed(values: Array, noise: Array) -> Array:
-        return _means(values, noise, every) if averaged else (values + noise)[::every]
+        if not averaged:
+            return (values + noise)[::every]
+        between = np.append(values[:1], 0.5 * (values[1:] + values[:-1]))  # straight lines join the values
+        return _block_means(between, every) + _block_means(noise, every)
 
     measured = Measured(
         seen.time[::every],
@@ -63,12 +66,6 @@ def sampled(
         _coded(measured.needle_lift, LIFT_STEP, LIFT_FLOOR),
         _coded(measured.line_pressure, PRESSURE_STEP, PRESSURE_FLOOR),
     )
-
-
-def _means(values: Array, noise: Array, every: int) -> Array:
-    """Means over the `every` intervals that end at every `every`-th value: straight lines join the values."""
-    between = np.append(values[:1], 0.5 * (values[1:] + values[:-1]))
-    return _block_means(between, every) + _block_means(noise, every)
 
 
 def _block_means(values: Array, every: int) -> Array:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 from scipy.stats import beta
@@ -56,6 +57,21 @@ def finite(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return [finite(each) for each in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def mean(values: Sequence[float]) -> float | None:
+    """Also the share of flags that hold; None without any."""
+    return float(np.mean(values)) if values else None
+
+
+def median(values: Sequence[float]) -> float | None:
+    """None without any."""
+    return float(np.median(values)) if values else None
+
+
+def percentile(values: Sequence[float], share: float) -> Any:
+    """A float, share in %; None without any."""
+    return float(np.percentile(values, share)) if values else None
 
 
 def clopper_pearson(successes: int, trials: int, confidence: float = CONFIDENCE) -> tuple[float, float]:

@@ -55,9 +55,15 @@ def evaluate_windowed(bench: Bench, recording: Recording, learner_of: LearnerFac
     E2E counters go on. Where nothing was recorded nothing is available; samples and indices are those of the whole.
     """
     spans = windows(recording)
-    history = evaluate(bench, [_cut(recording, span) for span in spans], learner_of=learner_of)
+    history = evaluate(bench, [part_of(recording, span) for span in spans], learner_of=learner_of)
     first = history.evaluations[0].trace
-    trace = Trace(*(_unavailable(getattr(first, each.name), recording.samples) for each in fields(Trace)))
+    likes = (getattr(first, each.name) for each in fields(Trace))
+    trace = Trace(
+        *(
+            np.full((recording.samples, *like.shape[1:]), UNAVAILABLE.get(like.dtype.kind, 0), like.dtype)
+            for like in likes
+        )
+    )
     trace.state[:] = State.WAITING_FOR_DATA
     reports = []
     for span, part in zip(spans, history.evaluations, strict=True):
@@ -73,12 +79,8 @@ def evaluate_windowed(bench: Bench, recording: Recording, learner_of: LearnerFac
     return WindowedEvaluation(trace, tuple(reports), counters)
 
 
-def _unavailable(like: NDArray[Any], samples: int) -> NDArray[Any]:
-    """Of so many samples: nan where that is, else 0."""
-    return np.full((samples, *like.shape[1:]), np.nan if like.dtype.kind == "f" else 0, like.dtype)
-
-
-def _cut(recording: Recording, span: Span) -> Recording:
+def part_of(recording: Recording, span: Span) -> Recording:
+    """Samples of a span, as a recording of their own."""
     part = slice(span.start, span.end)
     return Recording(
         np.arange(span.end - span.start) / recording.sample_rate,
@@ -89,6 +91,7 @@ def _cut(recording: Recording, span: Span) -> Recording:
 
 
 WARM_UP_EVENTS = 3
+UNAVAILABLE = {"f": np.nan}  # by kind of dtype; else 0
 PRESSURE_SCALE = 100 * MEGAPASCAL  # of x3
 NO_REPORT = "NO_REPORT"  # in the place of a reason
 Scored = Evaluation | WindowedEvaluation

@@ -132,11 +132,10 @@ def operate(surgery: Surgery) -> Finding:
     recording, truth = _injections(surgery.wear)
     knowledge = _learned(surgery.wear) if surgery.learning is Learning.HELD else None
     seen = _observed(bench, _faulty(recording, surgery), surgery.learning, knowledge)
-    wrong = [
-        report
-        for report in seen.notes.injections
-        if report.valid and abs(report.volume / _volume(truth, report.start, report.end) - 1) > MASS_TOLERANCE
-    ]
+    wrong = 0
+    for report in seen.notes.injections:
+        volume = float(np.trapezoid(truth.injection_rate[report.start : report.end + 1])) / SAMPLE_RATE
+        wrong += report.valid and abs(report.volume / volume - 1) > MASS_TOLERANCE
     rows = seen.rows
     error = np.abs(rows["injection_rate"] - truth.injection_rate[rows["index"]])
     is_wrong = rows["valid"] & (error > RATE_TOLERANCE)
@@ -144,7 +143,7 @@ def operate(surgery: Surgery) -> Finding:
         surgery,
         len(seen.notes.injections),
         sum(report.valid for report in seen.notes.injections),
-        len(wrong),
+        wrong,
         int(is_wrong.sum()),
         _longest_run(is_wrong),
         seen.core.state[1],
@@ -245,10 +244,6 @@ def _rows(core: Core, framer: Framer, recording: Recording) -> Iterator[NDArray[
         seen = core.processed
     core.finish()
     yield core.rows(seen, core.processed)
-
-
-def _volume(truth: Truth, start: int, end: int) -> float:
-    return float(np.trapezoid(truth.injection_rate[start : end + 1])) / SAMPLE_RATE
 
 
 def _longest_run(of: NDArray[np.bool_]) -> int:

@@ -57,15 +57,10 @@ def score_case(case: HiddenCase, answer: Answer) -> CaseResult:
             result,
             intervals=intervals(case.effect, HIDDEN[case.effect].parameters, case.values, answer.claims[0]),
         )
-    if result.above_noise and not _is_of_the_bench(case):
+    if result.above_noise and not VOCABULARY[case.effect].remedy:  # else no amended model has it in force
         line_pressure, injected_mass = gaps(case, answer.amended_model)
         result = replace(result, line_pressure=line_pressure, injected_mass=injected_mass)
     return result
-
-
-def _is_of_the_bench(case: HiddenCase) -> bool:
-    """Whether no amended model can have what is hidden in force."""
-    return case.effect != HEALTHY and bool(VOCABULARY[case.effect].remedy)
 
 
 def visibility(case: HiddenCase) -> Visibility:

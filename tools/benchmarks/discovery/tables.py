@@ -11,9 +11,7 @@ from observer_rt.model.effects import VOCABULARY
 from tools.benchmarks.discovery import result as results_of
 from tools.benchmarks.discovery.hidden import HEALTHY
 from tools.benchmarks.discovery.result import CaseResult
-from tools.benchmarks.report import ruled
-
-NOTHING = "-"
+from tools.benchmarks.report import NOTHING, mean, median, percentile, ruled
 
 
 def effect_table(results: Sequence[CaseResult]) -> Table:
@@ -91,11 +89,11 @@ def json_document(results: Sequence[CaseResult], crashes: Sequence[str]) -> dict
             "unknown_right_share": None,
             "pairs_right_share": None,
             "tier_b_right_share": None,
-            "gap_vs_oracle_median": float(np.median(shares)) if shares else None,
-            "gap_vs_oracle_p90": float(np.percentile(shares, 90)) if shares else None,
+            "gap_vs_oracle_median": median(shares),
+            "gap_vs_oracle_p90": percentile(shares, 90),
             "confidence_calibration_error": results_of.calibration_error(results),
-            "confidence_at_twice_the_limit_median": float(np.median(twice)) if twice else None,
-            "interval_coverage_share": float(np.mean(covered)) if covered else None,
+            "confidence_at_twice_the_limit_median": median(twice),
+            "interval_coverage_share": mean(covered),
             "seconds_max": max((r.seconds for r in results), default=None),
         },
         "details": {

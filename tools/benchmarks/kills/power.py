@@ -12,12 +12,11 @@ import tempfile
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import typer
 from numpy.random import Generator
-from rich.table import Table
 
 from observer_rt.config.bench import load_bench, load_injector
 from observer_rt.evaluation.evaluate import evaluate
@@ -208,33 +207,18 @@ def power(
     """Power lost at any moment, unsynced writes gone or torn at any byte: is anything lost or unreadable?"""
     with tempfile.TemporaryDirectory(prefix="power-") as folder:
         found = cut(recorded(Path(folder)), cuts, seed, Path(folder))
-    put_out(as_json, _document(found), [power_table(found)])
-    if any(each.lost or each.problems for each in found):
-        raise typer.Exit(1)
-
-
-def power_table(found: Sequence[Cut]) -> Table:
-    """All in one line, then each that went wrong."""
+    wrong = [each for each in found if each.lost or each.problems]
     lost, problems = sum(each.lost for each in found), sum(bool(each.problems) for each in found)
     title = (
         f"{len(found)} losses of power: {lost} injections lost that were on disk, {problems} with a problem"
     )
     table = ruled(title, ("after operation", "problems"), ("lost",))
-    for each in found:
-        if each.lost or each.problems:
-            table.add_row(str(each.operation), "; ".join(each.problems), str(each.lost))
-    return table
-
-
-def _document(found: Sequence[Cut]) -> dict[str, Any]:
-    return {
-        "figures": {
-            "cuts": len(found),
-            "lost": sum(each.lost for each in found),
-            "problems": sum(bool(each.problems) for each in found),
-        },
-        "details": [asdict(each) for each in found if each.lost or each.problems],
-    }
+    for each in wrong:
+        table.add_row(str(each.operation), "; ".join(each.problems), str(each.lost))
+    figures = {"cuts": len(found), "lost": lost, "problems": problems}
+    put_out(as_json, {"figures": figures, "details": [asdict(each) for each in wrong]}, [table])
+    if wrong:
+        raise typer.Exit(1)
 
 
 def _after(drive: Disk, moment: int, said: dict[str, int], folder: Path, chance: Generator) -> Cut:

@@ -79,7 +79,10 @@ def run_realism(
     """
     names = {name_of(e): all(is_known(s.stated) for s in e) for e in entries}
     plan = replace(plan, classes=tuple(name for name, known in names.items() if known))
-    rich = _rich(WavePlan(plan, Variant.PLAIN, given), console) if is_rich else None
+    rich = None
+    if is_rich:
+        fitted, healthy = fitted_model(WavePlan(plan, Variant.PLAIN, given), console)
+        rich = Rich(fitted, lumps_of(list(healthy.values()))[FITTED_LUMP] if plan.peers else None)
     model = None if rich is None else rich.model
     ready = partial(warm_up, model)
     sources = () if model is None else (model,)
@@ -153,11 +156,6 @@ def _intervals(evaluation: Evaluation, windows: Windows, effect: str) -> tuple[I
         said = reports[-1].indicators.get(effect) if reports and reports[-1].valid else None
         found.append(None if said is None else said.ci95)
     return tuple(found)
-
-
-def _rich(wave: WavePlan, console: Console) -> Rich:
-    model, healthy = fitted_model(wave, console)
-    return Rich(model, lumps_of(list(healthy.values()))[FITTED_LUMP] if wave.plan.peers else None)
 
 
 CASES = 3  # each has another wear

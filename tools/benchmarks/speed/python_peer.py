@@ -218,7 +218,8 @@ def serve(channel: str, database: str, input_id: int, rate_id: int, ahead: int, 
             results = peer.handle(bytes(message.data))
             handled = time.time()
             for payload in results:
-                bus.send(_answer(rate_id, payload))
+                fields = {"is_fd": True, "bitrate_switch": True, "is_extended_id": False}
+                bus.send(can.Message(arbitration_id=rate_id, data=payload, **fields))
             was_waited_for = message.timestamp > done
             done = time.time()
             if results and was_waited_for:
@@ -227,12 +228,6 @@ def serve(channel: str, database: str, input_id: int, rate_id: int, ahead: int, 
         medians = np.median(spent, axis=0) / MICROSECOND
         stages = (f"{name} {time_:.0f}" for name, time_ in zip(STAGES, medians, strict=True))
         print(f"us a frame: {', '.join(stages)}", flush=True)
-
-
-def _answer(frame_id: int, payload: bytes) -> can.Message:
-    return can.Message(
-        arbitration_id=frame_id, data=payload, is_fd=True, bitrate_switch=True, is_extended_id=False
-    )
 
 
 if __name__ == "__main__":

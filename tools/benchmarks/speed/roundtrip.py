@@ -110,13 +110,10 @@ def measure_roundtrips(folder: Path, seconds: float) -> RoundTrips:
     if done.returncode:
         raise RunError(f"the round trip could not be measured: exit code {done.returncode}")
     found, said = _MEASURED.validate_json((folder / "roundtrip.json").read_bytes())
+    how = subprocess.run([_VCAN, "--how"], capture_output=True, text=True, check=True).stdout.strip()
+    link = f"{CHANNEL} in user-mode Linux, one CPU" if how == "uml" else CHANNEL
     with np.load(folder / "roundtrip.npz") as latencies:
-        return RoundTrips(_link(), found, said, dict(latencies))
-
-
-def _link() -> str:
-    done = subprocess.run([_VCAN, "--how"], capture_output=True, text=True, check=True)
-    return f"{CHANNEL} in user-mode Linux, one CPU" if done.stdout.strip() == "uml" else CHANNEL
+        return RoundTrips(link, found, said, dict(latencies))
 
 
 def run_parties(folder: Path, channel: str, seconds: float) -> None:
@@ -131,10 +128,11 @@ def run_parties(folder: Path, channel: str, seconds: float) -> None:
         pacers = {party: Pacer(folder, traffic, channel, ids) for party, ids in PARTIES.items()}
         for party in PARTIES:  # meets what is met for the first time
             _send(running[party], pacers[party], party, WARMING, PACES["1.5 ms"])
-        passages = {
-            pace: _in_turn(running, pacers, seconds * SHARE[pace] / PARTS, period)
-            for pace, period in PACES.items()
-        }
+        passages: dict[str, dict[str, list[Passage]]] = {pace: {p: [] for p in PARTIES} for pace in PACES}
+        for pace, period in PACES.items():
+            for party in PARTS * tuple(PARTIES):  # one part after the other to every party
+                part = _send(running[party], pacers[party], party, seconds * SHARE[pace] / PARTS, period)
+                passages[pace][party].append(part)
     found = {
         pace: {party: _round_trip(each, traffic) for party, each in parties.items()}
         for pace, parties in passages.items()
@@ -168,17 +166,6 @@ def command_of(folder: Path, channel: str, party: str, traffic: Traffic) -> list
             ESTIMATORS[party],
         ]
     return [*(BUSY_RUN if party == BUSY else RUN), bench]
-
-
-def _in_turn(
-    running: Mapping[str, Observer], pacers: Mapping[str, Pacer], seconds: float, period: float
-) -> dict[str, list[Passage]]:
-    """One part after the other to every party."""
-    passages: dict[str, list[Passage]] = {party: [] for party in PARTIES}
-    for _ in range(PARTS):
-        for party in PARTIES:
-            passages[party].append(_send(running[party], pacers[party], party, seconds, period))
-    return passages
 
 
 def _send(to: Observer, pacer: Pacer, party: str, seconds: float, period: float) -> Passage:

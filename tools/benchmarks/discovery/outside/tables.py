@@ -21,8 +21,7 @@ from tools.benchmarks.discovery.outside.result import (
 )
 from tools.benchmarks.discovery.real_line.cases import hidden_text
 from tools.benchmarks.discovery.result import NAMED, UNKNOWN
-from tools.benchmarks.discovery.tables import NOTHING
-from tools.benchmarks.report import ruled
+from tools.benchmarks.report import NOTHING, ruled
 
 TITLES = {
     Asked.OUTSIDE: "outside the vocabulary",

@@ -127,7 +127,14 @@ def plant_of(discrepancy: Discrepancy, seed: int) -> Plant:
         case Discrepancy.TAPER:
             return replace(plant, line=plant.line._replace(taper=sign(rng) * rng.uniform(*TAPERS)))
         case Discrepancy.END_VOLUMES:
-            return replace(plant, line=_with_ends(plant.line, rng))
+            return replace(
+                plant,
+                line=plant.line._replace(
+                    end_share=rng.uniform(*END_SHARES),
+                    inlet_ratio=rng.uniform(*INLET_RATIOS),
+                    inlet_loss=rng.uniform(*INLET_LOSSES),
+                ),
+            )
         case Discrepancy.FRICTION:
             return replace(plant, line=LINES[Variant.FRICTION])
         case Discrepancy.STEP:
@@ -155,12 +162,4 @@ def _of_length(part: Injector, factor: float) -> Injector:
         line_length=part.line_length * factor,
         line_volume=part.line_volume + part.line_area * part.line_length * (factor - 1.0),
         line_loss=part.line_loss * factor,
-    )
-
-
-def _with_ends(line: WaveLine, rng: Generator) -> WaveLine:
-    return line._replace(
-        end_share=rng.uniform(*END_SHARES),
-        inlet_ratio=rng.uniform(*INLET_RATIOS),
-        inlet_loss=rng.uniform(*INLET_LOSSES),
     )

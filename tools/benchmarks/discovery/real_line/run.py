@@ -51,7 +51,11 @@ def run_real_lines(asking: Asking[RealPlan], console: Console) -> RealResults:
     found = ask_and_score(
         campaign, questions, ask_question, answers, lambda: HIDING.opened(hidden), score_answered, results
     )
-    adequate = {rig.open_name: _adequate(model) for rig, model in models.items() if rig is not None}
+    adequate = {
+        rig.open_name: bool(tomllib.loads(model.read_text()).get("baseline", {}).get("adequate", False))
+        for rig, model in models.items()
+        if rig is not None
+    }
     return RealResults(found.results, (*failed, *found.crashes), adequate)
 
 
@@ -85,8 +89,3 @@ def _warm_up(model: Path, program: Sequence[str]) -> None:
         return
     finally:
         shutil.rmtree(answer, ignore_errors=True)
-
-
-def _adequate(model: Path) -> bool:
-    """Whether `fit` says its model explains the healthy recordings."""
-    return bool(tomllib.loads(model.read_text()).get("baseline", {}).get("adequate", False))

@@ -12,9 +12,9 @@ from tools.benchmarks.discovery.real_line import result as results_of
 from tools.benchmarks.discovery.real_line.cases import Kind, hidden_text
 from tools.benchmarks.discovery.real_line.discrepancies import Discrepancy
 from tools.benchmarks.discovery.real_line.hidden import EFFECTS
-from tools.benchmarks.discovery.real_line.result import RealGap, RealResult
-from tools.benchmarks.discovery.tables import NOTHING, printed_size
-from tools.benchmarks.report import ruled
+from tools.benchmarks.discovery.real_line.result import RealResult
+from tools.benchmarks.discovery.tables import printed_size
+from tools.benchmarks.report import NOTHING, mean, ruled
 
 KINDS = (Kind.HEALTHY, Kind.SINGLE, Kind.PAIR, Kind.OUTSIDE)
 
@@ -82,7 +82,7 @@ def json_document(
     """`figures` with names other benchmarks share, `details` behind them; null: no case of it."""
     covered = results_of.coverage(results)
     healthy = results_of.of_kind(results, Kind.HEALTHY)
-    right = {kind: _share(results_of.counted(results, kind)) for kind in KINDS}
+    right = {kind: mean([r.right for r in results_of.counted(results, kind)]) for kind in KINDS}
     return {
         "figures": {
             "cases": len(results),
@@ -94,7 +94,7 @@ def json_document(
             "unknown_right_share": right[Kind.OUTSIDE],
             "wrong_and_sure": sum(r.wrong_and_sure for r in results),
             "gap_larger": sum(r.gap_larger for r in results),
-            "coverage_share": float(np.mean(covered)) if covered else None,
+            "coverage_share": mean(covered),
             "exceptions": len(crashes),
             "seconds_max": max((r.seconds for r in results), default=None),
             "core_seconds_max": max((r.core_seconds for r in results), default=None),
@@ -132,10 +132,6 @@ def _of(some: int, count: int) -> str:
     return f"{some}/{count}" if count else NOTHING
 
 
-def _share(cases: Sequence[RealResult]) -> float | None:
-    return results_of.share(cases) if cases else None
-
-
 def _case(r: RealResult) -> dict[str, Any]:
     """A case as data; its sizes in multiples of the smallest visible one where that is stated."""
     entry = asdict(r) | {"right": r.right, "counted": r.counted, "gap_larger": r.gap_larger}
@@ -149,13 +145,13 @@ def _miss(r: RealResult) -> str:
     times = [f"{r.times_smallest(n):.1f}" for n in r.effects if np.isfinite(r.times_smallest(n))]
     visible = f" ({' and '.join(times)} times the smallest visible)" if times else ""
     marks = [mark for mark, given in (("SURE", r.wrong_and_sure), ("GAP", r.gap_larger)) if given]
-    gaps = [_gap(gap, unit) for gap, unit in ((r.line_pressure, "MPa"), (r.injected_mass, "mg")) if gap]
+    gaps = [
+        f"{gap.before:.3f} to {gap.after:.3f} {unit} (with the true sizes {gap.true:.3f})"
+        for gap, unit in ((r.line_pressure, "MPa"), (r.injected_mass, "mg"))
+        if gap
+    ]
     rate = " with rate" if r.with_rate else ""
     return (
         f"{r.label} {r.discrepancy}{rate}: {hidden_text(r.parts)}{visible}: {r.verdict} {answer}"
         f"{'; gap ' + ', '.join(gaps) if gaps else ''}{' ' + ' '.join(marks) if marks else ''}"
     )
-
-
-def _gap(gap: RealGap, unit: str) -> str:
-    return f"{gap.before:.3f} to {gap.after:.3f} {unit} (with the true sizes {gap.true:.3f})"

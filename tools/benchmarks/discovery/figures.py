@@ -17,7 +17,7 @@ from tools.benchmarks.discovery.result import (
     CaseResult,
 )
 from tools.benchmarks.discovery.tables import printed_size
-from tools.benchmarks.figures import saved
+from tools.benchmarks.figures import coverage_figure, saved
 from tools.benchmarks.report import clopper_pearson
 
 RED, GREY, BLUE, GREEN = "#d1495b", "#8d99ae", "#00798c", "#66a182"
@@ -37,7 +37,10 @@ def save_figures(results: Sequence[CaseResult], folder: Path) -> tuple[Path, ...
     if results_of.reliability(results):
         written.append(_reliability(results, folder / "reliability.png"))
     if results_of.coverage(results):
-        written.append(_coverage(results, folder / "interval_coverage.png"))
+        by_effect = {name: results_of.coverage(c) for name, c in results_of.by_effect(results).items()}
+        covered = {name: c for name, c in by_effect.items() if c} | {"all": results_of.coverage(results)}
+        what = "share of 95 % intervals that hold the true value"
+        written.append(coverage_figure(covered, ["all"], what, folder / "interval_coverage.png"))
     if results_of.worst_gap_shares(results):
         written.append(_gaps(results, folder / "gap_left.png"))
     return tuple(written)
@@ -114,26 +117,6 @@ def _reliability(results: Sequence[CaseResult], path: Path) -> Path:
     error = results_of.calibration_error(results)
     axes.set(xlim=(0.0, 1.02), ylim=(0.0, 1.04), xlabel="confidence given", ylabel="share of right names")
     axes.set_title(f"calibration error {error:.3f}; names given at each point", fontsize=9)
-    return saved(figure, (axes,), path)
-
-
-def _coverage(results: Sequence[CaseResult], path: Path) -> Path:
-    """How often 95 % intervals of rightly named parameters hold the truth, with 99 % Clopper-Pearson bars."""
-    covered = {
-        name: c for name, cases in results_of.by_effect(results).items() if (c := results_of.coverage(cases))
-    }
-    covered["all"] = results_of.coverage(results)
-    figure, axes = plt.subplots(figsize=(8.0, 0.9 + 0.26 * len(covered)), layout="constrained")
-    for row, (name, cases) in enumerate(covered.items()):
-        low, high = clopper_pearson(sum(cases), len(cases))
-        colour = RED if name == "all" else BLUE
-        axes.plot([low, high], [row, row], color=colour, linewidth=1.5)
-        axes.plot(np.mean(cases), row, "o", color=colour, markersize=4)
-    axes.axvline(results_of.COVERAGE, color="black", linewidth=0.8)
-    labels = [f"{name} ({len(cases)})" for name, cases in covered.items()]
-    axes.set_yticks(range(len(covered)), labels, fontsize=8)
-    axes.invert_yaxis()
-    axes.set(xlim=(0.0, 1.02), xlabel="share of 95 % intervals that hold the true value")
     return saved(figure, (axes,), path)
 
 

@@ -6,8 +6,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from tools.benchmarks.faults import bus, inputs, process
-from tools.benchmarks.faults.player import play
+from tools.benchmarks.faults import bus, inputs, player
 from tools.benchmarks.faults.scenario import Kind, drawn, tasks
 from tools.benchmarks.faults.score import FaultScore, score
 from tools.benchmarks.plant import record
@@ -16,7 +15,7 @@ from tools.benchmarks.scoring import bench_at, warm_up, with_signals
 from tools.benchmarks.wave_accuracy import WavePlan, fitted_model
 from tools.benchmarks.wave_plant import Variant
 
-KINDS: dict[str, Kind] = {kind.name: kind for part in (inputs, bus, process) for kind in part.KINDS}
+KINDS: dict[str, Kind] = {kind.name: kind for part in (inputs, bus, player) for kind in part.KINDS}
 _BLOCKS = {
     "rail_pressure": {"message": "RailPressureBlock"},
     "needle_lift": {"message": "NeedleLiftBlock"},
@@ -54,5 +53,5 @@ def score_scenario(model: Path | None, task: Task) -> FaultScore:
     bench = bench_at(scenario.bench.sample_rate, model)
     if scenario.blocks:  # each signal has a message of its own
         bench = with_signals(bench, _BLOCKS)
-    published = play(scenario, outcome.measured, bench)
+    published = player.play(scenario, outcome.measured, bench)
     return score(scenario, outcome, published, scenario.bench.injector.density)

@@ -2,7 +2,6 @@
 
 import json
 import math
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from rich.console import Console
 
 from observer_rt.config.bench import NOMINAL_INJECTOR
 from observer_rt.model.effects import VOCABULARY
+from tests.tools.discovery_stub import Stub
 from tools.benchmarks.discovery import result as summary
 from tools.benchmarks.discovery.answers import Answer, read_answer
 from tools.benchmarks.discovery.asking import Asking
@@ -241,30 +241,10 @@ def test_an_exact_equivalent_counts_with_its_own_size() -> None:
     assert max(summary.worst_gap_shares([result])) < 0.05
 
 
-STUB = """
-import json, pathlib, sys
-
-assert sys.argv[1] == "discover"
-out = pathlib.Path(sys.argv[sys.argv.index("--out") + 1])
-recordings = sys.argv[sys.argv.index("--out") + 2:]
-header = pathlib.Path(recordings[0]).open().readline()
-out.mkdir(parents=True)
-(out / "findings.json").write_text(json.dumps({"verdict": "none", "effects": [], "amended_model": None}))
-with open(LOG, "a") as log:
-    log.write(json.dumps([len(recordings), header.count(","), recordings]) + chr(10))
-"""
-
-
 @pytest.mark.slow
 def test_a_run_asks_once_scores_all_and_goes_on_where_it_stopped(tmp_path: Path) -> None:
-    log, stub, out = tmp_path / "log.txt", tmp_path / "stub.py", tmp_path / "out"
-    stub.write_text(STUB.replace("LOG", repr(str(log))))
-    asking = Asking(
-        HidingPlan(("seat_outflow",), 1, 1, (True,), 1),
-        workers=1,
-        out=out,
-        program=(sys.executable, str(stub)),
-    )
+    stub = Stub(tmp_path)
+    asking = Asking(HidingPlan(("seat_outflow",), 1, 1, (True,), 1), 1, tmp_path / "out", stub.program)
     found = run_discovery(asking, Console(quiet=True))
     assert found.crashes == ()
     outflow, healthy = sorted(found.results, key=lambda r: r.effect, reverse=True)
@@ -272,14 +252,14 @@ def test_a_run_asks_once_scores_all_and_goes_on_where_it_stopped(tmp_path: Path)
     assert (healthy.effect, healthy.right) == (HEALTHY, True)
     assert outflow.line_pressure is not None
     assert outflow.line_pressure.share_left == pytest.approx(1.0)
-    calls = [json.loads(line) for line in log.read_text().splitlines()]
-    asked = [recordings for count, commas, recordings in calls if (count, commas) == (6, 4)]
+    calls = stub.calls()
+    asked = [recordings for _, _, recordings, commas in calls if (len(recordings), commas) == (6, 4)]
     assert len(asked) == 2
     assert not any(effect in path for paths in asked for path in paths for effect in HIDDEN)
     assert not any(Path(path).exists() for paths in asked for path in paths)
 
     again = run_discovery(replace(asking, plan=replace(asking.plan, healthy=2)), Console(quiet=True))
-    assert len(log.read_text().splitlines()) == len(calls) + 1
+    assert len(stub.calls()) == len(calls) + 1
     assert [r for r in again.results if r in found.results] == list(found.results)
     console = Console(width=190)
     with console.capture() as told:
@@ -290,15 +270,8 @@ def test_a_run_asks_once_scores_all_and_goes_on_where_it_stopped(tmp_path: Path)
 
 @pytest.mark.slow
 def test_a_case_that_fails_is_said_and_the_others_go_on(tmp_path: Path) -> None:
-    stub, log, failed = tmp_path / "stub.py", tmp_path / "log.txt", tmp_path / "failed"
-    fails_once = """
-if len(recordings) == 6 and not pathlib.Path(FAILED).exists():
-    pathlib.Path(FAILED).touch()
-    sys.exit("no luck")
-"""
-    stub.write_text(STUB.replace("LOG", repr(str(log))).replace("header =", fails_once + "header =", 1))
-    stub.write_text(stub.read_text().replace("FAILED", repr(str(failed))))
-    asking = Asking(HidingPlan((), 0, 2, (False,), 1), 1, tmp_path / "out", (sys.executable, str(stub)))
+    stub = Stub(tmp_path, fails_once=True)
+    asking = Asking(HidingPlan((), 0, 2, (False,), 1), 1, tmp_path / "out", stub.program)
     found = run_discovery(asking, Console(quiet=True))
     assert [r.right for r in found.results] == [True]
     assert len(found.crashes) == 1

@@ -1,7 +1,6 @@
 """What tier B of discovery makes of answers: its definitions by hand-made cases, and runs with a stub to ask."""
 
 import json
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +8,7 @@ import pytest
 from rich.console import Console
 
 from observer_rt.config.bench import NOMINAL_INJECTOR
+from tests.tools.discovery_stub import Stub
 from tools.benchmarks.discovery.answers import Answer, Claim, ClaimedParameter, Smallest, read_answer
 from tools.benchmarks.discovery.asking import Asking
 from tools.benchmarks.discovery.real_line import result as summary
@@ -186,34 +186,17 @@ def test_the_true_effect_closes_the_gap_of_a_travelling_line(tmp_path: Path) -> 
     assert result.line_pressure.after < result.line_pressure.before
 
 
-STUB = """
-import json, pathlib, sys
-
-verb, arguments = sys.argv[1], sys.argv[2:]
-with open(LOG, "a") as log:
-    log.write(json.dumps([verb, arguments]) + chr(10))
-if verb == "fit":
-    model = pathlib.Path(arguments[arguments.index("--model") + 1]).read_text()
-    pathlib.Path(arguments[arguments.index("--output") + 1]).write_text(model)
-    sys.exit(0)
-out = pathlib.Path(arguments[arguments.index("--out") + 1])
-out.mkdir(parents=True)
-(out / "findings.json").write_text(json.dumps({"verdict": "none", "effects": [], "amended_model": None}))
-"""
-
-
 @pytest.mark.slow
 def test_a_run_fits_first_asks_with_the_fitted_model_and_goes_on_where_it_stopped(tmp_path: Path) -> None:
-    log, stub, out = tmp_path / "log.txt", tmp_path / "stub.py", tmp_path / "out"
-    stub.write_text(STUB.replace("LOG", repr(str(log))))
+    stub, out = Stub(tmp_path), tmp_path / "out"
     plan = RealPlan(Numbers(1, 0, 0, 0), (True,), (Discrepancy.STEP,), 1)
-    asking = Asking(plan, 1, out, (sys.executable, str(stub)))
+    asking = Asking(plan, 1, out, stub.program)
     found = run_real_lines(asking, Console(quiet=True))
     assert found.crashes == ()
     assert [(r.kind, r.right, r.discrepancy) for r in found.results] == [(Kind.HEALTHY, True, "step")]
-    calls = [json.loads(line) for line in log.read_text().splitlines()]
-    assert [verb for verb, _ in calls] == ["fit", "discover", "discover"]  # one to compile
-    fit, _, asked = (arguments for _, arguments in calls)
+    calls = stub.calls()
+    assert [call[0] for call in calls] == ["fit", "discover", "discover"]  # one to compile
+    fit, _, asked = (call[1] for call in calls)
     fitted = Path(fit[fit.index("--output") + 1])
     assert asked[asked.index("--model") + 1] == str(fitted)
     assert fitted.exists()
@@ -223,7 +206,7 @@ def test_a_run_fits_first_asks_with_the_fitted_model_and_goes_on_where_it_stoppe
 
     again = run_real_lines(asking, Console(quiet=True))
     assert again.results == found.results
-    assert len(log.read_text().splitlines()) == len(calls)
+    assert len(stub.calls()) == len(calls)
     console = Console(width=190)
     with console.capture() as told:
         for part in shown(again):
@@ -233,12 +216,11 @@ def test_a_run_fits_first_asks_with_the_fitted_model_and_goes_on_where_it_stoppe
 
 @pytest.mark.slow
 def test_recordings_for_trials_stay(tmp_path: Path) -> None:
-    log, stub, out = tmp_path / "log.txt", tmp_path / "stub.py", tmp_path / "out"
-    stub.write_text(STUB.replace("LOG", repr(str(log))))
+    stub, out = Stub(tmp_path), tmp_path / "out"
     plan = RealPlan(Numbers(0, 1, 0, 0), (False,), (Discrepancy.MOUNTING,), 1)
     console = Console(width=190)
     with console.capture() as told:
-        record_only(plan, out, console, (sys.executable, str(stub)))
+        record_only(plan, out, console, stub.program)
     assert len(list((out / "mounting" / "healthy").glob("*.csv"))) == 6
     assert (out / "mounting" / "fitted.toml").exists()
     ((label, hidden),) = [

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.random import Generator
 from numpy.typing import NDArray
 
 from tools.benchmarks.arrays import Array
@@ -181,6 +182,11 @@ class Outcome:
     truth: Truth
     openings: NDArray[np.int64]
     event_of: NDArray[np.int64]
+
+
+def drawn_needle(rng: Generator) -> Needle:
+    """A needle with speeds of its own."""
+    return Needle(0.80 * rng.uniform(0.85, 1.15), 0.90 * rng.uniform(0.85, 1.15))
 
 
 def event_start(number: int) -> float:

@@ -11,7 +11,7 @@ from rich.console import Console
 from observer_rt.config.bench import load_injector
 from tools.benchmarks.accuracy import Results, joined
 from tools.benchmarks.bars import WEAR, above, by_class, coverage, rate_coverages, slow_sample, x3_ratios
-from tools.benchmarks.cases import Case, make_case
+from tools.benchmarks.cases import Case, make_case, on_real_line
 from tools.benchmarks.command_line import tracked
 from tools.benchmarks.peers import PeerScore, lumps_of, score_wave_peers
 from tools.benchmarks.plant import Outcome, record
@@ -20,7 +20,7 @@ from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Plan, on_case
 from tools.benchmarks.sample_time import measure_sample_time
 from tools.benchmarks.score import CaseScore
 from tools.benchmarks.scoring import score_case, warm_up
-from tools.benchmarks.wave_plant import LINES, Variant, real_part
+from tools.benchmarks.wave_plant import Variant
 from tools.benchmarks.wave_recordings import NEW_PART, fit_model, healthy_benches, write_recordings
 
 FITTED = "fitted.toml"
@@ -62,8 +62,7 @@ class WavePlan:
 def make_wave_case(variant: Variant, class_name: str, master_seed: int, number: int) -> Case:
     """The case with this number; a master seed has one injector. Raises KeyError for an unknown class."""
     case = make_case(class_name, master_seed, number)
-    bench = replace(case.bench, injector=real_part(master_seed), line=LINES[variant])
-    return replace(case, bench=bench)
+    return replace(case, bench=on_real_line(case.bench, master_seed, variant))
 
 
 def run_wave_accuracy(wave: WavePlan, console: Console) -> Results:

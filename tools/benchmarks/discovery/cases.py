@@ -1,6 +1,5 @@
 """Hidden cases: an opaque label, what is hidden, and the benches that record it. Imports nothing of `observer_rt`."""
 
-import hashlib
 import itertools
 import zlib
 from collections.abc import Iterable
@@ -12,8 +11,8 @@ from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
 from tools.benchmarks.discovery.hidden import HEALTHY, HIDDEN
-from tools.benchmarks.discovery.hiding import Hiding
-from tools.benchmarks.plant import Bench, Event, Needle, Outcome, Shot, record
+from tools.benchmarks.discovery.hiding import Hiding, label_of
+from tools.benchmarks.plant import Bench, Event, Outcome, Shot, drawn_needle, record
 from tools.benchmarks.plant_parameters import Faults, Injector
 
 GIVEN = tuple(itertools.product((60e6, 100e6, 140e6), (0.6e-3, 1.9e-3)))
@@ -49,7 +48,7 @@ def make_case(effect: str, with_rate: bool, master_seed: int, number: int) -> Hi
     rng = np.random.default_rng(key)
     seed = int(rng.integers(2**62))
     values = () if effect == HEALTHY else tuple(p.draw(rng) for p in HIDDEN[effect].parameters)
-    label = hashlib.sha256(repr(key).encode()).hexdigest()[:12]
+    label = label_of(key)
     return HiddenCase(label, effect, values, with_rate, seed)
 
 
@@ -75,7 +74,7 @@ def benches(
 ) -> tuple[Bench, ...]:
     """One bench a recording: one operating point, its injections anywhere on the grid of samples."""
     rng = np.random.default_rng(case.seed)
-    needle = Needle(0.80 * rng.uniform(0.85, 1.15), 0.90 * rng.uniform(0.85, 1.15))
+    needle = drawn_needle(rng)
     rng = np.random.default_rng([case.seed, *(round(pressure) for pressure, _ in points)])
     made = []
     for rail_pressure, duration in points:

@@ -1,6 +1,5 @@
 """Hidden cases outside the vocabulary, and the benches that record them. Imports nothing of `observer_rt`."""
 
-import hashlib
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -11,7 +10,7 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from tools.benchmarks.discovery.cases import FURTHER, GIVEN, write_all
-from tools.benchmarks.discovery.hiding import Hiding
+from tools.benchmarks.discovery.hiding import Hiding, label_of
 from tools.benchmarks.discovery.outside.kinds import KINDS, NOT_IN, VOCABULARY_KINDS, kind_named
 from tools.benchmarks.discovery.real_line.cases import DISTANCE, FIRST, Rig, RigLabel, bench_of
 from tools.benchmarks.discovery.real_line.discrepancies import Discrepancy
@@ -93,9 +92,7 @@ def _make_case(asked: Asked, names: Sequence[str], number: int, plan: OutsidePla
     rng = np.random.default_rng(key)
     seed = int(rng.integers(2**62))
     values = () if asked is Asked.HEALTHY else kind_named(name).draw(rng)
-    return OutsideCase(
-        hashlib.sha256(repr(key).encode()).hexdigest()[:12], asked, name, values, with_rate, rig, seed
-    )
+    return OutsideCase(label_of(key), asked, name, values, with_rate, rig, seed)
 
 
 def given_benches(case: OutsideCase) -> tuple[Bench, ...]:

@@ -1,6 +1,5 @@
 """Hidden cases on real lines, and the benches that record them. Imports nothing of `observer_rt`."""
 
-import hashlib
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,7 +11,7 @@ from numpy.random import Generator
 from pydantic import TypeAdapter
 
 from tools.benchmarks.discovery.cases import FURTHER, GIVEN, write_all
-from tools.benchmarks.discovery.hiding import Hiding
+from tools.benchmarks.discovery.hiding import Hiding, label_of
 from tools.benchmarks.discovery.real_line.discrepancies import Discrepancy, plant_of
 from tools.benchmarks.discovery.real_line.hidden import (
     EFFECTS,
@@ -162,7 +161,7 @@ def make_case(names: Sequence[str], rig: Rig, number: int) -> RealCase:
     seed = int(rng.integers(2**62))
     lowest = PAIR_FROM if kind is Kind.PAIR else 0.0
     parts = tuple((name, known(name).draw(rng, lowest)) for name in names)
-    return RealCase(hashlib.sha256(repr(key).encode()).hexdigest()[:12], kind, parts, rig, seed)
+    return RealCase(label_of(key), kind, parts, rig, seed)
 
 
 def hidden_text(parts: Parts) -> str:

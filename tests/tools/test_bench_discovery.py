@@ -15,13 +15,13 @@ from observer_rt.model.effects import VOCABULARY
 from tests.tools.discovery_stub import Stub
 from tools.benchmarks.discovery import result as summary
 from tools.benchmarks.discovery.answers import Answer, read_answer
-from tools.benchmarks.discovery.asking import Asking
+from tools.benchmarks.discovery.asking import Answered, Asking
 from tools.benchmarks.discovery.cases import GIVEN, HiddenCase, HidingPlan, make_case, without_noise
 from tools.benchmarks.discovery.figures import save_figures
 from tools.benchmarks.discovery.hidden import HEALTHY, HIDDEN
 from tools.benchmarks.discovery.result import CaseResult, Gap, Interval, Visibility
 from tools.benchmarks.discovery.run import run_discovery, shown
-from tools.benchmarks.discovery.scoring import injector_of, open_loop, score_case
+from tools.benchmarks.discovery.scoring import injector_of, open_loop, score_answered
 from tools.benchmarks.discovery.tables import json_document, misses
 from tools.benchmarks.plant import record
 from tools.benchmarks.scoring import recording_of
@@ -196,7 +196,7 @@ def answer_to(case: HiddenCase, findings: dict[str, Any]) -> Answer:
 )
 def test_the_true_effect_in_force_closes_the_gap(effect: str, number: int) -> None:
     case = make_case(effect, False, 1, number)
-    result = score_case(case, answer_to(case, findings_of(case)))
+    result = score_answered(Answered(case, answer_to(case, findings_of(case)), NOMINAL_INJECTOR))
     assert result.named_right
     assert result.above_noise
     assert len(result.intervals) == len(case.values)
@@ -211,7 +211,7 @@ def test_the_true_effect_in_force_closes_the_gap(effect: str, number: int) -> No
 def test_a_wrong_effect_leaves_the_gap() -> None:
     case = make_case("orifice_area", False, 1, 0)
     lag = make_case("line_pressure_sensor_lag", False, 1, 2)
-    result = score_case(case, answer_to(case, findings_of(lag)))
+    result = score_answered(Answered(case, answer_to(case, findings_of(lag)), NOMINAL_INJECTOR))
     assert not result.right
     assert result.intervals == ()
     assert result.injected_mass is not None
@@ -235,7 +235,7 @@ def test_an_exact_equivalent_counts_with_its_own_size() -> None:
     case = next(c for n in range(20) if (c := make_case("line_volume", False, 1, n)).values[0] < -0.02)
     stiffer = 1.0 / (1.0 + case.values[0]) - 1.0
     findings = findings_of(replace(case, effect="bulk_modulus", values=(stiffer,)))
-    result = score_case(case, answer_to(case, findings))
+    result = score_answered(Answered(case, answer_to(case, findings), NOMINAL_INJECTOR))
     assert result.named_right
     assert [interval.holds for interval in result.intervals] == [True]
     assert max(summary.worst_gap_shares([result])) < 0.05

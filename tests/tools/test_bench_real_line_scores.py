@@ -10,14 +10,14 @@ from rich.console import Console
 from observer_rt.config.bench import NOMINAL_INJECTOR
 from tests.tools.discovery_stub import Stub
 from tools.benchmarks.discovery.answers import Answer, Claim, ClaimedParameter, Smallest, read_answer
-from tools.benchmarks.discovery.asking import Asking
+from tools.benchmarks.discovery.asking import Answered, Asking
 from tools.benchmarks.discovery.real_line import result as summary
 from tools.benchmarks.discovery.real_line.cases import Kind, Numbers, RealPlan, Rig, make_case
 from tools.benchmarks.discovery.real_line.discrepancies import Discrepancy
 from tools.benchmarks.discovery.real_line.fitting import record_only
 from tools.benchmarks.discovery.real_line.result import RealGap, RealResult
 from tools.benchmarks.discovery.real_line.run import run_real_lines, shown
-from tools.benchmarks.discovery.real_line.scoring import score_case
+from tools.benchmarks.discovery.real_line.scoring import score_answered
 from tools.benchmarks.discovery.real_line.tables import json_document, misses
 from tools.benchmarks.discovery.result import Interval
 from tools.benchmarks.wave_recordings import maker_file
@@ -162,7 +162,7 @@ def test_smallest_visible_sizes_are_read_where_they_are_stated() -> None:
     stated = {"id": "lift_offset", "parameter": "x_0", "value": 1.5, "unit": "um"}
     answer = read_answer("0", findings | {"smallest_visible": [stated]}, "", 1.0, 1.0)
     assert answer.smallest == (Smallest("lift_offset", "x_0", 1.5, "um"),)
-    result = score_case(make_case((), Rig(0, False, 1), 0), answer, NOMINAL_INJECTOR)
+    result = score_answered(Answered(make_case((), Rig(0, False, 1), 0), answer, NOMINAL_INJECTOR))
     assert dict(result.smallest) == pytest.approx({"lift_offset": 1.5e-6})
     assert result.right
 
@@ -179,7 +179,8 @@ def test_the_true_effect_closes_the_gap_of_a_travelling_line(tmp_path: Path) -> 
     amended += 'origin = "test"\nevidence = "none"\ndate = "2026-01-01"\n'
     parameters = (ClaimedParameter("c", size, 0.9 * size, 1.1 * size, "m3/(s Pa)"),)
     claims = (Claim("guide_leakage", 0.95, parameters),)
-    result = score_case(case, Answer("0", "named", claims, ("guide_leakage",), amended, 1.0, 1.0), model)
+    answer = Answer("0", "named", claims, ("guide_leakage",), amended, 1.0, 1.0)
+    result = score_answered(Answered(case, answer, model))
     assert result.named_right
     assert [interval.holds for interval in result.intervals] == [True]
     assert result.line_pressure is not None

@@ -44,11 +44,15 @@ class Asking(Generic[Hiding]):
 
 @dataclass(frozen=True)
 class Question:
-    """A case to ask about: its label and the model it is asked with are all that is known of it."""
+    """A case to ask about: its label and the model it is asked with are all that is known of it.
+
+    choose: of several effects that are tied the first is chosen.
+    """
 
     label: str
     asking: Asking[Any]
     model: Path = NOMINAL_INJECTOR
+    choose: bool = True
 
 
 @dataclass(frozen=True)
@@ -91,12 +95,12 @@ def recorded(question: Question) -> tuple[Path, ...]:
     return generate(type(question.asking.plan).__module__, "record", hidden, label, str(hidden / label))
 
 
-def ask_and_keep(question: Question, recordings: Sequence[Path], choose: bool = True) -> Answer:
-    """Ask about recordings in a folder of their own; the findings stay in `out`, nothing else."""
-    label, asking = question.label, question.asking
+def ask_question(question: Question) -> Answer:
+    """Work of one process: have a case recorded, and ask. Its findings stay in `out`, nothing else."""
+    label, asking, recordings = question.label, question.asking, recorded(question)
     answer = asking.out / "asked" / label
     try:
-        found = ask(asking.program, label, recordings, answer, question.model, choose)
+        found = ask(asking.program, label, recordings, answer, question.model, question.choose)
         kept = asking.out / "findings" / f"{label}.json"
         kept.parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(answer / "findings.json", kept)
@@ -109,7 +113,6 @@ def ask_and_keep(question: Question, recordings: Sequence[Path], choose: bool = 
 def ask_and_score(
     campaign: Campaign,
     questions: Sequence[Question],
-    ask_question: Callable[[Question], Answer],
     answers: Store[Answer],
     opened: Callable[[], Iterable[Hidden]],
     score: Callable[[Answered[Hidden]], Scored],

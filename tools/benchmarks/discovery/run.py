@@ -8,19 +8,16 @@ from rich.console import Console
 from tools.benchmarks.discovery.answers import Answer, ask
 from tools.benchmarks.discovery.asking import (
     WARM_UP_RECORDINGS,
-    Answered,
     Asking,
     Found,
     Question,
-    ask_and_keep,
     ask_and_score,
-    recorded,
     seal,
 )
-from tools.benchmarks.discovery.cases import HIDING, HiddenCase, HidingPlan, make_case, write_recordings
+from tools.benchmarks.discovery.cases import HIDING, HidingPlan, make_case, write_recordings
 from tools.benchmarks.discovery.hidden import HEALTHY
 from tools.benchmarks.discovery.result import CaseResult, violations
-from tools.benchmarks.discovery.scoring import score_case
+from tools.benchmarks.discovery.scoring import score_answered
 from tools.benchmarks.discovery.tables import confusion_table, effect_table, misses, reliability_table
 from tools.benchmarks.report import Shown
 from tools.benchmarks.runs import BENCHMARKS, PACKAGE
@@ -52,9 +49,7 @@ def run_discovery(asking: Asking[HidingPlan], console: Console) -> Found[CaseRes
         console.print("first call of discover, which compiles")
         _warm_up(asking)
     questions = [Question(label, asking) for label in labels]
-    return ask_and_score(
-        campaign, questions, ask_question, answers, lambda: HIDING.opened(hidden), score_answered, results
-    )
+    return ask_and_score(campaign, questions, answers, lambda: HIDING.opened(hidden), score_answered, results)
 
 
 def shown(found: Found[CaseResult]) -> Iterator[Shown]:
@@ -64,16 +59,6 @@ def shown(found: Found[CaseResult]) -> Iterator[Shown]:
     yield from (f"missed: {line}" for line in misses(found.results))
     yield from (f"bar missed: {line}" for line in violations(found.results))
     yield from (f"crash: {line}" for line in found.crashes)
-
-
-def ask_question(question: Question) -> Answer:
-    """Work of one process: have a case recorded, and ask. Its findings stay in `out`, nothing else."""
-    return ask_and_keep(question, recorded(question))
-
-
-def score_answered(answered: Answered[HiddenCase]) -> CaseResult:
-    """Work of one process: score an opened case."""
-    return score_case(answered.case, answered.answer)
 
 
 def _warm_up(asking: Asking[HidingPlan]) -> None:

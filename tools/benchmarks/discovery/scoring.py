@@ -20,6 +20,7 @@ from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.stability import substeps_needed
 from observer_rt.recording.signals.recording import Recording
 from tools.benchmarks.discovery.answers import Answer, Claim
+from tools.benchmarks.discovery.asking import Answered
 from tools.benchmarks.discovery.cases import FURTHER, GIVEN, HiddenCase, benches, without_noise
 from tools.benchmarks.discovery.hidden import HEALTHY, HIDDEN, HiddenParameter, same_effect
 from tools.benchmarks.discovery.oracle import Recorded, best_statistic, record_all, simulated, statistic
@@ -34,8 +35,9 @@ Model = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Recorded line pressure [Pa] and mass flow [kg/s] (n,) of a model or of the plant."""
 
 
-def score_case(case: HiddenCase, answer: Answer) -> CaseResult:
-    """What the oracle and the package make of a case and its answer."""
+def score_answered(answered: Answered[HiddenCase]) -> CaseResult:
+    """Work of one process: what the oracle and the package make of an opened case and its answer."""
+    case, answer = answered.case, answered.answer
     result = CaseResult(
         label=case.label,
         effect=case.effect,

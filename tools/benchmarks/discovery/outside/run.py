@@ -38,12 +38,12 @@ def run_outside(asking: Asking[OutsidePlan], console: Console) -> Found[OutsideR
     labels = HIDING.labels_in(hidden)
     models = fitted_models({label.rig for label in labels}, asking, console, failed)
     questions = [
-        OutsideQuestion(one.label, asking, models[one.rig], one.without)
+        OutsideQuestion(one.label, asking, models[one.rig], without=one.without)
         for one in labels
         if one.rig in models
     ]
     store = campaign.store("answers", OutsideAnswer, PACKAGE, *SOURCES)
-    given = campaign.results("answers", store, ask_question, questions)
+    given = campaign.results("answers", store, ask_outside_question, questions)
     found = [OutsideResult(case, given[case.label]) for case in HIDING.opened(hidden) if case.label in given]
     return Found(tuple(found), (*failed, *campaign.crash_lines))
 
@@ -59,7 +59,7 @@ def shown(found: Found[OutsideResult], tier: str) -> Iterator[Shown]:
     yield from (f"crash: {line}" for line in found.crashes)
 
 
-def ask_question(question: OutsideQuestion) -> OutsideAnswer:
+def ask_outside_question(question: OutsideQuestion) -> OutsideAnswer:
     """Work of one process: have a case recorded, and ask."""
     folder = question.asking.hidden / question.label
     try:

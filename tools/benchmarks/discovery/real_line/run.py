@@ -11,19 +11,16 @@ from rich.console import Console
 from tools.benchmarks.discovery.answers import Answer, ask
 from tools.benchmarks.discovery.asking import (
     WARM_UP_RECORDINGS,
-    Answered,
     Asking,
     Found,
     Question,
-    ask_and_keep,
     ask_and_score,
-    recorded,
     seal,
 )
-from tools.benchmarks.discovery.real_line.cases import HIDING, RealCase, RealPlan
+from tools.benchmarks.discovery.real_line.cases import HIDING, RealPlan
 from tools.benchmarks.discovery.real_line.fitting import HEALTHY, HIDING_SOURCES, fitted_models
 from tools.benchmarks.discovery.real_line.result import RealResult, violations
-from tools.benchmarks.discovery.real_line.scoring import score_case
+from tools.benchmarks.discovery.real_line.scoring import score_answered
 from tools.benchmarks.discovery.real_line.tables import discrepancy_table, effect_table, kind_lines, misses
 from tools.benchmarks.report import Shown
 from tools.benchmarks.runs import BENCHMARKS, PACKAGE
@@ -47,9 +44,11 @@ def run_real_lines(asking: Asking[RealPlan], console: Console) -> RealResults:
     models = fitted_models({label.rig for label in labels}, asking, console, failed)
     for rig in {label.rig for label in labels if label.label in missing} & models.keys():
         _warm_up(models[rig], asking.program)
-    questions = [Question(one.label, asking, models[one.rig]) for one in labels if one.rig in models]
+    questions = [
+        Question(one.label, asking, models[one.rig], choose=False) for one in labels if one.rig in models
+    ]
     found = ask_and_score(
-        campaign, questions, ask_question, answers, lambda: HIDING.opened(hidden), score_answered, results
+        campaign, questions, answers, lambda: HIDING.opened(hidden), score_answered, results
     )
     adequate = {
         rig.open_name: bool(tomllib.loads(model.read_text()).get("baseline", {}).get("adequate", False))
@@ -67,16 +66,6 @@ def shown(found: RealResults) -> Iterator[Shown]:
     yield from (f"missed: {line}" for line in misses(found.results))
     yield from (f"bar missed: {line}" for line in violations(found.results, len(found.crashes)))
     yield from (f"crash: {line}" for line in found.crashes)
-
-
-def ask_question(question: Question) -> Answer:
-    """Work of one process: have a case recorded, and ask. Its findings stay in `out`, nothing else."""
-    return ask_and_keep(question, recorded(question), choose=False)
-
-
-def score_answered(answered: Answered[RealCase]) -> RealResult:
-    """Work of one process: score an opened case."""
-    return score_case(answered.case, answered.answer, answered.model)
 
 
 def _warm_up(model: Path, program: Sequence[str]) -> None:

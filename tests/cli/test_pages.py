@@ -17,6 +17,7 @@ import pytest
 import typer.main
 
 import observer_rt.discovery.findings
+import tools.benchmarks.__main__  # noqa: F401
 from observer_rt.bus.mapping.bus_map import map_bench
 from observer_rt.check.findings import Level
 from observer_rt.check.machine import interface_findings
@@ -30,7 +31,7 @@ from observer_rt.simulation.simulate import SimulatedNoise, simulate
 from tests import engine, own_injector
 from tests.cli.conftest import Command, document
 from tests.pages import PAGES, ROOT, Page, needs_bus, serves_a_page, words_of
-from tools.benchmarks.__main__ import app as bench
+from tools.benchmarks.command_line import app as bench
 
 NOT_RUN = {  # with the reason, and what looks after it instead
     "tools/demo": "it is `observer-rt demo`, which test_demo.py runs, in a virtual environment of its own",

@@ -16,8 +16,8 @@ from observer_rt.observer.learning.indicators import Estimate
 from observer_rt.service.reports.injection_report import InjectionReport
 from tools.benchmarks.plant import Bench, Event, Needle, Shot, record
 from tools.benchmarks.plant_parameters import Faults, Injector
+from tools.benchmarks.score import windows_of
 from tools.benchmarks.scoring import bench_at, recording_of
-from tools.benchmarks.windows import windows_of
 
 EVENTS = 10
 HEALTHY = Faults()

@@ -12,7 +12,6 @@ from observer_rt.estimation.scalars import PARAMETERS, Parameter
 from observer_rt.service.compiled.constants import bench_constants, configured_noise
 from tools.benchmarks.ablation import (
     BATCHES,
-    RULES,
     VARIANTS,
     AblationScore,
     VariantScore,
@@ -20,13 +19,17 @@ from tools.benchmarks.ablation import (
     ablation_tables,
     listened,
 )
-from tools.benchmarks.batch_learning import SeenEvent, learn_events
-from tools.benchmarks.batch_models import shipped_model, tied_rows_model, trained_hidden_model
+from tools.benchmarks.batch_learning import (
+    SeenEvent,
+    learn_events,
+    shipped_model,
+    tied_rows_model,
+    trained_hidden_model,
+)
 from tools.benchmarks.cases import make_case
 from tools.benchmarks.plant import Outcome, record
-from tools.benchmarks.score import OBSERVER, CaseScore
+from tools.benchmarks.score import OBSERVER, CaseScore, windows_of
 from tools.benchmarks.scoring import bench_at
-from tools.benchmarks.windows import windows_of
 
 BENCH = bench_at(100e3)
 CONSTANTS = bench_constants(BENCH.injector)
@@ -111,15 +114,6 @@ def test_tied_rows_are_the_model_itself_at_zero_and_leave_it_with_the_bias(worn:
     nominal = shipped.rate(window, SETTING, theta_of())[opened].mean()
     assert rates[0] > 1.1 * nominal
     assert rates[1] > 1.1 * nominal
-
-
-def test_variants_know_beforehand_what_they_do_not_learn() -> None:
-    sigmas = RULES["no seat term"].prior(SCALE)
-    usual = RULES["scalars always active"].prior(SCALE)
-    changed = np.flatnonzero(sigmas != usual)
-    assert changed.tolist() == [Parameter.SEAT_BIAS]
-    assert RULES["no line or sensor terms"].drift(SCALE)[Parameter.LINE_FRICTION] == 0.0
-    assert RULES["scalars always active"].gate.columns == ()
 
 
 def test_tables_and_data_name_every_variant() -> None:

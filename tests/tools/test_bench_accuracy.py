@@ -10,9 +10,7 @@ from pathlib import Path
 import pytest
 
 from tools.benchmarks.cases import Case, make_case
-from tools.benchmarks.figures import save_figures
-from tools.benchmarks.paper_peer import score_paper
-from tools.benchmarks.runs import Plan
+from tools.benchmarks.peers import score_paper
 from tools.benchmarks.score import NOMINAL, OBSERVER, PAPER, CaseScore
 from tools.benchmarks.scoring import score_case
 
@@ -71,31 +69,6 @@ def test_the_papers_scheme_is_scored_on_the_same_recording(worn: CaseScore) -> N
     assert max(trained[1:]) > 1.0  # not ours under this name
 
 
-def test_figures_are_written_for_what_was_scored(worn: CaseScore, tmp_path: Path) -> None:
-    four_times = replace(
-        worn,
-        true_mass_mg=worn.true_mass_mg * 4,
-        window_samples=worn.window_samples * 4,
-        mass_ci95_mg=((0.0, 1e3),) * 20,
-        estimators=tuple(
-            replace(
-                e,
-                mass_mg=e.mass_mg * 4,
-                rate_square_error=e.rate_square_error * 4,
-                x3_square_error=e.x3_square_error * 4,
-            )
-            for e in worn.estimators
-        ),
-    )
-    written = save_figures([four_times], tmp_path / "figures")
-    assert [path.name for path in written] == [
-        "error_against_wear.png",
-        "learning_curve.png",
-        "interval_coverage.png",
-    ]
-    assert all(path.read_bytes().startswith(b"\x89PNG") for path in written)
-
-
 @pytest.mark.slow
 def test_a_run_resumes_and_prints_the_figures(tmp_path: Path) -> None:
     arguments = ("accuracy", "--cases", "1", "--classes", "healthy", "--workers", "1", "--no-peers", "--json")
@@ -135,10 +108,3 @@ def test_what_is_wrong_on_the_command_line_is_the_users_to_mend(
     assert all(word in done.stderr for word in named)
     assert "Traceback" not in done.stderr
     assert not out.exists()
-
-
-def test_tasks_are_every_case_of_every_class() -> None:
-    plan = Plan(("healthy", "mixture"), 3, 9, 1, Path("unused"), peers=False)
-    assert [(t.class_name, t.number) for t in plan.tasks] == [
-        (name, n) for name in ("healthy", "mixture") for n in range(3)
-    ]

@@ -1,16 +1,14 @@
 """Bars, tables and data of the accuracy figures, on scores made by hand."""
 
-import json
 import math
 from dataclasses import replace
 
 import pytest
 
 from tests.tools.made_scores import UKF_SCORE, factors, score
-from tools.benchmarks.bars import slow_sample, sustained_excess_pct, violations
-from tools.benchmarks.proportions import clopper_pearson
+from tools.benchmarks.accuracy import following_table, json_document, peer_tables
+from tools.benchmarks.bars import sustained_excess_pct, violations
 from tools.benchmarks.score import NOMINAL, UKF, CaseScore, SampleTime
-from tools.benchmarks.tables import class_table, following_table, json_document, peer_tables
 
 QUICK = SampleTime(open_us=2.0, closed_us=0.5)
 
@@ -69,13 +67,6 @@ def test_excess_over_the_nominal_model_counts_from_the_fourth_event_on() -> None
     assert sustained_excess_pct(score(not_a_number)) > 20.0
 
 
-def test_coverage_is_shown_with_its_interval() -> None:
-    missed, held = ((50.1, 51.0),) * 20, ((49.0, 51.0),) * 20
-    table = class_table([score(mass_ci95_mg=missed if n < 3 else held) for n in range(60)])
-    cells = {str(column.header).split("\n")[0]: next(iter(column.cells)) for column in table.columns}
-    assert cells["coverage %"] == "95 (83-99)"
-
-
 def test_bars() -> None:
     assert violations([score()]) == []
     assert len(violations([score(1.0045)])) == 1  # the class's 95th percentile
@@ -112,22 +103,6 @@ def test_slow_training_and_a_better_peer_are_named() -> None:
     assert sum("joint UKF" in line for line in violations([behind])) == 2
 
 
-def test_a_slow_sample_is_named() -> None:
-    assert slow_sample(QUICK) == []
-    slow = SampleTime(open_us=3.1, closed_us=0.5)
-    assert len(slow_sample(slow)) == 1
-    document = json_document([score()], [], slow, slow_sample(slow))
-    assert document["figures"]["sample_open_us"] == 3.1
-    assert document["details"]["violations"] == slow_sample(slow)
-
-
-def test_interval_of_a_share() -> None:
-    assert clopper_pearson(0, 10) == pytest.approx((0.0, 1.0 - 0.005**0.1))
-    assert clopper_pearson(10, 10) == pytest.approx((0.005**0.1, 1.0))
-    low, high = clopper_pearson(57, 60)
-    assert low < 0.95 < high
-
-
 def test_a_peer_counts_where_it_ran() -> None:
     alone = score(class_name="healthy", limits_mg=(0.1,) * 20)
     joined = score(estimators=(*alone.estimators, UKF_SCORE), limits_mg=(0.1,) * 20)
@@ -138,16 +113,3 @@ def test_a_peer_counts_where_it_ran() -> None:
     classes = json_document([alone, joined], [], QUICK)["details"]["classes"]
     assert UKF in classes["orifice_area"]["peers"]
     assert UKF not in classes["healthy"]["peers"]
-
-
-def test_json_document_has_the_figures_asked_for() -> None:
-    document = json.loads(json.dumps(json_document([score(1.002), score(0.997)], ["crash"], QUICK)))
-    figures = document["figures"]
-    assert figures["mass_error_max_pct"] == pytest.approx(0.3)
-    assert figures["rate_rmse_max_mm3_per_ms"] == pytest.approx(0.1)
-    assert figures["x3_mse_ratio_min"] == pytest.approx(100.0)
-    assert figures["coverage_95_share"] == 1.0
-    assert figures["valid_share_min"] == 1.0
-    assert figures["wrong_valid"] == 0
-    assert set(figures) >= {"interval_halfwidth_vs_limit_median"}
-    assert document["details"]["crashes"] == ["crash"]

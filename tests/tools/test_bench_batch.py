@@ -5,11 +5,8 @@ from pathlib import Path
 import pytest
 
 from observer_rt.foundation.files import file_hash
-from tools.benchmarks.many.measure import Many, line_through
-from tools.benchmarks.many.report import figures, many_document
-from tools.benchmarks.many.run import Files, Taken, Work
-from tools.benchmarks.speed.core_alone import INJECTIONS
-from tools.benchmarks.speed.evaluated import CAN_LOG, MDF4, PARQUET
+from tools.benchmarks.many.run import Files, Many, Taken, Work, figures, many_document
+from tools.benchmarks.speed.core_alone import CAN_LOG, INJECTIONS, MDF4, PARQUET
 
 START, A_FILE, REPEATS = 5.0, 2.0, 8  # s, s a file
 CORE = 1000.0  # injections a second
@@ -61,12 +58,6 @@ def test_figures_are_those_beyond_the_start() -> None:
 def test_a_bar_that_is_missed_is_named() -> None:
     missed = many_document(many(of_two=1.25))["details"]["missed"]
     assert missed == ["floor_share", "efficiency_2_workers", "memory_growth_share"]
-
-
-def test_what_is_no_straight_line_shows() -> None:
-    quadratic = line_through([(each, float(each**2)) for each in (1, 2, 4, 8)])
-    assert quadratic.farthest > 0.05
-    assert line_through([(2, 9.0), (4, 13.0)]).slope == pytest.approx(2.0)
 
 
 def test_every_file_has_a_content_of_its_own(tmp_path: Path) -> None:

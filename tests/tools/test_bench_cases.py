@@ -5,8 +5,6 @@ import pytest
 
 from tools.benchmarks.cases import CLASSES, EVENTS, make_case
 from tools.benchmarks.plant import record
-from tools.benchmarks.plant_parameters import Faults
-from tools.benchmarks.windows import windows_of
 
 MANY = range(300)
 
@@ -44,15 +42,6 @@ def test_operating_points_span_the_range() -> None:
     assert 0.25 < piloted < 0.42
 
 
-@pytest.mark.parametrize(
-    ("name", "fault", "size"), [("orifice_area", "orifice_area", 0.5), ("seat_area", "seat_area", 0.4)]
-)
-def test_wear_has_both_signs_and_its_whole_range(name: str, fault: str, size: float) -> None:
-    wear = np.array([getattr(make_case(name, 2, n).bench.events[0].faults, fault) for n in MANY])
-    assert -size <= wear.min() < -0.95 * size
-    assert 0.95 * size < wear.max() <= size
-
-
 def test_jumps_begin_healthy_and_growing_wear_grows() -> None:
     jump = make_case("jump_friction", 1, 1)
     assert jump.change_event is not None
@@ -61,17 +50,3 @@ def test_jumps_begin_healthy_and_growing_wear_grows() -> None:
     growing = [e.faults.orifice_area for e in make_case("growing_wear", 1, 1).bench.events]
     assert np.ptp(np.diff(growing)) < 1e-12
     assert abs(growing[-1]) > abs(growing[0]) > 0.0
-
-
-def test_missing_injections_leave_periods_empty() -> None:
-    case = make_case("missing_injections", 1, 0)
-    assert sum(not event.shots for event in case.bench.events) == 3
-    assert case.bench.events[0].shots
-    assert len(windows_of(record(case.bench), case.bench.sample_rate).of_event) == EVENTS
-
-
-def test_mixtures_hold_two_faults() -> None:
-    def changed(faults: Faults) -> int:
-        return sum(value != start for value, start in zip(faults, Faults(), strict=True))
-
-    assert {changed(make_case("mixture", 1, n).bench.events[0].faults) for n in range(50)} == {2}

@@ -2,7 +2,6 @@
 
 import json
 import math
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,16 +12,16 @@ from rich.console import Console
 
 from observer_rt.config.bench import NOMINAL_INJECTOR
 from observer_rt.model.effects import VOCABULARY
-from tools.benchmarks.discovery import summary
+from tests.tools.discovery_stub import Stub
+from tools.benchmarks.discovery import result as summary
 from tools.benchmarks.discovery.answers import Answer, read_answer
-from tools.benchmarks.discovery.asking import Asking
-from tools.benchmarks.discovery.cases import GIVEN, HiddenCase, make_case, without_noise
+from tools.benchmarks.discovery.asking import Answered, Asking
+from tools.benchmarks.discovery.cases import GIVEN, HiddenCase, HidingPlan, make_case, without_noise
 from tools.benchmarks.discovery.figures import save_figures
-from tools.benchmarks.discovery.generator import HidingPlan
 from tools.benchmarks.discovery.hidden import HEALTHY, HIDDEN
 from tools.benchmarks.discovery.result import CaseResult, Gap, Interval, Visibility
-from tools.benchmarks.discovery.run import print_results, run_discovery
-from tools.benchmarks.discovery.scoring import injector_of, open_loop, score_case
+from tools.benchmarks.discovery.run import run_discovery, shown
+from tools.benchmarks.discovery.scoring import injector_of, open_loop, score_answered
 from tools.benchmarks.discovery.tables import json_document, misses
 from tools.benchmarks.plant import record
 from tools.benchmarks.scoring import recording_of
@@ -127,14 +126,6 @@ def test_confidence_at_twice_the_limit_counts_a_wrong_name_as_none() -> None:
     assert summary.confidences_at_twice_the_limit(cases) == [0.95, 0.0, 0.95]
 
 
-def test_gap_left_is_the_worse_of_both_signals_where_there_was_a_gap() -> None:
-    assert RIGHT.injected_mass is not None
-    assert RIGHT.injected_mass.share_left == pytest.approx(0.02)
-    assert Gap(before=0.09, after=0.3, oracle=0.0).share_left is None
-    both = replace(RIGHT, line_pressure=Gap(before=0.5, after=0.1, oracle=0.0))
-    assert summary.worst_gap_shares([both, RIGHT, HEALTHY_RIGHT]) == pytest.approx([0.2, 0.02])
-
-
 def test_missed_bars_are_said() -> None:
     assert list(summary.violations([RIGHT] * 40 + [HEALTHY_RIGHT] * 40)) == []
     late = replace(RIGHT, intervals=(Interval("v_S", 0.2, 0.3, 0.1),))
@@ -205,7 +196,7 @@ def answer_to(case: HiddenCase, findings: dict[str, Any]) -> Answer:
 )
 def test_the_true_effect_in_force_closes_the_gap(effect: str, number: int) -> None:
     case = make_case(effect, False, 1, number)
-    result = score_case(case, answer_to(case, findings_of(case)))
+    result = score_answered(Answered(case, answer_to(case, findings_of(case)), NOMINAL_INJECTOR))
     assert result.named_right
     assert result.above_noise
     assert len(result.intervals) == len(case.values)
@@ -220,7 +211,7 @@ def test_the_true_effect_in_force_closes_the_gap(effect: str, number: int) -> No
 def test_a_wrong_effect_leaves_the_gap() -> None:
     case = make_case("orifice_area", False, 1, 0)
     lag = make_case("line_pressure_sensor_lag", False, 1, 2)
-    result = score_case(case, answer_to(case, findings_of(lag)))
+    result = score_answered(Answered(case, answer_to(case, findings_of(lag)), NOMINAL_INJECTOR))
     assert not result.right
     assert result.intervals == ()
     assert result.injected_mass is not None
@@ -244,36 +235,16 @@ def test_an_exact_equivalent_counts_with_its_own_size() -> None:
     case = next(c for n in range(20) if (c := make_case("line_volume", False, 1, n)).values[0] < -0.02)
     stiffer = 1.0 / (1.0 + case.values[0]) - 1.0
     findings = findings_of(replace(case, effect="bulk_modulus", values=(stiffer,)))
-    result = score_case(case, answer_to(case, findings))
+    result = score_answered(Answered(case, answer_to(case, findings), NOMINAL_INJECTOR))
     assert result.named_right
     assert [interval.holds for interval in result.intervals] == [True]
     assert max(summary.worst_gap_shares([result])) < 0.05
 
 
-STUB = """
-import json, pathlib, sys
-
-assert sys.argv[1] == "discover"
-out = pathlib.Path(sys.argv[sys.argv.index("--out") + 1])
-recordings = sys.argv[sys.argv.index("--out") + 2:]
-header = pathlib.Path(recordings[0]).open().readline()
-out.mkdir(parents=True)
-(out / "findings.json").write_text(json.dumps({"verdict": "none", "effects": [], "amended_model": None}))
-with open(LOG, "a") as log:
-    log.write(json.dumps([len(recordings), header.count(","), recordings]) + chr(10))
-"""
-
-
 @pytest.mark.slow
 def test_a_run_asks_once_scores_all_and_goes_on_where_it_stopped(tmp_path: Path) -> None:
-    log, stub, out = tmp_path / "log.txt", tmp_path / "stub.py", tmp_path / "out"
-    stub.write_text(STUB.replace("LOG", repr(str(log))))
-    asking = Asking(
-        HidingPlan(("seat_outflow",), 1, 1, (True,), 1),
-        workers=1,
-        out=out,
-        program=(sys.executable, str(stub)),
-    )
+    stub = Stub(tmp_path)
+    asking = Asking(HidingPlan(("seat_outflow",), 1, 1, (True,), 1), 1, tmp_path / "out", stub.program)
     found = run_discovery(asking, Console(quiet=True))
     assert found.crashes == ()
     outflow, healthy = sorted(found.results, key=lambda r: r.effect, reverse=True)
@@ -281,32 +252,26 @@ def test_a_run_asks_once_scores_all_and_goes_on_where_it_stopped(tmp_path: Path)
     assert (healthy.effect, healthy.right) == (HEALTHY, True)
     assert outflow.line_pressure is not None
     assert outflow.line_pressure.share_left == pytest.approx(1.0)
-    calls = [json.loads(line) for line in log.read_text().splitlines()]
-    asked = [recordings for count, commas, recordings in calls if (count, commas) == (6, 4)]
+    calls = stub.calls()
+    asked = [recordings for _, _, recordings, commas in calls if (len(recordings), commas) == (6, 4)]
     assert len(asked) == 2
     assert not any(effect in path for paths in asked for path in paths for effect in HIDDEN)
     assert not any(Path(path).exists() for paths in asked for path in paths)
 
     again = run_discovery(replace(asking, plan=replace(asking.plan, healthy=2)), Console(quiet=True))
-    assert len(log.read_text().splitlines()) == len(calls) + 1
+    assert len(stub.calls()) == len(calls) + 1
     assert [r for r in again.results if r in found.results] == list(found.results)
     console = Console(width=190)
-    with console.capture() as shown:
-        print_results(again, console)
-    assert f"missed: {outflow.label} with rate: seat_outflow: none" in shown.get()
+    with console.capture() as told:
+        for part in shown(again):
+            console.print(part, highlight=False, markup=False)
+    assert f"missed: {outflow.label} with rate: seat_outflow: none" in told.get()
 
 
 @pytest.mark.slow
 def test_a_case_that_fails_is_said_and_the_others_go_on(tmp_path: Path) -> None:
-    stub, log, failed = tmp_path / "stub.py", tmp_path / "log.txt", tmp_path / "failed"
-    fails_once = """
-if len(recordings) == 6 and not pathlib.Path(FAILED).exists():
-    pathlib.Path(FAILED).touch()
-    sys.exit("no luck")
-"""
-    stub.write_text(STUB.replace("LOG", repr(str(log))).replace("header =", fails_once + "header =", 1))
-    stub.write_text(stub.read_text().replace("FAILED", repr(str(failed))))
-    asking = Asking(HidingPlan((), 0, 2, (False,), 1), 1, tmp_path / "out", (sys.executable, str(stub)))
+    stub = Stub(tmp_path, fails_once=True)
+    asking = Asking(HidingPlan((), 0, 2, (False,), 1), 1, tmp_path / "out", stub.program)
     found = run_discovery(asking, Console(quiet=True))
     assert [r.right for r in found.results] == [True]
     assert len(found.crashes) == 1

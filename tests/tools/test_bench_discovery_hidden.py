@@ -1,42 +1,19 @@
 """What the discovery benchmark hides, and its oracle: blind, reproducible, true to the vocabulary, white."""
 
-import json
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from observer_rt.model.effects import VOCABULARY
-from observer_rt.recording.formats import read_recording
-from tests.tools.blocked import run_alone
-from tools.benchmarks.discovery.cases import FURTHER, GIVEN, benches, make_case, make_cases, measured_rate
-from tools.benchmarks.discovery.generator import write_recordings
+from tools.benchmarks.discovery.cases import GIVEN, benches, make_case, make_cases, measured_rate
 from tools.benchmarks.discovery.hidden import HEALTHY, HIDDEN, same_effect
 from tools.benchmarks.discovery.oracle import best_statistic, record_all, residuals, statistic
 from tools.benchmarks.plant import record
 from tools.benchmarks.plant_parameters import Faults
 
 NOTHING_TO_SEE = {"rail_pressure_skew"}  # where the rail is at rest
-ALONE = """
-import io, json
-from tools.benchmarks.discovery import generator, oracle
-sys.stdin = io.StringIO(sys.argv[2])
-generator.HIDING.run(["seal", sys.argv[1]])
-label = json.loads(open(sys.argv[1] + "/labels.json").read())[0]
-generator.HIDING.run(["record", sys.argv[1], label, sys.argv[1] + "/recordings"])
-assert not [name for name in sys.modules if name.startswith("observer_rt")]
-"""
-
-
-def test_generator_and_oracle_run_where_the_package_cannot_be_imported(tmp_path: Path) -> None:
-    plan = {"effects": ["seat_area"], "faulty": 1, "healthy": 0, "rates": [True], "master_seed": 1}
-    done = run_alone(ALONE, str(tmp_path), json.dumps(plan))
-    files = done.stdout.split()
-    assert len(files) == len(GIVEN)
-    assert not any("seat" in file for file in files)
-    assert read_recording(Path(files[0])).injection_rate is not None
 
 
 def test_every_effect_of_the_vocabulary_is_hidden_within_its_bounds() -> None:
@@ -76,19 +53,6 @@ def test_cases_are_even_reproducible_and_in_an_order_that_tells_nothing() -> Non
     assert 50 < sum(a != b for a, b in pairwise(hidden)) < 110  # 80 of 160 at random
 
 
-def test_recordings_hold_what_the_plant_measured(tmp_path: Path) -> None:
-    case = make_case("lift_offset", True, 1, 0)
-    files = write_recordings(case, tmp_path)
-    bench = benches(case, GIVEN)[2]
-    outcome, read = record(bench), read_recording(files[2])
-    for signal, values in vars(outcome.measured).items():
-        np.testing.assert_allclose(
-            getattr(read, signal), values, rtol=0.0, atol=1e-12 * np.max(np.abs(values))
-        )
-    assert read.injection_rate is not None
-    np.testing.assert_allclose(read.injection_rate, measured_rate(bench, outcome), rtol=0.0, atol=1e-11)
-
-
 def test_measured_rate_has_white_noise_and_a_gain_of_its_own() -> None:
     gains, noise = [], []
     for number in range(12):
@@ -101,15 +65,6 @@ def test_measured_rate_has_white_noise_and_a_gain_of_its_own() -> None:
     assert np.mean(noise) == pytest.approx(0.5e-6, rel=0.02)
     assert np.mean(gains) == pytest.approx(1.0, abs=0.006)
     assert 0.002 < np.std(gains) < 0.009
-
-
-def test_given_and_further_recordings_share_the_injector_and_nothing_else() -> None:
-    case = make_case("seat_area", False, 1, 0)
-    given, further = benches(case, GIVEN), benches(case, FURTHER)
-    assert {b.events[0].faults for b in given + further} == {case.faults}
-    assert len({(b.injector, b.needle) for b in given + further}) == 1
-    assert len({b.seed for b in given + further}) == len(given) + len(further)
-    assert not {b.events[0].rail_pressure for b in given} & {b.events[0].rail_pressure for b in further}
 
 
 @pytest.mark.parametrize("with_rate", [False, True])

@@ -8,13 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.tools.blocked import run_alone
-from tools.benchmarks.plant import Bench, Outcome, event_start, record
+from tools.benchmarks.plant import Bench, Outcome, record
 from tools.benchmarks.realism.catalogue import (
     AND,
     DISTURBANCES,
     PAIRS,
-    WEARS,
     Selection,
     alone,
     entries,
@@ -27,18 +25,6 @@ from tools.benchmarks.realism.channels import butterworth, butterworth_delay, fi
 from tools.benchmarks.realism.outliers import energizing
 from tools.benchmarks.runs import Task
 
-TABLE = {
-    "hum_50_hz_line 0.2",
-    "coloured_3_khz_line 0.2",
-    "lift_filter 10",
-    "lift_filter 10 stated",
-    "lift_zero_sine 3",
-    "spikes_at_edges 3",
-    "noise 3",
-    "frozen_line 0.2",
-    "openings_every 10.5",
-    "lift_crosstalk 1.5",
-}
 SIGNALS = ("rail_pressure", "needle_lift", "line_pressure")
 OF_KIND = {"line": {"line_pressure"}, "rail": {"rail_pressure"}, "lift": {"needle_lift"}}
 REALLY_HAPPENS = {"pump_ripple_620_hz", "pump_ripple_200_hz", "engine_transient"}
@@ -119,13 +105,6 @@ def test_noise_three_times_larger_is_that_on_every_channel() -> None:
         assert np.std(getattr(measured, signal)[rest]) == pytest.approx(3.0 * sigma, rel=0.03)
 
 
-def test_noise_grows_half_way() -> None:
-    extra = added("noise_from_half_way 2", "line_pressure")
-    half = extra.size // 2
-    assert np.max(np.abs(extra[: half - 1])) == 0.0
-    assert np.std(extra[half:]) == pytest.approx(0.15e6 * math.sqrt(3.0), rel=0.03)
-
-
 def test_spikes_stand_at_the_edges_of_the_energizing_and_nowhere_else() -> None:
     bench = bench_of("spikes_at_edges 3", events=20)
     moments = np.concatenate(energizing(bench))
@@ -161,45 +140,6 @@ def test_frozen_stretches_repeat_samples_only_where_noise_comes_before(name: str
         assert 20 < np.sum(runs >= 50) < 80  # 40 a second
 
 
-def test_clipped_line_ends_inside_what_it_does() -> None:
-    for name, end in (("line_clipped_at_the_top 4", np.max), ("line_clipped_at_the_bottom 4", np.min)):
-        disturbed, plain = both(name)
-        inside = abs(end(plain.measured.line_pressure) - end(disturbed.measured.line_pressure))
-        assert inside == pytest.approx(4e6, abs=0.01e6)
-
-
-def test_dropouts_are_zeros_or_full_scale_for_their_samples() -> None:
-    bench = bench_of("dropouts_to_zero 5", events=20)
-    lows = record(bench).measured.rail_pressure == 0.0
-    lengths = np.diff(np.flatnonzero(np.diff(np.concatenate(([False], lows, [False])).astype(int))))[::2]
-    assert set(lengths.tolist()) <= {5, *range(6, 11)}
-    assert np.median(lengths) == 5
-    assert record(bench_of("dropouts_to_full_scale 2")).measured.line_pressure.max() > 300e6
-
-
-def test_lift_zero_steps_once_before_the_eleventh_event() -> None:
-    offset = added("lift_zero_step 6", "needle_lift", events=20)
-    before, after = offset[: round(event_start(10) * 1e5) - 300], offset[round(event_start(10) * 1e5) - 100 :]
-    assert np.max(np.abs(before)) == 0.0
-    np.testing.assert_allclose(np.abs(after), 6e-6, atol=0.02e-6)
-
-
-def test_crosstalk_follows_the_line_pressure() -> None:
-    disturbed, plain = both("lift_crosstalk 1.5")
-    swing = plain.measured.line_pressure - plain.measured.rail_pressure
-    moved = disturbed.measured.needle_lift - plain.measured.needle_lift
-    np.testing.assert_allclose(moved, 1.5e-6 * swing / 10e6, atol=0.02e-6)
-
-
-def test_lift_filter_is_of_first_order_at_its_corner() -> None:
-    disturbed, plain = both("lift_filter 10")
-    lag = 1.0 / (2.0 * math.pi * 10e3)
-    seen, true = disturbed.measured.needle_lift, plain.measured.needle_lift
-    slope = (seen[2:] - seen[:-2]) / 2e-5
-    error = seen[1:-1] + lag * slope - true[1:-1]
-    assert np.sqrt(np.mean(error**2)) < 0.1 * np.sqrt(np.mean((seen - true) ** 2))
-
-
 @pytest.mark.parametrize("order", [2, 4])
 def test_butterworth_has_its_corner_and_the_delay_that_is_stated(order: int) -> None:
     time = np.arange(20_000) * 1e-5
@@ -212,21 +152,6 @@ def test_butterworth_has_its_corner_and_the_delay_that_is_stated(order: int) -> 
         if frequency == slow:
             late = -np.angle(response) / (2.0 * math.pi * slow)
             assert late == pytest.approx(butterworth_delay(order, corner), rel=0.01)
-
-
-@pytest.mark.parametrize("size", [10, 20])
-def test_late_channels_show_what_was_before(size: int) -> None:
-    samples = size // 10
-    for role, signal in (("line", "line_pressure"), ("lift", "needle_lift"), ("rail", "rail_pressure")):
-        disturbed, plain = both(f"late_{role} {size}")
-        late, true = getattr(disturbed.measured, signal), getattr(plain.measured, signal)
-        np.testing.assert_allclose(late[samples:], true[:-samples], rtol=1e-6, atol=0.02e-6)
-
-
-def test_few_bits_leave_few_values() -> None:
-    lift = record(bench_of("few_bits 10")).measured.needle_lift
-    steps = lift / (500e-6 / 1024)
-    np.testing.assert_allclose(steps, np.rint(steps), atol=0.02)
 
 
 def test_ripple_and_transient_are_of_the_true_pressure() -> None:
@@ -249,11 +174,6 @@ def test_openings_come_every_few_milliseconds_up_to_the_end(period: float) -> No
     np.testing.assert_allclose(np.diff(first), period * 1e-3, atol=0.1e-3)
     assert outcome.event_of.tolist() == list(range(26))
     assert outcome.measured.time[-1] - first[-1] < period * 1e-3 + 0.011
-
-
-def test_ballistic_needles_never_reach_their_stop() -> None:
-    lift = record(bench_of("ballistic 0.2")).truth.needle_lift
-    assert 10e-6 < lift.max() < 200e-6
 
 
 def test_bounce_overshoot_and_slow_flanks_are_true_motion() -> None:
@@ -292,22 +212,6 @@ def test_the_same_recording_comes_again() -> None:
     np.testing.assert_array_equal(record(bench).measured.line_pressure, record(bench).measured.line_pressure)
 
 
-def test_three_recordings_of_a_size_have_three_wears() -> None:
-    cases = [make_realism_case(Task("noise 2", 5, number)).bench for number in range(3)]
-    assert {case.events[0].faults.orifice_area for case in cases} == set(WEARS)
-
-
-def test_table_holds_the_nine_of_the_bars() -> None:
-    assert {name_of(entry) for entry in alone(table=True)} == TABLE
-    assert {name_of(e) for e in entries(Selection.TABLE, (), 1)} == TABLE
-
-
-def test_at_least_forty_disturbances_of_all_channels() -> None:
-    assert len(DISTURBANCES) >= 40
-    assert {d.kind for d in DISTURBANCES.values()} >= {"line", "rail", "lift", "timing"}
-    assert all(d.table is None or d.table in d.sizes for d in DISTURBANCES.values())
-
-
 def test_names_lead_back_to_their_entries() -> None:
     for entry in alone() + pairs(1):
         assert parsed(name_of(entry)) == entry
@@ -332,20 +236,3 @@ def test_what_the_bench_file_states_changes_nothing_of_the_recording() -> None:
     plain, stated = (record(bench_of(name)).measured for name in ("lift_filter 5", "lift_filter 5 stated"))
     np.testing.assert_array_equal(plain.needle_lift, stated.needle_lift)
     np.testing.assert_array_equal(plain.line_pressure, stated.line_pressure)
-
-
-def test_a_bench_file_states_the_lag_in_microseconds() -> None:
-    (entry,) = (e for e in alone() if name_of(e) == "lift_filter 10 stated")
-    ((role, keys),) = entry[0].stated.items()
-    assert role == "needle_lift"
-    assert list(keys.values()) == [pytest.approx(15.9, abs=0.05)]
-
-
-ALONE = """
-from tools.benchmarks.realism import benches, channels, lifts, noises, outliers
-assert not [name for name in sys.modules if name.startswith("observer_rt")]
-"""
-
-
-def test_disturbances_know_nothing_of_the_package() -> None:
-    run_alone(ALONE)

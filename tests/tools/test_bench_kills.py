@@ -12,8 +12,18 @@ from observer_rt.config.bench import load_bench
 from observer_rt.service.keeping.journal import JournalWriter
 from observer_rt.service.keeping.state_file import model_hash, save_knowledge
 from tests.service.samples import some_knowledge, some_report
-from tools.benchmarks.kills.campaign import Plan, Strike, kills_document, run_campaign
-from tools.benchmarks.kills.checks import Kept, Line, differences, injections_of, loss, read_back
+from tools.benchmarks.kills.campaign import (
+    Kept,
+    Line,
+    Plan,
+    Strike,
+    differences,
+    injections_of,
+    kills_document,
+    loss,
+    read_back,
+    run_campaign,
+)
 from tools.benchmarks.kills.victim import Scene
 
 COUNT = 5

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from tests.tools.test_bench_accuracy import bench
-from tools.benchmarks.live_page.measure import RATE_PANEL
-from tools.benchmarks.live_page.socket_bus import socket_buses
+from tools.benchmarks.live_page.measure import RATE_PANEL, socket_buses
 from tools.benchmarks.live_page.watched import Gaps
 from tools.benchmarks.speed.traffic import RAW_FRAME
 

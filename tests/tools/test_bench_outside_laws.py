@@ -12,7 +12,7 @@ from observer_rt.model.effects import effective_model
 from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.term import Term, TermEquation
 from observer_rt.recording.formats import read_recording
-from tools.benchmarks.discovery.generator import write_all
+from tools.benchmarks.discovery.cases import write_all
 from tools.benchmarks.discovery.outside.answers import misfit
 from tools.benchmarks.discovery.outside.cases import Asked, OutsideCase, further_benches
 from tools.benchmarks.discovery.outside.kinds import KINDS

@@ -7,11 +7,11 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from tests.tools.blocked import run_alone
 from tools.benchmarks.plant import (
     FIRST_EVENT,
     Bench,
     Event,
+    Measured,
     Needle,
     Outcome,
     Shot,
@@ -21,15 +21,7 @@ from tools.benchmarks.plant import (
 )
 from tools.benchmarks.plant_equations import lift_at
 from tools.benchmarks.plant_parameters import Faults, Injector
-from tools.benchmarks.sampling import Measured
 
-ALONE = """
-from tools.benchmarks import cases, plant
-event = plant.Event(100e6, (plant.Shot(0.0, 1e-3),), plant.Faults())
-outcome = plant.record(plant.Bench(plant.Injector(), plant.Needle(), (event,)))
-assert outcome.truth.injection_rate.max() > 4e-5
-assert not [name for name in sys.modules if name.startswith("observer_rt")]
-"""
 SENSOR_FAULTS = {
     "line_pressure_sensor_lag": 40e-6,
     "channel_skew": 25e-6,
@@ -71,10 +63,6 @@ def once(
 ) -> Outcome:
     event = Event(rail_pressure, (Shot(0.0, duration),), faults)
     return record(Bench(injector, Needle(), (event,), noise=noise, seed=1))
-
-
-def test_plant_and_cases_run_where_the_package_cannot_be_imported() -> None:
-    run_alone(ALONE)
 
 
 def reference(
@@ -162,39 +150,6 @@ def test_mode_follows_what_makes_it(faults: Faults, stiffness_to_mass: float) ->
     assert faulty / healthy == pytest.approx(math.sqrt(stiffness_to_mass), rel=2e-3)
 
 
-def test_dense_fuel_leaves_through_the_nozzle_more_slowly() -> None:
-    healthy, dense = (once(f).truth for f in (Faults(), Faults(fuel_density=0.05)))
-    sac = np.interp(FIRST_EVENT + 1e-3, np.arange(healthy.sac_pressure.size) * 1e-5, dense.sac_pressure)
-    rate = np.interp(FIRST_EVENT + 1e-3, np.arange(healthy.sac_pressure.size) * 1e-5, dense.injection_rate)
-    part = Injector()
-    jet = math.sqrt(2.0 * (sac - part.chamber_pressure) / (1.05 * part.density))
-    assert rate == pytest.approx(part.nozzle_area * jet, rel=1e-4)
-
-
-def test_step_of_the_chamber_is_there_at_every_lift() -> None:
-    step = 8e6
-    outcome = once(Faults(chamber_pressure_step=step))
-    first, last = outcome.openings[0]
-    part = Injector()
-    assert outcome.truth.sac_pressure[first + 1] > part.chamber_pressure + 0.9 * step
-    assert outcome.truth.sac_pressure[first - 3] == part.chamber_pressure
-    open_rate = outcome.truth.injection_rate[first + 5 : last - 5]
-    head = outcome.truth.sac_pressure[first + 5 : last - 5] - part.chamber_pressure - step
-    np.testing.assert_allclose(open_rate, part.nozzle_area * np.sqrt(2.0 * head / part.density), rtol=1e-3)
-
-
-def test_a_step_that_grows_with_the_lift_by_its_whole_is_the_rise() -> None:
-    """At every lift; half of it lies between the two."""
-    whole, rise = (
-        once(Faults(chamber_pressure_step=8e6, chamber_pressure_share=1.0)),
-        once(Faults(chamber_pressure_rise=8e6)),
-    )
-    np.testing.assert_allclose(whole.truth.injection_rate, rise.truth.injection_rate, rtol=1e-9, atol=1e-12)
-    step, half = (once(Faults(chamber_pressure_step=8e6, chamber_pressure_share=s)) for s in (0.0, 0.5))
-    rates = [np.sum(one.truth.injection_rate) for one in (step, half, rise)]
-    assert rates == sorted(rates)
-
-
 def test_wave_line_drained_by_its_seat_injects_what_the_rail_delivers() -> None:
     outcome = once(injector=wave_injector(), duration=1.0e-3)
     injected = np.sum(outcome.truth.injection_rate) * 1e-5
@@ -230,15 +185,6 @@ def test_all_faults_are_tested() -> None:
     assert set(SENSOR_FAULTS) | set(PLANT_FAULTS) | shapes == set(Faults._fields)
 
 
-@pytest.mark.parametrize("skew", [25e-6, -25e-6])
-def test_late_channel_records_an_earlier_pressure(skew: float) -> None:
-    truth, late = once().truth, once(Faults(channel_skew=skew)).measured
-    expected = np.interp(late.time - skew, late.time, truth.line_pressure)
-    inside = slice(1, -3)  # beyond, what is recorded lies outside the recording
-    assert np.max(np.abs(late.line_pressure - expected)[inside]) < 0.02e6
-    assert np.max(np.abs(late.line_pressure - truth.line_pressure)) > 1e6
-
-
 def test_lagging_sensor_obeys_its_law() -> None:
     lag = 40e-6
     outcome = once(Faults(line_pressure_sensor_lag=lag))
@@ -260,10 +206,3 @@ def test_noise_and_codes_are_those_of_sensors_and_bus() -> None:
         assert np.std(signal[standstill]) == pytest.approx(sigma, rel=0.03)
         codes = signal / step
         np.testing.assert_allclose(codes, np.rint(codes), atol=1e-6)
-
-
-def test_slower_recordings_are_every_nth_sample() -> None:
-    event = Event(100e6, (Shot(0.0, 1e-3),), Faults())
-    fast, slow = (record(Bench(Injector(), Needle(), (event,), rate, 1.0, 5)) for rate in (100e3, 20e3))
-    np.testing.assert_array_equal(slow.measured.line_pressure, fast.measured.line_pressure[::5])
-    np.testing.assert_array_equal(slow.truth.injection_rate, fast.truth.injection_rate[::5])

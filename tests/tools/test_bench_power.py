@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tools.benchmarks.kills.disk import Disk, Operation
-from tools.benchmarks.kills.power import cut, recorded
+from tools.benchmarks.kills.power import Disk, Operation, cut, recorded
 
 FOLDER = "/disk"
 

@@ -1,7 +1,6 @@
 """What tier B of discovery makes of answers: its definitions by hand-made cases, and runs with a stub to ask."""
 
 import json
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,16 +8,16 @@ import pytest
 from rich.console import Console
 
 from observer_rt.config.bench import NOMINAL_INJECTOR
+from tests.tools.discovery_stub import Stub
 from tools.benchmarks.discovery.answers import Answer, Claim, ClaimedParameter, Smallest, read_answer
-from tools.benchmarks.discovery.asking import Asking
-from tools.benchmarks.discovery.real_line import summary
-from tools.benchmarks.discovery.real_line.cases import Kind, Numbers, Rig, make_case
+from tools.benchmarks.discovery.asking import Answered, Asking
+from tools.benchmarks.discovery.real_line import result as summary
+from tools.benchmarks.discovery.real_line.cases import Kind, Numbers, RealPlan, Rig, make_case
 from tools.benchmarks.discovery.real_line.discrepancies import Discrepancy
 from tools.benchmarks.discovery.real_line.fitting import record_only
-from tools.benchmarks.discovery.real_line.generator import RealPlan
 from tools.benchmarks.discovery.real_line.result import RealGap, RealResult
-from tools.benchmarks.discovery.real_line.run import print_results, run_real_lines
-from tools.benchmarks.discovery.real_line.scoring import score_case
+from tools.benchmarks.discovery.real_line.run import run_real_lines, shown
+from tools.benchmarks.discovery.real_line.scoring import score_answered
 from tools.benchmarks.discovery.real_line.tables import json_document, misses
 from tools.benchmarks.discovery.result import Interval
 from tools.benchmarks.wave_recordings import maker_file
@@ -82,19 +81,6 @@ def test_right_answers(result: RealResult, right: bool) -> None:
     assert result.right is right
 
 
-def test_half_of_a_pair_is_told_from_none() -> None:
-    assert [
-        r.half_right
-        for r in (
-            PAIR,
-            replace(PAIR, claims=PAIR.claims[1:]),
-            replace(PAIR, claims=(("seat_area", 0.9), ("guide_leakage", 0.9))),
-            replace(PAIR, claims=(("seat_area", 0.9),)),
-            SINGLE,
-        )
-    ] == [False, True, True, False, False]
-
-
 def test_three_times_the_smallest_visible_must_be_named() -> None:
     assert SINGLE.counted
     assert SINGLE.times_smallest("seat_area") == pytest.approx(5.0)
@@ -124,20 +110,6 @@ def test_a_gap_may_grow_within_tolerances() -> None:
     assert not SINGLE.gap_larger
     assert replace(SINGLE, injected_mass=RealGap(1.0, 1.1, 0.9)).gap_larger
     assert not NOTHING.gap_larger
-
-
-def test_smallest_sizes_and_coverage() -> None:
-    cases = [
-        SINGLE,
-        replace(SINGLE, parts=(("seat_area", (-0.03,)),), smallest=(("seat_area", 0.04),)),
-        WRONG,
-    ]
-    assert summary.smallest_visible(cases, "seat_area") == pytest.approx(0.02)
-    assert summary.smallest_visible(cases, "lift_gain") is None
-    assert summary.smallest_named(cases) == pytest.approx(0.03)
-    assert summary.smallest_named([WRONG]) is None
-    assert summary.coverage(cases) == [True, True]
-    assert summary.named_as_others(cases) == 1
 
 
 def test_missed_bars_are_said() -> None:
@@ -190,7 +162,7 @@ def test_smallest_visible_sizes_are_read_where_they_are_stated() -> None:
     stated = {"id": "lift_offset", "parameter": "x_0", "value": 1.5, "unit": "um"}
     answer = read_answer("0", findings | {"smallest_visible": [stated]}, "", 1.0, 1.0)
     assert answer.smallest == (Smallest("lift_offset", "x_0", 1.5, "um"),)
-    result = score_case(make_case((), Rig(0, False, 1), 0), answer, NOMINAL_INJECTOR)
+    result = score_answered(Answered(make_case((), Rig(0, False, 1), 0), answer, NOMINAL_INJECTOR))
     assert dict(result.smallest) == pytest.approx({"lift_offset": 1.5e-6})
     assert result.right
 
@@ -207,41 +179,25 @@ def test_the_true_effect_closes_the_gap_of_a_travelling_line(tmp_path: Path) -> 
     amended += 'origin = "test"\nevidence = "none"\ndate = "2026-01-01"\n'
     parameters = (ClaimedParameter("c", size, 0.9 * size, 1.1 * size, "m3/(s Pa)"),)
     claims = (Claim("guide_leakage", 0.95, parameters),)
-    result = score_case(case, Answer("0", "named", claims, ("guide_leakage",), amended, 1.0, 1.0), model)
+    answer = Answer("0", "named", claims, ("guide_leakage",), amended, 1.0, 1.0)
+    result = score_answered(Answered(case, answer, model))
     assert result.named_right
     assert [interval.holds for interval in result.intervals] == [True]
     assert result.line_pressure is not None
     assert result.line_pressure.after < result.line_pressure.before
 
 
-STUB = """
-import json, pathlib, sys
-
-verb, arguments = sys.argv[1], sys.argv[2:]
-with open(LOG, "a") as log:
-    log.write(json.dumps([verb, arguments]) + chr(10))
-if verb == "fit":
-    model = pathlib.Path(arguments[arguments.index("--model") + 1]).read_text()
-    pathlib.Path(arguments[arguments.index("--output") + 1]).write_text(model)
-    sys.exit(0)
-out = pathlib.Path(arguments[arguments.index("--out") + 1])
-out.mkdir(parents=True)
-(out / "findings.json").write_text(json.dumps({"verdict": "none", "effects": [], "amended_model": None}))
-"""
-
-
 @pytest.mark.slow
 def test_a_run_fits_first_asks_with_the_fitted_model_and_goes_on_where_it_stopped(tmp_path: Path) -> None:
-    log, stub, out = tmp_path / "log.txt", tmp_path / "stub.py", tmp_path / "out"
-    stub.write_text(STUB.replace("LOG", repr(str(log))))
+    stub, out = Stub(tmp_path), tmp_path / "out"
     plan = RealPlan(Numbers(1, 0, 0, 0), (True,), (Discrepancy.STEP,), 1)
-    asking = Asking(plan, 1, out, (sys.executable, str(stub)))
+    asking = Asking(plan, 1, out, stub.program)
     found = run_real_lines(asking, Console(quiet=True))
     assert found.crashes == ()
     assert [(r.kind, r.right, r.discrepancy) for r in found.results] == [(Kind.HEALTHY, True, "step")]
-    calls = [json.loads(line) for line in log.read_text().splitlines()]
-    assert [verb for verb, _ in calls] == ["fit", "discover", "discover"]  # one to compile
-    fit, _, asked = (arguments for _, arguments in calls)
+    calls = stub.calls()
+    assert [call[0] for call in calls] == ["fit", "discover", "discover"]  # one to compile
+    fit, _, asked = (call[1] for call in calls)
     fitted = Path(fit[fit.index("--output") + 1])
     assert asked[asked.index("--model") + 1] == str(fitted)
     assert fitted.exists()
@@ -251,25 +207,25 @@ def test_a_run_fits_first_asks_with_the_fitted_model_and_goes_on_where_it_stoppe
 
     again = run_real_lines(asking, Console(quiet=True))
     assert again.results == found.results
-    assert len(log.read_text().splitlines()) == len(calls)
+    assert len(stub.calls()) == len(calls)
     console = Console(width=190)
-    with console.capture() as shown:
-        print_results(again, console)
-    assert "step" in shown.get()
+    with console.capture() as told:
+        for part in shown(again):
+            console.print(part, highlight=False, markup=False)
+    assert "step" in told.get()
 
 
 @pytest.mark.slow
 def test_recordings_for_trials_stay(tmp_path: Path) -> None:
-    log, stub, out = tmp_path / "log.txt", tmp_path / "stub.py", tmp_path / "out"
-    stub.write_text(STUB.replace("LOG", repr(str(log))))
+    stub, out = Stub(tmp_path), tmp_path / "out"
     plan = RealPlan(Numbers(0, 1, 0, 0), (False,), (Discrepancy.MOUNTING,), 1)
     console = Console(width=190)
-    with console.capture() as shown:
-        record_only(plan, out, console, (sys.executable, str(stub)))
+    with console.capture() as told:
+        record_only(plan, out, console, stub.program)
     assert len(list((out / "mounting" / "healthy").glob("*.csv"))) == 6
     assert (out / "mounting" / "fitted.toml").exists()
     ((label, hidden),) = [
         (e["label"], e["parts"][0][0]) for e in json.loads((out / "sealed.json").read_text())
     ]
     assert len(list((out / "cases" / label).glob("*.csv"))) == 6
-    assert f"{label} mounting: {hidden}" in shown.get()
+    assert f"{label} mounting: {hidden}" in told.get()

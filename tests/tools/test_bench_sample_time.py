@@ -9,7 +9,6 @@ from tools.benchmarks.sample_time import (
     OPEN_PRESSURE,
     RAIL_PRESSURE,
     loaded_observer,
-    measure_sample_time,
     run_samples,
 )
 
@@ -31,8 +30,3 @@ def test_the_observer_timed_injects_with_all_it_can_have_learned() -> None:
     line = observer.constants.coefficients.line
     changed = dict(zip(line._fields, memory["line"][: len(line)] != np.array(line), strict=True))
     assert all(changed[name] for name in ("a1", "a4", "leak", "air"))  # stiffness, friction, leakage, air
-
-
-def test_an_open_needle_costs_more_than_a_shut_one() -> None:
-    took = measure_sample_time()
-    assert 0.0 < took.closed_us < took.open_us

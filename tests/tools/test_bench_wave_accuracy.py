@@ -11,29 +11,23 @@ from numpy.typing import NDArray
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.formats import read_recording
-from tests.tools.made_scores import UKF_SCORE, factors, score
+from tests.tools.made_scores import factors, score
 from tests.tools.test_bench_accuracy import bench
-from tools.benchmarks.cases import CLASSES, LUMP_CLASSES, make_case
-from tools.benchmarks.fitted_lump import fitted_lump
 from tools.benchmarks.kalman_peers import joint_ukf
 from tools.benchmarks.peer_inputs import lump_model, peer_inputs
-from tools.benchmarks.peers import TUNING
+from tools.benchmarks.peers import TUNING, fitted_lump
 from tools.benchmarks.plant import Bench, Event, Needle, Outcome, Shot, record
 from tools.benchmarks.plant_laws import Laws
 from tools.benchmarks.plant_parameters import Faults
-from tools.benchmarks.tables import class_table, peer_tables
-from tools.benchmarks.wave_accuracy import WAVE_CLASSES, make_wave_case
-from tools.benchmarks.wave_bars import BARS, wave_violations
+from tools.benchmarks.score import windows_of
+from tools.benchmarks.wave_accuracy import wave_violations
 from tools.benchmarks.wave_plant import LINES, Variant, new_part, real_part
 from tools.benchmarks.wave_recordings import (
-    FIT_EVENTS,
     NEW_PART,
     faulty_bench,
-    healthy_benches,
     parsed_faults,
     write_recordings,
 )
-from tools.benchmarks.windows import windows_of
 
 DENSITY = 830.0
 
@@ -46,37 +40,6 @@ def recorded(events: int, faults: Faults = Faults()) -> Outcome:  # noqa: B008 -
 @pytest.fixture(scope="module")
 def healthy() -> Outcome:
     return recorded(3)
-
-
-def test_cases_are_those_of_tier_a_on_another_plant() -> None:
-    here, there = make_wave_case(Variant.STEP, "mixture", 5, 3), make_case("mixture", 5, 3)
-    assert here.bench.events == there.bench.events
-    assert here.bench.seed == there.bench.seed
-    assert here.bench.line == LINES[Variant.STEP]
-    assert here.bench.injector == make_wave_case(Variant.PLAIN, "healthy", 5, 0).bench.injector
-    assert here.bench.injector != make_wave_case(Variant.PLAIN, "healthy", 6, 0).bench.injector
-
-
-def test_classes_and_bars_are_known() -> None:
-    assert set(WAVE_CLASSES) <= set(CLASSES)
-    assert set(BARS) <= set(WAVE_CLASSES)
-    assert set(CLASSES) - set(LUMP_CLASSES) == {"wear_averaged_20_khz"}
-    averaged = make_wave_case(Variant.PLAIN, "wear_averaged_20_khz", 1, 0).bench
-    assert averaged.averaged
-    assert averaged.sample_rate == 20e3
-
-
-def test_six_healthy_recordings_at_three_pressures_and_two_durations() -> None:
-    benches = healthy_benches(Variant.FRICTION, 2)
-    assert list(benches)[:2] == ["060MPa_0.6ms", "060MPa_1.9ms"]
-    points = {(e.rail_pressure, e.shots[0].duration) for b in benches.values() for e in b.events}
-    assert len(points) == len(benches) == 6
-    for made in benches.values():
-        assert len(made.events) == FIT_EVENTS
-        assert made.injector == real_part(2)
-        assert made.line == LINES[Variant.FRICTION]
-        assert {e.faults for e in made.events} == {Faults()}
-    assert len({made.seed for made in benches.values()}) == 6
 
 
 def test_faults_on_the_command_line() -> None:
@@ -175,14 +138,6 @@ def test_a_line_the_structures_do_not_contain_may_be_refused_but_not_wrong() -> 
         assert wave_violations([score(1.012)], variant) == []
         assert len(wave_violations([score(1.02)], variant)) == 1
         assert wave_violations([score(1.2, valid=(False,) * 20)], variant) == []
-
-
-def test_peers_are_shown_without_a_limit_of_information() -> None:
-    made = score()
-    peered = replace(made, estimators=(*made.estimators, UKF_SCORE))
-    mass, rate = peer_tables([made, peered])
-    assert mass.row_count == rate.row_count == 1
-    assert class_table([made]).row_count == 1
 
 
 @pytest.mark.slow

@@ -8,7 +8,6 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from tests.tools.blocked import run_alone
 from tests.tools.test_bench_plant import ringing_frequency
 from tools.benchmarks.plant import Bench, Event, Needle, Outcome, Shot, record, strokes_of, wave_injector
 from tools.benchmarks.plant_equations import Rail
@@ -27,14 +26,6 @@ from tools.benchmarks.wave_plant import (
 )
 from tools.benchmarks.wave_plant_equations import STEPS
 
-ALONE = """
-from tools.benchmarks import plant, wave_plant
-event = plant.Event(100e6, (plant.Shot(0.0, 1e-3),), plant.Faults())
-line = wave_plant.LINES[wave_plant.Variant.PLAIN]
-outcome = plant.record(plant.Bench(wave_plant.real_part(1), plant.Needle(), (event,), line=line))
-assert outcome.truth.injection_rate.max() > 4e-5
-assert not [name for name in sys.modules if name.startswith("observer_rt")]
-"""
 EVENT = Event(100e6, (Shot(0.0, 1.2e-3),), Faults())
 FAULTS = {
     "orifice_area": 0.3,
@@ -66,10 +57,6 @@ def fine(line: WaveLine, steps: int, samples: int = 200) -> tuple[NDArray[np.flo
     result = np.empty((samples, 6))
     plant.advance(Faults(), strokes, Rail(-5e-5, 1e-5, np.full(samples + 1, event.rail_pressure)), result)
     return result, plant
-
-
-def test_plant_runs_where_the_package_cannot_be_imported() -> None:
-    run_alone(ALONE)
 
 
 @pytest.mark.parametrize("variant", Variant)

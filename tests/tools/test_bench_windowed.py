@@ -7,12 +7,10 @@ import pytest
 
 from observer_rt.service.core.learners import make_learner
 from tools.benchmarks.cases import Case, make_case
-from tools.benchmarks.peers import has_peers
 from tools.benchmarks.plant import record
 from tools.benchmarks.plant_parameters import Faults
 from tools.benchmarks.score import NOMINAL, CaseScore
-from tools.benchmarks.scoring import bench_at, recording_of, score_case
-from tools.benchmarks.windowed import evaluate_windowed
+from tools.benchmarks.scoring import bench_at, evaluate_windowed, recording_of, score_case
 
 EVENTS = 6
 
@@ -34,14 +32,6 @@ def test_wear_is_learned_from_windows(score: CaseScore) -> None:
     assert score.valid == (False, False, *(True,) * (EVENTS - 2))
 
 
-def test_the_first_injection_is_known_behind_a_short_standstill(score: CaseScore) -> None:
-    """As well as the model without anything learned knows it."""
-    assert score.event_errors_pct()[0] == pytest.approx(score.event_errors_pct(NOMINAL)[0], abs=0.5)
-    assert score.event_errors_pct()[0] == pytest.approx(
-        score_case(worn("healthy")).event_errors_pct()[0], abs=0.5
-    )
-
-
 def test_samples_and_reports_are_those_of_the_whole_recording() -> None:
     case = worn("windowed")
     outcome = record(case.bench)
@@ -57,8 +47,3 @@ def test_samples_and_reports_are_those_of_the_whole_recording() -> None:
     starts = [r.start_index for r in evaluation.reports]
     lead = 15
     np.testing.assert_allclose(np.array(starts) + lead, outcome.openings[:, 0], atol=4)
-
-
-def test_peers_that_want_a_whole_recording_stay_out() -> None:
-    assert has_peers("missing_injections")
-    assert not has_peers("windowed")

@@ -8,14 +8,13 @@ from observer_rt.config.bench import Bench
 from observer_rt.evaluation.evaluate import Evaluation, evaluate
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.observer.stream.state import Reason
-from observer_rt.recording.signals.recording import Recording
+from observer_rt.recording.replay.framing import Span
 from observer_rt.service.keeping.state_file import load_knowledge, model_hash, save_knowledge
 from observer_rt.service.reports.injection_report import InjectionReport
 from tools.benchmarks.plant import record
 from tools.benchmarks.realism.catalogue import alone, make_realism_case, name_of, parsed
-from tools.benchmarks.realism.run import with_stated
 from tools.benchmarks.runs import Task
-from tools.benchmarks.scoring import bench_for_case, recording_of
+from tools.benchmarks.scoring import bench_for_case, part_of, recording_of, with_signals
 
 SEED = 1
 SOON = (Reason.STARTING, Reason.TOO_FEW_EVENTS)  # until an event was judged, as after every start
@@ -23,16 +22,6 @@ LIFT_ZERO = ("lift_zero", "lift_creep")  # found again by the stream: an opening
 FEW_AT_REST = ("openings_every 4.2",)  # ten openings are one event there
 NAMES = sorted(name_of(entry) for entry in alone())
 LARGEST = {name.rsplit(" ", 1)[0]: name for name in sorted(NAMES, key=lambda n: float(n.split(" ")[1]))}
-
-
-def part(recording: Recording, first: int, end: int | None) -> Recording:
-    rows = slice(first, end)
-    return Recording(
-        recording.time[rows] - recording.time[first],
-        recording.rail_pressure[rows],
-        recording.needle_lift[rows],
-        recording.line_pressure[rows],
-    )
 
 
 def reports_of(found: Evaluation) -> list[InjectionReport]:
@@ -55,15 +44,17 @@ def test_a_restart_in_the_midst(tmp_path: Path, name: str) -> None:
     case = make_realism_case(Task(name, SEED, 0))
     bench = bench_for_case(case)
     for each in parsed(name):
-        bench = with_stated(bench, each.stated)
+        bench = with_signals(bench, each.stated)
     recording = recording_of(record(case.bench))
     whole = evaluate(bench, [recording]).evaluations[0]
     reports = reports_of(whole)
     half = next(i for i in range(len(reports) // 2, len(reports)) if reports[i].event != reports[i - 1].event)
     cut = (reports[half - 1].end_index + reports[half].start_index) // 2 - whole.first_index
-    before = evaluate(bench, [part(recording, 0, cut)])
+    before = evaluate(bench, [part_of(recording, Span(0, cut))])
     after = evaluate(
-        bench, [part(recording, cut, None)], restarted(bench, before.knowledge, tmp_path / "state.json")
+        bench,
+        [part_of(recording, Span(cut, recording.samples))],
+        restarted(bench, before.knowledge, tmp_path / "state.json"),
     )
     found = reports_of(after.evaluations[0])
     if not name.startswith(LIFT_ZERO):

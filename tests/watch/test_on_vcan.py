@@ -18,7 +18,7 @@ from tests.device import worn_recording
 from tests.service.end_to_end import START_TIMEOUT, command
 from tests.service.participants import bench_file, until
 from tests.watch.message import unpacked
-from tools.benchmarks.live_page.browser import served
+from tools.benchmarks.live_page.watched import served
 
 INJECTIONS = 4
 SPEED = "0.1"

@@ -19,7 +19,7 @@ from tests.service.participants import bench_file, until
 from tests.three_injectors import NAMES, lift_id, three_on
 from tests.watch.conftest import Serve
 from tests.watch.traffic import Observed, traffic, write_log
-from tools.benchmarks.live_page.browser import served
+from tools.benchmarks.live_page.watched import served
 
 pytestmark = pytest.mark.slow
 PATIENCE = 60_000  # ms, after which the machine is too slow or the page stuck

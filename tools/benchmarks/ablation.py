@@ -1,6 +1,6 @@
 """`tools/bench accuracy --ablation`: the observer with one part changed each, so that each part earns its place."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -16,8 +16,9 @@ from observer_rt.observer.learning.knowledge import Knowledge, no_knowledge
 from observer_rt.observer.learning.learner import Learner
 from observer_rt.observer.stream.state import Constants
 from observer_rt.service.compiled.constants import bench_constants, configured_noise
-from observer_rt.service.core.learners import LearnerFactory, make_learner
+from observer_rt.service.core.learners import make_learner
 from tools.benchmarks.batch_learning import (
+    KNOWN,
     BatchResult,
     Listener,
     Model,
@@ -26,14 +27,16 @@ from tools.benchmarks.batch_learning import (
     bfgs,
     gauss_newton,
     learn_events,
+    shipped_model,
+    tied_rows_model,
+    trained_hidden_model,
 )
-from tools.benchmarks.batch_models import KNOWN, shipped_model, tied_rows_model, trained_hidden_model
 from tools.benchmarks.cases import Case, make_case
-from tools.benchmarks.command_line import ruled
-from tools.benchmarks.paper_peer import paper_bench
+from tools.benchmarks.peers import paper_bench
 from tools.benchmarks.plant import Outcome, record
+from tools.benchmarks.report import NOTHING, Shown, mean, ruled
 from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Crash, Plan, Task, on_case
-from tools.benchmarks.score import OBSERVER, CaseScore
+from tools.benchmarks.score import OBSERVER, CaseScore, score_rate, windows_of
 from tools.benchmarks.scoring import (
     bench_at,
     recording_of,
@@ -42,7 +45,6 @@ from tools.benchmarks.scoring import (
     short_case,
     timed_training,
 )
-from tools.benchmarks.windows import score_rate, windows_of
 
 CLASSES_TRIED = (
     "healthy",
@@ -57,7 +59,6 @@ CLASSES_TRIED = (
 )
 SHIPPED, FREE_ROWS = "as shipped", "free rows: the paper's scheme"
 _LINE_AND_SENSOR = ("offset", "friction", "leakage", "stiffness", "lag", "air")
-_NOT_JUDGED = "-"
 
 
 @dataclass(frozen=True)
@@ -130,11 +131,19 @@ def score_variants(case: Case) -> AblationScore:
     outcome = record(case.bench)
     bench = bench_at(case.bench.sample_rate)
     shipped, events = listened(case, outcome)
-    variants = [
-        _of_observer(SHIPPED, shipped),
-        *(_of_observer(n, score_outcome(case, outcome, bench, _learner_by(r))) for n, r in RULES.items()),
-        _of_observer(FREE_ROWS, score_outcome(case, outcome, paper_bench(case.bench.sample_rate))),
-    ]
+    variants = [_of_observer(SHIPPED, shipped)]
+    for name, scalars in RULES.items():
+
+        def learner_of(
+            _: BenchInjector, constants: Constants, knowledge: Knowledge, scalars: Scalars = scalars
+        ) -> Learner:
+            scale = constants.coefficients.pressure_scale
+            return Learner(constants, no_knowledge(knowledge.noise, scale, scalars), scalars)
+
+        variants.append(_of_observer(name, score_outcome(case, outcome, bench, learner_of)))
+    variants.append(
+        _of_observer(FREE_ROWS, score_outcome(case, outcome, paper_bench(case.bench.sample_rate)))
+    )
     windows = windows_of(outcome, case.bench.sample_rate)
     for name in BATCHES:
         learned = _learned(name, outcome, events)
@@ -155,14 +164,6 @@ def _of_observer(name: str, score: CaseScore) -> VariantScore:
         score.wrong_valid,
         score.training_ms,
     )
-
-
-def _learner_by(scalars: Scalars) -> LearnerFactory:
-    def learner_of(_: BenchInjector, constants: Constants, knowledge: Knowledge) -> Learner:
-        scale = constants.coefficients.pressure_scale
-        return Learner(constants, no_knowledge(knowledge.noise, scale, scalars), scalars)
-
-    return learner_of
 
 
 def listened(case: Case, outcome: Outcome) -> tuple[CaseScore, tuple[SeenEvent, ...]]:
@@ -214,6 +215,12 @@ def ablation_tables(scores: Sequence[AblationScore]) -> tuple[Table, Table]:
     return overall, by_class
 
 
+def ablation_shown(scores: Sequence[AblationScore], crashes: Sequence[Crash[Task]]) -> Iterator[Shown]:
+    """The tables, then a line for every crash."""
+    yield from ablation_tables(scores)
+    yield from (f"crash: {crash.task}: {crash.message}" for crash in crashes)
+
+
 def ablation_document(scores: Sequence[AblationScore], crashes: Sequence[str]) -> dict[str, Any]:
     """`figures` over all cases, `details` per variant and class."""
     classes = list(dict.fromkeys(score.class_name for score in scores))
@@ -234,16 +241,14 @@ def _of(variant: str, scores: Sequence[AblationScore]) -> list[VariantScore]:
 
 
 def _row(found: Sequence[VariantScore]) -> list[str]:
-    masses = [abs(v.mass_error_pct) for v in found]
-    shares = [v.valid_share for v in found if v.valid_share is not None]
+    of = _details(found)
+    is_judged = of["valid_share"] is not None
     return [
-        f"{np.median(masses):.3f}",
-        f"{np.percentile(masses, 95):.3f}",
-        f"{max(masses):.3f}",
-        f"{np.percentile([v.rate_rmse for v in found], 95):.3f}",
-        f"{100.0 * np.mean(shares):.1f}" if shares else _NOT_JUDGED,
-        str(sum(v.wrong_valid for v in found if v.wrong_valid is not None)) if shares else _NOT_JUDGED,
-        f"{np.median([ms for v in found for ms in v.training_ms]):.1f}",
+        *(f"{of['mass_error_pct'][name]:.3f}" for name in ("median", "p95", "max")),
+        f"{of['rate_rmse_p95_mm3_per_ms']:.3f}",
+        f"{100.0 * of['valid_share']:.1f}" if is_judged else NOTHING,
+        str(of["wrong_valid"]) if is_judged else NOTHING,
+        f"{of['training_ms_median']:.1f}",
     ]
 
 
@@ -257,7 +262,7 @@ def _details(found: Sequence[VariantScore]) -> dict[str, Any]:
     return {
         "mass_error_pct": {"median": float(np.median(masses)), "p95": _p95_mass(found), "max": max(masses)},
         "rate_rmse_p95_mm3_per_ms": float(np.percentile([v.rate_rmse for v in found], 95)),
-        "valid_share": float(np.mean(shares)) if shares else None,
+        "valid_share": mean(shares),
         "wrong_valid": sum(v.wrong_valid or 0 for v in found) if shares else None,
         "training_ms_median": float(np.median([ms for v in found for ms in v.training_ms])),
     }

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from tools.benchmarks.cases import CLASSES, Group
-from tools.benchmarks.proportions import clopper_pearson
+from tools.benchmarks.report import clopper_pearson
 from tools.benchmarks.score import NOMINAL, OBSERVER, UKF, CaseScore, SampleTime
 
 WEAR = ("orifice_area", "seat_area", "orifice_and_seat_area")

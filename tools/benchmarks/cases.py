@@ -8,8 +8,9 @@ from enum import StrEnum
 import numpy as np
 from numpy.random import Generator
 
-from tools.benchmarks.plant import Bench, Event, Needle, Shot, wave_injector
+from tools.benchmarks.plant import Bench, Event, Shot, drawn_needle, wave_injector
 from tools.benchmarks.plant_parameters import Faults, Injector
+from tools.benchmarks.wave_plant import LINES, Variant, real_part
 
 EVENTS = 20
 RAIL_PRESSURES = (40e6, 160e6)  # Pa
@@ -204,7 +205,7 @@ def make_case(class_name: str, master_seed: int, number: int) -> Case:
     fault_class = CLASSES[class_name]
     rng = np.random.default_rng([master_seed, zlib.crc32(class_name.encode()), number])
     seed = int(rng.integers(2**62))
-    needle = Needle(0.80 * rng.uniform(0.85, 1.15), 0.90 * rng.uniform(0.85, 1.15))
+    needle = drawn_needle(rng)
     schedule = drawn_events(rng, varying=rng.random() < VARYING_SHARE or fault_class.group is Group.STABILITY)
     faults = fault_class.faults(rng)
     change_event = int(rng.integers(6, 14)) if fault_class.jumps else None
@@ -228,6 +229,17 @@ def _faults_at(event: int, faults: Faults, change_event: int | None, grows: floa
         size = 1.0 - grows * (1.0 - (event + 1) / EVENTS)
         return Faults(*(new + size * (old - new) for new, old in zip(Faults(), faults, strict=True)))
     return faults
+
+
+def on_real_line(bench: Bench, master_seed: int, variant: Variant = Variant.PLAIN) -> Bench:
+    """The bench with tier B's plant: a master seed has one injector."""
+    return replace(bench, injector=real_part(master_seed), line=LINES[variant])
+
+
+def worn_events(rng: Generator, wear: float) -> tuple[Event, ...]:
+    """Events of a nozzle that is worn from the start [v_H]."""
+    events = drawn_events(rng, varying=rng.random() < 0.5)
+    return tuple(replace(event, faults=Faults(orifice_area=wear)) for event in events)
 
 
 def drawn_events(rng: Generator, varying: bool) -> tuple[Event, ...]:

@@ -1,24 +1,23 @@
-"""What the commands of `tools/bench` share: options, names that are chosen, where tables and documents go."""
+"""What the commands of `tools/bench` share: the program they belong to, options, names that are chosen."""
 
-import json
-import math
 import os
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, TypeVar
 
 import typer
 from rich.console import Console
-from rich.table import Table
 
+from observer_rt.foundation.console import progress_bar
 from observer_rt.foundation.errors import UserError
 
+Item = TypeVar("Item")
 INTERRUPTED = 130  # exit code
-TABLE_WIDTH = 210  # where stdout is no terminal
 PROCESSES = os.cpu_count() or 1
 messages = Console(stderr=True)
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
 
 class Tier(StrEnum):
@@ -62,45 +61,9 @@ def resumable(kept: str) -> Iterator[None]:
         raise typer.Exit(INTERRUPTED) from None
 
 
-def put_out(
-    as_json: bool,
-    document: Callable[[], Any],
-    show: Callable[[Console], None],
-    width: int = TABLE_WIDTH,
-) -> None:
-    """The document as JSON on stdout, or what is shown on a screen."""
-    if as_json:
-        print(json.dumps(document(), indent=2))
-    else:
-        show(screen(width))
-
-
-def screen(width: int = TABLE_WIDTH) -> Console:
-    """Stdout; so many columns wide where it is no terminal."""
-    console = Console()
-    return console if console.is_terminal else Console(width=width)
-
-
-def ruled(title: str, names: Sequence[str], numbers: Sequence[str], no_wrap: bool = False) -> Table:
-    """A table with columns of names, which do not wrap, and of numbers, which may."""
-    table = Table(title=title, title_justify="left")
-    for heading in names:
-        table.add_column(heading, no_wrap=True)
-    for heading in numbers:
-        table.add_column(heading, justify="right", no_wrap=no_wrap)
-    return table
-
-
-def print_lines(console: Console, lines: Iterable[str], title: str = "") -> None:
-    """Each as it is, behind a title."""
-    for line in lines:
-        console.print(f"{title}{line}", highlight=False, markup=False)
-
-
-def finite(value: Any) -> Any:
-    """The same with None in the place of what is no finite number, which JSON does not know."""
-    if isinstance(value, dict):
-        return {key: finite(each) for key, each in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [finite(each) for each in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+def tracked(items: Collection[Item], what: str, console: Console = messages) -> Iterator[Item]:
+    """Item by item, a bar on the console meanwhile."""
+    with progress_bar(console, what, float(len(items))) as progress:
+        for number, item in enumerate(items, 1):
+            yield item
+            progress(float(number))

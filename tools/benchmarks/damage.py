@@ -18,8 +18,9 @@ from enum import StrEnum
 from functools import cache
 from operator import ne
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
+import typer
 from rich.console import Console
 from rich.table import Table
 
@@ -29,7 +30,9 @@ from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
 from observer_rt.foundation.console import progress_bar
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording import formats
+from tools.benchmarks.command_line import PROCESSES, JsonOption, SeedOption, WorkersOption, app, messages
 from tools.benchmarks.damage_files import DATABASE, makers, write_database
+from tools.benchmarks.report import put_out, ruled
 from tools.benchmarks.runs import Crash, run_tasks
 
 JUDGED = (".mf4",)  # whose readers lose no frame in silence; text may lose whole lines
@@ -97,18 +100,6 @@ def run_damage(files: int, seed: int, workers: int, console: Console, flips: boo
     return campaign
 
 
-def damage_table(campaign: Campaign) -> Table:
-    """The outcomes for a screen, kind by kind."""
-    table = Table(box=None, pad_edge=False)
-    for heading in ("kind", "files", *Became, "longest s"):
-        table.add_column(heading, justify="left" if heading == "kind" else "right")
-    for kind, chosen in {**_by_kind(campaign), "all": campaign.outcomes}.items():
-        counts = Counter(each.became for each in chosen)
-        longest = max(each.seconds for each in chosen)
-        table.add_row(kind, str(len(chosen)), *(str(counts[b]) for b in Became), f"{longest:.2f}")
-    return table
-
-
 def _by_kind(campaign: Campaign) -> dict[str, list[Outcome]]:
     """The outcomes of the kinds that there are, in their order."""
     found: dict[str, list[Outcome]] = {kind: [] for kind in makers()}
@@ -129,6 +120,32 @@ def damage_document(campaign: Campaign) -> dict[str, Any]:
 def _figures(outcomes: Sequence[Outcome]) -> dict[str, int]:
     counts = Counter(each.became for each in outcomes)
     return {"files": len(outcomes)} | {b.name.lower(): counts[b] for b in Became}
+
+
+def damage_table(campaign: Campaign) -> Table:
+    """The outcomes for a screen, kind by kind."""
+    table = ruled("damaged files", ("kind",), ("files", *Became, "longest s"))
+    for kind, chosen in {**_by_kind(campaign), "all": campaign.outcomes}.items():
+        longest = max(each.seconds for each in chosen)
+        table.add_row(kind, *map(str, _figures(chosen).values()), f"{longest:.2f}")
+    return table
+
+
+@app.command(epilog="Example: tools/bench damage --files 5000 --seed 1")
+def damage(
+    files: Annotated[int, typer.Option(min=1, help="Damaged files.")] = 5000,
+    flips: Annotated[bool, typer.Option("--flips", help="Single bits, of MF4 and Parquet only.")] = False,
+    seed: SeedOption = 1,
+    workers: WorkersOption = PROCESSES,
+    as_json: JsonOption = False,
+) -> None:
+    """What becomes of damaged files of every format; exit code 1 if one crashes, or shows a traceback."""
+    campaign = run_damage(files, seed, workers, messages, flips)
+    put_out(as_json, damage_document(campaign), [damage_table(campaign)])
+    for fault in campaign.faults:
+        messages.print(f"{fault.task}: {fault.said}", markup=False, highlight=False, soft_wrap=True)
+    if campaign.faults:
+        raise typer.Exit(1)
 
 
 def one_file(task: Task) -> Outcome:

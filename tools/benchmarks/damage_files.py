@@ -16,8 +16,7 @@ from observer_rt.recording import formats
 from observer_rt.recording.canlog.can_log import LogFrame
 from observer_rt.recording.canlog.pcap import CAN
 from observer_rt.recording.signals.recording import Recording
-from tools.benchmarks.capture_file import pcapng
-from tools.benchmarks.logger_file import Field, write_logger_file
+from tools.benchmarks.logger_file import Field, pcapng, write_logger_file
 
 FRAMES = 40
 SAMPLES = 60

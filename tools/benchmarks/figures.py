@@ -1,6 +1,6 @@
 """Figures of an accuracy run: error against wear, learning curve, coverage of the intervals."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 
 from tools.benchmarks.bars import WEAR, by_class, coverage
 from tools.benchmarks.cases import CLASSES, Group
-from tools.benchmarks.proportions import clopper_pearson
+from tools.benchmarks.report import clopper_pearson
 from tools.benchmarks.score import OBSERVER, CaseScore
 
 MEDIAN_OF_NORMAL = 0.674  # of the absolute value, in sigmas
@@ -29,7 +29,9 @@ def save_figures(scores: Sequence[CaseScore], folder: Path) -> tuple[Path, ...]:
         written.append(_learning_curve(worn, folder / "learning_curve.png"))
     covered = {name: c for name, cases in by_class(scores).items() if (c := coverage(cases))}
     if covered:
-        written.append(_coverage(covered, folder / "interval_coverage.png"))
+        main = [name for name in covered if CLASSES[name].group is Group.MAIN]
+        what = "share of 95 % intervals of the mass that hold the truth"
+        written.append(coverage_figure(covered, main, what, folder / "interval_coverage.png"))
     return tuple(written)
 
 
@@ -102,18 +104,20 @@ def _learning_curve(scores: Sequence[CaseScore], path: Path) -> Path:
     return saved(figure, (axes,), path)
 
 
-def _coverage(covered: dict[str, list[bool]], path: Path) -> Path:
-    """How often the 95 % interval of event 15's mass held the truth, with 99 % Clopper-Pearson bars."""
-    figure, axes = plt.subplots(figsize=(8.0, 0.5 + 0.24 * len(covered)), layout="constrained")
+def coverage_figure(
+    covered: Mapping[str, Sequence[bool]], marked: Collection[str], xlabel: str, path: Path
+) -> Path:
+    """How often 95 % intervals hold the truth, with 99 % Clopper-Pearson bars; marked: in strong colours."""
+    figure, axes = plt.subplots(figsize=(8.0, 0.9 + 0.26 * len(covered)), layout="constrained")
     for row, (name, cases) in enumerate(covered.items()):
         low, high = clopper_pearson(sum(cases), len(cases))
-        main = CLASSES[name].group is Group.MAIN
-        axes.plot([low, high], [row, row], color=COLOURS[2] if main else COLOURS[1], linewidth=1.5)
-        axes.plot(np.mean(cases), row, "o", color=COLOURS[0] if main else COLOURS[1], markersize=4)
+        bar, dot = (COLOURS[2], COLOURS[0]) if name in marked else (COLOURS[1], COLOURS[1])
+        axes.plot([low, high], [row, row], color=bar, linewidth=1.5)
+        axes.plot(np.mean(cases), row, "o", color=dot, markersize=4)
     axes.axvline(0.95, color="black", linewidth=0.8)
-    axes.set_yticks(range(len(covered)), list(covered))
+    axes.set_yticks(range(len(covered)), [f"{name} ({len(c)})" for name, c in covered.items()], fontsize=8)
     axes.invert_yaxis()
-    axes.set(xlim=(0.0, 1.02), xlabel="share of 95 % intervals of the mass that hold the truth")
+    axes.set(xlim=(0.0, 1.02), xlabel=xlabel)
     return saved(figure, (axes,), path)
 
 

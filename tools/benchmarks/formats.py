@@ -10,16 +10,18 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import can
 import numpy as np
-from rich.table import Table
+import typer
 
 from observer_rt.bus.links.link import Frame
-from observer_rt.recording import formats
+from observer_rt.recording import formats as files
 from observer_rt.recording.canlog.can_log import LogFrame
 from observer_rt.recording.signals.recording import Recording
+from tools.benchmarks.command_line import JsonOption, app
+from tools.benchmarks.report import Columns, put_out, table_of
 
 PERIOD = 90_001  # ns between two frames, so that every digit of a stamp counts
 START = 1_700_000_000_123_456_789  # ns since 1970
@@ -48,8 +50,8 @@ class FormatResult:
 def measure_formats(count: int) -> list[FormatResult]:
     """Write and read `count` frames in every log format, and as many samples in every recording format."""
     with tempfile.TemporaryDirectory() as folder:
-        written = formats.suffixes_of(formats.written(formats.log_formats()))
-        keeps_fd = {suffix: formats.log_format(Path(f"bus{suffix}")).keeps_fd for suffix in written}
+        written = files.suffixes_of(files.written(files.log_formats()))
+        keeps_fd = {suffix: files.log_format(Path(f"bus{suffix}")).keeps_fd for suffix in written}
         logs = [_log(suffix, suffix, keeps_fd[suffix], count, Path(folder)) for suffix in written]
         logs += [
             _log(f"{suffix} classic", suffix, False, count, Path(folder))
@@ -58,48 +60,44 @@ def measure_formats(count: int) -> list[FormatResult]:
         ]
         return logs + [
             _recording(suffix, count, Path(folder))
-            for suffix in formats.suffixes_of(formats.written(formats.signal_formats()))
+            for suffix in files.suffixes_of(files.written(files.signal_formats()))
         ]
 
 
-def formats_table(results: Sequence[FormatResult]) -> Table:
-    """The results for a screen."""
-    table = Table(box=None, pad_edge=False)
-    for heading in (
-        "format",
-        "holds",
-        "stamps off by up to",
-        "written 1/s",
-        "read 1/s",
-        "python-can's",
-        "bytes each",
-    ):
-        table.add_column(heading, justify="left" if heading in ("format", "holds") else "right")
-    for result in results:
-        table.add_row(
-            result.name,
-            result.holds,
-            f"{result.stamp_error_ns} ns",
-            f"{result.written_per_s:.0f}",
-            f"{result.read_per_s:.0f}",
-            "" if result.faster is None else f"x {result.faster:.2f}",
-            f"{result.bytes_each:.0f}",
-        )
-    return table
+COLUMNS: Columns[FormatResult] = {
+    "holds": lambda each: each.holds,
+    "stamps off by up to": lambda each: f"{each.stamp_error_ns} ns",
+    "written 1/s": lambda each: f"{each.written_per_s:.0f}",
+    "read 1/s": lambda each: f"{each.read_per_s:.0f}",
+    "python-can's": lambda each: "" if each.faster is None else f"x {each.faster:.2f}",
+    "bytes each": lambda each: f"{each.bytes_each:.0f}",
+}
 
 
 def formats_document(results: Sequence[FormatResult]) -> dict[str, Any]:
     """The results for a program."""
-    figures = {
-        f"{result.name.replace(' ', '_').removeprefix('.')}_{what}_per_s": round(value)
-        for result in results
-        for what, value in (("written", result.written_per_s), ("read", result.read_per_s))
-    } | {
-        f"{result.name.replace(' ', '_').removeprefix('.')}_times_python_can": round(result.faster, 2)
-        for result in results
-        if result.faster is not None
-    }
-    return {"figures": figures, "details": [vars(result) for result in results]}
+    figures: dict[str, float] = {}
+    for each in results:
+        name = each.name.replace(" ", "_").removeprefix(".")
+        figures |= {f"{name}_written_per_s": round(each.written_per_s)}
+        figures |= {f"{name}_read_per_s": round(each.read_per_s)}
+    for each in results:
+        if each.faster is not None:
+            figures[f"{each.name.replace(' ', '_').removeprefix('.')}_times_python_can"] = round(
+                each.faster, 2
+            )
+    return {"figures": figures, "details": [vars(each) for each in results]}
+
+
+@app.command(epilog="Example: tools/bench formats --frames 100000")
+def formats(
+    frames: Annotated[int, typer.Option(min=1000, help="CAN frames, or as many samples.")] = 50_000,
+    as_json: JsonOption = False,
+) -> None:
+    """What each file format holds, how exactly it keeps time, and how fast it is written and read."""
+    found = measure_formats(frames)
+    table = table_of("file formats", "format", {each.name: each for each in found}, COLUMNS)
+    put_out(as_json, formats_document(found), [table])
 
 
 def _log(name: str, suffix: str, is_fd: bool, count: int, folder: Path) -> FormatResult:
@@ -107,9 +105,9 @@ def _log(name: str, suffix: str, is_fd: bool, count: int, folder: Path) -> Forma
     frames = _frames(count, is_fd)
     (written,) = _seconds(lambda: _write(path, frames))
     read, peer = _seconds(
-        lambda: deque(formats.open_log(path), maxlen=0), lambda: deque(can.LogReader(path), maxlen=0)
+        lambda: deque(files.open_log(path), maxlen=0), lambda: deque(can.LogReader(path), maxlen=0)
     )
-    found = list(formats.open_log(path))
+    found = list(files.open_log(path))
     payloads = [entry.frame.payload for entry in frames]
     if [entry.frame.payload for entry in found] != payloads:
         raise AssertionError(f"{suffix} changed the frames")
@@ -129,9 +127,9 @@ def _recording(suffix: str, count: int, folder: Path) -> FormatResult:
         needle_lift=0.4e-6 * noise[1],
         line_pressure=100e6 + 0.15e6 * noise[2],
     )
-    (written,) = _seconds(lambda: formats.write_recording(path, recording))
+    (written,) = _seconds(lambda: files.write_recording(path, recording))
     found: list[Recording] = []
-    (read,) = _seconds(lambda: found.append(formats.read_recording(path)))
+    (read,) = _seconds(lambda: found.append(files.read_recording(path)))
     error = round(float(np.max(np.abs(found[0].time - recording.time))) * 1e9)
     return _result(f"{suffix} signals", "samples", error, count, written, read, path)
 
@@ -155,7 +153,7 @@ def _frames(count: int, is_fd: bool) -> list[LogFrame]:
 
 
 def _write(path: Path, frames: Sequence[LogFrame]) -> None:
-    with formats.open_writer(path, START) as writer:
+    with files.open_writer(path, START) as writer:
         for frame in frames:
             writer.write(frame)
 

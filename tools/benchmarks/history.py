@@ -1,15 +1,14 @@
 """`tools/bench history`: hours of bus time through the service at speed; does anything grow, go back, or get lost?"""
 
 import gc
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import typer
 from rich.console import Console
-from rich.table import Table
 
 from observer_rt.bus.links.link import BusFrame, Frame, block_of
 from observer_rt.bus.mapping.bus_map import map_bus
@@ -23,10 +22,10 @@ from observer_rt.service.core.messages import Counters
 from observer_rt.service.reports.news import Notes
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import SimulatedNoise, simulate
-from tools.benchmarks.command_line import JsonOption, ModelOption, messages, print_lines, put_out, ruled
-from tools.benchmarks.scoring import bench_at
+from tools.benchmarks.command_line import JsonOption, ModelOption, app, messages
+from tools.benchmarks.report import Columns, put_out, table_of
+from tools.benchmarks.scoring import bench_at, part_of
 
-EXAMPLE = "Examples: tools/bench history; tools/bench history --hours 1 --model fitted.toml --json"
 SAMPLE_RATE = 100e3  # Hz: the index of 32 bits comes round after 11.9 h
 PRESSURES = (60e6, 100e6, 140e6)  # Pa
 SPACING = 40 * MILLISECOND
@@ -104,7 +103,10 @@ def run_history(hours: float, period: float, model: Path | None, console: Consol
                     core.finish()
                     reported += len(notes.injections)
                 now = core.counters
-                gone_back |= dict.fromkeys(_gone_back(before, now))
+                smaller = (
+                    each.name for each in fields(now) if getattr(now, each.name) < getattr(before, each.name)
+                )
+                gone_back |= dict.fromkeys(smaller)
                 before = now
                 hour = (number + 1) * period / _HOUR
                 looks.append(
@@ -114,6 +116,7 @@ def run_history(hours: float, period: float, model: Path | None, console: Consol
     return History(tuple(looks), core.counters)
 
 
+@app.command(epilog="Examples: tools/bench history; tools/bench history --hours 1 --model fitted.toml --json")
 def history(
     hours: Annotated[float, typer.Option(min=0.1, help="Of bus time.")] = 24.0,
     period: Annotated[float, typer.Option(min=0.05, help="Seconds from one injection to the next.")] = 1.0,
@@ -122,7 +125,17 @@ def history(
 ) -> None:
     """A day of injections in windows through the service, at speed: memory, counters, every injection once."""
     found = run_history(hours, period, model, messages)
-    put_out(as_json, lambda: _document(found), lambda console: _show(found, console))
+    looks = {f"{each.hour:.1f}": each for each in found.looks[:: max(1, len(found.looks) // 24)]}
+    table = table_of(f"memory grows by {found.growth:.3f} MiB an hour", "hour", looks, _COLUMNS)
+    document = {
+        "figures": {"growth_mib_per_h": found.growth, **asdict(found.looks[-1])},
+        "details": {
+            "looks": [asdict(each) for each in found.looks],
+            "counters": asdict(found.counters),
+            "violations": found.missed,
+        },
+    }
+    put_out(as_json, document, [table, *(f"missed: {text}" for text in found.missed)])
 
 
 def _injections(model: Path | None) -> Sequence[Recording]:
@@ -131,15 +144,7 @@ def _injections(model: Path | None) -> Sequence[Recording]:
     injector = bench_at(SAMPLE_RATE, model).injector.parameters
     worn = (sized("orifice_area", v_H=WEAR),)
     whole = simulate(injector, schedule, SAMPLE_RATE, worn, SimulatedNoise(), seed=1).recording
-    return [
-        Recording(
-            np.arange(span.end - span.start) / SAMPLE_RATE,
-            whole.rail_pressure[span.start : span.end],
-            whole.needle_lift[span.start : span.end],
-            whole.line_pressure[span.start : span.end],
-        )
-        for span in windows(whole)
-    ]
+    return [part_of(whole, span) for span in windows(whole)]
 
 
 def _send(core: Core, framer: Framer, part: Recording, begin: float) -> None:
@@ -152,10 +157,6 @@ def _send(core: Core, framer: Framer, part: Recording, begin: float) -> None:
     core.handle_many(block_of(given))
 
 
-def _gone_back(before: Counters, now: Counters) -> list[str]:
-    return [each.name for each in fields(now) if getattr(now, each.name) < getattr(before, each.name)]
-
-
 def _memory() -> float:
     """Resident, MiB."""
     gc.collect()
@@ -163,30 +164,9 @@ def _memory() -> float:
     return pages * 4096 / _MEBIBYTE
 
 
-_COLUMNS: dict[str, Callable[[Look], str]] = {
-    "hour": lambda each: f"{each.hour:.1f}",
+_COLUMNS: Columns[Look] = {
     "MiB": lambda each: f"{each.memory:.1f}",
     "injections sent": lambda each: str(each.sent),
     "reported": lambda each: str(each.reported),
     "valid": lambda each: str(each.valid),
 }
-
-
-def _show(found: History, console: Console) -> None:
-    table: Table = ruled(f"memory grows by {found.growth:.3f} MiB an hour", (), tuple(_COLUMNS))
-    for each in found.looks[:: max(1, len(found.looks) // 24)]:
-        table.add_row(*(column(each) for column in _COLUMNS.values()))
-    console.print(table)
-    print_lines(console, found.missed, "missed: ")
-
-
-def _document(found: History) -> dict[str, Any]:
-    last = found.looks[-1]
-    return {
-        "figures": {"growth_mib_per_h": found.growth, **asdict(last)},
-        "details": {
-            "looks": [asdict(each) for each in found.looks],
-            "counters": asdict(found.counters),
-            "violations": found.missed,
-        },
-    }

@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tools.benchmarks.peer_equations import Model, Stream
+from tools.benchmarks.plant import Measured
 from tools.benchmarks.plant_parameters import Injector
-from tools.benchmarks.sampling import Measured
 
 PRESSURE_SCALE, FLOW_SCALE, AREA_SCALE = 1e8, 6e-5, 7e-7  # Pa, m3/s, m2
 TRANSITION = 0.5e6  # Pa
-OPEN_LIFT, CONFIRM, LOOK_BACK = 2.5e-6, 2, 3  # m, samples, samples
+OPEN_LIFT, LOOK_BACK = 2.5e-6, 3  # m, samples
 SETTLED = 3e-3  # s of shut needle after which the sac is at chamber pressure
 EVENT_GAP = 10e-3  # s
 STEP = 2.0e-6  # s of RK4

@@ -2,10 +2,10 @@
 
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,19 +14,83 @@ from numpy.typing import NDArray
 
 from observer_rt.config.bench import Bench, load_bench
 from observer_rt.config.injector import Meaning, SamplingConfig
-from observer_rt.evaluation.evaluate import Evaluation, evaluate
+from observer_rt.evaluation.evaluate import Evaluation, Trace, evaluate
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
+from observer_rt.observer.stream.state import State
+from observer_rt.recording.replay.framing import Span, windows
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.core.learners import LearnerFactory, make_learner
+from observer_rt.service.core.messages import Counters
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.judging import InlineExecutor
 from tools.benchmarks.cases import CLASSES, Case, make_case
 from tools.benchmarks.plant import Outcome, record
-from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore, EstimatorScore
-from tools.benchmarks.windowed import WindowedEvaluation, evaluate_windowed
-from tools.benchmarks.windows import Windows, covered_samples, score_rate, windows_of
+from tools.benchmarks.score import (
+    NOMINAL,
+    OBSERVER,
+    CaseScore,
+    EstimatorScore,
+    Windows,
+    covered_samples,
+    score_rate,
+    windows_of,
+)
+
+
+@dataclass(frozen=True)
+class WindowedEvaluation:
+    """What is scored of an evaluation, on the samples of the whole recording."""
+
+    trace: Trace
+    reports: tuple[InjectionReport, ...]
+    counters: Counters
+    first_index: int = 0
+
+
+def evaluate_windowed(bench: Bench, recording: Recording, learner_of: LearnerFactory) -> WindowedEvaluation:
+    """The observer on a recording of which a windowed source sends only what lies round the injections.
+
+    To the observer, recordings of one history are windows of a source: the index jumps with the needle closed, the
+    E2E counters go on. Where nothing was recorded nothing is available; samples and indices are those of the whole.
+    """
+    spans = windows(recording)
+    history = evaluate(bench, [part_of(recording, span) for span in spans], learner_of=learner_of)
+    first = history.evaluations[0].trace
+    likes = (getattr(first, each.name) for each in fields(Trace))
+    trace = Trace(
+        *(
+            np.full((recording.samples, *like.shape[1:]), UNAVAILABLE.get(like.dtype.kind, 0), like.dtype)
+            for like in likes
+        )
+    )
+    trace.state[:] = State.WAITING_FOR_DATA
+    reports = []
+    for span, part in zip(spans, history.evaluations, strict=True):
+        for name, values in vars(part.trace).items():
+            whole: NDArray[np.generic] = getattr(trace, name)
+            whole[span.start : span.end] = values
+        moved = span.start - part.first_index
+        reports += [
+            replace(r, start_index=r.start_index + moved, end_index=r.end_index + moved) for r in part.reports
+        ]
+    counted = [vars(part.counters) for part in history.evaluations]
+    counters = Counters(**{name: sum(counts[name] for counts in counted) for name in counted[0]})
+    return WindowedEvaluation(trace, tuple(reports), counters)
+
+
+def part_of(recording: Recording, span: Span) -> Recording:
+    """Samples of a span, as a recording of their own."""
+    part = slice(span.start, span.end)
+    return Recording(
+        np.arange(span.end - span.start) / recording.sample_rate,
+        recording.rail_pressure[part],
+        recording.needle_lift[part],
+        recording.line_pressure[part],
+    )
+
 
 WARM_UP_EVENTS = 3
+UNAVAILABLE = {"f": np.nan}  # by kind of dtype; else 0
 PRESSURE_SCALE = 100 * MEGAPASCAL  # of x3
 NO_REPORT = "NO_REPORT"  # in the place of a reason
 Scored = Evaluation | WindowedEvaluation
@@ -91,9 +155,9 @@ def score_evaluation(
     )
 
 
-def warm_up() -> None:
-    """Compile, or load from the cache, so that no case's training time holds it."""
-    score_case(short_case())
+def warm_up(model: Path | None = None) -> None:
+    """Compile, or load from the cache, what a model needs, so that no case's training time holds it."""
+    score_case(short_case(), model)
 
 
 def short_case() -> Case:
@@ -118,6 +182,13 @@ def bench_for_case(case: Case, model: Path | None = None) -> Bench:
     meaning = Meaning.MEAN if case.bench.averaged else Meaning.INSTANT
     sampling = SamplingConfig(rate_hz=case.bench.sample_rate, meaning=meaning)
     return load_bench(model=model).with_sections(sampling=sampling)
+
+
+def with_signals(bench: Bench, changed: Mapping[str, Mapping[str, Any]]) -> Bench:
+    """The bench with other keys of its signals, by role."""
+    signals = bench.injector.config.signals
+    update = {role: getattr(signals, role).model_copy(update=dict(keys)) for role, keys in changed.items()}
+    return bench.with_sections(signals=signals.model_copy(update=update))
 
 
 def x3_of_rate(rate: NDArray[np.float64], bench: Bench) -> NDArray[np.float64]:

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.table import Table
 
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
@@ -25,6 +24,8 @@ from observer_rt.service.reports.news import Notes
 from observer_rt.simulation.plant import Truth
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import SimulatedNoise, simulate
+from tools.benchmarks.command_line import app, tracked
+from tools.benchmarks.report import Columns, put_out, table_of
 from tools.benchmarks.scoring import bench_at
 
 SAMPLE_RATE = 50e3  # Hz
@@ -131,11 +132,10 @@ def operate(surgery: Surgery) -> Finding:
     recording, truth = _injections(surgery.wear)
     knowledge = _learned(surgery.wear) if surgery.learning is Learning.HELD else None
     seen = _observed(bench, _faulty(recording, surgery), surgery.learning, knowledge)
-    wrong = [
-        report
-        for report in seen.notes.injections
-        if report.valid and abs(report.volume / _volume(truth, report.start, report.end) - 1) > MASS_TOLERANCE
-    ]
+    wrong = 0
+    for report in seen.notes.injections:
+        volume = float(np.trapezoid(truth.injection_rate[report.start : report.end + 1])) / SAMPLE_RATE
+        wrong += report.valid and abs(report.volume / volume - 1) > MASS_TOLERANCE
     rows = seen.rows
     error = np.abs(rows["injection_rate"] - truth.injection_rate[rows["index"]])
     is_wrong = rows["valid"] & (error > RATE_TOLERANCE)
@@ -143,40 +143,31 @@ def operate(surgery: Surgery) -> Finding:
         surgery,
         len(seen.notes.injections),
         sum(report.valid for report in seen.notes.injections),
-        len(wrong),
+        wrong,
         int(is_wrong.sum()),
         _longest_run(is_wrong),
         seen.core.state[1],
     )
 
 
-def findings_table(findings: list[Finding]) -> Table:
-    """One line a fault, over wear, onsets and ways of learning."""
-    table = Table(box=None, pad_edge=False)
-    for heading in (
-        "fault",
-        "runs",
-        "valid",
-        "wrong and valid: injections",
-        "samples, most in a run",
-        "longest",
-        "at the end",
-    ):
-        table.add_column(heading)
-    for fault in (None, *FAULTS):
-        mine = [finding for finding in findings if finding.surgery.fault == fault]
-        if mine:
-            ends = sorted({finding.reason.name for finding in mine})
-            table.add_row(
-                fault or "none",
-                str(len(mine)),
-                f"{sum(f.valid for f in mine)} of {sum(f.injections for f in mine)}",
-                str(sum(f.wrong_injections for f in mine)),
-                str(max(f.wrong_samples for f in mine)),
-                f"{max(f.longest_run for f in mine) / SAMPLE_RATE / MILLISECOND:.2f} ms",
-                ", ".join(ends),
-            )
-    return table
+COLUMNS: Columns[list[Finding]] = {
+    "runs": lambda mine: str(len(mine)),
+    "valid": lambda mine: f"{sum(f.valid for f in mine)} of {sum(f.injections for f in mine)}",
+    "wrong and valid: injections": lambda mine: str(sum(f.wrong_injections for f in mine)),
+    "samples, most in a run": lambda mine: str(max(f.wrong_samples for f in mine)),
+    "longest": lambda mine: f"{max(f.longest_run for f in mine) / SAMPLE_RATE / MILLISECOND:.2f} ms",
+    "at the end": lambda mine: ", ".join(sorted({f.reason.name for f in mine})),
+}
+
+
+@app.command(epilog="Example: tools/bench surgery")
+def surgery() -> None:
+    """Whether anything wrong is ever valid: faults in recordings, for every way of learning."""
+    by_fault: dict[str, list[Finding]] = {}
+    for each in tracked(surgeries(), "surgeries"):
+        by_fault.setdefault(each.fault or "none", []).append(operate(each))
+    table = table_of("over wear, onsets and ways of learning", "fault", by_fault, COLUMNS)
+    put_out(False, None, [table])
 
 
 @dataclass(frozen=True)
@@ -253,10 +244,6 @@ def _rows(core: Core, framer: Framer, recording: Recording) -> Iterator[NDArray[
         seen = core.processed
     core.finish()
     yield core.rows(seen, core.processed)
-
-
-def _volume(truth: Truth, start: int, end: int) -> float:
-    return float(np.trapezoid(truth.injection_rate[start : end + 1])) / SAMPLE_RATE
 
 
 def _longest_run(of: NDArray[np.bool_]) -> int:

@@ -1,5 +1,7 @@
 """Recordings of the richer plant as files, for `fit` and for trying things out; the truth beside them."""
 
+import subprocess
+import sys
 import zlib
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -10,11 +12,9 @@ from typing import Annotated
 import numpy as np
 import typer
 from numpy.typing import NDArray
-from rich.console import Console
 
 from observer_rt.config.bench import NOMINAL_INJECTOR
-from observer_rt.foundation.console import progress_bar
-from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
 from observer_rt.recording.formats import write_recording
 from observer_rt.recording.signals.table_writers import (
@@ -26,20 +26,21 @@ from observer_rt.recording.signals.table_writers import (
 )
 from observer_rt.simulation.simulate import SAC_PRESSURE, truth_path
 from tools.benchmarks.cases import drawn_events
-from tools.benchmarks.fitted_lump import RATE_NOISE
+from tools.benchmarks.command_line import app, messages, tracked
+from tools.benchmarks.peers import RATE_NOISE
 from tools.benchmarks.plant import SAMPLE_RATE, Bench, Event, Needle, Outcome, Shot, record
 from tools.benchmarks.plant_laws import NO_LAWS, Laws
 from tools.benchmarks.plant_parameters import Faults
 from tools.benchmarks.scoring import recording_of
 from tools.benchmarks.wave_plant import LINES, Variant, new_part, real_part
 
+OUR_PROGRAM = (sys.executable, "-m", "observer_rt")
 FIT_PRESSURES = (60e6, 100e6, 140e6)  # Pa
 FIT_DURATIONS = (0.6e-3, 1.9e-3)  # s, of the openings
 FIT_EVENTS = 6  # in a recording of 0.52 s
 START_SPREAD = 50e-6  # s, of an event on the grid of samples
 NEW_PART = "new_part.toml"
 WRONG_LENGTH = 1.05  # of the line, as its maker says, where a measured rate can put it right
-EXAMPLE = "Example: tools/bench wave-recordings --out build/plain; observer-rt fit build/plain/*ms.csv ..."
 
 
 def healthy_benches(
@@ -117,6 +118,26 @@ def maker_file(length: float = 1.0) -> str:
     return "\n".join(changes.get(line.partition("=")[0].strip(), line) for line in lines) + "\n"
 
 
+def fit_model(
+    recordings: Sequence[Path], maker: Path, fitted: Path, program: Sequence[str] = OUR_PROGRAM
+) -> str:
+    """Have `fit` make an injector file of recordings, from the maker's; what it says. Raises RunError."""
+    command = [
+        *program,
+        "fit",
+        *map(str, recordings),
+        "--model",
+        str(maker),
+        "--output",
+        str(fitted),
+        "--force",
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise RunError(f"observer-rt fit ended with {done.returncode}: {done.stderr.strip()}")
+    return done.stdout
+
+
 def _measured_rate(outcome: Outcome, seed: int) -> NDArray[np.float64]:
     """Rate with the white noise of a rate meter; without its error of gain, which no fit could tell from truth."""
     rate = outcome.truth.injection_rate
@@ -144,6 +165,9 @@ def _write_truth(path: Path, outcome: Outcome) -> None:
     )
 
 
+@app.command(
+    epilog="Example: tools/bench wave-recordings --out build/plain; observer-rt fit build/plain/*ms.csv ..."
+)
 def wave_recordings(
     out: Annotated[Path, typer.Option(help="Folder for the recordings and their truth.")],
     variant: Annotated[Variant, typer.Option(help="What the line is like.")] = Variant.PLAIN,
@@ -171,9 +195,6 @@ def wave_recordings(
         benches = {"_".join(fault): faulty_bench(variant, seed, *parsed_faults(fault), hz, averaged)}
     else:
         benches = healthy_benches(variant, seed, hz, averaged)
-    outcomes = ((name, record(bench)) for name, bench in benches.items())
-    messages = Console(stderr=True)
-    with progress_bar(messages, "recording", float(len(benches))) as progress:
-        for number, path in enumerate(write_recordings(out, outcomes, measured_rate), 1):
-            progress(float(number))
-            messages.print(f"{path}, truth beside it", highlight=False, soft_wrap=True)
+    outcomes = ((name, record(benches[name])) for name in tracked(benches, "recording"))
+    for path in write_recordings(out, outcomes, measured_rate):
+        messages.print(f"{path}, truth beside it", highlight=False, soft_wrap=True)

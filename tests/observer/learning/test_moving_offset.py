@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from observer_rt.evaluation.evaluate import Evaluation, evaluate
 from observer_rt.observer.stream.state import Reason
 from tests.observer.learning.worn_injector import recorded
+from tools.benchmarks.plant import Measured
 from tools.benchmarks.plant_parameters import Injector
-from tools.benchmarks.sampling import Measured
+from tools.benchmarks.score import windows_of
 from tools.benchmarks.scoring import bench_at, recording_of
-from tools.benchmarks.windows import windows_of
 
 EVENTS = 12
 SEED = 12

@@ -14,8 +14,8 @@ from observer_rt.recording.signals.recording import Recording
 from tests.observer.learning.worn_injector import recorded
 from tools.benchmarks.plant import FIRST_EVENT, PERIOD
 from tools.benchmarks.plant_parameters import Injector
+from tools.benchmarks.score import windows_of
 from tools.benchmarks.scoring import bench_at, recording_of
-from tools.benchmarks.windows import windows_of
 
 EVENTS = 9
 SEED = 11

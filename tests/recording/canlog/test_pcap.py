@@ -14,7 +14,7 @@ from observer_rt.recording.canlog.can_log import LogFrame
 from observer_rt.recording.canlog.pcap import ALL, ALL_2, CAN
 from observer_rt.recording.formats import is_log, open_log
 from tests.recording.canlog.log_cases import mixture
-from tools.benchmarks.capture_file import Capture, pcap, pcapng
+from tools.benchmarks.logger_file import Capture, pcap, pcapng
 
 CAPTURES = [("bus.pcap", pcap), ("bus.pcapng", pcapng)]
 

@@ -3,7 +3,6 @@
 import json
 import resource
 import subprocess
-import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,7 +13,6 @@ from observer_rt.config.bench import NOMINAL_INJECTOR
 from tools.benchmarks.discovery.result import AMBIGUOUS
 
 TIME_LIMIT = 600  # s
-OUR_PROGRAM = (sys.executable, "-m", "observer_rt")
 KEPT_MESSAGE = 400  # characters of a failed command's
 
 

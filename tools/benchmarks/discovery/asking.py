@@ -12,8 +12,10 @@ from typing import Any, Generic, TypeVar
 from rich.console import Console
 
 from observer_rt.config.bench import NOMINAL_INJECTOR
-from tools.benchmarks.discovery.answers import OUR_PROGRAM, Answer, ask
+from tools.benchmarks.discovery import hiding
+from tools.benchmarks.discovery.answers import Answer, ask
 from tools.benchmarks.runs import Campaign, Labelled, Store
+from tools.benchmarks.wave_recordings import OUR_PROGRAM
 
 WARM_UP_RECORDINGS = 2
 Hiding = TypeVar("Hiding")
@@ -42,11 +44,15 @@ class Asking(Generic[Hiding]):
 
 @dataclass(frozen=True)
 class Question:
-    """A case to ask about: its label and the model it is asked with are all that is known of it."""
+    """A case to ask about: its label and the model it is asked with are all that is known of it.
+
+    choose: of several effects that are tied the first is chosen.
+    """
 
     label: str
     asking: Asking[Any]
     model: Path = NOMINAL_INJECTOR
+    choose: bool = True
 
 
 @dataclass(frozen=True)
@@ -71,24 +77,30 @@ class Found(Generic[Scored]):
     crashes: tuple[str, ...]
 
 
-def generate(module: str, verb: str, folder: Path, *arguments: str, given: str = "") -> tuple[Path, ...]:
-    """Run a generator, the only process that knows what is hidden before the answers are in; the files it wrote."""
-    command = [sys.executable, "-m", module, verb, str(folder), *arguments]
+def generate(cases: str, verb: str, folder: Path, *arguments: str, given: str = "") -> tuple[Path, ...]:
+    """Run what hides the cases of a module, the only process that knows them before the answers are in; its files."""
+    command = [sys.executable, "-m", hiding.__name__, cases, verb, str(folder), *arguments]
     done = subprocess.run(command, input=given, stdout=subprocess.PIPE, text=True, check=True)
     return tuple(Path(line) for line in done.stdout.splitlines())
 
 
-def seal(module: str, plan: Any, folder: Path) -> None:
-    """Have the cases of a plan drawn by a generator."""
-    generate(module, "seal", folder, given=json.dumps(asdict(plan)))
+def seal(plan: Any, folder: Path) -> None:
+    """Have the cases of a plan drawn by the module it is of."""
+    generate(type(plan).__module__, "seal", folder, given=json.dumps(asdict(plan)))
 
 
-def ask_and_keep(question: Question, recordings: Sequence[Path], choose: bool = True) -> Answer:
-    """Ask about recordings in a folder of their own; the findings stay in `out`, nothing else."""
-    label, asking = question.label, question.asking
+def recorded(question: Question) -> tuple[Path, ...]:
+    """Have a case recorded in a folder of its own; the files."""
+    hidden, label = question.asking.hidden, question.label
+    return generate(type(question.asking.plan).__module__, "record", hidden, label, str(hidden / label))
+
+
+def ask_question(question: Question) -> Answer:
+    """Work of one process: have a case recorded, and ask. Its findings stay in `out`, nothing else."""
+    label, asking, recordings = question.label, question.asking, recorded(question)
     answer = asking.out / "asked" / label
     try:
-        found = ask(asking.program, label, recordings, answer, question.model, choose)
+        found = ask(asking.program, label, recordings, answer, question.model, question.choose)
         kept = asking.out / "findings" / f"{label}.json"
         kept.parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(answer / "findings.json", kept)
@@ -101,7 +113,6 @@ def ask_and_keep(question: Question, recordings: Sequence[Path], choose: bool = 
 def ask_and_score(
     campaign: Campaign,
     questions: Sequence[Question],
-    ask_question: Callable[[Question], Answer],
     answers: Store[Answer],
     opened: Callable[[], Iterable[Hidden]],
     score: Callable[[Answered[Hidden]], Scored],

@@ -1,21 +1,26 @@
 """Hidden cases: an opaque label, what is hidden, and the benches that record it. Imports nothing of `observer_rt`."""
 
-import hashlib
 import itertools
 import zlib
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import TypeAdapter
 
 from tools.benchmarks.discovery.hidden import HEALTHY, HIDDEN
-from tools.benchmarks.plant import Bench, Event, Needle, Outcome, Shot
+from tools.benchmarks.discovery.hiding import Hiding, label_of
+from tools.benchmarks.plant import Bench, Event, Outcome, Shot, drawn_needle, record
 from tools.benchmarks.plant_parameters import Faults, Injector
 
 GIVEN = tuple(itertools.product((60e6, 100e6, 140e6), (0.6e-3, 1.9e-3)))
 """Operating points `discover` is given: rail pressure [Pa], needle open [s]."""
 FURTHER = tuple(itertools.product((80e6, 120e6), (0.9e-3, 1.5e-3)))
 """Operating points it never sees: there the gap is measured."""
+MEGAPASCAL, MILLIMETRE, MM3_PER_MS = 1e6, 1e-3, 1e-6
+HEADER = "time_s,rail_pressure_MPa,needle_lift_mm,line_pressure_MPa"
 INJECTIONS = 2  # in each recording
 RATE_NOISE = 0.5e-6  # m3/s per sample of a measured rate at 100 kHz
 RATE_GAIN = 0.005  # one sigma of a recording's gain
@@ -43,7 +48,7 @@ def make_case(effect: str, with_rate: bool, master_seed: int, number: int) -> Hi
     rng = np.random.default_rng(key)
     seed = int(rng.integers(2**62))
     values = () if effect == HEALTHY else tuple(p.draw(rng) for p in HIDDEN[effect].parameters)
-    label = hashlib.sha256(repr(key).encode()).hexdigest()[:12]
+    label = label_of(key)
     return HiddenCase(label, effect, values, with_rate, seed)
 
 
@@ -69,7 +74,7 @@ def benches(
 ) -> tuple[Bench, ...]:
     """One bench a recording: one operating point, its injections anywhere on the grid of samples."""
     rng = np.random.default_rng(case.seed)
-    needle = Needle(0.80 * rng.uniform(0.85, 1.15), 0.90 * rng.uniform(0.85, 1.15))
+    needle = drawn_needle(rng)
     rng = np.random.default_rng([case.seed, *(round(pressure) for pressure, _ in points)])
     made = []
     for rail_pressure, duration in points:
@@ -93,3 +98,57 @@ def measured_rate(bench: Bench, outcome: Outcome) -> NDArray[np.float64]:
 def without_noise(case: HiddenCase, points: tuple[tuple[float, float], ...]) -> tuple[Bench, ...]:
     """The same benches without noise."""
     return tuple(replace(bench, noise=0.0) for bench in benches(case, points))
+
+
+@dataclass(frozen=True)
+class HidingPlan:
+    """What is drawn: numbers of cases, effects, without and with measured rate, seed."""
+
+    effects: tuple[str, ...]
+    faulty: int
+    healthy: int
+    rates: tuple[bool, ...]
+    master_seed: int
+
+
+def write_recordings(case: HiddenCase, folder: Path) -> tuple[Path, ...]:
+    """The recordings of a case."""
+    return write_all(benches(case, GIVEN), case.with_rate, folder)
+
+
+def write_all(benches: Iterable[Bench], with_rate: bool, folder: Path) -> tuple[Path, ...]:
+    """Recordings as CSV files, named by nothing but their order."""
+    folder.mkdir(parents=True, exist_ok=True)
+    files = []
+    for number, bench in enumerate(benches, start=1):
+        files.append(folder / f"recording_{number}.csv")
+        write_recording(files[-1], bench, with_rate)
+    return tuple(files)
+
+
+def write_recording(path: Path, bench: Bench, with_rate: bool) -> None:
+    """What a bench records, as CSV file."""
+    outcome = record(bench)
+    measured = outcome.measured
+    columns: list[NDArray[np.float64]] = [
+        measured.time,
+        measured.rail_pressure / MEGAPASCAL,
+        measured.needle_lift / MILLIMETRE,
+        measured.line_pressure / MEGAPASCAL,
+    ]
+    header, row = HEADER, "%.5f,%.3f,%.5f,%.3f"
+    if with_rate:
+        columns.append(measured_rate(bench, outcome) / MM3_PER_MS)
+        header, row = f"{header},injection_rate_mm3_per_ms", f"{row},%.5f"
+    lines = [row % values for values in zip(*(c.tolist() for c in columns), strict=True)]
+    path.write_text("\n".join([header, *lines]) + "\n")
+
+
+HIDING = Hiding(
+    plan=TypeAdapter(HidingPlan),
+    cases=TypeAdapter(tuple[HiddenCase, ...]),
+    labels=TypeAdapter(tuple[str, ...]),
+    make=lambda plan: make_cases(plan.effects, plan.faulty, plan.healthy, plan.rates, plan.master_seed),
+    label_of=lambda case: case.label,
+    record=write_recordings,
+)

@@ -14,15 +14,15 @@ from tools.benchmarks.command_line import (
     SeedOption,
     Tier,
     WorkersOption,
+    app,
     chosen_names,
     messages,
-    put_out,
     resumable,
 )
 from tools.benchmarks.discovery import run, tables
 from tools.benchmarks.discovery.asking import Asking
+from tools.benchmarks.discovery.cases import HidingPlan
 from tools.benchmarks.discovery.figures import save_figures
-from tools.benchmarks.discovery.generator import HidingPlan
 from tools.benchmarks.discovery.hidden import HIDDEN
 from tools.benchmarks.discovery.outside import run as outside_run
 from tools.benchmarks.discovery.outside import tables as outside_tables
@@ -30,19 +30,19 @@ from tools.benchmarks.discovery.outside.cases import Asked, OutsidePlan
 from tools.benchmarks.discovery.outside.kinds import KINDS, VOCABULARY_KINDS
 from tools.benchmarks.discovery.real_line import run as real_run
 from tools.benchmarks.discovery.real_line import tables as real_tables
-from tools.benchmarks.discovery.real_line.cases import names_of, shared_out
+from tools.benchmarks.discovery.real_line.cases import RealPlan, names_of, shared_out
 from tools.benchmarks.discovery.real_line.discrepancies import Discrepancy
 from tools.benchmarks.discovery.real_line.fitting import record_only
-from tools.benchmarks.discovery.real_line.generator import RealPlan
+from tools.benchmarks.report import put_out
 
-EXAMPLE = (
-    "Examples: tools/bench discovery --cases 40 --effects lift_offset,seat_area --rate without; "
-    "tools/bench discovery --tier B --cases 20 --discrepancy taper; tools/bench discovery --outside --all-kinds"
-)
 CASES, REAL_CASES, OUTSIDE_CASES = 300, 150, 150
 RATES = {"without": (False,), "with": (True,), "both": (False, True)}
 
 
+@app.command(
+    epilog="Examples: tools/bench discovery --cases 40 --effects lift_offset,seat_area --rate without; "
+    "tools/bench discovery --tier B --cases 20 --discrepancy taper; tools/bench discovery --outside --all-kinds"
+)
 def discovery(
     cases: Annotated[
         int | None,
@@ -104,31 +104,21 @@ def discovery(
             record_only(plan, asking.out, messages)
         else:
             found = real_run.run_real_lines(asking, messages)
-            put_out(
-                as_json,
-                lambda: real_tables.json_document(found.results, found.adequate, found.crashes),
-                lambda console: real_run.print_results(found, console),
-            )
+            document = real_tables.json_document(found.results, found.adequate, found.crashes)
+            put_out(as_json, document, real_run.shown(found))
 
 
 def _outside(asking: Asking[OutsidePlan], as_json: bool) -> None:
     found, tier = outside_run.run_outside(asking, messages), asking.plan.tier
-    put_out(
-        as_json,
-        lambda: outside_tables.json_document(found.results, tier, found.crashes),
-        lambda console: outside_run.print_results(found, tier, console),
-    )
+    document = outside_tables.json_document(found.results, tier, found.crashes)
+    put_out(as_json, document, outside_run.shown(found, tier))
 
 
 def _on_nominal_lines(asking: Asking[HidingPlan], as_json: bool) -> None:
     found = run.run_discovery(asking, messages)
     for figure in save_figures(found.results, asking.out):
         messages.print(f"figure: {figure}", highlight=False)
-    put_out(
-        as_json,
-        lambda: tables.json_document(found.results, found.crashes),
-        lambda console: run.print_results(found, console),
-    )
+    put_out(as_json, tables.json_document(found.results, found.crashes), run.shown(found))
 
 
 def _real_plan(

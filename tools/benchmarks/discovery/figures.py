@@ -6,7 +6,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from tools.benchmarks.discovery import summary
+from tools.benchmarks.discovery import result as results_of
 from tools.benchmarks.discovery.hidden import HEALTHY, HIDDEN
 from tools.benchmarks.discovery.result import (
     AMBIGUOUS,
@@ -17,8 +17,8 @@ from tools.benchmarks.discovery.result import (
     CaseResult,
 )
 from tools.benchmarks.discovery.tables import printed_size
-from tools.benchmarks.figures import saved
-from tools.benchmarks.proportions import clopper_pearson
+from tools.benchmarks.figures import coverage_figure, saved
+from tools.benchmarks.report import clopper_pearson
 
 RED, GREY, BLUE, GREEN = "#d1495b", "#8d99ae", "#00798c", "#66a182"
 LEAST_GAIN = 0.5  # drawn where the oracle gains less
@@ -32,21 +32,24 @@ def save_figures(results: Sequence[CaseResult], folder: Path) -> tuple[Path, ...
     written = []
     if results:
         written.append(_confusion(results, folder / "confusion.png"))
-    if summary.faulty(results):
+    if results_of.faulty(results):
         written.append(_detection(results, folder / "detection_limits.png"))
-    if summary.reliability(results):
+    if results_of.reliability(results):
         written.append(_reliability(results, folder / "reliability.png"))
-    if summary.coverage(results):
-        written.append(_coverage(results, folder / "interval_coverage.png"))
-    if summary.worst_gap_shares(results):
+    if results_of.coverage(results):
+        by_effect = {name: results_of.coverage(c) for name, c in results_of.by_effect(results).items()}
+        covered = {name: c for name, c in by_effect.items() if c} | {"all": results_of.coverage(results)}
+        what = "share of 95 % intervals that hold the true value"
+        written.append(coverage_figure(covered, ["all"], what, folder / "interval_coverage.png"))
+    if results_of.worst_gap_shares(results):
         written.append(_gaps(results, folder / "gap_left.png"))
     return tuple(written)
 
 
 def _confusion(results: Sequence[CaseResult], path: Path) -> Path:
     """Share of each answer to each hidden effect above noise; counts as numbers."""
-    rows = {name: summary.above_noise(cases) for name, cases in summary.by_effect(results).items()}
-    rows[HEALTHY] = summary.healthy(results)
+    rows = {name: results_of.above_noise(cases) for name, cases in results_of.by_effect(results).items()}
+    rows[HEALTHY] = results_of.healthy(results)
     rows = {name: cases for name, cases in rows.items() if cases}
     answers = [*HIDDEN, SEVERAL, AMBIGUOUS, UNKNOWN, NONE]
     counts = np.array([[sum(r.answer == a for r in cases) for a in answers] for cases in rows.values()])
@@ -68,7 +71,7 @@ def _confusion(results: Sequence[CaseResult], path: Path) -> Path:
 
 def _detection(results: Sequence[CaseResult], path: Path) -> Path:
     """Every faulty case by how much the oracle gains, found or not; the size found from on as text."""
-    effects = summary.by_effect(results)
+    effects = results_of.by_effect(results)
     figure, axes = plt.subplots(figsize=(9.0, 1.6 + 0.3 * len(effects)), layout="constrained")
     kinds = (
         ("right", GREEN, "o", lambda r: r.right),
@@ -90,7 +93,7 @@ def _detection(results: Sequence[CaseResult], path: Path) -> Path:
     axes.invert_yaxis()
     axes.set_title("found from", loc="right", fontsize=8)
     limits = axes.secondary_yaxis("right")
-    texts = [printed_size(name, summary.detection_limit(cases)) for name, cases in effects.items()]
+    texts = [printed_size(name, results_of.detection_limit(cases)) for name, cases in effects.items()]
     limits.set_yticks(range(len(effects)), texts, fontsize=8)
     axes.grid(True, axis="x", linewidth=0.4, alpha=0.6)
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False)
@@ -99,7 +102,7 @@ def _detection(results: Sequence[CaseResult], path: Path) -> Path:
 
 def _reliability(results: Sequence[CaseResult], path: Path) -> Path:
     """Share of right names against the confidence they were given with, with 99 % Clopper-Pearson bars."""
-    bins = summary.reliability(results)
+    bins = results_of.reliability(results)
     figure, axes = plt.subplots(figsize=(5.5, 5.0), layout="constrained")
     unit = np.array([0.0, 1.0])
     axes.fill_between(unit, unit - CALIBRATION_BAND, unit + CALIBRATION_BAND, color=GREY, alpha=0.2)
@@ -111,29 +114,9 @@ def _reliability(results: Sequence[CaseResult], path: Path) -> Path:
         axes.annotate(str(b.names), (b.confidence, b.right_share), place, fontsize=8,
                       textcoords="offset points", ha="right")  # fmt: skip
     axes.plot([b.confidence for b in bins], [b.right_share for b in bins], "o-", color=RED, markersize=5)
-    error = summary.calibration_error(results)
+    error = results_of.calibration_error(results)
     axes.set(xlim=(0.0, 1.02), ylim=(0.0, 1.04), xlabel="confidence given", ylabel="share of right names")
     axes.set_title(f"calibration error {error:.3f}; names given at each point", fontsize=9)
-    return saved(figure, (axes,), path)
-
-
-def _coverage(results: Sequence[CaseResult], path: Path) -> Path:
-    """How often 95 % intervals of rightly named parameters hold the truth, with 99 % Clopper-Pearson bars."""
-    covered = {
-        name: c for name, cases in summary.by_effect(results).items() if (c := summary.coverage(cases))
-    }
-    covered["all"] = summary.coverage(results)
-    figure, axes = plt.subplots(figsize=(8.0, 0.9 + 0.26 * len(covered)), layout="constrained")
-    for row, (name, cases) in enumerate(covered.items()):
-        low, high = clopper_pearson(sum(cases), len(cases))
-        colour = RED if name == "all" else BLUE
-        axes.plot([low, high], [row, row], color=colour, linewidth=1.5)
-        axes.plot(np.mean(cases), row, "o", color=colour, markersize=4)
-    axes.axvline(summary.COVERAGE, color="black", linewidth=0.8)
-    labels = [f"{name} ({len(cases)})" for name, cases in covered.items()]
-    axes.set_yticks(range(len(covered)), labels, fontsize=8)
-    axes.invert_yaxis()
-    axes.set(xlim=(0.0, 1.02), xlabel="share of 95 % intervals that hold the true value")
     return saved(figure, (axes,), path)
 
 
@@ -141,12 +124,12 @@ def _gaps(results: Sequence[CaseResult], path: Path) -> Path:
     """Distribution of what is left of the gap on recordings `discover` never saw."""
     figure, axes = plt.subplots(figsize=(7.0, 4.0), layout="constrained")
     for signal, (label, colour) in SIGNALS.items():
-        shares = np.sort(summary.gap_shares(results, signal))
+        shares = np.sort(results_of.gap_shares(results, signal))
         if shares.size:
             part = np.arange(1, shares.size + 1) / shares.size
             axes.step(shares, part, where="post", color=colour, label=f"{label} ({shares.size} cases)")
-    axes.axvline(summary.GAP_MEDIAN, color="black", linewidth=0.8, linestyle="--")
-    axes.axvline(summary.GAP_P90, color="black", linewidth=0.8)
+    axes.axvline(results_of.GAP_MEDIAN, color="black", linewidth=0.8, linestyle="--")
+    axes.axvline(results_of.GAP_P90, color="black", linewidth=0.8)
     axes.set_xscale("symlog", linthresh=0.05)
     axes.set(
         xlabel="share of the gap left (0: as the oracle, 1: as without the effect)", ylabel="share of cases"

@@ -1,14 +1,19 @@
-"""What may be hidden in a recording: every effect of the vocabulary as a fault of the plant, with its sizes.
+"""What may be hidden in a recording: faults and laws of the plant with their sizes, and where they stand in a model.
 
-Imports nothing of `observer_rt`: ids and parameter names are the contract, the laws are the plant's own.
+Imports nothing of `observer_rt`: ids and parameter names are the contract, laws are the plant's own, equations are
+called as the package's terms call them.
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
 
 from numpy.random import Generator
 
+from tools.benchmarks.arrays import Array
+from tools.benchmarks.plant import Step
+from tools.benchmarks.plant_laws import Laws
 from tools.benchmarks.plant_parameters import Faults
 
 HEALTHY = "healthy"
@@ -104,3 +109,84 @@ RECIPROCAL = frozenset({"bulk_modulus", "line_volume"})
 def same_effect(first: str, second: str) -> bool:
     """Whether two ids are one as far as any recording can tell."""
     return first == second or {first, second} == RECIPROCAL
+
+
+class TermEquation(StrEnum):
+    """Where a term stands in the model."""
+
+    LINE_FLOW = "line_flow"  # momentum
+    RAIL_PRESSURE = "rail_pressure"
+    INERTANCE = "inertance"
+    LINE_PRESSURE = "line_pressure"  # outflow of the line
+    STIFFNESS = "stiffness"
+    SEAT_FLOW = "seat_flow"
+    NEEDLE_LIFT = "needle_lift"
+    NOZZLE_FLOW = "nozzle_flow"
+    CHAMBER_PRESSURE = "chamber_pressure"
+    LINE_PRESSURE_SENSOR = "line_pressure_sensor"
+
+
+_T = TermEquation
+MOMENTUM = frozenset({_T.LINE_FLOW, _T.RAIL_PRESSURE, _T.INERTANCE})
+OUTFLOW = frozenset({_T.LINE_PRESSURE})
+STIFFNESS = frozenset({_T.STIFFNESS})
+SEAT = frozenset({_T.SEAT_FLOW, _T.NEEDLE_LIFT})
+NOZZLE = frozenset({_T.NOZZLE_FLOW, _T.CHAMBER_PRESSURE})
+SENSOR = frozenset({_T.LINE_PRESSURE_SENSOR})
+FAMILIES = (MOMENTUM, OUTFLOW, STIFFNESS, SEAT, NOZZLE, SENSOR)
+"""Equations in which a term does much the same."""
+
+Family = frozenset[TermEquation]
+
+
+@dataclass(frozen=True)
+class HiddenKind:
+    """One effect. Parameters change laws or faults of the plant by their name, the first with the injection's number.
+
+    equation: of the true term; also: where a term does the same in every signal; without_rate: where it does the same
+    in the line pressure; in_library: whether the product's terms have its form; by_number: factor of the first
+    parameter for the injection with this number from 0 on; steps: of sensors; supply: added to the rail [Pa].
+    """
+
+    name: str
+    equation: TermEquation
+    parameters: tuple[HiddenParameter, ...]
+    in_library: bool = True
+    also: Family = frozenset()
+    without_rate: Family = frozenset()
+    by_number: Callable[[int], float] = field(default=lambda number: 1.0)
+    step: Callable[..., Step] | None = None
+    supply: Callable[..., Callable[[Array], Array]] | None = None
+
+    def draw(self, rng: Generator, from_share: float = 0.0) -> tuple[float, ...]:
+        """Sizes of its parameters; from_share: the lower part of the (log) range of the first that is left out."""
+        first, *others = self.parameters
+        lowest = math.exp((1.0 - from_share) * math.log(first.lowest) + from_share * math.log(first.highest))
+        return (replace(first, lowest=lowest).draw(rng), *(p.draw(rng) for p in others))
+
+    def equations(self, with_rate: bool) -> Family:
+        """Those of which a proposal is right: of its family, and what these signals do not tell from it."""
+        family = next(family for family in FAMILIES if self.equation in family)
+        return family | self.also | (frozenset() if with_rate else self.without_rate)
+
+    def laws(self, values: Sequence[float]) -> Laws:
+        """What the plant does beyond its equations."""
+        return Laws(**self.named(values, Laws._fields))
+
+    def faults(self, values: Sequence[float], number: int = 0) -> Faults:
+        """What is wrong with the plant at an injection."""
+        first, *others = values
+        return Faults(**self.named((first * self.by_number(number), *others), Faults._fields))
+
+    def steps(self, values: Sequence[float]) -> tuple[Step, ...]:
+        """What sensors make of their signals."""
+        return () if self.step is None else (self.step(*values),)
+
+    def supplies(self, values: Sequence[float]) -> tuple[Callable[[Array], Array], ...]:
+        """What is added to the true rail pressure."""
+        return () if self.supply is None else (self.supply(*values),)
+
+    def named(self, values: Sequence[float], fields: Sequence[str]) -> dict[str, float]:
+        """Those of its parameters that are such fields."""
+        pairs = zip(self.parameters, values, strict=True)
+        return {p.fault: value for p, value in pairs if p.fault in fields}

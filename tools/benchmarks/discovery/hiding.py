@@ -1,9 +1,14 @@
 """A process that hides: draws cases, seals what is hidden, records. Imports nothing of `observer_rt`.
 
-python -m MODULE seal FOLDER < plan             draws all cases into FOLDER
-python -m MODULE record FOLDER LABEL TARGET     writes a case's recordings to TARGET, prints the files
+python -m tools.benchmarks.discovery.hiding CASES seal FOLDER < plan             draws all cases into FOLDER
+python -m tools.benchmarks.discovery.hiding CASES record FOLDER LABEL TARGET     a case's recordings, prints the files
+python -m tools.benchmarks.discovery.hiding CASES healthy FOLDER RIG TARGET      what the fit of a rig is given
+
+CASES: the module that draws them.
 """
 
+import hashlib
+import importlib
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -23,6 +28,11 @@ class Sealed(Protocol):
         """What it is known by until it is opened."""
 
 
+def label_of(key: Sequence[int]) -> str:
+    """A label that tells nothing of what determines a case."""
+    return hashlib.sha256(repr(key).encode()).hexdigest()[:12]
+
+
 Plan = TypeVar("Plan")
 Case = TypeVar("Case", bound=Sealed)
 Label = TypeVar("Label")
@@ -33,7 +43,7 @@ class Hiding(Generic[Plan, Case, Label]):
     """What a module hides.
 
     make: all cases of a plan; label_of: what may be known of a case before it is opened; record: its recordings into
-    a folder, named by nothing but their order.
+    a folder, named by nothing but their order; healthy: the same of the rig of a label, before anything is hidden.
     """
 
     plan: TypeAdapter[Plan]
@@ -42,6 +52,7 @@ class Hiding(Generic[Plan, Case, Label]):
     make: Callable[[Plan], tuple[Case, ...]]
     label_of: Callable[[Case], Label]
     record: Callable[[Case, Path], Iterable[Path]]
+    healthy: Callable[[Sequence[Label], str, Path], Iterable[Path]] | None = None
 
     def seal(self, plan: Plan, folder: Path) -> None:
         """Draw the cases: what is hidden goes to SEALED, opened after the answers, the rest to LABELS."""
@@ -64,7 +75,14 @@ class Hiding(Generic[Plan, Case, Label]):
         if verb == "seal":
             self.seal(self.plan.validate_json(sys.stdin.read()), Path(folder))
             return
-        label, target = rest
-        case = next(case for case in self.opened(Path(folder)) if case.label == label)
-        for file in self.record(case, Path(target)):
+        name, target = rest
+        if verb == "healthy" and self.healthy is not None:
+            files = self.healthy(self.labels_in(Path(folder)), name, Path(target))
+        else:
+            files = self.record(next(c for c in self.opened(Path(folder)) if c.label == name), Path(target))
+        for file in files:
             print(file)
+
+
+if __name__ == "__main__":
+    importlib.import_module(sys.argv[1]).HIDING.run(sys.argv[2:])

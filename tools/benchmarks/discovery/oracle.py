@@ -8,16 +8,21 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from tools.benchmarks.arrays import Array
 from tools.benchmarks.discovery.cases import RATE_GAIN, RATE_NOISE, measured_rate
 from tools.benchmarks.discovery.hidden import HIDDEN, HiddenEffect
-from tools.benchmarks.discovery.oracle_equations import Sampled, follow
-from tools.benchmarks.line_gain import line_gain
+from tools.benchmarks.peer_equations import line_gain
 from tools.benchmarks.plant import (
+    LIFT_NOISE,
+    LINE_NOISE,
+    RAIL_NOISE,
     SAMPLE_RATE,
     Bench,
     Outcome,
@@ -25,9 +30,65 @@ from tools.benchmarks.plant import (
     record,
     strokes_of,
 )
-from tools.benchmarks.plant_equations import line_stiffness, seat_factor
+from tools.benchmarks.plant_equations import (
+    STEPS_FLOWING,
+    STEPS_SHUT,
+    chamber_pressure,
+    drift,
+    kick,
+    lagged,
+    line_stiffness,
+    nozzle_factor,
+    seat_factor,
+    square_root,
+)
 from tools.benchmarks.plant_parameters import Faults, Injector, with_faults
-from tools.benchmarks.sampling import LIFT_NOISE, LINE_NOISE, RAIL_NOISE
+
+
+class Sampled(NamedTuple):
+    """What the plant follows, at the samples (n,): rail pressure [Pa], lift [m], line pressure [Pa]."""
+
+    rail: Array
+    lift: Array
+    line: Array
+
+
+@njit(cache=True, nogil=True)
+def follow(
+    part: Injector, faults: Faults, sampled: Sampled, gain: Array, interval: float, errors: Array, rate: Array
+) -> None:
+    """Errors [Pa] and injection rate [m3/s] (n,) of a plant of one cell, its inputs linear between samples.
+
+    gain (3,) on p_L, Q_L and the lagged p_L, after every sample; all 0 is open
+    loop. Parts of a sample by which the line is recorded late are kept; whole samples are the caller's.
+    """
+    rail, lift, line = sampled
+    q, p = np.zeros(1), np.full(1, rail[0])
+    p_s, seen, recorded = part.chamber_pressure, rail[0], rail[0]
+    late = interval - faults.channel_skew % interval
+    errors[0], rate[0] = line[0] - recorded, 0.0
+    for k in range(1, rail.shape[0]):
+        shut = lift[k - 1] <= 0.0 and lift[k] <= 0.0 and p_s == part.chamber_pressure
+        steps = STEPS_SHUT if shut else STEPS_FLOWING
+        step = interval / steps
+        lift1, rail1 = lift[k - 1], rail[k - 1]
+        for j in range(steps):
+            lift0, rail0, p_l0, seen0 = lift1, rail1, p[0], seen
+            lift1 = lift[k - 1] + (lift[k] - lift[k - 1]) * (j + 1) / steps
+            rail1 = rail[k - 1] + (rail[k] - rail[k - 1]) * (j + 1) / steps
+            kick(q, p, rail0, 0.5 * step, part, faults)
+            p_s = drift(q, p, p_s, lift0, lift1, step, part, faults)
+            kick(q, p, rail1, 0.5 * step, part, faults)
+            seen = lagged(seen0, p_l0, p[0], step, faults.line_pressure_sensor_lag)
+            if j * step < late <= (j + 1) * step * (1.0 + 1e-12):
+                recorded = seen0 + (seen - seen0) * (late / step - j)
+        p_c = chamber_pressure(lift1, part, faults)
+        rate[k] = nozzle_factor(p_s, p_c, lift1, part, faults) * square_root(p_s - p_c)
+        errors[k] = line[k] - recorded
+        p[0] += gain[0] * errors[k]
+        q[0] += gain[1] * errors[k]
+        seen += gain[2] * errors[k]
+
 
 INTERVAL = 1.0 / SAMPLE_RATE  # s
 LEAD, TAIL = 1e-3, 12e-3  # s before an opening and after its end that are judged

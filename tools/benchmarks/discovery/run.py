@@ -1,32 +1,27 @@
 """`tools/bench discovery`: hide, ask, and, when all answers are in, open what was hidden and score."""
 
 import shutil
+from collections.abc import Iterator
 
 from rich.console import Console
 
-from tools.benchmarks.command_line import print_lines
 from tools.benchmarks.discovery.answers import Answer, ask
 from tools.benchmarks.discovery.asking import (
     WARM_UP_RECORDINGS,
-    Answered,
     Asking,
     Found,
     Question,
-    ask_and_keep,
     ask_and_score,
-    generate,
     seal,
 )
-from tools.benchmarks.discovery.cases import HiddenCase, make_case
-from tools.benchmarks.discovery.generator import HIDING, HidingPlan, write_recordings
+from tools.benchmarks.discovery.cases import HIDING, HidingPlan, make_case, write_recordings
 from tools.benchmarks.discovery.hidden import HEALTHY
-from tools.benchmarks.discovery.result import CaseResult
-from tools.benchmarks.discovery.scoring import score_case
-from tools.benchmarks.discovery.summary import violations
+from tools.benchmarks.discovery.result import CaseResult, violations
+from tools.benchmarks.discovery.scoring import score_answered
 from tools.benchmarks.discovery.tables import confusion_table, effect_table, misses, reliability_table
+from tools.benchmarks.report import Shown
 from tools.benchmarks.runs import BENCHMARKS, PACKAGE
 
-GENERATOR = "tools.benchmarks.discovery.generator"
 HIDING_SOURCES = tuple(
     BENCHMARKS / name
     for name in (
@@ -37,7 +32,6 @@ HIDING_SOURCES = tuple(
         "discovery/hidden.py",
         "discovery/cases.py",
         "discovery/hiding.py",
-        "discovery/generator.py",
         "discovery/answers.py",
     )
 )
@@ -47,7 +41,7 @@ HIDING_SOURCES = tuple(
 def run_discovery(asking: Asking[HidingPlan], console: Console) -> Found[CaseResult]:
     """Ask about the cases not yet asked about with this state of the code, then score; progress goes to `console`."""
     hidden, campaign = asking.hidden, asking.campaign(console)
-    seal(GENERATOR, asking.plan, hidden)
+    seal(asking.plan, hidden)
     labels = HIDING.labels_in(hidden)
     answers = campaign.store("answers", Answer, PACKAGE, *HIDING_SOURCES)
     results = campaign.store("results", CaseResult, PACKAGE, BENCHMARKS)
@@ -55,29 +49,16 @@ def run_discovery(asking: Asking[HidingPlan], console: Console) -> Found[CaseRes
         console.print("first call of discover, which compiles")
         _warm_up(asking)
     questions = [Question(label, asking) for label in labels]
-    return ask_and_score(
-        campaign, questions, ask_question, answers, lambda: HIDING.opened(hidden), score_answered, results
-    )
+    return ask_and_score(campaign, questions, answers, lambda: HIDING.opened(hidden), score_answered, results)
 
 
-def print_results(found: Found[CaseResult], console: Console) -> None:
+def shown(found: Found[CaseResult]) -> Iterator[Shown]:
     """The tables, then a line for every miss, every bar that is missed and every crash."""
     for table in (effect_table, confusion_table, reliability_table):
-        console.print(table(found.results))
-    print_lines(console, misses(found.results), "missed: ")
-    print_lines(console, violations(found.results), "bar missed: ")
-    print_lines(console, found.crashes, "crash: ")
-
-
-def ask_question(question: Question) -> Answer:
-    """Work of one process: have a case recorded, and ask. Its findings stay in `out`, nothing else."""
-    label, hidden = question.label, question.asking.hidden
-    return ask_and_keep(question, generate(GENERATOR, "record", hidden, label, str(hidden / label)))
-
-
-def score_answered(answered: Answered[HiddenCase]) -> CaseResult:
-    """Work of one process: score an opened case."""
-    return score_case(answered.case, answered.answer)
+        yield table(found.results)
+    yield from (f"missed: {line}" for line in misses(found.results))
+    yield from (f"bar missed: {line}" for line in violations(found.results))
+    yield from (f"crash: {line}" for line in found.crashes)
 
 
 def _warm_up(asking: Asking[HidingPlan]) -> None:

@@ -20,22 +20,24 @@ from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.stability import substeps_needed
 from observer_rt.recording.signals.recording import Recording
 from tools.benchmarks.discovery.answers import Answer, Claim
+from tools.benchmarks.discovery.asking import Answered
 from tools.benchmarks.discovery.cases import FURTHER, GIVEN, HiddenCase, benches, without_noise
 from tools.benchmarks.discovery.hidden import HEALTHY, HIDDEN, HiddenParameter, same_effect
 from tools.benchmarks.discovery.oracle import Recorded, best_statistic, record_all, simulated, statistic
 from tools.benchmarks.discovery.result import AMBIGUOUS, CaseResult, Gap, Interval, Visibility
 from tools.benchmarks.plant import SAMPLE_RATE
 from tools.benchmarks.plant_parameters import Faults, with_faults
+from tools.benchmarks.score import Windows, windows_of
 from tools.benchmarks.scoring import recording_of
-from tools.benchmarks.windows import Windows, windows_of
 
 SUBSTEPS = 10  # at 100 kHz, or what is needed: of the nominal injector a fifth, at the largest orifice
 Model = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Recorded line pressure [Pa] and mass flow [kg/s] (n,) of a model or of the plant."""
 
 
-def score_case(case: HiddenCase, answer: Answer) -> CaseResult:
-    """What the oracle and the package make of a case and its answer."""
+def score_answered(answered: Answered[HiddenCase]) -> CaseResult:
+    """Work of one process: what the oracle and the package make of an opened case and its answer."""
+    case, answer = answered.case, answered.answer
     result = CaseResult(
         label=case.label,
         effect=case.effect,
@@ -57,15 +59,10 @@ def score_case(case: HiddenCase, answer: Answer) -> CaseResult:
             result,
             intervals=intervals(case.effect, HIDDEN[case.effect].parameters, case.values, answer.claims[0]),
         )
-    if result.above_noise and not _is_of_the_bench(case):
+    if result.above_noise and not VOCABULARY[case.effect].remedy:  # else no amended model has it in force
         line_pressure, injected_mass = gaps(case, answer.amended_model)
         result = replace(result, line_pressure=line_pressure, injected_mass=injected_mass)
     return result
-
-
-def _is_of_the_bench(case: HiddenCase) -> bool:
-    """Whether no amended model can have what is hidden in force."""
-    return case.effect != HEALTHY and bool(VOCABULARY[case.effect].remedy)
 
 
 def visibility(case: HiddenCase) -> Visibility:

@@ -8,12 +8,10 @@ import numpy as np
 from rich.table import Table
 
 from observer_rt.model.effects import VOCABULARY
-from tools.benchmarks.command_line import ruled
-from tools.benchmarks.discovery import summary
+from tools.benchmarks.discovery import result as results_of
 from tools.benchmarks.discovery.hidden import HEALTHY
 from tools.benchmarks.discovery.result import CaseResult
-
-NOTHING = "-"
+from tools.benchmarks.report import NOTHING, mean, median, percentile, ruled
 
 
 def effect_table(results: Sequence[CaseResult]) -> Table:
@@ -22,11 +20,11 @@ def effect_table(results: Sequence[CaseResult]) -> Table:
         "cases", "above\nnoise", "right\n%", "of them\nambiguous", "found\nfrom", "intervals\nhold %",
         "gap left %\np_L median", "\np90", "\nmass median", "\np90", "seconds\nmax",
     ), no_wrap=True)  # fmt: skip
-    for name, cases in summary.by_effect(results).items():
+    for name, cases in results_of.by_effect(results).items():
         table.add_row(
-            name, *_effect_row(cases), printed_size(name, summary.detection_limit(cases)), *_rest(cases)
+            name, *_effect_row(cases), printed_size(name, results_of.detection_limit(cases)), *_rest(cases)
         )
-    faulty = summary.faulty(results)
+    faulty = results_of.faulty(results)
     for title, cases in (
         ("all without rate", [r for r in faulty if not r.with_rate]),
         ("all with rate", [r for r in faulty if r.with_rate]),
@@ -34,8 +32,8 @@ def effect_table(results: Sequence[CaseResult]) -> Table:
     ):
         if cases:
             table.add_row(title, *_effect_row(cases), "", *_rest(cases))
-    if healthy := summary.healthy(results):
-        share = f"{100.0 * summary.right_share(healthy):.1f}"
+    if healthy := results_of.healthy(results):
+        share = f"{100.0 * results_of.right_share(healthy):.1f}"
         seconds = f"{max(r.seconds for r in healthy):.1f}"
         table.add_row(HEALTHY, str(len(healthy)), NOTHING, share, *[NOTHING] * 7, seconds)
     return table
@@ -45,8 +43,8 @@ def confusion_table(results: Sequence[CaseResult]) -> Table:
     """What was answered to each hidden effect, above noise."""
     table = ruled("answers, effects above noise", ("hidden",), ())
     table.add_column("answered")
-    for name, cases in (summary.by_effect(results) | {HEALTHY: summary.healthy(results)}).items():
-        judged = cases if name == HEALTHY else summary.above_noise(cases)
+    for name, cases in (results_of.by_effect(results) | {HEALTHY: results_of.healthy(results)}).items():
+        judged = cases if name == HEALTHY else results_of.above_noise(cases)
         counts = Counter(r.answer for r in judged).most_common()
         if counts:
             table.add_row(name, ", ".join(f"{answer} {count}" for answer, count in counts))
@@ -56,7 +54,7 @@ def confusion_table(results: Sequence[CaseResult]) -> Table:
 def reliability_table(results: Sequence[CaseResult]) -> Table:
     """Confidence against share of right names."""
     table = ruled("confidence of all names given", (), ("names", "confidence", "right %"))
-    for b in summary.reliability(results):
+    for b in results_of.reliability(results):
         table.add_row(str(b.names), f"{b.confidence:.3f}", f"{100.0 * b.right_share:.1f}")
     return table
 
@@ -77,33 +75,33 @@ def printed_size(effect: str, size: float | None) -> str:
 
 def json_document(results: Sequence[CaseResult], crashes: Sequence[str]) -> dict[str, Any]:
     """`figures` with the names all benchmarks share, `details` behind them; null: not measured by this benchmark."""
-    above = summary.above_noise(results)
-    shares = summary.worst_gap_shares(results)
-    healthy = summary.healthy(results)
-    covered = summary.coverage(results)
-    twice = summary.confidences_at_twice_the_limit(results)
+    above = results_of.above_noise(results)
+    shares = results_of.worst_gap_shares(results)
+    healthy = results_of.healthy(results)
+    covered = results_of.coverage(results)
+    twice = results_of.confidences_at_twice_the_limit(results)
     return {
         "figures": {
             "cases": len(results),
-            "named_right_share": summary.right_share(above) if above else None,
-            "false_alarm_share": 1.0 - summary.right_share(healthy) if healthy else None,
-            "ambiguous_share": summary.ambiguous_share(above) if above else None,
+            "named_right_share": results_of.right_share(above) if above else None,
+            "false_alarm_share": 1.0 - results_of.right_share(healthy) if healthy else None,
+            "ambiguous_share": results_of.ambiguous_share(above) if above else None,
             "unknown_right_share": None,
             "pairs_right_share": None,
             "tier_b_right_share": None,
-            "gap_vs_oracle_median": float(np.median(shares)) if shares else None,
-            "gap_vs_oracle_p90": float(np.percentile(shares, 90)) if shares else None,
-            "confidence_calibration_error": summary.calibration_error(results),
-            "confidence_at_twice_the_limit_median": float(np.median(twice)) if twice else None,
-            "interval_coverage_share": float(np.mean(covered)) if covered else None,
+            "gap_vs_oracle_median": median(shares),
+            "gap_vs_oracle_p90": percentile(shares, 90),
+            "confidence_calibration_error": results_of.calibration_error(results),
+            "confidence_at_twice_the_limit_median": median(twice),
+            "interval_coverage_share": mean(covered),
             "seconds_max": max((r.seconds for r in results), default=None),
         },
         "details": {
-            "effects": {name: _details(name, cases) for name, cases in summary.by_effect(results).items()},
+            "effects": {name: _details(name, cases) for name, cases in results_of.by_effect(results).items()},
             "healthy": dict(Counter(r.answer for r in healthy)),
-            "reliability": [vars(b) for b in summary.reliability(results)],
+            "reliability": [vars(b) for b in results_of.reliability(results)],
             "core_seconds_max": max((r.core_seconds for r in results), default=None),
-            "violations": list(summary.violations(results)),
+            "violations": list(results_of.violations(results)),
             "misses": misses(results),
             "crashes": list(crashes),
         },
@@ -111,33 +109,33 @@ def json_document(results: Sequence[CaseResult], crashes: Sequence[str]) -> dict
 
 
 def _effect_row(cases: Sequence[CaseResult]) -> list[str]:
-    above = summary.above_noise(cases)
+    above = results_of.above_noise(cases)
     if not above:
         return [str(len(cases)), "0", NOTHING, NOTHING]
-    right = 100.0 * summary.right_share(above)
+    right = 100.0 * results_of.right_share(above)
     return [str(len(cases)), str(len(above)), f"{right:.1f}", str(sum(r.ambiguous_right for r in above))]
 
 
 def _rest(cases: Sequence[CaseResult]) -> list[str]:
-    covered = summary.coverage(cases)
+    covered = results_of.coverage(cases)
     cells = [f"{100.0 * np.mean(covered):.0f}" if covered else NOTHING]
     for signal in ("line_pressure", "injected_mass"):
-        shares = summary.gap_shares(cases, signal)
+        shares = results_of.gap_shares(cases, signal)
         cells += [f"{100.0 * np.percentile(shares, p):.1f}" if shares else NOTHING for p in (50, 90)]
     return [*cells, f"{max(r.seconds for r in cases):.1f}"]
 
 
 def _details(name: str, cases: Sequence[CaseResult]) -> dict[str, Any]:
-    above = summary.above_noise(cases)
+    above = results_of.above_noise(cases)
     return {
         "cases": len(cases),
         "above_noise": len(above),
         "right": sum(r.right for r in above),
         "ambiguous": sum(r.ambiguous_right for r in above),
         "answers": dict(Counter(r.answer for r in above)),
-        "found_from": printed_size(name, summary.detection_limit(cases)),
-        "intervals_hold": sum(summary.coverage(cases)),
-        "intervals": len(summary.coverage(cases)),
+        "found_from": printed_size(name, results_of.detection_limit(cases)),
+        "intervals_hold": sum(results_of.coverage(cases)),
+        "intervals": len(results_of.coverage(cases)),
     }
 
 

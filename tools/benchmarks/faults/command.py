@@ -14,20 +14,23 @@ from tools.benchmarks.command_line import (
     Tier,
     TierOption,
     WorkersOption,
+    app,
     chosen_names,
     messages,
-    put_out,
     resumable,
 )
 from tools.benchmarks.faults.live import run_live
 from tools.benchmarks.faults.run import KINDS, Results, run_faults
-from tools.benchmarks.faults.tables import faults_document, print_faults, save_figure
+from tools.benchmarks.faults.tables import faults_document, save_figure, shown
+from tools.benchmarks.report import put_out
 from tools.benchmarks.runs import Plan
 
-EXAMPLE = "Examples: tools/bench faults; tools/bench faults --only frozen_line,lag_line --figure faults.png"
 SCENARIOS = 520
 
 
+@app.command(
+    epilog="Examples: tools/bench faults; tools/bench faults --only frozen_line,lag_line --figure faults.png"
+)
 def faults(
     scenarios: Annotated[int, typer.Option(min=1, help="How many, every kind in turn.")] = SCENARIOS,
     only: Annotated[str, typer.Option(help="Kinds of faults, by commas.")] = "",
@@ -54,4 +57,4 @@ def faults(
             results = run_faults(names, plan, tier is Tier.B, model, messages)
     if figure is not None and results.scores:
         save_figure(results, figure)
-    put_out(as_json, lambda: faults_document(results), lambda console: print_faults(results, console))
+    put_out(as_json, faults_document(results), shown(results))

@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 from tools.benchmarks.arrays import Array
 from tools.benchmarks.faults.scenario import Group, Kind, Placed
-from tools.benchmarks.sampling import Measured
+from tools.benchmarks.plant import Measured
 
 RAIL, LIFT, LINE = "rail_pressure", "needle_lift", "line_pressure"
 ROLES = (RAIL, LIFT, LINE)

@@ -1,8 +1,13 @@
-"""Plays a scenario to the service's core, as frames in and frames out, and keeps what it published."""
+"""Plays a scenario to the service's core, as frames in and frames out, and keeps what it published.
+
+Faults of the process: learning that hangs or fails, and a kill.
+"""
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, Future
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +24,44 @@ from observer_rt.service.core.messages import OutputFrame
 from tools.benchmarks.faults import bus as bus_faults
 from tools.benchmarks.faults.bus import Frames, Sent, with_bus_fault
 from tools.benchmarks.faults.inputs import with_input_fault
-from tools.benchmarks.faults.process import KILLED, UnreliableExecutor
-from tools.benchmarks.faults.scenario import Group, Placed, Scenario
-from tools.benchmarks.sampling import Measured
+from tools.benchmarks.faults.scenario import Group, Kind, Placed, Scenario
+from tools.benchmarks.plant import Measured
+
+_LATE = frozenset(
+    {"NOT_JUDGED", "NOT_LEARNED", "MODEL_INADEQUATE", "CONTRADICTED", "REVISED", "TOO_FEW_EVENTS"}
+)
+HUNG = Kind("learner_hung", Group.PROCESS, _LATE)
+FAILING = Kind("learner_failing", Group.PROCESS, _LATE)
+KILLED = Kind(
+    "killed_and_restarted", Group.PROCESS, frozenset({"STARTING", "TOO_FEW_EVENTS", "SAMPLES_LOST"})
+)
+KINDS = (HUNG, FAILING, KILLED)
+
+
+class UnreliableExecutor(Executor):
+    """Learns at once, or not until it is well again, or fails."""
+
+    def __init__(self) -> None:
+        self.kind: Kind | None = None
+        """What it does wrong now."""
+        self._waiting: list[tuple[Future[Any], Callable[[], Any]]] = []
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """Call `fn`, now or later."""
+        future: Future[Any] = Future()
+        self._waiting.append((future, lambda: fn(*args, **kwargs)))
+        self.work()
+        return future
+
+    def work(self) -> None:
+        """Do what waits, unless it hangs."""
+        while self._waiting and self.kind is not HUNG:
+            future, job = self._waiting.pop(0)
+            if self.kind is FAILING:
+                future.set_exception(MemoryError("no memory to learn in"))
+            else:
+                future.set_result(job())
+
 
 BLOCK = 32  # frames given at once
 DOWN = 0.15  # s from a kill until the service is there again

@@ -6,23 +6,20 @@ from pathlib import Path
 
 from rich.console import Console
 
-from observer_rt.config.bench import Bench, load_bench
-from observer_rt.config.injector import SamplingConfig
-from tools.benchmarks.faults import bus, inputs, process
-from tools.benchmarks.faults.player import play
+from tools.benchmarks.faults import bus, inputs, player
 from tools.benchmarks.faults.scenario import Kind, drawn, tasks
 from tools.benchmarks.faults.score import FaultScore, score
 from tools.benchmarks.plant import record
 from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Crash, Plan, Task
-from tools.benchmarks.scoring import warm_up
-from tools.benchmarks.wave_accuracy import WavePlan, fitted_model, warm_up_model
+from tools.benchmarks.scoring import bench_at, warm_up, with_signals
+from tools.benchmarks.wave_accuracy import WavePlan, fitted_model
 from tools.benchmarks.wave_plant import Variant
 
-KINDS: dict[str, Kind] = {kind.name: kind for part in (inputs, bus, process) for kind in part.KINDS}
+KINDS: dict[str, Kind] = {kind.name: kind for part in (inputs, bus, player) for kind in part.KINDS}
 _BLOCKS = {
-    "rail_pressure": "RailPressureBlock",
-    "needle_lift": "NeedleLiftBlock",
-    "line_pressure": "LinePressureBlock",
+    "rail_pressure": {"message": "RailPressureBlock"},
+    "needle_lift": {"message": "NeedleLiftBlock"},
+    "line_pressure": {"message": "LinePressureBlock"},
 }
 
 
@@ -41,7 +38,7 @@ def run_faults(
     model = None
     if is_rich:
         model, _ = fitted_model(WavePlan(replace(plan, peers=False), Variant.PLAIN, given), console)
-    ready = warm_up if model is None else partial(warm_up_model, model)
+    ready = partial(warm_up, model)
     campaign = plan.campaign(console)
     kept = campaign.store("faults", FaultScore, PACKAGE, BENCHMARKS, *(() if model is None else (model,)))
     todo = tasks(names, plan.cases, plan.master_seed)
@@ -53,18 +50,8 @@ def score_scenario(model: Path | None, task: Task) -> FaultScore:
     """Work of one process; model: the injector file, on tier B."""
     scenario = drawn(task, KINDS, is_rich=model is not None)
     outcome = record(scenario.bench)
-    bench = _bench(model, scenario.bench.sample_rate, scenario.blocks)
-    published = play(scenario, outcome.measured, bench)
+    bench = bench_at(scenario.bench.sample_rate, model)
+    if scenario.blocks:  # each signal has a message of its own
+        bench = with_signals(bench, _BLOCKS)
+    published = player.play(scenario, outcome.measured, bench)
     return score(scenario, outcome, published, scenario.bench.injector.density)
-
-
-def _bench(model: Path | None, sample_rate: float, blocks: bool) -> Bench:
-    """The example bench, or one on which each signal has a message of its own."""
-    bench = load_bench(model=model).with_sections(sampling=SamplingConfig(rate_hz=sample_rate))
-    if not blocks:
-        return bench
-    signals = bench.injector.config.signals
-    changed = {
-        role: getattr(signals, role).model_copy(update={"message": name}) for role, name in _BLOCKS.items()
-    }
-    return bench.with_sections(signals=signals.model_copy(update=changed))

@@ -1,17 +1,16 @@
 """A scenario: one recording of an independent plant, and what goes wrong while it is sent, drawn by a seed."""
 
 import zlib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
 from numpy.random import Generator
 
-from tools.benchmarks.cases import drawn_events
-from tools.benchmarks.plant import PERIOD, Bench, Needle, event_start
-from tools.benchmarks.plant_parameters import Faults, Injector
+from tools.benchmarks.cases import on_real_line, worn_events
+from tools.benchmarks.plant import PERIOD, Bench, drawn_needle, event_start
+from tools.benchmarks.plant_parameters import Injector
 from tools.benchmarks.runs import Task
-from tools.benchmarks.wave_plant import LINES, Variant, real_part
 
 SETTLED, LAST_BEGIN = 4, 10  # events: what goes wrong begins after the one, before the other
 SHORTEST, LONGEST = 0.5 * PERIOD, 5 * PERIOD  # s
@@ -74,14 +73,12 @@ class Scenario:
 def drawn(task: Task, kinds: dict[str, Kind], is_rich: bool) -> Scenario:
     """The scenario of a task, whose class names its kinds. Raises KeyError for an unknown one."""
     rng = np.random.default_rng([task.master_seed, zlib.crc32(task.class_name.encode()), task.number])
-    needle = Needle(0.80 * rng.uniform(0.85, 1.15), 0.90 * rng.uniform(0.85, 1.15))
+    needle = drawn_needle(rng)
     learning = bool(rng.random() < LEARNING_SHARE)
     wear = WEARS[int(rng.integers(len(WEARS)))] if learning else 0.0  # which nobody would learn
-    schedule = drawn_events(rng, varying=rng.random() < 0.5)
-    events = tuple(replace(event, faults=Faults(orifice_area=wear)) for event in schedule)
-    bench = Bench(Injector(), needle, events, seed=int(rng.integers(2**62)))
+    bench = Bench(Injector(), needle, worn_events(rng, wear), seed=int(rng.integers(2**62)))
     if is_rich:
-        bench = replace(bench, injector=real_part(task.master_seed), line=LINES[Variant.PLAIN])
+        bench = on_real_line(bench, task.master_seed)
     placed = tuple(_placed(kinds[name], rng) for name in task.class_name.split(AND))
     return Scenario(task, bench, placed, learning, blocks=bool(rng.random() < 0.5))
 

@@ -1,25 +1,22 @@
 """What is printed of scenarios of faults, the same as data and as a figure, and the bars that are missed."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from rich.console import Console
-from rich.table import Table
 
 from observer_rt.foundation.units import MILLISECOND
-from tools.benchmarks.command_line import print_lines, ruled
 from tools.benchmarks.faults import live
 from tools.benchmarks.faults.run import KINDS, Results
 from tools.benchmarks.faults.scenario import AND
 from tools.benchmarks.faults.score import RECOVERY, FaultScore
+from tools.benchmarks.report import NOTHING, Columns, Shown, table_of
 
 FEWEST, VALID = 500, 0.98
 SEVERAL = "several at once"
-_NOTHING = "-"
 
 
 @dataclass(frozen=True)
@@ -77,13 +74,14 @@ def missed_bars(results: Results) -> list[str]:
     return list(_missed(results)) if results.scores else []
 
 
-def print_faults(results: Results, console: Console) -> None:
+def shown(results: Results) -> Iterator[Shown]:
     """Every kind a line, the total, and what is missed."""
     if results.scores:
-        console.print(_table({**by_kind(results.scores), "all": summary(results.scores)}))
-    print_lines(console, missed_bars(results))
-    print_lines(console, [f"{s.label}: {s.crash}" for s in results.scores if s.crash], "crash: ")
-    print_lines(console, [f"{crash.task}: {crash.message}" for crash in results.crashes], "not run: ")
+        rows = {**by_kind(results.scores), "all": summary(results.scores)}
+        yield table_of("Faults at random times", "fault", rows, _COLUMNS)
+    yield from missed_bars(results)
+    yield from (f"crash: {s.label}: {s.crash}" for s in results.scores if s.crash)
+    yield from (f"not run: {crash.task}: {crash.message}" for crash in results.crashes)
 
 
 def faults_document(results: Results) -> dict[str, Any]:
@@ -135,26 +133,19 @@ def _missed(results: Results) -> Iterator[str]:
     yield from (f"missed: {text}" for is_met, text in bars if not is_met)
 
 
-_COLUMNS: dict[str, Callable[[Summary], str]] = {
+_COLUMNS: Columns[Summary] = {
     "scenarios": lambda s: str(s.scenarios),
     "wrong while valid: samples, injections": lambda s: f"{s.wrong_samples}, {s.wrong_summaries}",
     "within the stated time": lambda s: str(s.late_samples),
     "found after, ms: median, most": lambda s: (
-        _NOTHING if s.found_ms is None else f"{s.found_ms[0]:.2g}, {s.found_ms[1]:.3g}"
+        NOTHING if s.found_ms is None else f"{s.found_ms[0]:.2g}, {s.found_ms[1]:.3g}"
     ),
     "valid throughout": lambda s: str(s.never_found),
     "valid again after events: median, most": lambda s: (
-        _NOTHING if s.recovered is None else f"{s.recovered[0]:g}, {s.recovered[1]}"
+        NOTHING if s.recovered is None else f"{s.recovered[0]:g}, {s.recovered[1]}"
     ),
     "within 3": lambda s: f"{s.in_time:.0%}",
-    "cause named": lambda s: _NOTHING if s.named is None else f"{s.named:.0%}",
-    "valid without a fault": lambda s: _NOTHING if s.valid is None else f"{100 * s.valid:.1f} %",
+    "cause named": lambda s: NOTHING if s.named is None else f"{s.named:.0%}",
+    "valid without a fault": lambda s: NOTHING if s.valid is None else f"{100 * s.valid:.1f} %",
     "crashes": lambda s: str(s.crashes),
 }
-
-
-def _table(rows: dict[str, Summary]) -> Table:
-    table = ruled("Faults at random times", ("fault",), tuple(_COLUMNS))
-    for name, each in rows.items():
-        table.add_row(name, *(column(each) for column in _COLUMNS.values()))
-    return table

@@ -1,23 +1,144 @@
-"""Many kills, one after another, on the same files."""
+"""Many kills, one after another, on the same files: what was said before a kill against what is on disk after it."""
 
+import contextlib
 import multiprocessing
 import os
 import random
+import re
 import select
+import sqlite3
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from multiprocessing.process import BaseProcess
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+import typer
+from observer_rt.service.keeping.journal_reading import Row, reading_journal
 from rich.table import Table
 
+from observer_rt.foundation.console import progress_bar
 from observer_rt.foundation.errors import UserError
 from observer_rt.service.keeping.keeper import sole_writer
-from tools.benchmarks.kills.checks import Kept, Line, Loss, differences, injections_of, loss, read_back
+from observer_rt.service.keeping.state_file import load_knowledge, model_hash
+from tools.benchmarks.command_line import JsonOption, SeedOption, app, messages
 from tools.benchmarks.kills.victim import FILLER, FREE, FULL, FullDisk, Scene, make_scene, run_victim
+from tools.benchmarks.report import Columns, put_out, table_of
+
+_INJECTION = re.compile(
+    r"injection (?P<number>\d+) at index (?P<index>\d+): (?P<mass>[\d.]+|nan) mg, rail (?P<rail>[\d.]+) MPa, "
+    r"v_H (?P<wear>[-+\d.]+), phi (?P<phi>\d+), (?P<verdict>valid|not valid: \w+)"
+)
+
+
+@dataclass(frozen=True)
+class Line:
+    """What the daemon said, and when, s of the monotonic clock."""
+
+    at: float
+    text: str
+
+
+@dataclass(frozen=True)
+class Kept:
+    """What is on disk: events learned from (0 without a state), and the journal's rows by run."""
+
+    events: int
+    runs: Mapping[int, Sequence[Row]]
+
+
+@dataclass(frozen=True)
+class Loss:
+    """How old was the oldest that is not on disk, s before the kill; 0 where nothing is missing."""
+
+    state: float
+    journal: float
+
+
+def injections_of(lines: Sequence[Line]) -> list[tuple[float, re.Match[str]]]:
+    """The injections that were told of, with the time."""
+    found = ((line.at, _INJECTION.search(line.text)) for line in lines)
+    return [(at, match) for at, match in found if match]
+
+
+def read_back(scene: Scene) -> tuple[Kept | None, list[str]]:
+    """What can be read of both files, and what is wrong with them."""
+    problems = []
+    events, runs = 0, dict[int, list[Row]]()
+    try:
+        parameters = scene.bench.injector.parameters
+        restored = load_knowledge(scene.state, model_hash(parameters), set_aside=False)
+        events = restored.knowledge.events if restored.knowledge else 0
+    except UserError as error:
+        problems.append(str(error))
+    try:
+        if scene.journal.exists():
+            runs = _journalled(scene)
+    except (UserError, sqlite3.Error) as error:
+        problems.append(f"{scene.journal}: {error}")
+    return (None if problems else Kept(events, runs)), problems
+
+
+def _journalled(scene: Scene) -> dict[int, list[Row]]:
+    with contextlib.closing(sqlite3.connect(scene.journal)) as connection:
+        (verdict,) = connection.execute("PRAGMA integrity_check").fetchone()
+        if verdict != "ok":
+            raise sqlite3.DatabaseError(verdict)
+    with reading_journal(scene.journal) as journal:
+        runs: dict[int, list[Row]] = {int(str(run["started_unix_us"])): [] for run in journal.runs()}
+        for row in journal.injections():
+            runs[int(str(row["run"]))].append(row)
+    return runs
+
+
+def differences(before: Kept, after: Kept, told: Sequence[tuple[float, re.Match[str]]]) -> list[str]:
+    """What was changed that is none of this run's, and rows that are not what the daemon said."""
+    problems = [
+        f"run {run}: rows of an earlier run changed"
+        for run, rows in before.runs.items()
+        if after.runs.get(run) != rows
+    ]
+    new = [run for run in after.runs if run not in before.runs]
+    if len(new) > 1:
+        problems.append(f"{len(new)} runs where there was one")
+    rows = after.runs[new[0]] if new else []
+    numbers = [row["number"] for row in rows]
+    if numbers != list(range(1, len(rows) + 1)):
+        problems.append(f"rows missing in the midst: {numbers}")
+    for row, (_, said) in zip(rows, told, strict=False):
+        if _as_told(row) != said.groupdict():
+            problems.append(f"said {said.group()}, wrote {row}")
+    return problems
+
+
+def _as_told(row: Row) -> dict[str, str]:
+    def number(name: str, form: str) -> str:
+        value = row[name]
+        return "nan" if value is None else format(value, form)
+
+    return {
+        "number": str(row["number"]),
+        "index": str(row["start_index"]),
+        "mass": number("mass_mg", ".2f"),
+        "rail": number("rail_pressure_MPa", ".1f"),
+        "wear": number("nozzle_v_H", "+.3f"),
+        "phi": str(row["phi_version"]),
+        "verdict": "valid" if row["valid"] else f"not valid: {row['reasons']}",
+    }
+
+
+def loss(before: Kept, after: Kept, told: Sequence[tuple[float, re.Match[str]]], killed: float) -> Loss:
+    """Ages of the oldest injections that were told of and are not on disk; one event is learned from each."""
+    new = [run for run in after.runs if run not in before.runs]
+    rows = len(after.runs[new[0]]) if new else 0
+
+    def age(kept: int) -> float:
+        return max(killed - told[kept][0], 0.0) if kept < len(told) else 0.0
+
+    return Loss(age(after.events - before.events), age(rows))
+
 
 PATIENCE = 60.0  # s for a daemon to get somewhere
 
@@ -191,25 +312,21 @@ def _late(lost: Loss, excused: float, within: float) -> list[str]:
     ]
 
 
+COLUMNS: Columns[Sequence[Kill]] = {
+    "kills": lambda of_it: str(len(of_it)),
+    "injections told": lambda of_it: str(sum(kill.told for kill in of_it)),
+    "warnings": lambda of_it: str(sum(kill.warnings for kill in of_it)),
+    "oldest loss: state s": lambda of_it: f"{max(kill.loss.state for kill in of_it):.3f}",
+    "journal s": lambda of_it: f"{max(kill.loss.journal for kill in of_it):.3f}",
+    "problems": lambda of_it: str(sum(len(kill.problems) for kill in of_it)),
+}
+
+
 def kills_table(kills: Sequence[Kill], plan: Plan) -> Table:
     """A row for each way of being killed."""
-    table = Table(
-        *("killed", "kills", "injections told", "warnings", "oldest loss: state s", "journal s", "problems"),
-        title=f"{len(kills)} kills, saved within {plan.within:g} s, or as long as the disk was full",
-    )
-    for strike in Strike:
-        of_it = [kill for kill in kills if kill.strike is strike]
-        if of_it:
-            table.add_row(
-                strike.value,
-                str(len(of_it)),
-                str(sum(kill.told for kill in of_it)),
-                str(sum(kill.warnings for kill in of_it)),
-                f"{max(kill.loss.state for kill in of_it):.3f}",
-                f"{max(kill.loss.journal for kill in of_it):.3f}",
-                str(sum(len(kill.problems) for kill in of_it)),
-            )
-    return table
+    title = f"{len(kills)} kills, saved within {plan.within:g} s, or as long as the disk was full"
+    rows = {strike.value: [kill for kill in kills if kill.strike is strike] for strike in Strike}
+    return table_of(title, "killed", {name: of_it for name, of_it in rows.items() if of_it}, COLUMNS)
 
 
 def kills_document(kills: Sequence[Kill], plan: Plan) -> dict[str, Any]:
@@ -220,3 +337,34 @@ def kills_document(kills: Sequence[Kill], plan: Plan) -> dict[str, Any]:
         "interface": plan.interface,
         "kills": [asdict(kill) for kill in kills],
     }
+
+
+@app.command(
+    epilog="Example: tools/bench kills --kills 20; tools/vcan tools/bench kills --interface socketcan"
+)
+def kills(
+    kills: Annotated[int, typer.Option(min=1, help="How many daemons are killed.")] = 120,
+    seed: SeedOption = 1,
+    within: Annotated[float, typer.Option(min=0.1, max=3600, help="save_within_s of the bench file.")] = 1.0,
+    interface: Annotated[
+        str, typer.Option(help="virtual, or socketcan with a channel that is up.")
+    ] = "virtual",
+    channel: Annotated[str, typer.Option(help="Channel of the interface.")] = "vcan0",
+    small_disk: Annotated[
+        bool, typer.Option("--small-disk", help="--out is on a disk of few MB: fill it, instead of a limit.")
+    ] = False,
+    out: Annotated[Path, typer.Option(help="Folder for the daemons' files, which are removed first.")] = Path(
+        "build/kills"
+    ),
+    as_json: JsonOption = False,
+) -> None:
+    """Kill daemons that learn at random moments (kill -9): what is lost, and is the rest whole?"""
+    plan = Plan(kills, seed, out, within, interface, channel, small_disk=small_disk)
+    with progress_bar(messages, "killing", float(kills)) as progress:
+        found = list(run_campaign(plan, progress))
+    put_out(as_json, kills_document(found, plan), [kills_table(found, plan)])
+    problems = [problem for kill in found for problem in kill.problems]
+    for problem in problems:
+        messages.print(problem, highlight=False, markup=False)
+    if problems:
+        raise typer.Exit(1)

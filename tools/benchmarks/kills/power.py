@@ -1,4 +1,7 @@
-"""`tools/bench power`: what a loss of power at any moment leaves of learned state and journal."""
+"""`tools/bench power`: what a loss of power at any moment leaves of learned state and journal.
+
+The disk: what was not synced may be there or not, write by write, each torn at any byte; names come in their order.
+"""
 
 import json
 import os
@@ -7,14 +10,13 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import typer
 from numpy.random import Generator
-from rich.table import Table
 
 from observer_rt.config.bench import load_bench, load_injector
 from observer_rt.evaluation.evaluate import evaluate
@@ -23,11 +25,137 @@ from observer_rt.service.keeping.journal import JournalWriter
 from observer_rt.service.keeping.state_file import load_knowledge, model_hash, save_knowledge
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import SimulatedNoise, simulate
-from tools.benchmarks.command_line import JsonOption, SeedOption, put_out, ruled
-from tools.benchmarks.kills.disk import Disk, Operation, operations
+from tools.benchmarks.command_line import JsonOption, SeedOption, app
+from tools.benchmarks.report import put_out, ruled
 from tools.benchmarks.speed.native import library
 
-EXAMPLE = "Examples: tools/bench power; tools/bench power --cuts 1000 --seed 2"
+
+@dataclass(frozen=True)
+class Operation:
+    """As `native/disk_log.c` notes it."""
+
+    kind: str
+    descriptor: int
+    offset: int
+    data: bytes
+    path: str
+    target: str
+
+
+@dataclass
+class _File:
+    """Content on disk, and what waits to get there: (offset, data), data None: a new length."""
+
+    content: bytearray = field(default_factory=bytearray)
+    waiting: list[tuple[int, bytes | None]] = field(default_factory=list)
+
+    def sync(self) -> None:
+        for change in self.waiting:
+            _apply(self.content, *change)
+        self.waiting.clear()
+
+    def after_cut(self, chance: Generator) -> bytes:
+        content = bytearray(self.content)
+        for offset, data in self.waiting:
+            fate = chance.random()
+            if fate < 1 / 3:
+                continue
+            if data is not None and fate < 2 / 3:
+                data = data[: int(chance.integers(len(data) + 1))]
+            _apply(content, offset, data)
+        return bytes(content)
+
+
+class Disk:
+    """Follows operations; `cut` writes what may be left of them."""
+
+    def __init__(self, folder: Path) -> None:
+        """folder: the one the operations are in."""
+        self._folder = folder
+        self._names: dict[str, _File] = {}
+        self._durable: dict[str, _File] = {}
+        self._moves: list[tuple[str, str, _File | None]] = []  # names to be set or taken away, in order
+        self._open: dict[int, _File | None] = {}  # None: the folder
+
+    def do(self, operation: Operation) -> None:
+        """One more operation."""
+        kind, fd = operation.kind, operation.descriptor
+        if kind in ("open", "create", "trunc"):
+            self._begin(operation)
+        elif kind == "close":
+            self._open.pop(fd, None)
+        elif kind == "rename":
+            moved = self._names[operation.target] = self._names.pop(operation.path)
+            self._moves.append(("rename", f"{operation.path}\n{operation.target}", moved))
+        elif kind == "unlink":
+            self._names.pop(operation.path, None)
+            self._moves.append(("unlink", operation.path, None))
+        elif fd in self._open:
+            file = self._open[fd]
+            if file is None and kind == "sync":
+                self._sync_names()
+            elif file is not None and kind == "sync":
+                file.sync()
+            elif file is not None:
+                file.waiting.append((operation.offset, operation.data if kind == "write" else None))
+
+    def cut(self, target: Path, chance: Generator) -> None:
+        """Write into a folder what a loss of power now may leave."""
+        names = dict(self._durable)
+        for move in self._moves[: int(chance.integers(len(self._moves) + 1))]:
+            _move(names, move)
+        for path, file in names.items():
+            (target / Path(path).name).write_bytes(file.after_cut(chance))
+
+    def _begin(self, operation: Operation) -> None:
+        path = operation.path
+        if Path(path) == self._folder:
+            self._open[operation.descriptor] = None
+            return
+        if path not in self._names:
+            self._names[path] = _File()
+            self._moves.append(("set", path, self._names[path]))
+        elif operation.kind == "trunc":
+            self._names[path].waiting.append((0, None))
+        self._open[operation.descriptor] = self._names[path]
+
+    def _sync_names(self) -> None:
+        for move in self._moves:
+            _move(self._durable, move)
+        self._moves.clear()
+
+
+def operations(log: Path) -> Sequence[Operation]:
+    """Those of a log."""
+    found, data, at = [], log.read_bytes(), 0
+    while at < len(data):
+        end = data.index(b"\n", at)
+        kind, descriptor, offset, length, path, target = data[at:end].decode().split("\t")
+        at = end + 1 + int(length)
+        found.append(Operation(kind, int(descriptor), int(offset), data[end + 1 : at], path, target))
+    return found
+
+
+def _apply(content: bytearray, offset: int, data: bytes | None) -> None:
+    end = offset if data is None else offset + len(data)
+    content.extend(bytes(max(end - len(content), 0)))
+    if data is None:
+        del content[offset:]
+    else:
+        content[offset:end] = data
+
+
+def _move(names: dict[str, _File], move: tuple[str, str, _File | None]) -> None:
+    kind, path, file = move
+    if kind == "rename":
+        source, path = path.split("\n")
+        names.pop(source, None)
+    if file is None:
+        names.pop(path, None)
+    else:
+        names[path] = file
+
+
 STATE, JOURNAL, SAID = "learned.json", "injections.sqlite", "said"
 WRITTEN = 12  # injections, and states, of the victim
 
@@ -70,6 +198,7 @@ def cut(found: Sequence[Operation], cuts: int, seed: int, folder: Path) -> list[
     return results
 
 
+@app.command(epilog="Examples: tools/bench power; tools/bench power --cuts 1000 --seed 2")
 def power(
     cuts: Annotated[int, typer.Option(min=1, help="Losses of power.")] = 300,
     seed: SeedOption = 1,
@@ -78,33 +207,18 @@ def power(
     """Power lost at any moment, unsynced writes gone or torn at any byte: is anything lost or unreadable?"""
     with tempfile.TemporaryDirectory(prefix="power-") as folder:
         found = cut(recorded(Path(folder)), cuts, seed, Path(folder))
-    put_out(as_json, lambda: _document(found), lambda console: console.print(power_table(found)))
-    if any(each.lost or each.problems for each in found):
-        raise typer.Exit(1)
-
-
-def power_table(found: Sequence[Cut]) -> Table:
-    """All in one line, then each that went wrong."""
+    wrong = [each for each in found if each.lost or each.problems]
     lost, problems = sum(each.lost for each in found), sum(bool(each.problems) for each in found)
     title = (
         f"{len(found)} losses of power: {lost} injections lost that were on disk, {problems} with a problem"
     )
     table = ruled(title, ("after operation", "problems"), ("lost",))
-    for each in found:
-        if each.lost or each.problems:
-            table.add_row(str(each.operation), "; ".join(each.problems), str(each.lost))
-    return table
-
-
-def _document(found: Sequence[Cut]) -> dict[str, Any]:
-    return {
-        "figures": {
-            "cuts": len(found),
-            "lost": sum(each.lost for each in found),
-            "problems": sum(bool(each.problems) for each in found),
-        },
-        "details": [asdict(each) for each in found if each.lost or each.problems],
-    }
+    for each in wrong:
+        table.add_row(str(each.operation), "; ".join(each.problems), str(each.lost))
+    figures = {"cuts": len(found), "lost": lost, "problems": problems}
+    put_out(as_json, {"figures": figures, "details": [asdict(each) for each in wrong]}, [table])
+    if wrong:
+        raise typer.Exit(1)
 
 
 def _after(drive: Disk, moment: int, said: dict[str, int], folder: Path, chance: Generator) -> Cut:

@@ -1,25 +1,81 @@
 """The live page with a daemon at work, and a bare page beside it in the same run."""
 
 import os
+import socket
+import subprocess
 import sys
-from collections.abc import Sequence
+import tempfile
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+import typer
 from playwright.sync_api import Browser, sync_playwright
 from rich.table import Table
 
+from tools.benchmarks.command_line import JsonOption, app
 from tools.benchmarks.live_page import bare_page
-from tools.benchmarks.live_page.browser import Served, launch, served
-from tools.benchmarks.live_page.socket_bus import SocketBus, socket_buses
-from tools.benchmarks.live_page.watched import Gaps, Watched, watch
+from tools.benchmarks.live_page.watched import Gaps, Served, Watched, launch, served, watch
+from tools.benchmarks.report import put_out
+from tools.benchmarks.speed import native
 from tools.benchmarks.speed.injectors import in_windows, socket_bench, until_all_ready
 from tools.benchmarks.speed.observers import RUN, observer
 from tools.benchmarks.speed.pace import Passage, socket_pacer
+from tools.benchmarks.speed.sustained import socket_pair
 from tools.benchmarks.speed.traffic import SAMPLE_RATE, SAMPLES, Traffic, make_traffic
+
+
+@dataclass(frozen=True)
+class SocketBus:
+    """A bus with a place for the devices, the daemon and a listener."""
+
+    devices: socket.socket
+    daemon: socket.socket
+    listener: socket.socket
+
+
+class Hub:
+    """What connects the sockets of some buses."""
+
+    def __init__(self, process: subprocess.Popen[str], ends: list[list[int]]) -> None:
+        self._process = process
+        self._listeners = [each[-1] for each in ends]
+
+    def lost_to_listeners(self) -> int:
+        """Frames so far that listeners were too late for."""
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._process.stdin.write("?")
+        self._process.stdin.flush()
+        numbers = list(map(int, self._process.stdout.readline().split()))
+        lost = dict(zip(numbers[::2], numbers[1::2], strict=True))
+        return sum(lost[each] for each in self._listeners)
+
+
+@contextmanager
+def socket_buses(folder: Path, count: int) -> Iterator[tuple[list[SocketBus], Hub]]:
+    """So many buses. Raises UserError without a C compiler."""
+    with ExitStack() as stack:
+        pairs = [[socket_pair(stack) for _ in range(3)] for _ in range(count)]
+        ends = [[pair.receiver.fileno() for pair in each] for each in pairs]
+        words = [native.program("hub", folder), *(",".join(map(str, each)) for each in ends)]
+        process = stack.enter_context(
+            subprocess.Popen(
+                list(map(str, words)),
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                text=True,
+                pass_fds=[number for each in ends for number in each],
+            )
+        )
+        buses = [SocketBus(*(pair.sender for pair in each)) for each in pairs]
+        yield buses, Hub(process, ends)
+        assert process.stdin is not None
+        process.stdin.close()
+
 
 PER_SECOND = 30  # injections
 LONGEST = 100.0  # ms between frames with something new, at the most
@@ -152,3 +208,17 @@ def page_table(found: LivePage) -> Table:
 def _add(table: Table, name: str, gaps: Gaps, watched: Watched | None = None) -> None:
     shares = (f"{watched.server_cpu:.2f}", f"{watched.browser_cpu:.2f}") if watched else ("", "")
     table.add_row(name, f"{gaps.per_second:.1f}", str(gaps), *shares)
+
+
+@app.command(epilog="Examples: tools/bench monitor; tools/bench monitor --injectors 3 --seconds 20")
+def monitor(
+    seconds: Annotated[float, typer.Option(min=1.0, help="How long each page is watched.")] = 60.0,
+    injectors: Annotated[int, typer.Option(min=1, max=8, help="Side by side, each on a bus.")] = 1,
+    as_json: JsonOption = False,
+) -> None:
+    """How smoothly the live page is drawn in a real browser, beside a bare page; exit code 1 where it is not."""
+    with tempfile.TemporaryDirectory(prefix="monitor-") as folder:
+        found = measure_page(Path(folder), seconds, injectors)
+    put_out(as_json, page_document(found), [page_table(found)], 120)
+    if not found.is_met:
+        raise typer.Exit(1)

@@ -1,16 +1,80 @@
 """A page in a real browser, watched for a while: when frames were made, and when something new was drawn."""
 
 import re
-from collections.abc import Callable
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import psutil
 from numpy.typing import NDArray
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Browser, Error, Page, Playwright
 
-from tools.benchmarks.live_page.browser import Served
+from observer_rt.foundation.errors import UserError
+
+_OBTAIN = f"{sys.executable} -m playwright install --with-deps chromium-headless-shell"
+_BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+# nothing of its own goes out
+_QUIET = (
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+_URL = re.compile(r"http://\S+:\d+/\S*")
+
+
+def launch(playwright: Playwright) -> Browser:
+    """The first that starts, of the system's and Playwright's own. Raises UserError where there is none.
+
+    Ubuntu's `chromium-browser` is there and only asks for a snap.
+    """
+    failures = []
+    for path in (*filter(None, map(shutil.which, _BROWSERS)), None):
+        try:
+            return playwright.chromium.launch(executable_path=path, args=list(_QUIET))
+        except Error as error:
+            failures.append(f"{path or 'of Playwright'}: {error}")
+    raise UserError("Chromium", "cannot be started: " + "\n".join(failures), _OBTAIN)
+
+
+@dataclass(frozen=True)
+class Served:
+    """A program that serves a page, and the page's address."""
+
+    process: subprocess.Popen[str]
+    url: str
+
+
+@contextmanager
+def served(
+    command: Sequence[str | Path], folder: Path | None = None, descriptors: Sequence[int] = ()
+) -> Iterator[Served]:
+    """Start a program that tells its address on stderr; end it with SIGTERM. Raises UserError where it tells none."""
+    words = list(map(str, command))
+    with subprocess.Popen(
+        words, cwd=folder, stderr=subprocess.PIPE, text=True, pass_fds=descriptors
+    ) as process:
+        try:
+            assert process.stderr is not None
+            told = []
+            for line in process.stderr:
+                told.append(line)
+                if (found := _URL.search(line)) is not None:
+                    yield Served(process, found[0])
+                    break
+            else:
+                raise UserError(" ".join(words), "served no page:\n" + "".join(told), "see what it says")
+        finally:
+            process.terminate()
+
 
 _FRAMES = Path(__file__).with_name("frames.js").read_text("utf-8")
 _PATIENCE = 120_000  # ms until a page shows its first injection

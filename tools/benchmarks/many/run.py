@@ -1,4 +1,4 @@
-"""One batch as a user starts it, and what it took."""
+"""`tools/bench batch`: what many recordings cost through `observer-rt batch`, beside the compiled core alone."""
 
 import json
 import os
@@ -6,20 +6,37 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Annotated, Any
 
+import numpy as np
 import psutil
+import typer
 from rich.console import Console
+from rich.table import Table
 
 from observer_rt.evaluation.convert import convert
 from observer_rt.foundation.errors import RunError
+from observer_rt.foundation.units import MICROSECOND
 from observer_rt.recording.signals.table_writers import write_whole
+from tools.benchmarks.command_line import JsonOption, app, messages
+from tools.benchmarks.report import Figure, Shown, figures_table, put_out
 from tools.benchmarks.scoring import bench_at
-from tools.benchmarks.speed.core_alone import INJECTIONS, ONCE, repeated_injections
-from tools.benchmarks.speed.evaluated import CAN_LOG, MDF4, PARQUET
-from tools.benchmarks.speed.traffic import SAMPLE_RATE
+from tools.benchmarks.speed.core_alone import (
+    CAN_LOG,
+    INJECTIONS,
+    MDF4,
+    ONCE,
+    PARQUET,
+    Watch,
+    core_alone,
+    frames_of,
+    repeated_injections,
+)
+from tools.benchmarks.speed.traffic import SAMPLE_RATE, Ids, write_bench
 
 _STEP = 50e3  # Pa of rail pressure from file to file: what a CAN signal resolves, far from what matters
 _SUFFIXES = {PARQUET: ".parquet", MDF4: ".mf4", CAN_LOG: ".mf4"}
@@ -139,3 +156,230 @@ def _largest_mib(process: int) -> float:
                 lines = Path(f"/proc/{each.pid}/status").read_text().splitlines()
                 peaks += [float(line.split()[1]) for line in lines if line.startswith("VmHWM:")]
     return max(peaks, default=0.0) / _KIBIBYTES
+
+
+_PASSES = 3
+_CORE_REPEATS = 5
+
+
+@dataclass(frozen=True)
+class ManyPlan:
+    """repeats: of the injections of 2 s, in a file; numbers: of files; lengths: repeats in a single file."""
+
+    repeats: int
+    numbers: tuple[int, ...]
+    lengths: tuple[int, ...]
+
+
+FULL = ManyPlan(8, (2, 4, 8), (4, 16, 64))
+QUICK = ManyPlan(3, (2, 4), (2, 8))
+
+
+@dataclass(frozen=True)
+class Line:
+    """Time over a quantity as a straight line: start [s], slope [s each], and the point farthest off it.
+
+    farthest: share of the longest time.
+    """
+
+    start: float
+    slope: float
+    farthest: float
+
+
+def line_through(points: Sequence[tuple[float, float]]) -> Line:
+    """By least squares."""
+    x, y = np.array(points).T
+    slope, start = np.polyfit(x, y, 1)
+    return Line(float(start), float(slope), float(np.max(np.abs(start + slope * x - y)) / np.max(y)))
+
+
+@dataclass(frozen=True)
+class Many:
+    """What was measured. core_per_s: injections a second through the compiled core alone, on one core.
+
+    numbers, two_workers: batches of more and more files; lengths: of one file, longer and longer; sources: of each
+    kind, the most files; learned: the same of the first kind, learning.
+    """
+
+    load: tuple[float, float]
+    core_per_s: float
+    numbers: tuple[Taken, ...]
+    two_workers: tuple[Taken, ...]
+    lengths: tuple[Taken, ...]
+    sources: tuple[Taken, ...]
+    learned: Taken
+
+    def by_number(self, of: Callable[[Taken], float], runs: Sequence[Taken]) -> Line:
+        """A time, over the number of files."""
+        return line_through([(each.work.files.number, of(each)) for each in runs])
+
+    def by_length(self, of: Callable[[Taken], float]) -> Line:
+        """A time, over the seconds of the one file."""
+        return line_through([(each.work.seconds, of(each)) for each in self.lengths])
+
+    def per_core(self, taken: Taken) -> float:
+        """Injections a second of processor time beyond that of the start, all processes together."""
+        start = self.by_number(processor, self.numbers).start
+        return taken.work.injections / (taken.processor - start)
+
+    @property
+    def efficiency(self) -> float:
+        """Of two workers: files a second, once both work, against twice those of one; 1 is the best there is."""
+        return self.numbers[-1].a_file / (2.0 * self.two_workers[-1].a_file)
+
+    @property
+    def efficiency_with_start(self) -> float:
+        """The same of the whole command on the most files."""
+        return self.numbers[-1].clock / (2.0 * self.two_workers[-1].clock)
+
+    @property
+    def peak_mib(self) -> float:
+        """Of the largest process of all."""
+        return max(each.peak_mib for each in (*self.numbers, *self.lengths, *self.sources, self.learned))
+
+    @property
+    def memory_growth(self) -> float:
+        """By how much the longest file takes more memory than the shortest, as a share."""
+        return self.lengths[-1].peak_mib / self.lengths[0].peak_mib - 1.0
+
+
+def clock(taken: Taken) -> float:
+    """By the clock [s]."""
+    return taken.clock
+
+
+def processor(taken: Taken) -> float:
+    """Of all processors [s]."""
+    return taken.processor
+
+
+def measure_many(plan: ManyPlan, progress: Callable[[str], None]) -> Many:
+    """Batch after batch. progress: is told what comes next. Raises RunError."""
+    load = os.getloadavg()[0]
+    with tempfile.TemporaryDirectory(prefix="batch-files-") as name:
+        folder = Path(name)
+        bench = write_bench(folder / "bench", "virtual", "none", Ids())
+
+        def taken(work: Work) -> Taken:
+            files = work.files
+            learning = ", learning" if work.learning else ""
+            progress(
+                f"{files.number} x {work.seconds:g} s of {files.source}, {work.workers} workers{learning}"
+            )
+            return run(work, folder, bench)
+
+        progress("the core alone")
+        core = _core_per_s()
+        most = plan.numbers[-1]
+        for source in SOURCES:  # what is not compiled yet
+            taken(Work(Files(source, 1, 1), learning=True))
+        found = [
+            tuple(taken(Work(Files(PARQUET, number, plan.repeats), workers)) for number in plan.numbers)
+            for workers in (1, 2)
+        ]
+        lengths = tuple(taken(Work(Files(PARQUET, 1, repeats))) for repeats in plan.lengths)
+        others = tuple(taken(Work(Files(source, most, plan.repeats))) for source in SOURCES[1:])
+        learned = taken(Work(Files(PARQUET, most, plan.repeats), learning=True))
+    numbers, two_workers = found
+    after = os.getloadavg()[0]
+    return Many((load, after), core, numbers, two_workers, lengths, (numbers[-1], *others), learned)
+
+
+def _core_per_s() -> float:
+    """The best of some passes, by the time of its processor."""
+    bench, recording = bench_at(SAMPLE_RATE), repeated_injections(_CORE_REPEATS)
+    blocks, core, beside = frames_of(bench, recording), Watch(), Watch()
+    for _ in range(1 + _PASSES):
+        core_alone(bench, blocks, core, beside)
+    seconds = core.least(recording.samples).processor * recording.samples * MICROSECOND
+    return INJECTIONS * _CORE_REPEATS / seconds
+
+
+_FLOOR = "the compiled core alone, nothing learned"
+
+
+def shown(many: Many) -> Iterator[Shown]:
+    """Figures beside their bars, then every batch."""
+    yield figures_table(figures(many), "batch", many.load)
+    yield _batches_table(many)
+    start = many.by_number(clock, many.numbers).start
+    yield f"beyond the start of {start:.1f} s; the core alone: {many.core_per_s:.0f} injections a second"
+
+
+def many_document(many: Many) -> dict[str, Any]:
+    """`figures` by name, `details` of what was measured."""
+    return {
+        "figures": {each.name: each.value for each in figures(many)},
+        "details": {
+            **asdict(many),
+            "missed": [each.name for each in figures(many) if each.is_met is False],
+        },
+    }
+
+
+def figures(many: Many) -> list[Figure]:
+    """All of them."""
+    return list(_figures(many))
+
+
+def _figures(many: Many) -> Iterator[Figure]:
+    parquet, mdf4, log = (_of(many, source) for source in (PARQUET, MDF4, CAN_LOG))
+    yield Figure("injections_per_s_per_core", many.per_core(parquet), "Parquet, nothing learned")
+    yield Figure("injections_per_s_per_core_learning", many.per_core(many.learned), "Parquet")
+    floor = max(many.per_core(parquet), many.per_core(mdf4)) / many.core_per_s
+    yield Figure("floor_share", floor, f"{_FLOOR}; the better of the next two", at_least=0.5)
+    yield Figure("floor_share_parquet", many.per_core(parquet) / many.core_per_s, _FLOOR)
+    yield Figure("floor_share_mdf4", many.per_core(mdf4) / many.core_per_s, _FLOOR)
+    yield Figure("floor_share_mdf4_can_log", many.per_core(log) / many.core_per_s, _FLOOR)
+    yield Figure(
+        "efficiency_2_workers",
+        many.efficiency,
+        "one worker, twice; from file to file, once all work",
+        at_least=0.9,
+    )
+    yield Figure("efficiency_2_workers_with_start", many.efficiency_with_start, "the same, whole command")
+    off = "a straight line through all"
+    yield Figure("off_linear_files", many.by_number(clock, many.numbers).farthest, off, 0.05)
+    yield Figure("off_linear_length", many.by_length(clock).farthest, off, 0.05)
+    yield Figure("peak_memory_mib", many.peak_mib, "largest process of all")
+    longest, shortest = (many.lengths[place].work.seconds for place in (-1, 0))
+    what = f"a file of {longest:g} s beside one of {shortest:g} s"
+    yield Figure("memory_growth_share", many.memory_growth, what, 0.05)
+    yield Figure("start_s", many.by_number(clock, many.numbers).start, "no files at all, by that line")
+
+
+def _of(many: Many, source: str) -> Taken:
+    return next(each for each in many.sources if each.work.files.source == source)
+
+
+def _batches_table(many: Many) -> Table:
+    columns = ("files", "of", "", "workers", "clock s", "processor s", "MiB", "injections / s / core")
+    table = Table(*columns, title="batches", title_justify="left")
+    groups: Sequence[Sequence[Taken]] = (
+        many.numbers,
+        many.two_workers,
+        many.lengths,
+        (*many.sources[1:], many.learned),
+    )
+    for group in groups:
+        for each in group:
+            files, learning = each.work.files, ", learning" if each.work.learning else ""
+            what = (str(files.number), f"{each.work.seconds:g} s", files.source + learning)
+            times = (f"{clock(each):.1f}", f"{processor(each):.1f}", f"{each.peak_mib:.0f}")
+            rate = many.per_core(each)  # of a short file: little beyond a start that is not known so well
+            table.add_row(*what, str(each.work.workers), *times, f"{rate:.0f}" if rate > 0.0 else "-")
+        table.add_section()
+    return table
+
+
+@app.command(epilog="Examples: tools/bench batch; tools/bench batch --quick --json")
+def batch(
+    quick: Annotated[bool, typer.Option("--quick", help="Few and short files: a look, no verdict.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """What many recordings cost through `observer-rt batch`, beside the compiled core alone."""
+    found = measure_many(
+        QUICK if quick else FULL, lambda text: messages.print(f"{text} ...", highlight=False)
+    )
+    put_out(as_json, many_document(found), shown(found), 150)

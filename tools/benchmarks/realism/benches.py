@@ -9,8 +9,7 @@ from numpy.random import Generator
 
 from tools.benchmarks.arrays import Array
 from tools.benchmarks.plant import FIRST_EVENT, PERIOD, Bench, Event, Motion, Needle, Shot, strokes_of
-from tools.benchmarks.realism import reasons
-from tools.benchmarks.realism.disturbance import MPA, UM, Apply, Disturbance, Kind
+from tools.benchmarks.realism.disturbance import MPA, UM, Apply, Disturbance, Kind, Reasons
 
 QUICK = 26  # events of a quick rhythm: the last ones wait for a pause that does not come
 QUICK_DURATIONS = (0.4e-3, 1.2e-3)  # s
@@ -146,9 +145,9 @@ _B, _T, _R = Kind.BENCH, Kind.TIMING, Kind.RAIL
 DISTURBANCES = (
     Disturbance("pump_ripple_620_hz", _R, "MPa", (0.5, 1.5), ripple(620.0)),
     Disturbance("pump_ripple_200_hz", _R, "MPa", (1.0, 3.0), ripple(200.0)),
-    Disturbance("engine_transient", _R, "MPa", (10.0, 20.0), transient, reasons.CHANGE),
+    Disturbance("engine_transient", _R, "MPa", (10.0, 20.0), transient, Reasons.CHANGE),
     Disturbance(
-        "openings_every", _T, "ms", (30.0, 10.5, 8.0, 4.2), every, reasons.CROWDED, table=10.5, rhythm=True
+        "openings_every", _T, "ms", (30.0, 10.5, 8.0, 4.2), every, Reasons.CROWDED, table=10.5, rhythm=True
     ),
     Disturbance("irregular_openings", _T, "ms", (25.0, 9.0), irregular, rhythm=True),
     Disturbance("openings_an_event", _T, "openings", (3.0, 5.0), several, rhythm=True),

@@ -7,14 +7,12 @@ from enum import StrEnum
 
 import numpy as np
 
-from tools.benchmarks.cases import Case, drawn_events
-from tools.benchmarks.plant import Bench, Needle
-from tools.benchmarks.plant_parameters import Faults, Injector
+from tools.benchmarks.cases import Case, on_real_line, worn_events
+from tools.benchmarks.plant import Bench, drawn_needle
+from tools.benchmarks.plant_parameters import Injector
 from tools.benchmarks.realism import benches, channels, lifts, noises, outliers
-from tools.benchmarks.realism.disturbance import Disturbance, Stated
-from tools.benchmarks.realism.reasons import ALWAYS
+from tools.benchmarks.realism.disturbance import Disturbance, Reasons, Stated
 from tools.benchmarks.runs import Task
-from tools.benchmarks.wave_plant import LINES, Variant, real_part
 
 DISTURBANCES = {d.name: d for part in (noises, lifts, outliers, channels, benches) for d in part.DISTURBANCES}
 PAIRS = 40
@@ -68,7 +66,7 @@ def parsed(name: str) -> Entry:
 
 def true_reasons(entry: Entry) -> frozenset[str]:
     """Names of the reasons that are true of it."""
-    return ALWAYS.union(*(each.disturbance.true_reasons for each in entry))
+    return Reasons.ALWAYS.union(*(each.disturbance.true_reasons for each in entry))
 
 
 def alone(table: bool = False) -> list[Entry]:
@@ -122,12 +120,10 @@ def make_realism_case(task: Task, is_rich: bool = False) -> Case:
     rng = np.random.default_rng([task.master_seed, zlib.crc32(name.encode()), task.number])
     wear = WEARS[(zlib.crc32(name.encode()) + task.number) % len(WEARS)]
     seed = int(rng.integers(2**62))
-    needle = Needle(0.80 * rng.uniform(0.85, 1.15), 0.90 * rng.uniform(0.85, 1.15))
-    schedule = drawn_events(rng, varying=rng.random() < 0.5)
-    events = tuple(replace(event, faults=Faults(orifice_area=wear)) for event in schedule)
-    bench = Bench(Injector(), needle, events, seed=seed)
+    needle = drawn_needle(rng)
+    bench = Bench(Injector(), needle, worn_events(rng, wear), seed=seed)
     if is_rich:
-        bench = replace(bench, injector=real_part(task.master_seed), line=LINES[Variant.PLAIN])
+        bench = on_real_line(bench, task.master_seed)
     return Case(task.class_name, task.master_seed, task.number, disturbed(bench, entry, rng))
 
 

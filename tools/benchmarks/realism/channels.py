@@ -10,7 +10,6 @@ from scipy.signal import butter, freqs
 
 from tools.benchmarks.arrays import Array
 from tools.benchmarks.plant import Bench
-from tools.benchmarks.realism import reasons
 from tools.benchmarks.realism.disturbance import (
     ALL,
     DELAY,
@@ -22,6 +21,7 @@ from tools.benchmarks.realism.disturbance import (
     Apply,
     Disturbance,
     Kind,
+    Reasons,
     Stated,
     Wave,
     after_noise,
@@ -129,8 +129,8 @@ def few_bits(role: str) -> Apply:
     return after_noise(wave, 1.0, role)
 
 
-_A, _T, _CORNERS, _S, _O = Kind.ALL, Kind.TIMING, (10.0, 20.0, 40.0), reasons.SENSOR, reasons.OFFSET
-_LATE, _LATE_LINE, _LATE_LIFT = reasons.LATE, reasons.LATE_LINE, reasons.LATE_LIFT
+_A, _T, _CORNERS, _S, _O = Kind.ALL, Kind.TIMING, (10.0, 20.0, 40.0), Reasons.SENSOR, Reasons.OFFSET
+_LATE, _LATE_LINE, _LATE_LIFT = Reasons.LATE, Reasons.LATE_LINE, Reasons.LATE_LIFT
 _LP2, _LP4 = low_pass(2), low_pass(4)
 DISTURBANCES = (
     Disturbance("anti_alias_2_all", _A, "kHz", _CORNERS, before_noise(_LP2, KHZ, *ALL)),

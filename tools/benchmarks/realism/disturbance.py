@@ -10,8 +10,32 @@ import numpy as np
 from numpy.random import Generator
 
 from tools.benchmarks.arrays import Array
-from tools.benchmarks.plant import Bench
-from tools.benchmarks.sampling import Measured, Step
+from tools.benchmarks.plant import Bench, Measured, Step
+
+
+class Reasons:
+    """Which reasons are true of what, by name."""
+
+    ALWAYS = frozenset({"REVISED"})  # says what the observer did; cannot be untrue
+    SENSOR = frozenset(
+        {"CONTRADICTED"}
+    )  # "the line pressure has left what the model can do: check sensors, cables"
+    OFFSET = SENSOR | {"PRESSURE_OFFSET"}
+    OUTLIERS = SENSOR | {"SAMPLES_LOST"}
+    FROZEN = OUTLIERS | {"INPUT_FROZEN"}
+    CLIPPED = SENSOR | {"INPUT_CLIPPED"}
+    DROPOUTS = FROZEN | CLIPPED
+    LATE = SENSOR | {"TIME_BASE"}
+    LATE_LINE = LATE | {"SENSOR_LAG"}
+    LATE_LIFT = LATE | {"LIFT_SENSOR_LAG"}
+    LIFT_ZERO = SENSOR | {
+        "LIFT_ZERO",
+        "NEEDLE_STUCK",
+    }  # a zero far off seems an open needle: "check ... its offset"
+    CHANGE = frozenset({"SUDDEN_CHANGE"})
+    # "wait for 3 ms of closed needle"; too few were judged yet, for a judgement takes as long as before
+    CROWDED = frozenset({"STARTING", "NO_STANDSTILL", "TOO_FEW_EVENTS"})
+
 
 ALL = ("rail_pressure", "needle_lift", "line_pressure")
 RAIL, LIFT, LINE = ALL

@@ -7,8 +7,7 @@ from numpy.random import Generator
 from scipy.signal import lfilter
 
 from tools.benchmarks.arrays import Array
-from tools.benchmarks.plant import Bench
-from tools.benchmarks.realism import reasons
+from tools.benchmarks.plant import Bench, Measured
 from tools.benchmarks.realism.disturbance import (
     KHZ,
     LAG,
@@ -17,6 +16,7 @@ from tools.benchmarks.realism.disturbance import (
     US,
     Disturbance,
     Kind,
+    Reasons,
     Stated,
     changed,
     of_signal,
@@ -25,7 +25,6 @@ from tools.benchmarks.realism.disturbance import (
     with_step_before,
 )
 from tools.benchmarks.realism.noises import hum
-from tools.benchmarks.sampling import Measured
 
 REFERENCE = 100e6  # Pa, at which a lift with crosstalk of the whole pressure was set to 0
 CREEP, CREEP_TIME = 3e-3, 15e-3  # s: how fast it comes while open, and goes
@@ -104,11 +103,11 @@ def whole_crosstalk(bench: Bench, size: float, rng: Generator) -> Bench:
     return with_step_before(bench, step)
 
 
-_N, _S, _ZERO = Kind.LIFT, reasons.SENSOR, reasons.LIFT_ZERO
+_N, _S, _ZERO = Kind.LIFT, Reasons.SENSOR, Reasons.LIFT_ZERO
 DISTURBANCES = (
     of_signal("lift_zero_sine", LIFT, "um, 1.5 Hz", (1.0, 3.0, 8.0), hum(1.5), _ZERO, table=3.0),
     of_signal("lift_zero_ramp", LIFT, "um/s", (2.0, 10.0), drift, _ZERO),
-    Disturbance("lift_zero_step", _N, "um", (2.0, 6.0), zero_steps, _ZERO | reasons.CHANGE),
+    Disturbance("lift_zero_step", _N, "um", (2.0, 6.0), zero_steps, _ZERO | Reasons.CHANGE),
     of_signal("lift_creep", LIFT, "um", (1.0, 3.0), creep, _ZERO),
     Disturbance(
         "lift_filter",
@@ -116,7 +115,7 @@ DISTURBANCES = (
         "kHz",
         (20.0, 10.0, 5.0, 3.0),
         lag,
-        reasons.LATE_LIFT,
+        Reasons.LATE_LIFT,
         table=10.0,
         stated=stated_lag,
     ),

@@ -7,7 +7,7 @@ from numpy.random import Generator
 from scipy.signal import lfilter
 
 from tools.benchmarks.arrays import Array
-from tools.benchmarks.realism import reasons
+from tools.benchmarks.plant import LIFT_NOISE, LINE_NOISE, RAIL_NOISE
 from tools.benchmarks.realism.disturbance import (
     ALL,
     LIFT,
@@ -16,12 +16,12 @@ from tools.benchmarks.realism.disturbance import (
     Apply,
     Disturbance,
     Kind,
+    Reasons,
     Wave,
     before_noise,
     in_order,
     of_signal,
 )
-from tools.benchmarks.sampling import LIFT_NOISE, LINE_NOISE, RAIL_NOISE
 
 NOISE = {RAIL: RAIL_NOISE, LIFT: LIFT_NOISE, LINE: LINE_NOISE}  # of the plant, per sample
 BURST, BURSTS = 2e-3, 8.0  # s; per s
@@ -75,7 +75,7 @@ def bursts(time: Array, values: Array, size: float, rng: Generator) -> Array:
     return found
 
 
-_S = reasons.SENSOR
+_S = Reasons.SENSOR
 DISTURBANCES = (
     Disturbance("none", Kind.ALL, "", (0.0,), lambda bench, size, rng: bench),
     of_signal("hum_50_hz_line", LINE, "MPa", (0.1, 0.2, 0.5), hum(50.0), _S, table=0.2),
@@ -98,5 +98,5 @@ DISTURBANCES = (
     Disturbance(
         "noise_from_half_way", Kind.ALL, "times", (2.0, 3.0), in_order(*(louder(r, 0.5) for r in ALL))
     ),
-    of_signal("noise_bursts_line", LINE, "MPa", (0.5, 1.5), bursts, reasons.OUTLIERS),
+    of_signal("noise_bursts_line", LINE, "MPa", (0.5, 1.5), bursts, Reasons.OUTLIERS),
 )

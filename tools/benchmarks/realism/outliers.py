@@ -5,8 +5,15 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from tools.benchmarks.arrays import Array
-from tools.benchmarks.plant import Bench
-from tools.benchmarks.realism import reasons
+from tools.benchmarks.plant import (
+    HIGHEST_CODE,
+    LIFT_FLOOR,
+    LIFT_STEP,
+    PRESSURE_FLOOR,
+    PRESSURE_STEP,
+    Bench,
+    Measured,
+)
 from tools.benchmarks.realism.disturbance import (
     ALL,
     LIFT,
@@ -17,6 +24,7 @@ from tools.benchmarks.realism.disturbance import (
     Apply,
     Disturbance,
     Kind,
+    Reasons,
     Wave,
     after_noise,
     changed,
@@ -24,14 +32,6 @@ from tools.benchmarks.realism.disturbance import (
     of_signal,
     sign,
     with_step_before,
-)
-from tools.benchmarks.sampling import (
-    HIGHEST_CODE,
-    LIFT_FLOOR,
-    LIFT_STEP,
-    PRESSURE_FLOOR,
-    PRESSURE_STEP,
-    Measured,
 )
 
 OPENING_DELAY = 0.25e-3  # s, from the start of energizing to the opening
@@ -147,7 +147,7 @@ def _moments(time: Array, rate: float, rng: Generator) -> NDArray[np.int64]:
 
 _A = Kind.ALL
 _SHORT = (0.1, 0.2, 0.5)  # ms
-_O, _F, _C, _S = reasons.OUTLIERS, reasons.FROZEN, reasons.CLIPPED, reasons.SENSOR
+_O, _F, _C, _S = Reasons.OUTLIERS, Reasons.FROZEN, Reasons.CLIPPED, Reasons.SENSOR
 DISTURBANCES = (
     Disturbance("spikes_at_edges", _A, "MPa", (1.0, 3.0, 10.0), edge_spikes(*ALL), _O, table=3.0),
     Disturbance("spikes_at_edges_line", Kind.LINE, "MPa", (3.0,), edge_spikes(LINE), _O),
@@ -161,8 +161,8 @@ DISTURBANCES = (
     of_signal("frozen_rail_samples", RAIL, "ms", _SHORT[1:], frozen(HOLDS), _F, after=True),
     of_signal("frozen_lift", LIFT, "ms", _SHORT, frozen(LIFT_HOLDS), _F),
     of_signal("frozen_lift_samples", LIFT, "ms", _SHORT, frozen(LIFT_HOLDS), _F, after=True),
-    Disturbance("dropouts_to_zero", _A, "samples", (2.0, 5.0), dropouts(0.0), reasons.DROPOUTS),
-    Disturbance("dropouts_to_full_scale", _A, "samples", (2.0, 5.0), dropouts(1.0), reasons.DROPOUTS),
+    Disturbance("dropouts_to_zero", _A, "samples", (2.0, 5.0), dropouts(0.0), Reasons.DROPOUTS),
+    Disturbance("dropouts_to_full_scale", _A, "samples", (2.0, 5.0), dropouts(1.0), Reasons.DROPOUTS),
     of_signal("line_clipped_at_the_top", LINE, "MPa", (1.0, 4.0), clipped(is_top=True), _C),
     of_signal("line_clipped_at_the_bottom", LINE, "MPa", (1.0, 4.0), clipped(is_top=False), _C),
     Disturbance("energizing_on_line", Kind.LINE, "MPa", (0.1, 0.3), during_energizing(LINE, MPA), _S),

@@ -4,27 +4,51 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated
 
 import numpy as np
+import typer
 from rich.console import Console
 
-from observer_rt.config.bench import Bench
 from observer_rt.config.signals import SignalConfig
 from observer_rt.estimation.scalars import NOZZLE, SEAT
 from observer_rt.evaluation.evaluate import Evaluation, evaluate
+from observer_rt.foundation.errors import UserError
 from tools.benchmarks.accuracy import joined
-from tools.benchmarks.fitted_lump import FITTED_LUMP, lumps_of
+from tools.benchmarks.command_line import (
+    PROCESSES,
+    JsonOption,
+    ModelOption,
+    NoPeersOption,
+    OutOption,
+    SeedOption,
+    Tier,
+    TierOption,
+    WorkersOption,
+    app,
+    messages,
+    resumable,
+)
 from tools.benchmarks.kalman_peers import joint_ukf
 from tools.benchmarks.peer_equations import Model
 from tools.benchmarks.peer_inputs import peer_inputs
-from tools.benchmarks.peers import TUNING, PeerScore, peer_score
+from tools.benchmarks.peers import FITTED_LUMP, TUNING, PeerScore, lumps_of, peer_score
 from tools.benchmarks.plant import record
-from tools.benchmarks.realism.catalogue import Entry, make_realism_case, name_of, parsed
+from tools.benchmarks.realism.catalogue import (
+    DISTURBANCES,
+    Entry,
+    Selection,
+    entries,
+    make_realism_case,
+    name_of,
+    parsed,
+)
 from tools.benchmarks.realism.disturbance import Stated
-from tools.benchmarks.realism.score import Interval, RunScore
-from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Crash, Plan, Task
-from tools.benchmarks.score import UKF
+from tools.benchmarks.realism.score import Interval, Results, RunScore
+from tools.benchmarks.realism.tables import realism_document, shown
+from tools.benchmarks.report import put_out
+from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Plan, Task
+from tools.benchmarks.score import UKF, Windows, windows_of
 from tools.benchmarks.scoring import (
     bench_for_case,
     recording_of,
@@ -32,19 +56,10 @@ from tools.benchmarks.scoring import (
     score_evaluation,
     timed_training,
     warm_up,
+    with_signals,
 )
-from tools.benchmarks.wave_accuracy import WavePlan, fitted_model, warm_up_model
+from tools.benchmarks.wave_accuracy import WavePlan, fitted_model
 from tools.benchmarks.wave_plant import Variant
-from tools.benchmarks.windows import Windows, windows_of
-
-
-@dataclass(frozen=True)
-class Results:
-    """What came out; not_known: entries whose keys of the bench file this observer does not know."""
-
-    runs: tuple[RunScore, ...]
-    crashes: tuple[Crash[Task], ...]
-    not_known: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -64,9 +79,12 @@ def run_realism(
     """
     names = {name_of(e): all(is_known(s.stated) for s in e) for e in entries}
     plan = replace(plan, classes=tuple(name for name, known in names.items() if known))
-    rich = _rich(WavePlan(plan, Variant.PLAIN, given), console) if is_rich else None
+    rich = None
+    if is_rich:
+        fitted, healthy = fitted_model(WavePlan(plan, Variant.PLAIN, given), console)
+        rich = Rich(fitted, lumps_of(list(healthy.values()))[FITTED_LUMP] if plan.peers else None)
     model = None if rich is None else rich.model
-    ready = warm_up if model is None else partial(warm_up_model, model)
+    ready = partial(warm_up, model)
     sources = () if model is None else (model,)
     campaign = plan.campaign(console)
     kept = campaign.store("observer", RunScore, PACKAGE, BENCHMARKS, *sources)
@@ -86,22 +104,13 @@ def is_known(stated: Stated) -> bool:
     return all(key in SignalConfig.model_fields for keys in stated.values() for key in keys)
 
 
-def with_stated(bench: Bench, stated: Stated) -> Bench:
-    """The bench file's bench with these keys of its signals."""
-    signals = bench.injector.config.signals
-    update: dict[str, Any] = {
-        role: getattr(signals, role).model_copy(update=keys) for role, keys in stated.items()
-    }
-    return bench.with_sections(signals=signals.model_copy(update=update))
-
-
 def score_run(model: Path | None, task: Task) -> RunScore:
     """Work of one process: our observer on a disturbed recording; model: the injector file, on tier B."""
     case = make_realism_case(task, is_rich=model is not None)
     outcome = record(case.bench)
     bench = bench_for_case(case, model)
     for each in parsed(task.class_name):
-        bench = with_stated(bench, each.stated)
+        bench = with_signals(bench, each.stated)
     with timed_training() as training:
         evaluation = evaluate(bench, [recording_of(outcome)]).evaluations[0]
     windows = windows_of(outcome, case.bench.sample_rate)
@@ -149,6 +158,40 @@ def _intervals(evaluation: Evaluation, windows: Windows, effect: str) -> tuple[I
     return tuple(found)
 
 
-def _rich(wave: WavePlan, console: Console) -> Rich:
-    model, healthy = fitted_model(wave, console)
-    return Rich(model, lumps_of(list(healthy.values()))[FITTED_LUMP] if wave.plan.peers else None)
+CASES = 3  # each has another wear
+TABLE_WIDTH = 200  # where stdout is no terminal
+
+
+@app.command(
+    epilog="Examples: tools/bench realism --set table; "
+    "tools/bench realism --only hum_50_hz_line,frozen_line --cases 1"
+)
+def realism(
+    cases: Annotated[
+        int, typer.Option(min=1, help="Recordings of each size; three have three wears.")
+    ] = CASES,
+    only: Annotated[
+        str, typer.Option(help="Disturbances, or lines of the table ('frozen_line 0.2'), by commas.")
+    ] = "",
+    selection: Annotated[
+        Selection, typer.Option("--set", help="All; those of the table of sizes to be right; random pairs.")
+    ] = Selection.ALL,
+    tier: TierOption = Tier.A,
+    model: ModelOption = None,
+    seed: SeedOption = 1,
+    workers: WorkersOption = PROCESSES,
+    out: OutOption = None,
+    no_peers: NoPeersOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Signals of a real bench: hum, drift, spikes, lag, ... on independent plants; right, or truly refused?"""
+    chosen = tuple(name.strip() for name in only.split(",") if name.strip())
+    found = entries(selection, chosen, seed)
+    known = {*DISTURBANCES, *map(name_of, found)}
+    for name in chosen:
+        if name not in known:
+            raise UserError("--only", f"unknown name '{name}'", f"known: {', '.join(DISTURBANCES)}")
+    plan = Plan((), cases, seed, workers, out or Path("build") / f"realism-{tier}", not no_peers)
+    with resumable("what is scored is"):
+        results = run_realism(found, plan, tier is Tier.B, model, messages)
+    put_out(as_json, realism_document(results), shown(results), TABLE_WIDTH)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tools.benchmarks.realism.catalogue import parsed, true_reasons
-from tools.benchmarks.runs import Task
+from tools.benchmarks.runs import Crash, Task
 from tools.benchmarks.score import OBSERVER, UKF, WRONG_MASS, CaseScore
 
 JUDGED = slice(7, 20)  # events 8-20
@@ -99,6 +99,15 @@ class RunScore(Task):
         beyond = [max(_beyond(interval) for interval in pair) for pair in pairs]
         lasting = sum(each > 0.0 for each in beyond) > LASTING * len(beyond)
         return max(beyond) if lasting else 0.0
+
+
+@dataclass(frozen=True)
+class Results:
+    """What came out; not_known: entries whose keys of the bench file this observer does not know."""
+
+    runs: tuple[RunScore, ...]
+    crashes: tuple[Crash[Task], ...]
+    not_known: tuple[str, ...]
 
 
 @dataclass(frozen=True)

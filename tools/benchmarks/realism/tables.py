@@ -4,17 +4,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from rich.console import Console
 from rich.table import Table
 
-from tools.benchmarks.command_line import print_lines
 from tools.benchmarks.realism.catalogue import AND, STATED, alone, name_of
-from tools.benchmarks.realism.run import Results
-from tools.benchmarks.realism.score import RunScore, Summary, Verdict, summary
+from tools.benchmarks.realism.score import Results, RunScore, Summary, Verdict, summary
+from tools.benchmarks.report import NOTHING, Shown
 
 RIGHT_SHARE = 0.85
 REASONS_SHOWN = 3
-_NOTHING = "-"
 
 
 def by_entry(runs: Sequence[RunScore]) -> dict[str, Summary]:
@@ -28,15 +25,14 @@ def missed_bars(results: Results) -> list[str]:
     return list(_missed(results.runs)) if results.runs else []
 
 
-def print_realism(results: Results, console: Console) -> None:
+def shown(results: Results) -> Iterator[Shown]:
     """Every entry a line, the totals, the bars that are missed, what could not be run."""
     if results.runs:
-        console.print(_entries_table(by_entry(results.runs)))
-        console.print(_totals_table(_groups(results.runs)))
-    print_lines(console, missed_bars(results))
-    no_key = "not run, this observer's bench file has no such key"
-    print_lines(console, [f"{name}: {no_key}" for name in results.not_known])
-    print_lines(console, [f"{crash.task}: {crash.message}" for crash in results.crashes], "crash: ")
+        yield _entries_table(by_entry(results.runs))
+        yield _totals_table(_groups(results.runs))
+    yield from missed_bars(results)
+    yield from (f"{name}: not run, this observer's bench file has no such key" for name in results.not_known)
+    yield from (f"crash: {crash.task}: {crash.message}" for crash in results.crashes)
 
 
 def realism_document(results: Results) -> dict[str, Any]:
@@ -90,7 +86,12 @@ def _missed(runs: Sequence[RunScore]) -> Iterator[str]:
     for name, each in by_entry(runs).items():
         if each.wrong_valid:
             yield f"{name}: {each.wrong_valid} events valid and wrong"
-        elif name in table and not each.is_right and not _stated_beside(name, each, table):
+        # what needs a statement in the bench file to be right may be refused truly without it
+        elif (
+            name in table
+            and not each.is_right
+            and not (name + STATED in table and each.true_refusals == each.verdicts[Verdict.REFUSED])
+        ):
             yield f"{name}: not right, although in the table"
         if each.falsely_worn and AND not in name:
             often = f"in {each.falsely_worn} of {each.healthy} healthy recordings"
@@ -100,11 +101,6 @@ def _missed(runs: Sequence[RunScore]) -> Iterator[str]:
         yield f"all: {total.share(Verdict.RIGHT):.0%} right < {RIGHT_SHARE:.0%}"
     if total.true_refusals < (refused := total.verdicts[Verdict.REFUSED]):
         yield f"all: {refused - total.true_refusals} of {refused} refused for what is not true"
-
-
-def _stated_beside(name: str, each: Summary, table: set[str]) -> bool:
-    """Whether it needs a statement in the bench file to be right, and is refused truly without it."""
-    return name + STATED in table and each.true_refusals == each.verdicts[Verdict.REFUSED]
 
 
 def _entries_table(entries: dict[str, Summary]) -> Table:
@@ -147,20 +143,16 @@ def _cells(each: Summary) -> list[str]:
         f"{100.0 * each.valid_share:.0f}",
         _number(each.mass_p95_pct),
         _number(each.mass_max_pct),
-        _NOTHING if each.coverage is None else f"{100.0 * each.coverage:.0f}",
-        f"{each.falsely_worn}/{each.healthy}" if each.healthy else _NOTHING,
+        NOTHING if each.coverage is None else f"{100.0 * each.coverage:.0f}",
+        f"{each.falsely_worn}/{each.healthy}" if each.healthy else NOTHING,
         _number(each.ukf_p95_pct),
     ]
 
 
 def _number(value: float | None) -> str:
-    return _NOTHING if value is None else f"{value:.2f}"
+    return NOTHING if value is None else f"{value:.2f}"
 
 
 def _reasons(each: Summary) -> str:
-    shown = {name + ("*" if name in each.untrue else ""): count for name, count in each.reasons.items()}
-    return _counted(shown)
-
-
-def _counted(reasons: dict[str, int]) -> str:
-    return ", ".join(f"{name} {count}" for name, count in list(reasons.items())[:REASONS_SHOWN])
+    most = list(each.reasons.items())[:REASONS_SHOWN]
+    return ", ".join(f"{name}{'*' if name in each.untrue else ''} {count}" for name, count in most)

@@ -6,17 +6,17 @@ in turn, so that what else the machine does meets all.
 usage: python -m tools.benchmarks.speed.roundtrip FOLDER CHANNEL SECONDS
 """
 
-import json
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, nullcontext
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import TypeAdapter
 
 from observer_rt.foundation.errors import RunError
 from observer_rt.foundation.units import MICROSECOND
@@ -47,6 +47,10 @@ class RoundTrip:
     lost_samples: int
 
 
+_MEASURED = TypeAdapter(tuple[Mapping[str, Mapping[str, RoundTrip]], Mapping[str, str]])
+"""By pace and party, and last words by party: what one process tells another."""
+
+
 @dataclass(frozen=True)
 class RoundTrips:
     """By pace and party. said: the last words of each; latencies [s]: with the needle open, by `pace, party`."""
@@ -58,11 +62,8 @@ class RoundTrips:
 
     def document(self) -> dict[str, Any]:
         """For JSON."""
-        found = {
-            pace: {party: asdict(each) for party, each in parties.items()}
-            for pace, parties in self.found.items()
-        }
-        return {"link": self.link, "found": found, "said": dict(self.said)}
+        found, said = _MEASURED.dump_python((self.found, self.said))
+        return {"link": self.link, "found": found, "said": said}
 
     def is_kept(self, pace: str) -> bool:
         """Whether the echo keeps a pace; where it does not the machine is too busy, and ratios to it mean nothing."""
@@ -108,23 +109,11 @@ def measure_roundtrips(folder: Path, seconds: float) -> RoundTrips:
     done = subprocess.run([_VCAN, *map(str, own)], check=False)
     if done.returncode:
         raise RunError(f"the round trip could not be measured: exit code {done.returncode}")
-    document = json.loads((folder / "roundtrip.json").read_text())
-    found = {
-        pace: {
-            party: RoundTrip(
-                Latency(**each["open_needle"]), Latency(**each["all_frames"]), each["lost_samples"]
-            )
-            for party, each in parties.items()
-        }
-        for pace, parties in document["found"].items()
-    }
+    found, said = _MEASURED.validate_json((folder / "roundtrip.json").read_bytes())
+    how = subprocess.run([_VCAN, "--how"], capture_output=True, text=True, check=True).stdout.strip()
+    link = f"{CHANNEL} in user-mode Linux, one CPU" if how == "uml" else CHANNEL
     with np.load(folder / "roundtrip.npz") as latencies:
-        return RoundTrips(_link(), found, document["said"], dict(latencies))
-
-
-def _link() -> str:
-    done = subprocess.run([_VCAN, "--how"], capture_output=True, text=True, check=True)
-    return f"{CHANNEL} in user-mode Linux, one CPU" if done.stdout.strip() == "uml" else CHANNEL
+        return RoundTrips(link, found, said, dict(latencies))
 
 
 def run_parties(folder: Path, channel: str, seconds: float) -> None:
@@ -139,16 +128,17 @@ def run_parties(folder: Path, channel: str, seconds: float) -> None:
         pacers = {party: Pacer(folder, traffic, channel, ids) for party, ids in PARTIES.items()}
         for party in PARTIES:  # meets what is met for the first time
             _send(running[party], pacers[party], party, WARMING, PACES["1.5 ms"])
-        passages = {
-            pace: _in_turn(running, pacers, seconds * SHARE[pace] / PARTS, period)
-            for pace, period in PACES.items()
-        }
+        passages: dict[str, dict[str, list[Passage]]] = {pace: {p: [] for p in PARTIES} for pace in PACES}
+        for pace, period in PACES.items():
+            for party in PARTS * tuple(PARTIES):  # one part after the other to every party
+                part = _send(running[party], pacers[party], party, seconds * SHARE[pace] / PARTS, period)
+                passages[pace][party].append(part)
     found = {
-        pace: {party: asdict(_round_trip(each, traffic)) for party, each in parties.items()}
+        pace: {party: _round_trip(each, traffic) for party, each in parties.items()}
         for pace, parties in passages.items()
     }
-    said = {party: _last_words(each) for party, each in running.items()}
-    (folder / "roundtrip.json").write_text(json.dumps({"found": found, "said": said}))
+    said = {party: farewell(each) or (each.said[-1] if each.said else "") for party, each in running.items()}
+    (folder / "roundtrip.json").write_bytes(_MEASURED.dump_json((found, said)))
     latencies = {
         f"{pace}, {party}": _latencies(each, traffic, open_only=True)
         for pace, parties in passages.items()
@@ -178,17 +168,6 @@ def command_of(folder: Path, channel: str, party: str, traffic: Traffic) -> list
     return [*(BUSY_RUN if party == BUSY else RUN), bench]
 
 
-def _in_turn(
-    running: Mapping[str, Observer], pacers: Mapping[str, Pacer], seconds: float, period: float
-) -> dict[str, list[Passage]]:
-    """One part after the other to every party."""
-    passages: dict[str, list[Passage]] = {party: [] for party in PARTIES}
-    for _ in range(PARTS):
-        for party in PARTIES:
-            passages[party].append(_send(running[party], pacers[party], party, seconds, period))
-    return passages
-
-
 def _send(to: Observer, pacer: Pacer, party: str, seconds: float, period: float) -> Passage:
     with to.resumed() if party == BUSY else nullcontext():
         return pacer.send(round(seconds / period), period)
@@ -204,10 +183,6 @@ def _round_trip(passages: Sequence[Passage], traffic: Traffic) -> RoundTrip:
 
 def _latencies(passages: Sequence[Passage], traffic: Traffic, *, open_only: bool) -> NDArray[np.float64]:
     return np.concatenate([each.latencies(traffic, open_only=open_only) for each in passages])
-
-
-def _last_words(party: Observer) -> str:
-    return farewell(party) or (party.said[-1] if party.said else "")
 
 
 if __name__ == "__main__":

@@ -17,13 +17,18 @@ from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.compiled.constants import bench_constants
 from observer_rt.service.core.core import Core
 from observer_rt.simulation.schedule import Event, Shot
-from tools.benchmarks.scoring import bench_at
+from tools.benchmarks.scoring import bench_at, with_signals
 from tools.benchmarks.speed.traffic import SAMPLE_RATE, worn_recording
 
 SECONDS = (0.25, 0.5, 1.0, 2.0)
 RATES = (200e3, 100e3, 50e3, 20e3)  # Hz
 BLOCKS = (1, 3, 9)  # samples in a frame of all three signals
 PERIOD = 40 * MILLISECOND
+PATTERNS = {
+    "rail_pressure": "RailPressure_{:02d}",
+    "needle_lift": "NeedleLift_{:02d}",
+    "line_pressure": "LinePressure_{:02d}",
+}
 REPEATS = 3
 
 
@@ -70,17 +75,11 @@ def _recording(rate: float, seconds: float) -> Recording:
 
 def _in_blocks(block: int) -> Bench:
     """The example bench, of whose frames only the first samples count."""
-    bench = bench_at(SAMPLE_RATE)
-    signals = bench.injector.config.signals
-    shorter = {}
-    for role, pattern in (
-        ("rail_pressure", "RailPressure_{:02d}"),
-        ("needle_lift", "NeedleLift_{:02d}"),
-        ("line_pressure", "LinePressure_{:02d}"),
-    ):
-        names = [pattern.format(n) for n in range(block)]
-        shorter[role] = getattr(signals, role).model_copy(update={"pattern": None, "signals": names})
-    return bench.with_sections(signals=signals.model_copy(update=shorter))
+    shorter = {
+        role: {"pattern": None, "signals": [pattern.format(n) for n in range(block)]}
+        for role, pattern in PATTERNS.items()
+    }
+    return with_signals(bench_at(SAMPLE_RATE), shorter)
 
 
 def _cost(bench: Bench, recording: Recording) -> float:

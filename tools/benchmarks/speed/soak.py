@@ -1,6 +1,5 @@
 """Our daemon for as long as one likes, at full rate and with its Python disturbed: what grows, what is lost?"""
 
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -113,16 +112,12 @@ def soak_table(soak: Soak, rows: int = 20) -> Table:
     title = f"{counted}; memory grows by {grown:.2f} MiB an hour once settled"
     columns = ("minute", "samples in", "told", "lost", "p50 / p99 / p99.9", "CPU", "MiB", "threads", "files")
     table = Table(*columns, title=title, title_justify="left")
-    for each in _thinned(soak.stretches, rows):
+    places = np.unique(np.linspace(0, len(soak.stretches) - 1, rows).round().astype(int))
+    for each in (soak.stretches[place] for place in places):
         samples = (str(each.sent), str(each.told), str(each.lost), str(each.latency))
         process = (f"{each.memory_mib:.1f}", str(each.threads), str(each.descriptors))
         table.add_row(f"{each.minute:.1f}", *samples, f"{each.cpu_share:.2f}", *process)
     return table
-
-
-def _thinned(stretches: Sequence[Stretch], rows: int) -> Sequence[Stretch]:
-    places = np.unique(np.linspace(0, len(stretches) - 1, rows).round().astype(int))
-    return [stretches[place] for place in places]
 
 
 def _entries(ours: Observer, what: str) -> int:

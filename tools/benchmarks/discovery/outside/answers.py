@@ -26,7 +26,7 @@ from observer_rt.model import effects
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import effective_model
 from observer_rt.recording.formats import read_recording
-from tools.benchmarks.discovery.outside.generator import FURTHER, GIVEN
+from tools.benchmarks.discovery.outside.cases import FURTHER_FOLDER, GIVEN_FOLDER
 
 
 @dataclass(frozen=True)
@@ -83,14 +83,17 @@ def ask_outside(label: str, folder: Path, model: Path, without: Sequence[str] = 
     nominal = effective_model(load_injector(model))
     fitted = nominal.injector.baseline
     baseline = NO_BASELINE if fitted is None else baseline_of_fit(fitted, True)
-    whole = [with_healthy_offset(one, baseline.remainder) for one in _measured(folder / GIVEN)]
+    whole = [with_healthy_offset(one, baseline.remainder) for one in _measured(folder / GIVEN_FOLDER)]
     points = [point.measurement for point in by_operating_point(whole)]
     begin = time.perf_counter()
     with vocabulary_without(without), noted_search() as noted:
         found = name_effects(nominal, points, SearchOptions(os.cpu_count() or 1, baseline=baseline))
     seconds = time.perf_counter() - begin
     outcome, ended = noted[-1]
-    further, winner = _measured(folder / FURTHER), outcome.winner if outcome.adequate else outcome.nominal
+    further, winner = (
+        _measured(folder / FURTHER_FOLDER),
+        outcome.winner if outcome.adequate else outcome.nominal,
+    )
     return OutsideAnswer(
         label,
         str(found.verdict),

@@ -1,21 +1,26 @@
 """Hidden cases outside the vocabulary, and the benches that record them. Imports nothing of `observer_rt`."""
 
-import hashlib
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from pathlib import Path
 
 import numpy as np
+from pydantic import TypeAdapter
 
-from tools.benchmarks.discovery.cases import FURTHER, GIVEN
+from tools.benchmarks.discovery.cases import FURTHER, GIVEN, write_all
+from tools.benchmarks.discovery.hiding import Hiding, label_of
 from tools.benchmarks.discovery.outside.kinds import KINDS, NOT_IN, VOCABULARY_KINDS, kind_named
-from tools.benchmarks.discovery.real_line.cases import DISTANCE, FIRST, Rig, bench_of
+from tools.benchmarks.discovery.real_line.cases import DISTANCE, FIRST, Rig, RigLabel, bench_of
 from tools.benchmarks.discovery.real_line.discrepancies import Discrepancy
 from tools.benchmarks.plant import SAMPLE_RATE, Bench, Event, Needle, Shot, Surroundings
 from tools.benchmarks.plant_parameters import Faults, Injector
 
 INJECTIONS = 4  # in each recording
+SAME_TO_RECORDINGS = ({"bulk_modulus", "line_volume"},)
+"""Names of the vocabulary that are one to any recording, and are taken away together."""
+GIVEN_FOLDER, FURTHER_FOLDER = "given", "further"  # of a case
 
 
 class Asked(StrEnum):
@@ -87,9 +92,7 @@ def _make_case(asked: Asked, names: Sequence[str], number: int, plan: OutsidePla
     rng = np.random.default_rng(key)
     seed = int(rng.integers(2**62))
     values = () if asked is Asked.HEALTHY else kind_named(name).draw(rng)
-    return OutsideCase(
-        hashlib.sha256(repr(key).encode()).hexdigest()[:12], asked, name, values, with_rate, rig, seed
-    )
+    return OutsideCase(label_of(key), asked, name, values, with_rate, rig, seed)
 
 
 def given_benches(case: OutsideCase) -> tuple[Bench, ...]:
@@ -135,3 +138,26 @@ def _with_hidden(bench: Bench, case: OutsideCase) -> Bench:
             before_noise=(*around.before_noise, *kind.steps(values)),
         ),
     )
+
+
+def taken_away(case: OutsideCase) -> tuple[str, ...]:
+    """Names the vocabulary is asked without."""
+    if case.asked is not Asked.LEFT_OUT:
+        return ()
+    return tuple(sorted(next((same for same in SAME_TO_RECORDINGS if case.name in same), {case.name})))
+
+
+def record_case(case: OutsideCase, target: Path) -> tuple[Path, ...]:
+    """The recordings of a case: what is given, and what is not, the plant without noise and with its true rate."""
+    given = write_all(given_benches(case), case.with_rate, target / GIVEN_FOLDER)
+    return given + write_all(further_benches(case), True, target / FURTHER_FOLDER)
+
+
+HIDING = Hiding(
+    plan=TypeAdapter(OutsidePlan),
+    cases=TypeAdapter(tuple[OutsideCase, ...]),
+    labels=TypeAdapter(tuple[RigLabel, ...]),
+    make=make_cases,
+    label_of=lambda case: RigLabel(case.label, case.rig, taken_away(case)),
+    record=record_case,
+)

@@ -11,20 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tools.benchmarks.arrays import Array
-from tools.benchmarks.discovery.hidden import HiddenParameter
-from tools.benchmarks.discovery.hidden_kind import (
+from tools.benchmarks.discovery.hidden import (
     MOMENTUM,
     NOZZLE,
     OUTFLOW,
     SEAT,
     SENSOR,
     HiddenKind,
+    HiddenParameter,
     TermEquation,
 )
 from tools.benchmarks.discovery.real_line.discrepancies import resonant_line
 from tools.benchmarks.discovery.real_line.hidden import BOW_ENDS, EFFECTS, TAP_DAMPING, bent_sensor
+from tools.benchmarks.plant import Measured, Step
 from tools.benchmarks.realism.channels import filtered
-from tools.benchmarks.sampling import Measured, Step
 
 MPA, MS, US = 1e6, 1e-3, 1e-6
 CREEP_TIME = 1.0 * MS

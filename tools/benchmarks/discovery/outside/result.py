@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tools.benchmarks.discovery.hidden_kind import (
+from tools.benchmarks.discovery.hidden import (
     MOMENTUM,
     NOZZLE,
     OUTFLOW,
@@ -19,7 +19,7 @@ from tools.benchmarks.discovery.outside.cases import Asked, OutsideCase
 from tools.benchmarks.discovery.outside.kinds import VOCABULARY_KINDS, kind_named
 from tools.benchmarks.discovery.real_line.result import near_tie
 from tools.benchmarks.discovery.result import NAMED
-from tools.benchmarks.figure import Figure
+from tools.benchmarks.report import Figure
 
 CONFIDENT = 0.9
 HALVED = 0.5

@@ -1,27 +1,25 @@
 """`tools/bench discovery --outside`: hide, fit in tier B, ask, and open what was hidden when all answers are in."""
 
 import shutil
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
 
-from tools.benchmarks.command_line import print_lines
-from tools.benchmarks.discovery.asking import Asking, Found, Question, generate, seal
+from tools.benchmarks.discovery.asking import Asking, Found, Question, recorded, seal
 from tools.benchmarks.discovery.outside.answers import OutsideAnswer, ask_outside
-from tools.benchmarks.discovery.outside.cases import Asked, OutsidePlan
-from tools.benchmarks.discovery.outside.generator import HIDING
+from tools.benchmarks.discovery.outside.cases import HIDING, Asked, OutsidePlan
 from tools.benchmarks.discovery.outside.result import OutsideResult, asked_for, figures
 from tools.benchmarks.discovery.outside.tables import answer_table, case_lines, kind_table
 from tools.benchmarks.discovery.real_line.fitting import HIDING_SOURCES, fitted_models
-from tools.benchmarks.figure import figures_table
+from tools.benchmarks.report import Shown, figures_table
 from tools.benchmarks.runs import PACKAGE
 
-GENERATOR = "tools.benchmarks.discovery.outside.generator"
 HERE = Path(__file__).parent
 SOURCES = (
     *HIDING_SOURCES,
-    *(HERE / f"{name}.py" for name in ("kinds", "cases", "generator", "answers")),
+    *(HERE / f"{name}.py" for name in ("kinds", "cases", "answers")),
 )
 """What, with the package, an answer depends on."""
 
@@ -36,36 +34,36 @@ class OutsideQuestion(Question):
 def run_outside(asking: Asking[OutsidePlan], console: Console) -> Found[OutsideResult]:
     """Ask about the cases not yet asked about with this state of the code; progress goes to `console`."""
     hidden, campaign, failed = asking.hidden, asking.campaign(console), list[str]()
-    seal(GENERATOR, asking.plan, hidden)
+    seal(asking.plan, hidden)
     labels = HIDING.labels_in(hidden)
     models = fitted_models({label.rig for label in labels}, asking, console, failed)
     questions = [
-        OutsideQuestion(one.label, asking, models[one.rig], one.without)
+        OutsideQuestion(one.label, asking, models[one.rig], without=one.without)
         for one in labels
         if one.rig in models
     ]
     store = campaign.store("answers", OutsideAnswer, PACKAGE, *SOURCES)
-    given = campaign.results("answers", store, ask_question, questions)
+    given = campaign.results("answers", store, ask_outside_question, questions)
     found = [OutsideResult(case, given[case.label]) for case in HIDING.opened(hidden) if case.label in given]
     return Found(tuple(found), (*failed, *campaign.crash_lines))
 
 
-def print_results(found: Found[OutsideResult], tier: str, console: Console) -> None:
+def shown(found: Found[OutsideResult], tier: str) -> Iterator[Shown]:
     """The tables, then a line for every case with something wrong and every crash."""
     for asked in Asked:
         if asked_for(found.results, asked):
-            console.print(kind_table(found.results, asked))
-    console.print(answer_table(found.results))
-    console.print(figures_table(figures(found.results, tier), f"outside the vocabulary, tier {tier}"))
-    print_lines(console, case_lines(found.results))
-    print_lines(console, found.crashes, "crash: ")
+            yield kind_table(found.results, asked)
+    yield answer_table(found.results)
+    yield figures_table(figures(found.results, tier), f"outside the vocabulary, tier {tier}")
+    yield from case_lines(found.results)
+    yield from (f"crash: {line}" for line in found.crashes)
 
 
-def ask_question(question: OutsideQuestion) -> OutsideAnswer:
+def ask_outside_question(question: OutsideQuestion) -> OutsideAnswer:
     """Work of one process: have a case recorded, and ask."""
     folder = question.asking.hidden / question.label
     try:
-        generate(GENERATOR, "record", question.asking.hidden, question.label, str(folder))
+        recorded(question)
         return ask_outside(question.label, folder, question.model, question.without)
     finally:
         shutil.rmtree(folder, ignore_errors=True)

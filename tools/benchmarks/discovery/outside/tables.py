@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from tools.benchmarks.command_line import finite, ruled
 from tools.benchmarks.discovery.outside.answers import Misfit
 from tools.benchmarks.discovery.outside.cases import Asked
 from tools.benchmarks.discovery.outside.kinds import KINDS, VOCABULARY_KINDS
@@ -22,7 +21,7 @@ from tools.benchmarks.discovery.outside.result import (
 )
 from tools.benchmarks.discovery.real_line.cases import hidden_text
 from tools.benchmarks.discovery.result import NAMED, UNKNOWN
-from tools.benchmarks.discovery.tables import NOTHING
+from tools.benchmarks.report import NOTHING, ruled
 
 TITLES = {
     Asked.OUTSIDE: "outside the vocabulary",
@@ -71,7 +70,7 @@ def case_lines(results: Results) -> list[str]:
 def json_document(results: Results, tier: str, crashes: Sequence[str]) -> dict[str, Any]:
     """`figures`: those of the bars, null where nothing was measured; `details`: kinds and cases behind them."""
     judged = figures(results, tier)
-    document = {
+    return {
         "figures": {"cases": len(results), "tier": tier} | {each.name: each.value for each in judged},
         "details": {
             "kinds": {
@@ -85,7 +84,6 @@ def json_document(results: Results, tier: str, crashes: Sequence[str]) -> dict[s
             "crashes": list(crashes),
         },
     }
-    return finite(document)  # type: ignore[no-any-return]
 
 
 def _row(asked: Asked, cases: Results) -> list[str]:

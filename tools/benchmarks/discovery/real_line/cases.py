@@ -1,15 +1,17 @@
 """Hidden cases on real lines, and the benches that record them. Imports nothing of `observer_rt`."""
 
-import hashlib
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from pathlib import Path
 
 import numpy as np
 from numpy.random import Generator
+from pydantic import TypeAdapter
 
-from tools.benchmarks.discovery.cases import FURTHER, GIVEN
+from tools.benchmarks.discovery.cases import FURTHER, GIVEN, write_all
+from tools.benchmarks.discovery.hiding import Hiding, label_of
 from tools.benchmarks.discovery.real_line.discrepancies import Discrepancy, plant_of
 from tools.benchmarks.discovery.real_line.hidden import (
     EFFECTS,
@@ -22,9 +24,8 @@ from tools.benchmarks.discovery.real_line.hidden import (
     laws_of,
     steps_of,
 )
-from tools.benchmarks.plant import SAMPLE_RATE, Bench, Event, Needle, Shot, Surroundings
+from tools.benchmarks.plant import SAMPLE_RATE, Bench, Event, Needle, Shot, Step, Surroundings
 from tools.benchmarks.plant_parameters import Faults
-from tools.benchmarks.sampling import Step
 
 FIT_INJECTIONS, INJECTIONS = 6, 3  # in each recording
 FIRST, DISTANCE = 40e-3, 50e-3  # s: start of the first injection, and from one to the next
@@ -160,7 +161,7 @@ def make_case(names: Sequence[str], rig: Rig, number: int) -> RealCase:
     seed = int(rng.integers(2**62))
     lowest = PAIR_FROM if kind is Kind.PAIR else 0.0
     parts = tuple((name, known(name).draw(rng, lowest)) for name in names)
-    return RealCase(hashlib.sha256(repr(key).encode()).hexdigest()[:12], kind, parts, rig, seed)
+    return RealCase(label_of(key), kind, parts, rig, seed)
 
 
 def hidden_text(parts: Parts) -> str:
@@ -212,10 +213,47 @@ def bench_of(
     around = Surroundings(starts=starts, supply=(supply,), before_noise=(*plant.mounting, *steps))
     events = tuple(Event(rail_pressure, (shot,), faults) for shot in shots)
     seed = int(rng.integers(2**62))
-    return Bench(plant.part, _needle(rig), events, noise=noise, seed=seed, line=plant.line, around=around)
+    of_needle = np.random.default_rng([rig.seed, rig.number, zlib.crc32(b"needle")])
+    opening, closing = 1.0 + NEEDLE_SPREAD * of_needle.uniform(-1.0, 1.0, 2)
+    needle = Needle(0.80 * opening, 0.90 * closing)
+    return Bench(plant.part, needle, events, noise=noise, seed=seed, line=plant.line, around=around)
 
 
-def _needle(rig: Rig) -> Needle:
-    rng = np.random.default_rng([rig.seed, rig.number, zlib.crc32(b"needle")])
-    opening, closing = 1.0 + NEEDLE_SPREAD * rng.uniform(-1.0, 1.0, 2)
-    return Needle(0.80 * opening, 0.90 * closing)
+@dataclass(frozen=True)
+class RealPlan:
+    """What is drawn: numbers of cases, without and with measured rate, on which plants, seed, and what alone."""
+
+    numbers: Numbers
+    rates: tuple[bool, ...]
+    discrepancies: tuple[Discrepancy, ...]
+    master_seed: int
+    chosen: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class RigLabel:
+    """What may be known of a case before it is opened: its rig, whose fitted model it is asked with.
+
+    None: the nominal injector; without: names the vocabulary is asked without.
+    """
+
+    label: str
+    rig: Rig | None
+    without: tuple[str, ...] = ()
+
+
+def write_healthy(labels: Sequence[RigLabel], name: str, target: Path) -> tuple[Path, ...]:
+    """What the fit of a rig is given."""
+    rig = next(label.rig for label in labels if label.rig is not None and label.rig.name == name)
+    return write_all(healthy_benches(rig), rig.with_rate, target)
+
+
+HIDING = Hiding(
+    plan=TypeAdapter(RealPlan),
+    cases=TypeAdapter(tuple[RealCase, ...]),
+    labels=TypeAdapter(tuple[RigLabel, ...]),
+    make=lambda plan: make_cases(plan.numbers, plan.rates, plan.discrepancies, plan.master_seed, plan.chosen),
+    label_of=lambda case: RigLabel(case.label, case.rig),
+    record=lambda case, target: write_all(given_benches(case), case.rig.with_rate, target),
+    healthy=write_healthy,
+)

@@ -1,21 +1,79 @@
-"""What no parameter of the model takes up: plants, each with a discrepancy of its own.
+"""What no parameter of the model takes up: plants, each with a discrepancy of its own, and rails that move.
 
 Imports nothing of `observer_rt`.
 """
 
+import math
 import zlib
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
 from numpy.random import Generator
 
-from tools.benchmarks.discovery.real_line.rail import MovingRail, drawn_rail
+from tools.benchmarks.arrays import Array
+from tools.benchmarks.plant import REFERENCE_PRESSURE, Measured, Step
 from tools.benchmarks.plant_parameters import Injector
 from tools.benchmarks.realism.channels import filtered, resonance
 from tools.benchmarks.realism.disturbance import sign
-from tools.benchmarks.sampling import Measured, Step
 from tools.benchmarks.wave_plant import LINES, Variant, WaveLine, real_part
+
+LONGEST = 1.9e-3  # s, of an injection at REFERENCE_PRESSURE that takes `Rail.dip`
+
+
+@dataclass(frozen=True)
+class MovingRail:
+    """How injections and the pump move the rail: pressures [Pa], times [s], frequencies [Hz].
+
+    dip: of the longest injection, in proportion to what is injected; ripple: what an opening excites in the rail.
+    """
+
+    dip: float
+    recovery: float
+    ripple: float
+    ripple_frequency: float
+    ripple_decay: float
+    pump: float
+    pump_frequency: float
+
+    def supply(
+        self, openings: Sequence[tuple[float, float]], rail_pressure: float, phase: float
+    ) -> Callable[[Array], Array]:
+        """Pressure that is added at times, for openings (start, duration) [s] at a rail pressure.
+
+        phase: the pump's.
+        """
+
+        def added(time: Array) -> Array:
+            total = self.pump * np.sin(2.0 * math.pi * (self.pump_frequency * time + phase))
+            for start, duration in openings:
+                total -= self._taken(np.maximum(time - start, 0.0), duration, rail_pressure)
+            return np.asarray(total, np.float64)
+
+        return added
+
+    def _taken(self, since: Array, duration: float, rail_pressure: float) -> Array:
+        """Dip and ripple at times since an opening [s]: an outflow while it lasts, and a regulator that makes up."""
+        outflow = self.dip / LONGEST * math.sqrt(rail_pressure / REFERENCE_PRESSURE)
+        flowing = np.minimum(since, duration)
+        dip = outflow * self.recovery * -np.expm1(-flowing / self.recovery)
+        dip *= np.exp((flowing - since) / self.recovery)
+        swing = np.sin(2.0 * math.pi * self.ripple_frequency * since) * np.exp(-since / self.ripple_decay)
+        return np.asarray(dip + self.ripple * swing, np.float64)
+
+
+def drawn_rail(rng: Generator) -> MovingRail:
+    """One of the rails there are."""
+    return MovingRail(
+        dip=rng.uniform(1.0e6, 1.5e6),
+        recovery=rng.uniform(4e-3, 9e-3),
+        ripple=rng.uniform(0.2e6, 0.4e6),
+        ripple_frequency=rng.uniform(600.0, 1200.0),
+        ripple_decay=rng.uniform(2e-3, 5e-3),
+        pump=rng.uniform(0.15e6, 0.25e6),
+        pump_frequency=rng.uniform(80.0, 300.0),
+    )
 
 
 class Discrepancy(StrEnum):
@@ -69,7 +127,14 @@ def plant_of(discrepancy: Discrepancy, seed: int) -> Plant:
         case Discrepancy.TAPER:
             return replace(plant, line=plant.line._replace(taper=sign(rng) * rng.uniform(*TAPERS)))
         case Discrepancy.END_VOLUMES:
-            return replace(plant, line=_with_ends(plant.line, rng))
+            return replace(
+                plant,
+                line=plant.line._replace(
+                    end_share=rng.uniform(*END_SHARES),
+                    inlet_ratio=rng.uniform(*INLET_RATIOS),
+                    inlet_loss=rng.uniform(*INLET_LOSSES),
+                ),
+            )
         case Discrepancy.FRICTION:
             return replace(plant, line=LINES[Variant.FRICTION])
         case Discrepancy.STEP:
@@ -97,12 +162,4 @@ def _of_length(part: Injector, factor: float) -> Injector:
         line_length=part.line_length * factor,
         line_volume=part.line_volume + part.line_area * part.line_length * (factor - 1.0),
         line_loss=part.line_loss * factor,
-    )
-
-
-def _with_ends(line: WaveLine, rng: Generator) -> WaveLine:
-    return line._replace(
-        end_share=rng.uniform(*END_SHARES),
-        inlet_ratio=rng.uniform(*INLET_RATIOS),
-        inlet_loss=rng.uniform(*INLET_LOSSES),
     )

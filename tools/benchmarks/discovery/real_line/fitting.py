@@ -1,6 +1,5 @@
 """Recordings of rigs and cases, and the model `observer-rt fit` makes of a rig before anything wears."""
 
-import subprocess
 from collections.abc import Iterable, Sequence
 from functools import cache
 from pathlib import Path
@@ -9,16 +8,14 @@ from typing import Any
 from rich.console import Console
 
 from observer_rt.config.bench import NOMINAL_INJECTOR
-from observer_rt.foundation.console import progress_bar
 from observer_rt.foundation.errors import RunError
+from tools.benchmarks.command_line import tracked
 from tools.benchmarks.discovery import run as nominal
-from tools.benchmarks.discovery.answers import OUR_PROGRAM
 from tools.benchmarks.discovery.asking import Asking, generate, seal
 from tools.benchmarks.discovery.cases import GIVEN
-from tools.benchmarks.discovery.real_line.cases import Rig, hidden_text
-from tools.benchmarks.discovery.real_line.generator import HIDING, RealPlan
+from tools.benchmarks.discovery.real_line.cases import HIDING, RealPlan, Rig, hidden_text
 from tools.benchmarks.runs import BENCHMARKS, PACKAGE, digest_of
-from tools.benchmarks.wave_recordings import NEW_PART, maker_file
+from tools.benchmarks.wave_recordings import NEW_PART, OUR_PROGRAM, fit_model, maker_file
 
 HERE = Path(__file__).parent
 FITTED, HEALTHY, FIT_LOG, MADE_BY, CASES = "fitted.toml", "healthy", "fit.txt", "made_by.txt", "cases"
@@ -27,17 +24,14 @@ HIDING_SOURCES = (
     *(
         BENCHMARKS / f"{name}.py"
         for name in (
-            "sampling",
             "wave_line_equations",
             "wave_plant",
             "wave_plant_equations",
-            "discovery/hidden_kind",
         )
     ),
-    *(HERE / f"{name}.py" for name in ("rail", "discrepancies", "hidden", "cases", "generator", "fitting")),
+    *(HERE / f"{name}.py" for name in ("discrepancies", "hidden", "cases", "fitting")),
 )
 """What, with the package, a fitted model and an answer depend on."""
-GENERATOR = "tools.benchmarks.discovery.real_line.generator"
 
 
 @cache
@@ -55,15 +49,10 @@ def fitted_model(rig: Rig, sealed: Path, folder: Path, program: Sequence[str] = 
     state = f"{state_of_the_code()} {rig}"
     if fitted.exists() and made_by.exists() and made_by.read_text() == state:
         return fitted
-    recordings = generate(GENERATOR, "healthy", sealed, rig.name, str(folder / HEALTHY))
+    recordings = generate(RealPlan.__module__, "healthy", sealed, rig.name, str(folder / HEALTHY))
     maker = folder / NEW_PART
     maker.write_text(maker_file())
-    command = [*program, "fit", *map(str, recordings), "--model", str(maker), "--output", str(fitted)]
-    command.append("--force")
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    (folder / FIT_LOG).write_text(done.stdout)
-    if done.returncode != 0:
-        raise RunError(f"observer-rt fit ended with {done.returncode}: {done.stderr.strip()}")
+    (folder / FIT_LOG).write_text(fit_model(recordings, maker, fitted, program))
     made_by.write_text(state)
     return fitted
 
@@ -88,17 +77,14 @@ def record_only(plan: RealPlan, out: Path, console: Console, program: Sequence[s
 
     What is there already stays. A line for each case says what is in it.
     """
-    seal(GENERATOR, plan, out)
+    seal(plan, out)
     cases = HIDING.opened(out)
     rigs = sorted({case.rig for case in cases}, key=lambda rig: rig.name)
-    with progress_bar(console, "recording", float(len(rigs) + len(cases))) as progress:
-        for done, rig in enumerate(rigs, start=1):
-            fitted_model(rig, out, out / rig.open_name, program)
-            progress(float(done))
-        for done, case in enumerate(cases, start=len(rigs) + 1):
-            folder = out / CASES / case.label
-            if len(list(folder.glob("*.csv"))) < len(GIVEN):
-                generate(GENERATOR, "record", out, case.label, str(folder))
-            progress(float(done))
+    for rig in tracked(rigs, "fitting", console):
+        fitted_model(rig, out, out / rig.open_name, program)
+    for case in tracked(cases, "recording", console):
+        folder = out / CASES / case.label
+        if len(list(folder.glob("*.csv"))) < len(GIVEN):
+            generate(RealPlan.__module__, "record", out, case.label, str(folder))
     for case in cases:
         console.print(f"{case.label} {case.rig.open_name}: {hidden_text(case.parts)}", highlight=False)

@@ -8,20 +8,23 @@ from dataclasses import replace
 
 import numpy as np
 
-from tools.benchmarks.discovery.hidden import HIDDEN, MICROMETRE, MICROSECOND, HiddenParameter
-from tools.benchmarks.discovery.hidden_kind import (
+from tools.benchmarks.discovery.hidden import (
+    HIDDEN,
+    MICROMETRE,
+    MICROSECOND,
     MOMENTUM,
     NOZZLE,
     SEAT,
     SENSOR,
     Family,
     HiddenKind,
+    HiddenParameter,
     TermEquation,
 )
 from tools.benchmarks.discovery.real_line.discrepancies import resonant_line
+from tools.benchmarks.plant import Measured, Step
 from tools.benchmarks.plant_laws import Laws
 from tools.benchmarks.plant_parameters import Faults
-from tools.benchmarks.sampling import Measured, Step
 
 MPA = 1e6
 TAP_DAMPING = 0.15

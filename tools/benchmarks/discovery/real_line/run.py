@@ -2,32 +2,27 @@
 
 import shutil
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
 
-from tools.benchmarks.command_line import print_lines
 from tools.benchmarks.discovery.answers import Answer, ask
 from tools.benchmarks.discovery.asking import (
     WARM_UP_RECORDINGS,
-    Answered,
     Asking,
     Found,
     Question,
-    ask_and_keep,
     ask_and_score,
-    generate,
     seal,
 )
-from tools.benchmarks.discovery.real_line.cases import RealCase
-from tools.benchmarks.discovery.real_line.fitting import GENERATOR, HEALTHY, HIDING_SOURCES, fitted_models
-from tools.benchmarks.discovery.real_line.generator import HIDING, RealPlan
-from tools.benchmarks.discovery.real_line.result import RealResult
-from tools.benchmarks.discovery.real_line.scoring import score_case
-from tools.benchmarks.discovery.real_line.summary import violations
+from tools.benchmarks.discovery.real_line.cases import HIDING, RealPlan
+from tools.benchmarks.discovery.real_line.fitting import HEALTHY, HIDING_SOURCES, fitted_models
+from tools.benchmarks.discovery.real_line.result import RealResult, violations
+from tools.benchmarks.discovery.real_line.scoring import score_answered
 from tools.benchmarks.discovery.real_line.tables import discrepancy_table, effect_table, kind_lines, misses
+from tools.benchmarks.report import Shown
 from tools.benchmarks.runs import BENCHMARKS, PACKAGE
 
 
@@ -41,7 +36,7 @@ class RealResults(Found[RealResult]):
 def run_real_lines(asking: Asking[RealPlan], console: Console) -> RealResults:
     """Fit, and ask about the cases not yet asked about with this state of the code; progress goes to `console`."""
     hidden, campaign, failed = asking.hidden, asking.campaign(console), list[str]()
-    seal(GENERATOR, asking.plan, hidden)
+    seal(asking.plan, hidden)
     labels = HIDING.labels_in(hidden)
     answers = campaign.store("answers", Answer, PACKAGE, *HIDING_SOURCES)
     results = campaign.store("results", RealResult, PACKAGE, BENCHMARKS)
@@ -49,35 +44,28 @@ def run_real_lines(asking: Asking[RealPlan], console: Console) -> RealResults:
     models = fitted_models({label.rig for label in labels}, asking, console, failed)
     for rig in {label.rig for label in labels if label.label in missing} & models.keys():
         _warm_up(models[rig], asking.program)
-    questions = [Question(one.label, asking, models[one.rig]) for one in labels if one.rig in models]
+    questions = [
+        Question(one.label, asking, models[one.rig], choose=False) for one in labels if one.rig in models
+    ]
     found = ask_and_score(
-        campaign, questions, ask_question, answers, lambda: HIDING.opened(hidden), score_answered, results
+        campaign, questions, answers, lambda: HIDING.opened(hidden), score_answered, results
     )
-    adequate = {rig.open_name: _adequate(model) for rig, model in models.items() if rig is not None}
+    adequate = {
+        rig.open_name: bool(tomllib.loads(model.read_text()).get("baseline", {}).get("adequate", False))
+        for rig, model in models.items()
+        if rig is not None
+    }
     return RealResults(found.results, (*failed, *found.crashes), adequate)
 
 
-def print_results(found: RealResults, console: Console) -> None:
+def shown(found: RealResults) -> Iterator[Shown]:
     """The tables, then a line for every miss, every bar that is missed and every crash."""
-    console.print(discrepancy_table(found.results, found.adequate))
-    console.print(effect_table(found.results))
-    for line in kind_lines(found.results):
-        console.print(line, highlight=False)
-    print_lines(console, misses(found.results), "missed: ")
-    print_lines(console, violations(found.results, len(found.crashes)), "bar missed: ")
-    print_lines(console, found.crashes, "crash: ")
-
-
-def ask_question(question: Question) -> Answer:
-    """Work of one process: have a case recorded, and ask. Its findings stay in `out`, nothing else."""
-    label, hidden = question.label, question.asking.hidden
-    files = generate(GENERATOR, "record", hidden, label, str(hidden / label))
-    return ask_and_keep(question, files, choose=False)
-
-
-def score_answered(answered: Answered[RealCase]) -> RealResult:
-    """Work of one process: score an opened case."""
-    return score_case(answered.case, answered.answer, answered.model)
+    yield discrepancy_table(found.results, found.adequate)
+    yield effect_table(found.results)
+    yield from kind_lines(found.results)
+    yield from (f"missed: {line}" for line in misses(found.results))
+    yield from (f"bar missed: {line}" for line in violations(found.results, len(found.crashes)))
+    yield from (f"crash: {line}" for line in found.crashes)
 
 
 def _warm_up(model: Path, program: Sequence[str]) -> None:
@@ -90,8 +78,3 @@ def _warm_up(model: Path, program: Sequence[str]) -> None:
         return
     finally:
         shutil.rmtree(answer, ignore_errors=True)
-
-
-def _adequate(model: Path) -> bool:
-    """Whether `fit` says its model explains the healthy recordings."""
-    return bool(tomllib.loads(model.read_text()).get("baseline", {}).get("adequate", False))

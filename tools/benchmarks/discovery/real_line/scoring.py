@@ -3,12 +3,12 @@
 import math
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 
 from observer_rt.config.bench import load_injector
 from observer_rt.model.effects import VOCABULARY
 from observer_rt.model.parameters import EffectInForce, EffectValue, InjectorParameters
 from tools.benchmarks.discovery.answers import Answer
+from tools.benchmarks.discovery.asking import Answered
 from tools.benchmarks.discovery.hidden import same_effect
 from tools.benchmarks.discovery.real_line.cases import RealCase, further_benches
 from tools.benchmarks.discovery.real_line.discrepancies import plant_of
@@ -18,12 +18,13 @@ from tools.benchmarks.discovery.result import NAMED, Interval
 from tools.benchmarks.discovery.scoring import Model, differences_of, injector_of, intervals, open_loop, rms
 from tools.benchmarks.plant import SAMPLE_RATE, record
 from tools.benchmarks.plant_parameters import with_faults
+from tools.benchmarks.score import windows_of
 from tools.benchmarks.scoring import recording_of
-from tools.benchmarks.windows import windows_of
 
 
-def score_case(case: RealCase, answer: Answer, model: Path) -> RealResult:
-    """What comes of an opened case, an answer to it, and the fitted model it was given with."""
+def score_answered(answered: Answered[RealCase]) -> RealResult:
+    """Work of one process: what comes of an opened case, an answer to it, and the fitted model it was given with."""
+    case, answer, model = answered.case, answered.answer, answered.model
     result = RealResult(
         label=case.label,
         kind=case.kind,

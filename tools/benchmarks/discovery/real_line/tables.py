@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from tools.benchmarks.command_line import ruled
-from tools.benchmarks.discovery.real_line import summary
+from tools.benchmarks.discovery.real_line import result as results_of
 from tools.benchmarks.discovery.real_line.cases import Kind, hidden_text
 from tools.benchmarks.discovery.real_line.discrepancies import Discrepancy
 from tools.benchmarks.discovery.real_line.hidden import EFFECTS
-from tools.benchmarks.discovery.real_line.result import RealGap, RealResult
-from tools.benchmarks.discovery.tables import NOTHING, printed_size
+from tools.benchmarks.discovery.real_line.result import RealResult
+from tools.benchmarks.discovery.tables import printed_size
+from tools.benchmarks.report import NOTHING, mean, ruled
 
 KINDS = (Kind.HEALTHY, Kind.SINGLE, Kind.PAIR, Kind.OUTSIDE)
 
@@ -40,17 +40,17 @@ def effect_table(results: Sequence[RealResult]) -> Table:
         "right of\ncounted", "of them\nambiguous", "smaller,\nright", "\nwrong", "smallest visible,\nstated",
         "smallest\nnamed", "intervals\nhold",
     ), no_wrap=True)  # fmt: skip
-    for name, cases in summary.by_effect(results).items():
+    for name, cases in results_of.by_effect(results).items():
         judged, smaller = [r for r in cases if r.counted], [r for r in cases if not r.counted]
-        covered = summary.coverage(cases)
+        covered = results_of.coverage(cases)
         table.add_row(
             name,
             _of(sum(r.right for r in judged), len(judged)),
             str(sum(r.ambiguous_right for r in judged)),
             _of(sum(r.right for r in smaller), len(smaller)),
-            _of(summary.named_as_others(smaller), len(smaller)),
-            printed_size(name, summary.smallest_visible(results, name)),
-            printed_size(name, summary.smallest_named(cases)),
+            _of(results_of.named_as_others(smaller), len(smaller)),
+            printed_size(name, results_of.smallest_visible(results, name)),
+            printed_size(name, results_of.smallest_named(cases)),
             _of(sum(covered), len(covered)),
         )
     return table
@@ -58,7 +58,7 @@ def effect_table(results: Sequence[RealResult]) -> Table:
 
 def kind_lines(results: Sequence[RealResult]) -> list[str]:
     """What the tables leave out."""
-    pairs, outside = (summary.of_kind(results, kind) for kind in (Kind.PAIR, Kind.OUTSIDE))
+    pairs, outside = (results_of.of_kind(results, kind) for kind in (Kind.PAIR, Kind.OUTSIDE))
     lines = []
     if pairs:
         lines.append(f"pairs, one of both named: {sum(r.half_right for r in pairs)} of {len(pairs)}")
@@ -80,35 +80,35 @@ def json_document(
     results: Sequence[RealResult], adequate: dict[str, bool], crashes: Sequence[str]
 ) -> dict[str, Any]:
     """`figures` with names other benchmarks share, `details` behind them; null: no case of it."""
-    covered = summary.coverage(results)
-    healthy = summary.of_kind(results, Kind.HEALTHY)
-    right = {kind: _share(summary.counted(results, kind)) for kind in KINDS}
+    covered = results_of.coverage(results)
+    healthy = results_of.of_kind(results, Kind.HEALTHY)
+    right = {kind: mean([r.right for r in results_of.counted(results, kind)]) for kind in KINDS}
     return {
         "figures": {
             "cases": len(results),
             "named_right_share": right[Kind.SINGLE],
-            "false_alarm_share": 1.0 - summary.share(healthy) if healthy else None,
-            "accused_with_confidence": len(summary.accused(results)),
+            "false_alarm_share": 1.0 - results_of.share(healthy) if healthy else None,
+            "accused_with_confidence": len(results_of.accused(results)),
             "pairs_right_share": right[Kind.PAIR],
             "pairs_half_right": sum(r.half_right for r in results),
             "unknown_right_share": right[Kind.OUTSIDE],
             "wrong_and_sure": sum(r.wrong_and_sure for r in results),
             "gap_larger": sum(r.gap_larger for r in results),
-            "coverage_share": float(np.mean(covered)) if covered else None,
+            "coverage_share": mean(covered),
             "exceptions": len(crashes),
             "seconds_max": max((r.seconds for r in results), default=None),
             "core_seconds_max": max((r.core_seconds for r in results), default=None),
             "smallest_visible": {
                 name: None if size is None else printed_size(name, size)
                 for name in EFFECTS
-                for size in [summary.smallest_visible(results, name)]
+                for size in [results_of.smallest_visible(results, name)]
             },
         },
         "details": {
             "fit_adequate": adequate,
-            "counted": {kind: len(summary.counted(results, kind)) for kind in KINDS},
+            "counted": {kind: len(results_of.counted(results, kind)) for kind in KINDS},
             "cases": [_case(r) for r in results],
-            "violations": list(summary.violations(results, len(crashes))),
+            "violations": list(results_of.violations(results, len(crashes))),
             "misses": misses(results),
             "crashes": list(crashes),
         },
@@ -116,7 +116,7 @@ def json_document(
 
 
 def _row(cases: Sequence[RealResult]) -> list[str]:
-    counted = [summary.counted(cases, kind) for kind in KINDS]
+    counted = [results_of.counted(cases, kind) for kind in KINDS]
     seconds = [r.seconds for r in cases]
     return [
         *(_of(sum(r.right for r in found), len(found)) for found in counted),
@@ -132,10 +132,6 @@ def _of(some: int, count: int) -> str:
     return f"{some}/{count}" if count else NOTHING
 
 
-def _share(cases: Sequence[RealResult]) -> float | None:
-    return summary.share(cases) if cases else None
-
-
 def _case(r: RealResult) -> dict[str, Any]:
     """A case as data; its sizes in multiples of the smallest visible one where that is stated."""
     entry = asdict(r) | {"right": r.right, "counted": r.counted, "gap_larger": r.gap_larger}
@@ -149,13 +145,13 @@ def _miss(r: RealResult) -> str:
     times = [f"{r.times_smallest(n):.1f}" for n in r.effects if np.isfinite(r.times_smallest(n))]
     visible = f" ({' and '.join(times)} times the smallest visible)" if times else ""
     marks = [mark for mark, given in (("SURE", r.wrong_and_sure), ("GAP", r.gap_larger)) if given]
-    gaps = [_gap(gap, unit) for gap, unit in ((r.line_pressure, "MPa"), (r.injected_mass, "mg")) if gap]
+    gaps = [
+        f"{gap.before:.3f} to {gap.after:.3f} {unit} (with the true sizes {gap.true:.3f})"
+        for gap, unit in ((r.line_pressure, "MPa"), (r.injected_mass, "mg"))
+        if gap
+    ]
     rate = " with rate" if r.with_rate else ""
     return (
         f"{r.label} {r.discrepancy}{rate}: {hidden_text(r.parts)}{visible}: {r.verdict} {answer}"
         f"{'; gap ' + ', '.join(gaps) if gaps else ''}{' ' + ' '.join(marks) if marks else ''}"
     )
-
-
-def _gap(gap: RealGap, unit: str) -> str:
-    return f"{gap.before:.3f} to {gap.after:.3f} {unit} (with the true sizes {gap.true:.3f})"

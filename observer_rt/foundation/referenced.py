@@ -24,17 +24,8 @@ from numba.core import cgutils
 from numba.core.datamodel import models
 from numba.core.imputils import lower_getattr_generic
 from numba.core.typing.templates import AttributeTemplate
-from numba.extending import (
-    NativeValue,
-    infer_getattr,
-    intrinsic,
-    register_model,
-    typeof_impl,
-    unbox,
-)
-from numpy.typing import NDArray
-
-from observer_rt.foundation.compiled import compiled
+from numba.extending import NativeValue, infer_getattr, intrinsic, register_model, typeof_impl, unbox
+from numba.np.numpy_support import as_dtype
 
 _Kind = TypeVar("_Kind", bound=type)
 _hidden_in: dict[type, tuple[str, ...]] = {}
@@ -99,8 +90,8 @@ register_model(Reference)(models.OpaqueModel)
 
 @unbox(Reference)
 def _unbox(kind: Reference, value: Any, c: Any) -> NativeValue:
-    """To a copy of the leaves that lasts as long as the call; made elsewhere, for every entry has this code."""
-    make, its_kind = (c.pyapi.unserialize(c.pyapi.serialize_object(each)) for each in (_native, kind))
+    """To the leaves, which last as long as the call; made elsewhere, for every entry has this code."""
+    make, its_kind = (c.pyapi.unserialize(c.pyapi.serialize_object(each)) for each in (_leaves, kind))
     native = c.pyapi.call_function_objargs(make, (value, its_kind))
     c.pyapi.decref(make)
     c.pyapi.decref(its_kind)
@@ -111,50 +102,46 @@ def _unbox(kind: Reference, value: Any, c: Any) -> NativeValue:
     return NativeValue(c.builder.load(place), is_error=is_error, cleanup=lambda: c.pyapi.decref(native))
 
 
-def _native(value: Any, kind: Reference) -> bytes:
-    """The leaves of a tuple as compiled code has them."""
-    return bytes(_entry(kind)(value))
+class Kept:
+    """A referenced tuple whose leaves stay at one place: for what is called often, or keeps a pointer to them."""
+
+    def __init__(self, value: Any) -> None:
+        self.kind = typeof(value)
+        self.leaves = _leaves(value, self.kind)
+        self.value = value  # owns the arrays
+        self.address = np.frombuffer(self.leaves, np.uint8).ctypes.data
 
 
-def leaves_of(value: Any) -> NDArray[np.uint8]:
-    """The leaves of a referenced tuple as compiled code has them, where they stay."""
-    return np.frombuffer(_native(value, typeof(value)), np.uint8)
+@typeof_impl.register(Kept)
+def _type_of_kept(value: Kept, context: Any) -> Reference:
+    kind: Reference = value.kind
+    return kind
+
+
+def _leaves(value: Any, kind: Reference) -> bytes:
+    """The leaves of a tuple, or those kept, as compiled code has them."""
+    if isinstance(value, Kept):
+        return value.leaves
+    return np.array(_numbers(value, kind.tuple_type), _layout(kind.tuple_type)).tobytes()
+
+
+def _numbers(value: Any, kind: Any) -> Any:
+    """An element as numbers of its layout."""
+    if isinstance(kind, types.BaseTuple):
+        return tuple(map(_numbers, value, kind.types))
+    if isinstance(kind, types.Array):
+        return (0, 0, value.size, value.itemsize, value.ctypes.data, *value.shape, *value.strides)
+    return 0 if kind == types.none else value
 
 
 @cache
-def _entry(kind: Reference) -> Callable[[Any], NDArray[np.uint8]]:
-    compiled: Any = _leaves
-    entry: Callable[[Any], NDArray[np.uint8]] = compiled.compile((kind.tuple_type,))
-    return entry
-
-
-@compiled
-def _leaves(value: Any) -> NDArray[np.uint8]:
-    found = np.empty(_size(value), np.uint8)
-    _write(found, value)
-    return found
-
-
-@intrinsic
-def _size(typing_context: Any, value: Any) -> Any:
-    """Bytes of a value."""
-
-    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return context.get_constant(types.intp, context.get_abi_sizeof(context.get_value_type(value)))
-
-    return types.intp(value), codegen
-
-
-@intrinsic
-def _write(typing_context: Any, target: Any, value: Any) -> Any:
-    """A value into an array of as many bytes."""
-
-    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        data = context.make_array(target)(context, builder, arguments[0]).data
-        builder.store(arguments[1], builder.bitcast(data, context.get_value_type(value).as_pointer()))
-        return context.get_dummy_value()
-
-    return types.none(target, value), codegen
+def _layout(kind: Any) -> np.dtype[Any]:
+    """How an element lies in memory: as C would lay it; an array as its two owners, sizes and pointer."""
+    if isinstance(kind, types.BaseTuple):
+        return np.dtype([(str(place), _layout(each)) for place, each in enumerate(kind.types)], align=True)
+    if isinstance(kind, types.Array):
+        return np.dtype([(str(word), np.int64) for word in range(5 + 2 * kind.ndim)])
+    return np.dtype(np.int64) if kind == types.none else as_dtype(kind)
 
 
 @infer_getattr
@@ -204,11 +191,6 @@ def _load(context: Any, builder: Any, kind: Any, pointer: Any) -> Any:
     return array._getvalue()
 
 
-def reference_to(builder: Any, pointer: Any) -> Any:
-    """For intrinsics: LLVM's value of a `Reference` from that of a pointer to the tuple by value."""
-    return builder.bitcast(pointer, cgutils.voidptr_t)
-
-
 class Bound(NamedTuple):
     """Where the code of a function begins, and the leaves of the tuple it is bound to."""
 
@@ -216,7 +198,7 @@ class Bound(NamedTuple):
     data: int
 
 
-def bind(function: Any, value: Any) -> tuple[Bound, Any]:
+def bind(function: Any, value: Any) -> tuple[Bound, Kept]:
     """A compiled function (value, what, place) -> float bound to a referenced tuple; it raises nothing.
 
     And what must be kept while it may be called.
@@ -224,9 +206,9 @@ def bind(function: Any, value: Any) -> tuple[Bound, Any]:
     signature = (typeof(value), types.int64, types.int64)
     function.compile(signature)
     found = function.overloads[signature]
-    leaves = leaves_of(value)
+    kept = Kept(value)
     code = found.library.get_pointer_to_function(found.fndesc.llvm_cfunc_wrapper_name)
-    return Bound(int(code), leaves.ctypes.data), (value, leaves)
+    return Bound(int(code), kept.address), kept
 
 
 @intrinsic

@@ -1,8 +1,8 @@
 """The pipeline in the hands of compiled code: given once, then called by reference, with many frames at once.
 
-A tuple of arrays that Python gives at every call would be taken apart at every call, leaf by leaf, which takes longer
-than the samples of a frame. Here it lies in a record of compiled code, and the machine code is called without a look
-at the types of its arguments, which are always the same. It goes on as far as Python need not be asked.
+A tuple of arrays that Python gives at every call would be laid out at every call, leaf by leaf, which takes longer
+than the samples of a frame. Here its leaves are kept, and the machine code is called without a look at the types of
+its arguments, which are always the same. It goes on as far as Python need not be asked.
 """
 
 from functools import cached_property
@@ -10,14 +10,11 @@ from typing import Any
 
 import numpy as np
 from numba import typeof, types
-from numba.core.cgutils import create_struct_proxy
-from numba.experimental import structref
-from numba.extending import intrinsic, overload_attribute
 from numpy.typing import NDArray
 
 from observer_rt.bus.links.link import FrameBlock
 from observer_rt.foundation.compiled import compiled, inner_separate
-from observer_rt.foundation.referenced import Reference, reference_to
+from observer_rt.foundation.referenced import Kept
 from observer_rt.observer.observer import with_constants
 from observer_rt.observer.stream.state import Constants, Observer
 from observer_rt.service.compiled.pipeline import Pipeline, handle, listen, proceed
@@ -49,54 +46,20 @@ def take_many(pipeline: Pipeline, block: FrameBlock, first: int) -> tuple[int, b
     return block.keys.size, False
 
 
-@structref.register
-class _HeldType(types.StructRef):
-    def preprocess_fields(self, fields):  # type: ignore[no-untyped-def]
-        """Types of the fields, without the values of literals."""
-        return tuple((name, types.unliteral(field)) for name, field in fields)
-
-
-class _Held(structref.StructRefProxy):
-    """A record of a pipeline that compiled code only reads, for it may be at work when another takes its place."""
-
-
-structref.define_proxy(_Held, _HeldType, ["leaves"])
+@compiled
+def _listen(pipeline: Pipeline, key: int, payload: NDArray[np.uint8], stamp: int) -> None:
+    listen(pipeline, key, payload, stamp)
 
 
 @compiled
-def _hold(pipeline):  # type: ignore[no-untyped-def]
-    return _Held(pipeline)
-
-
-@intrinsic
-def _pipeline_in(context: Any, held: Any) -> Any:
-    """A `Reference` to what a record holds."""
-
-    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        record = create_struct_proxy(held)(context, builder, value=arguments[0])
-        return reference_to(builder, context.nrt.meminfo_data(builder, record.meminfo))
-
-    return Reference(held.field_dict["leaves"])(held), codegen
-
-
-@overload_attribute(_HeldType, "pipeline")
-def _pipeline(held):  # type: ignore[no-untyped-def]
-    return lambda held: _pipeline_in(held)
+def _take_many(pipeline: Pipeline, block: FrameBlock, first: int) -> tuple[int, bool]:
+    number, waits = take_many(pipeline, block, first)
+    return number, waits
 
 
 @compiled
-def _listen(held, key, payload, stamp):  # type: ignore[no-untyped-def]
-    listen(held.pipeline, key, payload, stamp)
-
-
-@compiled
-def _take_many(held, block, first):  # type: ignore[no-untyped-def]
-    return take_many(held.pipeline, block, first)
-
-
-@compiled
-def _proceed(held):  # type: ignore[no-untyped-def]
-    return proceed(held.pipeline)
+def _proceed(pipeline: Pipeline) -> bool:
+    return bool(proceed(pipeline))
 
 
 class CompiledPipeline:
@@ -105,13 +68,8 @@ class CompiledPipeline:
     def __init__(self, pipeline: Pipeline) -> None:
         self.pipeline = pipeline
         """What compiled code works on now; not to be kept."""
-        self.held = self._hold()
-        """The record by which compiled code knows the pipeline."""
-
-    def _hold(self) -> Any:
-        held = _hold.compile((typeof(self.pipeline).tuple_type,))(self.pipeline)
-        held.kept = self.observer.kept  # by who is at work with it, while another takes its place
-        return held
+        self.held = Kept(pipeline)
+        """By which compiled code knows it; whoever is at work with it keeps it, while another takes its place."""
 
     @cached_property
     def _listen(self) -> Any:
@@ -149,4 +107,4 @@ class CompiledPipeline:
     def change_constants(self, constants: Constants) -> None:
         """Observe with other constants from here on."""
         self.pipeline = self.pipeline._replace(observer=with_constants(self.observer, constants))
-        self.held = self._hold()
+        self.held = Kept(self.pipeline)

@@ -5,10 +5,9 @@ With one bus and nothing to send late, a turn is two system calls.
 """
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
-from numba import typeof, types
+from numba import types
 from numpy.typing import NDArray
 
 from observer_rt.bus.can_frame import BUS as BUS_KEY
@@ -24,6 +23,7 @@ from observer_rt.bus.can_frame import (
 from observer_rt.bus.can_frame import EXTENDED as EXTENDED_KEY
 from observer_rt.bus.links.socketcan import SO_RXQ_OVFL, SO_TIMESTAMPING, SO_TIMESTAMPNS
 from observer_rt.foundation.compiled import compiled, inner
+from observer_rt.foundation.referenced import Kept
 from observer_rt.observer.stream.state import Observer
 from observer_rt.service.compiled.pipeline import Pipeline, handle, proceed
 from observer_rt.service.compiled.publisher import Publisher
@@ -38,19 +38,19 @@ _recvmmsg, _send, _write, _poll = libc.recvmmsg, libc.send, libc.write, libc.pol
 _clock_gettime, _errno_location = libc.clock_gettime, libc.errno_location
 
 
-def compiled_for(pump: Pump, held: Any) -> Callable[..., bool]:
-    """`run` for a pump and a pipeline by reference, compiled or loaded from the cache."""
-    entry: Callable[..., bool] = run.compile((typeof(pump), typeof(held), types.int64))
+def compiled_for(pump: Kept, pipeline: Kept) -> Callable[..., bool]:
+    """`run` for a pump and a pipeline, compiled or loaded from the cache."""
+    entry: Callable[..., bool] = run.compile((pump.kind, pipeline.kind, types.int64))
     return entry
 
 
 @compiled
-def run(pump: Pump, held: Any, wake: int) -> bool:
+def run(pump: Pump, pipeline: Pipeline, wake: int) -> bool:
     """Pump until told to stop, or until Python must do something first: True. Call it again then.
 
-    held: a pipeline by reference; wake: descriptor written to when something happened that Python waits for.
+    wake: descriptor written to when something happened that Python waits for.
     """
-    memory, pipeline = pump.memory[0], held.pipeline
+    memory = pump.memory[0]
     waits = proceed(pipeline)  # with what it waited for
     send_rates(pump, pipeline.publisher)
     if waits:

@@ -16,6 +16,7 @@ from observer_rt.bus.links.receiver import LONGEST_WAIT, BusDownError
 from observer_rt.bus.links.socketcan import SocketCanLink
 from observer_rt.bus.mapping.bus_map import BusMap, layout_of
 from observer_rt.bus.mapping.timing import SLOTS
+from observer_rt.foundation.referenced import Kept
 from observer_rt.service.core.core import Core
 from observer_rt.service.core.messages import OutputFrame, output_frame
 from observer_rt.service.port import RETRY
@@ -179,7 +180,8 @@ class FramePump:
         self._layouts = (*bus.received, *bus.sent)
         self._rate = bus.rate.layout if bus.rate else None
         self._pump = make_pump(len(links), self._layouts, self._rate)
-        self._compiled = loop.compiled_for(self._pump, core.compiled.held)
+        self._held = Kept(self._pump)
+        self._compiled = loop.compiled_for(self._held, core.compiled.held)
         self._errors_read = [0] * len(links)
         self._unsent = 0
         self._turns = -1
@@ -291,7 +293,7 @@ class FramePump:
         """The thread of the compiled loop."""
         try:
             hurry(self._processor)
-            while self._compiled(self._pump, self._core.compiled.held, self._wake):
+            while self._compiled(self._held, self._core.compiled.held, self._wake):
                 self._may_go_on.clear()
                 if self._pump.memory["is_to_stop"][0]:  # nobody answers any more
                     return

@@ -16,11 +16,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from observer_rt.service.keeping.journal_reading import Row, reading_journal
 from rich.table import Table
 
 from observer_rt.foundation.console import progress_bar
 from observer_rt.foundation.errors import UserError
+from observer_rt.service.keeping.journal import Row, reading_journal
 from observer_rt.service.keeping.keeper import sole_writer
 from observer_rt.service.keeping.state_file import load_knowledge, model_hash
 from tools.benchmarks.command_line import JsonOption, SeedOption, app, messages

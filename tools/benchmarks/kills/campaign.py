@@ -16,11 +16,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from observer_rt.service.keeping.journal_reading import Row, reading_journal
 from rich.table import Table
 
 from observer_rt.foundation.console import progress_bar
 from observer_rt.foundation.errors import UserError
+from observer_rt.service.keeping.journal import Row, reading_journal
 from observer_rt.service.keeping.keeper import sole_writer
 from observer_rt.service.keeping.state_file import load_knowledge, model_hash
 from tools.benchmarks.command_line import JsonOption, SeedOption, app, messages
@@ -31,6 +31,7 @@ _INJECTION = re.compile(
     r"injection (?P<number>\d+) at index (?P<index>\d+): (?P<mass>[\d.]+|nan) mg, rail (?P<rail>[\d.]+) MPa, "
     r"v_H (?P<wear>[-+\d.]+), phi (?P<phi>\d+), (?P<verdict>valid|not valid: \w+)"
 )
+PATIENCE = 60.0  # s for a daemon to get somewhere
 
 
 @dataclass(frozen=True)
@@ -138,9 +139,6 @@ def loss(before: Kept, after: Kept, told: Sequence[tuple[float, re.Match[str]]],
         return max(killed - told[kept][0], 0.0) if kept < len(told) else 0.0
 
     return Loss(age(after.events - before.events), age(rows))
-
-
-PATIENCE = 60.0  # s for a daemon to get somewhere
 
 
 class Strike(StrEnum):

@@ -1,7 +1,8 @@
 """The learner's problem outside the observer: for parts that cannot be exchanged inside it.
 
 Same windows, whitened innovations, prior, drift, gate and accumulated information as the observer's learner, but no
-test for sudden change, no tempering, no adoption test: an event's rate is that of what was learned before it.
+test for sudden change, no tempering, no adoption test: an event's rate is that of what was learned before it. What is
+learned: the observer's phi, the same with V trained, tied rows without structure.
 """
 
 import time
@@ -33,6 +34,12 @@ from observer_rt.observer.stream.state import Constants
 
 BFGS_ITERATIONS = 12
 SUBSETS_TRIED = 3  # of the gated scalars, between searches over the active ones
+HIDDEN_PRIOR = 1.0  # of an element of V (one sigma), round where it starts
+HIDDEN_DRIFT = 1e-2  # an event
+DIFFERENCE = 1e-3  # of the prior sigma, for sensitivities
+KNOWN = 1e-6  # of its usual prior: a parameter that is not learned
+TIED_PRIOR = 0.45  # of weights and bias of the tied rows, in units of the nozzle flow at p_0
+_NOZZLE_WEIGHTS = slice(Parameter.NOZZLE_WEIGHT, Parameter.NOZZLE_WEIGHT + HIDDEN)
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,13 +209,6 @@ def _setting(constants: Constants, theta: NDArray[np.float64], noise: NoiseLevel
     )
     return setting, schedule.innovation_sigma
 
-
-HIDDEN_PRIOR = 1.0  # of an element of V (one sigma), round where it starts
-HIDDEN_DRIFT = 1e-2  # an event
-DIFFERENCE = 1e-3  # of the prior sigma, for sensitivities
-KNOWN = 1e-6  # of its usual prior: a parameter that is not learned
-TIED_PRIOR = 0.45  # of weights and bias of the tied rows, in units of the nozzle flow at p_0
-_NOZZLE_WEIGHTS = slice(Parameter.NOZZLE_WEIGHT, Parameter.NOZZLE_WEIGHT + HIDDEN)
 
 Predict = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 

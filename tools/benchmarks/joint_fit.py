@@ -2,6 +2,11 @@
 
 Gauss-Newton on the whitened innovations of the predictor with a prior, information accumulated, drift added: the
 same problem the observer solves, with W = 0, all parameters always free, and sensitivities by finite differences.
+
+Beside it the information limit (Cramer-Rao) of the mass, what no estimator with this prior and drift can beat: the
+same structure linearised at the true parameters. Rail noise drives the line, so the innovations of the Kalman
+predictor are what is white; the information of all earlier events counts, as does the drift between them. The event's
+own innovations do not: its estimate is given while it happens.
 """
 
 import math

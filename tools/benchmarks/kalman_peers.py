@@ -1,4 +1,10 @@
-"""Peers: joint unscented and extended Kalman filters, v_H as a fourth state, on every sample."""
+"""Peers: joint unscented and extended Kalman filters, v_H as a fourth state, on every sample.
+
+Their noise settings were chosen from a grid, on cases of a seed used for nothing else. Criterion: the mean, over one
+case of every class that must be estimated well, of the logarithm of the rate's RMSE, so that neither the easy nor the
+hopeless classes decide. The ten best settings differ by 1 % (0.594 to 0.599 mm3/ms); of these, one whose v_H may walk
+fastest is used, for it follows wear best.
+"""
 
 import math
 from collections.abc import Callable, Iterator
@@ -22,6 +28,11 @@ from tools.benchmarks.score import SCORED, windows_of
 
 RAIL_NOISE, LINE_NOISE = 0.1e6, 0.15e6  # Pa, as on every bench
 UNSCENTED_SHAPE = (0.5, 2.0, 0.0)  # alpha, beta, kappa
+TUNING_SEED = 77
+WEAR_WALKS = (1e-6, 3e-6, 1e-5, 3e-5, 1e-4)
+MODEL_NOISES = (1e4, 3e4, 1e5)  # Pa
+LINE_NOISES = (1.0, 2.0, 4.0)
+FAILED = 100.0  # mm3/ms, RMSE of a filter that broke down
 
 
 @dataclass(frozen=True)
@@ -86,12 +97,6 @@ def _result(inputs: PeerInputs, states: Array, survived: bool) -> FilterResult:
     rate = inputs.model.nozzle_flow * (1.0 + states[:, 3]) * difference
     return FilterResult(np.nan_to_num(rate), states, survived)
 
-
-TUNING_SEED = 77
-WEAR_WALKS = (1e-6, 3e-6, 1e-5, 3e-5, 1e-4)
-MODEL_NOISES = (1e4, 3e4, 1e5)  # Pa
-LINE_NOISES = (1.0, 2.0, 4.0)
-FAILED = 100.0  # mm3/ms, RMSE of a filter that broke down
 
 Filter = Callable[[PeerInputs, Tuning], FilterResult]
 

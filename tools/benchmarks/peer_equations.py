@@ -17,6 +17,7 @@ RESTING_VARIANCE = 1e-10  # of a sac known to be at chamber pressure
 DIFFERENCE = 1e-5  # of normalised states, for the Jacobian
 V_H, V_S, FRICTION, LEAK, OFFSET, LAG, STIFFNESS = range(7)
 PARAMETERS = 7
+RICCATI_STEPS = 400
 
 
 class Model(NamedTuple):
@@ -314,9 +315,6 @@ def predict(
         if stream.resting[k + 1]:
             x3 = 0.0
         innovations[k + 1 - first], sac[k + 1 - first] = e, x3
-
-
-RICCATI_STEPS = 400
 
 
 def line_gain(

@@ -35,15 +35,22 @@ from tools.benchmarks.score import EKF, FIT, PAPER, UKF, EstimatorScore, score_r
 from tools.benchmarks.scoring import bench_at, recording_of
 from tools.benchmarks.wave_plant import new_part
 
-TUNING = Tuning(wear_walk=1e-5, model_noise=3e4, line_noise=2.0)  # see peer_tuning.py
+TUNING = Tuning(wear_walk=1e-5, model_noise=3e4, line_noise=2.0)  # see kalman_peers.py
 
 PEERS: dict[str, Callable[[PeerInputs], Array]] = {
     UKF: lambda inputs: joint_ukf(inputs, TUNING).rate,
     EKF: lambda inputs: joint_ekf(inputs, TUNING).rate,
     FIT: joint_fit_rate,
 }
-"""Rate [m3/s] at every sample of a recording. The nominal model runs beside the observer; the paper's scheme has a
-module of its own, for it is the package's."""
+"""Rate [m3/s] at every sample of a recording. The nominal model runs beside the observer; the paper's scheme has
+scores of its own, for it is the package's."""
+IDENTIFICATION_GAIN = 1e5  # 1/s
+LEFT_OUT = ("bulk_modulus", "entrained_air")  # line faults; friction and leakage are there
+RATE_NOISE = 0.5e-6  # m3/s, of a sample of a measured rate
+EVENTS_USED = 2  # of each recording
+SPREAD = 1.0  # of the logarithms of stiffness, loss, seat and nozzle: they may be off by some factor
+NOMINAL_LUMP, FITTED_LUMP, RATE_LUMP = "UKF nominal lump", "UKF fitted lump", "UKF lump, rate"
+NO_FAULT = np.zeros(PARAMETERS)
 
 
 @dataclass(frozen=True)
@@ -78,10 +85,6 @@ def peer_score(case: Case, outcome: Outcome, rates: Mapping[str, Array]) -> Peer
     return PeerScore(case.class_name, case.master_seed, case.number, scores, ())
 
 
-IDENTIFICATION_GAIN = 1e5  # 1/s
-LEFT_OUT = ("bulk_modulus", "entrained_air")  # line faults; friction and leakage are there
-
-
 def has_paper(class_name: str) -> bool:
     """On the classes that must be estimated well, but for two: the whole bench must end within the hour."""
     return CLASSES[class_name].group is Group.MAIN and class_name not in LEFT_OUT
@@ -100,13 +103,6 @@ def score_paper(case: Case) -> PeerScore:
     trace = evaluate(bench, [recording_of(outcome)]).evaluations[0].trace
     rate = np.where(np.isnan(trace.injection_rate), trace.nominal_rate, trace.injection_rate)
     return peer_score(case, outcome, {PAPER: rate})
-
-
-RATE_NOISE = 0.5e-6  # m3/s, of a sample of a measured rate
-EVENTS_USED = 2  # of each recording
-SPREAD = 1.0  # of the logarithms of stiffness, loss, seat and nozzle: they may be off by some factor
-NOMINAL_LUMP, FITTED_LUMP, RATE_LUMP = "UKF nominal lump", "UKF fitted lump", "UKF lump, rate"
-NO_FAULT = np.zeros(PARAMETERS)
 
 
 def lumps_of(healthy: Sequence[Outcome]) -> Mapping[str, Model]:

@@ -22,6 +22,14 @@ PRESSURE_STEP, PRESSURE_FLOOR = 0.005e6, -10e6  # Pa, of the 16-bit code on the 
 LIFT_STEP, LIFT_FLOOR = 0.01e-6, -50e-6  # m
 HIGHEST_CODE = 0xFFFD
 RAIL_NOISE, LINE_NOISE, LIFT_NOISE = 0.1e6, 0.15e6, 0.4e-6  # Pa, Pa, m: white, per sample
+SAMPLE_RATE = 100e3  # Hz of the plant; slower recordings are decimated
+FIRST_EVENT = 0.15  # s
+PERIOD = 0.06  # s between events
+LEAD = 0.005  # s before an event, at the most, from which its faults are in force
+RAIL_MOVES = (0.022, 0.050)  # s after an event starts: the rail goes to the next event's pressure
+REFERENCE_PRESSURE = 100e6  # Pa, at which the needle's speeds are given
+WAVE_CELLS = 40
+WAVE_DAMPING = 1.0  # m2/s
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,16 +86,6 @@ def _block_means(values: Array, every: int) -> Array:
 
 def _coded(values: Array, step: float, floor: float) -> Array:
     return np.clip(np.rint((values - floor) / step), 0, HIGHEST_CODE) * step + floor
-
-
-SAMPLE_RATE = 100e3  # Hz of the plant; slower recordings are decimated
-FIRST_EVENT = 0.15  # s
-PERIOD = 0.06  # s between events
-LEAD = 0.005  # s before an event, at the most, from which its faults are in force
-RAIL_MOVES = (0.022, 0.050)  # s after an event starts: the rail goes to the next event's pressure
-REFERENCE_PRESSURE = 100e6  # Pa, at which the needle's speeds are given
-WAVE_CELLS = 40
-WAVE_DAMPING = 1.0  # m2/s
 
 
 @dataclass(frozen=True)

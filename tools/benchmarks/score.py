@@ -15,6 +15,9 @@ WRONG_MASS = 3.0  # %, beyond which a valid injection is wrong
 WRONG_RATE = 3.0  # mm3/ms
 OBSERVER, NOMINAL = "observer", "nominal"
 UKF, EKF, FIT, PAPER = "joint UKF", "joint EKF", "parametric fit", "paper"
+LEAD = 0.15 * MILLISECOND  # of a window, before the opening
+TAIL = 0.5 * MILLISECOND  # after the needle is shut
+Z_95 = 1.96  # sigmas
 
 
 @dataclass(frozen=True)
@@ -141,11 +144,6 @@ class CaseScore(Task):
     def _mean(self, squares: tuple[float, ...]) -> float:
         weights = self.window_samples[SCORED]
         return float(np.average(squares[SCORED], weights=weights))
-
-
-LEAD = 0.15 * MILLISECOND  # of a window, before the opening
-TAIL = 0.5 * MILLISECOND  # after the needle is shut
-Z_95 = 1.96  # sigmas
 
 
 @dataclass(frozen=True, eq=False)

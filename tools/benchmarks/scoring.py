@@ -1,4 +1,7 @@
-"""Our observer, and the nominal model beside it, on one case."""
+"""Our observer, and the nominal model beside it, on one case.
+
+Of a windowed source only some 6 ms round each injection are recorded; the sample index jumps in between.
+"""
 
 import math
 import time
@@ -35,6 +38,11 @@ from tools.benchmarks.score import (
     score_rate,
     windows_of,
 )
+
+WARM_UP_EVENTS = 3
+UNAVAILABLE = {"f": np.nan}  # by kind of dtype; else 0
+PRESSURE_SCALE = 100 * MEGAPASCAL  # of x3
+NO_REPORT = "NO_REPORT"  # in the place of a reason
 
 
 @dataclass(frozen=True)
@@ -89,10 +97,6 @@ def part_of(recording: Recording, span: Span) -> Recording:
     )
 
 
-WARM_UP_EVENTS = 3
-UNAVAILABLE = {"f": np.nan}  # by kind of dtype; else 0
-PRESSURE_SCALE = 100 * MEGAPASCAL  # of x3
-NO_REPORT = "NO_REPORT"  # in the place of a reason
 Scored = Evaluation | WindowedEvaluation
 
 

@@ -43,6 +43,10 @@ WAVE_CLASSES = (
     "wear_averaged_20_khz",
 )
 """With the faults and schedules of the bars, on another injector and line."""
+VARIANT_PCT = 1.5  # mass of what is valid on a line the structures do not contain
+X3_RATIO = 10.0
+MASS_COVERAGE = (0.90, 0.98)  # of a class
+RATE_COVERAGE = 0.90  # of all classes together
 
 
 @dataclass(frozen=True)
@@ -132,10 +136,6 @@ BARS = {
     **dict.fromkeys(("line_friction", "line_pressure_sensor_lag"), HARD),
     "wear_averaged_20_khz": AVERAGED,
 }
-VARIANT_PCT = 1.5  # mass of what is valid on a line the structures do not contain
-X3_RATIO = 10.0
-MASS_COVERAGE = (0.90, 0.98)  # of a class
-RATE_COVERAGE = 0.90  # of all classes together
 
 
 def wave_violations(scores: Sequence[CaseScore], variant: Variant) -> list[str]:

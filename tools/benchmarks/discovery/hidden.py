@@ -18,6 +18,8 @@ from tools.benchmarks.plant_parameters import Faults
 
 HEALTHY = "healthy"
 MICROMETRE, MICROSECOND = 1e-6, 1e-6
+RECIPROCAL = frozenset({"bulk_modulus", "line_volume"})
+"""The exact class: only K_L/V_L enters, so naming either is right, with 1 + r the other's reciprocal."""
 
 
 @dataclass(frozen=True)
@@ -101,9 +103,6 @@ _EFFECTS = (
 )
 
 HIDDEN = {effect.id: effect for effect in _EFFECTS}
-
-RECIPROCAL = frozenset({"bulk_modulus", "line_volume"})
-"""The exact class: only K_L/V_L enters, so naming either is right, with 1 + r the other's reciprocal."""
 
 
 def same_effect(first: str, second: str) -> bool:

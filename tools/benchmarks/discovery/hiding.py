@@ -1,10 +1,10 @@
 """A process that hides: draws cases, seals what is hidden, records. Imports nothing of `observer_rt`.
 
-python -m tools.benchmarks.discovery.hiding CASES seal FOLDER < plan             draws all cases into FOLDER
-python -m tools.benchmarks.discovery.hiding CASES record FOLDER LABEL TARGET     a case's recordings, prints the files
-python -m tools.benchmarks.discovery.hiding CASES healthy FOLDER RIG TARGET      what the fit of a rig is given
+python -m tools.benchmarks.discovery.hiding CASES VERB FOLDER ..., CASES the module that draws them, prints files:
 
-CASES: the module that draws them.
+seal FOLDER < plan             draws all cases into FOLDER
+record FOLDER LABEL TARGET     writes a case's recordings to TARGET
+healthy FOLDER RIG TARGET      writes what the fit of a rig is given
 """
 
 import hashlib

@@ -44,6 +44,16 @@ from tools.benchmarks.plant_equations import (
 )
 from tools.benchmarks.plant_parameters import Faults, Injector, with_faults
 
+INTERVAL = 1.0 / SAMPLE_RATE  # s
+LEAD, TAIL = 1e-3, 12e-3  # s before an opening and after its end that are judged
+LOST_LIFT = 1.5e-6  # m, recorded, below which the flank is extended from beyond it
+ANCHOR = 3  # samples that carry the extended flank
+LIFT_STEP = 1e-7  # m, of the rate's slope
+STARTS = 6  # of either sign, from below detection to large
+WIDER, WIDER_SHAPE = 1.5, 2.5  # than what is drawn, the size of a rival and its other parameters may be
+REFINED = 2  # of the starts
+SHAPE_STARTS = 3  # of a further parameter
+
 
 class Sampled(NamedTuple):
     """What the plant follows, at the samples (n,): rail pressure [Pa], lift [m], line pressure [Pa]."""
@@ -88,17 +98,6 @@ def follow(
         p[0] += gain[0] * errors[k]
         q[0] += gain[1] * errors[k]
         seen += gain[2] * errors[k]
-
-
-INTERVAL = 1.0 / SAMPLE_RATE  # s
-LEAD, TAIL = 1e-3, 12e-3  # s before an opening and after its end that are judged
-LOST_LIFT = 1.5e-6  # m, recorded, below which the flank is extended from beyond it
-ANCHOR = 3  # samples that carry the extended flank
-LIFT_STEP = 1e-7  # m, of the rate's slope
-STARTS = 6  # of either sign, from below detection to large
-WIDER, WIDER_SHAPE = 1.5, 2.5  # than what is drawn, the size of a rival and its other parameters may be
-REFINED = 2  # of the starts
-SHAPE_STARTS = 3  # of a further parameter
 
 
 @dataclass(frozen=True, eq=False)

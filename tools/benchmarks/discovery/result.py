@@ -15,6 +15,13 @@ RELEVANT_MASS_MG, RELEVANT_PRESSURE_MPA = 0.3, 0.3  # one of them moves by that 
 INSEPARABLE = 16.0  # difference of the oracle's -2 log L below which two effects are not told apart
 MEANINGFUL_GAP = 0.1  # MPa or mg: below, a share of the gap says nothing
 NONE, NAMED, AMBIGUOUS, UNKNOWN, SEVERAL = "none", "named", "ambiguous", "unknown", "several"
+NAMED_RIGHT, FALSE_ALARMS = 0.97, 0.01
+COVERAGE, POOLED_COVERAGE, POOLED_CASES = 0.95, (0.92, 0.98), 100
+CALIBRATION_ERROR, CONFIDENCE = 0.1, 0.9
+GAP_MEDIAN, GAP_P90 = 0.05, 0.15
+SECONDS = {False: 15.0, True: 30.0}  # a case, without and with measured rate
+BIN_EDGES = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99, 1.0)
+TWICE = (1.5, 3.0)  # of the detection limit: taken as "at twice"
 
 
 @dataclass(frozen=True)
@@ -136,15 +143,6 @@ class CaseResult:
     def confidences(self) -> tuple[tuple[float, bool], ...]:
         """Every name given with its confidence, and whether it is what was hidden."""
         return tuple((confidence, same_effect(name, self.effect)) for name, confidence in self.claims)
-
-
-NAMED_RIGHT, FALSE_ALARMS = 0.97, 0.01
-COVERAGE, POOLED_COVERAGE, POOLED_CASES = 0.95, (0.92, 0.98), 100
-CALIBRATION_ERROR, CONFIDENCE = 0.1, 0.9
-GAP_MEDIAN, GAP_P90 = 0.05, 0.15
-SECONDS = {False: 15.0, True: 30.0}  # a case, without and with measured rate
-BIN_EDGES = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99, 1.0)
-TWICE = (1.5, 3.0)  # of the detection limit: taken as "at twice"
 
 
 @dataclass(frozen=True)

@@ -36,6 +36,12 @@ KILLED = Kind(
     "killed_and_restarted", Group.PROCESS, frozenset({"STARTING", "TOO_FEW_EVENTS", "SAMPLES_LOST"})
 )
 KINDS = (HUNG, FAILING, KILLED)
+BLOCK = 32  # frames given at once
+DOWN = 0.15  # s from a kill until the service is there again
+RATE_ID, SUMMARY_ID = 0x200, 0x201
+_RATES = np.dtype([("head", "V3"), ("flags", "u1"), ("index", "<u4"), ("rates", "<u2", 28)])
+_MISSING = 65535
+_SUMMARY_MASS, _SUMMARY_REASON = 24, 23
 
 
 class UnreliableExecutor(Executor):
@@ -61,14 +67,6 @@ class UnreliableExecutor(Executor):
                 future.set_exception(MemoryError("no memory to learn in"))
             else:
                 future.set_result(job())
-
-
-BLOCK = 32  # frames given at once
-DOWN = 0.15  # s from a kill until the service is there again
-RATE_ID, SUMMARY_ID = 0x200, 0x201
-_RATES = np.dtype([("head", "V3"), ("flags", "u1"), ("index", "<u4"), ("rates", "<u2", 28)])
-_MISSING = 65535
-_SUMMARY_MASS, _SUMMARY_REASON = 24, 23
 
 
 @dataclass(frozen=True)

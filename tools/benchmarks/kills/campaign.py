@@ -31,6 +31,7 @@ _INJECTION = re.compile(
     r"injection (?P<number>\d+) at index (?P<index>\d+): (?P<mass>[\d.]+|nan) mg, rail (?P<rail>[\d.]+) MPa, "
     r"v_H (?P<wear>[-+\d.]+), phi (?P<phi>\d+), (?P<verdict>valid|not valid: \w+)"
 )
+PATIENCE = 60.0  # s for a daemon to get somewhere
 
 
 @dataclass(frozen=True)
@@ -138,9 +139,6 @@ def loss(before: Kept, after: Kept, told: Sequence[tuple[float, re.Match[str]]],
         return max(killed - told[kept][0], 0.0) if kept < len(told) else 0.0
 
     return Loss(age(after.events - before.events), age(rows))
-
-
-PATIENCE = 60.0  # s for a daemon to get somewhere
 
 
 class Strike(StrEnum):

@@ -29,6 +29,9 @@ from tools.benchmarks.command_line import JsonOption, SeedOption, app
 from tools.benchmarks.report import put_out, ruled
 from tools.benchmarks.speed.native import library
 
+STATE, JOURNAL, SAID = "learned.json", "injections.sqlite", "said"
+WRITTEN = 12  # injections, and states, of the victim
+
 
 @dataclass(frozen=True)
 class Operation:
@@ -154,10 +157,6 @@ def _move(names: dict[str, _File], move: tuple[str, str, _File | None]) -> None:
         names.pop(path, None)
     else:
         names[path] = file
-
-
-STATE, JOURNAL, SAID = "learned.json", "injections.sqlite", "said"
-WRITTEN = 12  # injections, and states, of the victim
 
 
 @dataclass(frozen=True)

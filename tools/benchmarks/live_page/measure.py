@@ -27,6 +27,15 @@ from tools.benchmarks.speed.pace import Passage, socket_pacer
 from tools.benchmarks.speed.sustained import socket_pair
 from tools.benchmarks.speed.traffic import SAMPLE_RATE, SAMPLES, Traffic, make_traffic
 
+PER_SECOND = 30  # injections
+LONGEST = 100.0  # ms between frames with something new, at the most
+RATE_PANEL = "rate_0"
+_EVENTS = 27  # 0.9 s, a whole number of frames
+_SETTLING = 5.0  # s: the daemon learns, the browser compiles what it runs often
+_CLOSING = 5.0  # s that frames still come when the page is closed
+_FRAME = SAMPLES / SAMPLE_RATE  # s
+_MONITOR = (sys.executable, "-m", "observer_rt", "monitor", "--port", "0", "--bench")
+
 
 @dataclass(frozen=True)
 class SocketBus:
@@ -75,16 +84,6 @@ def socket_buses(folder: Path, count: int) -> Iterator[tuple[list[SocketBus], Hu
         yield buses, Hub(process, ends)
         assert process.stdin is not None
         process.stdin.close()
-
-
-PER_SECOND = 30  # injections
-LONGEST = 100.0  # ms between frames with something new, at the most
-RATE_PANEL = "rate_0"
-_EVENTS = 27  # 0.9 s, a whole number of frames
-_SETTLING = 5.0  # s: the daemon learns, the browser compiles what it runs often
-_CLOSING = 5.0  # s that frames still come when the page is closed
-_FRAME = SAMPLES / SAMPLE_RATE  # s
-_MONITOR = (sys.executable, "-m", "observer_rt", "monitor", "--port", "0", "--bench")
 
 
 @dataclass(frozen=True)

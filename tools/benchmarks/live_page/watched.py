@@ -29,6 +29,9 @@ _QUIET = (
     "--disable-sync",
 )
 _URL = re.compile(r"http://\S+:\d+/\S*")
+_FRAMES = Path(__file__).with_name("frames.js").read_text("utf-8")
+_PATIENCE = 120_000  # ms until a page shows its first injection
+_NUMBER = ".letters tr:has(th:text-is('injection')) td"
 
 
 def launch(playwright: Playwright) -> Browser:
@@ -74,11 +77,6 @@ def served(
                 raise UserError(" ".join(words), "served no page:\n" + "".join(told), "see what it says")
         finally:
             process.terminate()
-
-
-_FRAMES = Path(__file__).with_name("frames.js").read_text("utf-8")
-_PATIENCE = 120_000  # ms until a page shows its first injection
-_NUMBER = ".letters tr:has(th:text-is('injection')) td"
 
 
 @dataclass(frozen=True)

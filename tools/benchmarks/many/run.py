@@ -44,6 +44,9 @@ SOURCES = tuple(_SUFFIXES)
 _LOOK = 0.1  # s to the next one at memory
 _KIBIBYTES = 1024  # in a MiB, as the kernel counts
 _COMMAND = (sys.executable, "-m", "observer_rt", "batch")
+_PASSES = 3
+_CORE_REPEATS = 5
+_FLOOR = "the compiled core alone, nothing learned"
 
 
 @dataclass(frozen=True)
@@ -156,10 +159,6 @@ def _largest_mib(process: int) -> float:
                 lines = Path(f"/proc/{each.pid}/status").read_text().splitlines()
                 peaks += [float(line.split()[1]) for line in lines if line.startswith("VmHWM:")]
     return max(peaks, default=0.0) / _KIBIBYTES
-
-
-_PASSES = 3
-_CORE_REPEATS = 5
 
 
 @dataclass(frozen=True)
@@ -294,9 +293,6 @@ def _core_per_s() -> float:
         core_alone(bench, blocks, core, beside)
     seconds = core.least(recording.samples).processor * recording.samples * MICROSECOND
     return INJECTIONS * _CORE_REPEATS / seconds
-
-
-_FLOOR = "the compiled core alone, nothing learned"
 
 
 def shown(many: Many) -> Iterator[Shown]:

@@ -61,6 +61,9 @@ from tools.benchmarks.scoring import (
 from tools.benchmarks.wave_accuracy import WavePlan, fitted_model
 from tools.benchmarks.wave_plant import Variant
 
+CASES = 3  # each has another wear
+TABLE_WIDTH = 200  # where stdout is no terminal
+
 
 @dataclass(frozen=True)
 class Rich:
@@ -156,10 +159,6 @@ def _intervals(evaluation: Evaluation, windows: Windows, effect: str) -> tuple[I
         said = reports[-1].indicators.get(effect) if reports and reports[-1].valid else None
         found.append(None if said is None else said.ci95)
     return tuple(found)
-
-
-CASES = 3  # each has another wear
-TABLE_WIDTH = 200  # where stdout is no terminal
 
 
 @app.command(

@@ -30,6 +30,9 @@ from tools.benchmarks.speed.traffic import SAMPLE_RATE, worn_recording
 INJECTIONS, PERIOD, ENERGIZING = 50, 40 * MILLISECOND, 1.2 * MILLISECOND  # 25 a second, of three pressures
 ONCE = INJECTIONS * PERIOD
 """Length of the injections that are repeated [s]."""
+ARRAYS, PARQUET, MDF4, CAN_LOG = "arrays", "parquet", "mf4", "mf4 CAN log"
+REPEATED = 15  # times: 30 s
+PASSES = 3
 
 
 class Cost(NamedTuple):
@@ -108,11 +111,6 @@ def core_alone(bench: Bench, blocks: Sequence[FrameBlock], compiled: Watch, besi
     beside.leave_out(compiled)
     compiled.end_pass()
     beside.end_pass()
-
-
-ARRAYS, PARQUET, MDF4, CAN_LOG = "arrays", "parquet", "mf4", "mf4 CAN log"
-REPEATED = 15  # times: 30 s
-PASSES = 3
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,11 @@ from tools.benchmarks.speed.sustained import measure_startup, measure_sustained
 from tools.benchmarks.speed.traffic import make_traffic
 from tools.benchmarks.speed.training import measure_training
 
+SECONDS, QUICK_SECONDS = 600.0, 10.0
+ROUNDTRIP_SECONDS, QUICK_ROUNDTRIP_SECONDS = 50.0, 5.0
+INJECTORS_SECONDS, QUICK_INJECTORS_SECONDS = 60.0, 10.0
+TABLE_WIDTH = 170  # where stdout is no terminal
+
 
 class Part(StrEnum):
     """What `--only` chooses from, in the order it is measured."""
@@ -76,12 +81,6 @@ def measure_speed(plan: SpeedPlan, messages: Console) -> Speed:
         )
     load = before, os.getloadavg()[0]
     return Speed(load, sustained, roundtrips, sample, evaluate, training, startup, scaling, injectors)
-
-
-SECONDS, QUICK_SECONDS = 600.0, 10.0
-ROUNDTRIP_SECONDS, QUICK_ROUNDTRIP_SECONDS = 50.0, 5.0
-INJECTORS_SECONDS, QUICK_INJECTORS_SECONDS = 60.0, 10.0
-TABLE_WIDTH = 170  # where stdout is no terminal
 
 
 @app.command(

@@ -31,6 +31,9 @@ EMPTY = 1e-7  # of p_0
 GAIN = (0.05, 0.02)  # of p_L and Q_L, about the steady Kalman gain at 100 kHz
 _Array = NDArray[np.float64]
 _State = tuple[float, float, float]
+SAMPLES, RATES = 9, 28
+STAGES = ("receive", "decode", "compute", "encode", "send")
+SAMPLE_RATE = 100e3  # Hz
 
 
 class Estimator(Protocol):
@@ -146,11 +149,6 @@ class _SeatArea:
     def of(self, lift: _Array) -> _Array:
         lift = np.where(lift > DEAD_BAND, lift, 0.0)
         return np.asarray(self._slope * lift * (self._diameter - self._narrowing * lift))
-
-
-SAMPLES, RATES = 9, 28
-STAGES = ("receive", "decode", "compute", "encode", "send")
-SAMPLE_RATE = 100e3  # Hz
 
 
 class Peer:

@@ -25,6 +25,8 @@ from tools.benchmarks.speed.training import USUAL, TrainingTimes
 
 EVALUATE_BARS = {ARRAYS: 0.8, PARQUET: 0.5, MDF4: 0.5, CAN_LOG: 0.5}
 """Of the core's speed, by what is evaluated."""
+_STYLE = {OURS: 0, ECHO: 1, PEER: 2, LEAN: 3, BUSY: 4}
+_BINS = 60
 
 
 @dataclass(frozen=True)
@@ -221,10 +223,6 @@ def _training_table(times: TrainingTimes) -> Table:
     for samples, ms in times.ours.items():
         table.add_row(str(samples), f"{ms:.2f}", f"{times.scipy[samples]:.2f}")
     return table
-
-
-_STYLE = {OURS: 0, ECHO: 1, PEER: 2, LEAN: 3, BUSY: 4}
-_BINS = 60
 
 
 def save_histograms(speed: Speed, folder: Path) -> Path | None:

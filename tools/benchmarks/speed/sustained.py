@@ -16,6 +16,7 @@ from tools.benchmarks.speed.pace import Latency, latency_of, socket_pacer
 from tools.benchmarks.speed.traffic import RATES, SAMPLE_RATE, SAMPLES, Ids, Traffic, write_bench
 
 BUFFER_BYTES = 16 << 20  # as the daemon asks of a CAN socket
+WARM_STARTS = 3
 
 
 @dataclass(frozen=True)
@@ -103,9 +104,6 @@ def measure_sustained(folder: Path, traffic: Traffic, seconds: float, rate: floa
 def farewell(ours: Observer) -> str:
     """What our daemon counted, by its last words."""
     return next((line for line in reversed(ours.said) if "stopped after" in line), "")
-
-
-WARM_STARTS = 3
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,7 @@ from tools.benchmarks.plant_parameters import Faults
 FIT_INJECTIONS, INJECTIONS = 6, 3  # in each recording
 FIRST, DISTANCE = 40e-3, 50e-3  # s: start of the first injection, and from one to the next
 NEEDLE_SPREAD = 0.15  # of a plant's speeds
+SHARES = (0.20, 0.50, 0.15, 0.15)
 
 
 class Kind(StrEnum):
@@ -93,9 +94,6 @@ class Numbers:
     def total(self) -> int:
         """Of all kinds."""
         return self.healthy + self.singles + self.pairs + self.outside
-
-
-SHARES = (0.20, 0.50, 0.15, 0.15)
 
 
 def shared_out(cases: int) -> Numbers:

@@ -20,6 +20,13 @@ from tools.benchmarks.realism.disturbance import sign
 from tools.benchmarks.wave_plant import LINES, Variant, WaveLine, real_part
 
 LONGEST = 1.9e-3  # s, of an injection at REFERENCE_PRESSURE that takes `Rail.dip`
+LENGTH_CHANGE = 0.02
+TAPERS = (0.15, 0.25)
+END_SHARES = (0.03, 0.06)  # of the line's volume in the gallery
+INLET_RATIOS = (1.5, 3.0)  # area of the line's first element to that of the others
+INLET_LOSSES = (1e14, 3e14)  # Pa s2/m6: 0.25 to 0.75 MPa at 50 mm3/ms
+MOUNTING_FREQUENCIES = (18e3, 30e3)  # Hz
+MOUNTING_DAMPINGS = (0.1, 0.3)
 
 
 @dataclass(frozen=True)
@@ -93,15 +100,6 @@ class Discrepancy(StrEnum):
     def number(self) -> int:
         """What stands for it where its name would tell something."""
         return list(Discrepancy).index(self)
-
-
-LENGTH_CHANGE = 0.02
-TAPERS = (0.15, 0.25)
-END_SHARES = (0.03, 0.06)  # of the line's volume in the gallery
-INLET_RATIOS = (1.5, 3.0)  # area of the line's first element to that of the others
-INLET_LOSSES = (1e14, 3e14)  # Pa s2/m6: 0.25 to 0.75 MPa at 50 mm3/ms
-MOUNTING_FREQUENCIES = (18e3, 30e3)  # Hz
-MOUNTING_DAMPINGS = (0.1, 0.3)
 
 
 @dataclass(frozen=True)

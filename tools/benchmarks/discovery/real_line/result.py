@@ -28,6 +28,9 @@ NEAR_TIES = (
     frozenset({"fuel_density", "orifice_area", "seat_area"}),
 )
 """Effects that differ by little at some sizes: an answer that leaves one of a group open may leave all of it open."""
+HEALTHY_RIGHT, SINGLES_RIGHT, PAIRS_RIGHT, OUTSIDE_RIGHT = 0.98, 0.92, 0.75, 0.95
+COVERAGE, COVERED_CASES = (0.90, 0.98), 20  # from so many intervals on
+SECONDS = 30.0  # a case
 
 
 @dataclass(frozen=True)
@@ -151,11 +154,6 @@ class RealResult:
 def near_tie(name: str, effect: str) -> bool:
     """Whether an effect may stand beside the true one in an ambiguous answer."""
     return same_effect(name, effect) or any({name, effect} <= group for group in NEAR_TIES)
-
-
-HEALTHY_RIGHT, SINGLES_RIGHT, PAIRS_RIGHT, OUTSIDE_RIGHT = 0.98, 0.92, 0.75, 0.95
-COVERAGE, COVERED_CASES = (0.90, 0.98), 20  # from so many intervals on
-SECONDS = 30.0  # a case
 
 
 def of_kind(results: Sequence[RealResult], kind: Kind) -> list[RealResult]:

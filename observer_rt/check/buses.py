@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from observer_rt.bus.can_frame import frame_key
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.links.opening import require_interface
 from observer_rt.bus.mapping.bus_map import BenchMap, in_common
@@ -92,8 +91,7 @@ def _results(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
 def _identifiers(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
     owners: dict[int, list[MessageLayout]] = {}
     for layout in mapped.layouts:
-        key = frame_key(layout.frame_id, layout.is_extended, layout.bus)
-        owners.setdefault(key, []).append(layout)
+        owners.setdefault(layout.key, []).append(layout)
     clashes = {key: layouts for key, layouts in owners.items() if len(layouts) > 1}
     for key, layouts in clashes.items():
         shared = f"{' and '.join(map(mapped.name_of, layouts))} share 0x{key & 0x1FFFFFFF:X}"

@@ -132,7 +132,23 @@ _NUMBERED = {
 def mapping_findings(fitted: BenchInjector, bus: BusMap, known: Sequence[KnownMessage]) -> list[Finding]:
     """All findings about the mapping of an injector; known: the messages of all databases."""
     findings = [_mapping(fitted, bus, role) for role in ROLES] + optional_findings(fitted, bus)
-    return findings + _sample_periods(fitted, bus, known)
+    return findings + _protection(fitted, bus) + _sample_periods(fitted, bus, known)
+
+
+@ruled("protection")
+def _protection(fitted: BenchInjector, bus: BusMap) -> Iterator[Said]:
+    """Which inputs are protected end to end, and which are not."""
+    limits = fitted.config.e2e
+    protected = [layout for layout in bus.received if layout.e2e_profile is not None]
+    bare = [bus.name_of(layout) for layout in bus.received if layout.e2e_profile is None]
+    if protected:
+        named = ", ".join(
+            f"{bus.name_of(layout)} by E2E profile {layout.e2e_profile}" for layout in protected
+        )
+        errors = f"more than {limits.valid_max_errors} wrong of {limits.window} frames"
+        yield f"{named}; INVALID, and not taken, after {errors}"
+    if bare:
+        yield f"not protected: {', '.join(bare)}; a damaged frame cannot be told from a good one"
 
 
 def _mapping(fitted: BenchInjector, bus: BusMap, role: Role) -> Finding:

@@ -133,6 +133,32 @@ class NoiseConfig(Section):
     needle_lift_um: Annotated[float, Field(gt=0, le=200)] = 0.4
 
 
+class E2EConfig(Section):
+    """The state machine of protected inputs (AUTOSAR E2E_SM): how many of a message's last frames must be good.
+
+    The limits of a state say when a message is VALID next. While it is INVALID, none of its values are taken.
+    """
+
+    window: Annotated[int, Field(ge=1, le=62)] = 10  # frames
+    init_min_ok: Annotated[int, Field(ge=0)] = 1
+    init_max_errors: Annotated[int, Field(ge=0)] = 5
+    valid_min_ok: Annotated[int, Field(ge=0)] = 0  # the sample index tells the order
+    valid_max_errors: Annotated[int, Field(ge=0)] = 5
+    invalid_min_ok: Annotated[int, Field(ge=0)] = 5
+    invalid_max_errors: Annotated[int, Field(ge=0)] = 2
+
+    @model_validator(mode="after")
+    def _harder_to_become_valid_than_to_stay(self) -> Self:
+        oks = (self.valid_min_ok, self.init_min_ok, self.invalid_min_ok, self.window)
+        errors = (self.invalid_max_errors, self.init_max_errors, self.valid_max_errors)
+        if sorted(oks) != list(oks) or sorted(errors) != list(errors):
+            raise ValueError(
+                "a message would become VALID more easily than it stays so; keep valid_min_ok <= init_min_ok <= "
+                "invalid_min_ok <= window and invalid_max_errors <= init_max_errors <= valid_max_errors"
+            )
+        return self
+
+
 class OutputsConfig(Section):
     """Messages the results go out in; signals are found in them by their names in observer_fd.dbc."""
 
@@ -191,6 +217,7 @@ class InjectorConfig(Section):
     sampling: SamplingConfig = SamplingConfig()
     model: ModelConfig = ModelConfig()
     noise: NoiseConfig = NoiseConfig()
+    e2e: E2EConfig = E2EConfig()
     outputs: OutputsConfig = OutputsConfig()
     learning: LearningConfig = LearningConfig()
     state: StateConfig = StateConfig()

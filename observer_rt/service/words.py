@@ -141,6 +141,10 @@ REASONS: Mapping[Reason, Words] = {
         "state lag_us or filter_delay_us of [signals.needle_lift] (docs/time.md); "
         "`observer-rt discover` names its size",
     ),
+    Reason.INPUT_PROTECTION: Words(
+        "the end-to-end protection of an input is INVALID, it is not taken",
+        "the log names the message: another sender, a disturbed bus, or E2EProfile and E2EDataId of another message",
+    ),
 }
 
 COUNTERS: Mapping[str, Words] = {
@@ -154,6 +158,9 @@ COUNTERS: Mapping[str, Words] = {
     ),
     "sequence_errors": Words(
         "frames out of sequence by their counter", "a second sender of an input? a gateway that reorders?"
+    ),
+    "refused_frames": Words(
+        "good frames of a message whose end-to-end protection is INVALID", "as INPUT_PROTECTION"
     ),
     "length_errors": Words("frames of another length than the database says", "correct the database"),
     "repeated_frames": Words("frames that came twice; the first counts", "a second sender of an input?"),

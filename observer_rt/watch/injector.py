@@ -26,7 +26,6 @@ from observer_rt.watch.samples import (
     SampleCurves,
     SeenInjection,
     best_place,
-    layout_key,
 )
 
 _OF_INPUTS = (
@@ -126,7 +125,7 @@ class WatchedInjector:
         fitted = alone.injector
         self.bus: BusMap = map_bus(alone)
         self.name = fitted.name
-        self.keys = frozenset(layout_key(each) for each in (*self.bus.received, *self.bus.sent))
+        self.keys = frozenset(each.key for each in (*self.bus.received, *self.bus.sent))
         """Of the frames that are to be taken, as by `frame_key`."""
         self._rate_hz = fitted.config.sampling.rate_hz
         self._results = ResultReader(self.bus)

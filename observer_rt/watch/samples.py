@@ -59,11 +59,6 @@ Result: TypeAlias = Rates | SummaryValues | StatusValues
 Payload: TypeAlias = NDArray[np.uint8]
 
 
-def layout_key(layout: MessageLayout) -> int:
-    """The `frame_key` of a message's frames."""
-    return frame_key(layout.frame_id, layout.is_extended, layout.bus)
-
-
 class ResultReader:
     """Reads the result frames of one injector. Frames that its protection refuses are counted and left out."""
 
@@ -72,9 +67,9 @@ class ResultReader:
         """Frames of wrong length or checksum."""
         self._messages: dict[int, tuple[MessageLayout, Callable[[Payload], Result | None]]] = {}
         if bus.rate is not None:
-            self._messages[layout_key(bus.rate.layout)] = bus.rate.layout, _rates_of(bus.rate)
+            self._messages[bus.rate.layout.key] = bus.rate.layout, _rates_of(bus.rate)
         for message, kind in ((bus.summary, SummaryValues), (bus.status, StatusValues)):
-            self._messages[layout_key(message.layout)] = message.layout, _values_of(message, kind)
+            self._messages[message.layout.key] = message.layout, _values_of(message, kind)
 
     def read(self, came: BusFrame) -> Result | None:
         """What a frame says; None where it is none of these, is refused, or more pages are to come.
@@ -87,8 +82,7 @@ class ResultReader:
             return None
         layout, result_of = found
         payload = np.frombuffer(frame.payload, np.uint8)
-        profile, data_id = layout.e2e_profile or e2e.UNPROTECTED, layout.e2e_data_id or 0
-        if payload.size < layout.length or not e2e.check(payload, layout.length, profile, data_id):
+        if payload.size < layout.length or not e2e.check(payload, layout.length, layout.protection):
             self.refused += 1
             return None
         return result_of(payload)

@@ -55,11 +55,7 @@ def test_frames_change_from_the_fault_on_and_bear_right_check_sums(outcome: Outc
     assert found != frames
     layout = bus.input_layouts[0]
     wrong = [
-        f
-        for f in found
-        if not check(
-            np.frombuffer(f.payload, np.uint8), layout.length, layout.e2e_profile, layout.e2e_data_id
-        )
+        f for f in found if not check(np.frombuffer(f.payload, np.uint8), layout.length, layout.protection)
     ]
     assert bool(wrong) == (name == "wrong_crc")
 

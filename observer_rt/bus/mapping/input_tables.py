@@ -14,10 +14,10 @@ import numpy as np
 from cantools.database.can import Message
 from numpy.typing import NDArray
 
-from observer_rt.bus.can_frame import FD_LENGTHS, frame_key, length_code, length_of
+from observer_rt.bus.can_frame import FD_LENGTHS, length_code, length_of
 from observer_rt.bus.database.catalogue import BusMessage
 from observer_rt.bus.database.codec import SIGNAL, signal_table
-from observer_rt.bus.database.e2e import UNPROTECTED
+from observer_rt.bus.database.e2e import PROTECTION
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.database.multiplexing import (
     CONDITION,
@@ -102,8 +102,7 @@ INPUT_MESSAGE = np.dtype(
         ("key", np.int64),
         ("length", np.int64),  # bytes, by the database
         ("padded_length", np.int64),  # bytes, as CAN FD carries a message of this length
-        ("e2e_profile", np.int64),
-        ("data_id", np.int64),  # of E2E
+        ("protection", PROTECTION),
         ("samples", np.int64),  # of every role, in all frames that share one sample index
         ("first_group", np.int64),
         ("group_count", np.int64),
@@ -284,11 +283,10 @@ class InputTables:
 def frame_row(layout: MessageLayout) -> NDArray[np.void]:
     """What tells whether a frame is a good one of this message, `INPUT_MESSAGE`; the rest is 0."""
     row = np.zeros((), INPUT_MESSAGE)
-    row["key"] = frame_key(layout.frame_id, layout.is_extended, layout.bus)
+    row["key"] = layout.key
     row["length"] = layout.length
     row["padded_length"] = length_of(length_code(layout.length))
-    row["e2e_profile"] = layout.e2e_profile or UNPROTECTED
-    row["data_id"] = layout.e2e_data_id or 0
+    row["protection"] = layout.protection
     return row
 
 

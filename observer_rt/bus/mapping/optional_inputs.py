@@ -15,7 +15,6 @@ import numpy as np
 from cantools.database.can import Message
 from numpy.typing import NDArray
 
-from observer_rt.bus.can_frame import frame_key
 from observer_rt.bus.database.catalogue import BenchDatabases, BusMessage, named
 from observer_rt.bus.database.codec import encode, signal_table
 from observer_rt.bus.database.lookup import (
@@ -306,7 +305,7 @@ def say_nothing(inputs: Inputs, slow: Sequence[SlowMessage]) -> None:
     """Have frames made of recordings tell no more of the optional inputs than a recording knows: no energizing."""
     for message in slow:
         layout = message.layout
-        key = frame_key(layout.frame_id, layout.is_extended, layout.bus)
+        key = layout.key
         for row in inputs.messages[inputs.messages["key"] == key]:
             first = int(row["first_kind"])
             for blank in inputs.kinds["blank"][first : first + int(row["kind_count"])]:

@@ -91,6 +91,7 @@ class StatusValues(NamedTuple):
     uncommanded_injections: int
     spikes: int
     bridged_samples: int
+    refused_frames: int
 
 
 def signals_of(values: type[SummaryValues] | type[StatusValues]) -> tuple[str, ...]:

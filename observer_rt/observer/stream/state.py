@@ -61,6 +61,7 @@ class Reason(IntEnum):
     INPUT_FROZEN = Doubt.FROZEN  # an input keeps its value for longer than can be bridged
     INPUT_CLIPPED = Doubt.CLIPPED  # an input stays at the end of its range
     LIFT_SENSOR_LAG = 26  # a needle lift recorded late would explain what the model does not
+    INPUT_PROTECTION = 27  # the end-to-end protection of an input says that it cannot be used
 
 
 _SAMPLE = [

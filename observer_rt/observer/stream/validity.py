@@ -103,6 +103,7 @@ class Surroundings:
 
     has_frames: bool = True  # any came since the start
     is_cut_off: bool = False  # no input comes, or its interface is down
+    is_unprotected: bool = False  # the end-to-end protection of one of the inputs is INVALID
     is_stale: bool = False  # one of the inputs stays away while others come
 
 
@@ -112,6 +113,8 @@ def state_of_service(newest: tuple[State, Reason] | None, surroundings: Surround
         return State.WAITING_FOR_DATA, Reason.STARTING
     if surroundings.is_cut_off:
         return State.WAITING_FOR_DATA, Reason.INPUT_TIMEOUT
+    if surroundings.is_unprotected:
+        return State.DEGRADED, Reason.INPUT_PROTECTION
     if surroundings.is_stale:
         return State.DEGRADED, Reason.INPUT_STALE
     return newest or (State.STARTING, Reason.STARTING)

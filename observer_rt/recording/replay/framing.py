@@ -255,7 +255,7 @@ def _payloads(values, index, inputs, number, counter):  # type: ignore[no-untype
             if is_selected(blank, inputs.selection, group.first_condition, group.condition_count):
                 _fill(frames, values, (index, message.samples), (counter + kind, kinds), inputs, group)
     for frame in range(blocks * kinds):
-        protect(result[frame], message.length, message.e2e_profile, message.data_id, counter + frame)
+        protect(result[frame], message.length, message.protection, counter + frame)
     return result
 
 

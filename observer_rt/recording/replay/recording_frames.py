@@ -8,7 +8,6 @@ from itertools import count
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.can_frame import frame_key
 from observer_rt.bus.links.link import BusFrame, Frame, FrameBlock
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.foundation.errors import RunError, UserError
@@ -207,9 +206,7 @@ class Device:
         self._block = math.lcm(*(grid_samples(bus, number) for number in range(len(bus.input_layouts))))
         self._layouts = bus.input_layouts
         # of the input messages
-        self._keys = np.array(
-            [frame_key(each.frame_id, each.is_extended, each.bus) for each in self._layouts], np.int64
-        )
+        self._keys = np.array([each.key for each in self._layouts], np.int64)
         delays = [float(message_timing(bus, n)["delay"]) for n in range(len(self._layouts))]
         self._delays = np.rint(np.array(delays) * NANOSECONDS).astype(np.int64)
         self._start = 0  # ns, of the stretch

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.bus.database.codec import decode
-from observer_rt.bus.database.e2e import UNPROTECTED, counter_values
+from observer_rt.bus.database.e2e import E2EStatus
 from observer_rt.bus.database.multiplexing import is_selected
 from observer_rt.bus.mapping.input_tables import OPTIONAL_ROLES, Inputs
 from observer_rt.config.signals import OptionalRole
@@ -68,7 +68,6 @@ class InputMemory(NamedTuple):
     """What came of the optional inputs; those whose order counts wait in a ring for Python."""
 
     memory: NDArray[np.void]  # (1,)
-    counters: NDArray[np.int64]  # (messages,) of the protection of the last good frame, -1: none yet
     newest: NDArray[np.void]  # (optional inputs,)
     readings: NDArray[np.void]  # (READINGS,)
     values: NDArray[np.float64]  # (READINGS, most signals of an input) SI
@@ -86,7 +85,6 @@ def make_input_memory(inputs: Inputs, may_learn: bool, fuel_temperature: float |
     newest["follows"] = True
     return InputMemory(
         memory,
-        np.full(len(inputs.messages), -1, np.int64),
         newest,
         np.zeros(READINGS, _READING),
         np.zeros((READINGS, int(inputs.optional["signal_count"].max(initial=0)))),
@@ -100,20 +98,17 @@ def take_inputs(
     observer: Observer,
     number: int,
     payload: NDArray[np.uint8],
-    counter: int,
+    status: E2EStatus,
     stamp: int,
 ) -> None:
     """Take what a good frame of a message says, before its samples; what stays away grows older with them.
 
-    A frame with the counter of the one before brings nothing new.
+    status: by its protection, OK without. A frame with the counter of the one before brings nothing new.
     """
     _grow_older(heard, observer)
     message = inputs.messages[number]
-    last = heard.counters[number]
-    heard.counters[number] = counter
-    is_protected = message.e2e_profile != UNPROTECTED
-    if not (is_protected and counter == last):
-        follows = last < 0 or not is_protected or (counter - last) % counter_values(message.e2e_profile) == 1
+    if status != E2EStatus.REPEATED:
+        follows = status == E2EStatus.OK or status == E2EStatus.INITIAL
         for n in range(message.first_optional, message.first_optional + message.optional_count):
             row = inputs.optional[n]
             heard.newest[n].follows &= follows

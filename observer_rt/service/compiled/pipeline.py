@@ -20,10 +20,11 @@ from observer_rt.bus.alignment.timekeeping import (
 )
 from observer_rt.bus.database import e2e
 from observer_rt.bus.database.codec import decode
-from observer_rt.bus.database.e2e import E2EStatus
+from observer_rt.bus.database.e2e import E2EState, E2EStatus
 from observer_rt.bus.database.multiplexing import is_selected
 from observer_rt.bus.mapping.input_tables import MAX_INPUTS, MAX_SIGNALS, Inputs
 from observer_rt.bus.mapping.timing import Joining, Numbering
+from observer_rt.config.injector import E2EConfig
 from observer_rt.foundation.compiled import inlined, inner, inner_separate
 from observer_rt.foundation.referenced import referenced
 from observer_rt.observer.stream.state import Observer
@@ -35,7 +36,11 @@ MAX_COUNTER_STEP = 15  # larger steps of the E2E counter are a wrong sequence, n
 
 RECEIVER = np.dtype(
     [
-        ("last_counter", np.int64, (MAX_INPUTS,)),  # of every message, -1: none yet
+        (
+            "last_counter",
+            np.int64,
+            (MAX_INPUTS,),
+        ),  # of every message's last frame that was placed, -1: none yet
         ("interrupted", np.int8, (MAX_INPUTS,)),  # of every stream, 1: its last frame is not the message's
         ("values", np.float64, (MAX_SIGNALS,)),
         ("sample", np.float64, (MAX_INPUTS,)),  # SI
@@ -55,12 +60,23 @@ def make_receiver() -> NDArray[np.void]:
     return receiver
 
 
+def make_supervised(messages: NDArray[np.void], limits: E2EConfig) -> NDArray[np.void]:
+    """State machines of input messages that have seen no frame, (messages,) `e2e.SUPERVISION`."""
+    supervised = np.zeros(len(messages), e2e.SUPERVISION)
+    supervised["counter"] = -1
+    supervised["window"] = limits.window
+    supervised["min_ok"] = [0, limits.init_min_ok, limits.valid_min_ok, limits.invalid_min_ok]
+    supervised["max_errors"] = [0, limits.init_max_errors, limits.valid_max_errors, limits.invalid_max_errors]
+    return supervised
+
+
 @referenced()
 class Pipeline(NamedTuple):
     """All memory of the receive-to-send path."""
 
     inputs: Inputs
     receiver: NDArray[np.void]  # (1,) RECEIVER
+    supervised: NDArray[np.void]  # (messages,) e2e.SUPERVISION
     heard: InputMemory
     keeping: Timekeeping
     alignment: Alignment
@@ -109,22 +125,23 @@ def _take(pipeline: Pipeline, number: int, payload: NDArray[np.uint8], stamp: in
     receiver = pipeline.receiver[0]
     message = pipeline.inputs.messages[number]
     receiver.frames += message.group_count > 0
-    if payload.size not in (message.length, message.padded_length):
-        receiver.length_errors += 1
+    status = _received(pipeline, number, payload)
+    if status == E2EStatus.LENGTH_ERROR or status == E2EStatus.CRC_ERROR:
         return
-    if not e2e.check(payload, message.length, message.e2e_profile, message.data_id):
-        receiver.crc_errors += 1
+    profile = message.protection.profile
+    supervised = pipeline.supervised[number]
+    if supervised.state == E2EState.INVALID:
+        supervised.refused += 1
         return
-    counter = e2e.frame_counter(payload, message.e2e_profile)
+    counter = e2e.frame_counter(payload, profile)
     if pipeline.inputs.optional.size > 0:
-        take_inputs(pipeline.heard, pipeline.inputs, pipeline.observer, number, payload, counter, stamp)
+        take_inputs(pipeline.heard, pipeline.inputs, pipeline.observer, number, payload, status, stamp)
         pipeline.publisher.memory[0].learning = pipeline.heard.memory[0].learning
     if message.group_count == 0:
         return
     last = receiver.last_counter[number]
-    max_step = min(MAX_COUNTER_STEP, e2e.counter_values(message.e2e_profile) // 2)
-    status = e2e.classify(counter, last, last >= 0, max_step, message.e2e_profile)
-    follows = message.e2e_profile != e2e.UNPROTECTED and status == E2EStatus.OK
+    status = e2e.classify(counter, last, last >= 0, _max_step(profile), profile)
+    follows = profile != e2e.UNPROTECTED and status == E2EStatus.OK
     found, placed, restarted = 0, 0, False
     for g in range(message.first_group, message.first_group + message.group_count):
         group = pipeline.inputs.groups[g]
@@ -147,7 +164,7 @@ def _take(pipeline: Pipeline, number: int, payload: NDArray[np.uint8], stamp: in
     if (
         not restarted
         and (status == E2EStatus.WRONG_SEQUENCE or status == E2EStatus.REPEATED)
-        and message.e2e_profile != e2e.UNPROTECTED
+        and profile != e2e.UNPROTECTED
     ):
         receiver.sequence_errors += 1
     receiver.last_counter[number] = counter
@@ -155,6 +172,32 @@ def _take(pipeline: Pipeline, number: int, payload: NDArray[np.uint8], stamp: in
     decided = pipeline.alignment.memory[0].decided
     if decided > pipeline.observer.memory[0].recorded:
         take_recorded(pipeline.observer, decided, doubt_of(pipeline.keeping))
+
+
+@inner
+def _received(pipeline: Pipeline, number: int, payload: NDArray[np.uint8]) -> E2EStatus:
+    """What a frame is worth by its length and its protection, which takes note of it; OK without protection."""
+    receiver, message = pipeline.receiver[0], pipeline.inputs.messages[number]
+    supervised, profile = pipeline.supervised[number], message.protection.profile
+    status = E2EStatus.OK
+    if payload.size not in (message.length, message.padded_length):
+        receiver.length_errors += 1
+        status = E2EStatus.LENGTH_ERROR
+    elif not e2e.check(payload, message.length, message.protection):
+        receiver.crc_errors += 1
+        status = E2EStatus.CRC_ERROR
+    elif profile != e2e.UNPROTECTED:
+        counter, last = e2e.frame_counter(payload, profile), supervised.counter
+        status = e2e.classify(counter, last, last >= 0, _max_step(profile), profile)
+        supervised.counter = counter
+    if profile != e2e.UNPROTECTED:
+        e2e.supervise(supervised, status)
+    return status
+
+
+@inner
+def _max_step(profile: int) -> int:
+    return int(min(MAX_COUNTER_STEP, e2e.counter_values(profile) // 2))
 
 
 @inner_separate

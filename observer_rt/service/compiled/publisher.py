@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.bus.database.codec import SIGNAL, encode
-from observer_rt.bus.database.e2e import UNPROTECTED, protect
+from observer_rt.bus.database.e2e import PROTECTION, protect
 from observer_rt.bus.mapping.input_tables import LONGEST_FRAME
 from observer_rt.bus.mapping.output_messages import HEADER_SIGNALS, RateMessage
 from observer_rt.foundation.compiled import inner, inner_separate, separate
@@ -36,8 +36,7 @@ PUBLISHER = np.dtype(
         ("header", np.int64, (len(HEADER_SIGNALS),)),  # their places among the values, -1: not in the message
         ("samples", np.int64),  # of a block, 0: no rates are published
         ("length", np.int64),
-        ("e2e_profile", np.int64),
-        ("data_id", np.int64),
+        ("protection", PROTECTION),
         ("counter", np.int64),
         ("frames", np.int64),  # ready in `out`
     ],
@@ -71,8 +70,7 @@ def make_publisher(message: RateMessage | None, learning: bool) -> Publisher:
     memory["header"] = [names.index(name) if name in names else -1 for name in HEADER_SIGNALS]
     memory["samples"] = message.samples
     memory["length"] = message.layout.length
-    memory["e2e_profile"] = message.layout.e2e_profile or UNPROTECTED
-    memory["data_id"] = message.layout.e2e_data_id or 0
+    memory["protection"] = message.layout.protection
     return publisher
 
 
@@ -116,7 +114,7 @@ def flush(publisher: Publisher) -> None:
     frame.payload[:] = 0
     frame.length = memory.length
     encode(publisher.values, publisher.table, frame.payload)
-    protect(frame.payload, memory.length, memory.e2e_profile, memory.data_id, memory.counter)
+    protect(frame.payload, memory.length, memory.protection, memory.counter)
     memory.counter += 1
     memory.filled = 0
     memory.frames += 1

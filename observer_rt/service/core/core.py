@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from observer_rt import __version__
 from observer_rt.bus.alignment.alignment import is_stale, make_alignment, progress
 from observer_rt.bus.alignment.timekeeping import MessageTiming, make_timekeeping, timing_of
+from observer_rt.bus.database.e2e import E2EState
 from observer_rt.bus.links.link import BusFrame, Frame, FrameBlock, block_of
 from observer_rt.bus.mapping.bus_map import BusMap, stream_of
 from observer_rt.bus.mapping.output_messages import StatusValues
@@ -30,7 +31,7 @@ from observer_rt.observer.stream.validity import Surroundings, state_of_service
 from observer_rt.service.compiled.by_reference import CompiledPipeline
 from observer_rt.service.compiled.constants import bench_constants, configured_noise
 from observer_rt.service.compiled.input_memory import make_input_memory
-from observer_rt.service.compiled.pipeline import Pipeline, make_receiver
+from observer_rt.service.compiled.pipeline import Pipeline, make_receiver, make_supervised
 from observer_rt.service.compiled.publisher import flush, make_publisher
 from observer_rt.service.core.learners import LearnerFactory, healthy_injector, make_learner, slow_noise_of
 from observer_rt.service.core.messages import Counters, OutputFrame, ResultFrames, counted
@@ -110,6 +111,7 @@ class Core:
             Pipeline(
                 bus.inputs,
                 make_receiver(),
+                make_supervised(bus.inputs.messages, config.e2e),
                 make_input_memory(bus.inputs, may_learn, assumed),
                 make_timekeeping(
                     bus.inputs.timing, bus.inputs.streams["samples"], stream_of(bus, Role.LINE_PRESSURE)
@@ -226,6 +228,12 @@ class Core:
         return newest
 
     @property
+    def protection(self) -> list[int]:
+        """`E2EState` of every input message, those with samples first; NODATA of one that is not protected."""
+        states: list[int] = self.compiled.pipeline.supervised["state"].tolist()
+        return states
+
+    @property
     def progress(self) -> list[int]:
         """The sample index up to which each input stream came; -1: nothing yet."""
         return progress(self.compiled.pipeline.alignment)
@@ -233,10 +241,15 @@ class Core:
     @property
     def state(self) -> tuple[State, Reason]:
         """State and reason by what came, whatever the links."""
-        if self.processed == 0:
-            return state_of_service(None, Surroundings())
-        newest = State(int(self._newest_row["state"])), Reason(int(self._newest_row["reason"]))
-        return state_of_service(newest, Surroundings(is_stale=is_stale(self.compiled.pipeline.alignment)))
+        newest = None
+        if self.processed > 0:
+            newest = State(int(self._newest_row["state"])), Reason(int(self._newest_row["reason"]))
+        sampled = self.protection[: len(self._bus.input_layouts)]
+        surroundings = Surroundings(
+            is_unprotected=E2EState.INVALID in sampled,
+            is_stale=newest is not None and is_stale(self.compiled.pipeline.alignment),
+        )
+        return state_of_service(newest, surroundings)
 
     @property
     def is_valid(self) -> bool:

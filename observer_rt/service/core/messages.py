@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from observer_rt.bus.database.codec import encode
-from observer_rt.bus.database.e2e import UNPROTECTED, protect
+from observer_rt.bus.database.e2e import protect
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.output_messages import OutputMessage, StatusValues, SummaryValues
@@ -46,12 +46,11 @@ class FrameWriter:
         """A frame for every page; nan is not available."""
         in_order = np.array(values, np.float64)
         layout = self._message.layout
-        profile, data_id = layout.e2e_profile or UNPROTECTED, layout.e2e_data_id or 0
         frames = []
         for page in self._message.pages:
             payload = page.blank.copy()
             encode(in_order[page.places], page.table, payload)
-            protect(payload, layout.length, profile, data_id, self._counter)
+            protect(payload, layout.length, layout.protection, self._counter)
             self._counter += 1
             frames.append(output_frame(layout, payload.tobytes()))
         return frames
@@ -131,6 +130,7 @@ class Counters:
     crc_errors: int
     length_errors: int
     sequence_errors: int
+    refused_frames: int
     repeated_frames: int
     old_frames: int
     restarts: int
@@ -173,6 +173,7 @@ def counted(pipeline: Pipeline, energizing: EnergizingFigures | None, judging: J
         **{
             name: int(receiver[name]) for name in ("frames", "crc_errors", "length_errors", "sequence_errors")
         },
+        refused_frames=int(pipeline.supervised["refused"].sum()),
         repeated_frames=int(alignment["repeated"]),
         old_frames=int(alignment["old"]),
         restarts=int(alignment["restarts"]),

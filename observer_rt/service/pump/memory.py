@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.can_frame import BIT_RATE_SWITCH, CLASSIC_MTU, EXTENDED_FLAG, FD_MTU, frame_key
+from observer_rt.bus.can_frame import BIT_RATE_SWITCH, CLASSIC_MTU, EXTENDED_FLAG, FD_MTU
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.foundation.referenced import referenced
 from observer_rt.service.pump.libc import IOVEC, MMSGHDR, POLLFD, POLLIN
@@ -84,7 +84,7 @@ def make_pump(buses: int, watched: Sequence[MessageLayout], result: MessageLayou
     headers["iov_count"] = 1
     headers["control"] = control.ctypes.data + np.arange(places, dtype=np.uint64) * CONTROL_WORDS * 8
     arrivals = np.zeros(len(watched), ARRIVAL)
-    arrivals["key"] = [frame_key(each.frame_id, each.is_extended, each.bus) for each in watched]
+    arrivals["key"] = [each.key for each in watched]
     polled = np.zeros(buses, POLLFD)
     polled["events"] = POLLIN
     memory = np.zeros(1, PUMP)

@@ -1,11 +1,12 @@
 """All watches of a core together, live or over a log: its inputs and their units, other senders, its state."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.bus.database.e2e import E2EState
 from observer_rt.bus.links.link import Frame
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.input_tables import ROLES
@@ -105,6 +106,32 @@ class SenderWatch:
         return [Notice(Topic.SENDER, text)]
 
 
+class ProtectionWatch:
+    """Tells whose end-to-end protection is INVALID, so that none of its values are taken."""
+
+    def __init__(self, bus: BusMap, arrivals: Arrivals) -> None:
+        keys = bus.inputs.messages["key"].tolist()
+        self._numbers = {source: keys.index(source.layout.key) for source in arrivals.sources}
+        self.told: set[WatchedMessage] = set()
+        """Whose protection is INVALID, and was told."""
+
+    def look(self, states: Sequence[int]) -> Iterator[Notice]:
+        """News; states: `E2EState` of every input message."""
+        for source, number in self._numbers.items():
+            is_invalid = states[number] == E2EState.INVALID
+            if is_invalid == (source in self.told):
+                continue
+            self.told ^= {source}
+            said = "its end-to-end protection is INVALID, its values are not taken"
+            remedy = "another sender? a disturbed bus? E2EProfile and data id of the database? limits: [e2e]"
+            if is_invalid:
+                yield Notice(Topic.INPUT, f"{source.text}: {said}\n  remedy: {remedy}")
+            else:
+                yield Notice(
+                    Topic.INPUT, f"{source.text}: its end-to-end protection is VALID again", is_over=True
+                )
+
+
 PERIOD = 100_000_000  # ns between two looks
 MOST_SAMPLES = 1024  # of a look, which the loop waits for
 
@@ -119,6 +146,7 @@ class InputWatch:
         self._values = ValueWatch(bus, configured_noise(fitted))
         self._units = UnitWatch(self.arrivals.sources)
         self._lift = LiftWatch()
+        self._protection = ProtectionWatch(bus, self.arrivals)
         self._senders = SenderWatch(bus, self.arrivals)
         self._seen = 0
         self._frames = 0
@@ -126,7 +154,8 @@ class InputWatch:
     def look(self, now: int) -> list[Notice]:
         """News at a time [ns] of the arrivals' clock; to be called every `PERIOD`."""
         core = self._core
-        told = self._silence.look(now, core.progress)
+        told = [*self._protection.look(core.protection)]
+        told += self._silence.look(now, core.progress, self._protection.told)
         has_frames = core.frames_taken > self._frames
         self._frames = core.frames_taken
         if has_frames and self.arrivals.is_complete and not self.arrivals.stale(now):

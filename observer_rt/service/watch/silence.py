@@ -1,6 +1,6 @@
 """Messages that stay away, cannot be used, or carry values that cannot be right, as news: begun, and over."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,9 +41,12 @@ class SilenceWatch:
         self._back_at = 0  # when the first of these came again
         self._uses = {source: _Use((), 0, 0) for source in arrivals.sources if source.streams}
 
-    def look(self, now: int, progress: list[int]) -> list[Notice]:
-        """News at a time [ns]; progress: the sample index every stream got to, as `alignment.memory.progress`."""
-        found = [*self._back(now), *self._silences(now), *self._useless(now, progress)]
+    def look(self, now: int, progress: list[int], refused: Collection[WatchedMessage] = ()) -> list[Notice]:
+        """News at a time [ns]; progress: the sample index every stream got to, as `alignment.memory.progress`.
+
+        refused: messages of which it is known why their frames cannot be used.
+        """
+        found = [*self._back(now), *self._silences(now), *self._useless(now, progress, refused)]
         return [Notice(Topic.INPUT, text, is_over) for text, is_over in found]
 
     def _silences(self, now: int) -> Iterator[tuple[str, bool]]:
@@ -92,11 +95,13 @@ class SilenceWatch:
                 self._together.discard(source)
                 self._back_at = self._back_at or now
 
-    def _useless(self, now: int, progress: list[int]) -> Iterator[tuple[str, bool]]:
+    def _useless(
+        self, now: int, progress: list[int], refused: Collection[WatchedMessage]
+    ) -> Iterator[tuple[str, bool]]:
         for source, use in self._uses.items():
             got = tuple(progress[stream] for stream in source.streams)
             frames = self._arrivals.heard_of(source).frames
-            if got != use.progress or frames == use.frames:
+            if got != use.progress or frames == use.frames or source in refused:
                 if use.is_told and got != use.progress:
                     yield f"{source.text}: its frames can be used again", True
                 self._uses[source] = _Use(got, frames, now, use.is_told and got == use.progress)

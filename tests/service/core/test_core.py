@@ -11,7 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from observer_rt.bus.database.e2e import E2EState
 from observer_rt.config.bench import load_bench
+from observer_rt.config.injector import E2EConfig
 from observer_rt.estimation.scalars import NOZZLE
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.observer.stream.state import Reason, State
@@ -275,6 +277,42 @@ def test_reordered_frame_is_dropped(clean: Traffic) -> None:
     without = clean.without(LOST)
     assert result.frames == without.frames
     assert result.core.counters.old_frames == 1
+
+
+def test_an_input_whose_protection_is_invalid_is_not_taken_until_it_is_valid_again(clean: Traffic) -> None:
+    """Of 20 frames every third is right: without the state machine these would be taken."""
+    first = len(clean.frames) // 2
+    frames = list(clean.frames)
+    for n in range(first, first + 20):
+        if n % 3:
+            frames[n] = damaged(frames[n], 40)
+    core = core_of(clean.bench)
+    hand(core, frames[: first + 20])
+    assert core.protection == [E2EState.INVALID]
+    assert core.state == (State.DEGRADED, Reason.INPUT_PROTECTION)
+    refused = core.counters.refused_frames
+    assert refused > 0
+    hand(core, frames[first + 20 : first + 40])
+    assert core.protection == [E2EState.VALID]
+    assert core.state[1] is not Reason.INPUT_PROTECTION
+    assert refused < core.counters.refused_frames < refused + 10
+    assert core.counters.lost_samples == 9 * (core.counters.crc_errors + core.counters.refused_frames)
+
+
+def test_the_window_of_the_bench_file_counts(clean: Traffic) -> None:
+    limits = E2EConfig(
+        window=3, valid_max_errors=0, init_max_errors=0, invalid_max_errors=0, invalid_min_ok=3
+    )
+    core = core_of(load_bench(clean.bench).with_sections(e2e=limits))
+    frames = list(clean.frames[:30])
+    frames[20] = damaged(frames[20], 40)
+    hand(core, frames[:20])
+    assert core.protection == [E2EState.VALID]
+    hand(core, frames[20:23])
+    assert core.protection == [E2EState.INVALID]
+    hand(core, frames[23:24])
+    assert core.protection == [E2EState.VALID]
+    assert core.counters.refused_frames == 2
 
 
 def test_frame_of_another_message_of_ours_is_refused_by_its_data_id(clean: Traffic) -> None:

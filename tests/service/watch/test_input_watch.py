@@ -17,7 +17,7 @@ from observer_rt.service.reports.news import Notice
 from observer_rt.service.watch.arrivals import SECOND, Arrivals
 from observer_rt.service.watch.input_watch import PERIOD, InputWatch, LiftWatch, RestartWatch
 from tests.benches import SAMPLE_RATE, block_bench
-from tests.device import frames_of, later, worn_recording
+from tests.device import damaged, frames_of, later, worn_recording
 
 LIFT = "NeedleLiftBlock 0x111 (needle_lift)"
 RAIL = "RailPressureBlock 0x110 (rail_pressure)"
@@ -187,6 +187,18 @@ def test_a_pressure_in_another_unit_is_named_as_it_is_in_files(
     (named,) = (text for text in told if likely in text)
     assert named.startswith(f"{LINE}: line_pressure ")
     assert problem in named
+
+
+def test_an_input_with_an_invalid_protection_is_named_until_it_is_valid_again(watched: Watched) -> None:
+    of_lift = [n for n, frame in enumerate(watched.frames) if frame.frame_id == LIFT_ID]
+    frames = list(watched.frames)
+    for n in of_lift[1000:6000]:
+        frames[n] = damaged(frames[n], 40)
+    told = watched.tells(frames)
+    assert [text.split("\n")[0] for text in told] == [
+        f"{LIFT}: its end-to-end protection is INVALID, its values are not taken",
+        f"{LIFT}: its end-to-end protection is VALID again",
+    ]
 
 
 FINE = LiftFigures(at_stop=0.3e-3, stop=0.3e-3)

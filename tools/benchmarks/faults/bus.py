@@ -134,7 +134,7 @@ def _rewritten(frame: Sent, bus: BusMap, moved: int = 0, counter: int | None = N
     index = (index_of(frame.payload) + moved) & 0xFFFFFFFF
     payload[_INDEX_AT : _INDEX_AT + 4] = np.frombuffer(struct.pack("<I", index), np.uint8)
     said = int(payload[_COUNTER_AT]) if counter is None else counter
-    protect(payload, layout.length, layout.e2e_profile, layout.e2e_data_id, said)
+    protect(payload, layout.length, layout.protection, said)
     return replace(frame, payload=payload.tobytes(), moved=frame.moved + moved)
 
 

@@ -129,7 +129,15 @@ def check_folder(option: str, folder: Path) -> None:
         ) from None
 
 
-class StopRequest(threading.Event):
+class SignalledEvent(threading.Event):
+    """An event that a signal's handler may set in the midst of a wait for it: its lock is re-entrant."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._cond = threading.Condition(threading.RLock())
+
+
+class StopRequest(SignalledEvent):
     """Set by the first signal that ends a command; the next one interrupts it.
 
     reload: set by SIGHUP where it has files read again.

@@ -22,7 +22,7 @@ from observer_rt.config.bench import Bench, changes, content_of
 from observer_rt.config.bench_file import NAME_PLACE
 from observer_rt.foundation.compilation import compiled_code
 from observer_rt.foundation.compiling import tell_compiling
-from observer_rt.foundation.console import StopRequest, check_destination, stop_on_signals
+from observer_rt.foundation.console import SignalledEvent, StopRequest, check_destination, stop_on_signals
 from observer_rt.foundation.errors import ObserverError, UserError
 from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.units import MICROSECOND
@@ -302,7 +302,7 @@ def reloading(
 
     At SIGHUP the bench file is read, asked what `check` asks, and made ready beside them; they end between events.
     """
-    ended, successors, content = Event(), list[Bench](), content_of(bench)
+    ended, successors, content = SignalledEvent(), list[Bench](), content_of(bench)
 
     def take_over() -> None:
         after = serving.read_again()

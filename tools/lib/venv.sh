@@ -3,6 +3,7 @@
 
 repository=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 venv=$repository/.venv
+resolution=newest # or lowest: the oldest versions that pyproject.toml allows, for an environment of their own
 needed_python='import sys; sys.exit(sys.version_info < (3, 11))'
 
 # Mends a bare Debian or Ubuntu in one go; tools/vcan needs iproute2.
@@ -84,11 +85,14 @@ installed_state() { # what the stamp says when nothing needs to be done
 }
 
 install_package() { # extras ("" or "[dev]")
-    local log
+    local log installer=("$venv/bin/python" -m pip install --disable-pip-version-check --no-input)
     log=$(mktemp)
+    if [ "$resolution" = lowest ]; then # pip knows the newest versions only
+        "${installer[@]}" -q uv
+        installer=("$venv/bin/uv" pip install --python "$venv/bin/python" --resolution lowest-direct)
+    fi
     say "installing observer-rt$1 and what it needs into $venv:"
-    if PYTHONUNBUFFERED=1 "$venv/bin/python" -m pip install --disable-pip-version-check --no-input \
-        -e "$repository$1" </dev/null 2>&1 | tee "$log" | awk '/^ *Collecting / { printf " %s", $2; fflush() }' >&2; then
+    if PYTHONUNBUFFERED=1 "${installer[@]}" -e "$repository$1" </dev/null 2>&1 | tee "$log" | awk '/^ *Collecting / { printf " %s", $2; fflush() }' >&2; then
         printf '\n' >&2
         rm -f "$log"
     else

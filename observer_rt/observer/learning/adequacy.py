@@ -34,7 +34,9 @@ RELEVANT_LOUDNESS = 2.0  # where it does not: what is white there is noise that 
 TEMPER_ABOVE = 1.6
 TEMPER_SIGNIFICANT = 2.5
 POOLING = 0.85  # weight of the statistics before this event
-REMEMBERED = 6.0  # standard deviations up to which they count, so that a passing trouble is soon over
+REMEMBERED = (
+    5.0  # standard deviations up to which they count, so that a passing trouble is over with the next event
+)
 # Pa, between line and rail pressure: more may be a gain of the sensor, which is an error of the mass
 LARGEST_OFFSET = 1.5e6
 LEAST_SCALE = 0.03  # of the logarithm of 1 + r

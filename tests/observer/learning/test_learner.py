@@ -297,7 +297,7 @@ def test_standstill_that_contradicts_the_model_freezes_learning() -> None:
                 outcome.objections
             )  # nothing is valid while frozen, the good events before the release included
     assert adoptions[:3] == [Adoption.ADOPTED, Adoption.FROZEN, Adoption.FROZEN]
-    assert adoptions[5] is Adoption.FROZEN  # fewer than three good events since
+    assert adoptions[4] is Adoption.FROZEN  # fewer than three good events since
     assert Adoption.FROZEN not in adoptions[-2:]
     assert wear_of(carried) == pytest.approx(0.3, abs=0.02)
 

@@ -148,7 +148,7 @@ def _protection(fitted: BenchInjector, bus: BusMap) -> Iterator[Said]:
         errors = f"more than {limits.valid_max_errors} wrong of {limits.window} frames"
         yield f"{named}; INVALID, and not taken, after {errors}"
     if bare:
-        yield f"not protected: {', '.join(bare)}; a damaged frame cannot be told from a good one"
+        yield f"not protected: {', '.join(bare)}; a damaged frame cannot be distinguished from a good one"
 
 
 def _mapping(fitted: BenchInjector, bus: BusMap, role: Role) -> Finding:

@@ -14,7 +14,7 @@ from observer_rt.model.terms.term import Term, TermEquation
             "nozzle_flow",
             "c*((1 + tanh((time_since_opening/1 - 0.605)/0.008))/2)",
             -0.2126,
-            "the nozzle lost 21.3 % of its flow from a time since the opening of 0.605 ms on",
+            "the nozzle lost 21.3 % of its flow from 0.605 ms after the opening on",
         ),
         (
             "stiffness",

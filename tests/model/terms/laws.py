@@ -71,9 +71,9 @@ def sampled(interval_ms: float) -> Memory:
         times = interval_ms * np.arange(values.size)
         if isinstance(law, Lagged):
             system, held = ([1.0], [law.milliseconds, 1.0]), np.append(before[1:], 0.0)
-            return values[0] + lsim(system, held, times, interp=False)[1]
+            return np.asarray(values[0] + lsim(system, held, times, interp=False)[1])
         turn = 2.0 * np.pi * law.kilohertz
         system = ([turn**2], [1.0, 2.0 * law.damping * turn, turn**2])
-        return lsim(system, before, times)[1] - before
+        return np.asarray(lsim(system, before, times)[1] - before)
 
     return remembered

@@ -334,7 +334,7 @@ def _plain_words(term: Term) -> str:
         return ""
     numbers = list(found.groups())
     if words is _RINGS:
-        return words.format(*numbers)
+        return words.format(*(f"{float(number):.3g}" for number in numbers))
     if numbers and numbers[0] in _AXIS_OF:
         axis = _AXIS_OF[numbers[0]]
         value = f"{axis.offset + axis.scale * float(numbers[1]):.3g}"

@@ -35,6 +35,12 @@ from observer_rt.model.terms.term import Term, TermEquation
             "the rail pressure were 0.4 MPa lower than measured and back, a wave of 2791.05 Hz",
         ),
         (
+            "line_pressure_sensor",
+            "c*ringing(line_pressure/1, 7.39, 0.1476)",
+            1.011,
+            "a tube before the line-pressure sensor rang at 7.39 kHz with a damping of 0.148",
+        ),
+        (
             "line_pressure",
             "c*closed",
             1.5,

@@ -82,7 +82,8 @@ def term_domain(parameters: InjectorParameters) -> TermDomain:
     """Where terms of an injector must be sound."""
     line = parameters.line
     friction = line.loss_factor * parameters.fluid.density_line / line.area**2  # Pa/(m3/s)^2
-    return TermDomain(parameters.seat.max_lift / MILLIMETRE, friction * MM3_PER_MS**2 / MEGAPASCAL)
+    friction *= MM3_PER_MS**2 / MEGAPASCAL
+    return TermDomain(parameters.seat.max_lift / MILLIMETRE, friction, line.model != "lump")
 
 
 def check_terms(place: str, parameters: InjectorParameters) -> None:

@@ -21,6 +21,8 @@ from observer_rt.model.forcing import (
     borrowed_forcing,
     forcing_of,
     rate_after,
+    shown_under_terms,
+    trusted_under_terms,
     under_terms,
 )
 from observer_rt.model.hydraulics import empty_sac
@@ -147,7 +149,7 @@ def predict(
     lag: float,
     gradient: Any,
 ) -> tuple[float, float]:
-    """x (n,) one sample on, in place; what the sensor indicates then, and what is recorded of it.
+    """x (n,) one sample on, in place; what the sensor indicates then, and what is recorded of it without terms.
 
     gradient: `Gradient` to be moved with it, None for none.
     """
@@ -165,7 +167,7 @@ def predict(
         moved = lagged(indicated, before, x[0], interval.length, lag)
         slopes = lagged_slopes(indicated, before, x[0], interval.length, lag)
         _predict_gradient(gradient, slopes, late, interval.length, lag, moved - indicated, c.line)
-    return moved, _shown(indicated, moved, x[-1], interval.length, lag, late, c.line) + forced.shown
+    return moved, _shown(indicated, moved, x[-1], interval.length, lag, late, c.line)
 
 
 def _shown(
@@ -302,6 +304,7 @@ def _follow(
     for k in range(1, output.shape[0]):
         forced = forced_before(window, setting, learned, x, k, forcing)
         indicated, shown = predict(x, indicated, forced, setting.late, lag, gradient)
+        shown = shown_under_terms(shown, forced, forcing)
         if rate.shape[0] > 0:
             rate[k] = rate_after(x, forced)
         is_measured = not is_masked(window, k)
@@ -309,7 +312,8 @@ def _follow(
         if gradient is not None:
             _keep_slopes(gradient.error, is_measured, slopes, k)
         if k < corrected and is_measured:
-            indicated = correct(x, indicated, errors[k], setting.gain, gradient)
+            trusted = trusted_under_terms(errors[k], setting.interval, forcing)
+            indicated = correct(x, indicated, trusted, setting.gain, gradient)
         if window.resting[k]:
             empty_sac(x, None if gradient is None else gradient.tangent)
     return state

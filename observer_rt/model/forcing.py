@@ -1,7 +1,8 @@
 """Evaluates the terms in force once a sample, and holds what they change over the interval. Compiled.
 
-A term is a law of the state at the interval's start and of the inputs in its middle (`model.terms`). What it changes
-is what a model has anyway: coefficients of the line, the network's constants, the inputs.
+A term is a law of the state at the start of an interval and of the inputs in its middle (`model.terms`), one of the
+sensor of the pressure at its end. What it changes is what a model has anyway: coefficients of the line, the constants
+of the network, the inputs.
 """
 
 import math
@@ -20,7 +21,7 @@ from observer_rt.model.hydraulics import Seat, normalised_area
 from observer_rt.model.integrator import Interval
 from observer_rt.model.network import Network
 from observer_rt.model.right_hand_side import changed_flows, injection_rate, is_at_rest
-from observer_rt.model.terms.program import run_program
+from observer_rt.model.terms.program import fresh_memory, run_program, sensor_rows, without_ringing
 from observer_rt.model.terms.term import TermEquation
 from observer_rt.model.terms.variable import Variable
 
@@ -42,7 +43,7 @@ class Forcing(NamedTuple):
     """A program of terms, and what is remembered from sample to sample; the rest is scratch."""
 
     program: NDArray[np.float64]  # (n, 2)
-    memory: NDArray[np.float64]  # lags and a stack; a row of the program needs one place at most
+    memory: NDArray[np.float64]  # of `fresh_memory`
     past: NDArray[np.float64]  # (5,): time, openings, time since, lift, p_L
     variables: NDArray[np.float64]
     totals: NDArray[np.float64]  # by `TermEquation`, in its units
@@ -53,6 +54,7 @@ class Forcing(NamedTuple):
 
 _VARIABLES, _TOTALS = len(Variable), len(TermEquation)
 _RATES = int(Variable.LIFT_RATE)  # and the two after it
+_LINE_PRESSURE, _SENSOR = int(Variable.LINE_PRESSURE), TermEquation.LINE_PRESSURE_SENSOR.number
 _TIME, _INJECTIONS, _SINCE, _LIFT, _PRESSURE = range(5)  # of `Forcing.past`: s, -, ms, mm, MPa
 
 
@@ -63,7 +65,7 @@ def forcing_of(program: NDArray[np.float64], clock: Clock, of_line: int) -> Forc
     past[_TIME], past[_INJECTIONS], past[_PRESSURE] = clock.time, clock.injections, math.nan
     return Forcing(
         program,
-        np.full(program.shape[0], math.nan),
+        fresh_memory(program),
         past,
         np.zeros(_VARIABLES),
         np.zeros(_TOTALS),
@@ -89,13 +91,12 @@ def borrowed_forcing(forcing: Forcing) -> Forcing:
 
 
 class Forced(NamedTuple):
-    """A sample interval under terms: inputs, model and network; shown: added to what is recorded, in units of p_0."""
+    """A sample interval under terms: inputs, model and network."""
 
     interval: Interval
     knot: tuple[float, float]
     coefficients: Coefficients
     network: Network
-    shown: float
 
 
 @inlined
@@ -109,7 +110,7 @@ def under_terms(
 ) -> Forced:
     """The interval from a state x (n,) on as the terms in force change it; as it is where there are none."""
     if forcing.program.shape[0] == 0:
-        return Forced(interval, knot, c, network, 0.0)
+        return Forced(interval, knot, c, network)
     changed: Forced = _forced(x, interval, knot, c, network, forcing)
     return changed
 
@@ -131,11 +132,9 @@ def _forced(
     forcing: Forcing,
 ) -> Forced:
     _observe(x, interval, c, network, forcing)
-    run_program(
-        forcing.program, forcing.variables, forcing.memory, interval.length / MILLISECOND, forcing.totals
-    )
+    _run(forcing, 0, sensor_rows(forcing.program), interval.length)
     totals = to_fixed_tuple(forcing.totals, _TOTALS)  # in the order of `TermEquation`
-    loss, outflow, seat, nozzle, stiffness, inertance, chamber, sensor, lift, rail = totals
+    loss, outflow, seat, nozzle, stiffness, inertance, chamber, _, lift, rail = totals
     pressure, flow = MEGAPASCAL / c.pressure_scale, MM3_PER_MS / c.flow_scale
     forcing.bias[0] = network.bias[0] + nozzle
     forcing.bias[1] = network.bias[1] + seat
@@ -164,8 +163,41 @@ def _forced(
             c.compression,
         ),
         Network(network.hidden, network.output, forcing.bias, forcing.back_pressure),
-        sensor * pressure,
     )
+
+
+@inner
+def _run(forcing: Forcing, first: int, end: int, duration: float) -> None:
+    """The rows of the program from one up to another, over a time [s]."""
+    rows, milliseconds = (first, end), duration / MILLISECOND
+    run_program(forcing.program, rows, forcing.variables, forcing.memory, milliseconds, forcing.totals)
+
+
+@inner_separate
+def shown_under_terms(shown: float, forced: Forced, forcing: Forcing) -> float:
+    """What is recorded at the end of an interval of a line pressure that the sensor would show, in units of p_0.
+
+    Terms of the sensor see that pressure: for what rings it must not be late.
+    """
+    first, end = sensor_rows(forcing.program), forcing.program.shape[0]
+    if first == end:
+        return shown
+    c, duration, variables = forced.coefficients, forced.interval.length, forcing.variables
+    line_pressure = (shown * c.pressure_scale + c.chamber_pressure) / MEGAPASCAL
+    variables[_LINE_PRESSURE] = line_pressure
+    if duration > 0.0:
+        variables[_RATES + 2] = (line_pressure - forcing.past[_PRESSURE]) * MILLISECOND / duration
+    _run(forcing, first, end, duration)
+    return float(shown + forcing.totals[_SENSOR] * MEGAPASCAL / c.pressure_scale)
+
+
+@inner_separate
+def trusted_under_terms(innovation: float, interval: float, forcing: Forcing) -> float:
+    """An innovation as the state is corrected by it, an interval [s] after the last: without what the sensor rings.
+
+    With it the gain would feed the resonance.
+    """
+    return float(without_ringing(forcing.program, forcing.memory, innovation, interval / MILLISECOND))
 
 
 @inner

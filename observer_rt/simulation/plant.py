@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from observer_rt.foundation.compiled import compiled, inner
 from observer_rt.model.effective import Coefficients, EffectiveModel, SensorTerms
-from observer_rt.model.forcing import Clock, Forcing, forcing_of, rate_after, under_terms
+from observer_rt.model.forcing import Clock, Forcing, forcing_of, rate_after, shown_under_terms, under_terms
 from observer_rt.model.hydraulics import normalised_area
 from observer_rt.model.integrator import Interval, fine_step
 from observer_rt.model.line.interface import rest_line
@@ -173,7 +173,7 @@ def _run(
         now = under_terms(x, Interval(u, u, 0.0, 1), (0.0, u[1]), c, network, forcing)
         rate[n] = rate_after(x, now)
         if n + 1 == time.size:
-            recorded[due:] = indicated + now.shown
+            recorded[due:] = shown_under_terms(indicated, now, forcing)
             break
         step = (time[n + 1] - time[n]) / steps
         for i in range(steps):
@@ -191,10 +191,11 @@ def _run(
             middle = (u_middle[0] + end_u[0] - u_end[0], forced.knot[1])
             fine_step(x, start_u, middle, end_u, step, forced.coefficients, forced.network)
             indicated = lagged(shown, before, x[0], step, sensor.lag)
+            added = shown_under_terms(indicated, forced, forcing) - indicated
             end = time[n] + (i + 1) * step if i + 1 < steps else time[n + 1]
             while due < time.size and time[due] - sensor.delay < end:
                 share = max(time[due] - sensor.delay - start, 0.0) / step
-                recorded[due] = shown + share * (indicated - shown) + forced.shown
+                recorded[due] = shown + share * (indicated - shown) + added
                 due += 1
             u = u_end
     return number, indicated, due

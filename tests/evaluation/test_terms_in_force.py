@@ -22,6 +22,11 @@ equation = "line_flow"
 law = "c * line_flow"
 coefficient = { value = 0.04, unit = "MPa*ms/mm3" }
 """
+RINGING = """
+[[terms]]
+equation = "line_pressure_sensor"
+law = "ringing(line_pressure, 7.5, 0.15)"
+"""
 SHARE_MISSING = 0.2  # of the nozzle flow, from the second injection on
 
 
@@ -32,9 +37,9 @@ def injector(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("line", ["lump", "wave"])
-def test_the_rate_is_that_of_the_plant(injector: Path, line: str) -> None:
-    text = injector.read_text()
+@pytest.mark.parametrize(("line", "further"), [("lump", ""), ("lump", RINGING), ("wave", "")])
+def test_the_rate_is_that_of_the_plant(injector: Path, line: str, further: str) -> None:
+    text = injector.read_text() + further
     injector.write_text(text.replace('# model = "lump"', f'model = "{line}"  #'))
     bench = load_bench(model=injector)
     made = simulate(load_injector(injector), make_schedule([140e6], 3, 0.06, [1.1e-3]), 100e3)

@@ -26,6 +26,7 @@ TERMS = (
     ("stiffness", "0.1*(line_pressure - 100)/100"),
     ("inertance", "0.1"),
     ("line_pressure_sensor", "2*((line_pressure - 100)/100)^2"),
+    ("line_pressure_sensor", "ringing(line_pressure, 7.5, 0.2)"),
     ("chamber_pressure", "10*needle_lift/max_lift"),
     ("rail_pressure", "open"),
     ("needle_lift", "-0.05*(needle_lift/max_lift)^2"),
@@ -50,6 +51,8 @@ def line(request: pytest.FixtureRequest) -> Line:
 
 @pytest.mark.parametrize(("equation", "law"), TERMS)
 def test_a_term_of_the_plant_explains_its_recording(line: Line, equation: str, law: str) -> None:
+    if "ringing" in law and line.injector.line.model == "wave":
+        pytest.skip("refused: the observer would feed it")
     term = Term(TermEquation(equation), parse(law))
     evidence = _evidence(line.injector, SizedEffect(effect_of(term), ()))
     nominal = effective_model(line.injector)

@@ -13,6 +13,7 @@ from rich.console import Console
 from observer_rt.config.bench import load_injector
 from observer_rt.discovery.search.result import Proposal
 from observer_rt.discovery.search.search import representatives
+from observer_rt.estimation.phases import Phase
 from observer_rt.evidence.measurement import measurements
 from observer_rt.model.effects import VOCABULARY, effective_model, sized
 from observer_rt.recording.formats import read_recording
@@ -33,7 +34,7 @@ from tools.benchmarks.discovery.outside.run import run_outside, shown
 from tools.benchmarks.discovery.outside.tables import case_lines, json_document
 
 LEAK = ProposedTerm("line_pressure", "sqrt(line_pressure - chamber_pressure)*closed", 2.0)
-GOOD = Proposed((LEAK,), (), True, Misfit(0.1, 0.2))
+GOOD = Proposed((LEAK,), (), True, Misfit(0.1, 0.2), "after")
 CASE = OutsideCase("0", Asked.OUTSIDE, "root_leakage", (2e-10,), True, None, 1)
 ANSWER = OutsideAnswer(
     "0", "unknown", 0.98, (), (), "line_pressure", (GOOD,), Misfit(1.0, 2.0), Misfit(1.0, 2.0), 9.0, 7.0
@@ -65,6 +66,17 @@ SEAT = replace(GOOD, terms=(replace(LEAK, equation="needle_lift"),))
 NAMED = asked(Asked.NAMED, "seat_area", verdict="named", claims=("seat_area",))
 LEFT_OUT = asked(Asked.LEFT_OUT, "seat_area", SEAT, verdict="unknown", claims=())
 HEALTHY = asked(Asked.HEALTHY, "healthy", verdict="none", claims=())
+
+
+def test_a_phase_is_right_where_the_law_acts() -> None:
+    elsewhere = proposing(RIGHT, replace(GOOD, phase="open"))
+    everywhere = replace(RIGHT, case=replace(CASE, name="laminar_friction"))
+    assert [one.right_phase for one in (RIGHT, elsewhere, everywhere, proposing(RIGHT))] == [
+        True,
+        False,
+        None,
+        None,
+    ]
 
 
 def test_a_proposal_is_right_where_the_true_law_is_or_cannot_be_told_from_it() -> None:
@@ -182,13 +194,14 @@ def test_a_proposal_is_taken_as_plain_values_and_its_model_meets_the_plant(tmp_p
         terms = (SimpleNamespace(equation="nozzle_flow", law="1", coefficient=0.1),)
         may_enter = True
         effects = ("line_friction",)
+        phase = Phase.OPEN
 
         def model(self, nominal: object) -> object:
             return effective_model(load_injector(), (sized("orifice_area", v_H=0.1),))
 
     (proposed,) = taken([cast(Proposal, Offered())], nominal, further)
     assert proposed.terms == (ProposedTerm("nozzle_flow", "1", 0.1),)
-    assert proposed.effects == ("line_friction",)
+    assert (proposed.effects, proposed.phase) == (("line_friction",), "open")
     assert proposed.misfit.pressure_mpa < 0.05
     assert proposed.misfit.mass_mg < 0.1
     before = misfit(nominal, further)

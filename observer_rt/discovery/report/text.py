@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping, Sequence
 
 from observer_rt.discovery.findings import Caveat, Findings, gap_share
-from observer_rt.discovery.search.curves import AXES
+from observer_rt.discovery.search.curves import AXES, SINCE
 from observer_rt.discovery.search.result import (
     Candidate,
     Discovery,
@@ -159,7 +159,9 @@ def standing_words(one: Proposal) -> str:
     moved = f"injected mass {one.moves.mass / MILLIGRAM:+.2g} mg"
     fit = "explains all" if one.adequate else "does not explain all: no model may have it"
     if one.adequate and not one.may_enter:
-        fit += ", but no model may have it: " + ("too many terms" if one.sound else "not sound everywhere")
+        fit += ", but no model may have it: " + (
+            "too many terms, or free laws in several equations" if one.sound else "not sound everywhere"
+        )
     alike = dict.fromkeys(other for term in one.terms for other in term.equation.alike)
     hardly = f"line pressure alone hardly tells it from a law of {' or '.join(alike)}" if alike else ""
     return "; ".join(filter(None, (fit, apart, moved, hardly)))
@@ -212,8 +214,11 @@ def where_words(found: Discovery) -> str:
     place = found.unexplained
     if place is None:
         return ""
+    best = found.proposals[0] if found.proposals and found.proposals[0].adequate else None
+    plain = [_plain_words(term) for term in best.terms] if best is not None and not best.effects else []
     equation = place.equation.value.replace("_", " ")
-    return f"; it shows most {PHASE_WORDS[place.phase]}, as if the {equation} equation were wrong"
+    what = " and ".join(plain) if plain and all(plain) else f"the {equation} equation were wrong"
+    return f"; it shows most {PHASE_WORDS[place.phase]}, as if {what}"
 
 
 def candidate_words(candidate: Candidate) -> str:
@@ -284,6 +289,7 @@ _AS_IF: Mapping[TermEquation, tuple[str, str, str]] = {
     ),
 }  # fmt: skip
 """By equation: of any law, and of a simple one with a negative coefficient and a positive one."""
+_RINGS = "a tube before the line-pressure sensor rang at {0} kHz with a damping of {1}"
 _AXIS_OF = {str(parse(axis.over)): axis for axis in AXES}
 _NUMBER = r"(-?[\d.]+(?:e[-+]?\d+)?)"
 _OVER = "(" + "|".join(map(re.escape, _AXIS_OF)) + ")"
@@ -302,6 +308,7 @@ _WORDS = tuple(
         rf"injection_number > {_NUMBER}": "from the injection after number {0} on",
         rf"\(?injection_number - 1\)? / {_NUMBER}": "in the end, growing from injection to injection",
         rf"time / {_NUMBER}": "in the end, growing for {0} s",
+        rf"ringing\(line_pressure / 1, {_NUMBER}, {_NUMBER}\)": _RINGS,
         "open": "while the needle is open",
         "closed": "while the needle is shut",
         "opening": "while the needle opens",
@@ -317,7 +324,7 @@ def as_if(term: Term, sized: str) -> str:
 
 
 def _plain_words(term: Term) -> str:
-    """Such as `the nozzle lost 21 % of its flow from a time since the opening of 0.605 ms on`.
+    """Such as `the nozzle lost 21 % of its flow from 0.605 ms after the opening on`.
 
     Empty where the law is not so simple.
     """
@@ -326,10 +333,13 @@ def _plain_words(term: Term) -> str:
     if found is None:
         return ""
     numbers = list(found.groups())
+    if words is _RINGS:
+        return words.format(*(f"{float(number):.3g}" for number in numbers))
     if numbers and numbers[0] in _AXIS_OF:
         axis = _AXIS_OF[numbers[0]]
         value = f"{axis.offset + axis.scale * float(numbers[1]):.3g}"
-        numbers = [f"a {axis.words} of {value}{'' if axis.unit == '-' else f' {axis.unit}'}"]
+        named = f"a {axis.words} of {value}{'' if axis.unit == '-' else f' {axis.unit}'}"
+        numbers = [f"{value} ms after the opening" if axis is SINCE else named]
     size = abs(term.coefficient)
     unit = str(term.equation.unit)
     amount = f"{100.0 * size:.3g} %" if term.equation.is_share else f"{size:.3g} {sign(unit)}"

@@ -54,7 +54,9 @@ class Axis:
             Form("max(A - u, 0)", (places[1:-1],)),
             Form("(1 + tanh((u - A)/W))/2", (places[1:-1], widths[:3])),
             Form("tanh((u - A)/W)", (places[:-1], widths[1:3])),
-            Form("exp(-((u - A)/W)^2)", (places, widths[1:])),
+            *(
+                [] if self is PRESSURE else [Form("exp(-((u - A)/W)^2)", (places, widths[1:]))]
+            ),  # few are tried
             *(Form(law) for law in ("1", "u", "u*abs(u)", "u^3")),
             *([RINGING] if self is SINCE else []),
         )

@@ -74,7 +74,7 @@ def _axis_of(law: Law, reach: tuple[float, float]) -> tuple[Axis, list[Variable]
     )
     words = {variable.word for variable in law.variables if variable not in gates}
     fitting = (axis for axis in axes if words and words <= set(axis.of) and len(axis.knots) > 1)
-    axis = None if law.has_lag or _swings(law) else next(fitting, None)
+    axis = None if law.remembers or _swings(law) else next(fitting, None)
     return None if axis is None else (axis, gates)
 
 

@@ -15,7 +15,7 @@ from observer_rt.evidence.bounded_fit import MAX_ITERATIONS, Minimum, Range, Res
 from observer_rt.evidence.likelihood import Evidence, Signal
 from observer_rt.model.effect import Effect, EffectParameter, Equation
 from observer_rt.model.effective import EffectiveModel
-from observer_rt.model.term_effect import is_term, term_of
+from observer_rt.model.term_effect import TermLaw, is_term, term_of
 from observer_rt.model.terms.term import Term
 
 DEAD_SHARE = 0.75  # of the dead zone: estimates of an effect just beyond it scatter
@@ -331,8 +331,14 @@ class Proposal:
 
     @property
     def may_enter(self) -> bool:
-        """Whether a model may be given it: it explains all, with few terms, and its laws are sound everywhere."""
-        return self.adequate and self.sound and len(self.found.sizes) <= MOST_ENTERING
+        """Whether a model may be given it: it explains all, with few terms, and its laws are sound everywhere.
+
+        What blames several equations must do it without numbers within its laws: with them it would fit anything.
+        """
+        effects = self.found.hypothesis.effects
+        laws = [effect.apply for effect in effects if isinstance(effect.apply, TermLaw)]
+        plain = len({effect.place for effect in effects}) < 2 or not any(law.numbers for law in laws)
+        return self.adequate and self.sound and plain and len(effects) <= MOST_ENTERING
 
     def model(self, nominal: EffectiveModel) -> EffectiveModel:
         """The model with it."""

@@ -54,6 +54,7 @@ _SHORT = {  # T and N: time and injection number, from 0 to 1 over the recording
     "D": "((line_pressure - chamber_pressure)/100)",
 }
 SHAPED: Mapping[str, tuple[float, ...]] = {
+    "ringing(line_pressure/1, A, W)": (5.0, 6.2, 7.6, 9.4),
     "X - lagged(X, A)": (0.02, 0.05, 0.1, 0.2),
     "Q - lagged(Q, A)": (0.02, 0.05, 0.1, 0.3),
     "P - lagged(P, A)": (0.05, 0.2),
@@ -62,10 +63,14 @@ SHAPED: Mapping[str, tuple[float, ...]] = {
     "max(X - A, 0)": (0.5, 0.8),
     "exp(-U/A)": (0.3, 1.0),
     "sqrt(A/(H + A))": (0.01, 0.1),
+    "R^2 - A": (0.5,),
+    "P^2 - A": (0.5,),
     "Q*exp(-U/A)": (1.0,),
     "Q*abs(Q)*exp(-U/A)": (1.0,),
 }
 """Laws with a number A of their own, fitted, too, where they lead, and what it is where it is scored."""
+DAMPING = FormNumber(0.15, 0.02, 0.6)
+"""The number W of a law that rings."""
 _OF_SEAT = (
     "X", "X^2", "exp(-X/A)", "max(X - A, 0)", "X > 0.93",
     "V", "abs(V)", "opening", "closing", "U", "exp(-U/A)", "T", "N", "B", "R", "X - lagged(X, A)",
@@ -80,7 +85,7 @@ LIBRARY: Mapping[TermEquation, tuple[str, ...]] = {
     TermEquation.STIFFNESS: (
         "abs(Q)", "Q", "Q^2", "P", "P^2", "100/(line_pressure + 20)", "T", "N", "X", "U", "exp(-U/A)",
     ),
-    TermEquation.RAIL_PRESSURE: ("R^2", "R^3", "T", "N", "X", "open", "abs(Q)", "rail_pressure_rate"),
+    TermEquation.RAIL_PRESSURE: ("R^2", "R^2 - A", "R^3", "T", "N", "X", "open", "abs(Q)", "rail_pressure_rate"),
     TermEquation.LINE_PRESSURE: (
         "1", "sqrt(D)", "D^2", "D^3", "D*closed", "sqrt(D)*closed", "D*open", "sqrt(D)*open", "X", "V", "abs(V)",
         "T", "N", "D*T", "D*N", "D*B", "X - lagged(X, A)",
@@ -92,8 +97,9 @@ LIBRARY: Mapping[TermEquation, tuple[str, ...]] = {
     TermEquation.CHAMBER_PRESSURE: ("min(X/0.33, 1)", "X", "U", "exp(-U/A)", "nozzle_flow/60", "T", "N", "H"),
     TermEquation.NEEDLE_LIFT: ("X^2", "X^3", "V", "T", "N", "B", "R", "X - lagged(X, A)"),
     TermEquation.LINE_PRESSURE_SENSOR: (
-        "P^2", "P^3", "abs(line_pressure_rate)/50", "line_pressure_rate/50", "T", "N", "X", "V", "R", "Q",
+        "P^2", "P^2 - A", "P^3", "abs(line_pressure_rate)/50", "line_pressure_rate/50", "T", "N", "X", "V", "R", "Q",
         "P - lagged(P, A)", "line_pressure_rate/50 - lagged(line_pressure_rate/50, A)",
+        "ringing(line_pressure/1, A, W)",
     ),
 }  # fmt: skip
 """Laws by equation."""
@@ -120,7 +126,9 @@ def library(span: RecordingSpan) -> Iterator[Effect]:
 
 def numbers_of(law: str) -> list[tuple[FormNumber, ...]]:
     """The numbers within a law of the library, where it is scored."""
-    return [(FormNumber(value, value / WITHIN, value * WITHIN),) for value in SHAPED.get(law, ())] or [()]
+    further = (DAMPING,) if "W" in law else ()
+    shaped = (FormNumber(value, value / WITHIN, value * WITHIN) for value in SHAPED.get(law, ()))
+    return [(value, *further) for value in shaped] or [()]
 
 
 def spelled(law: str, span: RecordingSpan) -> Iterator[str]:

@@ -23,6 +23,7 @@ PRICE = 10.0  # of -2 log L for a term more, which of two near-ties leads
 LEAST_GAIN, LEAST_SHARE = 25.0, 0.05  # of what is left unexplained, that a further term must gain
 KEPT_SHARE = 0.02  # of the same, that a term already taken must be worth
 MOST_TERMS = 3
+SHORTLIST = 40  # candidates of further terms that are linearised again
 STARTS = 2  # first terms from which others are sought, where the best ends inadequate
 SHARPENED = 2  # best fits, in which the numbers within laws are fitted, too
 ITERATIONS = 6  # of a refit
@@ -115,7 +116,8 @@ class Scores:
     """Signatures of candidates in the residuals about a model, and what each alone would gain.
 
     numbers: (m,) of the candidates; information: (m, m); gradient: (m,) half of that of -2 log L, downwards; gains:
-    (m,) of -2 log L, sizes limited by bounds; validated: (m,) the same with every part of the data left out in turn.
+    (m,) of -2 log L, sizes limited by bounds; validated: (m,) the same with every part of the data left out in turn;
+    slopes: (n, m) the signatures.
     """
 
     numbers: NDArray[np.int64]
@@ -123,6 +125,7 @@ class Scores:
     gradient: NDArray[np.float64]
     gains: NDArray[np.float64]
     validated: NDArray[np.float64]
+    slopes: NDArray[np.float32]
 
     def cosine(self, one: int, other: int) -> float:
         """Of the signatures in two rows."""
@@ -138,6 +141,7 @@ class Scores:
             self.gradient[rows],
             self.gains[rows],
             self.validated[rows],
+            self.slopes[:, rows],
         )
 
     def pair_gain(self, one: int, other: int) -> float:
@@ -147,11 +151,12 @@ class Scores:
         return float(gradient @ np.linalg.lstsq(information, gradient, rcond=1e-9)[0])
 
 
-def scores_of(problem: TermProblem, about: TermFit, each: Each) -> Scores:
-    """Scores of all candidates that are not in force, one small coefficient each about a fit."""
+def scores_of(problem: TermProblem, about: TermFit, each: Each, among: Sequence[int] | None = None) -> Scores:
+    """Scores of candidates, of all without `among`, that are not in force, one small coefficient each about a fit."""
     here = about.residuals
-    free = [number for number in range(len(problem.candidates)) if number not in about.chosen]
-    weights = np.sqrt(np.minimum(1.0, HUBER / np.maximum(np.abs(here.z), HUBER)))
+    tried = range(len(problem.candidates)) if among is None else among
+    free = [number for number in tried if number not in about.chosen]
+    weights = _weights(here)
 
     def signature(number: int) -> NDArray[np.float32] | None:
         bounds = problem.candidates[number].range
@@ -169,7 +174,19 @@ def scores_of(problem: TermProblem, about: TermFit, each: Each) -> Scores:
     ]
     numbers = np.array([number for number, _ in found], np.int64)
     slopes = np.column_stack([one for _, one in found]) if found else np.zeros((here.z.size, 0), np.float32)
-    left = np.asarray(weights * here.z, np.float32)
+    return _scored(problem, numbers, slopes, here)
+
+
+def _weights(here: Residuals) -> NDArray[np.float64]:
+    """Roots of what residuals count (n,)."""
+    return np.sqrt(np.minimum(1.0, HUBER / np.maximum(np.abs(here.z), HUBER)))
+
+
+def _scored(
+    problem: TermProblem, numbers: NDArray[np.int64], slopes: NDArray[np.float32], here: Residuals
+) -> Scores:
+    """Scores of candidates by their signatures in what is left."""
+    left = np.asarray(_weights(here) * here.z, np.float32)
     ends = np.cumsum(here.counts)
     parts = [slice(int(end - count), int(end)) for end, count in zip(ends, here.counts, strict=True) if count]
     information = [np.asarray(slopes[part].T @ slopes[part], np.float64) for part in parts]
@@ -187,6 +204,7 @@ def scores_of(problem: TermProblem, about: TermFit, each: Each) -> Scores:
         total,
         2.0 * sizes * total - sizes**2 * np.diag(whole),
         np.sum(2.0 * validated * gradient - validated**2 * own, axis=0),
+        slopes,
     )
 
 
@@ -196,6 +214,7 @@ class TermSearch:
     def __init__(self, problem: TermProblem, each: Each) -> None:
         self._problem = problem
         self._each = each
+        self._first: Scores | None = None  # of the model as it is
 
     def run(self) -> TermSearchResult:
         """See `TermSearchResult`. Raises ArithmeticError where the model itself has no solution."""
@@ -245,31 +264,42 @@ class TermSearch:
 
     def _next(self, about: TermFit) -> list[TermFit]:
         """Fits with a term or two more: of those whose signatures explain most of what is left."""
-        scores = scores_of(self._problem, about, self._each)
-        room = MOST_TERMS - len(about.chosen)
-        additions: list[tuple[int, ...]] = [(row,) for row in self._leaders(scores)]
-        if room > 1:
-            additions += self._pairs(scores)
-        fits = self._fits(lambda i: self._with(about, scores, additions[i]), len(additions))
-        fits += self._sharpened(fits)
-        singles = [one for one in fits if len(one.chosen) == len(about.chosen) + 1]
-        if not singles or not self._is_adequate(min(singles, key=_price)):
-            fits += self._tailored(about, scores)
-        return fits
+        scores = self._scores(about)
+        fits = self._sharpened(self._added(about, scores, self._leaders(scores)))
+        if fits and self._is_adequate(min(fits, key=_price)):
+            return fits
+        if MOST_TERMS - len(about.chosen) > 1:
+            fits += self._sharpened(self._added(about, scores, self._pairs(scores)))
+        return fits + self._tailored(about, scores)
+
+    def _scores(self, about: TermFit) -> Scores:
+        """Scores about a fit, further ones of the candidates that promise most by their first signatures."""
+        if self._first is None:
+            self._first = scores_of(self._problem, about, self._each)
+            return self._first
+        first = self._first
+        again = _scored(self._problem, first.numbers, first.slopes, about.residuals)
+        promising = first.numbers[np.argsort(-again.validated)[:SHORTLIST]].tolist()
+        new = range(int(np.max(first.numbers, initial=-1)) + 1, len(self._problem.candidates))
+        return scores_of(self._problem, about, self._each, [*promising, *new])
+
+    def _added(self, about: TermFit, scores: Scores, rows: Sequence[tuple[int, ...]]) -> list[TermFit]:
+        """Fits with the candidates of these rows more."""
+        return self._fits(lambda i: self._with(about, scores, rows[i]), len(rows))
 
     def _fits(self, fit: Callable[[int], TermFit | None], count: int) -> list[TermFit]:
         """Those that there are."""
         return [one for one in self._each(fit, range(count)) if isinstance(one, TermFit)]
 
-    def _sharpened(self, fits: Sequence[TermFit]) -> list[TermFit]:
-        """The best fits with the numbers within their laws fitted, too."""
+    def _sharpened(self, fits: list[TermFit]) -> list[TermFit]:
+        """Fits, and the best of them with the numbers within their laws fitted, too."""
         leaders = sorted(fits, key=_price)[:SHARPENED]
 
         def sharpened(i: int) -> TermFit | None:
             chosen = self._problem.sharpened(leaders[i].chosen, leaders[i].theta)
             return None if chosen is None else self._fit(chosen, leaders[i].theta)
 
-        return self._fits(sharpened, len(leaders))
+        return fits + self._fits(sharpened, len(leaders))
 
     def _tailored(self, about: TermFit, scores: Scores) -> list[TermFit]:
         """Fits with a term more that is made for what is left."""
@@ -279,24 +309,23 @@ class TermSearch:
         def fitted(i: int) -> TermFit | None:
             return self._fit((*about.chosen, made[i]), np.append(about.theta, 0.0))
 
-        found = self._fits(fitted, len(made))
-        return found + self._sharpened(found)
+        return self._sharpened(self._fits(fitted, len(made)))
 
     def _is_adequate(self, one: TermFit) -> bool:
         return self._problem.is_adequate(one.chosen, one.theta)
 
-    def _leaders(self, scores: Scores) -> list[int]:
+    def _leaders(self, scores: Scores) -> list[tuple[int, ...]]:
         """Rows of the best singles, but for those that another of their equation stands for."""
-        leaders: list[int] = []
+        leaders: list[tuple[int, ...]] = []
         for row in np.argsort(-scores.validated).tolist():
             if len(leaders) == REFITTED or scores.validated[row] <= 0.0:
                 break
             if not any(
                 self._equation(scores, row) == self._equation(scores, other)
                 and scores.cosine(row, other) > SAME
-                for other in leaders
+                for (other,) in leaders
             ):
-                leaders.append(row)
+                leaders.append((row,))
         return leaders
 
     def _pairs(self, scores: Scores) -> list[tuple[int, ...]]:

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.model.terms.law import Law, Values
+from observer_rt.model.terms.law import Lagged, Law, Ringing, Values
 from observer_rt.model.terms.term import Term, TermEquation
 from observer_rt.model.terms.variable import Variable
 
@@ -22,6 +22,7 @@ _FEEDBACK = {
     TermEquation.LINE_FLOW: (Variable.LINE_FLOW, LEAST_LOSS_SLOPE),
     TermEquation.LINE_PRESSURE: (Variable.LINE_PRESSURE, LEAST_OUTFLOW_SLOPE),
 }
+RUNG = 0.1  # of a change, that a resonance may add: nothing here jumps
 _POINTS = 20_000  # half of them corners, edges and centres
 
 
@@ -42,10 +43,12 @@ class TermDomain:
     """Where a term must be sound; in the units of `variable`.
 
     friction: the line's own loss rises by friction * abs(line_flow) with the line_flow.
+    in_cells: the line is a line of cells, whose observer a resonance of the sensor would make unstable.
     """
 
     max_lift: float
     friction: float = 0.0
+    in_cells: bool = False
 
     @cached_property
     def points(self) -> dict[str, Values]:
@@ -77,10 +80,17 @@ class TermDomain:
 
 
 def refuse_unbounded(term: Term, domain: TermDomain) -> None:
-    """Refuse a term that is unsound somewhere in the domain, with its lags holding anything or settled.
+    """Refuse a term that is unsound somewhere in the domain, whatever was before, and settled.
 
     Raises `UserError` naming the term, the point and the value.
     """
+    rings = any(isinstance(part, Ringing) for part in term.law.all_parts)
+    if rings and domain.in_cells and term.equation is TermEquation.LINE_PRESSURE_SENSOR:
+        raise UserError(
+            f"{term.equation} = {term.law}",
+            "rings, and the observer of a line of cells would feed it",
+            "state it with a line that is one lump, or filter line pressure before it is recorded",
+        )
     for law in dict.fromkeys((term.law, term.law.settled())):
         _refuse_values(term, _over(law, term, domain), domain)
     if term.equation in _FEEDBACK:
@@ -113,10 +123,11 @@ def _refuse_values(term: Term, value: Values, domain: TermDomain) -> None:
 
 
 def _over(law: Law, term: Term, domain: TermDomain) -> Values:
-    """A law's values (n,); what a lag holds is any value that its argument has elsewhere."""
+    """A law's values (n,); what was before is any value that an argument has elsewhere."""
 
-    def elsewhere(values: Values, milliseconds: float) -> Values:
-        return np.roll(values, 1) if np.ndim(values) else values
+    def elsewhere(law: Lagged | Ringing, values: Values) -> Values:
+        before = np.roll(values, 1) if np.ndim(values) else values
+        return before if isinstance(law, Lagged) else RUNG * (before - values)
 
     return np.broadcast_to(law.at(domain.points, term.coefficient, elsewhere), (_POINTS,))
 

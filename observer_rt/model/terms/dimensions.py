@@ -15,6 +15,7 @@ from observer_rt.model.terms.law import (
     Number,
     Operation,
     Quantity,
+    Ringing,
     Tabulated,
 )
 from observer_rt.model.terms.term import TermEquation
@@ -51,7 +52,7 @@ class _Check:
                 return self.coefficient or Unit(c=1.0)
             case Quantity(variable):
                 return variable.unit
-            case Lagged(argument):
+            case Lagged(argument) | Ringing(argument):
                 return self.unit_of(argument)
             case Tabulated(argument, points, values):
                 place = self.unit_of(argument)

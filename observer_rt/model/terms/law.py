@@ -6,7 +6,7 @@ units of `variable`, whatever unit they were written in.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from itertools import pairwise
@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from observer_rt.model.terms.variable import Variable, unit_named
 
 Values = NDArray[np.float64]
-Lag = Callable[[Values, float], Values]
-"""What a first-order lag of so many milliseconds makes of values."""
+Memory = Callable[["Lagged | Ringing", Values], Values]
+"""What a law that remembers makes of the values of its argument."""
 
 
 class Operation(IntEnum):
@@ -55,7 +55,7 @@ SIGNS = {
 }
 FUNCTIONS = {operation.name.lower(): operation for operation in Operation if operation >= Operation.SQRT}
 PAIRS = (Operation.MIN, Operation.MAX)  # the functions of two arguments
-LAGGED, TABLE = "lagged", "table"
+LAGGED, RINGING, TABLE = "lagged", "ringing", "table"
 
 
 class Law:
@@ -71,37 +71,44 @@ class Law:
         return _printed(self)[0]
 
     @property
+    def all_parts(self) -> Iterator[Law]:
+        """Itself, its parts and theirs."""
+        yield self
+        for part in self.parts:
+            yield from part.all_parts
+
+    @property
     def variables(self) -> frozenset[Variable]:
         """What it depends on."""
-        return frozenset[Variable]().union(*(part.variables for part in self.parts))
+        return frozenset(part.variable for part in self.all_parts if isinstance(part, Quantity))
 
     @property
     def has_coefficient(self) -> bool:
         """Whether `c` is in it."""
-        return isinstance(self, Coefficient) or any(part.has_coefficient for part in self.parts)
+        return any(isinstance(part, Coefficient) for part in self.all_parts)
 
     @property
-    def has_lag(self) -> bool:
-        """Whether it remembers."""
-        return isinstance(self, Lagged) or any(part.has_lag for part in self.parts)
+    def remembers(self) -> bool:
+        """Whether it depends on what was before."""
+        return any(isinstance(part, _Remembering) for part in self.all_parts)
 
-    def at(self, values: Mapping[str, Any], c: float = 1.0, lag: Lag | None = None) -> Values:
-        """Its values (n,) at those of its variables, by name, each (n,) or a number; see `first_order` for `lag`.
+    def at(self, values: Mapping[str, Any], c: float = 1.0, memory: Memory | None = None) -> Values:
+        """Its values (n,) at those of its variables, by name, each (n,) or a number.
 
-        Raises ValueError for one that remembers, without `lag`.
+        Raises ValueError for one that remembers, without `memory`.
         """
         with np.errstate(all="ignore"):
-            return np.asarray(self._at(values, c, lag), dtype=np.float64)
+            return np.asarray(self._at(values, c, memory), dtype=np.float64)
 
     def slope(self, variable: str) -> Law:
-        """Its derivative by a variable, those of gates, comparisons and what is lagged taken as 0."""
+        """Its derivative by a variable, those of gates, comparisons and what remembers taken as 0."""
         return ZERO
 
     def settled(self) -> Law:
-        """The law once every lag is over."""
+        """The law once all it remembers is over."""
         return self
 
-    def _at(self, values: Mapping[str, Any], c: float, lag: Lag | None) -> Any:
+    def _at(self, values: Mapping[str, Any], c: float, memory: Memory | None) -> Any:
         raise NotImplementedError
 
 
@@ -118,7 +125,7 @@ class Number(Law):
         found = unit_named(self.unit)
         return self.value if found is None else self.value * found[0]
 
-    def _at(self, values: Mapping[str, Any], c: float, lag: Lag | None) -> Any:
+    def _at(self, values: Mapping[str, Any], c: float, memory: Memory | None) -> Any:
         return np.float64(self.reckoned)
 
 
@@ -126,7 +133,7 @@ class Number(Law):
 class Coefficient(Law):
     """`c`, whose value the term states."""
 
-    def _at(self, values: Mapping[str, Any], c: float, lag: Lag | None) -> Any:
+    def _at(self, values: Mapping[str, Any], c: float, memory: Memory | None) -> Any:
         return np.float64(c)
 
 
@@ -136,14 +143,10 @@ class Quantity(Law):
 
     variable: Variable
 
-    @property
-    def variables(self) -> frozenset[Variable]:
-        return frozenset((self.variable,))
-
     def slope(self, variable: str) -> Law:
         return ONE if self.variable.word == variable else ZERO
 
-    def _at(self, values: Mapping[str, Any], c: float, lag: Lag | None) -> Any:
+    def _at(self, values: Mapping[str, Any], c: float, memory: Memory | None) -> Any:
         return np.asarray(values[self.variable.word], dtype=np.float64)
 
 
@@ -167,28 +170,46 @@ class Applied(Law):
     def settled(self) -> Law:
         return Applied(self.operation, tuple(one.settled() for one in self.arguments))
 
-    def _at(self, values: Mapping[str, Any], c: float, lag: Lag | None) -> Any:
-        return _NUMPY[self.operation](*(one._at(values, c, lag) for one in self.arguments))
+    def _at(self, values: Mapping[str, Any], c: float, memory: Memory | None) -> Any:
+        return _NUMPY[self.operation](*(one._at(values, c, memory) for one in self.arguments))
 
 
 @dataclass(frozen=True)
-class Lagged(Law):
-    """Its argument behind a first-order lag, settled at its first value."""
+class _Remembering(Law):
+    """What depends on earlier values of its argument, and was settled at the first."""
 
     argument: Law
-    milliseconds: float
 
     @property
     def parts(self) -> tuple[Law, ...]:
         return (self.argument,)
 
+    def _at(self, values: Mapping[str, Any], c: float, memory: Memory | None) -> Any:
+        assert isinstance(self, Lagged | Ringing)
+        if memory is None:
+            raise ValueError(f"'{self}' remembers: say what its memory makes of values")
+        return memory(self, np.asarray(self.argument._at(values, c, memory), dtype=np.float64))
+
+
+@dataclass(frozen=True)
+class Lagged(_Remembering):
+    """Its argument behind a first-order lag."""
+
+    milliseconds: float
+
     def settled(self) -> Law:
         return self.argument.settled()
 
-    def _at(self, values: Mapping[str, Any], c: float, lag: Lag | None) -> Any:
-        if lag is None:
-            raise ValueError(f"'{self}' remembers: say what a lag does")
-        return lag(np.asarray(self.argument._at(values, c, lag), dtype=np.float64), self.milliseconds)
+
+@dataclass(frozen=True)
+class Ringing(_Remembering):
+    """What a resonance of this frequency and damping, below 1, adds to its argument behind it."""
+
+    kilohertz: float
+    damping: float
+
+    def settled(self) -> Law:
+        return ZERO
 
 
 @dataclass(frozen=True)
@@ -222,22 +243,9 @@ class Tabulated(Law):
     def settled(self) -> Law:
         return Tabulated(self.argument.settled(), self.points, self.values)
 
-    def _at(self, values: Mapping[str, Any], c: float, lag: Lag | None) -> Any:
+    def _at(self, values: Mapping[str, Any], c: float, memory: Memory | None) -> Any:
         knots, found = ([one.reckoned for one in each] for each in (self.points, self.values))
-        return np.interp(self.argument._at(values, c, lag), knots, found)
-
-
-def first_order(interval_ms: float) -> Lag:
-    """What lags make of samples so far apart [ms]."""
-
-    def lag(values: Values, milliseconds: float) -> Values:
-        share = -np.expm1(-interval_ms / milliseconds)
-        result = np.array(values, dtype=np.float64, ndmin=1)
-        for k in range(1, result.size):
-            result[k] = result[k - 1] + share * (result[k] - result[k - 1])
-        return result.reshape(np.shape(values))
-
-    return lag
+        return np.interp(self.argument._at(values, c, memory), knots, found)
 
 
 ZERO, ONE = Number(0.0), Number(1.0)
@@ -379,6 +387,9 @@ def _printed(law: Law) -> tuple[str, int]:
         case Lagged(argument, milliseconds):
             time = repr(milliseconds).removesuffix(".0")
             return f"{LAGGED}({argument}, {time})", _WHOLE
+        case Ringing(argument, kilohertz, damping):
+            frequency = repr(kilohertz).removesuffix(".0")
+            return f"{RINGING}({argument}, {frequency}, {damping})", _WHOLE
         case Tabulated(argument, points, values):
             knots = ", ".join(f"{point}, {value}" for point, value in zip(points, values, strict=True))
             return f"{TABLE}({argument}, {knots})", _WHOLE

@@ -18,6 +18,7 @@ from observer_rt.model.terms.law import (
     FUNCTIONS,
     LAGGED,
     PAIRS,
+    RINGING,
     SIGNS,
     TABLE,
     Applied,
@@ -27,6 +28,7 @@ from observer_rt.model.terms.law import (
     Number,
     Operation,
     Quantity,
+    Ringing,
     Tabulated,
 )
 from observer_rt.model.terms.variable import UNIT_NAMES, VARIABLES, unit_named
@@ -38,7 +40,8 @@ _TOKEN = re.compile(
     r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?:\s*\[(?P<unit>[^\]]*)\])?"
     r"|(?P<name>[A-Za-z_]\w*)|(?P<sign>[-+*/^(),<>])|(?P<end>$)|(?P<other>.))"
 )
-_ALL_NAMES = (*VARIABLES, *FUNCTIONS, LAGGED, TABLE, COEFFICIENT)
+_FUNCTIONS = (*FUNCTIONS, LAGGED, RINGING, TABLE)
+_ALL_NAMES = (*VARIABLES, *_FUNCTIONS, COEFFICIENT)
 
 
 class _Token(NamedTuple):
@@ -153,7 +156,7 @@ class _Parser:
     def _named(self) -> Law:
         token = self.token
         self.token = self._next()
-        if token.text in (*FUNCTIONS, LAGGED, TABLE):
+        if token.text in _FUNCTIONS:
             return self._call(token)
         if token.text == COEFFICIENT:
             return Coefficient()
@@ -162,7 +165,7 @@ class _Parser:
                 f"column {token.column}",
                 f"unknown name '{token.text}'",
                 f"{did_you_mean(token.text, _ALL_NAMES)}variables: {', '.join(VARIABLES)}; "
-                f"functions: {', '.join((*FUNCTIONS, LAGGED, TABLE))}; c is the coefficient",
+                f"functions: {', '.join(_FUNCTIONS)}; c is the coefficient",
             )
         return Quantity(VARIABLES[token.text])
 
@@ -170,12 +173,13 @@ class _Parser:
         self._demand("(")
         arguments = [self.comparison()]
         if function.text == LAGGED:
-            self._demand(",")
-            time = self._number("the time of the lag in ms, a number")
-            law: Law = Lagged(arguments[0], time.reckoned)
-            known = unit_named(time.unit or "ms")
-            if not time.value > 0.0 or known is None or str(known[1]) != "ms":
-                raise UserError(f"column {function.column}", "no time of a lag", "give it in ms, above 0")
+            law: Law = Lagged(arguments[0], self._positive(function, "time of the lag", "ms"))
+        elif function.text == RINGING:
+            frequency = self._positive(function, "frequency", "kHz")
+            damping = self._positive(function, "damping", "-")
+            if damping >= 1.0:
+                raise UserError(f"column {function.column}", "nothing rings", "give a damping below 1")
+            law = Ringing(arguments[0], frequency, damping)
         elif function.text == TABLE:
             law = self._table(arguments[0])
         else:
@@ -185,6 +189,15 @@ class _Parser:
             law = Applied(FUNCTIONS[function.text], tuple(arguments))
         self._demand(")")
         return law
+
+    def _positive(self, function: _Token, what: str, unit: str) -> float:
+        """A further argument, a number above 0, in a unit."""
+        self._demand(",")
+        number = self._number(f"the {what} in {unit}, a number")
+        named, wanted = unit_named(number.unit or unit), unit_named(unit)
+        if not number.value > 0.0 or named is None or wanted is None or named[1] != wanted[1]:
+            raise UserError(f"column {function.column}", f"no {what}", f"give it in {unit}, above 0")
+        return number.value * named[0] / wanted[0]
 
     def _table(self, argument: Law) -> Tabulated:
         """The points and values behind a table's argument."""

@@ -13,7 +13,14 @@ from observer_rt.foundation.referenced import referenced
 from observer_rt.foundation.small_arrays import copy_vector
 from observer_rt.model.borrowed import borrowed
 from observer_rt.model.effective import Coefficients
-from observer_rt.model.forcing import Forced, Forcing, borrowed_forcing, under_terms
+from observer_rt.model.forcing import (
+    Forced,
+    Forcing,
+    borrowed_forcing,
+    shown_under_terms,
+    trusted_under_terms,
+    under_terms,
+)
 from observer_rt.model.integrator import Interval
 from observer_rt.model.line.interface import line_from, rest_line
 from observer_rt.model.network import Network
@@ -124,7 +131,7 @@ def _as_given(stepper: Stepper, position: int) -> Forced:
         stepper.substeps,
     )
     knot = (before.lift_after, before.lift_area)
-    return Forced(interval, knot, coefficients_in_force(stepper), network_in_force(stepper), 0.0)
+    return Forced(interval, knot, coefficients_in_force(stepper), network_in_force(stepper))
 
 
 @inner
@@ -151,6 +158,7 @@ def _predict(stepper: Stepper, position: int) -> float:
     else:
         forced = _under_terms(stepper, position, x_tilde, stepper.of_tilde)
         indicated, shown = predict(x_tilde, indicated, forced, fraction, lag, None)
+        shown = shown_under_terms(shown, forced, borrowed_forcing(stepper.of_tilde))
     stepper.ring[row].indicated = indicated
     return float(shown)
 
@@ -161,7 +169,10 @@ def _correct(stepper: Stepper, position: int) -> float:
     row = stepper.ring[position & _MASK]
     x_tilde, x_hat = borrowed(stepper.x_tilde[position & _MASK]), borrowed(stepper.x_hat[position & _MASK])
     gain = stepper.gains[min(stepper.memory[0].since_start, stepper.gains.shape[0] - 1)]
-    row.indicated = correct(x_tilde, row.indicated, row.innovation, gain, None)
+    trusted = row.innovation
+    if stepper.of_tilde.program.shape[0] > 0:
+        trusted = trusted_under_terms(trusted, stepper.interval, borrowed_forcing(stepper.of_tilde))
+    row.indicated = correct(x_tilde, row.indicated, trusted, gain, None)
     if row.resting:
         x_tilde[2] = 0.0
         copy_vector(x_tilde, x_hat)

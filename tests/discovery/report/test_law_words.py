@@ -14,7 +14,7 @@ from observer_rt.model.terms.term import Term, TermEquation
             "nozzle_flow",
             "c*((1 + tanh((time_since_opening/1 - 0.605)/0.008))/2)",
             -0.2126,
-            "the nozzle lost 21.3 % of its flow from a time since the opening of 0.605 ms on",
+            "the nozzle lost 21.3 % of its flow from 0.605 ms after the opening on",
         ),
         (
             "stiffness",
@@ -33,6 +33,12 @@ from observer_rt.model.terms.term import Term, TermEquation
             "c*sin(6.283185307*2791.05[Hz]*time + 0.06)",
             -0.4,
             "the rail pressure were 0.4 MPa lower than measured and back, a wave of 2791.05 Hz",
+        ),
+        (
+            "line_pressure_sensor",
+            "c*ringing(line_pressure/1, 7.39, 0.1476)",
+            1.011,
+            "a tube before the line-pressure sensor rang at 7.39 kHz with a damping of 0.148",
         ),
         (
             "line_pressure",

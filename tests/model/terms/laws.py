@@ -3,6 +3,7 @@
 import numpy as np
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from scipy.signal import lsim
 
 from observer_rt.model.terms.bounds import TermDomain
 from observer_rt.model.terms.law import (
@@ -12,10 +13,13 @@ from observer_rt.model.terms.law import (
     Coefficient,
     Lagged,
     Law,
+    Memory,
     Number,
     Operation,
     Quantity,
+    Ringing,
     Tabulated,
+    Values,
 )
 from observer_rt.model.terms.variable import Variable
 
@@ -43,6 +47,7 @@ def laws(lagged: bool = True) -> st.SearchStrategy[Law]:
         ]
         if lagged:
             choices.append(st.builds(Lagged, part, st.sampled_from([0.01, 0.25, 3.0])))
+            choices.append(st.builds(Ringing, part, st.just(7.25), st.sampled_from([0.02, 0.5])))
         return st.one_of(choices)
 
     return st.recursive(_LEAVES, larger, max_leaves=12)
@@ -56,3 +61,19 @@ def moments(seed: int, count: int = 40) -> dict[str, NDArray[np.float64]]:
     samples = np.arange(count, dtype=np.float64)
     values |= {"time": 1e-5 * samples, "injection_number": 1.0 + np.floor(0.1 * samples)}
     return values
+
+
+def sampled(interval_ms: float) -> Memory:
+    """What laws that remember make of samples so far apart [ms], held for a lag, straight lines for a resonance."""
+
+    def remembered(law: Lagged | Ringing, values: Values) -> Values:
+        before = values - values[0]
+        times = interval_ms * np.arange(values.size)
+        if isinstance(law, Lagged):
+            system, held = ([1.0], [law.milliseconds, 1.0]), np.append(before[1:], 0.0)
+            return np.asarray(values[0] + lsim(system, held, times, interp=False)[1])
+        turn = 2.0 * np.pi * law.kilohertz
+        system = ([turn**2], [1.0, 2.0 * law.damping * turn, turn**2])
+        return np.asarray(lsim(system, before, times)[1] - before)
+
+    return remembered

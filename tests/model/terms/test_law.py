@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.model.terms.law import Law, first_order
+from observer_rt.model.terms.law import Law
 from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.variable import VARIABLES, Variable, unit_named
-from tests.model.terms.laws import laws, moments
+from tests.model.terms.laws import laws, moments, sampled
 
 
 @given(laws())
@@ -50,7 +50,7 @@ def test_values(text: str, value: float) -> None:
 
 def test_a_lag_follows_by_its_time() -> None:
     law, step = parse("lagged(line_flow, 2)"), np.append([0.0], np.ones(1000))
-    found = law.at({"line_flow": step}, lag=first_order(0.01))
+    found = law.at({"line_flow": step}, memory=sampled(0.01))
     assert found[0] == 0.0
     assert found[200] == pytest.approx(1.0 - np.exp(-1.0))
     with pytest.raises(ValueError, match="remembers"):
@@ -62,8 +62,9 @@ def test_variables_and_coefficient() -> None:
     assert {one.word for one in law.variables} == {"line_pressure", "chamber_pressure", "closed"}
     assert law.has_coefficient
     assert not parse("lagged(time, 1)").has_coefficient
-    assert parse("1 + lagged(time, 1)").has_lag
+    assert parse("1 + lagged(time, 1)").remembers
     assert parse("open - lagged(open, 1)").settled() == parse("open - open")
+    assert parse("ringing(lagged(open, 1), 7, 0.1)").settled() == parse("0")
 
 
 @pytest.mark.parametrize(
@@ -123,6 +124,9 @@ def test_slopes_are_those_of_differences(law: Law, name: str, seed: int) -> None
         ("lagged(open, open)", 14, "time of the lag"),
         ("lagged(open, 0)", 1, "above 0"),
         ("lagged(open, 3[s])", 1, "in ms"),
+        ("ringing(open, 7[ms], 0.1)", 1, "in kHz"),
+        ("ringing(open, 7)", 16, "expected ','"),
+        ("ringing(open, 7, 1)", 1, "below 1"),
         ("100[MPA]", 1, "did you mean 'MPa'?"),
         ("1e999", 1, "smaller number"),
         ("table(open, 0, 1)", 17, "two times or more"),

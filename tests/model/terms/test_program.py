@@ -6,12 +6,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from observer_rt.model.terms.law import Applied, Law, Quantity, Tabulated, first_order
+from observer_rt.model.terms.law import Applied, Law, Quantity, Tabulated
 from observer_rt.model.terms.parser import parse
-from observer_rt.model.terms.program import memory_of, program_of, totals_of
+from observer_rt.model.terms.program import fresh_memory, program_of, totals_of
 from observer_rt.model.terms.term import Term, TermEquation
 from observer_rt.model.terms.variable import Variable
-from tests.model.terms.laws import laws, moments
+from tests.model.terms.laws import laws, moments, sampled
 
 Values = dict[str, NDArray[np.float64]]
 INTERVAL = 0.01  # ms
@@ -20,7 +20,7 @@ INTERVAL = 0.01  # ms
 def run(terms: list[Term], values: Values) -> NDArray[np.float64]:
     program = program_of(terms)
     variables = np.column_stack([values[variable.word] for variable in Variable])
-    return np.asarray(totals_of(program, variables, memory_of(program), INTERVAL))
+    return np.asarray(totals_of(program, variables, fresh_memory(program), INTERVAL))
 
 
 def held(value: NDArray[np.float64], equation: TermEquation) -> NDArray[np.float64]:
@@ -62,14 +62,16 @@ def test_as_the_law_says(law: Law, equation: TermEquation, seed: int) -> None:
         "lagged(line_flow, 0.2)",
         "line_flow - lagged(line_flow, 0.05)",
         "lagged(lagged(open, 0.1) * 3 + lagged(line_flow, 0.3), 0.02)",
+        "ringing(line_flow, 7, 0.15)",
+        "lagged(ringing(lagged(line_flow, 0.02), 2, 0.9), 0.1) + ringing(open, 12, 0.3)",
     ],
 )
-def test_lags_remember(text: str) -> None:
+def test_what_was_before_is_remembered(text: str) -> None:
     law, values = parse(text), moments(3)
     for name in ("line_flow", "seat_flow"):
         values[name] = values[name] / 20.0
     found = run([Term(TermEquation.LINE_FLOW, law)], values)[:, 0]
-    expected = held(law.at(values, lag=first_order(INTERVAL)), TermEquation.LINE_FLOW)
+    expected = held(law.at(values, memory=sampled(INTERVAL)), TermEquation.LINE_FLOW)
     np.testing.assert_allclose(found, expected, rtol=1e-9)
     assert np.ptp(expected) > 0.1
 
@@ -95,14 +97,13 @@ def test_what_stays_as_it_is_becomes_a_number() -> None:
     program = program_of(terms, {Variable.MAX_LIFT: 0.24})
     variables = np.column_stack([values[variable.word] for variable in Variable])
     variables[:, Variable.MAX_LIFT] = np.nan
-    found = totals_of(program, variables, memory_of(program), INTERVAL)
+    found = totals_of(program, variables, fresh_memory(program), INTERVAL)
     np.testing.assert_array_equal(found, run(terms, values))
 
 
 def test_time_that_stands_still_moves_no_lag() -> None:
     program = program_of([Term(TermEquation.LINE_FLOW, parse("lagged(line_flow, 1)"))])
-    memory, variables = memory_of(program), np.zeros((2, len(Variable)))
+    memory, variables = fresh_memory(program), np.zeros((2, len(Variable)))
     variables[1, Variable.LINE_FLOW] = 10.0
-    assert memory.size == 2
     assert not totals_of(program, variables, memory, 0.0).any()
     assert totals_of(program, variables[1:], memory, 1.0)[0, 0] == pytest.approx(10.0 * (1.0 - np.exp(-1.0)))

@@ -10,6 +10,7 @@ from observer_rt.model.terms.dimensions import coefficient_unit
 from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.term import Term, TermEquation
 
+CELLS = TermDomain(0.24, in_cells=True)
 DOMAIN = TermDomain(0.24, friction=3e-4)
 
 
@@ -141,3 +142,12 @@ def test_words() -> None:
     )
     assert str(term("nozzle_flow", "0.1*open")).endswith("through the nozzle = 0.1 * open")
     assert [equation.number for equation in TermEquation] == list(range(10))
+
+
+def test_what_rings_needs_a_line_that_is_one_lump() -> None:
+    ringing = term("line_pressure_sensor", "ringing(line_pressure, 7, 0.15)")
+    refuse_unbounded(ringing, DOMAIN)
+    with pytest.raises(UserError, match="rings"):
+        refuse_unbounded(ringing, CELLS)
+    with pytest.raises(UserError, match="times its bound"):
+        refuse_unbounded(term("line_pressure_sensor", "5 * ringing(line_pressure, 7, 0.15)"), DOMAIN)

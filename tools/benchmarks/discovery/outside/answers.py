@@ -48,12 +48,16 @@ class ProposedTerm:
 
 @dataclass(frozen=True)
 class Proposed:
-    """Terms proposed together, beside effects of the vocabulary. may_enter: into an amended model, by the guard."""
+    """Terms proposed together, beside effects of the vocabulary.
+
+    may_enter: into an amended model, by the guard; phase: in which the model as given is said to fail most.
+    """
 
     terms: tuple[ProposedTerm, ...]
     effects: tuple[str, ...]
     may_enter: bool
     misfit: Misfit
+    phase: str
 
 
 @dataclass(frozen=True)
@@ -119,6 +123,7 @@ def taken(
             one.effects,
             one.may_enter,
             misfit(one.model(nominal), further),
+            one.phase.name.lower(),
         )
         for one in proposals
     )

@@ -16,7 +16,7 @@ from tools.benchmarks.discovery.hidden import (
 )
 from tools.benchmarks.discovery.outside.answers import Misfit, OutsideAnswer, Proposed
 from tools.benchmarks.discovery.outside.cases import Asked, OutsideCase
-from tools.benchmarks.discovery.outside.kinds import VOCABULARY_KINDS, kind_named
+from tools.benchmarks.discovery.outside.kinds import ACTS_IN, VOCABULARY_KINDS, kind_named
 from tools.benchmarks.discovery.real_line.result import near_tie
 from tools.benchmarks.discovery.result import NAMED
 from tools.benchmarks.report import Figure
@@ -79,6 +79,12 @@ class OutsideResult:
     def exact_equation(self) -> bool:
         """Whether something proposed stands in the true law's own equation."""
         return kind_named(self.case.name).equation in self.proposed_equations
+
+    @property
+    def right_phase(self) -> bool | None:
+        """Whether the phase said to fail most is one in which the law acts; None where it acts in all."""
+        acts = ACTS_IN.get(self.case.name)
+        return None if acts is None or self.best is None else self.best.phase in acts
 
     @property
     def right_suspicion(self) -> bool:

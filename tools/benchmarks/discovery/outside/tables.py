@@ -34,7 +34,7 @@ TITLES = {
 def kind_table(results: Results, asked: Asked) -> Table:
     """Kind by kind of an asking: what was proposed, and how far models are from the plant, medians."""
     table = ruled(TITLES[asked], ("kind",), (
-        "in the\nlibrary", "cases", "right\nequation", "\nits own", "proposed", "\naccepted", "as\ngood",
+        "in the\nlibrary", "cases", "right\nequation", "\nits own", "\nphase", "proposed", "\naccepted", "as\ngood",
         "p_L off, MPa: before,\nby name, proposed", "halved", "mass off, mg: before,\nby name, proposed", "halved",
         "\nworse", "seconds", "\nadded",
     ), no_wrap=True)  # fmt: skip
@@ -94,6 +94,7 @@ def _row(asked: Asked, cases: Results) -> list[str]:
         str(len(cases)),
         _of([r.right_equation for r in cases]) if hidden else NOTHING,
         _of([r.exact_equation for r in cases]) if hidden else NOTHING,
+        _of([r.right_phase for r in cases]) if hidden else NOTHING,
         _of([r.best is not None for r in cases]),
         _of([r.accepted for r in cases]),
         _of([r.as_good for r in cases]) if asked is Asked.LEFT_OUT else NOTHING,
@@ -171,6 +172,7 @@ def _figures(cases: Results) -> dict[str, Any]:
         "cases": len(cases),
         "right_equation": share([r.right_equation for r in cases]) if hidden else None,
         "own_equation": share([r.exact_equation for r in cases]) if hidden else None,
+        "right_phase": share([r.right_phase for r in cases]) if hidden else None,
         "proposed": share([r.best is not None for r in cases]),
         "accepted": share([r.accepted for r in cases]),
         "pressure_halved": share([r.pressure_halved for r in cases]),

@@ -1,9 +1,9 @@
 """What theta means, a row for every kind of parameter: columns, prior, law on the model, how it is shown."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import Enum, IntEnum
-from functools import cached_property
+from functools import cached_property, lru_cache
 from operator import attrgetter
 from typing import Any, NamedTuple
 
@@ -103,7 +103,7 @@ class Scalar:
     turn: int = 1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Scalars:
     """The table of all rows; its vectors (width,) are in the order of the columns."""
 
@@ -231,7 +231,7 @@ def nothing_learned(c: Coefficients) -> Learned:
 
 def learned_of(theta: NDArray[np.float64], c: Coefficients, scalars: Scalars = SCALARS) -> Learned:
     """Meaning of a parameter vector (m,) by its table on a model without it."""
-    changed = c._replace(line=_changed(c.line, theta.tolist(), scalars))
+    changed = c._replace(line=_changed(c.line, tuple(theta.tolist()), scalars))
     offset, lag = float(theta[Parameter.LINE_PRESSURE_OFFSET]), float(theta[Parameter.SENSOR_LAG])
     return Learned(network_of(theta), changed, offset, lag * LAG_UNIT)
 
@@ -250,20 +250,27 @@ def by_theta(theta: NDArray[np.float64], c: Coefficients, scalars: Scalars = SCA
 
     The slopes are those of the laws themselves, by complex steps.
     """
-    values = theta.tolist()
+    return _by_values(c.line, tuple(theta.tolist()), scalars)
+
+
+_several = lru_cache(maxsize=8, typed=True)
+"""An event is gone over several times with the same theta; lines of two kinds may have equal coefficients."""
+
+
+@_several
+def _by_values(line: Any, values: tuple[float, ...], scalars: Scalars) -> ByTheta:
     found: list[tuple[int, int, float]] = []
     for column, _ in scalars.laws:
-        stepped = values.copy()
-        stepped[column] = complex(values[column], _TINY)
-        for number, coefficient in enumerate(_changed(c.line, stepped, scalars)):
+        stepped = (*values[:column], complex(values[column], _TINY), *values[column + 1 :])
+        for number, coefficient in enumerate(_changed.__wrapped__(line, stepped, scalars)):
             slope = coefficient.imag / _TINY
             if slope != 0.0:
                 found.append((column, number, slope))
     columns, numbers, slopes = zip(*found, strict=True)
     return ByTheta(
-        int(Parameter.NOZZLE_BIAS),
-        int(Parameter.NOZZLE_WEIGHT),
-        int(Parameter.SEAT_BIAS),
+        _NOZZLE,
+        _WEIGHTS,
+        _SEAT,
         _BACK_PRESSURE,
         np.array(columns, np.int64),
         np.array(numbers, np.int64),
@@ -271,7 +278,8 @@ def by_theta(theta: NDArray[np.float64], c: Coefficients, scalars: Scalars = SCA
     )
 
 
-def _changed(line: Any, values: Sequence[Any], scalars: Scalars) -> Any:
+@_several
+def _changed(line: Any, values: tuple[Any, ...], scalars: Scalars) -> Any:
     for column, change in scalars.laws:
         line = change(line, values[column])
     return line

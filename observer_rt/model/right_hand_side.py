@@ -136,6 +136,10 @@ def flow_slopes(
     )
 
 
+_SAC = 2  # place of p_S in x
+_NO_FLOW = FlowSlopes(0.0, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
 class ByTheta(NamedTuple):
     """How a parameter vector theta acts: the columns of the network's parameters, the slopes of the line's.
 
@@ -194,38 +198,34 @@ def tangent_rates(
 ) -> Any:
     """x' = f + phi and its derivatives [1/s]: by_state (n, n), and by the tangent's numbers by_number (n, m).
 
-    Of by_number only what may differ from 0 is written.
+    Of by_number, which holds 0 at first, only what may differ from 0 is written.
     """
     theta, sigmas = tangent.theta, tangent.sigmas
     by_flow, by_coefficient = tangent.slopes.by_flow, tangent.slopes.by_coefficient
     slopes = Slopes(by_state, tangent.slopes.by_rail, by_flow, by_coefficient)
     _clear(by_state)
-    q_h, q_s = 0.0, 0.0
-    if is_at_rest(x, u):
-        line_slopes(x, u[0], q_h, q_s, c.line, slopes)
-        for row in range(by_number.shape[0]):
-            for column in range(theta.nozzle_bias, theta.nozzle_weight + sigmas.shape[0]):
-                by_number[row, column] = 0.0
-            by_number[row, theta.seat_bias] = 0.0
-            by_number[row, theta.back_pressure] = 0.0
-            by_number[row, theta.back_pressure + 1] = 0.0
-    else:
+    flows = _NO_FLOW
+    if not is_at_rest(x, u):
         flows = flow_slopes(x, u, c, network, sigmas)
-        q_h, q_s = flows.q_h, flows.q_s
-        line_slopes(x, u[0], q_h, q_s, c.line, slopes)
-        by_flow[2, 0], by_flow[2, 1] = -c.sac.a6, c.sac.a5
-        for row in range(by_number.shape[0]):
-            by_h, by_s = by_flow[row, 0], by_flow[row, 1]
-            for i in range(3):
-                by_state[row, i] += by_h * flows.h_x[i] + by_s * flows.s_x[i]
-            by_number[row, theta.nozzle_bias] = by_h * flows.h_change
-            for neuron in range(sigmas.shape[0]):
-                by_number[row, theta.nozzle_weight + neuron] = by_h * flows.h_change * sigmas[neuron]
-            by_number[row, theta.seat_bias] = by_s * flows.s_change
-            by_number[row, theta.back_pressure] = by_h * flows.h_back_pressure
-            by_number[row, theta.back_pressure + 1] = by_h * flows.h_back_pressure * u[1]
+    q_h, q_s = flows.q_h, flows.q_s
+    line_slopes(x, u[0], q_h, q_s, c.line, slopes)
+    by_flow[_SAC, 0], by_flow[_SAC, 1] = -c.sac.a6, c.sac.a5
+    for row in range(by_number.shape[0]):
+        by_h, by_s = by_flow[row, 0], by_flow[row, 1]
+        if by_h == 0.0 and by_s == 0.0:
+            continue
+        for i in range(3):
+            by_state[row, i] += by_h * flows.h_x[i] + by_s * flows.s_x[i]
+        by_number[row, theta.nozzle_bias] = by_h * flows.h_change
+        for neuron in range(sigmas.shape[0]):
+            by_number[row, theta.nozzle_weight + neuron] = by_h * flows.h_change * sigmas[neuron]
+        by_number[row, theta.seat_bias] = by_s * flows.s_change
+        by_number[row, theta.back_pressure] = by_h * flows.h_back_pressure
+        by_number[row, theta.back_pressure + 1] = by_h * flows.h_back_pressure * u[1]
     columns, coefficients, by_theta = theta.line_columns, theta.line_coefficients, theta.line_slopes
     for row in range(by_number.shape[0]):
+        if row == _SAC:  # nothing of the line fills it
+            continue
         total = 0.0
         for k in range(by_theta.shape[0]):
             total += by_coefficient[row, coefficients[k]] * by_theta[k]

@@ -100,7 +100,7 @@ class Rehearsed:
     def __init__(self, window: Window, setting: Setting, offset: float) -> None:
         """setting: during the event; offset [p_0]: that it was found to have."""
         self._window, self._setting, self._offset = window, setting, offset
-        self._runs: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []  # theta, output errors
+        self._errors: dict[bytes, NDArray[np.float64]] = {}  # of the output, by theta
 
     def error(self, theta: NDArray[np.float64], colour: Colour | None, scalars: Scalars) -> float:
         """Sum of squared output errors from the opening on, x^ with theta (m,) following x~ up to there.
@@ -108,19 +108,14 @@ class Rehearsed:
         Without the colour of the noise: hum may be larger than what an adoption changes. The offset, which may be
         another in every event and changes no rate, is what it was found to be.
         """
-        window, errors = self._window, self._errors(theta, scalars)
+        window, key = self._window, theta.tobytes()
+        if key not in self._errors:
+            learned = learned_of(theta, self._setting.coefficients, scalars)._replace(offset=self._offset)
+            self._errors[key] = open_loop_errors(window, self._setting, learned)
+        errors = self._errors[key]
         if colour is not None:
             errors = colour.whitening.of(errors, window.masked)
         return float(sum_of_squares(errors[window.opening :]))
-
-    def _errors(self, theta: NDArray[np.float64], scalars: Scalars) -> NDArray[np.float64]:
-        for run_with, errors in self._runs:
-            if np.array_equal(run_with, theta):
-                return errors
-        learned = learned_of(theta, self._setting.coefficients, scalars)._replace(offset=self._offset)
-        errors = open_loop_errors(self._window, self._setting, learned)
-        self._runs.append((theta.copy(), errors))
-        return errors
 
 
 def is_better(

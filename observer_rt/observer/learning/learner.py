@@ -27,7 +27,7 @@ from observer_rt.observer.learning.adequacy import (
 )
 from observer_rt.observer.learning.disturbances.coil_current import Energizing
 from observer_rt.observer.learning.disturbances.colour import OffsetSince
-from observer_rt.observer.learning.disturbances.noise_levels import Sigmas
+from observer_rt.observer.learning.disturbances.noise_levels import Sigmas, median
 from observer_rt.observer.learning.disturbances.pressure_gains import PressureGains
 from observer_rt.observer.learning.explained import Believed, EventReader, Explained
 from observer_rt.observer.learning.fallback import Freezer, Mistrust, Rehearsed, is_better
@@ -77,7 +77,7 @@ def implausible(window: Window, pressure_scale: float) -> Objection | None:
     The rail hardly moves when the needle opens, the line does: where it is the other way round, they are swapped.
     """
     before, rail = slice(0, max(window.opening, 1)), window.inputs[:, 0]
-    if abs(float(np.median(window.output[before] - rail[before]))) * pressure_scale > IMPLAUSIBLE:
+    if abs(median(window.output[before] - rail[before])) * pressure_scale > IMPLAUSIBLE:
         return Objection(Reason.PRESSURE_OFFSET, Phase.STANDSTILL)
     rail_swing = float(np.std(rail))
     if rail_swing * pressure_scale > SWINGS and rail_swing > SWAPPED * float(np.std(window.output)):

@@ -4,9 +4,10 @@ A tracker says by annotations of its class what it remembers, by these names: nu
 of these, other trackers. What a name has no use for, in another version or of other sizes, is passed over.
 """
 
+import json
 import math
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, ClassVar, get_origin, get_type_hints
@@ -42,7 +43,7 @@ class Tracker:
         """What it remembers, as plain values; nothing where they are not finite."""
         try:
             return {name: _plain(getattr(self, name), hint) for name, hint in self._hints.items()}
-        except OverflowError:
+        except ValueError:
             return {}
 
     def recall(self, memory: Remembered) -> None:
@@ -69,18 +70,19 @@ def _adapter(hint: Any) -> TypeAdapter[Any]:
 
 
 def _plain(value: Any, hint: Any) -> Any:
-    """The value as numbers, lists and mappings. Raises OverflowError for a number that is not finite."""
+    """The value as numbers, lists and mappings. Raises ValueError for a number that is not finite."""
     if isinstance(value, Tracker):
         return value.memory()
     if isinstance(value, np.ndarray):
-        is_finite, plain = bool(np.isfinite(value).all()), value.tolist()
-    elif value is None or isinstance(value, int | float):
-        is_finite, plain = value is None or math.isfinite(value), value
-    else:
-        plain = _adapter(hint).dump_python(value, mode="json")
-        is_finite = all(map(math.isfinite, _numbers(plain)))
-    if not is_finite:
-        raise OverflowError(f"{value} is not finite")
+        if not np.isfinite(value).all():
+            raise ValueError(f"{value} is not finite")
+        return value.tolist()
+    if isinstance(value, int | float | None):
+        if value is not None and not math.isfinite(value):
+            raise ValueError(f"{value} is not finite")
+        return value
+    plain = _adapter(hint).dump_python(value, mode="json")
+    json.dumps(plain, allow_nan=False)  # refuses what is not finite
     return plain
 
 
@@ -93,14 +95,3 @@ def _as_now(kept: Any, now: Any, hint: Any) -> Any:
         return array
     found = _adapter(hint).validate_python(kept)
     return deque(found, now.maxlen) if isinstance(now, deque) else found
-
-
-def _numbers(value: Any) -> Iterator[float]:
-    if isinstance(value, int | float):
-        yield value
-    elif isinstance(value, Mapping):
-        for part in value.values():
-            yield from _numbers(part)
-    elif isinstance(value, list | tuple):
-        for part in value:
-            yield from _numbers(part)

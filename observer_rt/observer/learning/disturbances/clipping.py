@@ -68,27 +68,26 @@ class EndsOfRange(Tracker):
         """
         before = mask_of(window)
         mask = before.copy()
-        smoothed = _smoothed(window.output)
         for end, (sign, levels) in enumerate(zip(_SIGNS, self._levels, strict=True)):
-            y, means = sign * window.output, sign * smoothed
-            if levels and np.count_nonzero(_is_beyond(means, float(np.mean(levels)), sigmas)) >= FEWEST:
+            y = sign * window.output
+            if levels and np.count_nonzero(_is_beyond(y, levels, sigmas)) >= FEWEST:
                 levels.clear()
             if len(levels) >= RECURS:
-                mask |= _about(means, float(np.mean(levels)), sigmas)
+                mask |= _about(y, float(np.mean(levels)), sigmas)
                 continue
-            pile = _pile(y, means, innovations, before, sigmas, first)
+            pile = pile_of(y, innovations, before, sigmas, first)
             if pile is None:
                 continue
             self._piles[end] = pile
             if pile.changing > CLEAR and _is_explained(innovations[first:], sigmas):
-                mask |= _about(means, pile.level, sigmas)
+                mask |= _about(y, pile.level, sigmas)
         return mask
 
     def is_new_after(self, window: Window, sigmas: Sigmas) -> bool:
         """Take in what was seen of an event while it was fitted; whether an end is known now, and none was."""
         was_known = self.is_known
         for sign, levels, pile in zip(_SIGNS, self._levels, self._piles, strict=True):
-            if levels and _is_beyond(_smoothed(sign * window.output), float(np.mean(levels)), sigmas).any():
+            if levels and _is_beyond(sign * window.output, levels, sigmas).any():
                 levels.clear()
             if pile is None or pile.changing < CHANGING:
                 continue
@@ -107,22 +106,7 @@ def pile_of(
     first: int,
 ) -> Pile | None:
     """The samples of y (n,) about its highest level that are not masked, None where they are too few, or y rests."""
-    return _pile(y, _smoothed(y), innovations, masked, sigmas, first)
-
-
-def _pile(
-    y: NDArray[np.float64],
-    means: NDArray[np.float64],
-    innovations: NDArray[np.float64],
-    masked: NDArray[np.bool_],
-    sigmas: Sigmas,
-    first: int,
-) -> Pile | None:
-    """`pile_of`; means: of y over some neighbours (n,)."""
-    level, lowest = _reach(means, masked, first)
-    if not level - lowest >= MOVING * sigmas.noise:
-        return None
-    samples, level, constant, changing = _gather(y, means, innovations, masked, level, sigmas.noise, first)
+    samples, level, constant, changing = _gather(y, innovations, masked, sigmas.noise, first)
     if samples < FEWEST:
         return None
     constant, changing = constant / sigmas.noise**2, changing / sigmas.innovation**2
@@ -131,26 +115,21 @@ def _pile(
 
 
 @compiled
-def _reach(means: NDArray[np.float64], masked: NDArray[np.bool_], first: int) -> tuple[float, float]:
-    """The highest and the lowest of what is not masked, from sample `first` on."""
-    highest, lowest = -np.inf, np.inf
-    for k in range(first, means.shape[0]):
-        if not masked[k]:
-            highest, lowest = max(highest, means[k]), min(lowest, means[k])
-    return highest, lowest
-
-
-@compiled
 def _gather(
     y: NDArray[np.float64],
-    means: NDArray[np.float64],
     innovations: NDArray[np.float64],
     masked: NDArray[np.bool_],
-    level: float,
     noise: float,
     first: int,
 ) -> tuple[int, float, float, float]:
-    """The samples at a level, refined: how many, their mean, the squares of y and of the innovations round theirs."""
+    """The samples at the highest level, refined: how many, their mean, squares of y and innovations round it."""
+    means = _smoothed(y)
+    level, least = -np.inf, np.inf
+    for k in range(first, y.shape[0]):
+        if not masked[k]:
+            level, least = max(level, means[k]), min(least, means[k])
+    if not level - least >= MOVING * noise:
+        return 0, level, 0.0, 0.0
     for _ in range(REFINEMENTS):
         samples, total, other, lowest = 0, 0.0, 0.0, level - AT_LEVEL * noise
         for k in range(first, y.shape[0]):
@@ -167,30 +146,29 @@ def _gather(
     return samples, level, constant, changing
 
 
+@compiled
+def _smoothed(y: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Means (n,) over some neighbours; at both ends, where some are missing, of fewer."""
+    result, half = np.empty(y.shape[0]), SMOOTHED // 2
+    for k in range(y.shape[0]):
+        first, end, total = max(k - half, 0), min(k + half + 1, y.shape[0]), 0.0
+        for i in range(first, end):
+            total += y[i]
+        result[k] = total / (end - first)
+    return result
+
+
 def _is_explained(innovations: NDArray[np.float64], sigmas: Sigmas) -> bool:
     """Whether most innovations (n,) are as the model says."""
     return median(np.abs(innovations)) < EXPLAINED * sigmas.innovation
 
 
-def _about(means: NDArray[np.float64], level: float, sigmas: Sigmas) -> NDArray[np.bool_]:
-    """Samples whose means over some neighbours (n,) are at a level, and those beside them."""
-    at = _is_at(means, level, sigmas)
+def _about(y: NDArray[np.float64], level: float, sigmas: Sigmas) -> NDArray[np.bool_]:
+    """Samples of y (n,) whose means over some neighbours are at a level, and those beside them."""
+    at = _smoothed(y) > level - AT_LEVEL * sigmas.noise
     return np.asarray(np.convolve(at, np.ones(2 * MARGIN + 1), "same") > 0.5, np.bool_)
 
 
-def _is_beyond(means: NDArray[np.float64], level: float, sigmas: Sigmas) -> NDArray[np.bool_]:
-    """Means over some neighbours (n,) above a level at which the range ends, so that it does not."""
-    return np.asarray(means > level + BEYOND * sigmas.noise, np.bool_)
-
-
-def _smoothed(y: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Means (n,) over some neighbours; at both ends, where some are missing, of fewer."""
-    result = np.convolve(y, np.ones(SMOOTHED), "same")
-    half = SMOOTHED // 2
-    counts = np.full(y.size, float(SMOOTHED))
-    counts[:half] = counts[-half:][::-1] = np.arange(half + 1, SMOOTHED)
-    return np.asarray(result / counts, np.float64)
-
-
-def _is_at(means: NDArray[np.float64], level: float, sigmas: Sigmas) -> NDArray[np.bool_]:
-    return np.asarray(means > level - AT_LEVEL * sigmas.noise, np.bool_)
+def _is_beyond(y: NDArray[np.float64], levels: Levels, sigmas: Sigmas) -> NDArray[np.bool_]:
+    """Means of y (n,) over some neighbours above levels at which the range ends, so that it does not."""
+    return np.asarray(_smoothed(y) > float(np.mean(levels)) + BEYOND * sigmas.noise, np.bool_)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.phases import BLOCKS, deviate
-from observer_rt.estimation.prediction_error import Whitening, forgetting_of
+from observer_rt.estimation.prediction_error import LEVEL_SAMPLES, NO_HIGH_PASS, Whitening, forgetting_of
 from observer_rt.estimation.predictor import Window
 from observer_rt.foundation.compiled import compiled
 from observer_rt.observer.learning.disturbances.masks import DIFFERENCE
@@ -59,7 +59,7 @@ class SlowRail(Tracker):
 
     def __init__(self, interval: float) -> None:
         """interval: of samples [s]."""
-        self._high_pass = Whitening(forgetting_of(RAIL_MOTION, interval), np.empty(0))
+        self._forgetting = forgetting_of(RAIL_MOTION, interval)
         self._length = max(1, round(RAIL_BLOCK / interval))
         self._squares, self._count = 0.0, 0.0
 
@@ -68,7 +68,7 @@ class SlowRail(Tracker):
         self._squares *= REMEMBERED
         self._count *= REMEMBERED
         for values in segments:
-            passed = self._high_pass.of(values)
+            passed = np.append(0.0, _passed(values[1:], self._forgetting))
             blocks = passed[: passed.size // self._length * self._length].reshape(-1, self._length)
             self._squares += float(np.sum(blocks.mean(axis=1) ** 2)) * self._length
             self._count += len(blocks)
@@ -118,9 +118,11 @@ class RestingNoise(Tracker):
     def __init__(self, interval: float) -> None:
         """interval: of samples [s]."""
         self._interval = interval
-        self._choices = (None, *(forgetting_of(constant, interval) for constant in TIME_CONSTANTS))
-        self._products = np.zeros((len(self._choices), ORDERS + 1, ORDERS + 1))
-        self._by_lag = np.zeros((len(self._choices), LAGS))
+        self._choices = np.array(
+            [NO_HIGH_PASS, *(forgetting_of(constant, interval) for constant in TIME_CONSTANTS)]
+        )
+        self._products = np.zeros((self._choices.size, ORDERS + 1, ORDERS + 1))
+        self._by_lag = np.zeros((self._choices.size, LAGS))
         self._count = 0.0
 
     def add(self, segments: Sequence[NDArray[np.float64]]) -> None:
@@ -130,9 +132,7 @@ class RestingNoise(Tracker):
         self._by_lag *= REMEMBERED * before
         self._count *= REMEMBERED
         for values in segments:
-            for choice, forgetting in enumerate(self._choices):
-                passed = weight * _passed(values, forgetting)
-                _take_in(passed, self._products[choice], self._by_lag[choice])
+            _take_in(values, weight, self._choices, self._products, self._by_lag)
             self._count += len(values) - ORDERS
 
     def _weights(self, segments: Sequence[NDArray[np.float64]]) -> tuple[float, float]:
@@ -159,9 +159,7 @@ class RestingNoise(Tracker):
         if self._products[0, 0, 0] < self._count * (QUIET * expected) ** 2:
             return None
         variances = _residual_variances(self._products / self._count)
-        parameters = np.arange(ORDERS + 1) + np.array(
-            [[forgetting is not None] for forgetting in self._choices]
-        )
+        parameters = np.arange(ORDERS + 1) + (self._choices[:, None] != NO_HIGH_PASS)
         criteria = self._count * np.log(variances) + math.log(self._count) * parameters
         if np.min(criteria) > criteria[0, 0] - MARGIN:
             return None
@@ -170,7 +168,8 @@ class RestingNoise(Tracker):
         if choice > 0:
             choice = int(np.flatnonzero(least < least[choice] + ABOUT_AS_GOOD)[-1])
         order = orders[choice]
-        whitening = Whitening(self._choices[choice], self._taps(choice, order))
+        forgetting = float(self._choices[choice]) if choice > 0 else None
+        whitening = Whitening(forgetting, self._taps(choice, order))
         return Colour(whitening, self._interval, math.sqrt(variances[choice, order]))
 
     def _best_orders(self, criteria: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
@@ -209,36 +208,56 @@ class RestingNoise(Tracker):
 
 
 @compiled
-def _take_in(values: NDArray[np.float64], products: NDArray[np.float64], by_lag: NDArray[np.float64]) -> None:
-    """Add what values (n,) have in common with those before them.
+def _take_in(
+    values: NDArray[np.float64],
+    weight: float,
+    choices: NDArray[np.float64],
+    products: NDArray[np.float64],
+    by_lag: NDArray[np.float64],
+) -> None:
+    """Add what values (n,) times a weight have in common with those before them, behind each high pass (c,).
 
-    products (ORDERS + 1, ORDERS + 1): sums of products of those i and j samples before each, but for the first
-    ORDERS; by_lag (LAGS,): n - ORDERS mean products of each with that so many samples before.
+    products (c, ORDERS + 1, ORDERS + 1): sums of products of those i and j samples before each, but for the first
+    ORDERS; by_lag (c, LAGS): n - ORDERS mean products of each with that so many samples before.
     """
     n = values.shape[0]
-    sums = np.zeros(LAGS)
-    for k in range(n):
-        for lag in range(min(LAGS, k + 1)):
-            sums[lag] += values[k] * values[k - lag]
-    for lag in range(LAGS):
-        by_lag[lag] += sums[lag] / (n - lag) * (n - ORDERS)
-    for i in range(ORDERS + 1):
-        for j in range(i, ORDERS + 1):
-            lag = j - i
-            total = sums[lag]
-            for k in range(lag, ORDERS - i):
-                total -= values[k] * values[k - lag]
-            for k in range(n - i, n):
-                total -= values[k] * values[k - lag]
-            products[i, j] += total
-            if j > i:
-                products[j, i] += total
+    for choice in range(choices.shape[0]):
+        passed, sums = weight * _passed(values, choices[choice]), np.zeros(LAGS)
+        for k in range(n):
+            for lag in range(min(LAGS, k + 1)):
+                sums[lag] += passed[k] * passed[k - lag]
+        for lag in range(LAGS):
+            by_lag[choice, lag] += sums[lag] / (n - lag) * (n - ORDERS)
+        for i in range(ORDERS + 1):
+            for j in range(i, ORDERS + 1):
+                lag = j - i
+                total = sums[lag]
+                for k in range(lag, ORDERS - i):
+                    total -= passed[k] * passed[k - lag]
+                for k in range(n - i, n):
+                    total -= passed[k] * passed[k - lag]
+                products[choice, i, j] += total
+                if j > i:
+                    products[choice, j, i] += total
 
 
-def _passed(values: NDArray[np.float64], forgetting: float | None) -> NDArray[np.float64]:
-    if forgetting is None:
-        return values
-    return Whitening(forgetting, np.empty(0)).of(np.append(0.0, values))[1:]
+@compiled
+def _passed(values: NDArray[np.float64], forgetting: float) -> NDArray[np.float64]:
+    """Values (n,) behind the high pass of a `Whitening`."""
+    if forgetting == NO_HIGH_PASS:
+        return values.copy()
+    passed, now, before = np.empty(values.shape[0]), 0.0, 0.0
+    level = min(LEVEL_SAMPLES, values.shape[0])
+    for k in range(level):
+        before += values[k] / level
+    for k in range(values.shape[0]):
+        now = values[k] + (forgetting * now - before)
+        before = values[k]
+        passed[k] = now
+    return passed
+
+
+_LAST_FIRST = np.array([*range(1, ORDERS + 1), 0])
 
 
 def _residual_variances(covariances: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -246,8 +265,7 @@ def _residual_variances(covariances: NDArray[np.float64]) -> NDArray[np.float64]
 
     Their first row is that of the newest.
     """
-    last_first = [*range(1, covariances.shape[1]), 0]
-    factors = np.linalg.cholesky(covariances[:, last_first][:, :, last_first])
+    factors = np.linalg.cholesky(covariances[:, _LAST_FIRST[:, None], _LAST_FIRST])
     explained = np.cumsum(factors[:, -1, :-1] ** 2, axis=1)
     variances = np.repeat(covariances[:, 0, :1], covariances.shape[1], axis=1)
     variances[:, 1:] -= explained

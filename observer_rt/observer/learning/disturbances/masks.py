@@ -30,6 +30,8 @@ MOST_SPIKES = 12  # in an event
 
 def spikes_of(innovations: NDArray[np.float64], sigma: float, first: int) -> list[tuple[int, int]]:
     """Samples [start, end) of innovations (n,), from `first` on, that leap away and soon back."""
+    if _largest(innovations, first)[0] <= LEAP * sigma:
+        return []
     steps = np.diff(innovations)
     leaps = [int(k) for k in np.flatnonzero(np.abs(steps) > LEAP * sigma) if k >= first]
     found: list[tuple[int, int]] = []
@@ -45,9 +47,9 @@ def sharp_spikes_of(innovations: NDArray[np.float64], sigma: float, first: int) 
 
     Where the innovations are larger than they should be, so must be the spikes. Of many the model is to blame.
     """
-    counted = innovations[first:]
-    if _largest_mean(counted) < SHARP * sigma:  # nor is anything sharp by a larger one
+    if _largest(innovations, first)[1] < SHARP * sigma:  # nor is anything sharp by a larger one
         return []
+    counted = innovations[first:]
     sigma = max(sigma, robust_sigma(counted))
     counted = counted / sigma
     left, found = counted.copy(), list[tuple[int, int]]()
@@ -68,10 +70,19 @@ def sharp_spikes_of(innovations: NDArray[np.float64], sigma: float, first: int) 
     return []
 
 
-def _largest_mean(innovations: NDArray[np.float64]) -> float:
-    """Over the widths of a spike, with the square root of the samples as its weight."""
-    total = np.concatenate(([0.0], np.cumsum(innovations)))
-    return max(float(np.max(np.abs(total[w:] - total[:-w]))) / math.sqrt(w) for w in SHARP_WIDTHS)
+@compiled
+def _largest(innovations: NDArray[np.float64], first: int) -> tuple[float, float]:
+    """Leap of innovations (n,), and mean over the widths of a spike times the square root of the samples."""
+    n, leap, mean = innovations.shape[0], 0.0, 0.0
+    total = np.zeros(n + 1)
+    for k in range(first, n):
+        total[k + 1] = total[k] + innovations[k]
+        if k + 1 < n:
+            leap = max(leap, math.fabs(innovations[k + 1] - innovations[k]))
+        for width in SHARP_WIDTHS:
+            if k + 1 - first >= width:
+                mean = max(mean, math.fabs(total[k + 1] - total[k + 1 - width]) / math.sqrt(width))
+    return leap, mean
 
 
 def _spread(deviates: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -109,60 +120,33 @@ def frozen_stretches(
 
     Or where it does so very much better for long: y may by chance be let go where it would have been.
     """
-    y, mask = window.output, mask_of(window)
-    jump = JUMP * sigmas.innovation
-    sums, squares, explained = np.zeros((3, len(y) + 1))
-    is_leap, is_last = np.zeros((2, len(y) + 1), np.bool_)
+    y = window.output
     levels = sigmas.innovation, sigmas.noise
-    if not _find_ends(y, innovations, levels, first, sums, squares, explained, is_leap, is_last):
+    spans = _find_held(y, innovations, mask_of(window), levels, first)
+    if len(spans) == 0:
         return ()
-
-    def constant_over(starts: NDArray[np.int64], ends: NDArray[np.int64]) -> NDArray[np.float64]:
-        mean_square = (sums[ends] - sums[starts]) ** 2 / (ends - starts)
-        return np.asarray((squares[ends] - squares[starts] - mean_square) / sigmas.noise**2, np.float64)
-
-    lowest, highest = (float(v) for v in np.partition(y, (2, -3))[[2, -3]])
-    found: list[HeldStretch] = []
-    for end in (int(end) for end in np.flatnonzero(is_leap | is_last)):
-        begin = found[-1].end + RECOVERY if found else first
-        lengths = np.arange(SHORTEST, min(LONGEST, end - begin) + 1)
-        if lengths.size == 0:
-            continue
-        better = (
-            explained[end]
-            - explained[end - lengths]
-            - constant_over(end - lengths, np.full_like(lengths, end))
-        )
-        best = int(np.argmax(better))
-        start = end - int(lengths[best])
-        level = float((sums[end] - sums[start]) / (end - start) + y[0])
-        is_let_go = bool(abs(y[end] - level) >= jump) or bool(is_last[end])
-        if better[best] < BETTER or not is_let_go or mask[start:end].any():
-            continue
-        beyond = BEYOND * sigmas.noise
-        found.append(HeldStretch(start, end, level, not lowest + beyond < level < highest - beyond))
-    return found
+    lowest, highest = np.partition(y, (2, -3))[[2, -3]]
+    beyond = BEYOND * sigmas.noise
+    return [
+        HeldStretch(int(start), int(end), level, not lowest + beyond < level < highest - beyond)
+        for start, end, level in spans.tolist()
+    ]
 
 
 @compiled
-def _find_ends(
+def _find_held(
     y: NDArray[np.float64],
     innovations: NDArray[np.float64],
+    masked: NDArray[np.bool_],
     sigmas: tuple[float, float],
     first: int,
-    sums: NDArray[np.float64],
-    squares: NDArray[np.float64],
-    explained: NDArray[np.float64],
-    is_leap: NDArray[np.bool_],
-    is_last: NDArray[np.bool_],
-) -> bool:
-    """Where a stretch may end: by a leap of the innovations, or by how long y was held until then; both (n + 1,).
-
-    sums, squares, explained: (n + 1,) running sums of y - y[0], its squares and those of the innovations. False: it
-    ends nowhere.
-    """
+) -> NDArray[np.float64]:
+    """Stretches (k, 3): start, end, level, by what ends them: a leap of the innovations, or how long y was held."""
     n, (innovation, noise) = y.shape[0], sigmas
-    in_part, found = np.zeros(n + 1), False
+    found, count = np.empty((n // SHORTEST + 1, 3)), 0
+    sums, squares = np.zeros(n + 1), np.zeros(n + 1)  # of y - y[0]
+    explained, in_part = np.zeros(n + 1), np.zeros(n + 1)
+    is_leap, is_last = np.zeros(n + 1, np.bool_), np.zeros(n + 1, np.bool_)
     for k in range(n):
         height, deviate = y[k] - y[0], innovations[k] / innovation
         sums[k + 1] = sums[k] + height
@@ -170,16 +154,31 @@ def _find_ends(
         explained[k + 1] = explained[k] + deviate * deviate
         at_most = min(math.fabs(deviate), MOST_OF_A_HELD_ONE)
         in_part[k + 1] = in_part[k] + at_most * at_most
-        if k > 0 and math.fabs(innovations[k] - innovations[k - 1]) > JUMP * innovation:
-            is_leap[k] = found = True
+        is_leap[k] = k > 0 and math.fabs(innovations[k] - innovations[k - 1]) > JUMP * innovation
     for end in range(first + LONG, n):
         mean_square = (sums[end] - sums[end - LONG]) ** 2 / LONG
         constant = (squares[end] - squares[end - LONG] - mean_square) / noise**2
         better = in_part[end] - in_part[end - LONG] - constant
         if constant < LONG + FLAT_STRETCH and better > MUCH_BETTER:
-            is_last[end - 1] = False
-            is_last[end] = found = True
-    return found
+            is_last[end - 1], is_last[end] = False, True
+    begin = first
+    for end in range(n):
+        if not (is_leap[end] or is_last[end]):
+            continue
+        most, start = -np.inf, end
+        for length in range(SHORTEST, min(LONGEST, end - begin) + 1):
+            mean_square = (sums[end] - sums[end - length]) ** 2 / length
+            constant = (squares[end] - squares[end - length] - mean_square) / noise**2
+            better = explained[end] - explained[end - length] - constant
+            if better > most:
+                most, start = better, end - length
+        if most < BETTER or masked[start:end].any():
+            continue
+        level = (sums[end] - sums[start]) / (end - start) + y[0]
+        if is_last[end] or math.fabs(y[end] - level) >= JUMP * innovation:
+            found[count, 0], found[count, 1], found[count, 2] = start, end, level
+            count, begin = count + 1, end + RECOVERY
+    return found[:count]
 
 
 DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])  # what the level of the noise is measured by at rest

@@ -102,7 +102,7 @@ def test_users_own_database(tmp_path: Path) -> None:
     bus = user_map(tmp_path)
     (message,) = bus.inputs.messages
     assert int(message["key"]) == 291
-    assert int(message["e2e_profile"]) == UNPROTECTED
+    assert int(message["protection"]["profile"]) == UNPROTECTED
     assert int(message["samples"]) == 1
     (group,) = bus.inputs.groups
     assert group["factor"].tolist() == [1e5, 1e-6, 1e5]
@@ -140,8 +140,8 @@ def test_number_of_an_extended_frame_is_another() -> None:
         (
             {"rail_pressure": 'message = "Guarded"\nsignal = "Rail"'},
             "rail_pressure.message",
-            "Guarded is protected by E2E profile 2",
-            "1, 5, 7",
+            "but has no attribute E2EDataIdList",
+            "set its E2EProfile to 0",
         ),
     ],
 )
@@ -211,7 +211,7 @@ def test_the_databases_name_every_state_and_reason(database: Path, message: str)
     ("message", "names", "pages"),
     [
         ("InjectionSummary", signals_of(SummaryValues), 7),
-        ("ObserverStatus", signals_of(StatusValues)[:-4], 12),
+        ("ObserverStatus", signals_of(StatusValues)[:-5], 12),
     ],
 )
 def test_the_classic_layout_carries_what_the_fd_layout_does(

@@ -26,6 +26,7 @@ from numba.core.imputils import lower_getattr_generic
 from numba.core.typing.templates import AttributeTemplate
 from numba.extending import NativeValue, infer_getattr, intrinsic, register_model, typeof_impl, unbox
 from numba.np.numpy_support import as_dtype
+from numpy.typing import NDArray
 
 _Kind = TypeVar("_Kind", bound=type)
 _hidden_in: dict[type, tuple[str, ...]] = {}
@@ -103,13 +104,12 @@ def _unbox(kind: Reference, value: Any, c: Any) -> NativeValue:
 
 
 class Kept:
-    """A referenced tuple whose leaves stay at one place: for what is called often, or keeps a pointer to them."""
+    """A referenced tuple whose leaves are laid out once: for what is called often."""
 
     def __init__(self, value: Any) -> None:
         self.kind = typeof(value)
         self.leaves = _leaves(value, self.kind)
         self.value = value  # owns the arrays
-        self.address = np.frombuffer(self.leaves, np.uint8).ctypes.data
 
 
 @typeof_impl.register(Kept)
@@ -122,7 +122,7 @@ def _leaves(value: Any, kind: Reference) -> bytes:
     """The leaves of a tuple, or those kept, as compiled code has them."""
     if isinstance(value, Kept):
         return value.leaves
-    return np.array(_numbers(value, kind.tuple_type), _layout(kind.tuple_type)).tobytes()
+    return np.array(_numbers(value, kind.tuple_type), _layout_of(kind)).tobytes()
 
 
 def _numbers(value: Any, kind: Any) -> Any:
@@ -134,7 +134,11 @@ def _numbers(value: Any, kind: Any) -> Any:
     return 0 if kind == types.none else value
 
 
-@cache
+@cache  # by the short name of the reference: tuple types take a millisecond to compare
+def _layout_of(kind: Reference) -> np.dtype[Any]:
+    return _layout(kind.tuple_type)
+
+
 def _layout(kind: Any) -> np.dtype[Any]:
     """How an element lies in memory: as C would lay it; an array as its two owners, sizes and pointer."""
     if isinstance(kind, types.BaseTuple):
@@ -198,17 +202,17 @@ class Bound(NamedTuple):
     data: int
 
 
-def bind(function: Any, value: Any) -> tuple[Bound, Kept]:
+def bind(function: Any, value: Any) -> tuple[Bound, tuple[Any, NDArray[np.uint8]]]:
     """A compiled function (value, what, place) -> float bound to a referenced tuple; it raises nothing.
 
-    And what must be kept while it may be called.
+    And what must be kept while it may be called: of types that Numba's dispatcher knows at a glance.
     """
     signature = (typeof(value), types.int64, types.int64)
     function.compile(signature)
     found = function.overloads[signature]
-    kept = Kept(value)
+    leaves = np.frombuffer(_leaves(value, typeof(value)), np.uint8)
     code = found.library.get_pointer_to_function(found.fndesc.llvm_cfunc_wrapper_name)
-    return Bound(int(code), kept.address), kept
+    return Bound(int(code), leaves.ctypes.data), (value, leaves)
 
 
 @intrinsic

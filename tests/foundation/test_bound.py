@@ -47,5 +47,5 @@ def test_a_caller_knows_neither_function_nor_tuple() -> None:
     assert few.values.tolist() == [1.0, 22.0]
     assert _twice(second, 1, 0) == 2 * 3 * 4.0
     assert len(_twice.signatures) == 1
-    assert of_first.value is few
-    assert of_second.value is more
+    assert of_first[0] is few
+    assert of_second[0] is more

@@ -213,7 +213,7 @@ def test_nobody_keeps_the_constants_of_other_fuel(tmp_path: Path) -> None:
 def test_what_compiled_code_is_at_work_with_stays(tmp_path: Path) -> None:
     core = core_of(bench(tmp_path))
     at_work = core.compiled.held
-    stepper = weakref.ref(core.compiled.observer.kept)  # the leaves it is called with
+    stepper = weakref.ref(core.compiled.observer.kept[1])  # the leaves it is called with
     core.compiled.change_constants(core.compiled.observer.constants)
     gc.collect()
     assert stepper() is not None

@@ -281,15 +281,16 @@ def printed(program: str, folder: Path) -> list[str]:
 
 @pytest.mark.slow
 def test_programs_do_what_the_page_says(tmp_path: Path) -> None:
-    recorded, framed = PROGRAMS
+    recorded, reported, framed = PROGRAMS
     made = simulate(load_injector(), make_schedule([100e6], 3, 0.05, [1.1e-3]), 100e3, noise=SimulatedNoise())
     write_recording(tmp_path / "worn.csv", made.recording)
-    lines = printed(recorded, tmp_path)
+    *lines, lag = printed(recorded + reported, tmp_path)
     assert [re.sub(r"\d+\.\d mg", "x mg", line) for line in lines] == [
         "1: x mg TOO_FEW_EVENTS",
         "2: x mg TOO_FEW_EVENTS",
         "3: x mg valid",
     ]
+    assert re.fullmatch(r"\{'value': \S+, 'ci95': \[\S+, \S+\], 'unit': 's'\}", lag)
     assert printed(framed, tmp_path) == ["1 frame with a wrong CRC"]
 
 

@@ -161,9 +161,10 @@ def test_an_installed_package_brings_its_effects(tmp_path: Path, value: str, lis
     assert ("installed effects 'sacs'" in done.stderr) == (listed != 0)
 
 
-BOUNDED = """from observer_rt.model.effects.line_volume import EFFECT as VOLUME
-from observer_rt.model.effect import bounded
+BOUNDED = """from observer_rt.model.effect import bounded
+from observer_rt.model.effects import BUILT_IN
 
+VOLUME = BUILT_IN["line_volume"]
 """
 
 

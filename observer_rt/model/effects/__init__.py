@@ -1,4 +1,4 @@
-"""The vocabulary of effects: every module of this folder is one, its `EFFECT`; others may be added."""
+"""The vocabulary of effects: those that the modules of this folder define; others may be added."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import import_module
@@ -11,8 +11,9 @@ from observer_rt.model.parameters import EffectInForce, InjectorParameters
 
 
 def _of_this_folder() -> dict[str, Effect]:
-    effects = (import_module(f"{__name__}.{module.name}").EFFECT for module in iter_modules(__path__))
-    return {effect.id: effect for effect in effects}
+    modules = (import_module(f"{__name__}.{module.name}") for module in iter_modules(__path__))
+    effects = (value for module in modules for value in vars(module).values() if isinstance(value, Effect))
+    return {effect.id: effect for effect in sorted(effects, key=lambda effect: effect.id)}
 
 
 BUILT_IN: Mapping[str, Effect] = MappingProxyType(_of_this_folder())

@@ -21,7 +21,7 @@ import tools.benchmarks.__main__  # noqa: F401
 from observer_rt.bus.mapping.bus_map import map_bench
 from observer_rt.check.findings import Level
 from observer_rt.check.machine import interface_findings
-from observer_rt.config.bench import EXAMPLE_BENCH, load_bench, load_injector
+from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench, load_injector
 from observer_rt.config.bench_file import LinkConfig
 from observer_rt.config.signals import SignalConfig
 from observer_rt.model.baseline import Baseline
@@ -248,7 +248,8 @@ def test_the_commands_of_a_discovery(
     command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    of_ones_own, *alone, compare = (words_of(line)[0] for line in Page("docs/discovery.md").commands)
+    commands = [words_of(line)[0] for line in Page("docs/discovery.md").commands]
+    of_ones_own, *alone, compare = commands[:4] + commands[-1:]
     assert of_ones_own[:2] == ["discover", "--out"]  # the same with other files, of the README
     assert [words[0] for words in alone] == ["simulate", "discover", "evaluate"]
     for words in alone:
@@ -258,6 +259,29 @@ def test_the_commands_of_a_discovery(
     command.done(*alone[1])
     done = command.done(*compare)
     assert "no change that shows" in done.out
+
+
+@pytest.mark.slow
+def test_from_unknown_to_the_daemon(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    page = Page("docs/discovery.md")
+    simulate_plugged, discover_plugged, evaluate_amended = (words_of(line)[0] for line in page.commands[4:-1])
+    plugged = NOMINAL_INJECTOR.read_text(encoding="utf-8") + (
+        '\n[[terms]]\nequation = "nozzle_flow"\nlaw = "-0.15 * (time_since_opening > 0.6)"\n'
+    )
+    Path("plugging.toml").write_text(plugged, encoding="utf-8")
+    command.done(*simulate_plugged)
+    found = command.done(*discover_plugged).out
+    table = command.done(*evaluate_amended).out
+    [proposal] = re.findall(
+        r"^ +proposal 1: as if the nozzle lost 15 % of its flow .*$", page.text, re.MULTILINE
+    )
+    assert proposal.strip().split(" = c *")[0] in " ".join(found.split())
+    rows = re.findall(r"^ +( [456]   .* yes)$", page.text, re.MULTILINE)
+    assert len(rows) == 3
+    assert [row for row in rows if row not in table] == []
 
 
 def test_every_reservation_is_explained() -> None:

@@ -66,7 +66,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # units in brackets are not markup
     help="Estimates the injection rate of a common-rail injector in real time, from CAN back onto CAN.",
-    epilog="Every command explains itself with -h. Results go to stdout, progress and errors to stderr.\n\n"
+    epilog="Every command has help: -h. Results go to stdout, progress and errors to stderr.\n\n"
     + EXIT_CODES,
 )
 

@@ -17,7 +17,8 @@ def batch(
         list[str], argument("Files, folders (all below them) or patterns such as 'run_*/**/*.mf4'.", "SOURCE")
     ],
     out: Annotated[
-        Path, option("--out", "Folder for the tables; what is done there is not done again.", "DIR")
+        Path,
+        option("--out", "Folder for the tables; recordings that are in them are not evaluated again.", "DIR"),
     ],
     bench: options.BenchOption = EXAMPLE_BENCH,
     model: options.ModelOption = None,
@@ -26,7 +27,7 @@ def batch(
         str | None,
         option(
             "--injector-from",
-            "Regular expression that finds an injector's name in a file's path: its first group.",
+            "Regular expression whose first group finds an injector's name in a file's path.",
             "PATTERN",
         ),
     ] = None,
@@ -34,17 +35,22 @@ def batch(
         str | None,
         option(
             "--time-from",
-            "Regular expression that finds date and time of a recording in its path: its first group. Left out: by "
-            "frames or header of the file, of CSV and Parquet when it was last written.",
+            "Regular expression whose first group finds date and time of a recording in its path. "
+            "Default: the time in frames or header; for CSV and Parquet, when the file was last written.",
             "PATTERN",
         ),
     ] = None,
     scheduler: Annotated[
-        str | None, option("--scheduler", "Address of a Dask scheduler (default: workers here).", "ADDRESS")
+        str | None,
+        option("--scheduler", "Address of a Dask scheduler (default: workers on this computer).", "ADDRESS"),
     ] = None,
-    workers: Annotated[int | None, option("--workers", "Processes here (default: one a CPU).", min=1)] = None,
+    workers: Annotated[
+        int | None, option("--workers", "Processes on this computer (default: one per CPU).", min=1)
+    ] = None,
     state: options.StateOption = None,
-    no_learning: Annotated[bool, option("--no-learning", "Judge only.")] = False,
+    no_learning: Annotated[
+        bool, option("--no-learning", "Judge injections without learning from them.")
+    ] = False,
     lenient: options.LenientOption = False,
     discover: Annotated[
         bool,
@@ -61,7 +67,7 @@ def batch(
     as_json: options.JsonOption = False,
     effects: Annotated[list[Path] | None, options.effects_option(exposed=True)] = None,
 ) -> None:
-    """Evaluate thousands of recordings side by side: an injection a row of Parquet, resumed where it stopped."""
+    """Evaluate thousands of recordings in parallel: Parquet with one row per injection, resumed where it stopped."""
     from observer_rt.config.own_effects import OwnEffects
     from observer_rt.fleet.batch import Dataset, evaluate_all, settings_of, tell
     from observer_rt.fleet.cluster import Work, connected

@@ -23,7 +23,7 @@ def demo(
     wear: Annotated[
         float, option("--wear", "Nozzle wear v_H: relative change of the orifice flow.", min=-0.5, max=0.5)
     ] = 0.3,
-    injections: Annotated[int, option("--injections", "How many injections.", min=3, max=100)] = 12,
+    injections: Annotated[int, option("--injections", "Number of injections.", min=3, max=100)] = 12,
     speed: Annotated[float, option("--speed", "Replay speed, 1 = real time.", min=0.01, max=1.0)] = 0.05,
     seed: Annotated[int, option("--seed", "Seed of the measurement noise.", min=0)] = 1,
     figure: Annotated[Path, option("--figure", "Where to write the picture (png, svg, pdf).", "FILE")] = Path(
@@ -51,25 +51,26 @@ def demo(
 
 def run(
     bench: Annotated[
-        Path | None, file_option("--bench", "Bench file; needed, unless an example is printed.")
+        Path | None, file_option("--bench", "Bench file; required unless an example is printed.")
     ] = None,
     state: Annotated[
         Path | None,
         file_option(
             "--state",
-            "Learned state: restored at start, saved at the stop and, while running, within "
-            "[state] save_within_s of the bench file (5 s).",
+            "File of the learned state: restored at the start, saved every few seconds "
+            "([state] save_within_s, 5 s) and at the stop.",
         ),
     ] = None,
     journal: Annotated[
         Path | None,
         file_option(
-            "--journal", "SQLite file for a row an injection, written as soon: see `observer-rt journal`."
+            "--journal",
+            "SQLite file with one row per injection, saved as often as the state; see `observer-rt journal`.",
         ),
     ] = None,
     view: Annotated[bool, option("--view", "Show the live terminal view.")] = False,
-    as_json: Annotated[bool, option("--json", "Every injection as a line of JSON on stdout.")] = False,
-    log: Annotated[Path | None, file_option("--log", "File that log lines are appended to, too.")] = None,
+    as_json: Annotated[bool, option("--json", "Write every injection as a line of JSON to stdout.")] = False,
+    log: Annotated[Path | None, file_option("--log", "Also append the log to this file.")] = None,
     injector: options.InjectorOption = None,
     lenient: options.LenientOption = False,
     print_example_bench: Annotated[
@@ -108,11 +109,11 @@ def run(
 def check(
     bench: options.BenchOption = EXAMPLE_BENCH,
     model: options.ModelOption = None,
-    state: Annotated[Path | None, file_option("--state", "Learned state: what would become of it.")] = None,
-    log: Annotated[Path | None, file_option("--log", "CAN log of the bench: losses, jitter, noise.")] = None,
+    state: Annotated[Path | None, file_option("--state", "Learned state to check: can it be used?")] = None,
+    log: Annotated[Path | None, file_option("--log", "CAN log to check: losses, jitter, noise.")] = None,
     from_channel: options.FromChannelOption = None,
     recording: Annotated[
-        Path | None, file_option("--recording", "Recording: columns, units, rate, gaps, ranges.")
+        Path | None, file_option("--recording", "Recording to check: columns, units, rate, gaps, ranges.")
     ] = None,
     injector: options.InjectorOption = None,
     lenient: options.LenientOption = False,
@@ -149,18 +150,18 @@ def monitor(
     bench: options.BenchOption = EXAMPLE_BENCH,
     injector: options.InjectorOption = None,
     log: Annotated[
-        Path | None, file_option("--log", "CAN log with inputs and results, instead of the buses.")
+        Path | None, file_option("--log", "Show a CAN log with inputs and results instead of the buses.")
     ] = None,
     from_channel: options.FromChannelOption = None,
-    speed: Annotated[float, option("--speed", "Of a log: 1 = real time.", min=0.01, max=1000.0)] = 1.0,
-    start: Annotated[float, option("--start", "Of a log: from this time of it [s].", min=0.0)] = 0.0,
-    stop: Annotated[float | None, option("--stop", "Of a log: to this time of it [s].", min=0.0)] = None,
-    port: Annotated[int, option("--port", "Of the page; 0 = any that is free.", min=0, max=65535)] = 5006,
+    speed: Annotated[float, option("--speed", "Speed of a log; 1 = real time.", min=0.01, max=1000.0)] = 1.0,
+    start: Annotated[float, option("--start", "Begin at this time of a log [s].", min=0.0)] = 0.0,
+    stop: Annotated[float | None, option("--stop", "End at this time of a log [s].", min=0.0)] = None,
+    port: Annotated[int, option("--port", "Port of the page; 0 = any free one.", min=0, max=65535)] = 5006,
     address: Annotated[
         str,
         option(
             "--address",
-            "Where the page is served: this computer only, unless an address that others reach is given.",
+            "Address to serve the page at. The default can be reached from this computer only.",
         ),
     ] = "127.0.0.1",
     out: Annotated[Path, option("--out", "Folder that `Save` writes injections into.", "DIR")] = Path(
@@ -195,7 +196,7 @@ def monitor(
 def journal(
     file: Annotated[Path, argument("Journal that `observer-rt run --journal` wrote or writes.", "FILE")],
     last: Annotated[
-        int | None, option("--last", f"Only so many injections (of the table: {SHOWN}).", "N", min=1)
+        int | None, option("--last", f"Show the last N injections only (table: {SHOWN}).", "N", min=1)
     ] = None,
     as_csv: Annotated[bool, option("--csv", "Injections as CSV on stdout.")] = False,
     as_json: options.JsonOption = False,

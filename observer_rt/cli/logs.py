@@ -33,13 +33,15 @@ if TYPE_CHECKING:
 ChannelOption = Annotated[
     list[str] | None,
     link_option(
-        "--channel", "CAN channel, instead of the bench's; of a bus of [links] as LINK=CHANNEL; repeatable."
+        "--channel",
+        "CAN channel, instead of the bench file's; LINK=CHANNEL for one bus of [links]; repeatable.",
     ),
 ]
 InterfaceOption = Annotated[
     list[str] | None,
     link_option(
-        "--interface", "python-can interface, instead of the bench's; of a bus of [links] as LINK=INTERFACE."
+        "--interface",
+        "python-can interface, instead of the bench file's; LINK=INTERFACE for one bus of [links].",
     ),
 ]
 MEGABYTE = 1_000_000
@@ -51,18 +53,20 @@ def replay(
     channel: ChannelOption = None,
     interface: InterfaceOption = None,
     speed: Annotated[float, option("--speed", "1 = real time; 0 = as fast as the bus takes.", min=0.0)] = 1.0,
-    loop: Annotated[int, option("--loop", "How often; 0 = until stopped.", min=0)] = 1,
-    start: Annotated[float | None, option("--start", "From this time of the recording [s].")] = None,
-    stop: Annotated[float | None, option("--stop", "To this time of the recording [s].")] = None,
-    windowed: Annotated[bool, option("--windowed", "Only about 6 ms round each injection.")] = False,
+    loop: Annotated[int, option("--loop", "Number of repetitions; 0 = until stopped.", min=0)] = 1,
+    start: Annotated[float | None, option("--start", "Begin at this time of the recording [s].")] = None,
+    stop: Annotated[float | None, option("--stop", "End at this time of the recording [s].")] = None,
+    windowed: Annotated[bool, option("--windowed", "Send only about 6 ms around each injection.")] = False,
     map_id: Annotated[
         list[str] | None, option("--map-id", "Send under another identifier; repeatable.", "FROM=TO")
     ] = None,
     map_channel: Annotated[
         list[str] | None,
-        option("--map-channel", "Frames of this channel of a log onto that bus only.", "FROM=TO"),
+        option("--map-channel", "Send the frames of a log's channel to one bus only.", "FROM=TO"),
     ] = None,
-    force: Annotated[bool, option("--force", "Send although others send the same identifiers.")] = False,
+    force: Annotated[
+        bool, option("--force", "Send even if another node sends the same identifiers.")
+    ] = False,
     injector: options.InjectorOption = None,
     lenient: options.LenientOption = False,
     as_json: options.JsonOption = False,
@@ -110,8 +114,8 @@ def record(
     bench: options.BenchOption = EXAMPLE_BENCH,
     channel: ChannelOption = None,
     interface: InterfaceOption = None,
-    duration: Annotated[float | None, option("--duration", "End after this time [s].", min=0.0)] = None,
-    frames: Annotated[int | None, option("--frames", "End after so many frames.", min=1)] = None,
+    duration: Annotated[float | None, option("--duration", "Stop after this time [s].", min=0.0)] = None,
+    frames: Annotated[int | None, option("--frames", "Stop after this number of frames.", min=1)] = None,
     rotate_size: Annotated[
         float | None, option("--rotate-size", "Begin a new file at this size [MB].", min=0.001)
     ] = None,
@@ -122,7 +126,7 @@ def record(
     as_json: options.JsonOption = False,
     effects: options.EffectsOption = None,
 ) -> None:
-    """Write every frame of the bench's buses into a log, until stopped; how many were lost is noted in it."""
+    """Write every frame of the bench's buses into a log until stopped; lost frames are noted in it."""
     from observer_rt.bus.links.opening import open_link
     from observer_rt.recording.recorder import RecordLimits, check_recording_path
     from observer_rt.recording.recorder import record as record_links
@@ -164,10 +168,10 @@ def convert(
     from_channel: options.FromChannelOption = None,
     injector: options.InjectorOption = None,
     lenient: options.LenientOption = False,
-    force: Annotated[bool, option("--force", "Replace OUT if it is there already.")] = False,
+    force: Annotated[bool, option("--force", "Replace OUT if it exists.")] = False,
     effects: options.EffectsOption = None,
 ) -> None:
-    """Turn recordings and CAN logs into other formats, and logs, by a bench file, into recordings."""
+    """Convert recordings and CAN logs to other formats; with a bench file, logs to recordings."""
     from observer_rt.evaluation.convert import convert as convert_file
 
     chosen = decoder_of(bench, injector, lenient)

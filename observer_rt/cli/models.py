@@ -123,7 +123,7 @@ def discover(
         str,
         option(
             "--choose",
-            "Effect to put into the amended model where several explain the recordings as well; two as ID+ID.",
+            "Effect for the amended model, where several explain the recordings equally well; ID+ID for two.",
             "ID",
             show_default=False,
         ),
@@ -132,15 +132,13 @@ def discover(
         int,
         option(
             "--accept-term",
-            "Proposal of an `unknown` answer whose terms the amended model is to have, 1 for the first.",
+            "Number of the proposal, in an `unknown` answer, that the amended model is to have.",
             "N",
             show_default=False,
             min=0,
         ),
     ] = 0,
-    force: Annotated[
-        bool, option("--force", "Replace the report and the amended model that stand in DIR.")
-    ] = False,
+    force: Annotated[bool, option("--force", "Replace the report and the amended model in DIR.")] = False,
     data: Annotated[
         bool, option("--data", "Also write the figures (SVG) and the numbers behind them (CSV).")
     ] = False,
@@ -219,7 +217,7 @@ def compare(
     runs: Annotated[list[Path], argument("Folders that `discover --out` wrote.", "DIR")],
     as_json: options.JsonOption = False,
 ) -> None:
-    """Put runs of `discover` side by side: verdicts, sizes, gaps; what changed from the first to the last."""
+    """Compare runs of `discover`: verdicts, sizes, gaps, and what changed from the first to the last."""
     from observer_rt.discovery import runs as comparison
 
     if len(runs) < 2:
@@ -235,11 +233,11 @@ def compare(
 
 
 def effects(
-    ids: Annotated[list[str] | None, argument("Effects to be told in detail (default: all).", "ID")] = None,
+    ids: Annotated[list[str] | None, argument("Effects to describe in detail (default: all).", "ID")] = None,
     as_json: options.JsonOption = False,
     effects: options.EffectsOption = None,
 ) -> None:
-    """List the effects a model can have: units, bounds, meaning, what each is taken for; check those of your own."""
+    """List the effects a model can have: unit, bounds, meaning, what each may be mistaken for; check your own."""
     from observer_rt.discovery import vocabulary
     from observer_rt.model.effects import VOCABULARY
 

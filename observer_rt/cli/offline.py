@@ -26,13 +26,14 @@ SampleRateOption = Annotated[float, option("--sample-rate", "Samples a second [H
 def simulate(
     output: Annotated[Path, file_option("--output", f"Recording to write ({SIGNALS}).")],
     rail_pressure: Annotated[
-        str, option("--rail-pressure", "Rail pressures [MPa] by commas, taken in turn by the events.")
+        str, option("--rail-pressure", "Rail pressures [MPa], separated by commas; events take them in turn.")
     ] = "100",
     energizing_time: Annotated[
-        str, option("--energizing-time", "Energizing times [ms] by commas, taken in turn as well.")
+        str,
+        option("--energizing-time", "Energizing times [ms], separated by commas; events take them in turn."),
     ] = "1.9",
     injections: Annotated[int, option("--injections", "Number of events.", min=1)] = 10,
-    period: Annotated[float, option("--period", "From event to event [ms].", min=1.0)] = 60.0,
+    period: Annotated[float, option("--period", "Time from event to event [ms].", min=1.0)] = 60.0,
     sample_rate: SampleRateOption = 100e3,
     shots: Annotated[
         str | None, option("--shots", "Shots of every event as duration@offset [ms], e.g. 0.3@-1.5,1.0@0.")
@@ -41,8 +42,8 @@ def simulate(
         list[str] | None,
         option(
             "--effect",
-            "Deviation of the plant, ID[:PARAMETER]=VALUE, in the unit that `observer-rt effects` states; "
-            "repeatable.",
+            "Effect in the simulated injector, ID[:PARAMETER]=VALUE, "
+            "in the unit that `observer-rt effects` lists; repeatable.",
             "EFFECT",
         ),
     ] = None,
@@ -121,9 +122,11 @@ def evaluate(
     bench: options.BenchOption = EXAMPLE_BENCH,
     model: options.ModelOption = None,
     state: options.StateOption = None,
-    save_state: Annotated[Path | None, file_option("--save-state", "Where to save what was learned.")] = None,
+    save_state: Annotated[Path | None, file_option("--save-state", "File for what was learned.")] = None,
     no_learning: Annotated[bool, option("--no-learning", "Keep the model as it is at the start.")] = False,
-    chain: Annotated[bool, option("--chain", "The recordings are one history: learning goes on.")] = False,
+    chain: Annotated[
+        bool, option("--chain", "Treat the recordings as one history: learning goes on from file to file.")
+    ] = False,
     output: Annotated[
         Path | None,
         option(
@@ -135,7 +138,7 @@ def evaluate(
     ] = None,
     injections: Annotated[
         str | None,
-        option("--injections", "Numbers of those drawn as curves, as 1,5-8 (default: first, middle, last)."),
+        option("--injections", "Injections to draw as curves, such as 1,5-8 (default: first, middle, last)."),
     ] = None,
     from_channel: options.FromChannelOption = None,
     fuel_temperature: options.FuelTemperatureOption = None,

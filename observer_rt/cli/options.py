@@ -78,28 +78,30 @@ BenchOption = Annotated[
 EffectsOption = Annotated[list[Path] | None, effects_option(exposed=False)]
 FuelTemperatureOption = Annotated[
     float | None,
-    option("--fuel-temperature", "Of the fuel [degC] (default: reference_temperature of the injector file)."),
+    option(
+        "--fuel-temperature", "Fuel temperature [degC] (default: reference_temperature of the injector file)."
+    ),
 ]
 LenientOption = Annotated[
-    bool, option("--lenient", "Read bus databases although signals overlap or do not fit.")
+    bool, option("--lenient", "Accept bus databases whose signals overlap or exceed their message.")
 ]
-ModelOption = Annotated[Path | None, file_option("--model", "Injector file, instead of the bench's.")]
+ModelOption = Annotated[Path | None, file_option("--model", "Injector file, instead of the bench file's.")]
 DecoderOption = Annotated[
     Path | None,
-    file_option("--bench", "Bench file by which CAN logs, and files of your own layout, are read."),
+    file_option("--bench", "Bench file that says how to read CAN logs and files of your own layout."),
 ]
 StateOption = Annotated[Path | None, file_option("--state", "Learned state to start from.")]
 InjectorOption = Annotated[
-    str | None, option("--injector", "One injector of a bench file with several.", "NAME")
+    str | None, option("--injector", "Name of one injector, where the bench file has several.", "NAME")
 ]
 FromChannelOption = Annotated[
     list[str] | None,
     link_option(
         "--from-channel",
-        "Channel of a CAN log, where the inputs are on several; of a bus of [links] as LINK=CHANNEL.",
+        "Channel with the inputs, where a CAN log has several; LINK=CHANNEL for one bus of [links].",
     ),
 ]
-ForceOption = Annotated[bool, option("--force", "Replace files that are there already.")]
+ForceOption = Annotated[bool, option("--force", "Replace existing files.")]
 JsonOption = Annotated[bool, option("--json", "Results as JSON on stdout.")]
 
 

@@ -11,11 +11,23 @@ def main() -> None:
     """Import the command line, which takes a while in which it may be interrupted, and run it."""
     collect_seldom()
     try:
+        _import_python_can()
         from observer_rt.cli.app import main as command_line
 
         command_line()
     except KeyboardInterrupt:
         sys.exit(INTERRUPTED)
+
+
+def _import_python_can() -> None:
+    """Without asammdf and pandas, half a second, which it imports for MF4 logs: these are read without it."""
+    if "asammdf" in sys.modules:
+        return
+    sys.modules["asammdf"] = None  # type: ignore[assignment]
+    try:
+        import can  # noqa: F401
+    finally:
+        del sys.modules["asammdf"]
 
 
 if __name__ == "__main__":

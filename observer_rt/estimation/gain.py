@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_discrete_lyapunov
 
 from observer_rt.foundation.compiled import compiled
 from observer_rt.foundation.small_arrays import product, propagate
@@ -111,7 +110,8 @@ def _coloured(
     grown = np.zeros_like(moved)
     grown[:size, :size] = covariance
     shaping = moved[size:, size:]
-    grown[size:, size:] = solve_discrete_lyapunov(shaping, process[size:, size:])
+    lasting = np.eye(SHAPING**2) - np.kron(shaping, shaping)  # of the discrete Lyapunov equation
+    grown[size:, size:] = np.linalg.solve(lasting, process[size:, size:].ravel()).reshape(SHAPING, SHAPING)
     return moved, process, grown
 
 

@@ -4,10 +4,12 @@ import hashlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from typing import TYPE_CHECKING
 
 from observer_rt.foundation.errors import RunError, UserError
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
 
 @contextmanager
@@ -42,8 +44,10 @@ def replacing(target: Path) -> Iterator[Path]:
         part.unlink(missing_ok=True)
 
 
-def templates_of(package: str) -> Environment:
+def templates_of(package: str) -> "Environment":
     """The templates in a package's folder `templates`; what they name and are not given is an error."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined  # commands without a page start without it
+
     return Environment(
         loader=PackageLoader(package),
         autoescape=True,

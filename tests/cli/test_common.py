@@ -44,6 +44,24 @@ def test_as_a_module_results_and_messages_apart(resting: Path) -> None:
     assert json.loads(out)["recordings"][0]["samples"] == 2000
 
 
+def test_evaluate_does_not_wait_for_libraries_of_other_formats(resting: Path) -> None:
+    code = (
+        "import sys\n"
+        "from observer_rt.__main__ import main\n"
+        "try:\n"
+        "    main()\n"
+        "except SystemExit:\n"
+        "    pass\n"
+        "loaded = {'asammdf', 'pandas'} & sys.modules.keys()\n"
+        "import asammdf\n"
+        "sys.exit(f'{loaded} {asammdf.__version__}')\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, "evaluate", str(resting)], capture_output=True, text=True, check=False
+    )
+    assert re.fullmatch(r"set\(\) [\d.]+", done.stderr.splitlines()[-1])
+
+
 def test_as_a_module_mistake_of_the_user() -> None:
     process = module("evaluate", "nowhere.csv")
     said = "error: nowhere.csv: no such file or folder\n  remedy: check the path\n"

@@ -3,8 +3,7 @@
 import sys
 
 from observer_rt.foundation.compilation import collect_seldom
-
-INTERRUPTED = 130  # exit code, as of a shell: 128 and the number of SIGINT
+from observer_rt.foundation.errors import InterruptionError
 
 
 def main() -> None:
@@ -16,7 +15,7 @@ def main() -> None:
 
         command_line()
     except KeyboardInterrupt:
-        sys.exit(INTERRUPTED)
+        sys.exit(InterruptionError.exit_code)
 
 
 def _import_python_can() -> None:

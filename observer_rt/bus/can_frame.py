@@ -44,7 +44,7 @@ def frame_key(frame_id: int, is_extended: bool, bus: int = 0) -> int:
 
 _GROUP = 0x03FF_FF00  # the bits of a group that goes to all
 _ADDRESSED_GROUP = 0x03FF_0000
-_FIRST_TO_ALL = 0xF0  # of the byte that tells the two kinds apart
+_FIRST_TO_ALL = 0xF0  # of the byte that distinguishes the two kinds
 ADDRESS = 0xFF
 
 

@@ -79,7 +79,7 @@ def _carried(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
 
 @ruled("outputs")
 def _results(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
-    """What results cannot have in common: their messages and, of several injectors, what tells them apart."""
+    """What results cannot have in common: their messages and, of several injectors, what distinguishes them."""
     for what, names in in_common(bench, mapped):
         is_of_one = len(set(names)) == 1
         owners = f"{len(names)} results" if is_of_one else " and ".join(names)

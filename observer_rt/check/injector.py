@@ -101,13 +101,13 @@ def _energizing(energizing: EnergizingLayout, sample: float) -> Iterator[Said]:
     )
     cycle = energizing.cycle if energizing.is_level and len(names) == 1 else None
     between = (cycle or 0.0) / 2
-    told = f"{layout.name}: opening delays by"
+    place = f"{layout.name}: opening delays by"
     if energizing.index is not None:
-        yield graded("time", True, f"{told} the sample index, to {(sample + between) / MICROSECOND:.4g} us")
+        yield graded("time", True, f"{place} the sample index, to {(sample + between) / MICROSECOND:.4g} us")
     else:
         off = f", and {between / MICROSECOND:.4g} us more between two frames" if between else ""
         delay = f"{energizing.delay / MICROSECOND:.4g} us after it"
-        text = f"{told} receive stamps, {delay}: too short by the jitter of its frames{off}"
+        text = f"{place} receive stamps, {delay}: too short by the jitter of its frames{off}"
         remedy = "an index of the line pressure's time base would tell them to a sample"
         yield graded("time", False, text, remedy)
     if cycle is not None and cycle >= COARSE:

@@ -89,7 +89,7 @@ class Controller:
 
 
 def read_controller(channel: str) -> Controller | None:
-    """What iproute2 tells of an interface's controller; None without iproute2, interface or controller."""
+    """What iproute2 reports of an interface's controller; None without iproute2, interface or controller."""
     command = ["ip", "-json", "-details", "link", "show", "dev", channel]
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=_IP_TIMEOUT, check=False)

@@ -21,7 +21,7 @@ from observer_rt.foundation.console import (
     results,
     say,
 )
-from observer_rt.foundation.errors import RunError, UserError
+from observer_rt.foundation.errors import InterruptionError, UserError
 from observer_rt.foundation.files import file_errors
 
 
@@ -87,7 +87,7 @@ def fit(
         try:
             done = calibrate(start, found, weighed, progress)
         except KeyboardInterrupt:
-            raise RunError("interrupted; nothing was written") from None
+            raise InterruptionError("interrupted; nothing was written") from None
     baseline = baseline_of(done, hashes(paths))
     with file_errors(output):
         write_fitted(output, source, done, baseline)
@@ -195,7 +195,7 @@ def discover(
         try:
             found = answer(question, store, ask, progress, AMENDED)
         except KeyboardInterrupt:
-            raise RunError(
+            raise InterruptionError(
                 f"interrupted; {store.kept} fitted candidates are kept in {out / FITS}\n"
                 "  remedy: give the same command again to go on"
             ) from None

@@ -205,7 +205,7 @@ def _require_file(place: str, path: Path, others: str = "") -> None:
 
 _SHOWN = 8
 Content = Mapping[str, Any]
-"""All that a bench says, by the keys that lead to it; of databases what tells their content."""
+"""All that a bench says, by the keys that lead to it; of databases a digest of their content."""
 
 
 def content_of(bench: Bench) -> Content:

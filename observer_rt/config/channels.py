@@ -1,7 +1,7 @@
 """What a bench file states of its channels, delays of filters and lags of sensors: where each of them is undone.
 
 For samples of a bus `bus/alignment` undoes the delay of each message that carries the lift or the rail pressure; all
-else is told to the model, as effects.
+else is given to the model, as effects.
 """
 
 from collections.abc import Callable

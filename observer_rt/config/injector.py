@@ -142,7 +142,7 @@ class E2EConfig(Section):
     window: Annotated[int, Field(ge=1, le=62)] = 10  # frames
     init_min_ok: Annotated[int, Field(ge=0)] = 1
     init_max_errors: Annotated[int, Field(ge=0)] = 5
-    valid_min_ok: Annotated[int, Field(ge=0)] = 0  # the sample index tells the order
+    valid_min_ok: Annotated[int, Field(ge=0)] = 0  # the sample index gives the order
     valid_max_errors: Annotated[int, Field(ge=0)] = 5
     invalid_min_ok: Annotated[int, Field(ge=0)] = 5
     invalid_max_errors: Annotated[int, Field(ge=0)] = 2

@@ -203,11 +203,11 @@ def _with_fuel(bench: Bench, sources: Sequence[SignalStream], options: EvaluateO
     """The bench with its fuel as warm as the options say."""
     if options.fuel_temperature is None:
         return bench
-    is_told = bench.injector.config.signals.fuel_temperature is not None
-    if is_told and any(isinstance(source, LoggedSignals) for source in sources):
+    is_mapped = bench.injector.config.signals.fuel_temperature is not None
+    if is_mapped and any(isinstance(source, LoggedSignals) for source in sources):
         raise UserError(
             "--fuel-temperature",
-            "is for recordings; a log tells it by signals.fuel_temperature of the bench file",
+            "is for recordings; a log has it in signals.fuel_temperature of the bench file",
             "leave it out",
         )
     temperature = temperature_of("--fuel-temperature", options.fuel_temperature)

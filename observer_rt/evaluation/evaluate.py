@@ -141,7 +141,7 @@ class Evaluation:
             self.curves.append(rate_curves(report, passage, self._curves_of))
 
     def take_measured(self, measured: MeasuredMass) -> None:
-        """Of the injection told last; a measured rate goes before it."""
+        """Of the injection reported last; a measured rate goes before it."""
         held = self._held
         if held is not None and held.report.number == measured.report.number and not self.has_rate:
             self._held = replace(held, measured_mass=measured.mass)
@@ -163,7 +163,7 @@ class Evaluation:
         self.first_index = passages[0].first_index
 
     def finish(self) -> None:
-        """No measured mass will come for the injection told last."""
+        """No measured mass will come for the injection reported last."""
         if self._held is not None:
             self.injections.append(self._held)
             self._held = None

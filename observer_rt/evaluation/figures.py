@@ -233,7 +233,7 @@ def _draw_injection(
 
 
 def _draw_rates(axes: Axes, curve: RateCurves, reference: str, colour: str | None) -> None:
-    """colour: of one recording among several; None: it is the only one, its curves are told apart by colour."""
+    """colour: of one recording among several; None: it is the only one, its curves differ by colour."""
     time = curve.time / MILLISECOND
     wide, alpha, thin = (2.4, 1.0, 1.4) if colour is None else (3.0, 0.3, 0.9)
     if curve.reference is not None:

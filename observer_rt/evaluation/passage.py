@@ -95,7 +95,7 @@ class Passage:
     def __init__(
         self, hearer: "Evaluation", first_index: int, samples: int, rate: float, offset: int = 0
     ) -> None:
-        """hearer: is told what becomes of it; first_index: that its first sample is sent with; samples: at least.
+        """hearer: to be called with the result; first_index: that its first sample is sent with; samples: at least.
 
         rate [Hz]; offset: number of its first sample where nobody gives times.
         """

@@ -201,12 +201,14 @@ class Calibrated:
         """Standard deviation of a mass, as a share, that learning will not remove.
 
         From what a recording left out changes, from structures that explain the recordings as well, from edges of the
-        lift between slow instants, and, where the absolute level is measured, from how well it was told.
+        lift between slow instants, and, where the absolute level is measured, from how well it was determined.
         """
         held_out = self.fitted.held_out
         left_out = 0.0 if held_out is None else float(np.sqrt(np.mean(held_out.mass_shift**2)))
-        told = zip(self.fitted.calibration.free, self.fitted.certainty.sigmas, strict=True)
-        level = sum(2.0 * float(sigma) for one, sigma in told if one is INERTANCE)  # an area, of a diameter
+        determined = zip(self.fitted.calibration.free, self.fitted.certainty.sigmas, strict=True)
+        level = sum(
+            2.0 * float(sigma) for one, sigma in determined if one is INERTANCE
+        )  # an area, of a diameter
         between = max(map(share_between_samples, self.found))
         return math.hypot(LEAST_MASS_SHARE, left_out, self.choice.mass_spread, level, between)
 
@@ -223,7 +225,7 @@ def calibrate(
     Raises `RunError` where no structure has a solution.
     """
     level = FlowLevel.MASS if weighed else FlowLevel.FILE
-    if any(one.recording.injection_rate is not None for one in found):  # which tells it at every sample
+    if any(one.recording.injection_rate is not None for one in found):  # which gives it at every sample
         level = FlowLevel.RATE
     parts = parts_of(found, weighed)
     coarse = tuple(thinned(part, ROUGH_EVENTS) for part in parts)  # structures are compared on

@@ -1,4 +1,4 @@
-"""What a fit may change, structures and parameters, and residuals as a function of these: which of them are told."""
+"""What a fit may change, structures and parameters; residuals as a function of these; which are determined."""
 
 import math
 from collections.abc import Sequence
@@ -65,7 +65,7 @@ INLET = FreeParameter("xi_I", "line", "inlet_loss_factor", "-", 1.0, 0.01, 500.0
 RATIO = FreeParameter("Z_2/Z_1", "line", "impedance_ratio", "-", 1.0, 0.2, 5.0, 1.0, 0.5)
 JOINT = FreeParameter("l_1/L", "line", "impedance_step", "-", 1.0, 0.1, 0.9, 0.5, 0.5)
 INERTANCE = FreeParameter("d_L", "line", "diameter", "mm", MILLIMETRE, 0.2e-3, 20e-3, 2.4e-3, 0.3)
-"""Stands for A_L/(rho_L L_L), in which it enters; free only when a measured rate or mass tells the level."""
+"""Stands for A_L/(rho_L L_L), in which it enters; free only when a measured rate or mass gives the level."""
 
 
 @dataclass(frozen=True)
@@ -271,9 +271,9 @@ _WEAK_SHARE = 0.3  # of a weak direction, from which a parameter is named in it
 
 @dataclass(frozen=True)
 class Direction:
-    """An eigenvector of the information on the logarithms of the parameters: what is told together.
+    """An eigenvector of the information on the logarithms of the parameters: what is determined together.
 
-    sigma: standard deviation along it, inf where nothing is told; share: of each parameter, by symbol.
+    sigma: standard deviation along it, inf where nothing is determined; share: of each parameter, by symbol.
     """
 
     sigma: float
@@ -289,7 +289,7 @@ class Direction:
 class Certainty:
     """What the data alone tell of the parameters, the offsets unknown.
 
-    sigmas: of the logarithms (p,), inf where nothing is told; directions: from the best told to the worst.
+    sigmas: of the logarithms (p,), inf where nothing is determined; directions: from the most to the least certain.
     """
 
     free: tuple[FreeParameter, ...]
@@ -297,8 +297,8 @@ class Certainty:
     directions: tuple[Direction, ...]
 
     @property
-    def untold(self) -> FreeParameter | None:
-        """The parameter told worst of those that are not told."""
+    def undetermined(self) -> FreeParameter | None:
+        """The least certain of the parameters that are not determined."""
         shares = self.sigmas / [one.spread for one in self.free]
         worst = int(np.argmax(shares))
         return self.free[worst] if shares[worst] > TOLD else None
@@ -311,12 +311,12 @@ def certainty(calibration: Calibration, at: Quadratic, inflation: float) -> Cert
     own, cross, offsets = data[:p, :p], data[:p, p:], data[p:, p:]
     marginal = own - cross @ np.linalg.pinv(offsets, hermitian=True) @ cross.T
     values, vectors = np.linalg.eigh(marginal / inflation)
-    told = np.maximum(values, np.finfo(float).eps * max(float(values[-1]), 1.0))
-    sigmas = np.sqrt(np.sum(vectors**2 / told, axis=1))
+    information = np.maximum(values, np.finfo(float).eps * max(float(values[-1]), 1.0))
+    sigmas = np.sqrt(np.sum(vectors**2 / information, axis=1))
     main = np.take_along_axis(vectors, np.argmax(np.abs(vectors), axis=0)[None], axis=0)
     symbols, signed = [one.symbol for one in calibration.free], vectors * np.sign(main)
     directions = tuple(
-        Direction(1.0 / math.sqrt(told[i]), tuple(zip(symbols, signed[:, i].tolist(), strict=True)))
+        Direction(1.0 / math.sqrt(information[i]), tuple(zip(symbols, signed[:, i].tolist(), strict=True)))
         for i in range(p)[::-1]
     )
     return Certainty(calibration.free, sigmas, directions)

@@ -64,8 +64,8 @@ def level_words(done: Calibrated) -> str:
         return f"fixed by the measured masses{_FITTED}"
     return (
         "rests one to one on A_L/(rho_L L_L) of the file (line.diameter, line.length, fluid.density_line): pressures "
-        "alone do not tell it. If that is 5 % too large, so are all masses and the fitted alpha_H, alpha_S, V_S and "
-        "V_L/K_L. A measured rate (column injection_rate) or one measured mass (--mass) fixes it"
+        "alone do not determine it. If that is 5 % too large, so are all masses and the fitted alpha_H, alpha_S, V_S "
+        "and V_L/K_L. A measured rate (column injection_rate) or one measured mass (--mass) fixes it"
     )
 
 
@@ -202,10 +202,10 @@ def print_fit(done: Calibrated, console: Console) -> None:
     console.print(parameters)
     for kept in done.kept:
         value = f"{kept.of(done.injector) / kept.si:.4g} {kept.unit}"
-        say(console, f"{kept.name} ({kept.symbol}) stays {value}: these recordings do not tell it")
+        say(console, f"{kept.name} ({kept.symbol}) stays {value}: these recordings do not determine it")
     if len(done.fitted.calibration.free) > 1:
         worst = done.fitted.certainty.directions[-1]
-        say(console, f"told worst: {worst.words}, to {worst.sigma:.2%} (1 sigma)")
+        say(console, f"least certain: {worst.words}, to {worst.sigma:.2%} (1 sigma)")
     for line in oddities(done):
         say(console, line)
     say(console, "\nresiduals, file -> fitted (rms one sample ahead; chi2 of means of 8 samples)")

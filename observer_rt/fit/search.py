@@ -62,7 +62,7 @@ class Fitted:
 
     @property
     def certainty(self) -> Certainty:
-        """What is told of the parameters; residuals that are more than noise tell less."""
+        """How certain the parameters are; residuals that are more than noise say less."""
         return certainty(self.calibration, self.minimum.at, max(1.0, self.left.mean))
 
 
@@ -123,8 +123,8 @@ def settled(
 ) -> tuple[Fitted, tuple[FreeParameter, ...]]:
     """The chosen structure fitted to `parts`, and the parameters left to the file since the data do not tell them.
 
-    start: the file's injector. One parameter at a time is left to the file, the one told worst: with it fixed the
-    others may be told.
+    start: the file's injector. One parameter at a time is left to the file, the least certain: with it fixed the
+    others may be determined.
     """
     left_out: list[FreeParameter] = []
     free = list(best.calibration.free)
@@ -135,11 +135,11 @@ def settled(
         if isinstance(again, FailedStructure):
             return now, tuple(left_out)
         now = again
-        untold = now.certainty.untold
-        if untold is None or len(free) == 1:
+        undetermined = now.certainty.undetermined
+        if undetermined is None or len(free) == 1:
             return now, tuple(left_out)
-        left_out.append(untold)
-        free.remove(untold)
+        left_out.append(undetermined)
+        free.remove(undetermined)
 
 
 STIFFNESSES = np.exp(np.linspace(-0.7, 0.7, 29))  # of what is known: within a factor of two, 5 % apart

@@ -188,7 +188,7 @@ _Outcome = tuple[Path, str, pa.Table | FailedFile | None]
 
 
 def evaluate_all(work: Work, task: Task, paths: Sequence[Path], dataset: Dataset) -> Evaluated:
-    """Rows of all files into the dataset. Raises `RunError` when it is interrupted."""
+    """Rows of all files into the dataset. Raises `InterruptionError` when it is interrupted."""
     counts = Evaluated()
     with progress_bar(work.console, "evaluating", len(paths)) as progress:
         for path, sha256, rows in _outcomes(work, task, paths, dataset):

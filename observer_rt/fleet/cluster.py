@@ -10,7 +10,7 @@ from typing import Any, Generic, TypeVar
 
 from rich.console import Console
 
-from observer_rt.foundation.errors import RunError, UserError
+from observer_rt.foundation.errors import InterruptionError, RunError, UserError
 
 CONNECT_TIMEOUT = 10.0  # s
 _RETRIES = 2  # of a job whose worker is gone
@@ -152,8 +152,8 @@ class Work:
     console: Console
 
     def refuse_interrupted(self, done: int, of: int, what: str) -> None:
-        """Raise `RunError` where the user wants no more; done, of: how many of what."""
+        """Raise `InterruptionError` where the user wants no more; done, of: how many of what."""
         if self.stop.is_set():
-            raise RunError(
+            raise InterruptionError(
                 f"interrupted; {done} of {of} {what} are done\n  remedy: give the same command again to go on"
             )

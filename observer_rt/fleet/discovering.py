@@ -295,7 +295,7 @@ class Discovering:
     def of_groups(self, work: Work, files: Mapping[str, Path], dataset: Dataset) -> "FoundAnswers":
         """Have the workers look for what is missing in every injector. files: those of this run by SHA-256.
 
-        Raises `RunError` when it is interrupted.
+        Raises `InterruptionError` when it is interrupted.
         """
         answers, found = Answers(dataset.folder), FoundAnswers(SCHEMA.empty_table())
         groups = groups_of(read_injections(dataset.folder, NEEDED), files, self.kinds)

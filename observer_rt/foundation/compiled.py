@@ -114,7 +114,7 @@ _rebuild = CompileResult._rebuild
 
 
 def _rebuilt(*kept: Any) -> Any:
-    """Numba's own, and the library is told what it needs: else a caller compiled later, that holds it, is not."""
+    """Numba's own, and the library notes what it needs: else a caller compiled later, that holds it, is not."""
     found = _rebuild(*kept)
     found.library._reload_init.update(found.reload_init)
     return found

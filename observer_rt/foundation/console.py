@@ -16,7 +16,7 @@ from observer_rt.foundation.errors import UserError
 
 @contextlib.contextmanager
 def progress_bar(console: Console, text: str, total: float | None) -> Iterator[Callable[[float], None]]:
-    """A bar that is told what is done so far, out of `total` (None: unknown); gone when done.
+    """A bar that is given what is done so far, out of `total` (None: unknown); gone when done.
 
     Bars of several threads stand below each other.
     """

@@ -1,4 +1,4 @@
-"""The two kinds of failure a user can meet, their exit codes, and what a misspelt name probably meant."""
+"""The kinds of failure a user can meet, their exit codes, and what a misspelt name probably meant."""
 
 from collections.abc import Iterable, Mapping
 from difflib import SequenceMatcher
@@ -12,6 +12,12 @@ class ObserverError(Exception):
 
 class RunError(ObserverError):
     """Failed at run time: the interface went away, the disk is full (exit code 1)."""
+
+
+class InterruptionError(ObserverError):
+    """The user stopped a command that has no result before its end (exit code 130: 128 and SIGINT, as of a shell)."""
+
+    exit_code = 130
 
 
 class UserError(ObserverError):

@@ -52,7 +52,7 @@ _VIOLATED = {
 class Likeness(StrEnum):
     """How hard two effects are to tell apart by rail pressure, lift and line pressure."""
 
-    SAME = "same"  # nothing in these signals tells them apart
+    SAME = "same"  # nothing in these signals distinguishes them
     ALIKE = "alike"  # the two of them found together are one that nobody can tell
     NEAR = "near"  # good recordings tell them apart
 
@@ -61,7 +61,7 @@ class Likeness(StrEnum):
 class Relation:
     """Effects that may be taken for one another.
 
-    others: their ids; decided_by: the measurement that tells them apart. It is enough that one of two states it.
+    others: their ids; decided_by: the measurement that distinguishes them. It is enough that one of two states it.
     """
 
     others: tuple[str, ...]
@@ -70,7 +70,7 @@ class Relation:
 
 
 class Apparent(StrEnum):
-    """From what an effect's apparent size, as if it were alone, is told beside every discovery."""
+    """From what an effect's apparent size, as if it were alone, is stated beside every discovery."""
 
     SETTLED = "settled"  # from the line at rest with the needle shut
     LEFT = "left"  # from all that the amended model leaves
@@ -117,8 +117,8 @@ class Effect:
     """An entry of the vocabulary.
 
     apply: leaves a model as it is at the `off` values; sentence: what it is, for a reader of reports; signature: what
-    it looks like in the signals; relations: what it may be taken for; decided_by: a measurement that tells it from
-    all it has no relation to, empty when there is no such; apparent: None where its apparent size says nothing;
+    it looks like in the signals; relations: what it may be taken for; decided_by: a measurement that distinguishes it
+    from all it has no relation to, empty when there is no such; apparent: None where its apparent size says nothing;
     remedy: what a user does about an effect of the bench that an injector file cannot have in force; wear: whether
     it is what injectors get as they age.
     """
@@ -182,7 +182,7 @@ BOTH_CHANNELS = (
     "one signal fed to both pressure channels: a skew shifts it, a lag rounds it; or a higher sample rate"
 )
 FUEL_OR_DRAWING = (
-    "a fuel sample (bulk modulus), or the volume of the line by its drawing: no signal tells them apart"
+    "a fuel sample (bulk modulus), or the volume of the line by its drawing: no signal distinguishes them"
 )
 FUEL_DENSITY = "the density of a fuel sample, or the injected mass on a balance"
 LIFT_GAUGE = "the lift sensor against a gauge, at the stop and just off the seat"

@@ -209,7 +209,7 @@ def at_temperature(injector: InjectorParameters, temperature: float) -> Injector
     if fluid.reference_temperature is None:
         raise UserError(
             "fluid.reference_temperature",
-            "is missing, so that nothing tells at which temperature the densities and bulk moduli hold",
+            "is missing, so that nothing says at which temperature the densities and bulk moduli hold",
             "add the temperature of the fuel they were taken at, in K, such as 313.15",
         )
     warmer = temperature - fluid.reference_temperature

@@ -1,4 +1,4 @@
-"""Terms as effects with one size, the coefficient of their law, so that both are searched, fitted and told alike."""
+"""Terms as effects with one size, the coefficient of their law: searched, fitted and reported like these."""
 
 import math
 from collections.abc import Mapping, Sequence

@@ -63,7 +63,7 @@ def matched_channels(
     names = ", ".join(links[bus].label for bus in wanted)
     raise UserError(
         str(path),
-        f"which of its channels is which bus cannot be told: it has {', '.join(there) or 'no other'}, looked for are "
+        f"which of its channels is which bus is not clear: it has {', '.join(there) or 'no other'}, wanted are "
         f"{names}",
         f"say it: {' '.join(option(bus) for bus in wanted)}",
     )

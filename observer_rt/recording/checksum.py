@@ -1,4 +1,4 @@
-"""A checksum of a whole file, kept as text within it: what we write as MF4 or Parquet tells of damage anywhere.
+"""A checksum of a whole file, kept as text within it: damage anywhere in what we write as MF4 or Parquet is found.
 
 Neither format has one. The text stands where other programs keep comments, and show them.
 """

@@ -206,7 +206,7 @@ class WatchedInjector:
         )
 
     def _ahead(self, summary: SummaryValues) -> int | None:
-        """By how many samples the observer's count is ahead of ours; None: it cannot be told of this injection."""
+        """By how many samples the observer's count is ahead of ours; None: not known of this injection."""
         if not self._samples.are_counted:
             return 0
         candidates = self._count_shift.candidates

@@ -1,6 +1,6 @@
 """Samples an observer is given, rates it publishes, by sample index, and what the model says of them.
 
-Inputs without an index are counted by both, each since it began to listen. What the observer publishes tells the
+Inputs without an index are counted by both, each since it began to listen. What the observer publishes gives the
 difference: a rate cannot come before its samples, which bounds it to some milliseconds, and within these the rate
 that the model makes of the samples heard here fits the published one at one place only.
 """

@@ -78,7 +78,7 @@ class _Channel(_Guarded, WebSocketHandler):
 
     def _draw(self) -> None:
         if (message := self._session.message()) is not None:
-            with suppress(WebSocketClosedError):  # which `on_close` is about to be told
+            with suppress(WebSocketClosedError):  # which `on_close` is about to hear
                 self.write_message(message, binary=True)
 
 

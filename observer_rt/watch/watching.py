@@ -33,7 +33,7 @@ _WAIT = 0.05  # s that the listener is deaf to its end
 
 
 class FrameSource(ABC):
-    """Gives frames until told to stop."""
+    """Gives frames until asked to stop."""
 
     is_live = False
     """Else time is that of the frames."""
@@ -77,7 +77,7 @@ class LiveSource(FrameSource):
         return {self._buses[place]: why for place, why in self._reading.down.items()}
 
     def run(self, take: Taker, stop: threading.Event) -> None:
-        """Listen until told to stop. Raises `RunError` when a link cannot be opened, or fails for good."""
+        """Listen until asked to stop. Raises `RunError` when a link cannot be opened, or fails for good."""
         with ExitStack() as stack:
             links: list[Link] = []
             for bus in self._buses:
@@ -93,7 +93,7 @@ class LiveSource(FrameSource):
                     take(BusFrame(self._buses[came.bus], came.frame), time.time_ns())
 
     def _opened(self, bus: int, stop: threading.Event) -> Link | None:
-        """The link of a bus, once its interface is there; None: told to stop."""
+        """The link of a bus, once its interface is there; None: asked to stop."""
         config = self._links[bus].config
         while not stop.is_set():
             try:

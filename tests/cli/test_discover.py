@@ -122,7 +122,7 @@ def test_an_interrupted_search_goes_on_where_it_was(
     with monkeypatch.context() as patched:
         patched.setattr(observer_rt.discovery.answer, "answer", interrupted)
         done = command("discover", "--out", tmp_path / "found", worn)
-    assert done.code == 1
+    assert done.code == 130
     assert "1 fitted candidates are kept" in done.err
     assert "same command" in done.err
     done = command.done("discover", "--out", tmp_path / "found", worn)

@@ -66,6 +66,6 @@ def test_a_log_tells_its_own(command: Command, recording: Path, bench: Path, tmp
     bench.write_text(bench.read_text() + signal)
     log = tmp_path / "bus.log"
     log.write_text("".join(candump_lines(frames_of(bench, recording))))
-    assert "a log tells it by signals.fuel_temperature" in command.refused(
+    assert "a log has it in signals.fuel_temperature" in command.refused(
         "evaluate", log, "--bench", bench, "--fuel-temperature", 60
     )

@@ -121,7 +121,7 @@ def test_without_a_rate_the_inertance_is_seen_not_to_be_told() -> None:
     here = calibration.residuals(calibration.centre)
     assert here is not None
     told = certainty(calibration, linearise(calibration, calibration.centre, here, calibration.ranges), 1.0)
-    assert told.untold is not None
+    assert told.undetermined is not None
     assert told.directions[-1].sigma > 20.0 * told.directions[-2].sigma
 
 

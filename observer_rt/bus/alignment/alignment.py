@@ -3,7 +3,7 @@
 Messages of one time base are joined by their unwrapped sample index, those of others follow on the same grid
 (`following`). Up to two missing samples are interpolated, more are a loss. An index jump is legal only with a
 contiguous E2E counter in every message on the grid and a closed needle before and after. Where a block belongs is
-told by `placing`.
+as `placing` says.
 """
 
 from collections.abc import Sequence

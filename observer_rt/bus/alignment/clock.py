@@ -2,7 +2,7 @@
 
 A frame is never received before it was sent, so the delays of frames are positive, and the least of them are the
 same again and again: the line through the lowest stamps of many short windows (the lower convex hull, as used for
-one-way delays in packet networks: Moon, Skelly, Towsley, INFOCOM 1999) tells offset and drift of the clock, whatever
+one-way delays in packet networks: Moon, Skelly, Towsley, INFOCOM 1999) gives offset and drift of the clock, whatever
 jitter lies above it. How far these lowest stamps scatter about the line is what is not known of the clock.
 """
 

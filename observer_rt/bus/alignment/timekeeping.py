@@ -39,7 +39,7 @@ from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLISECOND
 
 SURE = 0.75  # cycles short of a whole turn of the counter, up to which a delay is surely no loss
 DECIDED = 0.5  # the same, from which on frames are lost
-UNUSUAL = 2.0  # times the usual greatest delay, and SURE of a cycle less than one, a delay tells of trouble
+UNUSUAL = 2.0  # times the usual greatest delay, and SURE of a cycle less than one, a delay means trouble
 SLIPPED = (
     0.5  # cycles beyond what is not known, by which all delays of a window grew: frames were lost unseen
 )

@@ -113,7 +113,7 @@ def _reason(error: Exception) -> str:
 
 
 def _line_of(path: Path, reason: str) -> int | None:
-    """The line of the file that a refusal speaks of, None where it cannot be told."""
+    """The line of the file that a refusal speaks of, None where it is not known."""
     if (stopped := _AT_LINE.search(reason)) is not None:
         return int(stopped.group(1))
     lines = path.read_text(encoding=_DBC_ENCODING, errors="replace").splitlines()

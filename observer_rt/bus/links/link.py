@@ -33,7 +33,7 @@ class ErrorClass(IntFlag):
 
 # Byte 1 of a frame of class CONTROLLER.
 _RECEIVE_OVERRUN = 0x01
-_STATES = (  # the worst first: one frame may tell several
+_STATES = (  # the worst first: one frame may name several
     (0x10 | 0x20, BusState.PASSIVE),  # by the receive or by the transmit counter
     (0x04 | 0x08, BusState.WARNING),
     (0x40, BusState.ACTIVE),
@@ -45,7 +45,7 @@ class BusCondition:
     """State of the controller, and what was counted since the link was opened.
 
     `passives`, `bus_offs`: how often it came into these states; `restarts`: how often it came back from bus-off;
-    `overruns`: how often it had no room for a received frame; `error_frames`: all that told of errors.
+    `overruns`: how often it had no room for a received frame; `error_frames`: all error frames.
     """
 
     state: BusState = BusState.ACTIVE
@@ -62,7 +62,7 @@ def after_error_frame(condition: BusCondition, identifier: int, data: bytes) -> 
     overrun = False
     if identifier & ErrorClass.CONTROLLER and len(data) > 1:
         overrun = bool(data[1] & _RECEIVE_OVERRUN)
-        state = next((told for bits, told in _STATES if data[1] & bits), state)
+        state = next((named for bits, named in _STATES if data[1] & bits), state)
     restarted = bool(identifier & ErrorClass.RESTARTED)
     if restarted:
         state = BusState.ACTIVE
@@ -148,7 +148,7 @@ class StampSource(StrEnum):
 
 
 class LinkDownError(RunError):
-    """The interface went down or away; `Link.reconnect` tells when it is back."""
+    """The interface went down or away; `Link.reconnect` says when it is back."""
 
 
 class Link(Protocol):

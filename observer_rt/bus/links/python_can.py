@@ -101,7 +101,7 @@ class PythonCanLink(Link):
             ) from error
 
     def try_send(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool) -> bool:
-        """Whether the driver took it. What else but a full queue kept it from that, receiving tells."""
+        """Whether the driver took it. Causes other than a full queue show when receiving."""
         try:
             self._send(frame_id, payload, is_extended, is_fd, SWITCHED, 0.0)
         except (can.CanError, OSError):  # drivers have errors of their own for a full queue

@@ -110,7 +110,7 @@ _SIOCGIFMTU = 0x8921
 _CAN_RAW_ERR_FILTER = 2
 
 # struct can_frame: identifier, length, 3 unused, data. struct canfd_frame: identifier, length, flags, 2
-# unused, data. The whole size tells which of the two was read.
+# unused, data. The whole size says which of the two was read.
 _HEADER = struct.Struct("=IBB2x")
 _CLASSIC_FRAME = struct.Struct("=IB3x8s")
 _FD_FRAME = struct.Struct("=IBB2x64s")

@@ -89,7 +89,7 @@ class BusMap:
         """(identifier, is extended) to be read from a bus.
 
         Of one with results only they are those of the results, which nobody else sends: a link that reads nothing
-        would not hear what its controller tells either.
+        would not hear of its controller's state either.
         """
         wanted = [layout for layout in self.received if layout.bus == bus]
         wanted = wanted or [layout for layout in self.sent if layout.bus == bus]
@@ -315,7 +315,7 @@ def map_bench(bench: Bench) -> BenchMap:
 
 
 def in_common(bench: Bench, mapped: BenchMap) -> Iterator[tuple[str, list[str]]]:
-    """What several injectors cannot share, and yet do, with their names: results, and what tells these apart."""
+    """What several injectors cannot share, and yet do, with their names: results, and what distinguishes these."""
     owners: dict[str, list[str]] = {}
     for injector, bus in zip(bench.injectors, mapped.injectors, strict=True):
         for layout in bus.sent:

@@ -175,7 +175,7 @@ class OptionalInput:
     """What a multiplexed frame must hold to carry it."""
     row: NDArray[np.void]
     """`OPTIONAL_INPUT`, without its places in the tables."""
-    untold: float
+    default: float
     """What frames made of a recording say [units of the database], nan: not available."""
 
 
@@ -281,7 +281,7 @@ class InputTables:
 
 
 def frame_row(layout: MessageLayout) -> NDArray[np.void]:
-    """What tells whether a frame is a good one of this message, `INPUT_MESSAGE`; the rest is 0."""
+    """By what a frame is known as a good one of this message, `INPUT_MESSAGE`; the rest is 0."""
     row = np.zeros((), INPUT_MESSAGE)
     row["key"] = layout.key
     row["length"] = layout.length

@@ -190,26 +190,26 @@ def _slow_signal(
     place = fitted.place(f"signals.{role}")
     with named(place):
         find_signal(message, config.signal)
-    factor, origin, untold, timeout = 1.0, 0.0, math.nan, math.inf
+    factor, origin, default, timeout = 1.0, 0.0, math.nan, math.inf
     if isinstance(config, FuelTemperatureConfig):
         unit = stated_unit(message, config.signal, config.unit)
         if unit not in TEMPERATURE_ORIGINS:
             raise unknown_unit(place, message, unit, config.unit, TEMPERATURE_ORIGINS)
         origin = TEMPERATURE_ORIGINS[unit]
-        untold = (fitted.parameters.fluid.reference_temperature or math.nan) - origin
+        default = (fitted.parameters.fluid.reference_temperature or math.nan) - origin
     elif isinstance(config, SlowQuantityConfig):
         factor = from_unit(place, message, config.signal, config.unit, MASS_UNITS)
     with named(place):
         selection = compile_conditions(message, conditions_of(message, config.signal))
         table = signal_table(message, [config.signal])
     if isinstance(config, LearningEnableConfig) and not table[0]["has_not_available"]:
-        untold = 1.0  # a frame made of a recording must not switch learning off
+        default = 1.0  # a frame made of a recording must not switch learning off
     if isinstance(config, FuelTemperatureConfig | LearningEnableConfig):
         timeout = slow_timeout(config.timeout_ms, layout.cycle_time_ns)
     row = np.zeros((), OPTIONAL_INPUT)
     row["role"], row["timeout"] = OPTIONAL_ROLES.index(role), timeout
     row["factor"], row["origin"] = factor, origin
-    return SlowSignal((config.signal,), table, selection, row, untold, role)
+    return SlowSignal((config.signal,), table, selection, row, default, role)
 
 
 def slow_timeout(configured_ms: float | None, cycle_time_ns: int | None) -> float:
@@ -266,7 +266,7 @@ def _energizing(
         table=signal_table(message, names if index is None else (index, *names)),
         selection=compile_conditions(message, groups[0].conditions),
         row=row,
-        untold=math.nan,
+        default=math.nan,
         layout=layout,
         index=index,
         is_level=factor is None,
@@ -312,4 +312,4 @@ def say_nothing(inputs: Inputs, slow: Sequence[SlowMessage]) -> None:
                 for each in message.inputs:
                     if is_selected(blank, each.selection, 0, len(each.selection.conditions)):
                         count = len(each.names)
-                        encode(np.full(count, each.untold), each.table[-count:], blank)
+                        encode(np.full(count, each.default), each.table[-count:], blank)

@@ -46,7 +46,7 @@ class Joining(IntEnum):
 
 
 class Numbering(IntEnum):
-    """What tells a message's frames apart."""
+    """By what a message's frames are distinguished."""
 
     INDEX = 0  # a signal with the index of the first sample
     COUNTER = 1  # a signal that counts frames
@@ -150,7 +150,7 @@ def following(
 
 
 def number_signal(fitted: BenchInjector, message: Message, roles: Sequence[Role]) -> Signal | None:
-    """The signal that tells the message's frames apart: its index, or the counter of one without; None: neither.
+    """The signal that distinguishes the message's frames: its index, or the counter of one without; None: neither.
 
     Raises `UserError` naming bench file and key when the message has no such signal, or one that cannot serve.
     """
@@ -163,7 +163,7 @@ def number_signal(fitted: BenchInjector, message: Message, roles: Sequence[Role]
         if counter is not None:
             raise UserError(
                 _place(fitted, roles, "counter"),
-                f"message {message.name} has an index, {index}, which tells its frames apart already",
+                f"message {message.name} has an index, {index}, which distinguishes its frames already",
                 "leave out 'counter', or set index = \"\"",
             )
         return index_signal(_place(fitted, roles, "index"), message, index)

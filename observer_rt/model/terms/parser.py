@@ -1,4 +1,4 @@
-"""The language of laws, from text to tree; what is wrong is told with its column, and what was expected there.
+"""The language of laws, from text to tree; what is wrong is reported with its column, and what was expected there.
 
 comparison = sum [(">" | "<") sum]
 sum        = product {("+" | "-") product}

@@ -1,4 +1,4 @@
-"""Logs of text, line by line, packed or not: foreign content is named, times from start or line to line are told."""
+"""Logs of text, line by line, packed or not: foreign content is named, times from start or line to line are said."""
 
 import gzip
 import zlib
@@ -112,7 +112,7 @@ class TextLogReader(LogReader):
     def _blocks(self) -> Iterator[tuple[int, list[str]]]:
         """All lines, some at once, with the number of the first, counted from 1.
 
-        A last one without its end is left out, and told: what is left of a frame may look like a shorter one.
+        A last one without its end is left out, and reported: what is left of a frame may look like a shorter one.
         """
         with self.path.open("rb") as raw:
             is_packed = raw.read(len(GZIP_MARK)) == GZIP_MARK

@@ -287,7 +287,7 @@ def play(
 ) -> PlayStatistics:
     """Send each frame at start + its time / `speed` by the monotonic clock; late ones at once, so nothing drifts.
 
-    speed: > 0; math.inf sends as fast as the link takes, and lateness is not measured. `progress` is told the
+    speed: > 0; math.inf sends as fast as the link takes, and lateness is not measured. `progress` is called with the
     time [s] reached in the recording, some ten times a second. `stop`: end early. `by_bus`: links for frames on
     these buses, instead of `link`. While an interface is down or away all wait, which `tell` hears of, and go on as
     much later; no frame is left out.

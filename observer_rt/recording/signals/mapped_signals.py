@@ -312,5 +312,5 @@ class MappedSignals(TableSignals):
             splits.append(f"after {before.end:.6g} s {'the time begins anew' if after.is_restart else what}")
         if splits:
             more = f" and {len(splits) - _SHOWN} more" if len(splits) > _SHOWN else ""
-            told = "; ".join(splits[:_SHOWN]) + more
-            yield f"{self.path}: split into {len(self._runs)} stretches: {told}"
+            where = "; ".join(splits[:_SHOWN]) + more
+            yield f"{self.path}: split into {len(self._runs)} stretches: {where}"

@@ -206,7 +206,7 @@ def _pressure(name: str, pressure: SignalSurvey, opens: bool) -> Iterator[Implau
 
 
 def _beside_each_other(rail: SignalSurvey, line: SignalSurvey) -> Iterator[Implausible]:
-    """The two pressures, which rest at the same: a ratio of units tells that one is in another."""
+    """The two pressures, which rest at the same: a ratio of units means that one is in another."""
     if rail.mean <= 0.0 or line.mean <= 0.0:
         return
     ratio = line.mean / rail.mean

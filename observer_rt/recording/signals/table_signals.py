@@ -101,7 +101,7 @@ class TableSignals(SignalStream):
 
 
 class OtherRateError(Exception):
-    """A file that was read in one go has another sample rate than its first part told."""
+    """A file that was read in one go has another sample rate than its first part showed."""
 
 
 class EvenSignals(TableSignals):

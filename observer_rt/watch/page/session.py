@@ -109,7 +109,7 @@ HISTORY: Mapping[str, Callable[[Seen], Columns]] = {"mass": mass_columns, "wear"
 """What became of an injector, by panel."""
 
 
-_LATELY = 100  # injections of which the share of valid ones is told
+_LATELY = 100  # injections of which the share of valid ones is shown
 OLD = 2.0  # s after which numbers are not those of now
 MINUTE = 60.0  # s
 _BUSY = 0.8  # share of the time from which a bus is hardly able to carry more
@@ -181,7 +181,7 @@ class _Panel:
 
 
 class Session:
-    """Follows the buttons of one browser, and tells it what is new: letters, columns, how the buttons stand."""
+    """Follows the buttons of one browser, and sends it what is new: letters, columns, how the buttons stand."""
 
     def __init__(self, watching: Watching, folder: Path) -> None:
         """folder: where injections are saved."""

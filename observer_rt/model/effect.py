@@ -184,7 +184,7 @@ BOTH_CHANNELS = (
 FUEL_OR_DRAWING = (
     "a fuel sample (bulk modulus), or the volume of the line by its drawing: no signal distinguishes them"
 )
-FUEL_DENSITY = "the density of a fuel sample, or the injected mass on a balance"
+SAMPLE_OR_BALANCE = "the density of a fuel sample, or the injected mass on a balance"
 LIFT_GAUGE = "the lift sensor against a gauge, at the stop and just off the seat"
 LIFT_GAUGE_OR_RATE = f"{LIFT_GAUGE}; or the injection rate measured"
 LIFT_STEP = "the lift channel's answer to a step at its amplifier's input"

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from observer_rt.model.effect import (
-    FUEL_DENSITY,
     FUEL_OR_DRAWING,
+    SAMPLE_OR_BALANCE,
     Apparent,
     Effect,
     Likeness,
@@ -59,7 +59,7 @@ FUEL_DENSITY = Effect(
         "All flows change as one over the root of the density, and the line rings slower the denser the "
         "fuel is."
     ),
-    decided_by=FUEL_DENSITY,
+    decided_by=SAMPLE_OR_BALANCE,
 )
 
 LINE_VOLUME = Effect(

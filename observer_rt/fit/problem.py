@@ -264,7 +264,7 @@ def _joined(groups: Sequence[tuple[NDArray[np.float64], float]]) -> Residuals:
     )
 
 
-TOLD = 1.0 / 3.0  # of what was unknown before, above which a parameter is left to the file
+UNDETERMINED = 1.0 / 3.0  # of what was unknown before: a parameter known no better is left to the file
 LARGEST_SIGMA = 3.0  # of a logarithm, in an interval
 _WEAK_SHARE = 0.3  # of a weak direction, from which a parameter is named in it
 
@@ -301,7 +301,7 @@ class Certainty:
         """The least certain of the parameters that are not determined."""
         shares = self.sigmas / [one.spread for one in self.free]
         worst = int(np.argmax(shares))
-        return self.free[worst] if shares[worst] > TOLD else None
+        return self.free[worst] if shares[worst] > UNDETERMINED else None
 
 
 def certainty(calibration: Calibration, at: Quadratic, inflation: float) -> Certainty:

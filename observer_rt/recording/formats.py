@@ -293,7 +293,7 @@ def _problem(found: object, known: Iterable[Format]) -> str | None:
         return f"has the suffixes {found.suffixes}: each begins with a dot and is in lower case"
     for other in known:
         shared = sorted(set(found.suffixes) & set(other.suffixes))
-        is_told_apart = any(isinstance(each, LogFormat) and each.recognises for each in (found, other))
-        if shared and not is_told_apart:
+        is_recognised = any(isinstance(each, LogFormat) and each.recognises for each in (found, other))
+        if shared and not is_recognised:
             return f"has the suffix {shared[0]}, which belongs to '{other.description}'"
     return None

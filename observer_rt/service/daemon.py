@@ -30,7 +30,7 @@ LAST_FRAMES = 0.5  # s for the last results to be sent in
 
 
 class Daemon:
-    """Observes what comes in on the links of a bench until told to stop."""
+    """Observes what comes in on the links of a bench until asked to stop."""
 
     def __init__(
         self,

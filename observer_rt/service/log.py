@@ -80,7 +80,7 @@ class ServiceLog:
         return self
 
     def __exit__(self, *_: object) -> None:
-        for outlet in (self._records, *reversed(self._outlets)):  # the screen last: it tells of the others
+        for outlet in (self._records, *reversed(self._outlets)):  # the screen last: it reports the others
             if outlet is not None:
                 outlet.close()
 

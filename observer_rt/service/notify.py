@@ -39,7 +39,7 @@ class Notifier:
             self._tell("WATCHDOG=1")
 
     def stopping(self) -> None:
-        """The service was told to stop."""
+        """The service was asked to stop."""
         self._tell("STOPPING=1")
 
     def _tell(self, message: str) -> None:

@@ -77,7 +77,7 @@ PERIOD = 1.0  # s between messages, so that a controller that comes and goes doe
 
 
 class LinkWatch:
-    """Tells what has changed since it last told: the controller's condition, frames lost and results unsent."""
+    """Reports what has changed since the last time: the controller's condition, frames lost and results unsent."""
 
     def __init__(self, channel: str, link: Link, outbox: Outbox) -> None:
         self._channel, self._link, self._outbox = channel, link, outbox
@@ -94,7 +94,7 @@ class LinkWatch:
         if now < self._next:
             return []
         is_well = self._link.condition.state is BusState.ACTIVE
-        told = [
+        news = [
             of_bus(Topic.LINK, text, is_well)
             for text in condition_messages(self._channel, self._condition, self._link.condition)
         ]
@@ -105,7 +105,7 @@ class LinkWatch:
                 f"{dropped} frames of {self._channel} were lost before this process could read them\n"
                 "  remedy: give it a processor of its own (taskset) and real-time priority (chrt)"
             )
-            told.append(Notice(Topic.LINK, text, incident=f"frames of {self._channel} lost"))
+            news.append(Notice(Topic.LINK, text, incident=f"frames of {self._channel} lost"))
         if unsent := self._outbox.unsent - self._unsent:
             self._unsent += unsent
             text = (
@@ -113,13 +113,13 @@ class LinkWatch:
                 "  remedy: check that another node acknowledges, the bus load, and the length of the queue "
                 f"(SocketCAN: sudo ip link set {self._channel} txqueuelen 1000)"
             )
-            told.append(Notice(Topic.LINK, text, incident=f"transmit queue of {self._channel} full"))
-        if told:
+            news.append(Notice(Topic.LINK, text, incident=f"transmit queue of {self._channel} full"))
+        if news:
             self._next = now + round(PERIOD * 1e9)
-        return told
+        return news
 
 
-SILENCE = 10.0  # s without an outage, after which the same one is told again: some devices come and go
+SILENCE = 10.0  # s without an outage, after which the same one is reported again: some devices come and go
 
 
 class Port:
@@ -141,7 +141,7 @@ class Port:
         self._watch = LinkWatch(channel, link, self._outbox)
         self._tell = tell
         self._outage: Outage | None = None
-        self._is_told = False
+        self._is_reported = False
         self._last_outage = ("", -SILENCE)  # what was the matter, and when
 
     @property
@@ -202,7 +202,7 @@ class Port:
         self._outage = Outage(self.link)
         self.outages += 1
         self._outbox.discard()
-        self._is_told = self._tell_outage(str(error))
+        self._is_reported = self._tell_outage(str(error))
 
     def mend(self, executor: Executor) -> bool:
         """Try to reconnect, in the executor; whether the link is up again."""
@@ -210,11 +210,11 @@ class Port:
             if self._outage is not None and not self._outage.is_over(executor):
                 return False
         except LinkDownError as error:
-            self._is_told = self._tell_outage(str(error)) or self._is_told
+            self._is_reported = self._tell_outage(str(error)) or self._is_reported
             return False
         self._outage = None
         self._watch.begin_anew()
-        if self._is_told:
+        if self._is_reported:
             self._tell(of_bus(Topic.LINK, f"{self.label} is back", is_over=True))
         return True
 
@@ -232,7 +232,7 @@ OPENED_OFTEN = ("socketcan", "virtual")  # interfaces whose channels can be open
 
 
 class StoppedError(Exception):
-    """The service was told to stop while it waited for an interface."""
+    """The service was asked to stop while it waited for an interface."""
 
 
 @dataclass(frozen=True)
@@ -286,16 +286,16 @@ class LinkOpening:
     def _when_there(self, number: int, wanted: list[tuple[int, bool]], computer_time: bool) -> Link:
         """The link of a bus, opened once its interface is there; wanted, computer_time: as of `open_link`."""
         named, shared = self.bench.config.buses[number], self.shared.get(number)
-        told = ""
+        waiting_for = ""
         while True:
             try:
                 link = shared.open(wanted) if shared else _connected(named, wanted, computer_time)
             except LinkDownError as error:
-                if str(error) != told:
-                    told = str(error)
-                    self.tell(of_bus(Topic.LINK, f"waiting for the interface: {told}"))
+                if str(error) != waiting_for:
+                    waiting_for = str(error)
+                    self.tell(of_bus(Topic.LINK, f"waiting for the interface: {waiting_for}"))
             else:
-                if told:
+                if waiting_for:
                     self.tell(of_bus(Topic.LINK, f"{named.label} is there", is_over=True))
                 return link
             self.on_alive()

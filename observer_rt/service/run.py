@@ -58,7 +58,7 @@ class Shared:
 
 
 class InjectorService:
-    """Waits for the injector's interfaces, then observes it, until told to stop."""
+    """Waits for the injector's interfaces, then observes it, until asked to stop."""
 
     def __init__(
         self,
@@ -231,7 +231,7 @@ class Serving:
     is_ready: bool = False
 
     def serve(self, bench: Bench) -> Bench | None:
-        """Serve a bench until told to stop, or another is to take its place, which is returned."""
+        """Serve a bench until asked to stop, or another is to take its place, which is returned."""
         maps = map_bench(bench).injectors
         with ExitStack() as stack:
             services = self._services(bench, maps, stack)

@@ -149,15 +149,15 @@ def _inputs(daemon: Daemon, now: int, height: int) -> list[Text]:
     if height < FEW_LINES and not stale and arrivals.is_complete and not arrivals.is_contested(now):
         oldest = max(arrivals.age_of(role, now) for role in Role)
         return [_line(f" all inputs come, the oldest {age_text(oldest)}{_late(timing)}")]
-    told = []
+    lines = []
     for source in arrivals.sources:
         late = "" if source in stale else _late([timing[stream] for stream in source.streams])
         text = _line(f" {source.text} ", "bold red" if source in stale else "dim")
         text.append(age_text(arrivals.age(source, now)), "bold red" if source in stale else "")
-        told.append(text.append(late, "dim"))
+        lines.append(text.append(late, "dim"))
     if arrivals.is_contested(now):
-        told.append(_line(f" another node sends our results: {arrivals.foreign_frames} frames", "bold red"))
-    return told
+        lines.append(_line(f" another node sends our results: {arrivals.foreign_frames} frames", "bold red"))
+    return lines
 
 
 def _late(timing: list[MessageTiming] | tuple[MessageTiming, ...]) -> str:
@@ -179,47 +179,47 @@ def _late(timing: list[MessageTiming] | tuple[MessageTiming, ...]) -> str:
 
 
 def _links(daemon: Daemon) -> list[Text]:
-    told = []
+    lines = []
     for port in daemon.ports:
         if isinstance(port.link, IdleLink):
             continue
         condition = str(port.link.condition.state) if port.is_up else "down"
-        told.append(
+        lines.append(
             _line(
                 f" {port.label} {condition}, stamps by {port.link.stamp_source}; lost here {port.link.dropped}, "
                 f"unsent {port.unsent}, outages {port.troubles}",
                 "bold red" if port.is_in_trouble else "dim",
             )
         )
-    return told
+    return lines
 
 
 def _figures(daemon: Daemon) -> list[Text]:
     core = daemon.core
     counters = core.counters
     damaged = counters.crc_errors + counters.length_errors
-    told = [
+    lines = [
         _line(
             f" {counters.samples} samples, {counters.lost_samples} missing; frames: {damaged} damaged, "
             f"{counters.sequence_errors} out of order, {counters.old_frames} too late"
         )
     ]
     if counters.outliers:
-        told.append(_line(f" {counters.outliers}"))
+        lines.append(_line(f" {counters.outliers}"))
     refused = f"{counters.rejected_adoptions} refused, {counters.late_adoptions} late"
     if counters.passed_over:
         refused += f", {counters.passed_over} events passed over"
     learned = f" learned {counters.adoptions} times in {counters.events} events ({refused})"
-    told.append(_line(learned if core.optional.learning else f"{learned}; learning is off"))
+    lines.append(_line(learned if core.optional.learning else f"{learned}; learning is off"))
     if core.optional.fuel_temperature is not None:
-        told[-1].append(f"; fuel {core.optional.fuel_temperature - ZERO_CELSIUS:.1f} °C")
+        lines[-1].append(f"; fuel {core.optional.fuel_temperature - ZERO_CELSIUS:.1f} °C")
     if core.optional.energizing is not None:
         is_odd = core.optional.energizing.missing > 0 or core.optional.energizing.uncommanded > 0
-        told.append(_line(f" {core.optional.energizing.as_text()}", "yellow" if is_odd else "dim"))
+        lines.append(_line(f" {core.optional.energizing.as_text()}", "yellow" if is_odd else "dim"))
     if daemon.failed_writes:
         text = f" {daemon.failed_writes} failed writes of learned state, journal or log, which says why"
-        told.append(_line(text, "bold red"))
-    return told
+        lines.append(_line(text, "bold red"))
+    return lines
 
 
 FRAMES_PER_SECOND = 8

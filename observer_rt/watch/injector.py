@@ -14,7 +14,7 @@ from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MILL
 from observer_rt.observer.stream.state import Reason, State
 from observer_rt.service.watch.arrivals import SECOND, Arrivals, message_text
 from observer_rt.service.watch.input_watch import LASTING
-from observer_rt.service.watch.silence import TOLD
+from observer_rt.service.watch.silence import REPORTED_AFTER
 from observer_rt.service.words import REASONS, STATES, TOPICS, Topic, is_good
 from observer_rt.watch.samples import (
     CountShift,
@@ -65,7 +65,7 @@ class FaultWatch:
     def _silence(self, now: int) -> list[Fault]:
         """Messages that stay away, together: most often they have one device, cable or bus."""
         ages = {source: self._arrivals.silence(source, now) for source in self._arrivals.sources}
-        silent = {source: age for source, age in ages.items() if age > max(TOLD, source.patience)}
+        silent = {source: age for source, age in ages.items() if age > max(REPORTED_AFTER, source.patience)}
         if not silent:
             return []
         texts = tuple(f"{source.text}: no frame for {age:.0f} s" for source, age in silent.items())
@@ -80,7 +80,7 @@ class FaultWatch:
     def _no_status(self, now: int) -> list[Fault]:
         """The observer itself stays away."""
         since = self._arrivals.last_result(self._bus.status.layout)
-        if now - since <= TOLD * SECOND:
+        if now - since <= REPORTED_AFTER * SECOND:
             return []
         text = message_text(self._bus, self._bus.status.layout)
         return [Fault(f"{text}: no frame for {(now - since) / SECOND:.0f} s", since, _NO_DAEMON)]

@@ -199,7 +199,7 @@ class EnergizingWatch:
     An opening belongs to the last command that started before it, if that was not too long ago and no opening was
     before it; it is decided when its injection is reported. A command is missing its injection when the needle was
     shut as it started, no sample was lost since, and none of the openings in its window is its own. Before the first
-    command, and where frames were lost, an opening without one tells nothing.
+    command, and where frames were lost, an opening without one means nothing.
     """
 
     def __init__(
@@ -237,7 +237,7 @@ class EnergizingWatch:
 
     @property
     def looks_at_each(self) -> bool:
-        """Whether `look` is to be called after every frame, so that what it tells depends on none but these."""
+        """Whether `look` is to be called after every frame, so that what it reports depends on none but these."""
         return bool(self._waiting) or not self._reader.by_index
 
     def opening_of(self, injection: np.void) -> CommandedOpening | None:

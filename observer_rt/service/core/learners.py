@@ -151,8 +151,8 @@ def _passed(observer: Observer, frequency: float) -> float:
 
 def noise_text(white: NoiseLevels, slow: Mapping[Role, SlowNoise]) -> str:
     """Levels of all signals, and what is not white of them."""
-    told = []
+    noises = []
     for role, (name, unit, size) in SIGNALS.items():
         text = f"{name} {getattr(white, role.value) / size:.2g} {unit}"
-        told.append(f"{text} and {slow[role].as_text(unit, size)}" if role in slow else text)
-    return ", ".join(told)
+        noises.append(f"{text} and {slow[role].as_text(unit, size)}" if role in slow else text)
+    return ", ".join(noises)

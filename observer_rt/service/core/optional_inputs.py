@@ -53,8 +53,8 @@ class OptionalInputs:
             row = self._rows[reading["row"]]
             if self._watch is not None and row["role"] == ENERGIZING:
                 follows = bool(reading["follows"]) and not first < number == oldest
-                told = values[: row["signal_count"]].copy()
-                self._watch.take(told, int(reading["stamp"]), follows, int(reading["processed"]))
+                came = values[: row["signal_count"]].copy()
+                self._watch.take(came, int(reading["stamp"]), follows, int(reading["processed"]))
             else:
                 self._masses.take(float(values[0]), int(reading["closed"]))
         self._memory["read"] = end

@@ -212,7 +212,7 @@ def require_journal(path: Path) -> None:
             (schema,) = connection.execute("PRAGMA user_version").fetchone()
             (tables,) = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
     except sqlite3.OperationalError:
-        return  # locked, or no right to read: told by whoever needs it
+        return  # locked, or no right to read: reported by whoever needs it
     except sqlite3.DatabaseError as error:
         raise UserError(
             str(path), f"is no journal of injections: {error}", "name another file, or move this one away"

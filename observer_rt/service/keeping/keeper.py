@@ -94,7 +94,7 @@ class Persisted(Protocol):
 
 
 class RetryingWriter:
-    """Tries to write a file, and tells once of what is in its way and once that it is over."""
+    """Tries to write a file, and reports once what is in its way, and once that it is over."""
 
     def __init__(self, file: Persisted, interval: float, tell: Tell) -> None:
         """interval [s]: after which it is tried again, for the message."""
@@ -179,15 +179,15 @@ class Keeper:
 
     def _write(self, interval: float, stop: threading.Event) -> None:
         """Write again and again, `interval` seconds from begin to begin, until stopped."""
-        wait, is_told = 0.0, False
+        wait, is_reported = 0.0, False
         while not stop.wait(wait):
             began = time.monotonic()
             for writer in self._writers:
                 writer.attempt()
             took = time.monotonic() - began
             wait = max(interval - took, 0.0)
-            if took > interval and not is_told:
-                is_told = True
+            if took > interval and not is_reported:
+                is_reported = True
                 self._tell(
                     f"warning: it took {took:.1f} s to write what is kept: a kill may cost more than save_within_s\n"
                     "  remedy: keep it on a faster disk, or raise save_within_s in [state]"

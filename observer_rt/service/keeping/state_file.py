@@ -146,7 +146,7 @@ class _Content(BaseModel, strict=True):
     covariance: _Array
     error_covariance: _Array
     noise: _Noise
-    colour: _Colour | None = None  # of files without it, the noise is taken for white until an event tells
+    colour: _Colour | None = None  # of files without it, the noise is taken for white until an event shows it
     # of files without it, every operating point counts as new until learned at
     learned_at: list[EventPoint] = []
     memory: _Memory | None = None  # of files without it, it is found again over the next events

@@ -46,7 +46,7 @@ def compiled_for(pump: Kept, pipeline: Kept) -> Callable[..., bool]:
 
 @compiled
 def run(pump: Pump, pipeline: Pipeline, wake: int) -> bool:
-    """Pump until told to stop, or until Python must do something first: True. Call it again then.
+    """Pump until asked to stop, or until Python must do something first: True. Call it again then.
 
     wake: descriptor written to when something happened that Python waits for.
     """
@@ -285,10 +285,10 @@ def _tell(pump: Pump, observer: Observer, wake: int) -> None:
     """Wake Python when something happened that it waits for."""
     memory = pump.memory[0]
     stream = observer.memory[0]
-    told = stream.events_closed + stream.events_taken
+    reported = stream.events_closed + stream.events_taken
     for number in range(pump.buses.size):
         bus = pump.buses[number]
-        told += bus.errors + (bus.failure != 0)
-    if told != memory.told:
-        memory.told = told
+        reported += bus.errors + (bus.failure != 0)
+    if reported != memory.reported:
+        memory.reported = reported
         _write(wake, pump.event.ctypes.data, 8)

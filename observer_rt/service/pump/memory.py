@@ -37,7 +37,7 @@ ARRIVAL = np.dtype([("key", np.int64), ("frames", np.int64), ("last", np.int64)]
 PUMP = np.dtype(
     [
         ("is_to_stop", np.bool_),
-        ("told", np.int64),  # events closed and taken, failures, errors that Python was told of
+        ("reported", np.int64),  # events closed and taken, failures, errors that Python knows of
         ("turns", np.int64),
         ("unsent", np.int64),
         # results

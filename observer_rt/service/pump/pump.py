@@ -95,7 +95,7 @@ class Feeder(DescriptorLink):
         return self._ended.is_set()
 
     def end(self) -> list[OutputFrame]:
-        """Carry nothing any more: the results that were not sent, in order, each told once."""
+        """Carry nothing any more: the results that were not sent, in order, each reported once."""
         self._ended.set()
         self._socket.shutdown(socket.SHUT_RDWR)  # wakes both threads, and refuses what is sent late
         for thread in self._threads:

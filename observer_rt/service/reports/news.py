@@ -1,4 +1,4 @@
-"""What the service tells while it runs, once only, and to whom: log, stream of records, service manager."""
+"""What the service reports while it runs, once only, and to whom: log, stream of records, service manager."""
 
 import math
 import threading

@@ -40,7 +40,7 @@ class Arrivals:
     def __init__(self, bus: BusMap) -> None:
         self.sources = sources_of(bus)
         self._heard = {_key(layout): Heard(0, 0) for layout in (*bus.received, *bus.sent)}
-        inputs = {_key(layout) for layout in bus.received}  # one that is shared by mistake, `check` tells
+        inputs = {_key(layout) for layout in bus.received}  # one that is shared by mistake, `check` reports
         self._own = tuple(
             (layout, self._heard[_key(layout)]) for layout in bus.sent if _key(layout) not in inputs
         )
@@ -114,8 +114,8 @@ class Arrivals:
 
     def as_text(self, now: int) -> str:
         """Messages that stay away, with their ages; of all where none does."""
-        told = self.stale(now) or self.sources
-        ages = ((source.text, self.age(source, now)) for source in told)
+        shown = self.stale(now) or self.sources
+        ages = ((source.text, self.age(source, now)) for source in shown)
         return ", ".join(
             f"{text}: {'no frame yet' if math.isnan(age) else f'last frame {age_text(age)}'}"
             for text, age in ages

@@ -24,7 +24,7 @@ from observer_rt.service.watch.silence import SilenceWatch, ValueWatch
 from observer_rt.service.words import Topic, is_good, named
 
 LOOKS = 10  # whose values are judged together
-IN_A_ROW = 2  # times that the same is found, before it is told
+IN_A_ROW = 2  # times that the same is found, before it is reported
 
 
 class UnitWatch:
@@ -35,8 +35,8 @@ class UnitWatch:
         self._begin()
         self._found: Mapping[str, str] = {}
         self._times = 0  # in a row that this was found
-        self.told: Mapping[str, str] = {}
-        """What is wrong by signal, which was told, in words with its remedy."""
+        self.reported: Mapping[str, str] = {}
+        """What is wrong by signal, as reported, in words with its remedy."""
 
     def look(self, newest: NDArray[np.float64], lifts: NDArray[np.float64]) -> list[Notice]:
         """News; newest (3,) [SI]: last value of every role, lifts: of the samples since the last look."""
@@ -53,12 +53,12 @@ class UnitWatch:
         self._begin()
         self._times = self._times + 1 if odd.keys() == self._found.keys() else 1
         self._found = odd
-        if self._times < IN_A_ROW or odd.keys() == self.told.keys():
+        if self._times < IN_A_ROW or odd.keys() == self.reported.keys():
             return []
-        before, self.told = self.told, odd
-        told = [Notice(Topic.VALUE, text) for signal, text in odd.items() if signal not in before]
+        before, self.reported = self.reported, odd
+        news = [Notice(Topic.VALUE, text) for signal, text in odd.items() if signal not in before]
         over = [signal for signal in before if signal not in odd]
-        return told + [
+        return news + [
             Notice(Topic.VALUE, f"{self._named[signal]} is in its range again", is_over=True)
             for signal in over
         ]
@@ -78,7 +78,7 @@ class UnitWatch:
 
 
 REMEDY = "stop the other daemon or replay; two on one bus need messages of their own in [outputs]"
-TOLD_EVERY = 30.0  # s between two tellings of the same
+REPORTED_EVERY = 30.0  # s between two reports of the same
 
 
 class SenderWatch:
@@ -87,7 +87,7 @@ class SenderWatch:
     def __init__(self, bus: BusMap, arrivals: Arrivals) -> None:
         self._bus = bus
         self._arrivals = arrivals
-        self._told = 0  # frames
+        self._reported = 0  # frames
         self._next = 0
         self._is_contested = False
 
@@ -97,10 +97,10 @@ class SenderWatch:
         if self._is_contested and not self._arrivals.is_contested(now):
             self._is_contested = False
             return [Notice(Topic.SENDER, f"the other sender is silent after {frames} frames", is_over=True)]
-        if frames == self._told or now < self._next:
+        if frames == self._reported or now < self._next:
             return []
         self._is_contested = True
-        self._told, self._next = frames, now + round(TOLD_EVERY * SECOND)
+        self._reported, self._next = frames, now + round(REPORTED_EVERY * SECOND)
         names = ", ".join(message_text(self._bus, layout) for layout, _ in self._arrivals.foreign)
         text = f"another node sends {names}: {frames} frames so far\n  remedy: {REMEDY}"
         return [Notice(Topic.SENDER, text)]
@@ -112,16 +112,16 @@ class ProtectionWatch:
     def __init__(self, bus: BusMap, arrivals: Arrivals) -> None:
         keys = bus.inputs.messages["key"].tolist()
         self._numbers = {source: keys.index(source.layout.key) for source in arrivals.sources}
-        self.told: set[WatchedMessage] = set()
-        """Whose protection is INVALID, and was told."""
+        self.reported: set[WatchedMessage] = set()
+        """Whose protection is INVALID, as reported."""
 
     def look(self, states: Sequence[int]) -> Iterator[Notice]:
         """News; states: `E2EState` of every input message."""
         for source, number in self._numbers.items():
             is_invalid = states[number] == E2EState.INVALID
-            if is_invalid == (source in self.told):
+            if is_invalid == (source in self.reported):
                 continue
-            self.told ^= {source}
+            self.reported ^= {source}
             said = "its end-to-end protection is INVALID, its values are not taken"
             remedy = "another sender? a disturbed bus? E2EProfile and data id of the database? limits: [e2e]"
             if is_invalid:
@@ -154,21 +154,21 @@ class InputWatch:
     def look(self, now: int) -> list[Notice]:
         """News at a time [ns] of the arrivals' clock; to be called every `PERIOD`."""
         core = self._core
-        told = [*self._protection.look(core.protection)]
-        told += self._silence.look(now, core.progress, self._protection.told)
+        news = [*self._protection.look(core.protection)]
+        news += self._silence.look(now, core.progress, self._protection.reported)
         has_frames = core.frames_taken > self._frames
         self._frames = core.frames_taken
         if has_frames and self.arrivals.is_complete and not self.arrivals.stale(now):
             samples = core.inputs(self._seen, MOST_SAMPLES)
             self._seen = core.processed
-            told += self._values.look(core.newest, samples)
-            told += self._units.look(core.newest, samples[Role.NEEDLE_LIFT])
-        return [*told, *self._lift.look(core.lift), *self._senders.look(now)]
+            news += self._values.look(core.newest, samples)
+            news += self._units.look(core.newest, samples[Role.NEEDLE_LIFT])
+        return [*news, *self._lift.look(core.lift), *self._senders.look(now)]
 
     @property
     def causes(self) -> tuple[str, ...]:
         """What is known to be wrong with the inputs and lasts, which may be why nothing is valid."""
-        return tuple(self._units.told.values())
+        return tuple(self._units.reported.values())
 
 
 class RestartWatch:
@@ -205,7 +205,7 @@ class LiftWatch:
     def look(self, figures: LiftFigures) -> list[Notice]:
         """News."""
         before, self._before = self._before, figures
-        told = []
+        news = []
         is_pressed = figures.crosstalk != 0.0
         if is_pressed != (before.crosstalk != 0.0):
             found = "the line pressure shows in it no more"
@@ -215,7 +215,7 @@ class LiftWatch:
                     f"the line pressure shows in it, {size:.2g} um per 10 MPa, which is taken out\n"
                     "  remedy: none is needed; see to mounting, cable and ground of the needle-lift sensor"
                 )
-            told.append(Notice(Topic.VALUE, f"needle_lift: {found}", not is_pressed))
+            news.append(Notice(Topic.VALUE, f"needle_lift: {found}", not is_pressed))
         if figures.is_to_scale != before.is_to_scale:
             found = "as the injector file says"
             if not figures.is_to_scale:
@@ -225,11 +225,13 @@ class LiftWatch:
                 )
             at = f"{figures.at_stop / MICROMETRE:.0f} um"
             text = f"needle_lift: long openings stay at {at}, {found}"
-            told.append(Notice(Topic.VALUE, text, figures.is_to_scale))
-        return told
+            news.append(Notice(Topic.VALUE, text, figures.is_to_scale))
+        return news
 
 
-LASTING = 1.0  # s that a state must last to be told: a source that sends windows changes it at each of them
+LASTING = (
+    1.0  # s that a state must last to be reported: a source that sends windows changes it at each of them
+)
 _ABOUT_INPUTS = (Reason.INPUT_TIMEOUT, Reason.INPUT_STALE, Reason.STARTING)
 
 
@@ -243,7 +245,7 @@ class StateWatch:
         self._arrivals = arrivals
         self._now: _Standing | None = None
         self._since = 0
-        self._told: _Standing | None = None
+        self._reported: _Standing | None = None
 
     def look(
         self, now: int, state: tuple[State, tuple[Reason, ...]], causes: tuple[str, ...] = ()
@@ -253,9 +255,9 @@ class StateWatch:
         standing = (what, why, () if is_good(what) else causes)
         if standing != self._now:
             self._now, self._since = standing, now
-        if standing == self._told or now - self._since < LASTING * SECOND:
+        if standing == self._reported or now - self._since < LASTING * SECOND:
             return []
-        self._told = standing
+        self._reported = standing
         text = "; ".join([named(what), *map(named, why), *standing[2]])
         if not is_good(what) and any(reason in _ABOUT_INPUTS for reason in why):
             text += f"; {self._arrivals.as_text(now)}"

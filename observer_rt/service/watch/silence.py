@@ -17,7 +17,7 @@ from observer_rt.service.reports.news import Notice
 from observer_rt.service.watch.arrivals import SECOND, Arrivals, WatchedMessage, sources_of
 from observer_rt.service.words import Topic
 
-TOLD = 2.0  # s without a frame, or with useless ones only, after which it is told
+REPORTED_AFTER = 2.0  # s without a frame, or with useless ones only, after which it is reported
 _USELESS = 10  # frames
 
 
@@ -28,7 +28,7 @@ class _Use:
     progress: tuple[int, ...]
     frames: int
     since: int
-    is_told: bool = False
+    is_reported: bool = False
 
 
 class SilenceWatch:
@@ -36,8 +36,8 @@ class SilenceWatch:
 
     def __init__(self, arrivals: Arrivals) -> None:
         self._arrivals = arrivals
-        self._silent: dict[WatchedMessage, int] = {}  # told, and when their last frame came
-        self._together: set[WatchedMessage] = set()  # told as all inputs, of these
+        self._silent: dict[WatchedMessage, int] = {}  # reported, and when their last frame came
+        self._together: set[WatchedMessage] = set()  # reported as all inputs, of these
         self._back_at = 0  # when the first of these came again
         self._uses = {source: _Use((), 0, 0) for source in arrivals.sources if source.streams}
 
@@ -54,9 +54,12 @@ class SilenceWatch:
         new = [
             source
             for source in arrivals.sources
-            if source not in self._silent and arrivals.silence(source, now) > max(TOLD, source.patience)
+            if source not in self._silent
+            and arrivals.silence(source, now) > max(REPORTED_AFTER, source.patience)
         ]
-        if self._back_at and now - self._back_at > TOLD * SECOND:  # what is still away is so by itself
+        if (
+            self._back_at and now - self._back_at > REPORTED_AFTER * SECOND
+        ):  # what is still away is so by itself
             new += [source for source in arrivals.sources if source in self._together]
             self._together.clear()
             self._back_at = 0
@@ -102,11 +105,15 @@ class SilenceWatch:
             got = tuple(progress[stream] for stream in source.streams)
             frames = self._arrivals.heard_of(source).frames
             if got != use.progress or frames == use.frames or source in refused:
-                if use.is_told and got != use.progress:
+                if use.is_reported and got != use.progress:
                     yield f"{source.text}: its frames can be used again", True
-                self._uses[source] = _Use(got, frames, now, use.is_told and got == use.progress)
-            elif not use.is_told and frames - use.frames > _USELESS and now - use.since > TOLD * SECOND:
-                use.is_told = True
+                self._uses[source] = _Use(got, frames, now, use.is_reported and got == use.progress)
+            elif (
+                not use.is_reported
+                and frames - use.frames > _USELESS
+                and now - use.since > REPORTED_AFTER * SECOND
+            ):
+                use.is_reported = True
                 yield (
                     f"{source.text}: {frames - use.frames} frames came, and none could be used\n  remedy: compare "
                     "its length, E2EProfile and E2EDataId with the database; is its index or counter stuck?",
@@ -114,7 +121,7 @@ class SilenceWatch:
                 )
 
 
-LOOKS = 5  # in a row that find the same, before it is told
+LOOKS = 5  # in a row that find the same, before it is reported
 RAIL_LOOKS = 30  # of a rail pressure that does not change: it may be steady and coarse
 LIFT_MOVED = 50 * MICROMETRE  # in which there is an injection
 PRESSURE_MOVED = 5 * MEGAPASCAL  # of the line against the rail: the needle has opened
@@ -135,7 +142,7 @@ class _Watched:
     noise: float
     reading: str = ""  # what is odd about its last value
     looks: int = 0  # that found so
-    told: str = ""
+    reported: str = ""
     held: float = np.nan  # value that it had in all of the last looks
     constant: int = 0  # looks in a row
     moved: int = 0  # of these, after the first, in which another input moved
@@ -166,19 +173,19 @@ class ValueWatch:
         filled up with `not available`.
         """
         has_samples = len(samples[Role.LINE_PRESSURE]) > 0
-        told: list[Notice] = []
+        news: list[Notice] = []
         for watched, value in zip(self._watched, newest.tolist(), strict=True):
             is_filled_up = has_samples and np.isnan(value)
-            told += self._reading(watched, "" if is_filled_up else _oddity(watched, value))
+            news += self._reading(watched, "" if is_filled_up else _oddity(watched, value))
         if all(len(values) >= FEWEST for values in samples.values()):
-            told += self._constancy(samples)
-        return told
+            news += self._constancy(samples)
+        return news
 
     def _reading(self, watched: _Watched, reading: str) -> Iterator[Notice]:
         watched.looks = watched.looks + 1 if reading == watched.reading else 1
         watched.reading = reading
-        if watched.looks >= LOOKS and reading != watched.told:
-            watched.told = reading
+        if watched.looks >= LOOKS and reading != watched.reported:
+            watched.reported = reading
             remedy = "check the sensor, its cable and amplifier; unit and range in the database"
             yield watched.notice(
                 f"{reading}\n  remedy: {remedy}" if reading else "has values again", not reading

@@ -22,7 +22,7 @@ from observer_rt.service.pump.pump import FramePump
 from observer_rt.service.reports.news import Listener, to_all
 from observer_rt.service.rights import take_time
 from observer_rt.service.watch.input_watch import PERIOD as LOOK_PERIOD
-from observer_rt.service.watch.input_watch import InputWatch, RestartWatch, StateWatch
+from observer_rt.service.watch.input_watch import InputWatch, LearningWatch, RestartWatch, StateWatch
 
 RECEIVE_TIMEOUT = 0.02  # s, after which the loop looks at its clock and its stop signal
 INPUT_TIMEOUT = 0.5  # s without an input frame: waiting for data
@@ -72,6 +72,7 @@ class Daemon:
         """Of all input messages, by the monotonic clock, and of others under our identifiers."""
         self._state_watch = StateWatch(self.arrivals)
         self._restart_watch = RestartWatch(self.arrivals)
+        self._learning_watch = LearningWatch()
         self._status_writer = FrameWriter(bus.status)
         self._status_period = round(bench.injector.config.outputs.status_period_ms * 1e6)
         self._hashes = (int(model_hash(bench.injector.parameters)[:8], 16), database_hash(bench.databases))
@@ -139,6 +140,8 @@ class Daemon:
             for notice in self._watch.look(now):
                 self._tell(notice)
         for notice in self._restart_watch.look(self.core.progress, self.core.counters.restarts):
+            self._tell(notice)
+        for notice in self._learning_watch.look(now, self.core.learning_from):
             self._tell(notice)
         for notice in self._state_watch.look(now, self.standing(now), self._watch.causes):
             self._tell(notice)

@@ -84,7 +84,8 @@ REASONS: Mapping[Reason, Words] = {
         "line and rail pressure differ at standstill", "calibrate the two sensors; check their units"
     ),
     Reason.SENSOR_LAG: Words(
-        "the line-pressure sensor is implausibly slow", "check its filter and amplifier, and the mounting"
+        "the line-pressure sensor is implausibly slow",
+        "check its filter and amplifier, and the mounting; state a lag that is meant, lag_us",
     ),
     Reason.NOT_LEARNED: Words(
         "the event could not be learned from",
@@ -235,7 +236,9 @@ TOPICS: Mapping[Topic, TopicWords] = {
         "what is kept on disk: restored, set aside, saved, or not", "as the line says: room and rights"
     ),
     Topic.LEARNING: TopicWords(
-        "nothing was learned from an event, which was examined instead", "as the line says", logging.WARNING
+        "an event that was only examined, not learned from; learning that hangs",
+        "as the line says",
+        logging.WARNING,
     ),
     Topic.STREAM: TopicWords(
         "nobody reads the JSON lines or the log any more, or too slowly",

@@ -6,8 +6,10 @@ import subprocess
 import threading
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import can
 import pytest
@@ -16,6 +18,9 @@ from observer_rt.config.bench import load_bench
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.recording.replay.player import play
+from observer_rt.service.reports.injection_report import InjectionReport
+from observer_rt.service.watch import input_watch
+from observer_rt.service.words import Topic
 from tests.benches import block_bench
 from tests.device import frames_of, worn_recording
 from tests.interface import FRAME_BYTES, OwnInterface
@@ -96,6 +101,64 @@ def test_the_daemon_stays_and_goes_on(
     assert status["LinkTroubles"] == 1
     assert status["LostSamples"] == LOST * BLOCK
     assert status["DroppedFrames"] == 0
+
+
+class HeldLearning(ThreadPoolExecutor):
+    """Learns in a thread, which can be held."""
+
+    def __init__(self) -> None:
+        super().__init__(1)
+        self.goes_on = threading.Event()
+        self.goes_on.set()
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+        def learned() -> Any:
+            self.goes_on.wait()
+            return fn(*args, **kwargs)
+
+        return super().submit(learned)
+
+
+@pytest.mark.slow
+@pytest.mark.vcan
+def test_learning_that_hangs_costs_nothing_that_was_learned(
+    own_interface: OwnInterface, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Rates go on and stay valid, the log says it; what it was learning from counts once it goes on."""
+    monkeypatch.setattr(input_watch, "HUNG", 0.3)
+    path = bench_file(tmp_path, own_interface.name, "socketcan")
+    path.write_text(path.read_text().replace("lockstep = true", "lockstep = false"))
+    frames = frames_of(path, worn_recording(30))
+    learning = HeldLearning()
+    with opened(path, sending=False) as [link], opened(path, sending=True) as [player]:
+        daemon = HeardDaemon(path, link, is_warm=True, learning=learning)
+
+        def play_to_it(part: list[TimedFrame]) -> list[InjectionReport]:
+            received, heard = daemon.core.counters.frames + len(part), len(daemon.notes.injections)
+            play(part, player, 1.0)
+            until(lambda: daemon.core.counters.frames == received)
+            return daemon.notes.injections[heard:]
+
+        def told() -> list[str]:
+            return [notice.text for notice in daemon.notes.notices if notice.topic is Topic.LEARNING]
+
+        third = len(frames) // 3
+        with serving(daemon):
+            until(daemon.ready.is_set)
+            play_to_it(frames[:third])
+            until(lambda: daemon.core.learning_from is None)
+            learning.goes_on.clear()
+            while_held = play_to_it(frames[third : 2 * third])
+            adoptions = daemon.core.counters.adoptions
+            assert "learning from an event has taken" in told()[0]
+            learning.goes_on.set()
+            until(lambda: len(told()) == 2)
+            afterwards = play_to_it(frames[2 * third :])
+            until(lambda: daemon.core.counters.adoptions > adoptions)
+    assert len(while_held) >= 8
+    assert all(report.valid for report in while_held[1:] + afterwards[1:])
+    assert "goes on" in told()[1]
+    assert daemon.core.counters.lost_samples == daemon.dropped == 0
 
 
 class Run:

@@ -69,7 +69,7 @@ def test_scenarios_are_the_same_by_their_seed() -> None:
     assert drawn(found[0], KINDS, is_rich=False) == drawn(found[0], KINDS, is_rich=False)
 
 
-def scored(outcome: Outcome, factor: float, is_valid: bool = True, late: int = 0) -> FaultScore:
+def scored(outcome: Outcome, factor: float, is_valid: bool = True, late: float = 0.0) -> FaultScore:
     """Of a publisher that is `factor` times right from the fault on."""
     time, truth = outcome.measured.time, outcome.truth.injection_rate
     rate = np.where(time >= BEGIN, factor, 1.0) * truth
@@ -90,11 +90,11 @@ def test_right_is_right(outcome: Outcome) -> None:
     assert (found.recovered_after, found.free_valid) == (1, found.free)
 
 
-def test_wrong_while_valid_is_found_but_for_the_stated_number_of_injections(outcome: Outcome) -> None:
-    all_of_it, later = scored(outcome, 1.05), scored(outcome, 1.05, late=1)
+def test_wrong_while_valid_is_found_but_for_the_stated_time(outcome: Outcome) -> None:
+    all_of_it, later = scored(outcome, 1.05), scored(outcome, 1.05, late=20e-3)
     assert all_of_it.wrong_samples > later.wrong_samples > 0
-    assert later.late_samples > 0
-    assert all_of_it.wrong_summaries == later.wrong_summaries + 1
+    assert later.late_samples == all_of_it.wrong_samples - later.wrong_samples
+    assert later.wrong_summaries == all_of_it.wrong_summaries > 0
 
 
 def test_wrong_and_not_valid_is_not_wrong(outcome: Outcome) -> None:

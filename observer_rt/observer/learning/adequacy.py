@@ -149,12 +149,20 @@ def looks_like_inertance(nozzle_change: float, stiffness_change: float) -> bool:
     )
 
 
+BELIEVED_AFTER = 2  # explained events in a row, after one that was not
+SETTLED = 3  # explained events in a row, after which one that is not is a fault that may pass
+
+
 @dataclass(frozen=True, eq=False)
 class Examination:
-    """What speaks against an event (empty: it passed), and the statistics over recent events with it."""
+    """What speaks against an event (empty: it passed), and the statistics over recent events with it.
+
+    passed: events in a row that did, SETTLED at most; negative: that must until one is believed again.
+    """
 
     objections: tuple[Objection, ...]
     statistics: PhaseStatistics
+    passed: int = 0
 
 
 class Examiner:
@@ -163,29 +171,45 @@ class Examiner:
     def __init__(self, statistics: PhaseStatistics, healthy: Healthy, colour: Colour | None = None) -> None:
         """statistics: over the events before the first; colour: of the innovations then, None if they are white."""
         self._healthy = healthy
+        self._passed = 0
         self.colour = colour
         """Of the innovations; as the statistics, whoever learns from an event replaces it by what it found."""
         self.statistics = statistics
-        """Over recent events; whoever learns from an event, or has one examined, replaces them by what was found."""
+        """Over recent events; whoever learns from an event replaces them by what was found."""
+
+    def take(self, found: Examination) -> None:
+        """An event was judged so."""
+        self.statistics, self._passed = found.statistics, found.passed
 
     def examine(
         self, window: Window | None, innovations: Innovations, in_force: Theta, constants: Constants
     ) -> Examination:
         """Judge one event.
 
+        One that is refused by itself says nothing of those after it, but that one must pass first; two, where it was
+        not long since: a wrong model is not contradicted at every operating point.
+
         window: None where it cannot be tested; in_force (m,) and constants: during it.
         """
         if window is None:
-            return Examination((Objection(Reason.NOT_JUDGED),), self.statistics)
+            return Examination((Objection(Reason.NOT_JUDGED),), self.statistics, self._passed)
         if self.colour is not None:
             innovations = Innovations(
                 self.colour.whitening.of(innovations.values, window.masked), self.colour.sigma
             )
         event = event_statistics(window, innovations, constants.interval, self._healthy)
-        statistics = pooled(self.statistics, event)
         lag = float(in_force[Parameter.SENSOR_LAG]) * LAG_UNIT
-        found = tuple(objections(statistics, _offset(window, constants), lag, self._healthy))
-        return Examination(found, statistics)
+        offset = _offset(window, constants)
+        if inadequate_phase(event) is not None:
+            found = objections(event, offset, lag, self._healthy)
+            to_pass = 1 if self._passed >= SETTLED else BELIEVED_AFTER
+            return Examination(tuple(found), self.statistics, self._passed if self._passed < 0 else -to_pass)
+        statistics = pooled(self.statistics, event)
+        found = objections(statistics, offset, lag, self._healthy)
+        passed = self._passed if found else min(self._passed + 1, SETTLED)
+        if passed < 0 and not found:
+            found = [Objection(Reason.MODEL_INADEQUATE)]
+        return Examination(tuple(found), statistics, passed)
 
 
 def _offset(window: Window, constants: Constants) -> float:

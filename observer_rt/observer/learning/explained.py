@@ -3,6 +3,7 @@
 Fitted from what is believed of it; after a sudden change, where that is much better, from nothing.
 """
 
+import copy
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -216,6 +217,17 @@ class EventReader(Tracker):
     def loudest(self, window: Window, believed: Believed) -> float:
         """Mean square of innovations where an event is loudest, over that at rest."""
         return self._jitter.loudest(window, believed.sigmas.innovation)
+
+    @property
+    def noise(self) -> tuple[Colour | None, RestingNoise]:
+        """The colour of the noise, and what tells it, copied."""
+        return self.colour, copy.deepcopy(self._at_rest)
+
+    def with_noise(self, colour: Colour | None, at_rest: RestingNoise) -> "EventReader":
+        """A copy by which the noise is another one."""
+        other = copy.deepcopy(self)
+        other.colour, other._at_rest = colour, copy.deepcopy(at_rest)
+        return other
 
     def forget(self, cause: Cause) -> None:
         """What is forgotten upon a cause, of what is followed here."""

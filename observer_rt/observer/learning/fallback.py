@@ -1,6 +1,7 @@
 """Falls back to the nominal model after unexplained events, stops learning, and adopts only what does better.
 
-What was just learned does better when x^ would have run better with it in the last events.
+What was just learned does better when x^ would have run better with it in the last events. Where a fault has passed,
+what was believed before it does better than what was learned from it.
 """
 
 from collections.abc import Collection, Sequence
@@ -8,11 +9,14 @@ from collections.abc import Collection, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.estimation.gating import Belief
 from observer_rt.estimation.phases import Phase, PhaseStatistics
 from observer_rt.estimation.predictor import Setting, Window, open_loop_errors, sum_of_squares
-from observer_rt.estimation.scalars import Scalars, learned_of
-from observer_rt.observer.learning.adequacy import Objection, inadequate_phase
+from observer_rt.estimation.scalars import Scalars, Theta, learned_of
+from observer_rt.observer.learning.adequacy import BELIEVED_AFTER, SETTLED, Objection, inadequate_phase
 from observer_rt.observer.learning.disturbances.colour import Colour
+from observer_rt.observer.learning.disturbances.pressure_gains import PressureGains
+from observer_rt.observer.learning.explained import EventReader
 from observer_rt.observer.learning.memory import Tracker
 from observer_rt.observer.stream.state import Reason
 
@@ -26,7 +30,6 @@ UNEXPLAINED = (
     Reason.SUDDEN_CHANGE,
     Reason.TIME_BASE,
 )
-BELIEVED_AFTER = 2  # explained events in a row, where what was learned was set aside
 
 
 class Mistrust(Tracker):
@@ -89,6 +92,78 @@ class Freezer(Tracker):
         elif self._good >= RELEASE_AFTER:
             self._frozen = False
         return self._frozen
+
+
+SOON, SELDOM = (
+    8,
+    8,
+)  # events that are tried after one that did not pass, then one of so many: it takes twice as long
+
+
+class Checkpoint(Tracker):
+    """What was believed when SETTLED events in a row had passed: a passing fault leaves the injector as it was."""
+
+    _mean: NDArray[np.float64]
+    _covariance: NDArray[np.float64]
+    _error_covariance: NDArray[np.float64]
+    _theta: NDArray[np.float64]
+    _active: list[int]
+    _events: int
+    _difference: float
+    _failed: int
+    _passed: int
+
+    def __init__(self, width: int, reader: EventReader) -> None:
+        """width: columns of theta; reader: before any event."""
+        self._difference = 0.0
+        self._mean, self._theta = np.zeros(width), np.zeros(width)
+        self._covariance, self._error_covariance = np.zeros((width, width)), np.zeros((width, width))
+        self._active = []
+        self._events, self._failed, self._passed = 0, 0, 0
+        self._noise = reader.noise
+
+    @property
+    def is_known(self) -> bool:
+        """Whether so many ever did."""
+        return self._events > 0
+
+    @property
+    def is_worth_trying(self) -> bool:
+        """Whether the next event may be explained by it and not by what is believed now."""
+        is_due = 0 < self._failed <= SOON or self._failed % SELDOM == 1
+        return self.is_known and self._passed == 0 and is_due
+
+    def believed(self, gains: PressureGains) -> tuple[Belief, Theta, frozenset[int], int]:
+        """Belief, theta (m,) and active columns then, and how many events they were learned from.
+
+        gains: as they are known now.
+        """
+        belief = Belief(self._mean, self._covariance, self._error_covariance)
+        belief = gains.rescaled_since(self._difference, belief)
+        return belief, self._theta, frozenset(self._active), self._events
+
+    def reader(self, now: EventReader) -> EventReader:
+        """A copy of the reader, with the noise as it was then."""
+        return now.with_noise(*self._noise)
+
+    def after(
+        self,
+        believed: tuple[Belief, Theta, frozenset[int], int],
+        reader: EventReader,
+        gains: PressureGains,
+        has_passed: bool,
+    ) -> None:
+        """Take in an event; believed: after it, as above."""
+        if not has_passed:
+            self._failed, self._passed = self._failed + 1, 0
+            return
+        self._passed += 1
+        if self._passed >= SETTLED:
+            belief, self._theta, active, self._events = believed
+            self._mean = belief.mean
+            self._covariance, self._error_covariance = belief.covariance, belief.error_covariance
+            self._active, self._noise = sorted(active), reader.noise
+            self._difference, self._failed = gains.difference, 0
 
 
 TOLERANCE = 1.1  # by which a new theta may raise the re-simulated output error

@@ -13,6 +13,7 @@ class Cause(Enum):
     RANGE_ENDS = auto()  # the line pressure's range ends: clipped samples contradicted the model
     COIL = auto()  # what the coil adds is taken out from now on: all was learned from other line pressures
     SUDDEN_CHANGE = auto()  # the injector is another one
+    PASSED = auto()  # a fault has passed, and what was believed before it holds
     FROZEN = auto()  # the standstill contradicts the model: what was learned belongs to another line
 
 
@@ -27,6 +28,7 @@ class Forgotten(Enum):
     MISTRUST = auto()  # after events that were not explained
     COLOUR = auto()  # of the noise, and what was heard of it
     TREND = auto()  # what recent events contradicted together
+    CHECKPOINT = auto()  # what was believed before events that did not pass
     LAST_EVENT = auto()  # by which a new theta is compared with that in force
 
 
@@ -42,9 +44,13 @@ FORGOTTEN: Mapping[Cause, frozenset[Forgotten]] = {
             Forgotten.MISTRUST,
             Forgotten.COLOUR,
             Forgotten.TREND,
+            Forgotten.CHECKPOINT,
             Forgotten.LAST_EVENT,
         }
     ),
     Cause.SUDDEN_CHANGE: frozenset({Forgotten.LAST_EVENT}),
+    Cause.PASSED: frozenset(
+        {Forgotten.STATISTICS, Forgotten.MISTRUST, Forgotten.TREND, Forgotten.LAST_EVENT}
+    ),
     Cause.FROZEN: frozenset({Forgotten.LEARNED, Forgotten.OPERATING_POINTS, Forgotten.LAST_EVENT}),
 }

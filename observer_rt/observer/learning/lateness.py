@@ -168,6 +168,32 @@ class LagDoubt(Tracker):
         return self._change_squares / self._events if self.is_no_lag else np.zeros_like(self._change_squares)
 
 
+SLOWED = 50e-6  # s by which a sensor of the line pressure becomes slower from one event to the next: it is at fault
+
+
+class SlowedSensor(Tracker):
+    """Whether the line-pressure sensor has become slower all at once.
+
+    So large a lag is learned with an error of the mass of some percent, where the operating point does not vary.
+    """
+
+    _before: float | None
+
+    def __init__(self) -> None:
+        self._before = None
+
+    def after(self, before: float, lag: float, is_sudden: bool) -> bool:
+        """Take in an event that found a lag [s]; before: the one believed until then.
+
+        is_sudden: the event contradicts what was believed.
+        """
+        if is_sudden and self._before is None:
+            self._before = before
+        if self._before is not None and lag < self._before + SLOWED:
+            self._before = None
+        return self._before is not None
+
+
 STEP = 5e-6  # s, either way, by which the lift is moved for a slope
 FARTHEST = 30e-6  # s, by which one step goes at most
 USUAL = 20e-6  # s, of an amplifier or a filter ahead of a converter

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from observer_rt.estimation.gain import GainSchedule, NoiseLevels, gain_schedule
 from observer_rt.estimation.gating import Belief, GatedBelief
-from observer_rt.estimation.phases import Phase, no_statistics
+from observer_rt.estimation.phases import Phase, PhaseStatistics, no_statistics
 from observer_rt.estimation.predictor import Setting, Window
 from observer_rt.estimation.scalars import SCALARS, Parameter, Scalars, Theta, learned_of
 from observer_rt.foundation.units import MEGAPASCAL
@@ -30,7 +30,14 @@ from observer_rt.observer.learning.disturbances.colour import OffsetSince
 from observer_rt.observer.learning.disturbances.noise_levels import Sigmas, median
 from observer_rt.observer.learning.disturbances.pressure_gains import PressureGains
 from observer_rt.observer.learning.explained import Believed, EventReader, Explained
-from observer_rt.observer.learning.fallback import Freezer, Mistrust, Rehearsed, is_better
+from observer_rt.observer.learning.fallback import (
+    UNEXPLAINED,
+    Checkpoint,
+    Freezer,
+    Mistrust,
+    Rehearsed,
+    is_better,
+)
 from observer_rt.observer.learning.forgetting import FORGOTTEN, Cause, Forgotten
 from observer_rt.observer.learning.indicators import NOT_FITTED, Healthy, nozzle_change
 from observer_rt.observer.learning.interval import (
@@ -51,6 +58,7 @@ from observer_rt.observer.learning.lateness import (
     LagDoubt,
     LiftLag,
     LiftLagSearch,
+    SlowedSensor,
     lag_score,
     lateness_of,
     lift_lag_of,
@@ -91,7 +99,9 @@ class Learner(Tracker):
     _reader: EventReader
     _freezer: Freezer
     _mistrust: Mistrust
+    _checkpoint: Checkpoint
     _lag_doubt: LagDoubt
+    _slowed: SlowedSensor
     _lift_lag: LiftLagSearch
     _energizing: Energizing
     _pressure_gains: PressureGains
@@ -124,7 +134,9 @@ class Learner(Tracker):
         self._previous: Rehearsed | None = None
         self._freezer = Freezer()
         self._mistrust = Mistrust()
+        self._checkpoint = Checkpoint(scalars.width, self._reader)
         self._lag_doubt = LagDoubt(scalars.width)
+        self._slowed = SlowedSensor()
         self._lift_lag = LiftLagSearch()
         self._energizing = Energizing(constants.interval, self._wide)
         self._pressure_gains = PressureGains()
@@ -153,6 +165,10 @@ class Learner(Tracker):
         constants: during the event; None: as they were.
         """
         outcome = self._learn(window, standstill, in_force, constants or self._constants)
+        passed = not outcome.objections
+        self._checkpoint.after(self._believed_now, self._reader, self._pressure_gains, passed)
+        if outcome.objections:
+            self._previous = None  # by it nothing is compared
         memory = Memory(self._constants.interval, self.memory())
         return replace(outcome, knowledge=replace(outcome.knowledge, memory=memory))
 
@@ -168,8 +184,7 @@ class Learner(Tracker):
         if (objection := implausible(window, self._scale)) is not None:
             return replace(self._outcome(Adoption.FAILED, window, in_force), objections=(objection,))
         try:
-            believed = self._believed(window, standstill)
-            event = self._reader.explained(window, believed)
+            event, believed = self._explained(window, standstill)
             if event is None:
                 return self._outcome(Adoption.FAILED, window, in_force)
             lag = lag_score(event.window, believed.setting, event.fit, event.cost, self._wide, self._scalars)
@@ -195,6 +210,9 @@ class Learner(Tracker):
             nominal = replace(outcome.knowledge, in_force=np.zeros_like(in_force))
             reasons = outcome.objections or (because,)
             return replace(outcome, adoption=Adoption.SET_ASIDE, knowledge=nominal, objections=reasons)
+        if self._checkpoint.is_known and any(each.reason in UNEXPLAINED for each in outcome.objections):
+            as_before = replace(outcome.knowledge, in_force=in_force.copy())
+            outcome = replace(outcome, adoption=Adoption.REJECTED, knowledge=as_before)
         again = replace(again, systematic=math.hypot(again.systematic, self._lag_doubt.volume_share))
         masked = int(event.window.masked.sum()) - int(window.masked.sum())
         loudest = self._reader.loudest(event.window, believed)
@@ -213,9 +231,63 @@ class Learner(Tracker):
             self._forget(Cause.OTHER_NOISE)
         self._noise = noise
 
-    def _believed(self, window: Window, standstill: Standstill) -> Believed:
-        """What is known when an event comes; standstill: when it ended. Raises LinAlgError when singular."""
-        offset, prior = self._offset_since.after(standstill), self._prior(standstill)
+    def _explained(self, window: Window, standstill: Standstill) -> tuple[Explained | None, Believed]:
+        """An event as far as it is understood, and by what; standstill: when it ended. Raises LinAlgError."""
+        offset = self._offset_since.after(standstill)
+        if self._checkpoint.is_worth_trying:
+            found = self._explained_before(window, standstill)
+            if found is not None:
+                return found
+        believed = self._believed(window, standstill, offset)
+        return self._reader.explained(window, believed), believed
+
+    def _explained_before(self, window: Window, standstill: Standstill) -> tuple[Explained, Believed] | None:
+        """An event explained by what was believed before others did not pass: that is believed again.
+
+        None, with nothing changed, where it is not. What stood still before it does not count: it is of the fault.
+        """
+        now, schedule, reader = self._believed_now, self._schedule, self._reader
+        self._believed_now = self._checkpoint.believed(self._pressure_gains)
+        self._schedule, self._reader = self._gains(), self._checkpoint.reader(reader)
+        try:
+            believed = self._believed(window, standstill, None)
+            event = self._reader.explained(window, believed)
+            if event is not None and self._is_as_believed(event):
+                self._forget(Cause.PASSED)
+                self._freezer, self._slowed = Freezer(), SlowedSensor()
+                return event, believed
+        except np.linalg.LinAlgError:
+            pass
+        self._believed_now, self._schedule, self._reader = now, schedule, reader
+        return None
+
+    @property
+    def _believed_now(self) -> tuple[Belief, Theta, frozenset[int], int]:
+        """Belief, theta (m,), active columns, and how many events they were learned from."""
+        return self._belief, self._theta, self._active, self._events
+
+    @_believed_now.setter
+    def _believed_now(self, believed: tuple[Belief, Theta, frozenset[int], int]) -> None:
+        self._belief, self._theta, self._active, self._events = believed
+
+    def _is_as_believed(self, event: Explained) -> bool:
+        """Whether an event by itself says nothing against what it was explained by."""
+        theta = event.fit.linearisation.theta
+        offset = float(theta[Parameter.LINE_PRESSURE_OFFSET]) * self._scale
+        lag = float(theta[Parameter.SENSOR_LAG]) * LAG_UNIT
+        found = objections(self._statistics_of(event), offset, lag, self._healthy)
+        return not (event.fit.contradicts or found or is_worn_beyond_limits(theta, self._scalars))
+
+    def _statistics_of(self, event: Explained) -> PhaseStatistics:
+        innovations = Innovations(event.fit.innovations, event.cost.sigma)
+        return event_statistics(event.window, innovations, self._constants.interval, self._healthy)
+
+    def _believed(self, window: Window, standstill: Standstill, offset: float | None) -> Believed:
+        """What is known when an event comes. Raises LinAlgError when singular.
+
+        standstill: when it ended; offset: line over rail pressure at rest since the event before [p_0].
+        """
+        prior = self._prior(standstill)
         if offset is not None:
             offset = self._pressure_gains.undone_offset(offset, float(window.inputs[:, 0].mean()))
         return Believed(
@@ -245,8 +317,7 @@ class Learner(Tracker):
         """The fitted event into statistics and belief, there tempered where its innovations are coloured."""
         if event.is_louder:
             self._forget(Cause.STEEP_NOISE)
-        innovations = Innovations(event.fit.innovations, event.cost.sigma)
-        statistics = event_statistics(event.window, innovations, self._constants.interval, self._healthy)
+        statistics = self._statistics_of(event)
         here = event.fit.linearisation
         temper = self._reader.temper(statistics, self._noise.rail_pressure / self._scale)
         self._belief = event.fit.prior.updated(here.information / temper, here.vector / temper)
@@ -310,6 +381,11 @@ class Learner(Tracker):
     def _doubts(self, event: Explained) -> list[Reason]:
         """What an event brings up beside its innovations."""
         doubts = []
+        before, now = (
+            float(theta[Parameter.SENSOR_LAG]) * LAG_UNIT for theta in (event.fit.prior.mean, self._theta)
+        )
+        if self._slowed.after(before, now, event.fit.contradicts):
+            doubts.append(Reason.SENSOR_LAG)
         if self._lag_doubt.is_relevant:
             doubts.append(Reason.TIME_BASE)
         if event.fit.contradicts:
@@ -362,6 +438,8 @@ class Learner(Tracker):
             self._mistrust = Mistrust()
         if Forgotten.LAST_EVENT in parts:
             self._previous = None
+        if Forgotten.CHECKPOINT in parts:
+            self._checkpoint = Checkpoint(self._scalars.width, self._reader)
         self._reader.forget(cause)
 
     def _outcome(

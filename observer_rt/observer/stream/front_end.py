@@ -28,6 +28,10 @@ RAMP = 30e-6  # s of a ramp from which its slope is taken, behind its first samp
 LONGEST_RAMP = LOOK_BACK + FEWEST_OPENING - 2  # samples; so many are known when the slope is needed
 SLOWEST_OPENING = 0.3  # m/s
 LOWEST = 15e-6  # m, below which a needle does not stop when it opens
+LEAPS = 3  # quicker than a needle, within the look-ahead, by which a lift is none: a spike has two
+OFF_SEAT = (
+    40e-6  # m, by which a lift may leap from its seat: where its sensor's offset is not that of the seat
+)
 _MASK = RING - 1
 
 
@@ -163,6 +167,17 @@ def stays_low(observer: Observer, position: int) -> bool:
         later += ring[(position + last - k) & _MASK].lift / half
     slowest = 0.5 * SLOWEST_OPENING * observer.constants.interval * half
     return bool(later - earlier < min(memory.lift_on, slowest) and 0.5 * (earlier + later) < LOWEST)
+
+
+@inner_separate
+def leaps_about(observer: Observer, position: int) -> bool:
+    """Whether the lift that opens at `position` is no needle's: noise in another unit, a loose connection."""
+    memory, ring = observer.memory[0], observer.ring
+    quickest = observer.constants.quickest + memory.lift_on + OFF_SEAT
+    leaps = 0
+    for k in range(position, position + known(observer, position) + 1):
+        leaps += abs(ring[k & _MASK].lift - ring[(k - 1) & _MASK].lift) > quickest
+    return bool(leaps >= LEAPS)
 
 
 @inner

@@ -25,7 +25,7 @@ from observer_rt.observer.stream.standstill import (
     LIFT_MEMORY,
     square_of_difference,
 )
-from observer_rt.observer.stream.state import RING, Observer
+from observer_rt.observer.stream.state import RING, Observer, Reason
 
 NEAR = 0.1  # share by which a lift may differ from the highest so far and be that of the same stop
 REMEMBERED = 20  # openings
@@ -83,6 +83,7 @@ _BEGINNING = 1000  # samples; afterwards every second one is looked at
 _LOOK = 32  # of these after which dead band and crosstalk are worked out
 _MASK = RING - 1
 _START = int(Break.START)
+_LIFT_ZERO = int(Reason.LIFT_ZERO)
 
 
 @inlined
@@ -145,7 +146,8 @@ def follow_lift(observer: Observer, position: int) -> None:
     clip = CLIP * memory.lift_on
     left = min(max(lift - memory.crosstalk * swing, -clip), clip)
     _follow(observer, position, memory.zero + left, share)
-    if abs(swing) * observer.constants.coefficients.pressure_scale > LEAST_SWING:
+    pressed = abs(swing) * observer.constants.coefficients.pressure_scale
+    if pressed > LEAST_SWING and abs(lift) < memory.lift_on + MOST_CROSSTALK * pressed:
         memory.swing_squares += swing * swing - FADE * memory.swing_squares
         memory.swing_lifts += swing * lift - FADE * memory.swing_lifts
         memory.crosstalk_count += 1
@@ -299,6 +301,35 @@ def look_at_opening(observer: Observer, position: int) -> None:
     row.lift_area = 0.0
     row.seat_area = 0.0
     memory.shut_since = row.index
+
+
+@inner_separate
+def look_at_rest(observer: Observer, position: int) -> None:
+    """Now and then with the needle open: a low lift that has stayed is of a shut needle, if the line contradicts it.
+
+    Its zero stepped while it was open, or while nothing was heard of it. Of a needle that sticks just off its seat
+    the line pressure is as the model has it.
+    """
+    memory, timing = observer.memory[0], observer.constants.timing
+    begin, count = position - timing.settle, timing.settle
+    if not memory.contradicted or begin < max(memory.foot, memory.segment_start):
+        return
+    level, squares, trend, length = 0.0, 0.0, 0.0, 0.0
+    for k in range(begin, position):
+        lift, along = observer.ring[k & _MASK].lift, k - 0.5 * (begin + position - 1)
+        level += lift / count
+        squares += lift * lift / count
+        trend += along * lift
+        length += along * along
+    is_steady = squares - level**2 < memory.lift_off**2 and abs(trend / length) * count < memory.lift_on
+    if not (is_steady and abs(memory.zero + level) < LIMIT):
+        return
+    memory.needle_open = False
+    memory.shut_since = observer.ring[begin & _MASK].index
+    memory.event_learnable = False
+    memory.event_doubtful = _LIFT_ZERO
+    shift_zero(observer, level)
+    shift_lifts(observer, position, level)
 
 
 @inner

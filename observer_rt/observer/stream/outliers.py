@@ -10,6 +10,7 @@ import numpy as np
 
 from observer_rt.foundation.compiled import inlined, inner, inner_separate
 from observer_rt.foundation.continuity import Doubt
+from observer_rt.observer.stream.front_end import OFF_SEAT
 from observer_rt.observer.stream.state import LIFT, LINE, RAIL, RING, Observer
 
 SLOWEST_FILTER = 21e-6  # s of a sample period, up to which three samples are short for a line
@@ -31,9 +32,6 @@ WELL_KNOWN = 1000  # samples from which on the share of equal neighbours is know
 DROPOUT = 30.0  # standard deviations by which a value that then stays is a dropout
 STAYED = 6  # samples of a lift that may have been held before it leaps
 LET_GO = 4  # samples after which it has not come back: no spike
-OFF_SEAT = (
-    40e-6  # m, by which a lift may leap from its seat: where its sensor's offset is not that of the seat
-)
 BACK = 0.5  # of the leap: less is left after a spike
 WIDE = 0.5  # of the lift at the stop, above which the seat is so wide that a lift held there changes no flow
 ENOUGH_OPENINGS = 3  # that tell the stop

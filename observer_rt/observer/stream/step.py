@@ -21,6 +21,7 @@ from observer_rt.observer.stream.front_end import (
     is_recorded_shut,
     keep_sinking,
     known,
+    leaps_about,
     open_from,
     opens_at,
     shut_area,
@@ -34,6 +35,7 @@ from observer_rt.observer.stream.lift_zero import (
     follow_lift,
     is_beyond_limit,
     look_at_opening,
+    look_at_rest,
     look_at_start,
     take_out_zero,
 )
@@ -206,6 +208,8 @@ def _process(observer: Observer, position: int) -> bool:
         look_at_start(observer, position)
     if memory.needle_open and position == memory.opening + observer.constants.timing.good:
         look_at_opening(observer, position)
+    if memory.needle_open and (position - memory.opening) % observer.constants.timing.settle == 0:
+        look_at_rest(observer, position)
     row.resting = not memory.needle_open and row.index - memory.shut_since > observer.constants.timing.settle
     if row.broken != _NONE:
         start_pair(observer, position)
@@ -255,6 +259,9 @@ def _move_needle(observer: Observer, position: int, opens: bool) -> None:
         memory.needle_open = True
         open_from(observer, position)
         begin_injection(observer, position)
+        if leaps_about(observer, position):
+            memory.contradicted, memory.contradicted_at_rest = True, False
+            memory.contradicted_in = memory.event_number
     elif memory.needle_open:
         if not is_recorded_shut(observer, position):
             memory.fall = 0.0

@@ -182,6 +182,11 @@ class Core:
         self._judging.on_learned = wake
 
     @property
+    def learning_from(self) -> int | None:
+        """The closed event, by its number, that is being learned from."""
+        return self._judging.learning
+
+    @property
     def is_between_events(self) -> bool:
         """Whether no injection is under way, nor any to be judged."""
         return self._judging.is_idle and not self.compiled.observer.memory["in_event"][0]

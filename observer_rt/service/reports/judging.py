@@ -150,6 +150,12 @@ class Judging:
         return self.known.phi_version - self._first_version
 
     @property
+    def learning(self) -> int | None:
+        """The event, by its number, that is being learned from."""
+        closed = self._learned_from
+        return None if closed is None or closed.is_learned else closed.number
+
+    @property
     def is_idle(self) -> bool:
         """Whether no closed event waits to be judged."""
         return not self._waiting
@@ -299,11 +305,11 @@ class Judging:
         if taken is Taken.LEARNED and closed.learning is not None:
             outcome = closed.learning.result()
             objections = outcome.objections
-            self._examiner.statistics = outcome.knowledge.statistics
+            self._examiner.take(Examination(objections, outcome.knowledge.statistics))
             self._put_into_force(outcome)
         elif taken is Taken.EXAMINED and closed.examined is not None:
             objections = closed.objections
-            self._examiner.statistics = closed.examined.statistics
+            self._examiner.take(closed.examined)
             if closed.earlier is not None:
                 self._put_into_force(closed.earlier)
         elif closed.earlier is not None:

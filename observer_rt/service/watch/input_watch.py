@@ -23,6 +23,7 @@ from observer_rt.service.watch.arrivals import SECOND, STALE, Arrivals, WatchedM
 from observer_rt.service.watch.silence import SilenceWatch, ValueWatch
 from observer_rt.service.words import Topic, is_good, named
 
+HUNG = 5.0  # s, of learning from one event
 LOOKS = 10  # whose values are judged together
 IN_A_ROW = 2  # times that the same is found, before it is reported
 
@@ -194,6 +195,30 @@ class RestartWatch:
         found = "; ".join(back) or "sample index begins anew"
         remedy = "nothing, if that was meant; else see to its power supply"
         return [Notice(Topic.INPUT, f"a measuring device was restarted: {found}\n  remedy: {remedy}")]
+
+
+class LearningWatch:
+    """Reports learning from an event that comes to no end."""
+
+    def __init__(self) -> None:
+        self._event: int | None = None
+        self._since = 0
+        self._is_reported = False
+
+    def look(self, now: int, event: int | None) -> list[Notice]:
+        """News at a monotonic time [ns]; event: by its number, that is being learned from, None: none is."""
+        if event != self._event or event is None:
+            was_reported, self._is_reported = self._is_reported, False
+            self._event, self._since = event, now
+            return [Notice(Topic.LEARNING, "learning goes on", is_over=True)] if was_reported else []
+        if self._is_reported or now - self._since < HUNG * 1e9:
+            return []
+        self._is_reported = True
+        text = (
+            f"learning from an event has taken {HUNG:g} s; events are examined meanwhile, nothing is learned"
+        )
+        remedy = "give the process a processor; if it stays so, restart it"
+        return [Notice(Topic.LEARNING, f"{text}\n  remedy: {remedy}")]
 
 
 class LiftWatch:

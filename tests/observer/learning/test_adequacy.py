@@ -12,10 +12,13 @@ from observer_rt.estimation.phases import (
     no_statistics,
     phase_statistics,
 )
-from observer_rt.estimation.scalars import SCALARS, Parameter
+from observer_rt.estimation.predictor import Window
+from observer_rt.estimation.scalars import PARAMETERS, SCALARS, Parameter
 from observer_rt.observer.learning.adequacy import (
     LARGEST_LAG,
     LARGEST_OFFSET,
+    Examiner,
+    Innovations,
     Objection,
     inadequate_phase,
     is_worn_beyond_limits,
@@ -24,7 +27,10 @@ from observer_rt.observer.learning.adequacy import (
     pooled,
     tempering,
 )
+from observer_rt.observer.learning.indicators import NOT_FITTED
+from observer_rt.observer.observer import Durations, constants_for
 from observer_rt.observer.stream.state import Reason
+from tests.observer.sample_stream import NOMINAL
 
 LENGTHS = (50, 30, 60, 35, 295, 400)  # samples of an event's phases at 100 kHz
 PHASES_OF_EVENT = np.repeat([0, 1, 2, 3, 4, 0], LENGTHS).astype(np.int8)
@@ -184,3 +190,29 @@ def test_wear_at_its_limit_is_not_believed(column: Parameter) -> None:
         assert not is_worn_beyond_limits(theta)
         theta[column] = limit
         assert is_worn_beyond_limits(theta)
+
+
+CONSTANTS = constants_for(NOMINAL, 100e3, Durations(), 2)
+
+
+@pytest.mark.parametrize(
+    ("events", "passed"),
+    [
+        ("good good good bad good good", "yes yes yes no yes yes"),
+        ("good good good bad bad bad good good", "yes yes yes no no no yes yes"),
+        ("good bad good good good", "yes no no yes yes"),
+        ("good good good bad good bad good good", "yes yes yes no yes no no yes"),
+    ],
+)
+def test_an_event_is_believed_again_sooner_where_all_was_well_before(events: str, passed: str) -> None:
+    """Statistics over recent events keep nothing of one that was refused by itself."""
+    rng = np.random.default_rng(4)
+    resting = np.ones(1200, np.bool_)
+    window = Window(np.zeros((1200, 2)), np.zeros(1200), resting, np.zeros(4), opening=0)
+    examiner, found = Examiner(no_statistics(), NOT_FITTED), []
+    for event in events.split():
+        innovations = Innovations(rng.normal(0.0, 6.0 if event == "bad" else 1.0, 1200), 1.0)
+        examination = examiner.examine(window, innovations, np.zeros(PARAMETERS), CONSTANTS)
+        examiner.take(examination)
+        found.append("no" if examination.objections else "yes")
+    assert " ".join(found) == passed

@@ -1,10 +1,23 @@
-"""When what was learned is set aside, and when learning stops."""
+"""When what was learned is set aside, when learning stops, and when what was believed before is believed again."""
 
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from observer_rt.estimation.gating import prior_belief
 from observer_rt.estimation.phases import Phase
-from observer_rt.observer.learning.adequacy import Objection
-from observer_rt.observer.learning.fallback import Freezer, Mistrust
+from observer_rt.estimation.scalars import SCALARS
+from observer_rt.evaluation.evaluate import evaluate
+from observer_rt.observer.learning.adequacy import SETTLED, Objection
+from observer_rt.observer.learning.disturbances.pressure_gains import PressureGains
+from observer_rt.observer.learning.explained import EventReader
+from observer_rt.observer.learning.fallback import SELDOM, SOON, Checkpoint, Freezer, Mistrust
 from observer_rt.observer.stream.state import Reason
 from tests.observer.learning.test_adequacy import statistics_of
+from tests.observer.learning.worn_injector import recorded
+from tools.benchmarks.plant import Measured, event_start
+from tools.benchmarks.scoring import bench_at, recording_of
 
 
 def test_learning_freezes_after_two_bad_standstills_and_goes_on_after_three_good_ones() -> None:
@@ -41,3 +54,71 @@ def test_doubt_ends_when_two_events_in_a_row_passed() -> None:
 
 def test_a_scale_that_is_not_known_is_doubted_at_once() -> None:
     assert doubts(Reason.AMBIGUOUS_SCALE) == [Reason.AMBIGUOUS_SCALE]
+
+
+def checkpoint_after(passed: list[bool]) -> Checkpoint:
+    """Events, numbered from 1 on; what is believed after each is its number."""
+    reader = EventReader(1e-5, 1e8, SCALARS, None)
+    checkpoint = Checkpoint(2, reader)
+    for number, each in enumerate(passed, 1):
+        theta = np.full(2, float(number))
+        belief = prior_belief(theta, np.eye(2))
+        checkpoint.after((belief, theta, frozenset({1}), number), reader, PressureGains(), each)
+    return checkpoint
+
+
+def test_what_was_believed_is_kept_until_enough_events_passed_in_a_row() -> None:
+    trouble = [True] * SETTLED + [False, False]
+    for passed, kept in (
+        (trouble, SETTLED),
+        (trouble + [True] * (SETTLED - 1), SETTLED),
+        (trouble + [True] * SETTLED, 2 * SETTLED + 2),
+    ):
+        belief, theta, active, events = checkpoint_after(passed).believed(PressureGains())
+        assert (theta[0], belief.mean[0], events) == (kept, kept, kept)
+        assert active == {1}
+
+
+def test_it_is_tried_soon_after_a_trouble_and_seldom_while_it_lasts() -> None:
+    assert not checkpoint_after([]).is_worth_trying
+    assert not checkpoint_after([False] * 3).is_worth_trying  # there is none
+    settled = [True] * SETTLED
+    assert not checkpoint_after([*settled[1:], False]).is_worth_trying
+    assert not checkpoint_after(settled).is_worth_trying
+    tried = [checkpoint_after(settled + [False] * n).is_worth_trying for n in range(1, SOON + 2 * SELDOM + 1)]
+    assert tried[:SOON] == [True] * SOON
+    assert sum(tried[SOON:]) == 2
+    assert not checkpoint_after([*settled, False, True]).is_worth_trying
+
+
+EVENTS, FIRST, LAST = 15, 6, 8  # events, and those within which a sensor is wrong
+
+
+def rail_steps(measured: Measured, during: np.ndarray) -> Measured:
+    return replace(measured, rail_pressure=measured.rail_pressure + 3e6 * during)
+
+
+def line_in_another_unit(measured: Measured, during: np.ndarray) -> Measured:
+    return replace(measured, line_pressure=np.where(during, 0.1, 1.0) * measured.line_pressure)
+
+
+def swapped(measured: Measured, during: np.ndarray) -> Measured:
+    rail, line = measured.rail_pressure, measured.line_pressure
+    return replace(
+        measured, rail_pressure=np.where(during, line, rail), line_pressure=np.where(during, rail, line)
+    )
+
+
+@pytest.mark.parametrize("fault", [rail_steps, line_in_another_unit, swapped])
+def test_after_a_fault_the_third_injection_is_valid_and_right(fault) -> None:  # type: ignore[no-untyped-def]
+    outcome = recorded(EVENTS, 4)
+    time = outcome.measured.time
+    during = (time >= event_start(FIRST) - 0.02) & (time < event_start(LAST) + 0.02)
+    recording = recording_of(replace(outcome, measured=fault(outcome.measured, during)))
+    found = evaluate(bench_at(100e3), [recording]).evaluations[0].reports
+    plain = evaluate(bench_at(100e3), [recording_of(outcome)]).evaluations[0].reports
+    assert not any(report.valid for report in found[FIRST : LAST + 1])
+    assert all(report.valid for report in found[LAST + 3 :])
+    assert [report.mass for report in found[LAST + 3 :]] == pytest.approx(
+        [report.mass for report in plain[LAST + 3 :]], rel=0.01
+    )

@@ -14,7 +14,14 @@ from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import sized
 from observer_rt.model.sensor import LAG_UNIT
 from observer_rt.observer.learning.fitting import EventFitter, theta_limits
-from observer_rt.observer.learning.lateness import RELEVANT_RATE, LagDoubt, Lateness, lag_score
+from observer_rt.observer.learning.lateness import (
+    RELEVANT_RATE,
+    SLOWED,
+    LagDoubt,
+    Lateness,
+    SlowedSensor,
+    lag_score,
+)
 from observer_rt.observer.stream.state import Reason
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import SimulatedNoise, simulate
@@ -112,3 +119,15 @@ def test_an_unstated_filter_of_the_line_is_no_reason_to_refuse() -> None:
 
 def test_a_channel_recorded_late_is_not_believed_with_quiet_sensors() -> None:
     assert Reason.NONE not in reasons(LATE, QUIET)[-4:]
+
+
+def test_a_sensor_that_becomes_slower_all_at_once_is_at_fault_until_it_is_as_before() -> None:
+    sensor = SlowedSensor()
+    before, later = 20e-6, 20e-6 + 2.0 * SLOWED
+    assert not sensor.after(before, later, is_sudden=False)  # learned in the beginning
+    assert not sensor.after(before, before + 0.5 * SLOWED, is_sudden=True)
+    assert sensor.after(before, later, is_sudden=True)
+    assert sensor.after(later, later, is_sudden=False)
+    assert sensor.after(later, later + SLOWED, is_sudden=True)
+    assert not sensor.after(later, before, is_sudden=True)
+    assert not sensor.after(before, before, is_sudden=False)

@@ -22,12 +22,17 @@ def still() -> NDArray[np.float64]:
     return lift
 
 
-def run(disturbance: NDArray[np.float64], noise: float = NOISE.needle_lift) -> Stream:
+def run(
+    disturbance: NDArray[np.float64], noise: float = NOISE.needle_lift, is_contradicted: bool = False
+) -> Stream:
+    """is_contradicted: by a line pressure that never falls."""
     random = np.random.default_rng(9)
     rail = RAIL + random.normal(0.0, NOISE.rail_pressure, LENGTH)
     line = RAIL + random.normal(0.0, NOISE.line_pressure, LENGTH)
     lift = still() + disturbance + random.normal(0.0, noise, LENGTH)
-    return Stream(events_required=0).feed(rail, lift, line)
+    stream = Stream(events_required=0)
+    stream.observer.memory["innovation_weight"] = 1e6 if is_contradicted else 0.0
+    return stream.feed(rail, lift, line)
 
 
 def durations(stream: Stream) -> NDArray[np.int64]:
@@ -99,3 +104,24 @@ def test_a_needle_that_opens_slowly_is_no_step() -> None:
     opened = np.flatnonzero(stream.rows["seat_area"][17_900:18_500] > 0.0)
     assert opened[0] <= 102
     assert opened[-1] == pytest.approx(497, abs=5)
+
+
+@pytest.mark.parametrize("step", [-27 * UM, 27 * UM])
+def test_a_zero_that_steps_while_the_needle_is_open_is_found_in_rest(step: float) -> None:
+    """Far from the dead band; the injection under way is too long by the time for which it must stay."""
+    first = OPENINGS.index(18_000 + 1500)
+    stream = run(np.where(np.arange(LENGTH) >= OPENINGS[first] + 60, step, 0.0), is_contradicted=True)
+    assert len(stream.injections) == len(OPENINGS)
+    longer = durations(stream) - OPEN_FOR
+    assert longer[first] <= 2 * stream.observer.constants.timing.settle
+    assert np.abs(np.delete(longer, first)).max() <= 1
+    assert np.abs(edge_errors(stream)[-6:]).max() < 0.6 * UM
+
+
+def test_noise_that_is_no_lift_opens_nothing_that_is_valid() -> None:
+    """Of a lift in another unit: a thousand times as loud."""
+    loud = np.where(np.arange(LENGTH) >= STEP_AT - 500, 400 * UM, 0.0)
+    stream = run(loud * np.random.default_rng(3).normal(size=LENGTH))
+    rows = stream.rows[STEP_AT - 500 : STEP_AT + 1000]
+    assert (rows["seat_area"] > 0.0).any()
+    assert not (rows["valid"] & (rows["seat_area"] > 0.0)).any()

@@ -150,10 +150,11 @@ def ringing() -> Simulation:
     return simulate(NOMINAL, schedule, 100e3, noise=SimulatedNoise(), seed=4)
 
 
-def observed(crosstalk: float) -> Stream:
-    """With so much of the line pressure [m/Pa] in the lift."""
+def observed(crosstalk: float, loud: slice = slice(0)) -> Stream:
+    """With so much of the line pressure [m/Pa] in the lift; loud: samples of a lift in another unit."""
     made = ringing().recording
     lift = made.needle_lift + crosstalk * (made.line_pressure - made.rail_pressure)
+    lift[loud] *= 1000.0
     return Stream(events_required=0).feed(made.rail_pressure, lift, made.line_pressure)
 
 
@@ -170,3 +171,8 @@ def test_crosstalk_of_the_line_pressure_is_found_and_taken_out(crosstalk: float)
 
 def test_lift_without_crosstalk_is_left_alone() -> None:
     assert float(observed(0.0).observer.memory["crosstalk"][0]) == 0.0
+
+
+def test_a_lift_in_another_unit_is_no_crosstalk() -> None:
+    stream = observed(0.0, slice(12_000, 32_000))
+    assert float(stream.observer.memory["crosstalk"][0]) == 0.0

@@ -15,7 +15,14 @@ from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.service.core.core import Core
 from observer_rt.service.reports.news import Notice
 from observer_rt.service.watch.arrivals import SECOND, Arrivals
-from observer_rt.service.watch.input_watch import PERIOD, InputWatch, LiftWatch, RestartWatch
+from observer_rt.service.watch.input_watch import (
+    HUNG,
+    PERIOD,
+    InputWatch,
+    LearningWatch,
+    LiftWatch,
+    RestartWatch,
+)
 from tests.benches import SAMPLE_RATE, block_bench
 from tests.device import damaged, frames_of, later, worn_recording
 
@@ -235,3 +242,14 @@ def test_a_restart_is_told_with_its_index(watched: Watched) -> None:
         f"a measuring device was restarted: {LINE}: sample index 95000 -> 27\n  remedy: "
     )
     assert watch.look([27, 27, 54], 1) == []
+
+
+def test_learning_that_hangs_is_told_once_and_when_it_goes_on() -> None:
+    watch, late = LearningWatch(), round(HUNG * SECOND)
+    assert not watch.look(0, None) + watch.look(late, 3) + watch.look(late + late - 1, 3)
+    (told,) = watch.look(2 * late, 3)
+    assert "learning from an event has taken 5 s" in told.text
+    assert not watch.look(9 * late, 3)
+    (over,) = watch.look(9 * late, 4)
+    assert over.is_over
+    assert not watch.look(9 * late + 1, None)

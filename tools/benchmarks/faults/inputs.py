@@ -87,11 +87,14 @@ _WAVES: dict[str, tuple[Wave, frozenset[str]]] = {
     "unit": (_other_unit, _GONE),
     "clipped": (_clipped, _GONE),
 }
+LATE = {
+    "lag_needle": 0.1e-3
+}  # s: where the lift does not show that the needle opens, the falling pressure must
 _OF = {f"{name}_{role.split('_')[0]}": (role, *found) for name, found in _WAVES.items() for role in ROLES}
 _SWAPPED = {"swapped_pressures": (RAIL, LINE)}
-KINDS = tuple(Kind(name, Group.INPUT, true) for name, (_, _, true) in _OF.items()) + tuple(
-    Kind(name, Group.INPUT, _GONE) for name in _SWAPPED
-)
+KINDS = tuple(
+    Kind(name, Group.INPUT, true, LATE.get(name, 0.0)) for name, (_, _, true) in _OF.items()
+) + tuple(Kind(name, Group.INPUT, _GONE) for name in _SWAPPED)
 
 
 def with_input_fault(measured: Measured, placed: Placed) -> Measured:

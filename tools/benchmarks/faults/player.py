@@ -32,12 +32,15 @@ _LATE = frozenset(
 )
 HUNG = Kind("learner_hung", Group.PROCESS, _LATE)
 FAILING = Kind("learner_failing", Group.PROCESS, _LATE)
+DOWN = 0.15  # s from a kill until the service is there again
 KILLED = Kind(
-    "killed_and_restarted", Group.PROCESS, frozenset({"STARTING", "TOO_FEW_EVENTS", "SAMPLES_LOST"})
+    "killed_and_restarted",
+    Group.PROCESS,
+    frozenset({"STARTING", "TOO_FEW_EVENTS", "SAMPLES_LOST"}),
+    shortest=DOWN,
 )
 KINDS = (HUNG, FAILING, KILLED)
 BLOCK = 32  # frames given at once
-DOWN = 0.15  # s from a kill until the service is there again
 RATE_ID, SUMMARY_ID = 0x200, 0x201
 _RATES = np.dtype([("head", "V3"), ("flags", "u1"), ("index", "<u4"), ("rates", "<u2", 28)])
 _MISSING = 65535

@@ -34,14 +34,15 @@ class Group(StrEnum):
 class Kind:
     """A kind of fault.
 
-    true_reasons: names of reasons that are true of it; late: injections that may be wrong before it is found, as
-    docs/operating.md states.
+    true_reasons: names of reasons that are true of it; late: s after the next opening until it is found, as
+    docs/validity.md states; shortest: s that it lasts at least.
     """
 
     name: str
     group: Group
     true_reasons: frozenset[str]
-    late: int = 0
+    late: float = 0.0
+    shortest: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -99,4 +100,5 @@ def tasks(names: tuple[str, ...], count: int, master_seed: int) -> list[Task]:
 
 def _placed(kind: Kind, rng: Generator) -> Placed:
     begin = rng.uniform(event_start(SETTLED), event_start(LAST_BEGIN))
-    return Placed(kind, begin, begin + rng.uniform(SHORTEST, LONGEST), int(rng.integers(2**62)))
+    lasts = max(rng.uniform(SHORTEST, LONGEST), kind.shortest)
+    return Placed(kind, begin, begin + lasts, int(rng.integers(2**62)))

@@ -24,7 +24,8 @@ class FaultScore(Task):
     """One scenario; numbers of samples and of injections.
 
     wrong_samples: valid ones of injections that are wrong by them, and valid rates where nothing flows, beyond the
-    stated number of injections; late_samples: those within it. wrong_summaries: valid, of another mass, beyond it.
+    stated time after the first opening; late_samples: those within it, of injections that are wrong by all.
+    wrong_summaries: valid, of another mass.
     free, free_valid: injections in which nothing was wrong, and those valid. found_after: s from the first fault
     until a sample was not valid, None: none was; recovered_after: events from the last fault's end until one had a
     valid injection; None: none had. is_named: a reason given meanwhile is true of a fault; None: none was given.
@@ -56,18 +57,18 @@ def score(scenario: Scenario, outcome: Outcome, published: Published, density: f
     touched = np.unique(event[(starts >= begin - _REACH) & (starts < end + _REACH)])
     wrong_samples = late_samples = 0
     inside = np.zeros(published.valid.size, np.bool_)
-    counted = 0
+    opened = np.array([window.start for window in windows.opened])
+    first = int(np.searchsorted(opened * interval, begin))
     for number, window in enumerate(windows.ranges):
         inside[window] = True
-        of_fault = bool(starts[number] >= begin - _REACH)
-        counted += of_fault
-        off = abs(float(np.sum(error[window]))) * interval * density
-        if off > max(WRONG * true[number], WRONG_MASS):
-            samples = int(np.sum(published.valid[window]))
-            if of_fault and counted <= allowed:
-                late_samples += samples
-            else:
-                wrong_samples += samples
+        limit = max(WRONG * true[number], WRONG_MASS)
+        beyond = window
+        if number == first and allowed > 0.0:
+            beyond = slice(windows.opened[number].start + round(allowed / interval), window.stop)
+        if abs(float(np.sum(error[beyond]))) * interval * density > limit:
+            wrong_samples += int(np.sum(published.valid[beyond]))
+        elif abs(float(np.sum(error[window]))) * interval * density > limit:
+            late_samples += int(np.sum(published.valid[window]))
     wrong_samples += int(np.sum(published.valid & ~inside & (np.abs(published.rate) > PHANTOM)))
     valid = np.array([bool(published.valid[window].all()) for window in windows.opened])
     after = event[starts >= end]
@@ -83,7 +84,7 @@ def score(scenario: Scenario, outcome: Outcome, published: Published, density: f
         scenario.task.number,
         wrong_samples,
         late_samples,
-        _wrong_summaries(published, windows.ranges, true, starts, begin, allowed),
+        _wrong_summaries(published, windows.ranges, true),
         int(np.sum(free)),
         int(np.sum(free & valid)),
         _found_after(published.valid, begin, end, interval),
@@ -110,22 +111,13 @@ def _named(scenario: Scenario, published: Published, begin: float) -> tuple[str,
     return tuple(dict.fromkeys(name for name in (*stream, *injections) if name != "NONE"))
 
 
-def _wrong_summaries(
-    published: Published,
-    ranges: tuple[slice, ...],
-    true: NDArray[np.float64],
-    starts: NDArray[np.float64],
-    begin: float,
-    allowed: int,
-) -> int:
+def _wrong_summaries(published: Published, ranges: tuple[slice, ...], true: NDArray[np.float64]) -> int:
     """Valid summaries of a mass that was not injected there."""
-    first = int(np.searchsorted(starts, begin - _REACH))
     wrong = 0
     for each in published.summaries:
         number = int(np.argmin([abs(each.first - window.start) for window in ranges]))
         is_there = abs(each.first - ranges[number].start) <= CLOSE
         mass = float(true[number]) if is_there else 0.0
-        is_late = is_there and first <= number < first + allowed
         is_wrong = not abs(each.mass - mass) <= max(WRONG * mass, WRONG_MASS)
-        wrong += each.is_valid and is_wrong and not is_late
+        wrong += each.is_valid and is_wrong
     return wrong

@@ -192,7 +192,7 @@ def test_a_run_fits_first_asks_with_the_fitted_model_and_goes_on_where_it_stoppe
     stub, out = Stub(tmp_path), tmp_path / "out"
     plan = RealPlan(Numbers(1, 0, 0, 0), (True,), (Discrepancy.STEP,), 1)
     asking = Asking(plan, 1, out, stub.program)
-    found = run_real_lines(asking, Console(quiet=True))
+    found = run_real_lines(asking)
     assert found.crashes == ()
     assert [(r.kind, r.right, r.discrepancy) for r in found.results] == [(Kind.HEALTHY, True, "step")]
     calls = stub.calls()
@@ -205,7 +205,7 @@ def test_a_run_fits_first_asks_with_the_fitted_model_and_goes_on_where_it_stoppe
     assert not any("step" in a or "healthy" in a for a in asked)
     assert not any(Path(a).exists() for a in asked if a.endswith(".csv"))
 
-    again = run_real_lines(asking, Console(quiet=True))
+    again = run_real_lines(asking)
     assert again.results == found.results
     assert len(stub.calls()) == len(calls)
     console = Console(width=190)
@@ -216,16 +216,14 @@ def test_a_run_fits_first_asks_with_the_fitted_model_and_goes_on_where_it_stoppe
 
 
 @pytest.mark.slow
-def test_recordings_for_trials_stay(tmp_path: Path) -> None:
+def test_recordings_for_trials_stay(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     stub, out = Stub(tmp_path), tmp_path / "out"
     plan = RealPlan(Numbers(0, 1, 0, 0), (False,), (Discrepancy.MOUNTING,), 1)
-    console = Console(width=190)
-    with console.capture() as told:
-        record_only(plan, out, console, stub.program)
+    record_only(plan, out, stub.program)
     assert len(list((out / "mounting" / "healthy").glob("*.csv"))) == 6
     assert (out / "mounting" / "fitted.toml").exists()
     ((label, hidden),) = [
         (e["label"], e["parts"][0][0]) for e in json.loads((out / "sealed.json").read_text())
     ]
     assert len(list((out / "cases" / label).glob("*.csv"))) == 6
-    assert f"{label} mounting: {hidden}" in told.get()
+    assert f"{label} mounting: {hidden}" in capsys.readouterr().err

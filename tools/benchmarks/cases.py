@@ -198,6 +198,24 @@ CLASSES: dict[str, FaultClass] = {
 
 LUMP_CLASSES = tuple(name for name, c in CLASSES.items() if not c.averaged)
 """Those of the nominal injector's bars."""
+WAVE_CLASSES = (
+    "healthy",
+    "orifice_area",
+    "seat_area",
+    "orifice_and_seat_area",
+    "guide_leakage",
+    "chamber_pressure_rise",
+    "orifice_cavitation",
+    "line_friction",
+    "line_pressure_sensor_offset",
+    "line_pressure_sensor_lag",
+    "rail_pressure_sensor_offset",
+    "bulk_modulus",
+    "entrained_air",
+    "mixture",
+    "wear_averaged_20_khz",
+)
+"""With the faults and schedules of the bars, on another injector and line."""
 
 
 def make_case(class_name: str, master_seed: int, number: int) -> Case:

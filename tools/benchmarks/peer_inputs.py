@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tools.benchmarks.arrays import Array
 from tools.benchmarks.peer_equations import Model, Stream
 from tools.benchmarks.plant import Measured
 from tools.benchmarks.plant_parameters import Injector
@@ -71,7 +72,7 @@ def peer_inputs(measured: Measured, model: Model | None = None) -> PeerInputs:
     return PeerInputs(model or lump_model(part), stream, _events(opened, round(EVENT_GAP / interval)), opened)
 
 
-def _open(lift: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _open(lift: Array) -> NDArray[np.bool_]:
     """Dead band: open where two samples in a row are above it, and a few positive samples round that."""
     above = lift > OPEN_LIFT
     pair = above[1:] & above[:-1]

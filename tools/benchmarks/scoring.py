@@ -15,10 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.config.bench import Bench, load_bench
+from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench, load_injector
 from observer_rt.config.injector import Meaning, SamplingConfig
 from observer_rt.evaluation.evaluate import Evaluation, Trace, evaluate
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
+from observer_rt.model.effects import sized
+from observer_rt.model.parameters import InjectorParameters
 from observer_rt.observer.stream.state import State
 from observer_rt.recording.replay.framing import Span, windows
 from observer_rt.recording.signals.recording import Recording
@@ -26,6 +28,8 @@ from observer_rt.service.core.learners import LearnerFactory, make_learner
 from observer_rt.service.core.messages import Counters
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.judging import InlineExecutor
+from observer_rt.simulation.schedule import Schedule
+from observer_rt.simulation.simulate import SimulatedNoise, Simulation, simulate
 from tools.benchmarks.cases import CLASSES, Case, make_case
 from tools.benchmarks.plant import Outcome, record
 from tools.benchmarks.score import (
@@ -193,6 +197,27 @@ def with_signals(bench: Bench, changed: Mapping[str, Mapping[str, Any]]) -> Benc
     signals = bench.injector.config.signals
     update = {role: getattr(signals, role).model_copy(update=dict(keys)) for role, keys in changed.items()}
     return bench.with_sections(signals=signals.model_copy(update=update))
+
+
+def bench_text(*changes: tuple[str, str]) -> str:
+    """The example bench file with texts in the place of others."""
+    text = EXAMPLE_BENCH.read_text("utf-8")
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    return text
+
+
+def worn_injector(
+    schedule: Schedule,
+    sample_rate: float,
+    wear: float = 0.2,
+    seed: int = 1,
+    injector: InjectorParameters | None = None,
+) -> Simulation:
+    """What an injector with a worn nozzle [v_H] does, of the package's own simulation, with usual noise."""
+    worn = (sized("orifice_area", v_H=wear),) if wear else ()
+    return simulate(injector or load_injector(), schedule, sample_rate, worn, SimulatedNoise(), seed=seed)
 
 
 def x3_of_rate(rate: NDArray[np.float64], bench: Bench) -> NDArray[np.float64]:

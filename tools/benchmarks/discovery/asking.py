@@ -9,8 +9,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from rich.console import Console
-
 from observer_rt.config.bench import NOMINAL_INJECTOR
 from tools.benchmarks.discovery import hiding
 from tools.benchmarks.discovery.answers import Answer, ask
@@ -37,9 +35,10 @@ class Asking(Generic[Hiding]):
         """Folder of what is sealed, and of recordings while they are asked about."""
         return self.out / "hidden"
 
-    def campaign(self, console: Console) -> Campaign:
+    @property
+    def campaign(self) -> Campaign:
         """On its processes, kept in its folder."""
-        return Campaign(self.out, self.workers, console)
+        return Campaign(self.out, self.workers)
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,8 @@ from tools.benchmarks.command_line import (
     WorkersOption,
     app,
     chosen_names,
-    messages,
     resumable,
+    tell_figures,
 )
 from tools.benchmarks.discovery import run, tables
 from tools.benchmarks.discovery.asking import Asking
@@ -101,23 +101,22 @@ def discovery(
         plan = _real_plan(cases, healthy, effects, RATES[rate], discrepancy, seed)
         asking = Asking(plan, workers, out or Path("build/discovery-B"))
         if only_record:
-            record_only(plan, asking.out, messages)
+            record_only(plan, asking.out)
         else:
-            found = real_run.run_real_lines(asking, messages)
+            found = real_run.run_real_lines(asking)
             document = real_tables.json_document(found.results, found.adequate, found.crashes)
             put_out(as_json, document, real_run.shown(found))
 
 
 def _outside(asking: Asking[OutsidePlan], as_json: bool) -> None:
-    found, tier = outside_run.run_outside(asking, messages), asking.plan.tier
+    found, tier = outside_run.run_outside(asking), asking.plan.tier
     document = outside_tables.json_document(found.results, tier, found.crashes)
     put_out(as_json, document, outside_run.shown(found, tier))
 
 
 def _on_nominal_lines(asking: Asking[HidingPlan], as_json: bool) -> None:
-    found = run.run_discovery(asking, messages)
-    for figure in save_figures(found.results, asking.out):
-        messages.print(f"figure: {figure}", highlight=False)
+    found = run.run_discovery(asking)
+    tell_figures(save_figures(found.results, asking.out))
     put_out(as_json, tables.json_document(found.results, found.crashes), run.shown(found))
 
 

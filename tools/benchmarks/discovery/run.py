@@ -3,8 +3,7 @@
 import shutil
 from collections.abc import Iterator
 
-from rich.console import Console
-
+from tools.benchmarks.command_line import messages
 from tools.benchmarks.discovery.answers import Answer, ask
 from tools.benchmarks.discovery.asking import (
     WARM_UP_RECORDINGS,
@@ -38,15 +37,15 @@ HIDING_SOURCES = tuple(
 """What, with the package, an answer depends on."""
 
 
-def run_discovery(asking: Asking[HidingPlan], console: Console) -> Found[CaseResult]:
-    """Ask about the cases not yet asked about with this state of the code, then score; progress goes to `console`."""
-    hidden, campaign = asking.hidden, asking.campaign(console)
+def run_discovery(asking: Asking[HidingPlan]) -> Found[CaseResult]:
+    """Ask about the cases not yet asked about with this state of the code, then score."""
+    hidden, campaign = asking.hidden, asking.campaign
     seal(asking.plan, hidden)
     labels = HIDING.labels_in(hidden)
     answers = campaign.store("answers", Answer, PACKAGE, *HIDING_SOURCES)
     results = campaign.store("results", CaseResult, PACKAGE, BENCHMARKS)
     if {answer.label for answer in answers.load()}.isdisjoint(labels):
-        console.print("first call of discover, which compiles")
+        messages.print("first call of discover, which compiles")
         _warm_up(asking)
     questions = [Question(label, asking) for label in labels]
     return ask_and_score(campaign, questions, answers, lambda: HIDING.opened(hidden), score_answered, results)

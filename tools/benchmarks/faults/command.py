@@ -16,7 +16,6 @@ from tools.benchmarks.command_line import (
     WorkersOption,
     app,
     chosen_names,
-    messages,
     resumable,
 )
 from tools.benchmarks.faults.live import run_live
@@ -52,9 +51,9 @@ def faults(
     plan = Plan((), scenarios, seed, workers, out or Path("build") / f"faults-{tier}", peers=False)
     with resumable("what is scored is"):
         if live:
-            results = Results(tuple(run_live(live, seed, plan.out / "live", messages)), ())
+            results = Results(tuple(run_live(live, seed, plan.out / "live")), ())
         else:
-            results = run_faults(names, plan, tier is Tier.B, model, messages)
+            results = run_faults(names, plan, tier is Tier.B, model)
     if figure is not None and results.scores:
         save_figure(results, figure)
     put_out(as_json, faults_document(results), shown(results))

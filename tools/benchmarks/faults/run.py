@@ -1,10 +1,8 @@
 """Scenarios worked through on a few processes, resumably."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-
-from rich.console import Console
 
 from tools.benchmarks.faults import bus, inputs, player
 from tools.benchmarks.faults.scenario import Kind, drawn, tasks
@@ -12,8 +10,7 @@ from tools.benchmarks.faults.score import FaultScore, score
 from tools.benchmarks.plant import record
 from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Crash, Plan, Task
 from tools.benchmarks.scoring import bench_at, warm_up, with_signals
-from tools.benchmarks.wave_accuracy import WavePlan, fitted_model
-from tools.benchmarks.wave_plant import Variant
+from tools.benchmarks.wave_recordings import fitted_model
 
 KINDS: dict[str, Kind] = {kind.name: kind for part in (inputs, bus, player) for kind in part.KINDS}
 _BLOCKS = {
@@ -31,15 +28,13 @@ class Results:
     crashes: tuple[Crash[Task], ...]
 
 
-def run_faults(
-    names: tuple[str, ...], plan: Plan, is_rich: bool, given: Path | None, console: Console
-) -> Results:
+def run_faults(names: tuple[str, ...], plan: Plan, is_rich: bool, given: Path | None) -> Results:
     """The plan's number of scenarios of these kinds, those not yet scored by this state of the code."""
     model = None
     if is_rich:
-        model, _ = fitted_model(WavePlan(replace(plan, peers=False), Variant.PLAIN, given), console)
+        model, _ = fitted_model(plan, given)
     ready = partial(warm_up, model)
-    campaign = plan.campaign(console)
+    campaign = plan.campaign
     kept = campaign.store("faults", FaultScore, PACKAGE, BENCHMARKS, *(() if model is None else (model,)))
     todo = tasks(names, plan.cases, plan.master_seed)
     scores = campaign.results("faults", kept, partial(score_scenario, model), todo, ready)

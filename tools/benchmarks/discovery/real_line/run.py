@@ -6,8 +6,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rich.console import Console
-
 from tools.benchmarks.discovery.answers import Answer, ask
 from tools.benchmarks.discovery.asking import (
     WARM_UP_RECORDINGS,
@@ -33,15 +31,15 @@ class RealResults(Found[RealResult]):
     adequate: dict[str, bool]
 
 
-def run_real_lines(asking: Asking[RealPlan], console: Console) -> RealResults:
-    """Fit, and ask about the cases not yet asked about with this state of the code; progress goes to `console`."""
-    hidden, campaign, failed = asking.hidden, asking.campaign(console), list[str]()
+def run_real_lines(asking: Asking[RealPlan]) -> RealResults:
+    """Fit, and ask about the cases not yet asked about with this state of the code."""
+    hidden, campaign, failed = asking.hidden, asking.campaign, list[str]()
     seal(asking.plan, hidden)
     labels = HIDING.labels_in(hidden)
     answers = campaign.store("answers", Answer, PACKAGE, *HIDING_SOURCES)
     results = campaign.store("results", RealResult, PACKAGE, BENCHMARKS)
     missing = {label.label for label in labels} - {answer.label for answer in answers.load()}
-    models = fitted_models({label.rig for label in labels}, asking, console, failed)
+    models = fitted_models({label.rig for label in labels}, asking, failed)
     for rig in {label.rig for label in labels if label.label in missing} & models.keys():
         _warm_up(models[rig], asking.program)
     questions = [

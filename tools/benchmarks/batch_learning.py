@@ -110,7 +110,9 @@ def learn_events(
     active: frozenset[int] = frozenset()
     for number, event in enumerate(events):
         noise = event.standstill.noise or noise
-        setting, sigma = _setting(constants, theta, noise)
+        learned, c = learned_of(theta, constants.coefficients), constants.coefficients
+        schedule = gain_schedule(learned.coefficients, noise, 1.0 / constants.interval, learned.lag)
+        setting = Setting(constants.interval, constants.substeps, c, schedule.gains[-1].copy())
         rate[event.first : event.first + event.window.output.size] = model.rate(event.window, setting, theta)
         begin = time.thread_time()
         if number == 0:
@@ -118,7 +120,8 @@ def learn_events(
             belief = replace(belief, mean=theta.copy())
         else:
             belief = belief.drifted(model.drift)
-        cost = model.cost(event.window, setting, sigma, round(BURN_IN / constants.interval))
+        burn_in = round(BURN_IN / constants.interval)
+        cost = model.cost(event.window, setting, schedule.innovation_sigma, burn_in)
         iterations = FIRST_ITERATIONS if number == 0 else ITERATIONS
         first = cost.linearised(theta)
         start = Start(first, belief, active, model.limits, iterations)
@@ -177,33 +180,23 @@ class _Restricted:
         full = self._full(theta)
         if np.any(full < self._start.limits.lowest) or np.any(full > self._start.limits.highest):
             return np.inf
-        return _total(full, self._cost.value(full), self._start.prior, self._information)
+        return self._total(full, self._cost.value(full))
 
     def value_and_gradient(self, theta: Array) -> tuple[float, Array]:
         """J and its gradient."""
         full = self._full(theta)
         here = self._cost.linearised(full)
         gradient = here.gradient + self._information @ (full - self._start.prior.mean)
-        return _total(full, here.value, self._start.prior, self._information), gradient[self._columns]
+        return self._total(full, here.value), gradient[self._columns]
+
+    def _total(self, theta: Array, value: float) -> float:
+        distance = theta - self._start.prior.mean
+        return value + 0.5 * float(distance @ self._information @ distance)
 
     def _full(self, theta: Array) -> Array:
         full = np.zeros(self._start.here.theta.size)
         full[self._columns] = theta
         return full
-
-
-def _total(theta: Array, value: float, prior: Belief, information: Array) -> float:
-    distance = theta - prior.mean
-    return value + 0.5 * float(distance @ information @ distance)
-
-
-def _setting(constants: Constants, theta: Array, noise: NoiseLevels) -> tuple[Setting, float]:
-    learned = learned_of(theta, constants.coefficients)
-    schedule = gain_schedule(learned.coefficients, noise, 1.0 / constants.interval, learned.lag)
-    setting = Setting(
-        constants.interval, constants.substeps, constants.coefficients, schedule.gains[-1].copy()
-    )
-    return setting, schedule.innovation_sigma
 
 
 Predict = Callable[[Array], Array]

@@ -53,17 +53,9 @@ def _sign(rng: Generator) -> float:
     return 1.0 if rng.random() < 0.5 else -1.0
 
 
-def _nozzle(rng: Generator) -> Faults:
-    return Faults(orifice_area=rng.uniform(-0.5, 0.5))
-
-
-def _seat(rng: Generator) -> Faults:
-    return Faults(seat_area=rng.uniform(-0.4, 0.4))
-
-
 _SIZES: dict[str, Draw] = {
-    "orifice_area": _nozzle,
-    "seat_area": _seat,
+    "orifice_area": lambda rng: Faults(orifice_area=rng.uniform(-0.5, 0.5)),
+    "seat_area": lambda rng: Faults(seat_area=rng.uniform(-0.4, 0.4)),
     "guide_leakage": lambda rng: Faults(guide_leakage=3e-14),
     "chamber_pressure_rise": lambda rng: Faults(chamber_pressure_rise=8e6),
     "orifice_cavitation": lambda rng: Faults(orifice_cavitation=0.12),
@@ -137,15 +129,11 @@ def _two_of(draws: dict[str, Draw]) -> Draw:
 
 def _one_of(draws: dict[str, Draw]) -> Draw:
     names = sorted(draws)
-
-    def draw(rng: Generator) -> Faults:
-        return draws[names[rng.integers(len(names))]](rng)
-
-    return draw
+    return lambda rng: draws[names[rng.integers(len(names))]](rng)
 
 
 def _wear(rng: Generator) -> Faults:
-    return combined(_nozzle(rng), _seat(rng))
+    return combined(_SIZES["orifice_area"](rng), _SIZES["seat_area"](rng))
 
 
 def _healthy(_: Generator) -> Faults:

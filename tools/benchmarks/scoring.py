@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +32,7 @@ from observer_rt.simulation.schedule import Schedule
 from observer_rt.simulation.simulate import SimulatedNoise, Simulation, simulate
 from tools.benchmarks.cases import CLASSES, Case, make_case
 from tools.benchmarks.plant import Outcome, record
+from tools.benchmarks.report import known
 from tools.benchmarks.score import (
     NOMINAL,
     OBSERVER,
@@ -44,7 +45,6 @@ from tools.benchmarks.score import (
 )
 
 WARM_UP_EVENTS = 3
-UNAVAILABLE = {"f": np.nan}  # by kind of dtype; else 0
 PRESSURE_SCALE = 100 * MEGAPASCAL  # of x3
 NO_REPORT = "NO_REPORT"  # in the place of a reason
 
@@ -68,12 +68,13 @@ def evaluate_windowed(bench: Bench, recording: Recording, learner_of: LearnerFac
     spans = windows(recording)
     history = evaluate(bench, [part_of(recording, span) for span in spans], learner_of=learner_of)
     first = history.evaluations[0].trace
-    likes = (getattr(first, each.name) for each in fields(Trace))
     trace = Trace(
-        *(
-            np.full((recording.samples, *like.shape[1:]), UNAVAILABLE.get(like.dtype.kind, 0), like.dtype)
-            for like in likes
-        )
+        **{
+            name: np.full(
+                (recording.samples, *like.shape[1:]), np.nan if like.dtype.kind == "f" else 0, like.dtype
+            )
+            for name, like in vars(first).items()
+        }
     )
     trace.state[:] = State.WAITING_FOR_DATA
     reports = []
@@ -81,9 +82,9 @@ def evaluate_windowed(bench: Bench, recording: Recording, learner_of: LearnerFac
         for name, values in vars(part.trace).items():
             whole: NDArray[np.generic] = getattr(trace, name)
             whole[span.start : span.end] = values
-        moved = span.start - part.first_index
+        by = span.start - part.first_index
         reports += [
-            replace(r, start_index=r.start_index + moved, end_index=r.end_index + moved) for r in part.reports
+            replace(r, start_index=r.start_index + by, end_index=r.end_index + by) for r in part.reports
         ]
     counted = [vars(part.counters) for part in history.evaluations]
     counters = Counters(**{name: sum(counts[name] for counts in counted) for name in counted[0]})
@@ -134,11 +135,10 @@ def score_evaluation(
     nominal_x3 = x3_of_rate(trace.nominal_rate, bench)
     x3 = np.where(np.isnan(trace.x[:, 2]), nominal_x3, trace.x[:, 2])
     true_x3 = (truth.sac_pressure - case.bench.injector.chamber_pressure) / PRESSURE_SCALE
-    valid, reasons, intervals = _judged(evaluation, windows)
     true_masses = windows.masses(truth.injection_rate, density)
     errors = 100.0 * (windows.masses(rate, density) / true_masses - 1.0)
-
     judged, covered = covered_samples(rate - truth.injection_rate, trace.injection_rate_sigma, windows)
+    valid, reasons, intervals = _judged(evaluation, windows)
 
     def scored(name: str, rate: NDArray[np.float64], x3: NDArray[np.float64]) -> EstimatorScore:
         return score_rate(name, rate, truth, windows, density, x3 - true_x3)
@@ -223,12 +223,8 @@ def worn_injector(
 def x3_of_rate(rate: NDArray[np.float64], bench: Bench) -> NDArray[np.float64]:
     """x3 at which the nominal nozzle passes a rate [m3/s]: (23) solved for p_S."""
     part = bench.injector.parameters
-    at_scale = (
-        part.nozzle.flow_coefficient
-        * part.nozzle.area
-        * math.sqrt(2.0 * PRESSURE_SCALE / part.fluid.density_nozzle)
-    )
-    root: NDArray[np.float64] = rate / at_scale
+    jet = math.sqrt(2.0 * PRESSURE_SCALE / part.fluid.density_nozzle)
+    root: NDArray[np.float64] = rate / (part.nozzle.flow_coefficient * part.nozzle.area * jet)
     return root * np.abs(root)
 
 
@@ -246,7 +242,10 @@ def _judged(
         valid.append(bool(reports) and not missing and all(r.valid for r in reports))
         named = {r.reason.name for r in reports if not r.valid} if reports else {NO_REPORT}
         reasons.append(" ".join(sorted(named)))
-        intervals.append(_interval(reports))
+        bounds = known(r.mass_ci95 for r in reports)
+        # the openings of an event share what is uncertain, so widths add
+        low, high = (sum(each[side] for each in bounds) / MILLIGRAM for side in (0, 1))
+        intervals.append((low, high) if bounds and len(bounds) == len(reports) else None)
     return tuple(valid), tuple(reasons), tuple(intervals)
 
 
@@ -266,14 +265,6 @@ def _report_of(evaluation: Scored, window: slice) -> InjectionReport | None:
 
     best = max(evaluation.reports, key=overlap, default=None)
     return best if best is not None and overlap(best) > 0 else None
-
-
-def _interval(reports: Sequence[InjectionReport]) -> tuple[float, float] | None:
-    """95 % interval of the summed mass [mg]: the openings of an event share what is uncertain, so widths add."""
-    bounds = [report.mass_ci95 for report in reports if report.mass_ci95 is not None]
-    if not bounds or len(bounds) < len(reports):
-        return None
-    return sum(low for low, _ in bounds) / MILLIGRAM, sum(high for _, high in bounds) / MILLIGRAM
 
 
 @contextmanager

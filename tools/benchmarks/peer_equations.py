@@ -165,7 +165,7 @@ def unscented(
     """
     alpha, beta, kappa = shape
     spread = alpha * alpha * (4.0 + kappa)
-    of_mean, of_covariance = np.full((2, 9), 0.5 / spread)
+    of_mean, of_covariance = np.full(9, 0.5 / spread), np.full(9, 0.5 / spread)
     of_mean[0] = (spread - 4.0) / spread
     of_covariance[0] = of_mean[0] + 1.0 - alpha * alpha + beta
     x, covariance = start.x.copy(), start.covariance.copy()

@@ -15,7 +15,7 @@ from tests.tools.made_scores import factors, score
 from tests.tools.test_bench_accuracy import bench
 from tools.benchmarks.bars import wave_violations
 from tools.benchmarks.kalman_peers import joint_ukf
-from tools.benchmarks.peer_inputs import lump_model, peer_inputs
+from tools.benchmarks.peer_equations import lump_model, peer_inputs
 from tools.benchmarks.peers import TUNING, fitted_lump
 from tools.benchmarks.plant import Bench, Event, Needle, Outcome, Shot, record
 from tools.benchmarks.plant_laws import Laws

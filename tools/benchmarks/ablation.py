@@ -15,20 +15,7 @@ from observer_rt.observer.learning.learner import Learner
 from observer_rt.observer.stream.state import Constants
 from observer_rt.service.compiled.constants import bench_constants, configured_noise
 from observer_rt.service.core.learners import make_learner
-from tools.benchmarks.batch_learning import (
-    KNOWN,
-    BatchResult,
-    Listener,
-    Model,
-    Search,
-    SeenEvent,
-    bfgs,
-    gauss_newton,
-    learn_events,
-    shipped_model,
-    tied_rows_model,
-    trained_hidden_model,
-)
+from tools.benchmarks import batch_learning as batch
 from tools.benchmarks.cases import Case, make_case
 from tools.benchmarks.peers import paper_bench
 from tools.benchmarks.plant import Outcome, record
@@ -85,7 +72,7 @@ def without(*names: str) -> Scalars:
     """
     return Scalars(
         tuple(
-            replace(row, prior=KNOWN * row.prior, drift=0.0) if row.name in names else row
+            replace(row, prior=batch.KNOWN * row.prior, drift=0.0) if row.name in names else row
             for row in SCALARS.rows
         )
     )
@@ -97,11 +84,11 @@ RULES = {
     "no seat term": without("seat_bias"),
     "no network, bias only": without("nozzle_weight"),
 }
-BATCHES: dict[str, tuple[Callable[[float], Model], Search]] = {
-    "batch: as shipped": (shipped_model, gauss_newton),
-    "batch: BFGS + Armijo": (shipped_model, bfgs),
-    "batch: V trained": (trained_hidden_model, gauss_newton),
-    "batch: rows tied 1:12, no structure": (tied_rows_model, gauss_newton),
+BATCHES: dict[str, tuple[Callable[[float], batch.Model], batch.Search]] = {
+    "batch: as shipped": (batch.shipped_model, batch.gauss_newton),
+    "batch: BFGS + Armijo": (batch.shipped_model, batch.bfgs),
+    "batch: V trained": (batch.trained_hidden_model, batch.gauss_newton),
+    "batch: rows tied 1:12, no structure": (batch.tied_rows_model, batch.gauss_newton),
 }
 VARIANTS = (SHIPPED, *RULES, FREE_ROWS, *BATCHES)
 
@@ -158,12 +145,12 @@ def score_variants(case: Case) -> AblationScore:
     return AblationScore(case.class_name, case.master_seed, case.number, tuple(variants))
 
 
-def listened(case: Case, outcome: Outcome) -> tuple[CaseScore, tuple[SeenEvent, ...]]:
+def listened(case: Case, outcome: Outcome) -> tuple[CaseScore, tuple[batch.SeenEvent, ...]]:
     """The observer as shipped, and the events its learner was given."""
     listeners = []
 
-    def learner_of(fitted: BenchInjector, constants: Constants, knowledge: Knowledge) -> Listener:
-        listeners.append(Listener(make_learner(fitted, constants, knowledge)))
+    def learner_of(fitted: BenchInjector, constants: Constants, knowledge: Knowledge) -> batch.Listener:
+        listeners.append(batch.Listener(make_learner(fitted, constants, knowledge)))
         return listeners[-1]
 
     bench = bench_at(case.bench.sample_rate)
@@ -173,18 +160,18 @@ def listened(case: Case, outcome: Outcome) -> tuple[CaseScore, tuple[SeenEvent, 
     openings = {r.event: r.start + lead for r in reversed(evaluation.reports)}
     heard = listeners[0].heard  # the second one is the nominal model's
     events = tuple(
-        SeenEvent(window, standstill, opening - window.opening)
+        batch.SeenEvent(window, standstill, opening - window.opening)
         for (window, standstill), (_, opening) in zip(heard, sorted(openings.items()), strict=True)
     )
     return score_evaluation(case, outcome, bench, evaluation, training), events
 
 
-def _learned(name: str, outcome: Outcome, events: Sequence[SeenEvent]) -> BatchResult:
+def _learned(name: str, outcome: Outcome, events: Sequence[batch.SeenEvent]) -> batch.BatchResult:
     bench = bench_at(1.0 / float(outcome.measured.time[1] - outcome.measured.time[0]))
     constants = bench_constants(bench.injector)
     model_of, search = BATCHES[name]
     model = model_of(constants.coefficients.pressure_scale)
-    return learn_events(
+    return batch.learn_events(
         model, search, events, outcome.measured.time.size, constants, configured_noise(bench.injector)
     )
 

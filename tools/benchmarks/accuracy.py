@@ -11,47 +11,10 @@ import typer
 from rich.table import Table
 
 from tools.benchmarks import ablation as parts
-from tools.benchmarks.bars import (
-    by_class,
-    coverage,
-    followed,
-    halfwidths,
-    rate_coverages,
-    recovered,
-    slow_sample,
-    sustained_excess_pct,
-    useful_at_third,
-    violations,
-    wave_violations,
-    worn_from_the_start,
-    x3_ratios,
-)
+from tools.benchmarks import bars, peers
+from tools.benchmarks import command_line as cli
 from tools.benchmarks.cases import CLASSES, LUMP_CLASSES, WAVE_CLASSES, Case, Group, make_case, on_real_line
-from tools.benchmarks.command_line import (
-    PROCESSES,
-    JsonOption,
-    ModelOption,
-    NoPeersOption,
-    OutOption,
-    SeedOption,
-    Tier,
-    TierOption,
-    WorkersOption,
-    app,
-    chosen_names,
-    resumable,
-    tell_figures,
-)
 from tools.benchmarks.figures import save_figures
-from tools.benchmarks.peers import (
-    PeerScore,
-    has_paper,
-    has_peers,
-    lumps_of,
-    score_paper,
-    score_peers,
-    wave_peers,
-)
 from tools.benchmarks.report import (
     NOTHING,
     Columns,
@@ -96,16 +59,16 @@ def run_accuracy(plan: Plan) -> Results:
     kept = runs.store("observer", CaseScore, PACKAGE, BENCHMARKS)
     scores = runs.results("observer", kept, partial(on_case, make_case, score_case), plan.tasks, warm_up)
     for name, sources, is_run, score in (
-        ("peers", (BENCHMARKS,), has_peers, score_peers),
-        ("paper", (PACKAGE, BENCHMARKS), has_paper, score_paper),
+        ("peers", (BENCHMARKS,), peers.has_peers, peers.score_peers),
+        ("paper", (PACKAGE, BENCHMARKS), peers.has_paper, peers.score_paper),
     ):
         if plan.peers:
             tasks = [task for task in plan.tasks if is_run(task.class_name)]
             work = partial(on_case, make_case, score)
-            kept_parts = runs.store(name, PeerScore, *sources)
+            kept_parts = runs.store(name, peers.PeerScore, *sources)
             scores = joined(scores, runs.results(name, kept_parts, work, tasks, warm_up))
     found, took = plan.in_order(scores), measure_sample_time()
-    return Results(found, runs.crashes, took, (*violations(found), *slow_sample(took)))
+    return Results(found, runs.crashes, took, (*bars.violations(found), *bars.slow_sample(took)))
 
 
 def run_wave_accuracy(plan: Plan, variant: Variant, given: Path | None, measured_rate: bool) -> Results:
@@ -116,12 +79,14 @@ def run_wave_accuracy(plan: Plan, variant: Variant, given: Path | None, measured
     work: partial[Any] = partial(on_case, make, partial(score_case, model=model))
     scores = runs.results("observer", kept, work, plan.tasks, ready)
     if plan.peers:
-        work = partial(on_case, make, partial(wave_peers, lumps_of(list(healthy.values()))))
+        work = partial(on_case, make, partial(peers.wave_peers, peers.lumps_of(list(healthy.values()))))
         tasks = [task for task in plan.tasks if task.number < PEER_CASES]
-        kept_peers = runs.store(f"peers-{variant}", PeerScore, BENCHMARKS)
+        kept_peers = runs.store(f"peers-{variant}", peers.PeerScore, BENCHMARKS)
         scores = joined(scores, runs.results("peers", kept_peers, work, tasks, ready))
     found, took = plan.in_order(scores), measure_sample_time(model)
-    return Results(found, runs.crashes, took, (*wave_violations(found, variant), *slow_sample(took)))
+    return Results(
+        found, runs.crashes, took, (*bars.wave_violations(found, variant), *bars.slow_sample(took))
+    )
 
 
 def make_wave_case(variant: Variant, class_name: str, master_seed: int, number: int) -> Case:
@@ -130,7 +95,7 @@ def make_wave_case(variant: Variant, class_name: str, master_seed: int, number: 
     return replace(case, bench=on_real_line(case.bench, master_seed, variant))
 
 
-def joined(scores: dict[str, CaseScore], parts: dict[str, PeerScore]) -> dict[str, CaseScore]:
+def joined(scores: dict[str, CaseScore], parts: dict[str, peers.PeerScore]) -> dict[str, CaseScore]:
     """Scores by label, with those of peers that ran."""
     both = dict(scores)
     for label, part in parts.items():
@@ -143,14 +108,14 @@ def joined(scores: dict[str, CaseScore], parts: dict[str, PeerScore]) -> dict[st
 def shown(results: Results) -> Iterator[Shown]:
     """The tables, then a line for every bar that is missed and every crash."""
     classes = {}
-    for name, cases in by_class(results.scores).items():
-        interval = _interval(c) if (c := coverage(cases)) else NOTHING
-        beside = {"x3_ratio_p5": percentile(x3_ratios(cases), 5), "coverage_ci99": interval}
+    for name, cases in bars.by_class(results.scores).items():
+        interval = _interval(c) if (c := bars.coverage(cases)) else NOTHING
+        beside = {"x3_ratio_p5": percentile(bars.x3_ratios(cases), 5), "coverage_ci99": interval}
         classes[name] = _class_details(cases) | beside
     yield table_of("observer, events 11-20", "class", classes, CLASS_COLUMNS)
     if any(has_peer(score) for score in results.scores):
         yield from peer_tables(results.scores)
-    if any(followed(s) is not None for s in results.scores):
+    if any(bars.followed(s) is not None for s in results.scores):
         yield following_table(results.scores)
     took = results.sample_time
     yield f"one sample of the observer at 100 kHz, us: needle open {took.open_us:.2f}, shut {took.closed_us:.2f}"
@@ -186,17 +151,17 @@ def following_table(scores: Sequence[CaseScore]) -> Table:
     table = ruled("mass within 1 % in time, share of the cases in %", ("class",), headings)
 
     def add(name: str, asked: str, cases: Sequence[CaseScore]) -> None:
-        in_time = [bool(followed(s)) for s in cases]
-        kinds = [[bool(followed(s)) for s in cases if s.varying is varying] for varying in (False, True)]
+        in_time = [bool(bars.followed(s)) for s in cases]
+        kinds = [[bool(bars.followed(s)) for s in cases if s.varying is varying] for varying in (False, True)]
         shares = [f"{100.0 * np.mean(each):.1f}" if each else NOTHING for each in (in_time, *kinds)]
         table.add_row(name, asked, str(len(cases)), shares[0], _interval(in_time), *shares[1:])
 
-    for name, cases in by_class(scores).items():
-        if judged := [s for s in cases if followed(s) is not None]:
+    for name, cases in bars.by_class(scores).items():
+        if judged := [s for s in cases if bars.followed(s) is not None]:
             add(
                 name, "third event" if judged[0].change_event is None else "3 events after the change", judged
             )
-    if worn := worn_from_the_start(scores):
+    if worn := bars.worn_from_the_start(scores):
         table.add_section()
         add("wear, all classes", "third event", worn)
     return table
@@ -221,9 +186,9 @@ def peer_tables(scores: Sequence[CaseScore]) -> tuple[Table, Table]:
     )
     mass.add_column("limit %\n1 sigma", justify="right")
     mass.add_column("half-width\nvs limit", justify="right")
-    for class_name, members in by_class(scores).items():
+    for class_name, members in bars.by_class(scores).items():
         if cases := [s for s in members if has_peer(s)]:
-            limits, widths = known(s.limit_pct for s in cases), halfwidths(cases)
+            limits, widths = known(s.limit_pct for s in cases), bars.halfwidths(cases)
             errors = _peer_cells(names, cases, lambda s, name: abs(s.mass_error_pct(name)))
             limit = f"{np.median(limits):.3f}" if limits else ""
             mass.add_row(class_name, *errors, limit, f"{np.median(widths):.2f}" if widths else "")
@@ -245,28 +210,28 @@ def json_document(
 ) -> dict[str, Any]:
     """`figures` over the classes that must be estimated well, `details` per class."""
     main = [s for s in scores if CLASSES[s.class_name].group is Group.MAIN]
-    shares = [float(np.mean([s.valid_share for s in cases])) for cases in by_class(main).values()]
-    worn, changed = worn_from_the_start(scores), [s for s in scores if s.change_event is not None]
+    shares = [float(np.mean([s.valid_share for s in cases])) for cases in bars.by_class(main).values()]
+    worn, changed = bars.worn_from_the_start(scores), [s for s in scores if s.change_event is not None]
     training = [ms for s in main for ms in s.training_ms]
     return {
         "figures": {
             "mass_error_max_pct": max((abs(s.mass_error_pct()) for s in main), default=None),
             "rate_rmse_max_mm3_per_ms": max((s.rate_rmse() for s in main), default=None),
-            "x3_mse_ratio_min": min(x3_ratios(scores), default=None),
-            "coverage_95_share": mean(coverage(main)),
+            "x3_mse_ratio_min": min(bars.x3_ratios(scores), default=None),
+            "coverage_95_share": mean(bars.coverage(main)),
             "wrong_valid": sum(s.wrong_valid for s in scores),
             "valid_share_min": min(shares, default=None),
-            "interval_halfwidth_vs_limit_median": median(halfwidths(main)),
-            "rate_coverage_share": mean(rate_coverages(main)),
-            "first_useful_phi_share": mean([useful_at_third(s) for s in worn]),
-            "recovered_after_three_share": mean([recovered(s) for s in changed]),
+            "interval_halfwidth_vs_limit_median": median(bars.halfwidths(main)),
+            "rate_coverage_share": mean(bars.rate_coverages(main)),
+            "first_useful_phi_share": mean([bars.useful_at_third(s) for s in worn]),
+            "recovered_after_three_share": mean([bars.recovered(s) for s in changed]),
             "training_ms_median": median(training),
             "training_ms_p99": percentile(training, 99),
             "sample_open_us": took.open_us,
             "sample_closed_us": took.closed_us,
         },
         "details": {
-            "classes": {name: _class_details(cases) for name, cases in by_class(scores).items()},
+            "classes": {name: _class_details(cases) for name, cases in bars.by_class(scores).items()},
             "violations": list(missed),
             "crashes": list(crashes),
         },
@@ -275,7 +240,7 @@ def json_document(
 
 def _class_details(cases: Sequence[CaseScore]) -> dict[str, Any]:
     training = [ms for s in cases for ms in s.training_ms]
-    covered = coverage(cases)
+    covered = bars.coverage(cases)
 
     def errors(name: str) -> dict[str, Any]:
         masses, rates = [abs(s.mass_error_pct(name)) for s in cases], [s.rate_rmse(name) for s in cases]
@@ -291,12 +256,12 @@ def _class_details(cases: Sequence[CaseScore]) -> dict[str, Any]:
             for e in cases[0].estimators
             if e.name != OBSERVER and all(s.has(e.name) for s in cases)
         },
-        "sustained_excess_max_pct": max(sustained_excess_pct(s) for s in cases),
+        "sustained_excess_max_pct": max(bars.sustained_excess_pct(s) for s in cases),
         "coverage_95_share": mean(covered),
         "coverage_95_share_ci99": clopper_pearson(sum(covered), len(covered)) if covered else None,
-        "rate_coverage_share": mean(rate_coverages(cases)),
-        "interval_halfwidth_vs_limit_median": median(halfwidths(cases)),
-        "within_1_pct_in_time_share": mean(known(followed(s) for s in cases)),
+        "rate_coverage_share": mean(bars.rate_coverages(cases)),
+        "interval_halfwidth_vs_limit_median": median(bars.halfwidths(cases)),
+        "within_1_pct_in_time_share": mean(known(bars.followed(s) for s in cases)),
         "training_ms_median": median(training),
         "training_ms_p99": percentile(training, 99),
         "worst": [s.number for s in sorted(cases, key=lambda s: -abs(s.mass_error_pct()))[:3]],
@@ -307,7 +272,7 @@ def _spread(values: Sequence[float]) -> dict[str, float]:
     return dict(zip(SPREAD, (median(values), percentile(values, 95), max(values)), strict=True))
 
 
-@app.command(
+@cli.app.command(
     epilog="Examples: tools/bench accuracy --cases 10 --classes orifice_area,line_friction; "
     "tools/bench accuracy --tier B --variant step --cases 3"
 )
@@ -316,38 +281,38 @@ def accuracy(
         int | None, typer.Option(min=1, help=f"Cases per class ({CASES}; with --ablation {ABLATION_CASES}).")
     ] = None,
     classes: Annotated[str, typer.Option(help="Classes, by commas (default: all).")] = "",
-    seed: SeedOption = 1,
-    workers: WorkersOption = PROCESSES,
-    out: OutOption = None,
-    no_peers: NoPeersOption = False,
+    seed: cli.SeedOption = 1,
+    workers: cli.WorkersOption = cli.PROCESSES,
+    out: cli.OutOption = None,
+    no_peers: cli.NoPeersOption = False,
     ablation: Annotated[
         bool, typer.Option("--ablation", help="Instead: our observer with one part changed each.")
     ] = False,
-    tier: TierOption = Tier.A,
+    tier: cli.TierOption = cli.Tier.A,
     variant: Annotated[Variant, typer.Option(help="Of tier B's line.")] = Variant.PLAIN,
-    model: ModelOption = None,
+    model: cli.ModelOption = None,
     measured_rate: Annotated[
         bool,
         typer.Option(
             "--measured-rate", help="Tier B: fit with a measured rate, from an inertance 5 % wrong."
         ),
     ] = False,
-    as_json: JsonOption = False,
+    as_json: cli.JsonOption = False,
 ) -> None:
     """Error of mass and rate on independent plants, against the true rate, class by class."""
     default, usual, folder = LUMP_CLASSES, CASES, "accuracy"
     if ablation:
         default, usual = parts.CLASSES_TRIED, ABLATION_CASES
-    elif tier is Tier.B:
+    elif tier is cli.Tier.B:
         default, usual, folder = WAVE_CLASSES, WAVE_CASES, f"accuracy-{variant}"
-    chosen = chosen_names(classes, "--classes", CLASSES, default)
+    chosen = cli.chosen_names(classes, "--classes", CLASSES, default)
     plan = Plan(chosen, cases or usual, seed, workers, out or Path("build") / folder, not no_peers)
-    with resumable("what is scored is"):
+    with cli.resumable("what is scored is"):
         if ablation:
             parts.run_ablation(plan, as_json)
             return
-        on_waves = tier is Tier.B
+        on_waves = tier is cli.Tier.B
         found = run_wave_accuracy(plan, variant, model, measured_rate) if on_waves else run_accuracy(plan)
-        tell_figures(save_figures(found.scores, plan.out))
+        cli.tell_figures(save_figures(found.scores, plan.out))
         crashes = [str(crash) for crash in found.crashes]
         put_out(as_json, json_document(found.scores, crashes, found.sample_time, found.missed), shown(found))

@@ -28,15 +28,7 @@ from observer_rt.cli.app import main
 from observer_rt.config.bench import load_bench
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording import formats
-from tools.benchmarks.command_line import (
-    PROCESSES,
-    JsonOption,
-    SeedOption,
-    WorkersOption,
-    app,
-    messages,
-    tracked,
-)
+from tools.benchmarks import command_line as cli
 from tools.benchmarks.damage_files import DATABASE, makers, write_database
 from tools.benchmarks.report import put_out, table_of
 from tools.benchmarks.runs import Crash, run_tasks
@@ -97,7 +89,7 @@ def run_damage(files: int, seed: int, workers: int, flips: bool = False) -> Camp
     """Damage so many files, the kinds in turn. Raises `RunError` where a process of ours was ended by one."""
     kinds = [kind for kind in makers() if not flips or kind.endswith(BINARY)]
     tasks = [Task(kinds[number % len(kinds)], seed, number, flips) for number in range(files)]
-    results = tracked(run_tasks(one_file, tasks, workers, _warm_up), "damaging", files)
+    results = cli.tracked(run_tasks(one_file, tasks, workers, _warm_up), "damaging", files)
     return Campaign(
         tuple(
             Outcome(each.task, Became.FAULT, 0.0, each.message) if isinstance(each, Crash) else each
@@ -136,19 +128,19 @@ def damage_table(campaign: Campaign) -> Table:
     return table_of("damaged files", "kind", rows, {**columns, "longest s": "{[longest]:.2f}"})
 
 
-@app.command(epilog="Example: tools/bench damage --files 5000 --seed 1")
+@cli.app.command(epilog="Example: tools/bench damage --files 5000 --seed 1")
 def damage(
     files: Annotated[int, typer.Option(min=1, help="Damaged files.")] = 5000,
     flips: Annotated[bool, typer.Option("--flips", help="Single bits, of MF4 and Parquet only.")] = False,
-    seed: SeedOption = 1,
-    workers: WorkersOption = PROCESSES,
-    as_json: JsonOption = False,
+    seed: cli.SeedOption = 1,
+    workers: cli.WorkersOption = cli.PROCESSES,
+    as_json: cli.JsonOption = False,
 ) -> None:
     """What becomes of damaged files of every format; exit code 1 if one crashes, or shows a traceback."""
     campaign = run_damage(files, seed, workers, flips)
     put_out(as_json, damage_document(campaign), [damage_table(campaign)])
     for fault in campaign.faults:
-        messages.print(f"{fault.task}: {fault.said}", markup=False, highlight=False, soft_wrap=True)
+        cli.messages.print(f"{fault.task}: {fault.said}", markup=False, highlight=False, soft_wrap=True)
     if campaign.faults:
         raise typer.Exit(1)
 

@@ -17,8 +17,16 @@ import numpy as np
 
 from tools.benchmarks.arrays import Array
 from tools.benchmarks.kalman_peers import LINE_NOISE, RAIL_NOISE
-from tools.benchmarks.peer_equations import LAG, PARAMETERS, V_H, Span, line_gain, predict
-from tools.benchmarks.peer_inputs import PRESSURE_SCALE, PeerInputs
+from tools.benchmarks.peer_equations import (
+    LAG,
+    PARAMETERS,
+    PRESSURE_SCALE,
+    V_H,
+    PeerInputs,
+    Span,
+    line_gain,
+    predict,
+)
 from tools.benchmarks.plant_parameters import Faults
 from tools.benchmarks.score import Windows
 

@@ -20,8 +20,14 @@ from observer_rt.foundation.units import MEGAPASCAL, MM3_PER_MS
 from tools.benchmarks.arrays import Array
 from tools.benchmarks.cases import CLASSES, Group, make_case
 from tools.benchmarks.command_line import app, tracked
-from tools.benchmarks.peer_equations import Start, extended, unscented
-from tools.benchmarks.peer_inputs import PRESSURE_SCALE, PeerInputs, peer_inputs
+from tools.benchmarks.peer_equations import (
+    PRESSURE_SCALE,
+    PeerInputs,
+    Start,
+    extended,
+    peer_inputs,
+    unscented,
+)
 from tools.benchmarks.plant import Outcome, record
 from tools.benchmarks.report import Columns, list_of, put_out
 from tools.benchmarks.score import SCORED, windows_of

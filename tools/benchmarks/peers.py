@@ -25,8 +25,7 @@ from tools.benchmarks.joint_fit import (
     steady_gain,
 )
 from tools.benchmarks.kalman_peers import Tuning, joint_ekf, joint_ukf
-from tools.benchmarks.peer_equations import PARAMETERS, Model
-from tools.benchmarks.peer_inputs import PeerInputs, lump_model, peer_inputs
+from tools.benchmarks.peer_equations import PARAMETERS, Model, PeerInputs, lump_model, peer_inputs
 from tools.benchmarks.plant import Outcome, record
 from tools.benchmarks.plant_parameters import Injector
 from tools.benchmarks.runs import Task

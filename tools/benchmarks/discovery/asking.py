@@ -15,7 +15,6 @@ from tools.benchmarks.discovery.answers import Answer, ask
 from tools.benchmarks.runs import Campaign, Labelled, Store
 from tools.benchmarks.wave_recordings import OUR_PROGRAM
 
-WARM_UP_RECORDINGS = 2
 Hiding = TypeVar("Hiding")
 Hidden = TypeVar("Hidden", bound=Labelled)
 Scored = TypeVar("Scored", bound=Labelled)

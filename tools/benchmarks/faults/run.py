@@ -11,19 +11,7 @@ import typer
 from matplotlib.figure import Figure
 
 from observer_rt.foundation.units import MILLISECOND
-from tools.benchmarks.command_line import (
-    PROCESSES,
-    JsonOption,
-    ModelOption,
-    OutOption,
-    SeedOption,
-    Tier,
-    TierOption,
-    WorkersOption,
-    app,
-    chosen_names,
-    resumable,
-)
+from tools.benchmarks import command_line as cli
 from tools.benchmarks.faults import bus, inputs, player
 from tools.benchmarks.faults import live as on_bus
 from tools.benchmarks.faults.scenario import AND, Kind, drawn, tasks
@@ -206,33 +194,33 @@ _COLUMNS: Columns[Summary] = {
 }
 
 
-@app.command(
+@cli.app.command(
     epilog="Examples: tools/bench faults; tools/bench faults --only frozen_line,lag_line --figure faults.png"
 )
 def faults(
     scenarios: Annotated[int, typer.Option(min=1, help="How many, every kind in turn.")] = SCENARIOS,
     only: Annotated[str, typer.Option(help="Kinds of faults, by commas.")] = "",
-    tier: TierOption = Tier.A,
-    model: ModelOption = None,
-    seed: SeedOption = 1,
-    workers: WorkersOption = PROCESSES,
-    out: OutOption = None,
+    tier: cli.TierOption = cli.Tier.A,
+    model: cli.ModelOption = None,
+    seed: cli.SeedOption = 1,
+    workers: cli.WorkersOption = cli.PROCESSES,
+    out: cli.OutOption = None,
     figure: Annotated[
         Path | None, typer.Option(help="PNG of times until found and until valid again.")
     ] = None,
     live: Annotated[
         int, typer.Option(min=0, help="So many on vcan0 instead: `tools/vcan tools/bench faults --live 16`.")
     ] = 0,
-    as_json: JsonOption = False,
+    as_json: cli.JsonOption = False,
 ) -> None:
     """Sensors, bus, clocks and processes that fail at random times, up to three at once: is what is valid right?"""
-    names = chosen_names(only, "--only", KINDS, KINDS)
+    names = cli.chosen_names(only, "--only", KINDS, KINDS)
     plan = Plan((), scenarios, seed, workers, out or Path("build") / f"faults-{tier}", peers=False)
-    with resumable("what is scored is"):
+    with cli.resumable("what is scored is"):
         if live:
             results = Results(tuple(on_bus.run_live(live, seed, plan.out / "live")), ())
         else:
-            results = run_faults(names, plan, tier is Tier.B, model)
+            results = run_faults(names, plan, tier is cli.Tier.B, model)
     if figure is not None and results.scores:
         save_figure(results, figure)
     put_out(as_json, faults_document(results), shown(results))

@@ -12,24 +12,11 @@ import typer
 from observer_rt.config.signals import SignalConfig
 from observer_rt.estimation.scalars import NOZZLE, SEAT
 from observer_rt.evaluation.evaluate import Evaluation, evaluate
+from tools.benchmarks import command_line as cli
+from tools.benchmarks import scoring
 from tools.benchmarks.accuracy import joined
-from tools.benchmarks.command_line import (
-    PROCESSES,
-    JsonOption,
-    ModelOption,
-    NoPeersOption,
-    OutOption,
-    SeedOption,
-    Tier,
-    TierOption,
-    WorkersOption,
-    app,
-    chosen_names,
-    resumable,
-)
 from tools.benchmarks.kalman_peers import joint_ukf
-from tools.benchmarks.peer_equations import Model
-from tools.benchmarks.peer_inputs import peer_inputs
+from tools.benchmarks.peer_equations import Model, peer_inputs
 from tools.benchmarks.peers import FITTED_LUMP, TUNING, PeerScore, lumps_of, peer_score
 from tools.benchmarks.plant import record
 from tools.benchmarks.realism.catalogue import (
@@ -46,15 +33,6 @@ from tools.benchmarks.realism.score import Interval, Results, RunScore, realism_
 from tools.benchmarks.report import put_out
 from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Plan, Task
 from tools.benchmarks.score import UKF, Windows, windows_of
-from tools.benchmarks.scoring import (
-    bench_for_case,
-    recording_of,
-    reports_of,
-    score_evaluation,
-    timed_training,
-    warm_up,
-    with_signals,
-)
 from tools.benchmarks.wave_recordings import fitted_model
 
 CASES = 3  # each has another wear
@@ -73,7 +51,7 @@ def run_realism(entries: Sequence[Entry], plan: Plan, is_rich: bool, given: Path
         model, healthy = fitted_model(plan, given)
         lump = lumps_of(list(healthy.values()))[FITTED_LUMP] if plan.peers else None
         sources.append(model)
-    ready, campaign = partial(warm_up, model), plan.campaign
+    ready, campaign = partial(scoring.warm_up, model), plan.campaign
     kept = campaign.store("observer", RunScore, *sources)
     runs = campaign.results("observer", kept, partial(score_run, model), plan.tasks, ready)
     if plan.peers:
@@ -95,18 +73,18 @@ def score_run(model: Path | None, task: Task) -> RunScore:
     """Work of one process: our observer on a disturbed recording; model: the injector file, on tier B."""
     case = make_realism_case(task, is_rich=model is not None)
     outcome = record(case.bench)
-    bench = bench_for_case(case, model)
+    bench = scoring.bench_for_case(case, model)
     for each in parsed(task.class_name):
-        bench = with_signals(bench, each.stated)
-    with timed_training() as training:
-        evaluation = evaluate(bench, [recording_of(outcome)]).evaluations[0]
+        bench = scoring.with_signals(bench, each.stated)
+    with scoring.timed_training() as training:
+        evaluation = evaluate(bench, [scoring.recording_of(outcome)]).evaluations[0]
     windows = windows_of(outcome, case.bench.sample_rate)
     return RunScore(
         class_name=task.class_name,
         master_seed=task.master_seed,
         number=task.number,
         wear=case.bench.events[-1].faults.orifice_area,
-        case=score_evaluation(case, outcome, bench, evaluation, training),
+        case=scoring.score_evaluation(case, outcome, bench, evaluation, training),
         nozzle_ci95=_intervals(evaluation, windows, NOZZLE),
         seat_ci95=_intervals(evaluation, windows, SEAT),
         phantoms=phantoms(evaluation, windows),
@@ -139,13 +117,13 @@ def _intervals(evaluation: Evaluation, windows: Windows, effect: str) -> tuple[I
     """95 % interval of an indicator, by the last report of every event; only a valid one counts."""
     found: list[Interval] = []
     for event in range(len(windows.of_event)):
-        reports = reports_of(evaluation, windows, event)
+        reports = scoring.reports_of(evaluation, windows, event)
         said = reports[-1].indicators.get(effect) if reports and reports[-1].valid else None
         found.append(None if said is None else said.ci95)
     return tuple(found)
 
 
-@app.command(
+@cli.app.command(
     epilog="Examples: tools/bench realism --set table; "
     "tools/bench realism --only hum_50_hz_line,frozen_line --cases 1"
 )
@@ -159,18 +137,18 @@ def realism(
     selection: Annotated[
         Selection, typer.Option("--set", help="All; those of the table of sizes to be right; random pairs.")
     ] = Selection.ALL,
-    tier: TierOption = Tier.A,
-    model: ModelOption = None,
-    seed: SeedOption = 1,
-    workers: WorkersOption = PROCESSES,
-    out: OutOption = None,
-    no_peers: NoPeersOption = False,
-    as_json: JsonOption = False,
+    tier: cli.TierOption = cli.Tier.A,
+    model: cli.ModelOption = None,
+    seed: cli.SeedOption = 1,
+    workers: cli.WorkersOption = cli.PROCESSES,
+    out: cli.OutOption = None,
+    no_peers: cli.NoPeersOption = False,
+    as_json: cli.JsonOption = False,
 ) -> None:
     """Signals of a real bench: hum, drift, spikes, lag, ... on independent plants; right, or truly refused?"""
     known = (*DISTURBANCES, *map(name_of, entries(selection, (), seed)))
-    found = entries(selection, chosen_names(only, "--only", known, ()), seed)
+    found = entries(selection, cli.chosen_names(only, "--only", known, ()), seed)
     plan = Plan((), cases, seed, workers, out or Path("build") / f"realism-{tier}", not no_peers)
-    with resumable("what is scored is"):
-        results = run_realism(found, plan, tier is Tier.B, model)
+    with cli.resumable("what is scored is"):
+        results = run_realism(found, plan, tier is cli.Tier.B, model)
     put_out(as_json, realism_document(results), shown(results), TABLE_WIDTH)

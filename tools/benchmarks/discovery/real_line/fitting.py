@@ -8,25 +8,31 @@ from typing import Any
 from observer_rt.config.bench import NOMINAL_INJECTOR
 from observer_rt.foundation.errors import RunError
 from tools.benchmarks.command_line import messages, tracked
-from tools.benchmarks.discovery import run as nominal
 from tools.benchmarks.discovery.asking import Asking, generate, seal
 from tools.benchmarks.discovery.cases import GIVEN
 from tools.benchmarks.discovery.real_line.cases import HIDING, RealPlan, Rig, hidden_text
 from tools.benchmarks.runs import BENCHMARKS, PACKAGE, digest_of
-from tools.benchmarks.wave_recordings import NEW_PART, OUR_PROGRAM, fit_model, maker_file
+from tools.benchmarks.wave_recordings import FITTED, NEW_PART, OUR_PROGRAM, fit_model, maker_file
 
 HERE = Path(__file__).parent
-FITTED, HEALTHY, FIT_LOG, MADE_BY, CASES = "fitted.toml", "healthy", "fit.txt", "made_by.txt", "cases"
+HEALTHY, FIT_LOG, MADE_BY, CASES = "healthy", "fit.txt", "made_by.txt", "cases"
+NOMINAL_SOURCES = tuple(
+    BENCHMARKS / f"{name}.py"
+    for name in (
+        "plant",
+        "plant_equations",
+        "plant_laws",
+        "plant_parameters",
+        "discovery/hidden",
+        "discovery/cases",
+        "discovery/hiding",
+        "discovery/answers",
+    )
+)
+"""What, with the package, an answer of tier A depends on."""
 HIDING_SOURCES = (
-    *nominal.HIDING_SOURCES,
-    *(
-        BENCHMARKS / f"{name}.py"
-        for name in (
-            "wave_line_equations",
-            "wave_plant",
-            "wave_plant_equations",
-        )
-    ),
+    *NOMINAL_SOURCES,
+    *(BENCHMARKS / f"{name}.py" for name in ("wave_line_equations", "wave_plant", "wave_plant_equations")),
     *(HERE / f"{name}.py" for name in ("discrepancies", "hidden", "cases", "fitting")),
 )
 """What, with the package, a fitted model and an answer depend on."""

@@ -17,7 +17,7 @@ from scipy.optimize import least_squares
 
 from tools.benchmarks.arrays import Array
 from tools.benchmarks.discovery.cases import RATE_GAIN, RATE_NOISE, measured_rate
-from tools.benchmarks.discovery.hidden import HIDDEN, HiddenEffect
+from tools.benchmarks.discovery.hidden import HIDDEN, HiddenKind
 from tools.benchmarks.peer_equations import line_gain
 from tools.benchmarks.plant import (
     LIFT_NOISE,
@@ -255,7 +255,7 @@ def best_statistic(recordings: Sequence[Recorded], effect_id: str) -> float:
     return min(_refined(recordings, effect, start) for start in starts[:REFINED])
 
 
-def _starts(effect: HiddenEffect) -> list[tuple[float, ...]]:
+def _starts(effect: HiddenKind) -> list[tuple[float, ...]]:
     size, *shapes = effect.parameters
     sizes = list(np.geomspace(size.lowest, size.highest, STARTS))
     if size.most_negative < 0.0:
@@ -265,7 +265,7 @@ def _starts(effect: HiddenEffect) -> list[tuple[float, ...]]:
     )
 
 
-def _refined(recordings: Sequence[Recorded], effect: HiddenEffect, start: tuple[float, ...]) -> float:
+def _refined(recordings: Sequence[Recorded], effect: HiddenKind, start: tuple[float, ...]) -> float:
     scale = np.array([math.sqrt(p.lowest * p.highest) for p in effect.parameters])
     size, *shapes = effect.parameters
     lowest = [WIDER * size.most_negative, *(p.lowest / WIDER_SHAPE for p in shapes)]

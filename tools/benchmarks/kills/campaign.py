@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.service.keeping.journal import Row, reading_journal
@@ -318,13 +317,6 @@ COLUMNS: Columns[Sequence[Kill]] = {
 }
 
 
-def kills_table(kills: Sequence[Kill], plan: Plan) -> Table:
-    """A row for each way of being killed."""
-    title = f"{len(kills)} kills, saved within {plan.within:g} s, or as long as the disk was full"
-    rows = {str(strike): found for strike in Strike if (found := [k for k in kills if k.strike is strike])}
-    return table_of(title, "killed", rows, COLUMNS)
-
-
 def kills_document(kills: Sequence[Kill], plan: Plan) -> dict[str, Any]:
     """The same for programs, kill by kill."""
     return {
@@ -357,7 +349,9 @@ def kills(
     """Kill daemons that learn at random moments (kill -9): what is lost, and is the rest whole?"""
     plan = Plan(kills, seed, out, within, interface, channel, small_disk=small_disk)
     found = list(run_campaign(plan))
-    put_out(as_json, kills_document(found, plan), [kills_table(found, plan)])
+    title = f"{len(found)} kills, saved within {plan.within:g} s, or as long as the disk was full"
+    ways = {str(strike): of_it for strike in Strike if (of_it := [k for k in found if k.strike is strike])}
+    put_out(as_json, kills_document(found, plan), [table_of(title, "killed", ways, COLUMNS)])
     problems = [problem for kill in found for problem in kill.problems]
     for problem in problems:
         messages.print(problem, highlight=False, markup=False)

@@ -12,19 +12,9 @@ from scipy.signal import butter, freqs
 
 from tools.benchmarks import plant
 from tools.benchmarks.arrays import Array
-from tools.benchmarks.plant import Bench, Measured
+from tools.benchmarks.plant import LIFT, LINE, RAIL, Bench, Measured
 from tools.benchmarks.realism import disturbance as of
-from tools.benchmarks.realism.disturbance import (
-    ALL,
-    LIFT,
-    LINE,
-    RAIL,
-    US,
-    Disturbance,
-    Kind,
-    Reasons,
-    of_signal,
-)
+from tools.benchmarks.realism.disturbance import ALL, US, Disturbance, Kind, Reasons, of_signal
 from tools.benchmarks.realism.sensors import coarse, hum
 
 OPENING_DELAY = 0.25e-3  # s, from the start of energizing to the opening

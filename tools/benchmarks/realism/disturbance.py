@@ -10,7 +10,7 @@ import numpy as np
 from numpy.random import Generator
 
 from tools.benchmarks.arrays import Array
-from tools.benchmarks.plant import Bench, Measured, Step
+from tools.benchmarks.plant import LIFT, LINE, RAIL, SIGNALS, Bench, Measured, Step, seen_as
 
 
 class Reasons:
@@ -33,8 +33,7 @@ class Reasons:
     CROWDED = frozenset({"STARTING", "NO_STANDSTILL", "TOO_FEW_EVENTS"})
 
 
-ALL = ("rail_pressure", "needle_lift", "line_pressure")
-RAIL, LIFT, LINE = ALL
+ALL = SIGNALS
 MPA, UM, US, KHZ = 1e6, 1e-6, 1e-6, 1e3
 SCALES = {"MPa": MPA, "um": UM, "us": US, "ms": 1e-3, "kHz": KHZ, "%": 0.01}  # by the first word of a unit
 LAG, DELAY = "lag_us", "filter_delay_us"  # keys of `[signals.<role>]`
@@ -120,7 +119,7 @@ def _step(wave: Wave, size: float, rng: Generator, roles: tuple[str, ...]) -> St
     def step(measured: Measured) -> Measured:
         chance = np.random.default_rng(seed)  # the same every time the bench is recorded
         for role in roles:
-            measured = changed(measured, role, wave(measured.time, getattr(measured, role), size, chance))
+            measured = seen_as(role, lambda time, values: wave(time, values, size, chance))(measured)
         return measured
 
     return step

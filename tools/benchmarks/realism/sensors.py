@@ -7,19 +7,9 @@ from numpy.random import Generator
 from scipy.signal import lfilter
 
 from tools.benchmarks.arrays import Array
-from tools.benchmarks.plant import LIFT_NOISE, LINE_NOISE, RAIL_NOISE, Bench
+from tools.benchmarks.plant import LIFT, LIFT_NOISE, LINE, LINE_NOISE, RAIL, RAIL_NOISE, Bench
 from tools.benchmarks.realism import disturbance as of
-from tools.benchmarks.realism.disturbance import (
-    ALL,
-    LIFT,
-    LINE,
-    RAIL,
-    Disturbance,
-    Kind,
-    Reasons,
-    of_signal,
-    sign,
-)
+from tools.benchmarks.realism.disturbance import ALL, Disturbance, Kind, Reasons, of_signal, sign
 
 NOISE = {RAIL: RAIL_NOISE, LIFT: LIFT_NOISE, LINE: LINE_NOISE}  # of the plant, per sample
 BURST, BURSTS = 2e-3, 8.0  # s; per s

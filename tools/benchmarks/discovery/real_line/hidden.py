@@ -19,7 +19,7 @@ from tools.benchmarks.discovery.hidden import (
     TermEquation,
 )
 from tools.benchmarks.discovery.real_line.discrepancies import resonant_line
-from tools.benchmarks.plant import Measured, Step
+from tools.benchmarks.plant import LINE, RAIL, Step, seen_as
 from tools.benchmarks.plant_laws import Laws
 from tools.benchmarks.plant_parameters import Faults
 
@@ -30,22 +30,13 @@ BOW_ENDS = (60e6, 140e6)  # Pa, where a sensor with a bent characteristic is rig
 
 def late_rail(delay: float) -> Step:
     """A rail pressure recorded late, or early [s]."""
-
-    def step(seen: Measured) -> Measured:
-        return replace(seen, rail_pressure=np.interp(seen.time - delay, seen.time, seen.rail_pressure))
-
-    return step
+    return seen_as(RAIL, lambda time, p: np.interp(time - delay, time, p))
 
 
-def bent_sensor(bow: float) -> Step:
-    """A line-pressure sensor with a quadratic characteristic: right at BOW_ENDS, too low by `bow` [Pa] between."""
+def bent_sensor(bow: float, role: str = LINE) -> Step:
+    """A pressure sensor with a quadratic characteristic: right at BOW_ENDS, too low by `bow` [Pa] between."""
     low, high = BOW_ENDS
-
-    def step(seen: Measured) -> Measured:
-        p = seen.line_pressure
-        return replace(seen, line_pressure=p + 4.0 * bow * (p - low) * (p - high) / (high - low) ** 2)
-
-    return step
+    return seen_as(role, lambda _, p: p + 4.0 * bow * (p - low) * (p - high) / (high - low) ** 2)
 
 
 def _by_name(*kinds: HiddenKind) -> dict[str, HiddenKind]:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
+import psutil
 import typer
 
 from observer_rt.bus.links.link import BusFrame, Frame, block_of
@@ -101,8 +102,9 @@ def run_history(hours: float, period: float, model: Path | None) -> History:
         now = core.counters
         gone_back |= {name: None for name, value in vars(now).items() if value < getattr(before, name)}
         before = now
-        hour = number * period / _HOUR
-        looks.append(Look(hour, _memory(), number, reported, valid, out_of_turn, tuple(gone_back)))
+        gc.collect()
+        hour, memory = number * period / _HOUR, psutil.Process().memory_info().rss / _MEBIBYTE
+        looks.append(Look(hour, memory, number, reported, valid, out_of_turn, tuple(gone_back)))
     return History(tuple(looks), core.counters)
 
 
@@ -144,13 +146,6 @@ def _send(core: Core, framer: Framer, part: Recording, begin: float) -> None:
         for each in framer.frames(part, windows(part))
     ]
     core.handle_many(block_of(given))
-
-
-def _memory() -> float:
-    """Resident, MiB."""
-    gc.collect()
-    pages = int(Path("/proc/self/statm").read_text().split()[1])
-    return pages * 4096 / _MEBIBYTE
 
 
 _COLUMNS: Columns[Look] = {

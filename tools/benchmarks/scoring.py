@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 from numpy.typing import NDArray
@@ -279,8 +280,5 @@ def timed_training() -> Iterator[list[float]]:
         durations.append((time.thread_time() - begin) / MILLISECOND)
         return future
 
-    InlineExecutor.submit = submit  # type: ignore[method-assign]
-    try:
+    with patch.object(InlineExecutor, "submit", submit):
         yield durations
-    finally:
-        InlineExecutor.submit = original  # type: ignore[method-assign]

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from playwright.sync_api import Browser, Error, Page, Playwright
 
 from observer_rt.foundation.errors import UserError
+from tools.benchmarks.speed.observers import cpu_time
 
 _OBTAIN = f"{sys.executable} -m playwright install --with-deps chromium-headless-shell"
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
@@ -158,9 +159,4 @@ def _cpu_times(served: Served) -> tuple[float, float]:
     """Processor time so far [s]: of the server, of all processes of the browser."""
     own = psutil.Process()
     browsing = [each for each in own.children(recursive=True) if "chrom" in each.name()]
-    return _cpu_time(psutil.Process(served.process.pid)), sum(map(_cpu_time, browsing))
-
-
-def _cpu_time(process: psutil.Process) -> float:
-    times = process.cpu_times()
-    return float(times.user + times.system)
+    return cpu_time(psutil.Process(served.process.pid)), sum(map(cpu_time, browsing))

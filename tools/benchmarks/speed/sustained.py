@@ -248,8 +248,8 @@ def run_soak(folder: Path, minutes: float) -> Soak:
                     latency_of(passage.latencies(traffic, open_only=False)),
                     (ours.cpu_time() - before) / passage.seconds,
                     ours.memory() / _MEBIBYTE,
-                    _entries(ours, "task"),
-                    _entries(ours, "fd"),
+                    ours.resources.num_threads(),
+                    ours.resources.num_fds(),
                 )
             )
     return Soak(tuple(found), farewell(ours))
@@ -273,7 +273,3 @@ def soak_table(soak: Soak, rows: int = 20) -> Table:
     }
     places = np.unique(np.linspace(0, len(soak.stretches) - 1, rows).round().astype(int))
     return list_of(title, [[soak.stretches[place] for place in places]], columns)
-
-
-def _entries(ours: Observer, what: str) -> int:
-    return sum(1 for _ in Path(f"/proc/{ours.process.pid}/{what}").iterdir())

@@ -16,12 +16,9 @@ from typing import Annotated, Any
 import numpy as np
 import psutil
 import typer
-from rich.console import Console
 
-from observer_rt.evaluation.convert import convert
 from observer_rt.foundation.errors import RunError
 from observer_rt.foundation.units import MICROSECOND
-from observer_rt.recording.signals.table_writers import write_whole
 from tools.benchmarks.command_line import JsonOption, app, messages
 from tools.benchmarks.report import NOTHING, Columns, Figure, Shown, figures_table, list_of, put_out
 from tools.benchmarks.scoring import bench_at
@@ -31,16 +28,17 @@ from tools.benchmarks.speed.core_alone import (
     MDF4,
     ONCE,
     PARQUET,
+    SUFFIXES,
     Watch,
     core_alone,
     frames_of,
     repeated_injections,
+    write_source,
 )
 from tools.benchmarks.speed.traffic import SAMPLE_RATE, Ids, write_bench
 
 _STEP = 50e3  # Pa of rail pressure from file to file: what a CAN signal resolves, far from what matters
-_SUFFIXES = {PARQUET: ".parquet", MDF4: ".mf4", CAN_LOG: ".mf4"}
-SOURCES = tuple(_SUFFIXES)
+SOURCES = tuple(SUFFIXES)
 _LOOK = 0.1  # s to the next one at memory
 _KIBIBYTES = 1024  # in a MiB, as the kernel counts
 _COMMAND = (sys.executable, "-m", "observer_rt", "batch")
@@ -63,26 +61,13 @@ class Files:
         chosen = place / f"first_{self.number}"
         chosen.mkdir(parents=True, exist_ok=True)
         for number in range(self.number):
-            path = place / f"{number}{_SUFFIXES[self.source]}"
+            path = place / f"{number}{SUFFIXES[self.source]}"
             if not path.exists():
-                self._write(path, number)
+                write_source(self.source, path, repeated_injections(self.repeats, number * _STEP))
             link = chosen / path.name
             if not link.exists():
                 link.hardlink_to(path)
         return chosen
-
-    def _write(self, path: Path, number: int) -> None:
-        recording = repeated_injections(self.repeats, number * _STEP)
-        if self.source != CAN_LOG:
-            write_whole(path, recording)
-            return
-        signals, frames = path.with_suffix(".parquet"), path.with_suffix(".blf")
-        quiet = Console(quiet=True)
-        write_whole(signals, recording)
-        convert(signals, frames, bench_at(SAMPLE_RATE), (), True, quiet)
-        convert(frames, path, None, (), True, quiet)
-        signals.unlink()
-        frames.unlink()
 
 
 @dataclass(frozen=True)

@@ -37,6 +37,7 @@ INJECTIONS, ENERGIZING = 50, 1.2 * MILLISECOND  # 25 a second, of three pressure
 ONCE = INJECTIONS * PERIOD
 """Length of the injections that are repeated [s]."""
 ARRAYS, PARQUET, MDF4, CAN_LOG = "arrays", "parquet", "mf4", "mf4 CAN log"
+SUFFIXES = {PARQUET: ".parquet", MDF4: ".mf4", CAN_LOG: ".mf4"}
 REPEATED = 15  # times: 30 s
 PASSES = 3
 SECONDS = (0.25, 0.5, 1.0, 2.0)
@@ -169,20 +170,29 @@ def measure_evaluate(folder: Path) -> EvaluateTimes:
     return EvaluateTimes(samples / SAMPLE_RATE, core.least(samples), verdicts.least(samples), found)
 
 
+def write_source(source: str, path: Path, recording: Recording) -> None:
+    """A recording as a file of a source; a log of its frames by way of files beside it, which go again."""
+    if source != CAN_LOG:
+        write_whole(path, recording)
+        return
+    signals, frames, quiet = path.with_suffix(".parquet"), path.with_suffix(".blf"), Console(quiet=True)
+    write_whole(signals, recording)
+    convert(signals, frames, bench_at(SAMPLE_RATE), (), True, quiet)
+    convert(frames, path, None, (), True, quiet)
+    signals.unlink()
+    frames.unlink()
+
+
 def _sources(folder: Path, bench: Bench, recording: Recording) -> dict[str, Callable[[], SignalStream]]:
     """How each is opened, the same samples in all."""
-    quiet = Console(quiet=True)
-    parquet, mdf4, log = folder / "evaluated.parquet", folder / "evaluated.mf4", folder / "frames.mf4"
-    for path in (parquet, mdf4):
-        write_whole(path, recording)
-    trace = folder / "frames.blf"
-    convert(mdf4, trace, bench, (), True, quiet)
-    convert(trace, log, None, (), True, quiet)
+    files = {source: folder / f"evaluated_{n}{SUFFIXES[source]}" for n, source in enumerate(SUFFIXES)}
+    for source, path in files.items():
+        write_source(source, path, recording)
     return {
         ARRAYS: lambda: HeldSignals(recording),
-        PARQUET: lambda: open_recording(parquet, bench.injector),
-        MDF4: lambda: open_recording(mdf4, bench.injector),
-        CAN_LOG: lambda: LoggedSignals(bench, log),
+        PARQUET: lambda: open_recording(files[PARQUET], bench.injector),
+        MDF4: lambda: open_recording(files[MDF4], bench.injector),
+        CAN_LOG: lambda: LoggedSignals(bench, files[CAN_LOG]),
     }
 
 

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 from scipy.stats import binomtest
+
+from tools.benchmarks.arrays import Array
 
 TABLE_WIDTH = 210  # where stdout is no terminal
 NOTHING = "-"  # in the place of a figure of which there is none
@@ -103,7 +104,7 @@ def known(values: Iterable[Row | None]) -> list[Row]:
     return [value for value in values if value is not None]
 
 
-Numbers = Sequence[float] | NDArray[np.float64]
+Numbers = Sequence[float] | Array
 
 
 def mean(values: Numbers) -> float | None:

@@ -31,6 +31,7 @@ from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.judging import InlineExecutor
 from observer_rt.simulation.schedule import Schedule
 from observer_rt.simulation.simulate import SimulatedNoise, Simulation, simulate
+from tools.benchmarks.arrays import Array
 from tools.benchmarks.cases import CLASSES, Case, make_case
 from tools.benchmarks.plant import Outcome, record
 from tools.benchmarks.report import known
@@ -141,7 +142,7 @@ def score_evaluation(
     judged, covered = covered_samples(rate - truth.injection_rate, trace.injection_rate_sigma, windows)
     valid, reasons, intervals = _judged(evaluation, windows)
 
-    def scored(name: str, rate: NDArray[np.float64], x3: NDArray[np.float64]) -> EstimatorScore:
+    def scored(name: str, rate: Array, x3: Array) -> EstimatorScore:
         return score_rate(name, rate, truth, windows, density, x3 - true_x3)
 
     return CaseScore(
@@ -221,11 +222,11 @@ def worn_injector(
     return simulate(injector or load_injector(), schedule, sample_rate, worn, SimulatedNoise(), seed=seed)
 
 
-def x3_of_rate(rate: NDArray[np.float64], bench: Bench) -> NDArray[np.float64]:
+def x3_of_rate(rate: Array, bench: Bench) -> Array:
     """x3 at which the nominal nozzle passes a rate [m3/s]: (23) solved for p_S."""
     part = bench.injector.parameters
     jet = math.sqrt(2.0 * PRESSURE_SCALE / part.fluid.density_nozzle)
-    root: NDArray[np.float64] = rate / (part.nozzle.flow_coefficient * part.nozzle.area * jet)
+    root: Array = rate / (part.nozzle.flow_coefficient * part.nozzle.area * jet)
     return root * np.abs(root)
 
 

@@ -22,6 +22,7 @@ from observer_rt.service.core.core import Core
 from observer_rt.service.reports.news import Notes
 from observer_rt.simulation.plant import Truth
 from observer_rt.simulation.schedule import make_schedule
+from tools.benchmarks.arrays import Array
 from tools.benchmarks.command_line import app, tracked
 from tools.benchmarks.report import Columns, put_out, table_of
 from tools.benchmarks.scoring import bench_at, worn_injector
@@ -51,7 +52,7 @@ class Onset(StrEnum):
     OPEN = "while the needle is open"
 
 
-Signals = dict[str, NDArray[np.float64]]
+Signals = dict[str, Array]
 RAIL, LIFT, LINE = "rail_pressure", "needle_lift", "line_pressure"
 
 

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
 from observer_rt.estimation.predictor import NO_SLOPES, Setting, Window, follow
@@ -21,6 +20,7 @@ from observer_rt.model.line.interface import rest_line
 from observer_rt.model.parameters import EffectInForce, EffectValue, InjectorParameters
 from observer_rt.model.stability import substeps_needed
 from observer_rt.recording.signals.recording import Recording
+from tools.benchmarks.arrays import Array
 from tools.benchmarks.discovery import oracle
 from tools.benchmarks.discovery.answers import Answer, Claim
 from tools.benchmarks.discovery.asking import Answered
@@ -37,7 +37,7 @@ from tools.benchmarks.score import windows_of
 from tools.benchmarks.scoring import recording_of
 
 SUBSTEPS = 10  # at 100 kHz, or what is needed: of the nominal injector a fifth, at the largest orifice
-Model = tuple[NDArray[np.float64], NDArray[np.float64]]
+Model = tuple[Array, Array]
 """Recorded line pressure [Pa] and mass flow [kg/s] (n,) of a model or of the plant."""
 Solve = Callable[[Bench, Outcome], Model]
 """What a model makes of a recording's inputs."""
@@ -190,9 +190,7 @@ def _true_model(r: oracle.Recorded, faults: Faults) -> Model:
     return line, rate * with_faults(r.bench.injector, faults).density
 
 
-def open_loop(
-    injector: InjectorParameters, recording: Recording
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def open_loop(injector: InjectorParameters, recording: Recording) -> tuple[Array, Array]:
     """Line pressure as the model's sensor records it [Pa] (n,), and injected mass flow [kg/s] (n,)."""
     model = effective_model(injector)
     c, sensor = model.coefficients, model.sensor

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import psutil
-from numpy.typing import NDArray
 from playwright.sync_api import Browser, Error, Page, Playwright
 
 from observer_rt.foundation.errors import UserError
+from tools.benchmarks.arrays import Array
 from tools.benchmarks.speed.observers import cpu_time
 
 _OBTAIN = f"{sys.executable} -m playwright install --with-deps chromium-headless-shell"
@@ -90,7 +90,7 @@ class Gaps:
     per_second: float
 
     @classmethod
-    def of(cls, times: NDArray[np.float64], begin: float, end: float) -> "Gaps":
+    def of(cls, times: Array, begin: float, end: float) -> "Gaps":
         """Of frames at some times [ms], in a stretch of time."""
         within = times[(times > begin) & (times < end)]
         gaps = np.diff(within, prepend=begin, append=end)

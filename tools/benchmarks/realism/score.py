@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
 
+from tools.benchmarks.arrays import Array
 from tools.benchmarks.realism.catalogue import AND, STATED, alone, name_of, parsed, true_reasons
 from tools.benchmarks.report import NOTHING, Columns, Shown, cells, mean, percentile
 from tools.benchmarks.runs import Crash, Task
@@ -53,12 +54,12 @@ class RunScore(Task):
         """Of events 8-20."""
         return np.array(self.case.valid[JUDGED])
 
-    def errors_pct(self, name: str = OBSERVER) -> NDArray[np.float64]:
+    def errors_pct(self, name: str = OBSERVER) -> Array:
         """Sizes of the mass errors of events 8-20."""
         return np.abs(self.case.event_errors_pct(name)[JUDGED])
 
     @property
-    def valid_errors_pct(self) -> NDArray[np.float64]:
+    def valid_errors_pct(self) -> Array:
         """The same of the valid ones."""
         return self.errors_pct()[self.valid]
 

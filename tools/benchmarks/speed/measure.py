@@ -12,10 +12,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 import typer
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 from rich.table import Table
 
 from observer_rt.foundation.units import MICROSECOND
+from tools.benchmarks.arrays import Array
 from tools.benchmarks.command_line import JsonOption, app, chosen_names, messages, tell_figures
 from tools.benchmarks.figures import COLOURS
 from tools.benchmarks.report import Figure, Shown, figures_table, list_of, put_out, table_of
@@ -271,7 +271,7 @@ def _training_shown(times: TrainingTimes) -> Iterator[Shown]:
 
 def save_histograms(speed: Speed, folder: Path) -> Path | None:
     """Share of the answers by latency, a panel for each pace and one for the socket pair; None without any."""
-    panels: dict[str, Mapping[str, NDArray[np.float64]]] = {}
+    panels: dict[str, Mapping[str, Array]] = {}
     if speed.roundtrip:
         named = speed.roundtrip.latencies
         for pace in PACES:
@@ -295,7 +295,7 @@ def save_histograms(speed: Speed, folder: Path) -> Path | None:
     return path
 
 
-def _panel(axis: Axes, title: str, found: Mapping[str, NDArray[np.float64]]) -> None:
+def _panel(axis: Axes, title: str, found: Mapping[str, Array]) -> None:
     every = np.concatenate(list(found.values())) / MICROSECOND
     bins = np.geomspace(max(every.min(), 1.0), every.max() * 1.01, _BINS).tolist()
     for party, seconds in found.items():

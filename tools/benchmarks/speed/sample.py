@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from observer_rt.estimation.scalars import Parameter
 from observer_rt.foundation.continuity import RECORDED_RING, Break
@@ -24,6 +23,7 @@ from observer_rt.observer.stream.state import RING, Observer
 from observer_rt.observer.stream.step import advance_stream, take_recorded
 from observer_rt.service.compiled.constants import bench_constants, configured_noise
 from observer_rt.simulation.schedule import Event, Shot
+from tools.benchmarks.arrays import Array
 from tools.benchmarks.score import SampleTime
 from tools.benchmarks.scoring import bench_at
 from tools.benchmarks.speed import native
@@ -48,13 +48,12 @@ LEARNED = {
 STATES = 3
 BLOCKS = 400  # each of one injection; ours and C in turn
 WHOLE_BLOCKS = 99
-_Array = NDArray[np.float64]
 _MASK = RECORDED_RING - 1
 _START, _NONE = int(Break.START), int(Break.NONE)
 
 
 @njit(cache=True, nogil=True)
-def run_samples(observer: Observer, inputs: _Array, first_index: int) -> None:
+def run_samples(observer: Observer, inputs: Array, first_index: int) -> None:
     """Samples (n, 3) of rail pressure [Pa], needle lift [m] and line pressure [Pa], one by one through the step."""
     for k in range(inputs.shape[0]):
         number = observer.memory[0].recorded
@@ -92,7 +91,7 @@ def _best(observer: Observer, first_index: int, lift: float, line_pressure: floa
     return _fastest_block(observer, inputs, REPEATS, first_index) / MICROSECOND
 
 
-def _fastest_block(observer: Observer, inputs: _Array, blocks: int, first_index: int = 0) -> float:
+def _fastest_block(observer: Observer, inputs: Array, blocks: int, first_index: int = 0) -> float:
     """Seconds a sample, of samples (n, 3) given again and again; the first block does not count: it may compile."""
     times = [
         thread_seconds(lambda block=block: run_samples(observer, inputs, first_index + block * len(inputs)))  # type: ignore[misc]
@@ -163,7 +162,7 @@ class OpenNeedle:
         # No innovation is an outlier from here on, whatever it leaps: the C code has no such test.
         self.observer.memory["synchronised"] = False
 
-    def ours(self) -> _Array:
+    def ours(self) -> Array:
         """Injection rates [m3/s] of the open samples, by compiled Python."""
         step_samples(self.observer, self.first, self.end)
         rows = self.observer.ring[self.first : self.end]
@@ -184,7 +183,7 @@ class CObserver:
         self._rates = np.zeros(len(rows))
         self._model = model_of(at.observer)
 
-    def rates(self) -> _Array:
+    def rates(self) -> Array:
         """As `OpenNeedle.ours`."""
         tilde, hat = self._start[0].copy(), self._start[1].copy()
         shown = ctypes.c_double(self._shown)

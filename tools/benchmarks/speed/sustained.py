@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.table import Table
 
+from tools.benchmarks.arrays import Array
 from tools.benchmarks.report import list_of
 from tools.benchmarks.speed.observers import PAUSED_RUN, RUN, Observer, observer
 from tools.benchmarks.speed.pace import Latency, latency_of, socket_pacer
@@ -59,7 +59,7 @@ class Sustained:
     latency: Latency
     memory_mib: float
     farewell: str
-    latencies: NDArray[np.float64]
+    latencies: Array
 
     def document(self) -> dict[str, Any]:
         """For JSON."""

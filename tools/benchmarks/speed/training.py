@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from observer_rt.bus.mapping.bus_map import map_bus
@@ -28,6 +27,7 @@ from observer_rt.observer.paper_scheme.training import BETA, EPOCHS, GAMMA, Obje
 from observer_rt.service.core.core import Core
 from observer_rt.simulation.schedule import Event, Schedule, Shot
 from observer_rt.simulation.simulate import simulate
+from tools.benchmarks.arrays import Array
 from tools.benchmarks.scoring import bench_at, timed_training
 from tools.benchmarks.speed.sample import thread_seconds
 from tools.benchmarks.speed.traffic import INPUT_ID, SAMPLE_RATE, Traffic, payloads_of
@@ -80,7 +80,7 @@ def cost_of(samples: int) -> FaultCost:
     return fault_cost(*_training_data(samples), GAIN)
 
 
-def _training_data(samples: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _training_data(samples: int) -> tuple[Array, Array]:
     injector = load_injector()
     schedule = Schedule((Event(1e-3, 100e6, (Shot(1.9e-3),)),), 5e-3)
     truth = simulate(injector, schedule, _FINE, (sized("orifice_area", v_H=WEAR),)).truth
@@ -107,12 +107,12 @@ class _CountingCost:
         self.values = 0
         self.gradients = 0
 
-    def value(self, theta: NDArray[np.float64]) -> float:
+    def value(self, theta: Array) -> float:
         """J."""
         self.values += 1
         return self._cost.value(theta)
 
-    def value_and_gradient(self, theta: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+    def value_and_gradient(self, theta: Array) -> tuple[float, Array]:
         """J and its gradient."""
         self.gradients += 1
         return self._cost.value_and_gradient(theta)

@@ -23,7 +23,7 @@ from tools.benchmarks.discovery.real_line.hidden import EFFECTS
 REPOSITORY = Path(__file__).parents[2]
 BENCHMARKS = REPOSITORY / "tools" / "benchmarks"
 CLAIM = "Imports nothing of `observer_rt`"
-MORE = ("cases", "realism.noises", "realism.lifts", "realism.outliers", "realism.channels", "realism.benches")
+MORE = ("cases", "realism.sensors", "realism.channels", "realism.benches")
 ALONE = """
 import importlib, io, json, sys
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from observer_rt.foundation.files import file_hash
-from tools.benchmarks.many.run import Files, Many, Taken, Work, figures, many_document
+from tools.benchmarks.batch import Files, Many, Taken, Work, figures, many_document
 from tools.benchmarks.speed.core_alone import CAN_LOG, INJECTIONS, MDF4, PARQUET
 
 START, A_FILE, REPEATS = 5.0, 2.0, 8  # s, s a file

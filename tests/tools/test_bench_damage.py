@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from itertools import count, islice
 
 import pytest
-from rich.console import Console
 
 from observer_rt.recording.canlog.can_log import LogFrame
 from observer_rt.recording.canlog.candump import CandumpLog
@@ -20,7 +19,7 @@ SEED = 7
 
 @pytest.mark.slow
 def test_a_share_of_the_campaign_has_no_fault() -> None:
-    campaign = run_damage(150, SEED, 1, Console(quiet=True))
+    campaign = run_damage(150, SEED, 1)
     assert campaign.faults == []
     kinds = {each.task.kind for each in campaign.outcomes}
     assert {kind[kind.index(".") :] for kind in kinds} >= {

@@ -245,7 +245,7 @@ def test_an_exact_equivalent_counts_with_its_own_size() -> None:
 def test_a_run_asks_once_scores_all_and_goes_on_where_it_stopped(tmp_path: Path) -> None:
     stub = Stub(tmp_path)
     asking = Asking(HidingPlan(("seat_outflow",), 1, 1, (True,), 1), 1, tmp_path / "out", stub.program)
-    found = run_discovery(asking, Console(quiet=True))
+    found = run_discovery(asking)
     assert found.crashes == ()
     outflow, healthy = sorted(found.results, key=lambda r: r.effect, reverse=True)
     assert (outflow.effect, outflow.above_noise, outflow.right) == ("seat_outflow", True, False)
@@ -258,7 +258,7 @@ def test_a_run_asks_once_scores_all_and_goes_on_where_it_stopped(tmp_path: Path)
     assert not any(effect in path for paths in asked for path in paths for effect in HIDDEN)
     assert not any(Path(path).exists() for paths in asked for path in paths)
 
-    again = run_discovery(replace(asking, plan=replace(asking.plan, healthy=2)), Console(quiet=True))
+    again = run_discovery(replace(asking, plan=replace(asking.plan, healthy=2)))
     assert len(stub.calls()) == len(calls) + 1
     assert [r for r in again.results if r in found.results] == list(found.results)
     console = Console(width=190)
@@ -272,8 +272,8 @@ def test_a_run_asks_once_scores_all_and_goes_on_where_it_stopped(tmp_path: Path)
 def test_a_case_that_fails_is_said_and_the_others_go_on(tmp_path: Path) -> None:
     stub = Stub(tmp_path, fails_once=True)
     asking = Asking(HidingPlan((), 0, 2, (False,), 1), 1, tmp_path / "out", stub.program)
-    found = run_discovery(asking, Console(quiet=True))
+    found = run_discovery(asking)
     assert [r.right for r in found.results] == [True]
     assert len(found.crashes) == 1
     assert "no luck" in found.crashes[0]
-    assert [r.right for r in run_discovery(asking, Console(quiet=True)).results] == [True, True]
+    assert [r.right for r in run_discovery(asking).results] == [True, True]

@@ -21,8 +21,7 @@ from tools.benchmarks.realism.catalogue import (
     pairs,
     parsed,
 )
-from tools.benchmarks.realism.channels import butterworth, butterworth_delay, filtered
-from tools.benchmarks.realism.outliers import energizing
+from tools.benchmarks.realism.channels import butterworth, butterworth_delay, energizing, filtered
 from tools.benchmarks.runs import Task
 
 SIGNALS = ("rail_pressure", "needle_lift", "line_pressure")

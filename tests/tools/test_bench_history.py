@@ -4,14 +4,13 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from rich.console import Console
 
 from tools.benchmarks.history import History, run_history
 
 
 @pytest.fixture(scope="module")
 def short() -> History:
-    return run_history(0.02, 1.0, None, Console(quiet=True))
+    return run_history(0.02, 1.0, None)
 
 
 def test_every_injection_is_reported_once(short: History) -> None:

@@ -37,7 +37,7 @@ TOLD = [
 @pytest.mark.slow
 def test_a_few_kills_lose_nothing_older_than_stated(tmp_path: Path) -> None:
     plan = Plan(8, 7, tmp_path, 1.0, "virtual", "kills-test", longest=2.0)
-    kills = list(run_campaign(plan, lambda _: None))
+    kills = list(run_campaign(plan))
     assert [problem for kill in kills for problem in kill.problems] == []
     assert {kill.strike for kill in kills} == set(Strike)
     assert all(kill.told > 0 for kill in kills if kill.strike is not Strike.MOMENT)
@@ -48,7 +48,7 @@ def test_a_few_kills_lose_nothing_older_than_stated(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.vcan
 def test_the_same_on_a_real_interface(tmp_path: Path, vcan: str) -> None:
-    kills = list(run_campaign(Plan(4, 9, tmp_path, 1.0, "socketcan", vcan), lambda _: None))
+    kills = list(run_campaign(Plan(4, 9, tmp_path, 1.0, "socketcan", vcan)))
     assert [problem for kill in kills for problem in kill.problems] == []
     assert sum(kill.told for kill in kills) > 0
 

@@ -212,7 +212,7 @@ def test_a_proposal_is_taken_as_plain_values_and_its_model_meets_the_plant(tmp_p
 @pytest.mark.slow
 def test_a_run_asks_once_and_tells_what_came_of_it(tmp_path: Path) -> None:
     asking = Asking(OutsidePlan("A", 0, (False,), 1, names=("healthy", "stop_loss")), 1, tmp_path)
-    found = run_outside(asking, Console(quiet=True))
+    found = run_outside(asking)
     assert found.crashes == ()
     stop, healthy = sorted(found.results, key=lambda r: r.case.asked, reverse=True)
     assert (healthy.case.asked, healthy.answer.verdict) == (Asked.HEALTHY, "none")
@@ -222,7 +222,7 @@ def test_a_run_asks_once_and_tells_what_came_of_it(tmp_path: Path) -> None:
     assert 0.0 < stop.added_seconds < stop.answer.seconds
     assert not [path for path in asking.hidden.iterdir() if path.is_dir()]
     answers = (tmp_path / "answers.jsonl").read_text()
-    assert run_outside(asking, Console(quiet=True)) == found
+    assert run_outside(asking) == found
     assert (tmp_path / "answers.jsonl").read_text() == answers
     console = Console(width=200)
     with console.capture() as told:

@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from tools.benchmarks.joint_fit import fits, joint_fit_rate, mass_limits_mg, true_parameters
 from tools.benchmarks.kalman_peers import UNSCENTED_SHAPE, joint_ekf, joint_ukf, start_of
-from tools.benchmarks.peer_equations import Stream, joint_jacobian, joint_step, rest
-from tools.benchmarks.peer_inputs import PeerInputs, peer_inputs
+from tools.benchmarks.peer_equations import PeerInputs, Stream, joint_jacobian, joint_step, peer_inputs, rest
 from tools.benchmarks.peers import TUNING
 from tools.benchmarks.plant import Bench, Event, Needle, Outcome, Shot, record
 from tools.benchmarks.plant_parameters import Faults, Injector

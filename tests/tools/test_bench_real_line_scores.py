@@ -16,10 +16,10 @@ from tools.benchmarks.discovery.real_line.cases import Kind, Numbers, RealPlan, 
 from tools.benchmarks.discovery.real_line.discrepancies import Discrepancy
 from tools.benchmarks.discovery.real_line.fitting import record_only
 from tools.benchmarks.discovery.real_line.result import RealGap, RealResult
-from tools.benchmarks.discovery.real_line.run import run_real_lines, shown
-from tools.benchmarks.discovery.real_line.scoring import score_answered
 from tools.benchmarks.discovery.real_line.tables import json_document, misses
 from tools.benchmarks.discovery.result import Interval
+from tools.benchmarks.discovery.run import real_shown, run_real_lines
+from tools.benchmarks.discovery.scoring import score_real
 from tools.benchmarks.wave_recordings import maker_file
 
 SINGLE = RealResult(
@@ -162,7 +162,7 @@ def test_smallest_visible_sizes_are_read_where_they_are_stated() -> None:
     stated = {"id": "lift_offset", "parameter": "x_0", "value": 1.5, "unit": "um"}
     answer = read_answer("0", findings | {"smallest_visible": [stated]}, "", 1.0, 1.0)
     assert answer.smallest == (Smallest("lift_offset", "x_0", 1.5, "um"),)
-    result = score_answered(Answered(make_case((), Rig(0, False, 1), 0), answer, NOMINAL_INJECTOR))
+    result = score_real(Answered(make_case((), Rig(0, False, 1), 0), answer, NOMINAL_INJECTOR))
     assert dict(result.smallest) == pytest.approx({"lift_offset": 1.5e-6})
     assert result.right
 
@@ -180,7 +180,7 @@ def test_the_true_effect_closes_the_gap_of_a_travelling_line(tmp_path: Path) -> 
     parameters = (ClaimedParameter("c", size, 0.9 * size, 1.1 * size, "m3/(s Pa)"),)
     claims = (Claim("guide_leakage", 0.95, parameters),)
     answer = Answer("0", "named", claims, ("guide_leakage",), amended, 1.0, 1.0)
-    result = score_answered(Answered(case, answer, model))
+    result = score_real(Answered(case, answer, model))
     assert result.named_right
     assert [interval.holds for interval in result.intervals] == [True]
     assert result.line_pressure is not None
@@ -192,7 +192,7 @@ def test_a_run_fits_first_asks_with_the_fitted_model_and_goes_on_where_it_stoppe
     stub, out = Stub(tmp_path), tmp_path / "out"
     plan = RealPlan(Numbers(1, 0, 0, 0), (True,), (Discrepancy.STEP,), 1)
     asking = Asking(plan, 1, out, stub.program)
-    found = run_real_lines(asking, Console(quiet=True))
+    found = run_real_lines(asking)
     assert found.crashes == ()
     assert [(r.kind, r.right, r.discrepancy) for r in found.results] == [(Kind.HEALTHY, True, "step")]
     calls = stub.calls()
@@ -205,27 +205,25 @@ def test_a_run_fits_first_asks_with_the_fitted_model_and_goes_on_where_it_stoppe
     assert not any("step" in a or "healthy" in a for a in asked)
     assert not any(Path(a).exists() for a in asked if a.endswith(".csv"))
 
-    again = run_real_lines(asking, Console(quiet=True))
+    again = run_real_lines(asking)
     assert again.results == found.results
     assert len(stub.calls()) == len(calls)
     console = Console(width=190)
     with console.capture() as told:
-        for part in shown(again):
+        for part in real_shown(again):
             console.print(part, highlight=False, markup=False)
     assert "step" in told.get()
 
 
 @pytest.mark.slow
-def test_recordings_for_trials_stay(tmp_path: Path) -> None:
+def test_recordings_for_trials_stay(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     stub, out = Stub(tmp_path), tmp_path / "out"
     plan = RealPlan(Numbers(0, 1, 0, 0), (False,), (Discrepancy.MOUNTING,), 1)
-    console = Console(width=190)
-    with console.capture() as told:
-        record_only(plan, out, console, stub.program)
+    record_only(plan, out, stub.program)
     assert len(list((out / "mounting" / "healthy").glob("*.csv"))) == 6
     assert (out / "mounting" / "fitted.toml").exists()
     ((label, hidden),) = [
         (e["label"], e["parts"][0][0]) for e in json.loads((out / "sealed.json").read_text())
     ]
     assert len(list((out / "cases" / label).glob("*.csv"))) == 6
-    assert f"{label} mounting: {hidden}" in told.get()
+    assert f"{label} mounting: {hidden}" in capsys.readouterr().err

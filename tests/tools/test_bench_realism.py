@@ -16,8 +16,7 @@ from tests.tools.test_bench_accuracy import bench
 from tools.benchmarks.realism.catalogue import alone
 from tools.benchmarks.realism.disturbance import Reasons
 from tools.benchmarks.realism.run import is_known, phantoms
-from tools.benchmarks.realism.score import Results, RunScore, Verdict, summary
-from tools.benchmarks.realism.tables import missed_bars
+from tools.benchmarks.realism.score import Results, RunScore, Verdict, missed_bars, summary
 from tools.benchmarks.score import CaseScore, Windows
 from tools.benchmarks.scoring import with_signals
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from observer_rt.observer.stream.state import RING
-from tools.benchmarks.sample_time import (
+from tools.benchmarks.speed.sample import (
     BLOCK,
     OPEN_LIFT,
     OPEN_PRESSURE,

@@ -9,7 +9,7 @@ import pytest
 from tools.benchmarks.report import Figure, finite
 from tools.benchmarks.speed.pace import latency_of
 from tools.benchmarks.speed.roundtrip import ECHO, OURS, PEER, RoundTrip, RoundTrips
-from tools.benchmarks.speed.soak import Soak, Stretch
+from tools.benchmarks.speed.sustained import Soak, Stretch
 
 
 def made_round_trips() -> RoundTrips:

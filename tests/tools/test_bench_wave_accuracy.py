@@ -13,14 +13,14 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.recording.formats import read_recording
 from tests.tools.made_scores import factors, score
 from tests.tools.test_bench_accuracy import bench
+from tools.benchmarks.bars import wave_violations
 from tools.benchmarks.kalman_peers import joint_ukf
-from tools.benchmarks.peer_inputs import lump_model, peer_inputs
+from tools.benchmarks.peer_equations import lump_model, peer_inputs
 from tools.benchmarks.peers import TUNING, fitted_lump
 from tools.benchmarks.plant import Bench, Event, Needle, Outcome, Shot, record
 from tools.benchmarks.plant_laws import Laws
 from tools.benchmarks.plant_parameters import Faults
 from tools.benchmarks.score import windows_of
-from tools.benchmarks.wave_accuracy import wave_violations
 from tools.benchmarks.wave_plant import LINES, Variant, new_part, real_part
 from tools.benchmarks.wave_recordings import (
     NEW_PART,

@@ -1,12 +1,10 @@
 """`tools/bench accuracy --ablation`: the observer with one part changed each, so that each part earns its place."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-import numpy as np
-from rich.console import Console
 from rich.table import Table
 
 from observer_rt.config.bench import BenchInjector
@@ -17,25 +15,12 @@ from observer_rt.observer.learning.learner import Learner
 from observer_rt.observer.stream.state import Constants
 from observer_rt.service.compiled.constants import bench_constants, configured_noise
 from observer_rt.service.core.learners import make_learner
-from tools.benchmarks.batch_learning import (
-    KNOWN,
-    BatchResult,
-    Listener,
-    Model,
-    Search,
-    SeenEvent,
-    bfgs,
-    gauss_newton,
-    learn_events,
-    shipped_model,
-    tied_rows_model,
-    trained_hidden_model,
-)
+from tools.benchmarks import batch_learning as batch
 from tools.benchmarks.cases import Case, make_case
 from tools.benchmarks.peers import paper_bench
 from tools.benchmarks.plant import Outcome, record
-from tools.benchmarks.report import NOTHING, Shown, mean, ruled
-from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Crash, Plan, Task, on_case
+from tools.benchmarks.report import Columns, known, mean, percentile, put_out, table_of
+from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Plan, Task, on_case
 from tools.benchmarks.score import OBSERVER, CaseScore, score_rate, windows_of
 from tools.benchmarks.scoring import (
     bench_at,
@@ -87,7 +72,7 @@ def without(*names: str) -> Scalars:
     """
     return Scalars(
         tuple(
-            replace(row, prior=KNOWN * row.prior, drift=0.0) if row.name in names else row
+            replace(row, prior=batch.KNOWN * row.prior, drift=0.0) if row.name in names else row
             for row in SCALARS.rows
         )
     )
@@ -99,21 +84,24 @@ RULES = {
     "no seat term": without("seat_bias"),
     "no network, bias only": without("nozzle_weight"),
 }
-BATCHES: dict[str, tuple[Callable[[float], Model], Search]] = {
-    "batch: as shipped": (shipped_model, gauss_newton),
-    "batch: BFGS + Armijo": (shipped_model, bfgs),
-    "batch: V trained": (trained_hidden_model, gauss_newton),
-    "batch: rows tied 1:12, no structure": (tied_rows_model, gauss_newton),
+BATCHES: dict[str, tuple[Callable[[float], batch.Model], batch.Search]] = {
+    "batch: as shipped": (batch.shipped_model, batch.gauss_newton),
+    "batch: BFGS + Armijo": (batch.shipped_model, batch.bfgs),
+    "batch: V trained": (batch.trained_hidden_model, batch.gauss_newton),
+    "batch: rows tied 1:12, no structure": (batch.tied_rows_model, batch.gauss_newton),
 }
 VARIANTS = (SHIPPED, *RULES, FREE_ROWS, *BATCHES)
 
 
-def run_ablation(plan: Plan, console: Console) -> tuple[tuple[AblationScore, ...], tuple[Crash[Task], ...]]:
-    """Score the cases not yet scored by this state of the code; progress goes to `console`."""
-    runs = plan.campaign(console)
+def run_ablation(plan: Plan, as_json: bool) -> None:
+    """Score the cases not yet scored by this state of the code, and show what came out."""
+    runs = plan.campaign
     kept = runs.store("ablation", AblationScore, PACKAGE, BENCHMARKS)
     work = partial(on_case, make_case, score_variants)
-    return plan.in_order(runs.results("ablation", kept, work, plan.tasks, warm_up)), runs.crashes
+    scores = plan.in_order(runs.results("ablation", kept, work, plan.tasks, warm_up))
+    document = ablation_document(scores, list(map(str, runs.crashes)))
+    crashes = [f"crash: {crash.task}: {crash.message}" for crash in runs.crashes]
+    put_out(as_json, document, [*ablation_tables(scores), *crashes])
 
 
 def warm_up() -> None:
@@ -131,7 +119,7 @@ def score_variants(case: Case) -> AblationScore:
     outcome = record(case.bench)
     bench = bench_at(case.bench.sample_rate)
     shipped, events = listened(case, outcome)
-    variants = [_of_observer(SHIPPED, shipped)]
+    observers = {SHIPPED: shipped}
     for name, scalars in RULES.items():
 
         def learner_of(
@@ -140,10 +128,12 @@ def score_variants(case: Case) -> AblationScore:
             scale = constants.coefficients.pressure_scale
             return Learner(constants, no_knowledge(knowledge.noise, scale, scalars), scalars)
 
-        variants.append(_of_observer(name, score_outcome(case, outcome, bench, learner_of)))
-    variants.append(
-        _of_observer(FREE_ROWS, score_outcome(case, outcome, paper_bench(case.bench.sample_rate)))
-    )
+        observers[name] = score_outcome(case, outcome, bench, learner_of)
+    observers[FREE_ROWS] = score_outcome(case, outcome, paper_bench(case.bench.sample_rate))
+    variants = [
+        VariantScore(n, s.mass_error_pct(), s.rate_rmse(), s.valid_share, s.wrong_valid, s.training_ms)
+        for n, s in observers.items()
+    ]
     windows = windows_of(outcome, case.bench.sample_rate)
     for name in BATCHES:
         learned = _learned(name, outcome, events)
@@ -155,23 +145,12 @@ def score_variants(case: Case) -> AblationScore:
     return AblationScore(case.class_name, case.master_seed, case.number, tuple(variants))
 
 
-def _of_observer(name: str, score: CaseScore) -> VariantScore:
-    return VariantScore(
-        name,
-        score.mass_error_pct(),
-        score.rate_rmse(),
-        score.valid_share,
-        score.wrong_valid,
-        score.training_ms,
-    )
-
-
-def listened(case: Case, outcome: Outcome) -> tuple[CaseScore, tuple[SeenEvent, ...]]:
+def listened(case: Case, outcome: Outcome) -> tuple[CaseScore, tuple[batch.SeenEvent, ...]]:
     """The observer as shipped, and the events its learner was given."""
     listeners = []
 
-    def learner_of(fitted: BenchInjector, constants: Constants, knowledge: Knowledge) -> Listener:
-        listeners.append(Listener(make_learner(fitted, constants, knowledge)))
+    def learner_of(fitted: BenchInjector, constants: Constants, knowledge: Knowledge) -> batch.Listener:
+        listeners.append(batch.Listener(make_learner(fitted, constants, knowledge)))
         return listeners[-1]
 
     bench = bench_at(case.bench.sample_rate)
@@ -181,88 +160,76 @@ def listened(case: Case, outcome: Outcome) -> tuple[CaseScore, tuple[SeenEvent, 
     openings = {r.event: r.start + lead for r in reversed(evaluation.reports)}
     heard = listeners[0].heard  # the second one is the nominal model's
     events = tuple(
-        SeenEvent(window, standstill, opening - window.opening)
+        batch.SeenEvent(window, standstill, opening - window.opening)
         for (window, standstill), (_, opening) in zip(heard, sorted(openings.items()), strict=True)
     )
     return score_evaluation(case, outcome, bench, evaluation, training), events
 
 
-def _learned(name: str, outcome: Outcome, events: Sequence[SeenEvent]) -> BatchResult:
+def _learned(name: str, outcome: Outcome, events: Sequence[batch.SeenEvent]) -> batch.BatchResult:
     bench = bench_at(1.0 / float(outcome.measured.time[1] - outcome.measured.time[0]))
     constants = bench_constants(bench.injector)
     model_of, search = BATCHES[name]
     model = model_of(constants.coefficients.pressure_scale)
-    return learn_events(
+    return batch.learn_events(
         model, search, events, outcome.measured.time.size, constants, configured_noise(bench.injector)
     )
 
 
+_COLUMNS: Columns[dict[str, Any]] = {
+    "mass error %\nmedian": "{[mass_error_pct][median]:.3f}",
+    "\np95": "{[mass_error_pct][p95]:.3f}",
+    "\nmax": "{[mass_error_pct][max]:.3f}",
+    "RMSE mm3/ms\np95": "{[rate_rmse_p95_mm3_per_ms]:.3f}",
+    "valid\n%": "{[valid_share]!p:.1f}",
+    "wrong\nvalid": "{[wrong_valid]}",
+    "training ms\nmedian": "{[training_ms_median]:.1f}",
+}
+
+
 def ablation_tables(scores: Sequence[AblationScore]) -> tuple[Table, Table]:
     """Every variant over all cases, and class by class."""
-    classes = list(dict.fromkeys(score.class_name for score in scores))
-    overall = ruled(f"one part changed: {len(scores)} cases, events 11-20", ("observer",), (
-        "mass error %\nmedian", "\np95", "\nmax", "RMSE mm3/ms\np95", "valid\n%", "wrong\nvalid",
-        "training ms\nmedian",
-    ))  # fmt: skip
-    headings = [name.replace("_", "\n") for name in classes]
-    by_class = ruled("mass error %, events 11-20, 95 % of the cases of a class", ("observer",), headings)
-    for variant in VARIANTS:
-        overall.add_row(variant, *_row(_of(variant, scores)))
-        by_class.add_row(
-            variant,
-            *(f"{_p95_mass(_of(variant, [s for s in scores if s.class_name == c])):.3f}" for c in classes),
-        )
-    return overall, by_class
-
-
-def ablation_shown(scores: Sequence[AblationScore], crashes: Sequence[Crash[Task]]) -> Iterator[Shown]:
-    """The tables, then a line for every crash."""
-    yield from ablation_tables(scores)
-    yield from (f"crash: {crash.task}: {crash.message}" for crash in crashes)
+    title = f"one part changed: {len(scores)} cases, events 11-20"
+    overall = table_of(title, "observer", _by_variant(scores), _COLUMNS)
+    classes = {name: _by_variant(of_class) for name, of_class in _by_class(scores).items()}
+    rows = {name: {c: found[name] for c, found in classes.items()} for name in VARIANTS}
+    columns = {c.replace("_", "\n"): f"{{[{c}][mass_error_pct][p95]:.3f}}" for c in classes}
+    return overall, table_of(
+        "mass error %, events 11-20, 95 % of the cases of a class", "observer", rows, columns
+    )
 
 
 def ablation_document(scores: Sequence[AblationScore], crashes: Sequence[str]) -> dict[str, Any]:
     """`figures` over all cases, `details` per variant and class."""
-    classes = list(dict.fromkeys(score.class_name for score in scores))
+    masses = {name: found["mass_error_pct"]["p95"] for name, found in _by_variant(scores).items()}
+    classes = {name: _by_variant(of_class) for name, of_class in _by_class(scores).items()}
     return {
-        "figures": {"mass_error_p95_pct": {name: _p95_mass(_of(name, scores)) for name in VARIANTS}},
-        "details": {
-            "classes": {
-                c: {name: _details(_of(name, [s for s in scores if s.class_name == c])) for name in VARIANTS}
-                for c in classes
+        "figures": {"mass_error_p95_pct": masses},
+        "details": {"classes": classes, "crashes": list(crashes)},
+    }
+
+
+def _by_class(scores: Sequence[AblationScore]) -> dict[str, list[AblationScore]]:
+    names = dict.fromkeys(score.class_name for score in scores)
+    return {name: [s for s in scores if s.class_name == name] for name in names}
+
+
+def _by_variant(scores: Sequence[AblationScore]) -> dict[str, dict[str, Any]]:
+    """What every variant came to on these cases."""
+    found = {}
+    for name in VARIANTS:
+        ours = [v for score in scores for v in score.variants if v.name == name]
+        masses = [abs(v.mass_error_pct) for v in ours]
+        shares = known(v.valid_share for v in ours)
+        found[name] = {
+            "mass_error_pct": {
+                "median": percentile(masses, 50),
+                "p95": percentile(masses, 95),
+                "max": max(masses),
             },
-            "crashes": list(crashes),
-        },
-    }
-
-
-def _of(variant: str, scores: Sequence[AblationScore]) -> list[VariantScore]:
-    return [v for score in scores for v in score.variants if v.name == variant]
-
-
-def _row(found: Sequence[VariantScore]) -> list[str]:
-    of = _details(found)
-    is_judged = of["valid_share"] is not None
-    return [
-        *(f"{of['mass_error_pct'][name]:.3f}" for name in ("median", "p95", "max")),
-        f"{of['rate_rmse_p95_mm3_per_ms']:.3f}",
-        f"{100.0 * of['valid_share']:.1f}" if is_judged else NOTHING,
-        str(of["wrong_valid"]) if is_judged else NOTHING,
-        f"{of['training_ms_median']:.1f}",
-    ]
-
-
-def _p95_mass(found: Sequence[VariantScore]) -> float:
-    return float(np.percentile([abs(v.mass_error_pct) for v in found], 95))
-
-
-def _details(found: Sequence[VariantScore]) -> dict[str, Any]:
-    masses = [abs(v.mass_error_pct) for v in found]
-    shares = [v.valid_share for v in found if v.valid_share is not None]
-    return {
-        "mass_error_pct": {"median": float(np.median(masses)), "p95": _p95_mass(found), "max": max(masses)},
-        "rate_rmse_p95_mm3_per_ms": float(np.percentile([v.rate_rmse for v in found], 95)),
-        "valid_share": mean(shares),
-        "wrong_valid": sum(v.wrong_valid or 0 for v in found) if shares else None,
-        "training_ms_median": float(np.median([ms for v in found for ms in v.training_ms])),
-    }
+            "rate_rmse_p95_mm3_per_ms": percentile([v.rate_rmse for v in ours], 95),
+            "valid_share": mean(shares),
+            "wrong_valid": sum(v.wrong_valid or 0 for v in ours) if shares else None,
+            "training_ms_median": percentile([ms for v in ours for ms in v.training_ms], 50),
+        }
+    return found

@@ -1,35 +1,42 @@
-"""`tools/bench accuracy`: run the cases, print what came out."""
+"""`tools/bench accuracy`: cases of faults on independent plants, our observer and its peers; what came out."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
-from rich.console import Console
+import typer
 from rich.table import Table
 
-from tools.benchmarks.bars import (
-    by_class,
-    coverage,
-    followed,
-    halfwidths,
-    rate_coverages,
-    recovered,
-    slow_sample,
-    sustained_excess_pct,
-    useful_at_third,
-    violations,
-    worn_from_the_start,
-    x3_ratios,
+from tools.benchmarks import ablation as parts
+from tools.benchmarks import bars, peers
+from tools.benchmarks import command_line as cli
+from tools.benchmarks.cases import CLASSES, LUMP_CLASSES, WAVE_CLASSES, Case, Group, make_case, on_real_line
+from tools.benchmarks.figures import save_figures
+from tools.benchmarks.report import (
+    NOTHING,
+    Columns,
+    Shown,
+    clopper_pearson,
+    known,
+    mean,
+    median,
+    percentile,
+    put_out,
+    ruled,
+    table_of,
 )
-from tools.benchmarks.cases import CLASSES, Group, make_case
-from tools.benchmarks.peers import PeerScore, has_paper, has_peers, score_paper, score_peers
-from tools.benchmarks.report import NOTHING, Shown, clopper_pearson, mean, median, percentile, ruled
 from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Crash, Plan, Task, on_case
-from tools.benchmarks.sample_time import measure_sample_time
 from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore, SampleTime
 from tools.benchmarks.scoring import score_case, warm_up
+from tools.benchmarks.speed.sample import measure_sample_time
+from tools.benchmarks.wave_plant import Variant
+from tools.benchmarks.wave_recordings import fitted_model
+
+CASES, ABLATION_CASES, WAVE_CASES = 60, 10, 20  # per class
+PEER_CASES = 4  # of a class of tier B: a joint UKF takes some 15 s a recording
 
 
 @dataclass(frozen=True)
@@ -42,34 +49,73 @@ class Results:
     missed: tuple[str, ...]
 
 
-def run_accuracy(plan: Plan, console: Console) -> Results:
-    """Score the cases not yet scored by this state of the code; progress goes to `console`.
+def run_accuracy(plan: Plan) -> Results:
+    """Score the cases not yet scored by this state of the code.
 
     The peers' results are kept apart: they stay good while only the package changes. The paper's scheme is the
     package's, so its are not.
     """
-    runs = plan.campaign(console)
+    runs = plan.campaign
     kept = runs.store("observer", CaseScore, PACKAGE, BENCHMARKS)
     scores = runs.results("observer", kept, partial(on_case, make_case, score_case), plan.tasks, warm_up)
     for name, sources, is_run, score in (
-        ("peers", (BENCHMARKS,), has_peers, score_peers),
-        ("paper", (PACKAGE, BENCHMARKS), has_paper, score_paper),
+        ("peers", (BENCHMARKS,), peers.has_peers, peers.score_peers),
+        ("paper", (PACKAGE, BENCHMARKS), peers.has_paper, peers.score_paper),
     ):
         if plan.peers:
             tasks = [task for task in plan.tasks if is_run(task.class_name)]
-            kept_parts = runs.store(name, PeerScore, *sources)
-            parts = runs.results(name, kept_parts, partial(on_case, make_case, score), tasks, warm_up)
-            scores = joined(scores, parts)
+            work = partial(on_case, make_case, score)
+            kept_parts = runs.store(name, peers.PeerScore, *sources)
+            scores = joined(scores, runs.results(name, kept_parts, work, tasks, warm_up))
     found, took = plan.in_order(scores), measure_sample_time()
-    return Results(found, runs.crashes, took, (*violations(found), *slow_sample(took)))
+    return Results(found, runs.crashes, took, (*bars.violations(found), *bars.slow_sample(took)))
+
+
+def run_wave_accuracy(plan: Plan, variant: Variant, given: Path | None, measured_rate: bool) -> Results:
+    """The same on tier B, with a model fitted to healthy recordings, or given."""
+    model, healthy = fitted_model(plan, given, variant, measured_rate)
+    runs, make, ready = plan.campaign, partial(make_wave_case, variant), partial(warm_up, model)
+    kept = runs.store(f"observer-{variant}", CaseScore, PACKAGE, BENCHMARKS, model)
+    work: partial[Any] = partial(on_case, make, partial(score_case, model=model))
+    scores = runs.results("observer", kept, work, plan.tasks, ready)
+    if plan.peers:
+        work = partial(on_case, make, partial(peers.wave_peers, peers.lumps_of(list(healthy.values()))))
+        tasks = [task for task in plan.tasks if task.number < PEER_CASES]
+        kept_peers = runs.store(f"peers-{variant}", peers.PeerScore, BENCHMARKS)
+        scores = joined(scores, runs.results("peers", kept_peers, work, tasks, ready))
+    found, took = plan.in_order(scores), measure_sample_time(model)
+    return Results(
+        found, runs.crashes, took, (*bars.wave_violations(found, variant), *bars.slow_sample(took))
+    )
+
+
+def make_wave_case(variant: Variant, class_name: str, master_seed: int, number: int) -> Case:
+    """The case with this number; a master seed has one injector. Raises KeyError for an unknown class."""
+    case = make_case(class_name, master_seed, number)
+    return replace(case, bench=on_real_line(case.bench, master_seed, variant))
+
+
+def joined(scores: dict[str, CaseScore], parts: dict[str, peers.PeerScore]) -> dict[str, CaseScore]:
+    """Scores by label, with those of peers that ran."""
+    both = dict(scores)
+    for label, part in parts.items():
+        if score := scores.get(label):
+            limits = part.limits_mg or score.limits_mg
+            both[label] = replace(score, estimators=score.estimators + part.estimators, limits_mg=limits)
+    return both
 
 
 def shown(results: Results) -> Iterator[Shown]:
     """The tables, then a line for every bar that is missed and every crash."""
-    yield class_table(results.scores)
+    classes = {}
+    for name, cases in bars.by_class(results.scores).items():
+        interval = _interval(c) if (c := bars.coverage(cases)) else NOTHING
+        beside = {"x3_ratio_p5": percentile(bars.x3_ratios(cases), 5), "coverage_ci99": interval}
+        classes[name] = _class_details(cases) | beside
+    yield table_of("observer, events 11-20", "class", classes, CLASS_COLUMNS)
     if any(has_peer(score) for score in results.scores):
         yield from peer_tables(results.scores)
-    if any(followed(s) is not None for s in results.scores):
+    if any(bars.followed(s) is not None for s in results.scores):
         yield following_table(results.scores)
     took = results.sample_time
     yield f"one sample of the observer at 100 kHz, us: needle open {took.open_us:.2f}, shut {took.closed_us:.2f}"
@@ -77,64 +123,48 @@ def shown(results: Results) -> Iterator[Shown]:
     yield from (f"crash: {crash.task}: {crash.message}" for crash in results.crashes)
 
 
-def joined(scores: dict[str, CaseScore], parts: dict[str, PeerScore]) -> dict[str, CaseScore]:
-    """Scores by label, with those of peers that ran."""
-    return {
-        label: with_peers(score, parts[label]) if label in parts else score for label, score in scores.items()
-    }
-
-
-def with_peers(score: CaseScore, part: PeerScore) -> CaseScore:
-    """The score with those of peers."""
-    limits = part.limits_mg or score.limits_mg
-    return replace(score, estimators=score.estimators + part.estimators, limits_mg=limits)
-
-
 SPREAD = ("median", "p95", "max")
-
-
-def class_table(scores: Sequence[CaseScore]) -> Table:
-    """Our observer, class by class.
-
-    "worse than nominal": by how much more than three events of some case are, at the least.
-    """
-    table = ruled("observer, events 11-20", ("class",), (
-        "cases", "mass error %\nmedian", "\np95", "\nmax", "RMSE mm3/ms\nmedian", "\np95", "\nmax",
-        "valid\n%", "wrong\nvalid", "worse than\nnominal %", "x3 ratio\np5", "coverage %\nmass (99 % int.)", "\nrate",
-        "training ms\nmedian", "\np99", "nominal\nmass % median",
-    ))  # fmt: skip
-    for name, cases in by_class(scores).items():
-        table.add_row(name, *_row(cases))
-    return table
+_MASS, _RATE = (
+    f"{{[{name}][median]:.3f}} / {{[{name}][p95]:.3f}} / {{[{name}][max]:.3f}}"
+    for name in ("mass_error_pct", "rate_rmse_mm3_per_ms")
+)
+CLASS_COLUMNS: Columns[dict[str, Any]] = {
+    "cases": "{[cases]}",
+    "mass error %\nmedian / p95 / max": _MASS,
+    "RMSE mm3/ms\nmedian / p95 / max": _RATE,
+    "valid\n%": "{[valid_share]!p:.1f}",
+    "wrong\nvalid": "{[wrong_valid]}",
+    # by how much more than three events of some case are, at the least
+    "worse than\nnominal %": "{[sustained_excess_max_pct]:.2f}",
+    "x3 ratio\np5": "{[x3_ratio_p5]:.0f}",
+    "coverage %\nmass (99 % int.)": "{[coverage_95_share]!p:.0f} ({[coverage_ci99]})",
+    "\nrate": "{[rate_coverage_share]!p:.1f}",
+    "training ms\nmedian": "{[training_ms_median]:.1f}",
+    "\np99": "{[training_ms_p99]:.1f}",
+    "nominal\nmass % median": "{[peers][nominal][mass_error_pct][median]:.3f}",
+}
 
 
 def following_table(scores: Sequence[CaseScore]) -> Table:
     """How often the mass is within 1 % at the third event of a worn injector, and three events after a change."""
     headings = ("asked", "cases", "all", "99 % interval", "one operating point", "varying")
     table = ruled("mass within 1 % in time, share of the cases in %", ("class",), headings)
-    for name, cases in by_class(scores).items():
-        judged = [s for s in cases if followed(s) is not None]
-        if judged:
-            asked = "third event" if judged[0].change_event is None else "3 events after the change"
-            table.add_row(name, asked, *_followed_row(judged))
-    if worn := worn_from_the_start(scores):
+
+    def add(name: str, asked: str, cases: Sequence[CaseScore]) -> None:
+        in_time = [bool(bars.followed(s)) for s in cases]
+        kinds = [[bool(bars.followed(s)) for s in cases if s.varying is varying] for varying in (False, True)]
+        shares = [f"{100.0 * np.mean(each):.1f}" if each else NOTHING for each in (in_time, *kinds)]
+        table.add_row(name, asked, str(len(cases)), shares[0], _interval(in_time), *shares[1:])
+
+    for name, cases in bars.by_class(scores).items():
+        if judged := [s for s in cases if bars.followed(s) is not None]:
+            add(
+                name, "third event" if judged[0].change_event is None else "3 events after the change", judged
+            )
+    if worn := bars.worn_from_the_start(scores):
         table.add_section()
-        table.add_row("wear, all classes", "third event", *_followed_row(worn))
+        add("wear, all classes", "third event", worn)
     return table
-
-
-def _followed_row(cases: Sequence[CaseScore]) -> list[str]:
-    kinds = ([s for s in cases if s.varying is varying] for varying in (False, True))
-    return [
-        str(len(cases)),
-        _percent([bool(followed(s)) for s in cases]),
-        _interval([bool(followed(s)) for s in cases]),
-        *(_percent([bool(followed(s)) for s in kind]) for kind in kinds),
-    ]
-
-
-def _percent(found: Sequence[bool]) -> str:
-    return f"{100.0 * np.mean(found):.1f}" if found else NOTHING
 
 
 def _interval(found: Sequence[bool]) -> str:
@@ -150,55 +180,29 @@ def has_peer(score: CaseScore) -> bool:
 def peer_tables(scores: Sequence[CaseScore]) -> tuple[Table, Table]:
     """Every estimator, class by class, median and largest of mass error and of RMSE; and the information limit."""
     names = list(dict.fromkeys(e.name for s in scores for e in s.estimators))
-    mass = ruled("mass error %, events 11-20, median / max", ("class",), names, no_wrap=True)
-    rate = ruled("RMSE mm3/ms, events 11-20, median / max", ("class",), names, no_wrap=True)
+    mass, rate = (
+        ruled(f"{what}, events 11-20, median / max", ("class",), names, no_wrap=True)
+        for what in ("mass error %", "RMSE mm3/ms")
+    )
     mass.add_column("limit %\n1 sigma", justify="right")
     mass.add_column("half-width\nvs limit", justify="right")
-    for class_name, cases in by_class(scores).items():
-        if with_peers := [s for s in cases if has_peer(s)]:
-            limits = [s.limit_pct for s in with_peers if s.limit_pct is not None]
-            widths = halfwidths(with_peers)
-            mass.add_row(
-                class_name,
-                *_cells(names, with_peers, lambda s, name: abs(s.mass_error_pct(name))),
-                f"{np.median(limits):.3f}" if limits else "",
-                f"{np.median(widths):.2f}" if widths else "",
-            )
-            rate.add_row(class_name, *_cells(names, with_peers, lambda s, name: s.rate_rmse(name)))
+    for class_name, members in bars.by_class(scores).items():
+        if cases := [s for s in members if has_peer(s)]:
+            limits, widths = known(s.limit_pct for s in cases), bars.halfwidths(cases)
+            errors = _peer_cells(names, cases, lambda s, name: abs(s.mass_error_pct(name)))
+            limit = f"{np.median(limits):.3f}" if limits else ""
+            mass.add_row(class_name, *errors, limit, f"{np.median(widths):.2f}" if widths else "")
+            rate.add_row(class_name, *_peer_cells(names, cases, lambda s, name: s.rate_rmse(name)))
     return mass, rate
 
 
-def _cells(
+def _peer_cells(
     names: Sequence[str], cases: Sequence[CaseScore], figure: Callable[[CaseScore, str], float]
-) -> list[str]:
+) -> Iterator[str]:
     """Median and largest of a figure for every estimator, over the cases it ran on."""
-    cells = []
     for name in names:
         values = [figure(s, name) for s in cases if s.has(name)]
-        cells.append(f"{np.median(values):.2f} / {max(values):.2f}" if values else NOTHING)
-    return cells
-
-
-def _row(cases: Sequence[CaseScore]) -> list[str]:
-    found, ratios = _class_details(cases), x3_ratios(cases)
-    covered, rates, training = (
-        found["coverage_95_share"],
-        found["rate_coverage_share"],
-        found["training_ms_median"],
-    )
-    return [
-        str(found["cases"]),
-        *(f"{found[name][key]:.3f}" for name in ("mass_error_pct", "rate_rmse_mm3_per_ms") for key in SPREAD),
-        f"{100.0 * found['valid_share']:.1f}",
-        str(found["wrong_valid"]),
-        f"{found['sustained_excess_max_pct']:.2f}",
-        f"{np.percentile(ratios, 5):.0f}" if ratios else NOTHING,
-        "" if covered is None else f"{100.0 * covered:.0f} ({_interval(coverage(cases))})",
-        "" if rates is None else f"{100.0 * rates:.1f}",
-        "" if training is None else f"{training:.1f}",
-        "" if training is None else f"{found['training_ms_p99']:.1f}",
-        f"{np.median([abs(s.mass_error_pct(NOMINAL)) for s in cases]):.3f}",
-    ]
+        yield f"{np.median(values):.2f} / {max(values):.2f}" if values else NOTHING
 
 
 def json_document(
@@ -206,30 +210,28 @@ def json_document(
 ) -> dict[str, Any]:
     """`figures` over the classes that must be estimated well, `details` per class."""
     main = [s for s in scores if CLASSES[s.class_name].group is Group.MAIN]
-    ratios = x3_ratios(scores)
-    covered = coverage(main)
-    shares = [np.mean([s.valid_share for s in cases]) for cases in by_class(main).values()]
-    worn, changed = worn_from_the_start(scores), [s for s in scores if s.change_event is not None]
+    shares = [float(np.mean([s.valid_share for s in cases])) for cases in bars.by_class(main).values()]
+    worn, changed = bars.worn_from_the_start(scores), [s for s in scores if s.change_event is not None]
     training = [ms for s in main for ms in s.training_ms]
     return {
         "figures": {
             "mass_error_max_pct": max((abs(s.mass_error_pct()) for s in main), default=None),
             "rate_rmse_max_mm3_per_ms": max((s.rate_rmse() for s in main), default=None),
-            "x3_mse_ratio_min": min(ratios, default=None),
-            "coverage_95_share": mean(covered),
+            "x3_mse_ratio_min": min(bars.x3_ratios(scores), default=None),
+            "coverage_95_share": mean(bars.coverage(main)),
             "wrong_valid": sum(s.wrong_valid for s in scores),
-            "valid_share_min": float(min(shares)) if shares else None,
-            "interval_halfwidth_vs_limit_median": median(halfwidths(main)),
-            "rate_coverage_share": mean(rate_coverages(main)),
-            "first_useful_phi_share": mean([useful_at_third(s) for s in worn]),
-            "recovered_after_three_share": mean([recovered(s) for s in changed]),
+            "valid_share_min": min(shares, default=None),
+            "interval_halfwidth_vs_limit_median": median(bars.halfwidths(main)),
+            "rate_coverage_share": mean(bars.rate_coverages(main)),
+            "first_useful_phi_share": mean([bars.useful_at_third(s) for s in worn]),
+            "recovered_after_three_share": mean([bars.recovered(s) for s in changed]),
             "training_ms_median": median(training),
             "training_ms_p99": percentile(training, 99),
             "sample_open_us": took.open_us,
             "sample_closed_us": took.closed_us,
         },
         "details": {
-            "classes": {name: _class_details(cases) for name, cases in by_class(scores).items()},
+            "classes": {name: _class_details(cases) for name, cases in bars.by_class(scores).items()},
             "violations": list(missed),
             "crashes": list(crashes),
         },
@@ -238,28 +240,28 @@ def json_document(
 
 def _class_details(cases: Sequence[CaseScore]) -> dict[str, Any]:
     training = [ms for s in cases for ms in s.training_ms]
-    covered = coverage(cases)
-    in_time = [found for s in cases if (found := followed(s)) is not None]
+    covered = bars.coverage(cases)
+
+    def errors(name: str) -> dict[str, Any]:
+        masses, rates = [abs(s.mass_error_pct(name)) for s in cases], [s.rate_rmse(name) for s in cases]
+        return {"mass_error_pct": _spread(masses), "rate_rmse_mm3_per_ms": _spread(rates)}
+
     return {
         "cases": len(cases),
-        "mass_error_pct": _spread([abs(s.mass_error_pct()) for s in cases]),
-        "rate_rmse_mm3_per_ms": _spread([s.rate_rmse() for s in cases]),
-        "valid_share": float(np.mean([s.valid_share for s in cases])),
+        **errors(OBSERVER),
+        "valid_share": mean([s.valid_share for s in cases]),
         "wrong_valid": sum(s.wrong_valid for s in cases),
         "peers": {
-            e.name: {
-                "mass_error_pct": _spread([abs(s.mass_error_pct(e.name)) for s in cases]),
-                "rate_rmse_mm3_per_ms": _spread([s.rate_rmse(e.name) for s in cases]),
-            }
+            e.name: errors(e.name)
             for e in cases[0].estimators
             if e.name != OBSERVER and all(s.has(e.name) for s in cases)
         },
-        "sustained_excess_max_pct": max(sustained_excess_pct(s) for s in cases),
+        "sustained_excess_max_pct": max(bars.sustained_excess_pct(s) for s in cases),
         "coverage_95_share": mean(covered),
         "coverage_95_share_ci99": clopper_pearson(sum(covered), len(covered)) if covered else None,
-        "rate_coverage_share": mean(rate_coverages(cases)),
-        "interval_halfwidth_vs_limit_median": median(halfwidths(cases)),
-        "within_1_pct_in_time_share": mean(in_time),
+        "rate_coverage_share": mean(bars.rate_coverages(cases)),
+        "interval_halfwidth_vs_limit_median": median(bars.halfwidths(cases)),
+        "within_1_pct_in_time_share": mean(known(bars.followed(s) for s in cases)),
         "training_ms_median": median(training),
         "training_ms_p99": percentile(training, 99),
         "worst": [s.number for s in sorted(cases, key=lambda s: -abs(s.mass_error_pct()))[:3]],
@@ -267,4 +269,50 @@ def _class_details(cases: Sequence[CaseScore]) -> dict[str, Any]:
 
 
 def _spread(values: Sequence[float]) -> dict[str, float]:
-    return dict(zip(SPREAD, (float(np.median(values)), percentile(values, 95), max(values)), strict=True))
+    return dict(zip(SPREAD, (median(values), percentile(values, 95), max(values)), strict=True))
+
+
+@cli.app.command(
+    epilog="Examples: tools/bench accuracy --cases 10 --classes orifice_area,line_friction; "
+    "tools/bench accuracy --tier B --variant step --cases 3"
+)
+def accuracy(
+    cases: Annotated[
+        int | None, typer.Option(min=1, help=f"Cases per class ({CASES}; with --ablation {ABLATION_CASES}).")
+    ] = None,
+    classes: Annotated[str, typer.Option(help="Classes, by commas (default: all).")] = "",
+    seed: cli.SeedOption = 1,
+    workers: cli.WorkersOption = cli.PROCESSES,
+    out: cli.OutOption = None,
+    no_peers: cli.NoPeersOption = False,
+    ablation: Annotated[
+        bool, typer.Option("--ablation", help="Instead: our observer with one part changed each.")
+    ] = False,
+    tier: cli.TierOption = cli.Tier.A,
+    variant: Annotated[Variant, typer.Option(help="Of tier B's line.")] = Variant.PLAIN,
+    model: cli.ModelOption = None,
+    measured_rate: Annotated[
+        bool,
+        typer.Option(
+            "--measured-rate", help="Tier B: fit with a measured rate, from an inertance 5 % wrong."
+        ),
+    ] = False,
+    as_json: cli.JsonOption = False,
+) -> None:
+    """Error of mass and rate on independent plants, against the true rate, class by class."""
+    default, usual, folder = LUMP_CLASSES, CASES, "accuracy"
+    if ablation:
+        default, usual = parts.CLASSES_TRIED, ABLATION_CASES
+    elif tier is cli.Tier.B:
+        default, usual, folder = WAVE_CLASSES, WAVE_CASES, f"accuracy-{variant}"
+    chosen = cli.chosen_names(classes, "--classes", CLASSES, default)
+    plan = Plan(chosen, cases or usual, seed, workers, out or Path("build") / folder, not no_peers)
+    with cli.resumable("what is scored is"):
+        if ablation:
+            parts.run_ablation(plan, as_json)
+            return
+        on_waves = tier is cli.Tier.B
+        found = run_wave_accuracy(plan, variant, model, measured_rate) if on_waves else run_accuracy(plan)
+        cli.tell_figures(save_figures(found.scores, plan.out))
+        crashes = [str(crash) for crash in found.crashes]
+        put_out(as_json, json_document(found.scores, crashes, found.sample_time, found.missed), shown(found))

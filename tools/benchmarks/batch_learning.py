@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from observer_rt.estimation.gain import NoiseLevels, gain_schedule
 from observer_rt.estimation.gating import Belief, best_subset, prior_belief
@@ -31,6 +30,7 @@ from observer_rt.observer.paper_scheme.systems import PaperSetting, balanced_rat
 from observer_rt.observer.paper_scheme.training import minimise
 from observer_rt.observer.stream.standstill import Standstill
 from observer_rt.observer.stream.state import Constants
+from tools.benchmarks.arrays import Array
 
 BFGS_ITERATIONS = 12
 SUBSETS_TRIED = 3  # of the gated scalars, between searches over the active ones
@@ -63,11 +63,11 @@ class Model:
     cost: of a window, a setting, the innovations' sigma and the samples that do not count.
     """
 
-    prior: NDArray[np.float64]
-    drift: NDArray[np.float64]
+    prior: Array
+    drift: Array
     limits: Limits
     cost: Callable[[Window, Setting, float, int], Cost]
-    rate: Callable[[Window, Setting, NDArray[np.float64]], NDArray[np.float64]]
+    rate: Callable[[Window, Setting, Array], Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +91,7 @@ class Listener(OverheardLearner):
 class BatchResult:
     """Rate [m3/s] of every sample, 0 outside the events' windows; milliseconds of one core for each event."""
 
-    rate: NDArray[np.float64]
+    rate: Array
     training_ms: tuple[float, ...]
 
 
@@ -110,7 +110,9 @@ def learn_events(
     active: frozenset[int] = frozenset()
     for number, event in enumerate(events):
         noise = event.standstill.noise or noise
-        setting, sigma = _setting(constants, theta, noise)
+        learned, c = learned_of(theta, constants.coefficients), constants.coefficients
+        schedule = gain_schedule(learned.coefficients, noise, 1.0 / constants.interval, learned.lag)
+        setting = Setting(constants.interval, constants.substeps, c, schedule.gains[-1].copy())
         rate[event.first : event.first + event.window.output.size] = model.rate(event.window, setting, theta)
         begin = time.thread_time()
         if number == 0:
@@ -118,7 +120,8 @@ def learn_events(
             belief = replace(belief, mean=theta.copy())
         else:
             belief = belief.drifted(model.drift)
-        cost = model.cost(event.window, setting, sigma, round(BURN_IN / constants.interval))
+        burn_in = round(BURN_IN / constants.interval)
+        cost = model.cost(event.window, setting, schedule.innovation_sigma, burn_in)
         iterations = FIRST_ITERATIONS if number == 0 else ITERATIONS
         first = cost.linearised(theta)
         start = Start(first, belief, active, model.limits, iterations)
@@ -166,57 +169,43 @@ def bfgs(cost: Cost, start: Start) -> tuple[Linearisation, frozenset[int]]:
 class _Restricted:
     """Cost and prior as functions of some of the parameters, the others 0."""
 
-    def __init__(
-        self, cost: Cost, start: Start, information: NDArray[np.float64], columns: list[int]
-    ) -> None:
+    def __init__(self, cost: Cost, start: Start, information: Array, columns: list[int]) -> None:
         self._cost = cost
         self._start = start
         self._information = information
         self._columns = columns
 
-    def value(self, theta: NDArray[np.float64]) -> float:
+    def value(self, theta: Array) -> float:
         """J; inf outside the bounds."""
         full = self._full(theta)
         if np.any(full < self._start.limits.lowest) or np.any(full > self._start.limits.highest):
             return np.inf
-        return _total(full, self._cost.value(full), self._start.prior, self._information)
+        return self._total(full, self._cost.value(full))
 
-    def value_and_gradient(self, theta: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+    def value_and_gradient(self, theta: Array) -> tuple[float, Array]:
         """J and its gradient."""
         full = self._full(theta)
         here = self._cost.linearised(full)
         gradient = here.gradient + self._information @ (full - self._start.prior.mean)
-        return _total(full, here.value, self._start.prior, self._information), gradient[self._columns]
+        return self._total(full, here.value), gradient[self._columns]
 
-    def _full(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _total(self, theta: Array, value: float) -> float:
+        distance = theta - self._start.prior.mean
+        return value + 0.5 * float(distance @ self._information @ distance)
+
+    def _full(self, theta: Array) -> Array:
         full = np.zeros(self._start.here.theta.size)
         full[self._columns] = theta
         return full
 
 
-def _total(
-    theta: NDArray[np.float64], value: float, prior: Belief, information: NDArray[np.float64]
-) -> float:
-    distance = theta - prior.mean
-    return value + 0.5 * float(distance @ information @ distance)
-
-
-def _setting(constants: Constants, theta: NDArray[np.float64], noise: NoiseLevels) -> tuple[Setting, float]:
-    learned = learned_of(theta, constants.coefficients)
-    schedule = gain_schedule(learned.coefficients, noise, 1.0 / constants.interval, learned.lag)
-    setting = Setting(
-        constants.interval, constants.substeps, constants.coefficients, schedule.gains[-1].copy()
-    )
-    return setting, schedule.innovation_sigma
-
-
-Predict = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+Predict = Callable[[Array], Array]
 
 
 class Correction(NamedTuple):
     """Gain (3,) of x~, and of the sensor the offset [p_0] and the lag [s]."""
 
-    gain: NDArray[np.float64]
+    gain: Array
     offset: float
     lag: float
 
@@ -228,8 +217,8 @@ def sweep(
     correction: Correction,
     network: FreeNetwork,
     corrected: int,
-    innovations: NDArray[np.float64],
-    rate: NDArray[np.float64],
+    innovations: Array,
+    rate: Array,
 ) -> None:
     """Innovations (n,) of x~ [p_0] and injection rate (n,) [m3/s]; from sample `corrected` on it runs open loop.
 
@@ -260,7 +249,7 @@ def sweep(
 class DifferencedCost:
     """The learner's cost of an event, its sensitivities by finite differences."""
 
-    def __init__(self, predict: Predict, steps: NDArray[np.float64], sigma: float, burn_in: int) -> None:
+    def __init__(self, predict: Predict, steps: Array, sigma: float, burn_in: int) -> None:
         """predict: innovations (n,) of theta (m,), a new array each time; steps: of the differences (m,)."""
         self._predict = predict
         self.innovations = np.empty(0)
@@ -269,12 +258,12 @@ class DifferencedCost:
         self._sigma = sigma
         self._burn_in = burn_in
 
-    def value(self, theta: NDArray[np.float64]) -> float:
+    def value(self, theta: Array) -> float:
         """J(theta), inf where it is not finite."""
         self.innovations = self.unfiltered = self._predict(theta)
         return self._cost()
 
-    def linearised(self, theta: NDArray[np.float64]) -> Linearisation:
+    def linearised(self, theta: Array) -> Linearisation:
         """J round theta (m,)."""
         self.innovations = self.unfiltered = base = self._predict(theta)
         slopes = np.empty((base.size, theta.size))
@@ -305,7 +294,7 @@ def trained_hidden_model(scale: float) -> Model:
     far = np.full(HIDDEN * ARGUMENTS, 10.0 * HIDDEN_PRIOR)
 
     def cost(window: Window, setting: Setting, sigma: float, burn_in: int) -> DifferencedCost:
-        def predict(theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        def predict(theta: Array) -> Array:
             result = np.zeros(window.output.size)
             innovations(window, setting, _with_hidden(theta, setting), result)
             return result
@@ -329,9 +318,7 @@ def tied_rows_model(scale: float) -> Model:
     prior[Parameter.SEAT_BIAS] *= KNOWN
     drift[Parameter.SEAT_BIAS] = 0.0
 
-    def swept(
-        window: Window, setting: Setting, theta: NDArray[np.float64], corrected: int
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def swept(window: Window, setting: Setting, theta: Array, corrected: int) -> tuple[Array, Array]:
         learned = learned_of(theta, setting.coefficients)
         c = learned.coefficients
         weights = np.append(theta[_NOZZLE_WEIGHTS], theta[Parameter.NOZZLE_BIAS])
@@ -355,18 +342,18 @@ def tied_rows_model(scale: float) -> Model:
         return errors, rate
 
     def cost(window: Window, setting: Setting, sigma: float, burn_in: int) -> DifferencedCost:
-        def predict(theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        def predict(theta: Array) -> Array:
             return swept(window, setting, theta, window.output.size)[0]
 
         return DifferencedCost(predict, steps, sigma, burn_in)
 
-    def rate(window: Window, setting: Setting, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    def rate(window: Window, setting: Setting, theta: Array) -> Array:
         return swept(window, setting, theta, window.opening)[1]
 
     return Model(prior, drift, theta_limits(scale), cost, rate)
 
 
-def _with_hidden(theta: NDArray[np.float64], setting: Setting) -> Learned:
+def _with_hidden(theta: Array, setting: Setting) -> Learned:
     """theta (m,), with the change of V appended or without."""
     learned = learned_of(theta, setting.coefficients)
     if theta.size == PARAMETERS:
@@ -375,7 +362,7 @@ def _with_hidden(theta: NDArray[np.float64], setting: Setting) -> Learned:
     return learned._replace(network=learned.network._replace(hidden=hidden))
 
 
-def _structured_rate(window: Window, setting: Setting, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+def _structured_rate(window: Window, setting: Setting, theta: Array) -> Array:
     errors, rate = np.zeros((2, window.output.size))
     follow(window, setting, _with_hidden(theta, setting), window.opening, errors, rate, None, NO_SLOPES)
     return rate

@@ -53,17 +53,9 @@ def _sign(rng: Generator) -> float:
     return 1.0 if rng.random() < 0.5 else -1.0
 
 
-def _nozzle(rng: Generator) -> Faults:
-    return Faults(orifice_area=rng.uniform(-0.5, 0.5))
-
-
-def _seat(rng: Generator) -> Faults:
-    return Faults(seat_area=rng.uniform(-0.4, 0.4))
-
-
 _SIZES: dict[str, Draw] = {
-    "orifice_area": _nozzle,
-    "seat_area": _seat,
+    "orifice_area": lambda rng: Faults(orifice_area=rng.uniform(-0.5, 0.5)),
+    "seat_area": lambda rng: Faults(seat_area=rng.uniform(-0.4, 0.4)),
     "guide_leakage": lambda rng: Faults(guide_leakage=3e-14),
     "chamber_pressure_rise": lambda rng: Faults(chamber_pressure_rise=8e6),
     "orifice_cavitation": lambda rng: Faults(orifice_cavitation=0.12),
@@ -137,15 +129,11 @@ def _two_of(draws: dict[str, Draw]) -> Draw:
 
 def _one_of(draws: dict[str, Draw]) -> Draw:
     names = sorted(draws)
-
-    def draw(rng: Generator) -> Faults:
-        return draws[names[rng.integers(len(names))]](rng)
-
-    return draw
+    return lambda rng: draws[names[rng.integers(len(names))]](rng)
 
 
 def _wear(rng: Generator) -> Faults:
-    return combined(_nozzle(rng), _seat(rng))
+    return combined(_SIZES["orifice_area"](rng), _SIZES["seat_area"](rng))
 
 
 def _healthy(_: Generator) -> Faults:
@@ -198,6 +186,24 @@ CLASSES: dict[str, FaultClass] = {
 
 LUMP_CLASSES = tuple(name for name, c in CLASSES.items() if not c.averaged)
 """Those of the nominal injector's bars."""
+WAVE_CLASSES = (
+    "healthy",
+    "orifice_area",
+    "seat_area",
+    "orifice_and_seat_area",
+    "guide_leakage",
+    "chamber_pressure_rise",
+    "orifice_cavitation",
+    "line_friction",
+    "line_pressure_sensor_offset",
+    "line_pressure_sensor_lag",
+    "rail_pressure_sensor_offset",
+    "bulk_modulus",
+    "entrained_air",
+    "mixture",
+    "wear_averaged_20_khz",
+)
+"""With the faults and schedules of the bars, on another injector and line."""
 
 
 def make_case(class_name: str, master_seed: int, number: int) -> Case:

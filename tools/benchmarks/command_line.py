@@ -1,7 +1,7 @@
 """What the commands of `tools/bench` share: the program they belong to, options, names that are chosen."""
 
 import os
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
@@ -61,9 +61,16 @@ def resumable(kept: str) -> Iterator[None]:
         raise typer.Exit(INTERRUPTED) from None
 
 
-def tracked(items: Collection[Item], what: str, console: Console = messages) -> Iterator[Item]:
-    """Item by item, a bar on the console meanwhile."""
-    with progress_bar(console, what, float(len(items))) as progress:
+def tracked(items: Iterable[Item], what: str, total: int | None = None) -> Iterator[Item]:
+    """Item by item, a bar among the messages meanwhile; total: of items that have no length."""
+    count = len(items) if isinstance(items, Collection) else total
+    with progress_bar(messages, what, count) as progress:
         for number, item in enumerate(items, 1):
             yield item
             progress(float(number))
+
+
+def tell_figures(files: Iterable[Path]) -> None:
+    """Say which figures were drawn."""
+    for file in files:
+        messages.print(f"figure: {file}", highlight=False)

@@ -13,7 +13,7 @@ import time
 import traceback
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import StrEnum
 from functools import cache
 from operator import ne
@@ -21,19 +21,18 @@ from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.cli.app import main
-from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
-from observer_rt.foundation.console import progress_bar
+from observer_rt.config.bench import load_bench
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording import formats
-from tools.benchmarks.command_line import PROCESSES, JsonOption, SeedOption, WorkersOption, app, messages
+from tools.benchmarks import command_line as cli
 from tools.benchmarks.damage_files import DATABASE, makers, write_database
-from tools.benchmarks.report import put_out, ruled
+from tools.benchmarks.report import put_out, table_of
 from tools.benchmarks.runs import Crash, run_tasks
+from tools.benchmarks.scoring import bench_text
 
 JUDGED = (".mf4",)  # whose readers lose no frame in silence; text may lose whole lines
 BINARY = (".mf4", ".parquet")
@@ -74,11 +73,11 @@ class Outcome:
     said: str = ""
 
 
-@dataclass
+@dataclass(frozen=True)
 class Campaign:
-    """All outcomes so far."""
+    """All outcomes."""
 
-    outcomes: list[Outcome] = field(default_factory=list)
+    outcomes: tuple[Outcome, ...]
 
     @property
     def faults(self) -> list[Outcome]:
@@ -86,25 +85,22 @@ class Campaign:
         return [each for each in self.outcomes if each.became is Became.FAULT]
 
 
-def run_damage(files: int, seed: int, workers: int, console: Console, flips: bool = False) -> Campaign:
+def run_damage(files: int, seed: int, workers: int, flips: bool = False) -> Campaign:
     """Damage so many files, the kinds in turn. Raises `RunError` where a process of ours was ended by one."""
     kinds = [kind for kind in makers() if not flips or kind.endswith(BINARY)]
     tasks = [Task(kinds[number % len(kinds)], seed, number, flips) for number in range(files)]
-    campaign = Campaign()
-    with progress_bar(console, "damaging", float(files)) as progress:
-        for result in run_tasks(one_file, tasks, workers, _warm_up):
-            if isinstance(result, Crash):
-                result = Outcome(result.task, Became.FAULT, 0.0, result.message)
-            campaign.outcomes.append(result)
-            progress(float(len(campaign.outcomes)))
-    return campaign
+    results = cli.tracked(run_tasks(one_file, tasks, workers, _warm_up), "damaging", files)
+    return Campaign(
+        tuple(
+            Outcome(each.task, Became.FAULT, 0.0, each.message) if isinstance(each, Crash) else each
+            for each in results
+        )
+    )
 
 
 def _by_kind(campaign: Campaign) -> dict[str, list[Outcome]]:
     """The outcomes of the kinds that there are, in their order."""
-    found: dict[str, list[Outcome]] = {kind: [] for kind in makers()}
-    for each in campaign.outcomes:
-        found[each.task.kind].append(each)
+    found = {kind: [each for each in campaign.outcomes if each.task.kind == kind] for kind in makers()}
     return {kind: outcomes for kind, outcomes in found.items() if outcomes}
 
 
@@ -124,26 +120,27 @@ def _figures(outcomes: Sequence[Outcome]) -> dict[str, int]:
 
 def damage_table(campaign: Campaign) -> Table:
     """The outcomes for a screen, kind by kind."""
-    table = ruled("damaged files", ("kind",), ("files", *Became, "longest s"))
-    for kind, chosen in {**_by_kind(campaign), "all": campaign.outcomes}.items():
-        longest = max(each.seconds for each in chosen)
-        table.add_row(kind, *map(str, _figures(chosen).values()), f"{longest:.2f}")
-    return table
+    rows = {
+        kind: {**_figures(chosen), "longest": max(each.seconds for each in chosen)}
+        for kind, chosen in {**_by_kind(campaign), "all": campaign.outcomes}.items()
+    }
+    columns = {"files": "{[files]}", **{str(b): f"{{[{b.name.lower()}]}}" for b in Became}}
+    return table_of("damaged files", "kind", rows, {**columns, "longest s": "{[longest]:.2f}"})
 
 
-@app.command(epilog="Example: tools/bench damage --files 5000 --seed 1")
+@cli.app.command(epilog="Example: tools/bench damage --files 5000 --seed 1")
 def damage(
     files: Annotated[int, typer.Option(min=1, help="Damaged files.")] = 5000,
     flips: Annotated[bool, typer.Option("--flips", help="Single bits, of MF4 and Parquet only.")] = False,
-    seed: SeedOption = 1,
-    workers: WorkersOption = PROCESSES,
-    as_json: JsonOption = False,
+    seed: cli.SeedOption = 1,
+    workers: cli.WorkersOption = cli.PROCESSES,
+    as_json: cli.JsonOption = False,
 ) -> None:
     """What becomes of damaged files of every format; exit code 1 if one crashes, or shows a traceback."""
-    campaign = run_damage(files, seed, workers, messages, flips)
+    campaign = run_damage(files, seed, workers, flips)
     put_out(as_json, damage_document(campaign), [damage_table(campaign)])
     for fault in campaign.faults:
-        messages.print(f"{fault.task}: {fault.said}", markup=False, highlight=False, soft_wrap=True)
+        cli.messages.print(f"{fault.task}: {fault.said}", markup=False, highlight=False, soft_wrap=True)
     if campaign.faults:
         raise typer.Exit(1)
 
@@ -311,8 +308,8 @@ def _whole_content(kind: str, suffix: str) -> Sequence[object]:
 
 def _bench(is_lenient: bool) -> str:
     """The example bench with the database beside it."""
-    text = EXAMPLE_BENCH.read_text().replace('file = "observer_fd.dbc"', f'file = "{DATABASE}"')
-    return text.replace("lenient = false", f"lenient = {str(is_lenient).lower()}")
+    lenient = f"lenient = {str(is_lenient).lower()}"
+    return bench_text(('file = "observer_fd.dbc"', f'file = "{DATABASE}"'), ("lenient = false", lenient))
 
 
 @cache

@@ -3,9 +3,10 @@
 import gzip
 import random
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cache, partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -42,7 +43,7 @@ def makers() -> dict[str, Callable[[Path], None]]:
     signals = formats.suffixes_of(formats.written(formats.signal_formats()))
     known: dict[str, Callable[[Path], None]] = {f"frames{suffix}": _write_frames for suffix in logs}
     known |= {f"signals{suffix}": _write_signals for suffix in signals}
-    known |= {"card.mf4": _write_card, "card_fixed.mf4": _write_fixed_card}
+    known |= {"card.mf4": _write_card, "card_fixed.mf4": partial(_write_card, finalised=True, data_width=64)}
     known |= {  # as asammdf saves them: sorted, in one block of data, in a list of blocks, packed, both
         f"{made.split('.')[0]}_{how}.mf4": partial(
             _write_saved, made=made, fragment=fragment, packing=packing
@@ -69,27 +70,30 @@ def write_database(path: Path) -> None:
     shutil.copy(PACKAGE_DATA / "observer_fd.dbc", path)
 
 
-def _write_frames(path: Path) -> None:
-    frames = _frames(formats.log_format(path).keeps_fd)
-    with formats.open_writer(path, START) as writer:
+def write_log(path: Path, frames: Iterable[LogFrame], start_ns: int) -> None:
+    """Write frames in the format of the name."""
+    with formats.open_writer(path, start_ns) as writer:
         for frame in frames:
             writer.write(frame)
 
 
+def standstill(samples: int, line_noise: float) -> Recording:
+    """Noise of three sensors at 100 kHz; line_noise [Pa]."""
+    noise = np.random.default_rng(1).normal(size=(3, samples))
+    rail, lift, line = noise * np.array([[0.1e6], [0.4e-6], [line_noise]])
+    return Recording(np.arange(samples) / 100e3, 100e6 + rail, lift, 100e6 + line)
+
+
+def _write_frames(path: Path) -> None:
+    write_log(path, _frames(formats.log_format(path).keeps_fd), START)
+
+
 def _write_signals(path: Path) -> None:
-    noise = np.random.default_rng(1).normal(size=(3, SAMPLES))
-    recording = Recording(
-        np.arange(SAMPLES) / 1e5, 100e6 + 1e5 * noise[0], 4e-7 * noise[1], 100e6 + 1e5 * noise[2]
-    )
-    formats.write_recording(path, recording)
+    formats.write_recording(path, standstill(SAMPLES, 0.1e6))
 
 
-def _write_card(path: Path) -> None:
-    write_logger_file(path, _frames(True), list(STORED), START)
-
-
-def _write_fixed_card(path: Path) -> None:
-    write_logger_file(path, _frames(True), list(STORED), START, finalised=True, data_width=64)
+def _write_card(path: Path, **how: Any) -> None:
+    write_logger_file(path, _frames(True), list(STORED), START, **how)
 
 
 def _write_saved(path: Path, made: str, fragment: int, packing: int) -> None:

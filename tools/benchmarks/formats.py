@@ -21,12 +21,12 @@ from observer_rt.recording import formats as files
 from observer_rt.recording.canlog.can_log import LogFrame
 from observer_rt.recording.signals.recording import Recording
 from tools.benchmarks.command_line import JsonOption, app
+from tools.benchmarks.damage_files import standstill, write_log
 from tools.benchmarks.report import Columns, put_out, table_of
 
 PERIOD = 90_001  # ns between two frames, so that every digit of a stamp counts
 START = 1_700_000_000_123_456_789  # ns since 1970
 IDENTIFIERS = (0x100, 0x200, 0x300)
-RATE = 100e3  # Hz
 FD_BYTES, CLASSIC_BYTES = 64, 8
 RUNS = 3
 
@@ -50,27 +50,25 @@ class FormatResult:
 def measure_formats(count: int) -> list[FormatResult]:
     """Write and read `count` frames in every log format, and as many samples in every recording format."""
     with tempfile.TemporaryDirectory() as folder:
-        written = files.suffixes_of(files.written(files.log_formats()))
-        keeps_fd = {suffix: files.log_format(Path(f"bus{suffix}")).keeps_fd for suffix in written}
-        logs = [_log(suffix, suffix, keeps_fd[suffix], count, Path(folder)) for suffix in written]
-        logs += [
-            _log(f"{suffix} classic", suffix, False, count, Path(folder))
-            for suffix in written
-            if keeps_fd[suffix]
-        ]
-        return logs + [
-            _recording(suffix, count, Path(folder))
-            for suffix in files.suffixes_of(files.written(files.signal_formats()))
+        logs, signals = (
+            files.suffixes_of(files.written(formats))
+            for formats in (files.log_formats(), files.signal_formats())
+        )
+        with_fd = [suffix for suffix in logs if files.log_format(Path(f"bus{suffix}")).keeps_fd]
+        return [
+            *(_log(suffix, suffix, suffix in with_fd, count, Path(folder)) for suffix in logs),
+            *(_log(f"{suffix} classic", suffix, False, count, Path(folder)) for suffix in with_fd),
+            *(_recording(suffix, count, Path(folder)) for suffix in signals),
         ]
 
 
 COLUMNS: Columns[FormatResult] = {
-    "holds": lambda each: each.holds,
-    "stamps off by up to": lambda each: f"{each.stamp_error_ns} ns",
-    "written 1/s": lambda each: f"{each.written_per_s:.0f}",
-    "read 1/s": lambda each: f"{each.read_per_s:.0f}",
-    "python-can's": lambda each: "" if each.faster is None else f"x {each.faster:.2f}",
-    "bytes each": lambda each: f"{each.bytes_each:.0f}",
+    "holds": "{.holds}",
+    "stamps off by up to": "{.stamp_error_ns} ns",
+    "written 1/s": "{.written_per_s:.0f}",
+    "read 1/s": "{.read_per_s:.0f}",
+    "python-can's, times": "{.faster:.2f}",
+    "bytes each": "{.bytes_each:.0f}",
 }
 
 
@@ -79,13 +77,10 @@ def formats_document(results: Sequence[FormatResult]) -> dict[str, Any]:
     figures: dict[str, float] = {}
     for each in results:
         name = each.name.replace(" ", "_").removeprefix(".")
-        figures |= {f"{name}_written_per_s": round(each.written_per_s)}
-        figures |= {f"{name}_read_per_s": round(each.read_per_s)}
-    for each in results:
+        figures[f"{name}_written_per_s"] = round(each.written_per_s)
+        figures[f"{name}_read_per_s"] = round(each.read_per_s)
         if each.faster is not None:
-            figures[f"{each.name.replace(' ', '_').removeprefix('.')}_times_python_can"] = round(
-                each.faster, 2
-            )
+            figures[f"{name}_times_python_can"] = round(each.faster, 2)
     return {"figures": figures, "details": [vars(each) for each in results]}
 
 
@@ -103,7 +98,7 @@ def formats(
 def _log(name: str, suffix: str, is_fd: bool, count: int, folder: Path) -> FormatResult:
     path = folder / f"bus{suffix}"
     frames = _frames(count, is_fd)
-    (written,) = _seconds(lambda: _write(path, frames))
+    (written,) = _seconds(lambda: write_log(path, frames, START))
     read, peer = _seconds(
         lambda: deque(files.open_log(path), maxlen=0), lambda: deque(can.LogReader(path), maxlen=0)
     )
@@ -120,13 +115,7 @@ def _log(name: str, suffix: str, is_fd: bool, count: int, folder: Path) -> Forma
 
 def _recording(suffix: str, count: int, folder: Path) -> FormatResult:
     path = folder / f"recording{suffix}"
-    noise = np.random.default_rng(1).normal(size=(3, count))
-    recording = Recording(
-        time=np.arange(count) / RATE,
-        rail_pressure=100e6 + 0.1e6 * noise[0],
-        needle_lift=0.4e-6 * noise[1],
-        line_pressure=100e6 + 0.15e6 * noise[2],
-    )
+    recording = standstill(count, 0.15e6)
     (written,) = _seconds(lambda: files.write_recording(path, recording))
     found: list[Recording] = []
     (read,) = _seconds(lambda: found.append(files.read_recording(path)))
@@ -150,12 +139,6 @@ def _frames(count: int, is_fd: bool) -> list[LogFrame]:
         )
         for n in range(count)
     ]
-
-
-def _write(path: Path, frames: Sequence[LogFrame]) -> None:
-    with files.open_writer(path, START) as writer:
-        for frame in frames:
-            writer.write(frame)
 
 
 def _seconds(*works: Callable[[], object]) -> list[float]:

@@ -2,35 +2,31 @@
 
 import gc
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
+import psutil
 import typer
-from rich.console import Console
 
 from observer_rt.bus.links.link import BusFrame, Frame, block_of
 from observer_rt.bus.mapping.bus_map import map_bus
-from observer_rt.foundation.console import progress_bar
 from observer_rt.foundation.units import MILLISECOND
-from observer_rt.model.effects import sized
 from observer_rt.recording.replay.framing import Framer, windows
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.core.core import Core
 from observer_rt.service.core.messages import Counters
 from observer_rt.service.reports.news import Notes
 from observer_rt.simulation.schedule import make_schedule
-from observer_rt.simulation.simulate import SimulatedNoise, simulate
-from tools.benchmarks.command_line import JsonOption, ModelOption, app, messages
+from tools.benchmarks.command_line import JsonOption, ModelOption, app, tracked
 from tools.benchmarks.report import Columns, put_out, table_of
-from tools.benchmarks.scoring import bench_at, part_of
+from tools.benchmarks.scoring import bench_at, part_of, worn_injector
 
 SAMPLE_RATE = 100e3  # Hz: the index of 32 bits comes round after 11.9 h
 PRESSURES = (60e6, 100e6, 140e6)  # Pa
 SPACING = 40 * MILLISECOND
 RECORDED = 12  # injections, again and again
-WEAR = 0.2  # v_H
 LOOKS = 48
 SETTLED = 8  # looks, after which memory should not grow any more
 FLAT = 1.0  # MiB an hour
@@ -80,7 +76,7 @@ class History:
         return [text for text, is_so in found.items() if is_so]
 
 
-def run_history(hours: float, period: float, model: Path | None, console: Console) -> History:
+def run_history(hours: float, period: float, model: Path | None) -> History:
     """An injection every `period` [s], in windows with the index going on between them; model: an injector file."""
     bench = bench_at(SAMPLE_RATE, model)
     bus, notes, looks = map_bus(bench), Notes(), []
@@ -89,30 +85,26 @@ def run_history(hours: float, period: float, model: Path | None, console: Consol
     count, before = round(hours * _HOUR / period), core.counters
     reported = valid = out_of_turn = 0
     gone_back: dict[str, None] = {}
-    with progress_bar(console, "history", float(count)) as progress:
-        for number in range(count):
-            _send(core, framer, parts[number % len(parts)], number * period)
-            framer.skip(round(period * SAMPLE_RATE) - parts[number % len(parts)].samples)
-            for report in notes.injections:
-                reported += 1
-                out_of_turn += report.number != reported
-                valid += report.valid
-            notes.injections.clear()
-            if (number + 1) * LOOKS // count > number * LOOKS // count or number + 1 == count:
-                if number + 1 == count:
-                    core.finish()
-                    reported += len(notes.injections)
-                now = core.counters
-                smaller = (
-                    each.name for each in fields(now) if getattr(now, each.name) < getattr(before, each.name)
-                )
-                gone_back |= dict.fromkeys(smaller)
-                before = now
-                hour = (number + 1) * period / _HOUR
-                looks.append(
-                    Look(hour, _memory(), number + 1, reported, valid, out_of_turn, tuple(gone_back))
-                )
-                progress(float(number + 1))
+    for number in tracked(range(1, count + 1), "history"):
+        part = parts[(number - 1) % len(parts)]
+        _send(core, framer, part, (number - 1) * period)
+        framer.skip(round(period * SAMPLE_RATE) - part.samples)
+        for report in notes.injections:
+            reported += 1
+            out_of_turn += report.number != reported
+            valid += report.valid
+        notes.injections.clear()
+        if number * LOOKS // count == (number - 1) * LOOKS // count and number < count:
+            continue
+        if number == count:
+            core.finish()
+            reported += len(notes.injections)
+        now = core.counters
+        gone_back |= {name: None for name, value in vars(now).items() if value < getattr(before, name)}
+        before = now
+        gc.collect()
+        hour, memory = number * period / _HOUR, psutil.Process().memory_info().rss / _MEBIBYTE
+        looks.append(Look(hour, memory, number, reported, valid, out_of_turn, tuple(gone_back)))
     return History(tuple(looks), core.counters)
 
 
@@ -124,7 +116,7 @@ def history(
     as_json: JsonOption = False,
 ) -> None:
     """A day of injections in windows through the service, at speed: memory, counters, every injection once."""
-    found = run_history(hours, period, model, messages)
+    found = run_history(hours, period, model)
     looks = {f"{each.hour:.1f}": each for each in found.looks[:: max(1, len(found.looks) // 24)]}
     table = table_of(f"memory grows by {found.growth:.3f} MiB an hour", "hour", looks, _COLUMNS)
     document = {
@@ -142,8 +134,7 @@ def _injections(model: Path | None) -> Sequence[Recording]:
     """Windows round injections of a worn injector."""
     schedule = make_schedule(PRESSURES, RECORDED, SPACING, [1.2e-3])
     injector = bench_at(SAMPLE_RATE, model).injector.parameters
-    worn = (sized("orifice_area", v_H=WEAR),)
-    whole = simulate(injector, schedule, SAMPLE_RATE, worn, SimulatedNoise(), seed=1).recording
+    whole = worn_injector(schedule, SAMPLE_RATE, injector=injector).recording
     return [part_of(whole, span) for span in windows(whole)]
 
 
@@ -157,16 +148,9 @@ def _send(core: Core, framer: Framer, part: Recording, begin: float) -> None:
     core.handle_many(block_of(given))
 
 
-def _memory() -> float:
-    """Resident, MiB."""
-    gc.collect()
-    pages = int(Path("/proc/self/statm").read_text().split()[1])
-    return pages * 4096 / _MEBIBYTE
-
-
 _COLUMNS: Columns[Look] = {
-    "MiB": lambda each: f"{each.memory:.1f}",
-    "injections sent": lambda each: str(each.sent),
-    "reported": lambda each: str(each.reported),
-    "valid": lambda each: str(each.valid),
+    "MiB": "{.memory:.1f}",
+    "injections sent": "{.sent}",
+    "reported": "{.reported}",
+    "valid": "{.valid}",
 }

@@ -14,11 +14,19 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tools.benchmarks.arrays import Array
 from tools.benchmarks.kalman_peers import LINE_NOISE, RAIL_NOISE
-from tools.benchmarks.peer_equations import LAG, PARAMETERS, V_H, Span, line_gain, predict
-from tools.benchmarks.peer_inputs import PRESSURE_SCALE, PeerInputs
+from tools.benchmarks.peer_equations import (
+    LAG,
+    PARAMETERS,
+    PRESSURE_SCALE,
+    V_H,
+    PeerInputs,
+    Span,
+    line_gain,
+    predict,
+)
 from tools.benchmarks.plant_parameters import Faults
 from tools.benchmarks.score import Windows
 
@@ -27,7 +35,7 @@ PRIOR_SIGMA = np.array([0.45, 0.4, 1.75, 5.5e-14, 0.025, 35e-6, 0.18])
 DRIFT_SIGMA = np.array([5e-4, 5e-4, 2e-3, 2e-16, 2e-5, 1e-7, 2e-4])  # per event
 LOWEST = np.array([-0.9, -0.9, -0.9, 0.0, -0.1, 0.0, -0.6])
 HIGHEST = np.array([3.0, 3.0, 10.0, 1e-12, 0.1, 200e-6, 1.5])
-DIFFERENCE = 1e-3  # of the prior sigma, for sensitivities
+STEPS = 1e-3 * PRIOR_SIGMA  # for sensitivities
 LEAD, BURN_IN = 2e-3, 1e-3  # s of shut needle before an event's opening; of it, not counted
 FIRST_ITERATIONS, ITERATIONS, HALVINGS = 6, 3, 6
 SMALL_DECREMENT = 0.01
@@ -58,16 +66,14 @@ def segments_of(inputs: PeerInputs) -> tuple[Segment, ...]:
     )
 
 
-def steady_gain(inputs: PeerInputs, lag: float) -> tuple[NDArray[np.float64], float]:
+def steady_gain(inputs: PeerInputs, lag: float) -> tuple[Array, float]:
     """Kalman gain (3,) on [x1, x2, lagged x1] of the line at rest, and the innovation's sigma (normalised)."""
     m, t = inputs.model, inputs.stream.interval
     rail, line = RAIL_NOISE / PRESSURE_SCALE, LINE_NOISE / PRESSURE_SCALE
     return line_gain(math.sqrt(m.a1 * m.a3) * t, math.sqrt(m.a1 / m.a3), lag / t, rail, line)
 
 
-def innovations(
-    inputs: PeerInputs, segment: Segment, theta: NDArray[np.float64], gain: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def innovations(inputs: PeerInputs, segment: Segment, theta: Array, gain: Array) -> Array:
     """Counted innovations of a segment, normalised."""
     errors, sac = np.empty((2, segment.end - segment.first))
     end = segment.end
@@ -75,22 +81,16 @@ def innovations(
     return errors[segment.counted - segment.first :]
 
 
-def sensitivities(
-    inputs: PeerInputs, segment: Segment, theta: NDArray[np.float64], gain: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def sensitivities(inputs: PeerInputs, segment: Segment, theta: Array, gain: Array) -> tuple[Array, Array]:
     """Innovations (n,) and their derivatives (n, PARAMETERS)."""
     base = innovations(inputs, segment, theta, gain)
     slopes = np.empty((base.size, PARAMETERS))
-    for i, step in enumerate(DIFFERENCE * PRIOR_SIGMA):
-        shifted = theta.copy()
-        shifted[i] += step
-        slopes[:, i] = (innovations(inputs, segment, shifted, gain) - base) / step
+    for i, moved in enumerate(theta + np.diag(STEPS)):
+        slopes[:, i] = (innovations(inputs, segment, moved, gain) - base) / STEPS[i]
     return base, slopes
 
 
-def open_loop_rate(
-    inputs: PeerInputs, segment: Segment, theta: NDArray[np.float64], gain: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def open_loop_rate(inputs: PeerInputs, segment: Segment, theta: Array, gain: Array) -> Array:
     """Injection rate [m3/s] over [first, closed) of a segment, the gain stopped at the opening."""
     errors, sac = np.empty((2, segment.closed - segment.first))
     span = Span(segment.first, segment.opening, segment.closed)
@@ -103,8 +103,8 @@ def open_loop_rate(
 class Fitted:
     """theta (PARAMETERS,) and its covariance after an event."""
 
-    theta: NDArray[np.float64]
-    covariance: NDArray[np.float64]
+    theta: Array
+    covariance: Array
 
 
 def fits(inputs: PeerInputs) -> Iterator[tuple[Segment, Fitted]]:
@@ -116,7 +116,7 @@ def fits(inputs: PeerInputs) -> Iterator[tuple[Segment, Fitted]]:
         known = Fitted(learned.theta, learned.covariance + np.diag(DRIFT_SIGMA**2))
 
 
-def joint_fit_rate(inputs: PeerInputs) -> NDArray[np.float64]:
+def joint_fit_rate(inputs: PeerInputs) -> Array:
     """Rate [m3/s] at every sample: each event open loop with what was learned from those before it."""
     rate = np.zeros(inputs.stream.output.size)
     for segment, known in fits(inputs):
@@ -135,10 +135,15 @@ def _learn(inputs: PeerInputs, segment: Segment, known: Fitted, iterations: int)
         gradient = slopes.T @ errors / sigma**2 + prior @ (theta - known.theta)
         covariance = np.asarray(np.linalg.inv(information), np.float64)
         step = -covariance @ gradient
-        cost = _cost(errors, sigma, theta, known, prior)
+
+        def cost(errors: Array, theta: Array) -> float:
+            distance = theta - known.theta
+            return 0.5 * float(errors @ errors) / sigma**2 + 0.5 * float(distance @ prior @ distance)  # noqa: B023
+
+        before = cost(errors, theta)
         for _ in range(HALVINGS):
             trial = np.asarray(np.clip(theta + step, LOWEST, HIGHEST), np.float64)
-            if _cost(innovations(inputs, segment, trial, gain), sigma, trial, known, prior) < cost:
+            if cost(innovations(inputs, segment, trial, gain), trial) < before:
                 theta = trial
                 break
             step = 0.5 * step
@@ -147,31 +152,12 @@ def _learn(inputs: PeerInputs, segment: Segment, known: Fitted, iterations: int)
     return Fitted(theta, covariance)
 
 
-def _cost(
-    errors: NDArray[np.float64],
-    sigma: float,
-    theta: NDArray[np.float64],
-    known: Fitted,
-    prior: NDArray[np.float64],
-) -> float:
-    distance = theta - known.theta
-    return 0.5 * float(errors @ errors) / sigma**2 + 0.5 * float(distance @ prior @ distance)
-
-
-def true_parameters(faults: Faults) -> NDArray[np.float64]:
+def true_parameters(faults: Faults) -> Array:
     """The parameters of `joint_fit` (PARAMETERS,) that are faults of the plant; other faults have none."""
     offset = faults.line_pressure_sensor_offset - faults.rail_pressure_sensor_offset
-    return np.array(
-        [
-            faults.orifice_area,
-            faults.seat_area,
-            faults.line_friction,
-            faults.guide_leakage,
-            offset / PRESSURE_SCALE,
-            faults.line_pressure_sensor_lag,
-            faults.bulk_modulus,
-        ]
-    )
+    f, shift = faults, offset / PRESSURE_SCALE
+    of_line = (f.line_friction, f.guide_leakage, shift, f.line_pressure_sensor_lag, f.bulk_modulus)
+    return np.array([f.orifice_area, f.seat_area, *of_line])
 
 
 def mass_limits_mg(
@@ -184,17 +170,12 @@ def mass_limits_mg(
         theta = true_parameters(faults[number])
         gain, sigma = steady_gain(inputs, theta[LAG])
 
-        def mass(theta: NDArray[np.float64]) -> float:
+        masses = []
+        for moved in theta + np.vstack([np.zeros(PARAMETERS), np.diag(STEPS)]):
             rate = np.zeros(inputs.stream.output.size)
-            rate[segment.first : segment.closed] = open_loop_rate(inputs, segment, theta, gain)  # noqa: B023
-            return windows.event_masses_mg(rate, density)[number]  # noqa: B023
-
-        base = mass(theta)
-        steps = DIFFERENCE * PRIOR_SIGMA
-        slope = np.array(
-            [mass(theta + step * unit) - base for step, unit in zip(steps, np.eye(PARAMETERS), strict=True)]
-        )
-        slope /= steps
+            rate[segment.first : segment.closed] = open_loop_rate(inputs, segment, moved, gain)
+            masses.append(windows.event_masses_mg(rate, density)[number])
+        slope = (np.array(masses[1:]) - masses[0]) / STEPS
         limits.append(float(np.sqrt(slope @ covariance @ slope)))
         _, slopes = sensitivities(inputs, segment, theta, gain)
         information = np.linalg.inv(covariance) + slopes.T @ slopes / sigma**2

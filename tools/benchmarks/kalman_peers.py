@@ -20,10 +20,16 @@ from observer_rt.foundation.units import MEGAPASCAL, MM3_PER_MS
 from tools.benchmarks.arrays import Array
 from tools.benchmarks.cases import CLASSES, Group, make_case
 from tools.benchmarks.command_line import app, tracked
-from tools.benchmarks.peer_equations import Start, extended, unscented
-from tools.benchmarks.peer_inputs import PRESSURE_SCALE, PeerInputs, peer_inputs
+from tools.benchmarks.peer_equations import (
+    PRESSURE_SCALE,
+    PeerInputs,
+    Start,
+    extended,
+    peer_inputs,
+    unscented,
+)
 from tools.benchmarks.plant import Outcome, record
-from tools.benchmarks.report import Columns, put_out, ruled
+from tools.benchmarks.report import Columns, list_of, put_out
 from tools.benchmarks.score import SCORED, windows_of
 
 RAIL_NOISE, LINE_NOISE = 0.1e6, 0.15e6  # Pa, as on every bench
@@ -58,40 +64,32 @@ class FilterResult:
 
 
 def start_of(inputs: PeerInputs, tuning: Tuning) -> Start:
-    """The line at rest, v_H within +-0.5."""
-    line = LINE_NOISE / PRESSURE_SCALE
+    """The line at rest, v_H within +-0.5; a sample adds rail noise through the line's inertia, wear, model."""
+    m, t, line = inputs.model, inputs.stream.interval, LINE_NOISE / PRESSURE_SCALE
+    rail = np.array([0.5 * m.a1 * m.a3 * t * t, m.a3 * t, 0.0, 0.0]) * RAIL_NOISE / PRESSURE_SCALE
+    scale = t / 1e-5
+    model = (tuning.model_noise / PRESSURE_SCALE) ** 2 * scale
     return Start(
         np.array([inputs.stream.output[0], 0.0, 0.0, 0.0]),
         np.diag([line**2, 0.1**2, 1e-10, 0.3**2]),
-        process_noise(inputs, tuning),
+        np.outer(rail, rail) + np.diag([model, 0.0, model, tuning.wear_walk**2 * scale]),
         (tuning.line_noise * LINE_NOISE / PRESSURE_SCALE) ** 2,
     )
 
 
-def process_noise(inputs: PeerInputs, tuning: Tuning) -> Array:
-    """Covariance (4, 4) a sample adds: rail noise through the line's inertia, wear, model."""
-    m, t = inputs.model, inputs.stream.interval
-    scale = t / 1e-5
-    rail = np.array([0.5 * m.a1 * m.a3 * t * t, m.a3 * t, 0.0, 0.0]) * RAIL_NOISE / PRESSURE_SCALE
-    model = (tuning.model_noise / PRESSURE_SCALE) ** 2 * scale
-    return np.outer(rail, rail) + np.diag([model, 0.0, model, tuning.wear_walk**2 * scale])
-
-
 def joint_ukf(inputs: PeerInputs, tuning: Tuning) -> FilterResult:
     """The joint UKF over a recording."""
-    states = np.full((inputs.stream.output.size, 4), np.nan)
-    survived = unscented(inputs.stream, inputs.model, start_of(inputs, tuning), UNSCENTED_SHAPE, states)
-    return _result(inputs, states, survived)
+    return _filtered(inputs, tuning, lambda *given: unscented(*given[:3], UNSCENTED_SHAPE, given[3]))
 
 
 def joint_ekf(inputs: PeerInputs, tuning: Tuning) -> FilterResult:
     """The joint EKF over a recording."""
+    return _filtered(inputs, tuning, extended)
+
+
+def _filtered(inputs: PeerInputs, tuning: Tuning, run: Callable[..., bool]) -> FilterResult:
     states = np.full((inputs.stream.output.size, 4), np.nan)
-    survived = extended(inputs.stream, inputs.model, start_of(inputs, tuning), states)
-    return _result(inputs, states, survived)
-
-
-def _result(inputs: PeerInputs, states: Array, survived: bool) -> FilterResult:
+    survived = run(inputs.stream, inputs.model, start_of(inputs, tuning), states)
     sac = states[:, 2]
     difference = sac / np.sqrt(np.sqrt(sac**2 + inputs.model.transition**2))
     rate = inputs.model.nozzle_flow * (1.0 + states[:, 3]) * difference
@@ -121,9 +119,10 @@ def trials(run: Filter) -> Iterator[Trial]:
 
 
 COLUMNS: Columns[Trial] = {
+    "v_H walk a sample": "{.tuning.wear_walk:.0e}",
     "model noise [MPa]": lambda trial: f"{trial.tuning.model_noise / MEGAPASCAL:g}",
-    "line noise [x true]": lambda trial: f"{trial.tuning.line_noise:g}",
-    "RMSE, geometric mean [mm3/ms]": lambda trial: f"{trial.rmse:.4f}",
+    "line noise [x true]": "{.tuning.line_noise:g}",
+    "RMSE, geometric mean [mm3/ms]": "{.rmse:.4f}",
 }
 
 
@@ -144,7 +143,5 @@ def peer_tuning(peer: Annotated[str, typer.Option(help="Which filter: ukf or ekf
     """The grid the joint Kalman filters' noise settings were chosen from, best first (minutes)."""
     if peer not in FILTERS:
         raise UserError("--peer", f"unknown filter '{peer}'", f"known: {', '.join(FILTERS)}")
-    table = ruled(f"noise settings, seed {TUNING_SEED}", (), ("v_H walk a sample", *COLUMNS))
-    for trial in sorted(trials(FILTERS[peer]), key=lambda trial: trial.rmse):
-        table.add_row(f"{trial.tuning.wear_walk:.0e}", *(cell(trial) for cell in COLUMNS.values()))
-    put_out(False, None, [table])
+    found = sorted(trials(FILTERS[peer]), key=lambda trial: trial.rmse)
+    put_out(False, None, [list_of(f"noise settings, seed {TUNING_SEED}", [found], COLUMNS, names=0)])

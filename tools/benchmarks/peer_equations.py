@@ -1,9 +1,11 @@
-"""The peers' model and filters: the nominal equations with named parameters, joint UKF and EKF, a predictor.
+"""The peers' model and filters: the nominal equations with named parameters, joint UKF and EKF, a predictor; and a
+recording as they take it, with its seat area, rests and events.
 
 States are normalised as in (24). Shares no code, and so no mistake, with the package.
 """
 
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +13,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from tools.benchmarks.arrays import Array
+from tools.benchmarks.plant import Measured
+from tools.benchmarks.plant_parameters import Injector
 
 SHUT_STEP = 0.1  # radians of the line's mode per step while nothing flows
 RESTING_VARIANCE = 1e-10  # of a sac known to be at chamber pressure
@@ -18,6 +22,12 @@ DIFFERENCE = 1e-5  # of normalised states, for the Jacobian
 V_H, V_S, FRICTION, LEAK, OFFSET, LAG, STIFFNESS = range(7)
 PARAMETERS = 7
 RICCATI_STEPS = 400
+PRESSURE_SCALE, FLOW_SCALE, AREA_SCALE = 1e8, 6e-5, 7e-7  # Pa, m3/s, m2
+TRANSITION = 0.5e6  # Pa
+OPEN_LIFT, LOOK_BACK = 2.5e-6, 3  # m, samples
+SETTLED = 3e-3  # s of shut needle after which the sac is at chamber pressure
+EVENT_GAP = 10e-3  # s
+STEP = 2.0e-6  # s of RK4
 
 
 class Model(NamedTuple):
@@ -137,17 +147,12 @@ def joint_step(x: Array, k: int, stream: Stream, m: Model) -> Array:
 @njit(cache=True, nogil=True)
 def joint_jacobian(x: Array, k: int, stream: Stream, m: Model) -> Array:
     """Derivative (4, 4) of `joint_step`, by central differences."""
-    jacobian, theta = np.empty((4, 4)), np.zeros(PARAMETERS)
-    high, low = np.empty(4), np.empty(4)
+    jacobian = np.empty((4, 4))
     for i in range(4):
-        high[:] = x
-        low[:] = x
+        high, low = x.copy(), x.copy()
         high[i] += DIFFERENCE
         low[i] -= DIFFERENCE
-        _joint_advance(high, k, stream, m, theta)
-        _joint_advance(low, k, stream, m, theta)
-        for j in range(4):
-            jacobian[j, i] = (high[j] - low[j]) / (2.0 * DIFFERENCE)
+        jacobian[:, i] = (joint_step(high, k, stream, m) - joint_step(low, k, stream, m)) / (2.0 * DIFFERENCE)
     return jacobian
 
 
@@ -169,49 +174,30 @@ def unscented(
     Returns False when the covariance stopped being one; the remaining states are not written.
     """
     alpha, beta, kappa = shape
-    spread, weight = alpha * alpha * (4.0 + kappa), 0.5 / (alpha * alpha * (4.0 + kappa))
-    mean_0 = (spread - 4.0) / spread
-    covariance_0 = mean_0 + 1.0 - alpha * alpha + beta
-    x, covariance, process, measurement = (
-        start.x.copy(),
-        start.covariance.copy(),
-        start.process,
-        start.measurement,
-    )
+    spread = alpha * alpha * (4.0 + kappa)
+    of_mean, of_covariance = np.full(9, 0.5 / spread), np.full(9, 0.5 / spread)
+    of_mean[0] = (spread - 4.0) / spread
+    of_covariance[0] = of_mean[0] + 1.0 - alpha * alpha + beta
+    x, covariance = start.x.copy(), start.covariance.copy()
     states[0] = x
-    points, theta, cross = np.empty((9, 4)), np.zeros(PARAMETERS), np.empty(4)
+    points, theta = np.empty((9, 4)), np.zeros(PARAMETERS)
     for k in range(stream.output.shape[0] - 1):
         if not _points(x, covariance, spread, points):
             return False
         for i in range(9):
             _joint_advance(points[i], k, stream, m, theta)
-        for j in range(4):
-            x[j] = mean_0 * points[0, j]
-            for i in range(1, 9):
-                x[j] += weight * points[i, j]
-        for j in range(4):
-            for h in range(j + 1):
-                total = covariance_0 * (points[0, j] - x[j]) * (points[0, h] - x[h])
-                for i in range(1, 9):
-                    total += weight * (points[i, j] - x[j]) * (points[i, h] - x[h])
-                covariance[j, h] = covariance[h, j] = process[j, h] + total
+        x = of_mean @ points
+        away = points - x
+        covariance = start.process + (of_covariance * away.T) @ away
         if not _points(x, covariance, spread, points):
             return False
-        predicted = mean_0 * points[0, 0]
-        for i in range(1, 9):
-            predicted += weight * points[i, 0]
-        variance = measurement
-        cross[:] = 0.0
-        for i in range(9):
-            weighted = (covariance_0 if i == 0 else weight) * (points[i, 0] - predicted)
-            variance += weighted * (points[i, 0] - predicted)
-            for j in range(4):
-                cross[j] += weighted * (points[i, j] - x[j])
-        innovation = stream.output[k + 1] - predicted
-        for j in range(4):
-            x[j] += cross[j] / variance * innovation
-            for h in range(4):
-                covariance[j, h] -= cross[j] * cross[h] / variance
+        away = points - x
+        predicted = np.sum(of_mean * points[:, 0])
+        weighted = of_covariance * (points[:, 0] - predicted)
+        variance = start.measurement + np.sum(weighted * (points[:, 0] - predicted))
+        cross = weighted @ away
+        x += cross / variance * (stream.output[k + 1] - predicted)
+        covariance -= np.outer(cross, cross) / variance
         if stream.resting[k + 1]:
             rest(x, covariance)
         states[k + 1] = x
@@ -221,73 +207,38 @@ def unscented(
 @njit(cache=True, nogil=True)
 def _points(x: Array, covariance: Array, spread: float, points: Array) -> bool:
     """Sigma points (9, 4); False unless the covariance is positive definite."""
-    lower = points[5:]  # the Cholesky factor, its columns as rows, until the last points take its place
+    try:
+        lower = np.linalg.cholesky(spread * covariance)
+    except Exception:  # all that compiled code can name
+        return False
+    points[0] = x
     for i in range(4):
-        for j in range(i + 1):
-            total = spread * covariance[i, j]
-            for h in range(j):
-                total -= lower[h, i] * lower[h, j]
-            if i == j:
-                if not total > 0.0:
-                    return False
-                lower[i, i] = math.sqrt(total)
-            else:
-                lower[j, i] = total / lower[j, j]
-    for j in range(4):
-        points[0, j] = x[j]
-        for i in range(4):
-            deviation = lower[i, j] if j >= i else 0.0
-            points[1 + i, j] = x[j] + deviation
-            points[5 + i, j] = x[j] - deviation
+        points[1 + i] = x + lower[:, i]
+        points[5 + i] = x - lower[:, i]
     return True
 
 
 @njit(cache=True, nogil=True)
 def extended(stream: Stream, m: Model, start: Start, states: Array) -> bool:
     """Joint extended Kalman filter into `states` (n, 4); False when a state stopped being a number."""
-    x, covariance, process, measurement = (
-        start.x.copy(),
-        start.covariance.copy(),
-        start.process,
-        start.measurement,
-    )
-    theta, gain, product = np.zeros(PARAMETERS), np.empty(4), np.empty((4, 4))
+    x, covariance = start.x.copy(), start.covariance.copy()
+    theta, identity = np.zeros(PARAMETERS), np.eye(4)
     states[0] = x
     for k in range(stream.output.shape[0] - 1):
         jacobian = joint_jacobian(x, k, stream, m)
         _joint_advance(x, k, stream, m, theta)
-        _product(jacobian, covariance, product)
-        for i in range(4):
-            for j in range(i + 1):
-                total = process[i, j]
-                for h in range(4):
-                    total += product[i, h] * jacobian[j, h]
-                covariance[i, j] = covariance[j, i] = total
-        variance = covariance[0, 0] + measurement
-        innovation = stream.output[k + 1] - x[0]
-        for i in range(4):
-            gain[i] = covariance[i, 0] / variance
-            x[i] += gain[i] * innovation
-        for i in range(4):
-            for j in range(4):
-                product[i, j] = covariance[i, j] - gain[i] * covariance[0, j]
-        for i in range(4):
-            for j in range(4):  # (I - K C) P (I - K C)' + K R K'
-                kept = product[i, j] - product[i, 0] * gain[j]
-                covariance[i, j] = kept + measurement * gain[i] * gain[j]
+        covariance = start.process + jacobian @ covariance @ jacobian.T
+        gain = covariance[:, 0] / (covariance[0, 0] + start.measurement)
+        x += gain * (stream.output[k + 1] - x[0])
+        kept = identity.copy()  # I - K C
+        kept[:, 0] -= gain
+        covariance = kept @ covariance @ kept.T + start.measurement * np.outer(gain, gain)
         if stream.resting[k + 1]:
             rest(x, covariance)
-        if not math.isfinite(x[0] + x[1] + x[2] + x[3]):
+        if not np.all(np.isfinite(x)):
             return False
         states[k + 1] = x
     return True
-
-
-@njit(cache=True, nogil=True)
-def _product(a: Array, b: Array, result: Array) -> None:
-    for i in range(4):
-        for j in range(4):
-            result[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j] + a[i, 3] * b[3, j]
 
 
 @njit(cache=True, nogil=True)
@@ -319,7 +270,7 @@ def predict(
 
 def line_gain(
     angle: float, impedance: float, late: float, rail_noise: float, line_noise: float
-) -> tuple[NDArray[np.float64], float]:
+) -> tuple[Array, float]:
     """Gain (3,) on [p_L, Q_L, p_L behind the sensor's lag], and the innovation's sigma.
 
     angle: of the line's mode in one sample; impedance: pressure over flow of the mode; late: lag in samples; noise in
@@ -341,3 +292,75 @@ def line_gain(
         gain = covariance[:, 2] / variance
         covariance = covariance - np.outer(gain, covariance[2])
     return gain, math.sqrt(variance)
+
+
+@dataclass(frozen=True, eq=False)
+class PeerInputs:
+    """A recording for the peers; `events` (m, 2): first open sample, and first sample 10 ms after the last."""
+
+    model: Model
+    stream: Stream
+    events: NDArray[np.int64]
+    open: NDArray[np.bool_]
+
+
+def lump_model(part: Injector, sac_follows: bool = False) -> Model:
+    """Coefficients of an injector with a lumped line; its sac may follow without delay."""
+    jet = math.sqrt(2.0 * PRESSURE_SCALE / part.density)
+    line = part.bulk_modulus_line / part.line_volume
+    sac = part.bulk_modulus_sac / part.sac_volume
+    nozzle = part.nozzle_area * jet
+    return Model(
+        a1=line * FLOW_SCALE / PRESSURE_SCALE,
+        a2=line * nozzle / PRESSURE_SCALE,
+        a3=part.line_area * PRESSURE_SCALE / (part.density * part.line_length * FLOW_SCALE),
+        a4=part.line_loss * FLOW_SCALE / (2.0 * part.line_area * part.line_length),
+        a5=sac * part.seat_coefficient * AREA_SCALE * jet / PRESSURE_SCALE,
+        a6=sac * nozzle / PRESSURE_SCALE,
+        leak=line,
+        transition=TRANSITION / PRESSURE_SCALE,
+        nozzle_flow=nozzle,
+        sac_follows=sac_follows,
+    )
+
+
+def peer_inputs(measured: Measured, model: Model | None = None) -> PeerInputs:
+    """The recording as every peer takes it; the model is the nominal injector's unless another is given."""
+    part = Injector()
+    interval = float(measured.time[1] - measured.time[0])
+    opened = _open(measured.needle_lift)
+    lift = np.where(opened, np.maximum(measured.needle_lift, 0.0), 0.0)
+    sine, taper = math.sin(part.seat_half_angle), math.sin(2.0 * part.seat_half_angle)
+    area = math.pi * lift * sine * (part.seat_diameter - 0.5 * lift * taper)
+    sample = np.arange(opened.size)
+    last_open = np.maximum.accumulate(np.where(opened, sample, -opened.size))
+    shut_for = sample - last_open
+    stream = Stream(
+        np.stack(
+            ((measured.rail_pressure - part.chamber_pressure) / PRESSURE_SCALE, area / AREA_SCALE), axis=1
+        ),
+        (measured.line_pressure - part.chamber_pressure) / PRESSURE_SCALE,
+        shut_for > SETTLED / interval,
+        interval,
+        max(5, math.ceil(interval / STEP)),
+    )
+    return PeerInputs(model or lump_model(part), stream, _events(opened, round(EVENT_GAP / interval)), opened)
+
+
+def _open(lift: Array) -> NDArray[np.bool_]:
+    """Dead band: open where two samples in a row are above it, and a few positive samples round that."""
+    above = lift > OPEN_LIFT
+    pair = above[1:] & above[:-1]
+    core = np.concatenate((pair, [False])) | np.concatenate(([False], pair))
+    opened = core.copy()
+    for shift in range(1, LOOK_BACK + 1):
+        opened[:-shift] |= core[shift:] & (lift[:-shift] > 0.0)
+        opened[shift:] |= core[:-shift] & (lift[shift:] > 0.0)
+    return opened
+
+
+def _events(opened: NDArray[np.bool_], gap: int) -> NDArray[np.int64]:
+    samples = np.flatnonzero(opened)
+    starts = samples[np.concatenate(([True], np.diff(samples) > gap))]
+    ends = samples[np.concatenate((np.diff(samples) > gap, [True]))]
+    return np.stack((starts, np.minimum(ends + gap, opened.size - 1)), axis=1)

@@ -9,7 +9,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from observer_rt.config.bench import Bench
@@ -26,8 +25,7 @@ from tools.benchmarks.joint_fit import (
     steady_gain,
 )
 from tools.benchmarks.kalman_peers import Tuning, joint_ekf, joint_ukf
-from tools.benchmarks.peer_equations import PARAMETERS, Model
-from tools.benchmarks.peer_inputs import PeerInputs, lump_model, peer_inputs
+from tools.benchmarks.peer_equations import PARAMETERS, Model, PeerInputs, lump_model, peer_inputs
 from tools.benchmarks.plant import Outcome, record
 from tools.benchmarks.plant_parameters import Injector
 from tools.benchmarks.runs import Task
@@ -114,7 +112,7 @@ def lumps_of(healthy: Sequence[Outcome]) -> Mapping[str, Model]:
     }
 
 
-def score_wave_peers(case: Case, lumps: Mapping[str, Model]) -> PeerScore:
+def wave_peers(lumps: Mapping[str, Model], case: Case) -> PeerScore:
     """Record a case and score the joint UKF on every lump."""
     outcome = record(case.bench)
     inputs = {name: peer_inputs(outcome.measured, model) for name, model in lumps.items()}
@@ -124,7 +122,7 @@ def score_wave_peers(case: Case, lumps: Mapping[str, Model]) -> PeerScore:
 def fitted_lump(outcomes: Sequence[Outcome], part: Injector, with_rate: bool) -> Model:
     """The lump whose innovations, and rates, are smallest."""
 
-    def residuals(logs: NDArray[np.float64]) -> NDArray[np.float64]:
+    def residuals(logs: Array) -> Array:
         model = lump_of(part, logs)
         return np.concatenate([_residuals(outcome, model, with_rate) for outcome in outcomes])
 
@@ -132,7 +130,7 @@ def fitted_lump(outcomes: Sequence[Outcome], part: Injector, with_rate: bool) ->
     return lump_of(part, found.x)
 
 
-def lump_of(part: Injector, logs: NDArray[np.float64]) -> Model:
+def lump_of(part: Injector, logs: Array) -> Model:
     """The lump with stiffness, loss, seat and nozzle times exp(logs) (4,)."""
     stiffness, loss, seat, nozzle = np.exp(logs)
     changed = part._replace(
@@ -144,7 +142,7 @@ def lump_of(part: Injector, logs: NDArray[np.float64]) -> Model:
     return lump_model(changed, sac_follows=True)
 
 
-def _residuals(outcome: Outcome, model: Model, with_rate: bool) -> NDArray[np.float64]:
+def _residuals(outcome: Outcome, model: Model, with_rate: bool) -> Array:
     inputs = peer_inputs(outcome.measured, model)
     gain, sigma = steady_gain(inputs, lag=0.0)
     found = []

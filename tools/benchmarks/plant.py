@@ -5,7 +5,7 @@ Imports nothing of `observer_rt`.
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -44,6 +44,12 @@ class Measured:
 
 Step = Callable[[Measured], Measured]
 """What becomes of the signals on their way to the bus."""
+RAIL, LIFT, LINE = SIGNALS = ("rail_pressure", "needle_lift", "line_pressure")
+
+
+def seen_as(role: str, change: Callable[[Array, Array], Array]) -> Step:
+    """A sensor whose signal (n,) becomes another one, of its times [s] and values."""
+    return lambda seen: replace(seen, **{role: change(seen.time, getattr(seen, role))})
 
 
 def sampled(

@@ -2,6 +2,7 @@
 
 import json
 import math
+import string
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -9,15 +10,36 @@ from typing import Any, TypeVar
 import numpy as np
 from rich.console import Console
 from rich.table import Table
-from scipy.stats import beta
+from scipy.stats import binomtest
+
+from tools.benchmarks.arrays import Array
 
 TABLE_WIDTH = 210  # where stdout is no terminal
 NOTHING = "-"  # in the place of a figure of which there is none
 CONFIDENCE = 0.99
 Shown = Table | str
 Row = TypeVar("Row")
-Columns = Mapping[str, Callable[[Row], str]]
-"""Cells by their headings."""
+Columns = Mapping[str, str | Callable[[Row], str]]
+"""Cells by their headings: templates of what a row has, as `{.seconds:.1f}` or `{[share]!p:.0f}`, or what makes them.
+
+`!p` is in per cent; of None a template makes `NOTHING`.
+"""
+
+
+class _Templates(string.Formatter):
+    def get_value(self, key: int | str, args: Sequence[Any], kwargs: Mapping[str, Any]) -> Any:
+        return args[0]
+
+    def convert_field(self, value: Any, conversion: str | None) -> Any:
+        if conversion == "p":
+            return None if value is None else 100.0 * value
+        return super().convert_field(value, conversion)
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        return NOTHING if value is None else str(super().format_field(value, format_spec))
+
+
+_templates = _Templates()
 
 
 def put_out(as_json: bool, document: Any, shown: Iterable[Shown], width: int = TABLE_WIDTH) -> None:
@@ -42,11 +64,29 @@ def ruled(title: str, names: Sequence[str], numbers: Sequence[str], no_wrap: boo
     return table
 
 
-def table_of(title: str, name: str, rows: Mapping[str, Row], columns: Columns[Row]) -> Table:
+def cells(row: Row, columns: Columns[Row]) -> list[str]:
+    """Of one row."""
+    return [_templates.vformat(c, [row], {}) if isinstance(c, str) else c(row) for c in columns.values()]
+
+
+def table_of(
+    title: str, name: str, rows: Mapping[str, Row], columns: Columns[Row], no_wrap: bool = False
+) -> Table:
     """A row for each name, under the heading `name`, with its cells."""
-    table = ruled(title, (name,), tuple(columns))
+    table = ruled(title, (name,), tuple(columns), no_wrap)
     for each, row in rows.items():
-        table.add_row(each, *(cell(row) for cell in columns.values()))
+        table.add_row(each, *cells(row, columns))
+    return table
+
+
+def list_of(title: str, groups: Iterable[Iterable[Row]], columns: Columns[Row], names: int = 1) -> Table:
+    """Rows, a line between groups of them; names: how many of the columns are of names."""
+    headings = tuple(columns)
+    table = ruled(title, headings[:names], headings[names:])
+    for group in groups:
+        for row in group:
+            table.add_row(*cells(row, columns))
+        table.add_section()
     return table
 
 
@@ -59,27 +99,33 @@ def finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def mean(values: Sequence[float]) -> float | None:
+def known(values: Iterable[Row | None]) -> list[Row]:
+    """Those that are not None."""
+    return [value for value in values if value is not None]
+
+
+Numbers = Sequence[float] | Array
+
+
+def mean(values: Numbers) -> float | None:
     """Also the share of flags that hold; None without any."""
-    return float(np.mean(values)) if values else None
+    return float(np.mean(values)) if len(values) else None
 
 
-def median(values: Sequence[float]) -> float | None:
-    """None without any."""
-    return float(np.median(values)) if values else None
+def median(values: Numbers) -> Any:
+    """A float; None without any."""
+    return percentile(values, 50)
 
 
-def percentile(values: Sequence[float], share: float) -> Any:
+def percentile(values: Numbers, share: float) -> Any:
     """A float, share in %; None without any."""
-    return float(np.percentile(values, share)) if values else None
+    return float(np.percentile(values, share)) if len(values) else None
 
 
-def clopper_pearson(successes: int, trials: int, confidence: float = CONFIDENCE) -> tuple[float, float]:
-    """Interval of a probability from its count of successes."""
-    tail = 0.5 * (1.0 - confidence)
-    low = beta.ppf(tail, successes, trials - successes + 1) if successes > 0 else 0.0
-    high = beta.ppf(1.0 - tail, successes + 1, trials - successes) if successes < trials else 1.0
-    return float(low), float(high)
+def clopper_pearson(successes: int, trials: int) -> tuple[float, float]:
+    """99 % interval of a probability from its count of successes."""
+    interval = binomtest(successes, trials).proportion_ci(CONFIDENCE)
+    return float(interval.low), float(interval.high)
 
 
 @dataclass(frozen=True)
@@ -88,7 +134,7 @@ class Figure:
 
     name: str
     value: float | None
-    peer: str
+    peer: str = ""
     at_most: float | None = None
     at_least: float | None = None
 
@@ -112,9 +158,12 @@ def figures_table(figures: Sequence[Figure], title: str, load: tuple[float, floa
     """Figures with their verdicts; load: of the machine, before and after."""
     if load is not None:
         title += f" (load {load[0]:.1f} before, {load[1]:.1f} after)"
-    table = Table("figure", "value", "bar", "", "against", title=title, title_justify="left")
-    for each in figures:
-        value = NOTHING if each.value is None else f"{each.value:.4g}"
-        verdict = {None: "", True: "met", False: "MISSED"}[each.is_met]
-        table.add_row(each.name, value, each.bar, verdict, each.peer)
-    return table
+    verdicts = {None: "", True: "met", False: "MISSED"}
+    columns: Columns[Figure] = {
+        "figure": "{.name}",
+        "value": "{.value:.4g}",
+        "bar": "{.bar}",
+        "": lambda each: verdicts[each.is_met],
+        "against": "{.peer}",
+    }
+    return list_of(title, [figures], columns, names=len(columns))

@@ -13,11 +13,10 @@ from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
-from rich.console import Console
 
 import observer_rt
-from observer_rt.foundation.console import progress_bar
 from observer_rt.foundation.errors import RunError
+from tools.benchmarks.command_line import messages, tracked
 
 BENCHMARKS = Path(__file__).parent
 PACKAGE = Path(observer_rt.__file__).parent
@@ -81,9 +80,10 @@ class Plan:
         """Results by label in the order of the cases."""
         return tuple(results[task.label] for task in self.tasks if task.label in results)
 
-    def campaign(self, console: Console) -> "Campaign":
+    @property
+    def campaign(self) -> "Campaign":
         """On its processes, kept in its folder."""
-        return Campaign(self.out, self.workers, console)
+        return Campaign(self.out, self.workers)
 
 
 def digest_of(sources: Iterable[Path]) -> str:
@@ -132,9 +132,9 @@ class Store(Generic[Result]):
 class Campaign:
     """Cases worked through on a few processes; results are kept in a folder, of what fails is told at the end."""
 
-    def __init__(self, out: Path, workers: int, console: Console) -> None:
-        """console: where progress goes."""
-        self._out, self._workers, self._console = out, workers, console
+    def __init__(self, out: Path, workers: int) -> None:
+        """Nothing is done yet."""
+        self._out, self._workers = out, workers
         self._crashes: list[tuple[str, Crash[Any]]] = []
 
     @property
@@ -164,18 +164,15 @@ class Campaign:
         done = {part.label: part for part in store.load() if part.label in labels}
         missing = [case for case in cases if case.label not in done]
         if done and missing:
-            there = f"{what}: {len(done)} of {len(labels)} cases are there already, in {self._out}"
-            self._console.print(there)
+            messages.print(f"{what}: {len(done)} of {len(labels)} cases are there already, in {self._out}")
         if not missing:
             return done
-        with progress_bar(self._console, what, float(len(missing))) as progress:
-            for number, result in enumerate(run_tasks(work, missing, self._workers, warm_up)):
-                if isinstance(result, Crash):
-                    self._crashes.append((what, result))
-                else:
-                    store.add(result)
-                    done[result.label] = result
-                progress(float(number + 1))
+        for result in tracked(run_tasks(work, missing, self._workers, warm_up), what, len(missing)):
+            if isinstance(result, Crash):
+                self._crashes.append((what, result))
+            else:
+                store.add(result)
+                done[result.label] = result
         return done
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.foundation.units import MILLIGRAM, MILLISECOND, MM3_PER_MS
+from tools.benchmarks.arrays import Array
 from tools.benchmarks.plant import Outcome, Truth
 from tools.benchmarks.runs import Task
 
@@ -88,7 +89,7 @@ class CaseScore(Task):
         mass = np.array(self.estimator(OBSERVER).mass_mg[SCORED])[valid].sum()
         return float(100.0 * (mass / np.array(self.true_mass_mg[SCORED])[valid].sum() - 1.0))
 
-    def event_errors_pct(self, name: str = OBSERVER) -> NDArray[np.float64]:
+    def event_errors_pct(self, name: str = OBSERVER) -> Array:
         """Signed mass error of every event."""
         relative = np.array(self.estimator(name).mass_mg) / np.array(self.true_mass_mg)
         return np.asarray(100.0 * (relative - 1.0), np.float64)
@@ -161,24 +162,22 @@ class Windows:
         ranges = [self.ranges[i] for i in self.of_event[event]]
         return np.unique(np.concatenate([np.arange(r.start, r.stop) for r in ranges]))
 
-    def masses(self, rate: NDArray[np.float64], density: float) -> NDArray[np.float64]:
+    def masses(self, rate: Array, density: float) -> Array:
         """Mass of every opening [kg], trapezoidal rule over exactly its window."""
         areas = np.array([np.trapezoid(rate[r]) for r in self.ranges], np.float64)
         return np.asarray(areas * self.interval * density, np.float64)
 
-    def event_masses_mg(self, rate: NDArray[np.float64], density: float) -> tuple[float, ...]:
+    def event_masses_mg(self, rate: Array, density: float) -> tuple[float, ...]:
         """Mass of every event [mg], its openings summed."""
         masses = self.masses(rate, density) / MILLIGRAM
         return tuple(float(sum(masses[i] for i in openings)) for openings in self.of_event)
 
-    def mean_squares(self, error: NDArray[np.float64]) -> tuple[float, ...]:
+    def mean_squares(self, error: Array) -> tuple[float, ...]:
         """Mean square of an error over every event's union of windows."""
         return tuple(float(np.mean(error[self.union(i)] ** 2)) for i in range(len(self.of_event)))
 
 
-def covered_samples(
-    error: NDArray[np.float64], sigma: NDArray[np.float64], windows: Windows
-) -> tuple[tuple[int, ...], tuple[int, ...]]:
+def covered_samples(error: Array, sigma: Array, windows: Windows) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """Samples with an open needle and a standard deviation, and of these those within 1.96 of it, event by event.
 
     error, sigma: of the rate at every sample, in one unit; sigma is nan where it is not available.
@@ -196,11 +195,11 @@ def covered_samples(
 
 def score_rate(
     name: str,
-    rate: NDArray[np.float64],
+    rate: Array,
     truth: Truth,
     windows: Windows,
     density: float,
-    x3_error: NDArray[np.float64] | None = None,
+    x3_error: Array | None = None,
 ) -> EstimatorScore:
     """Score of an estimator's rate [m3/s] at every sample, and of its normalised sac pressure if it has one."""
     return EstimatorScore(

@@ -8,17 +8,20 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.config.bench import Bench, load_bench
+from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench, load_injector
 from observer_rt.config.injector import Meaning, SamplingConfig
 from observer_rt.evaluation.evaluate import Evaluation, Trace, evaluate
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
+from observer_rt.model.effects import sized
+from observer_rt.model.parameters import InjectorParameters
 from observer_rt.observer.stream.state import State
 from observer_rt.recording.replay.framing import Span, windows
 from observer_rt.recording.signals.recording import Recording
@@ -26,8 +29,12 @@ from observer_rt.service.core.learners import LearnerFactory, make_learner
 from observer_rt.service.core.messages import Counters
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.judging import InlineExecutor
+from observer_rt.simulation.schedule import Schedule
+from observer_rt.simulation.simulate import SimulatedNoise, Simulation, simulate
+from tools.benchmarks.arrays import Array
 from tools.benchmarks.cases import CLASSES, Case, make_case
 from tools.benchmarks.plant import Outcome, record
+from tools.benchmarks.report import known
 from tools.benchmarks.score import (
     NOMINAL,
     OBSERVER,
@@ -40,7 +47,6 @@ from tools.benchmarks.score import (
 )
 
 WARM_UP_EVENTS = 3
-UNAVAILABLE = {"f": np.nan}  # by kind of dtype; else 0
 PRESSURE_SCALE = 100 * MEGAPASCAL  # of x3
 NO_REPORT = "NO_REPORT"  # in the place of a reason
 
@@ -64,12 +70,13 @@ def evaluate_windowed(bench: Bench, recording: Recording, learner_of: LearnerFac
     spans = windows(recording)
     history = evaluate(bench, [part_of(recording, span) for span in spans], learner_of=learner_of)
     first = history.evaluations[0].trace
-    likes = (getattr(first, each.name) for each in fields(Trace))
     trace = Trace(
-        *(
-            np.full((recording.samples, *like.shape[1:]), UNAVAILABLE.get(like.dtype.kind, 0), like.dtype)
-            for like in likes
-        )
+        **{
+            name: np.full(
+                (recording.samples, *like.shape[1:]), np.nan if like.dtype.kind == "f" else 0, like.dtype
+            )
+            for name, like in vars(first).items()
+        }
     )
     trace.state[:] = State.WAITING_FOR_DATA
     reports = []
@@ -77,9 +84,9 @@ def evaluate_windowed(bench: Bench, recording: Recording, learner_of: LearnerFac
         for name, values in vars(part.trace).items():
             whole: NDArray[np.generic] = getattr(trace, name)
             whole[span.start : span.end] = values
-        moved = span.start - part.first_index
+        by = span.start - part.first_index
         reports += [
-            replace(r, start_index=r.start_index + moved, end_index=r.end_index + moved) for r in part.reports
+            replace(r, start_index=r.start_index + by, end_index=r.end_index + by) for r in part.reports
         ]
     counted = [vars(part.counters) for part in history.evaluations]
     counters = Counters(**{name: sum(counts[name] for counts in counted) for name in counted[0]})
@@ -130,13 +137,12 @@ def score_evaluation(
     nominal_x3 = x3_of_rate(trace.nominal_rate, bench)
     x3 = np.where(np.isnan(trace.x[:, 2]), nominal_x3, trace.x[:, 2])
     true_x3 = (truth.sac_pressure - case.bench.injector.chamber_pressure) / PRESSURE_SCALE
-    valid, reasons, intervals = _judged(evaluation, windows)
     true_masses = windows.masses(truth.injection_rate, density)
     errors = 100.0 * (windows.masses(rate, density) / true_masses - 1.0)
-
     judged, covered = covered_samples(rate - truth.injection_rate, trace.injection_rate_sigma, windows)
+    valid, reasons, intervals = _judged(evaluation, windows)
 
-    def scored(name: str, rate: NDArray[np.float64], x3: NDArray[np.float64]) -> EstimatorScore:
+    def scored(name: str, rate: Array, x3: Array) -> EstimatorScore:
         return score_rate(name, rate, truth, windows, density, x3 - true_x3)
 
     return CaseScore(
@@ -195,15 +201,32 @@ def with_signals(bench: Bench, changed: Mapping[str, Mapping[str, Any]]) -> Benc
     return bench.with_sections(signals=signals.model_copy(update=update))
 
 
-def x3_of_rate(rate: NDArray[np.float64], bench: Bench) -> NDArray[np.float64]:
+def bench_text(*changes: tuple[str, str]) -> str:
+    """The example bench file with texts in the place of others."""
+    text = EXAMPLE_BENCH.read_text("utf-8")
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    return text
+
+
+def worn_injector(
+    schedule: Schedule,
+    sample_rate: float,
+    wear: float = 0.2,
+    seed: int = 1,
+    injector: InjectorParameters | None = None,
+) -> Simulation:
+    """What an injector with a worn nozzle [v_H] does, of the package's own simulation, with usual noise."""
+    worn = (sized("orifice_area", v_H=wear),) if wear else ()
+    return simulate(injector or load_injector(), schedule, sample_rate, worn, SimulatedNoise(), seed=seed)
+
+
+def x3_of_rate(rate: Array, bench: Bench) -> Array:
     """x3 at which the nominal nozzle passes a rate [m3/s]: (23) solved for p_S."""
     part = bench.injector.parameters
-    at_scale = (
-        part.nozzle.flow_coefficient
-        * part.nozzle.area
-        * math.sqrt(2.0 * PRESSURE_SCALE / part.fluid.density_nozzle)
-    )
-    root: NDArray[np.float64] = rate / at_scale
+    jet = math.sqrt(2.0 * PRESSURE_SCALE / part.fluid.density_nozzle)
+    root: Array = rate / (part.nozzle.flow_coefficient * part.nozzle.area * jet)
     return root * np.abs(root)
 
 
@@ -221,7 +244,10 @@ def _judged(
         valid.append(bool(reports) and not missing and all(r.valid for r in reports))
         named = {r.reason.name for r in reports if not r.valid} if reports else {NO_REPORT}
         reasons.append(" ".join(sorted(named)))
-        intervals.append(_interval(reports))
+        bounds = known(r.mass_ci95 for r in reports)
+        # the openings of an event share what is uncertain, so widths add
+        low, high = (sum(each[side] for each in bounds) / MILLIGRAM for side in (0, 1))
+        intervals.append((low, high) if bounds and len(bounds) == len(reports) else None)
     return tuple(valid), tuple(reasons), tuple(intervals)
 
 
@@ -243,14 +269,6 @@ def _report_of(evaluation: Scored, window: slice) -> InjectionReport | None:
     return best if best is not None and overlap(best) > 0 else None
 
 
-def _interval(reports: Sequence[InjectionReport]) -> tuple[float, float] | None:
-    """95 % interval of the summed mass [mg]: the openings of an event share what is uncertain, so widths add."""
-    bounds = [report.mass_ci95 for report in reports if report.mass_ci95 is not None]
-    if not bounds or len(bounds) < len(reports):
-        return None
-    return sum(low for low, _ in bounds) / MILLIGRAM, sum(high for _, high in bounds) / MILLIGRAM
-
-
 @contextmanager
 def timed_training() -> Iterator[list[float]]:
     """Milliseconds of one core of every training run in lockstep meanwhile."""
@@ -263,8 +281,5 @@ def timed_training() -> Iterator[list[float]]:
         durations.append((time.thread_time() - begin) / MILLISECOND)
         return future
 
-    InlineExecutor.submit = submit  # type: ignore[method-assign]
-    try:
+    with patch.object(InlineExecutor, "submit", submit):
         yield durations
-    finally:
-        InlineExecutor.submit = original  # type: ignore[method-assign]

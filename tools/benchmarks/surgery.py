@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLISECOND, MM3_PER_MS
-from observer_rt.model.effects import sized
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.observer.stream.state import Reason
 from observer_rt.recording.replay.framing import Framer, whole
@@ -23,10 +22,10 @@ from observer_rt.service.core.core import Core
 from observer_rt.service.reports.news import Notes
 from observer_rt.simulation.plant import Truth
 from observer_rt.simulation.schedule import make_schedule
-from observer_rt.simulation.simulate import SimulatedNoise, simulate
+from tools.benchmarks.arrays import Array
 from tools.benchmarks.command_line import app, tracked
 from tools.benchmarks.report import Columns, put_out, table_of
-from tools.benchmarks.scoring import bench_at
+from tools.benchmarks.scoring import bench_at, worn_injector
 
 SAMPLE_RATE = 50e3  # Hz
 EVENTS, PERIOD = 8, 50 * MILLISECOND
@@ -53,7 +52,7 @@ class Onset(StrEnum):
     OPEN = "while the needle is open"
 
 
-Signals = dict[str, NDArray[np.float64]]
+Signals = dict[str, Array]
 RAIL, LIFT, LINE = "rail_pressure", "needle_lift", "line_pressure"
 
 
@@ -192,10 +191,7 @@ def _injections(wear: float) -> tuple[Recording, Truth]:
         PERIOD,
         [0.5 * MILLISECOND, 1.1 * MILLISECOND],
     )
-    effects = (sized("orifice_area", v_H=wear),) if wear else ()
-    made = simulate(
-        bench_at(SAMPLE_RATE).injector.parameters, schedule, SAMPLE_RATE, effects, SimulatedNoise(), seed=5
-    )
+    made = worn_injector(schedule, SAMPLE_RATE, wear, seed=5)
     return made.recording, made.truth
 
 

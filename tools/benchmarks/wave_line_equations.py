@@ -45,23 +45,6 @@ class Lattice(NamedTuple):
     inlet_loss: float = 0.0  # Pa s2/m6, of an orifice between rail and line
 
 
-@njit(cache=True, nogil=True)
-def with_own_inertance(lattice: Lattice) -> Lattice:
-    """The same, its inertance and loss not shared."""
-    return Lattice(
-        lattice.inertance.copy(),
-        lattice.volume,
-        lattice.impedance,
-        lattice.loss.copy(),
-        lattice.stress,
-        lattice.kept,
-        lattice.added,
-        lattice.pull,
-        lattice.end_volume,
-        lattice.inlet_loss,
-    )
-
-
 class WaveState(NamedTuple):
     """Changed in place: flows, pressures of the nodes and the gallery's pressure (2 n + 1,), what friction remembers
     (n, parts), [p_S, lagged p_L, lagged lift, the seat's flow in the last step] (4,), flows and lift as laws remember
@@ -191,18 +174,13 @@ def line_step(
             remembered += memory[i, j]
         pull[i] = lattice.pull[i // NODES] * remembered
     middle = 0.5 * (rail0 + rail1)
-    line_rates(y, rate, pull, rail0, drain, lattice, part, faults)
     for i in range(size):
-        total[i] = rate[i]
-        stage[i] = y[i] + 0.5 * step * rate[i]
-    line_rates(stage, rate, pull, middle, drain, lattice, part, faults)
-    for i in range(size):
-        total[i] += 2.0 * rate[i]
-        stage[i] = y[i] + 0.5 * step * rate[i]
-    line_rates(stage, rate, pull, middle, drain, lattice, part, faults)
-    for i in range(size):
-        total[i] += 2.0 * rate[i]
-        stage[i] = y[i] + step * rate[i]
+        stage[i], total[i] = y[i], 0.0
+    for rail, weight, reach in ((rail0, 1.0, 0.5), (middle, 2.0, 0.5), (middle, 2.0, 1.0)):
+        line_rates(stage, rate, pull, rail, drain, lattice, part, faults)
+        for i in range(size):
+            total[i] += weight * rate[i]
+            stage[i] = y[i] + reach * step * rate[i]
     line_rates(stage, rate, pull, rail1, drain, lattice, part, faults)
     for i in range(size):
         change = step / 6.0 * (total[i] + rate[i])

@@ -129,6 +129,7 @@ class WavePlant:
     def advance(self, faults: Faults, strokes: Array, drive: Rail, result: Array) -> None:
         """Signals (n, 6) of `plant_equations.run` at the samples after the first of `drive`."""
         part = with_faults(self._part, faults)
-        lattice = lattice_of(part, faults, self._line, drive.interval / self._steps)
-        beyond = self._laws != NO_LAWS
-        run_wave(lattice, part, faults, self._laws, beyond, strokes, drive, self.state, self._steps, result)
+        usual = lattice_of(part, faults, self._line, drive.interval / self._steps)
+        lattice = usual._replace(inertance=usual.inertance.copy(), loss=usual.loss.copy())
+        laws, beyond = self._laws, self._laws != NO_LAWS
+        run_wave(usual, lattice, part, faults, laws, beyond, strokes, drive, self.state, self._steps, result)

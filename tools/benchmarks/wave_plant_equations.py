@@ -37,13 +37,7 @@ from tools.benchmarks.plant_laws import (
     true_lift,
 )
 from tools.benchmarks.plant_parameters import Faults, Injector
-from tools.benchmarks.wave_line_equations import (
-    NODES,
-    Lattice,
-    WaveState,
-    line_step,
-    with_own_inertance,
-)
+from tools.benchmarks.wave_line_equations import NODES, Lattice, WaveState, line_step
 
 GAMMA = 1.0 - 1.0 / math.sqrt(2.0)  # of SDIRK2
 STEPS = 12  # per sample of 10 us
@@ -161,6 +155,7 @@ def _grow_inertance(usual: Lattice, lattice: Lattice, flows: Array, laws: Laws) 
 @njit(cache=True, nogil=True)
 def run_wave(
     usual: Lattice,
+    lattice: Lattice,
     part: Injector,
     faults: Faults,
     laws: Laws,
@@ -173,7 +168,7 @@ def run_wave(
 ) -> None:
     """Integrate over the samples of the rail pressure, each in `steps`, for which the lattice was made.
 
-    beyond: whether there is any law; result (n, 6) as of `plant_equations.run`.
+    lattice: as `usual`, to be changed; beyond: whether there is any law; result (n, 6) as of `plant_equations.run`.
     """
     start, interval, rail = drive
     y, sac_and_sensor, remembered = state.line, state.sac_and_sensor, state.remembered
@@ -183,7 +178,6 @@ def run_wave(
     recorded = seen
     rooms = np.zeros((4, y.shape[0]))
     step = interval / steps
-    lattice = with_own_inertance(usual)
     inertances = np.repeat(usual.inertance * usual.inertance.shape[0], NODES)
     loss = part.line_loss / (2.0 * part.line_area * part.line_length)
     max_lift = part.max_lift

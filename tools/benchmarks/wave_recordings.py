@@ -11,9 +11,8 @@ from typing import Annotated
 
 import numpy as np
 import typer
-from numpy.typing import NDArray
 
-from observer_rt.config.bench import NOMINAL_INJECTOR
+from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
 from observer_rt.recording.formats import write_recording
@@ -31,6 +30,7 @@ from tools.benchmarks.peers import RATE_NOISE
 from tools.benchmarks.plant import SAMPLE_RATE, Bench, Event, Needle, Outcome, Shot, record
 from tools.benchmarks.plant_laws import NO_LAWS, Laws
 from tools.benchmarks.plant_parameters import Faults
+from tools.benchmarks.runs import Plan
 from tools.benchmarks.scoring import recording_of
 from tools.benchmarks.wave_plant import LINES, Variant, new_part, real_part
 
@@ -39,7 +39,7 @@ FIT_PRESSURES = (60e6, 100e6, 140e6)  # Pa
 FIT_DURATIONS = (0.6e-3, 1.9e-3)  # s, of the openings
 FIT_EVENTS = 6  # in a recording of 0.52 s
 START_SPREAD = 50e-6  # s, of an event on the grid of samples
-NEW_PART = "new_part.toml"
+NEW_PART, FITTED = "new_part.toml", "fitted.toml"
 WRONG_LENGTH = 1.05  # of the line, as its maker says, where a measured rate can put it right
 
 
@@ -101,9 +101,20 @@ def write_recordings(
     for name, outcome in outcomes:
         path, recording = folder / f"{name}.csv", recording_of(outcome)
         if measured_rate:
-            recording = replace(recording, injection_rate=_measured_rate(outcome, zlib.crc32(name.encode())))
+            # without a meter's error of gain, which no fit could tell from truth
+            noise = np.random.default_rng(zlib.crc32(name.encode())).normal(
+                0.0, RATE_NOISE, recording.samples
+            )
+            recording = replace(recording, injection_rate=outcome.truth.injection_rate + noise)
         write_recording(path, recording)
-        _write_truth(path, outcome)
+        columns = {
+            TIME: outcome.measured.time,
+            INJECTION_RATE: outcome.truth.injection_rate,
+            NEEDLE_LIFT: outcome.truth.needle_lift,
+            LINE_PRESSURE: outcome.truth.line_pressure,
+            SAC_PRESSURE: outcome.truth.sac_pressure,
+        }
+        write_columns(truth_path(path), list(columns.items()))
         yield path
 
 
@@ -122,26 +133,31 @@ def fit_model(
     recordings: Sequence[Path], maker: Path, fitted: Path, program: Sequence[str] = OUR_PROGRAM
 ) -> str:
     """Have `fit` make an injector file of recordings, from the maker's; what it says. Raises RunError."""
-    command = [
-        *program,
-        "fit",
-        *map(str, recordings),
-        "--model",
-        str(maker),
-        "--output",
-        str(fitted),
-        "--force",
-    ]
+    options = ["--model", str(maker), "--output", str(fitted), "--force"]
+    command = [*program, "fit", *map(str, recordings), *options]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
         raise RunError(f"observer-rt fit ended with {done.returncode}: {done.stderr.strip()}")
     return done.stdout
 
 
-def _measured_rate(outcome: Outcome, seed: int) -> NDArray[np.float64]:
-    """Rate with the white noise of a rate meter; without its error of gain, which no fit could tell from truth."""
-    rate = outcome.truth.injection_rate
-    return rate + np.random.default_rng(seed).normal(0.0, RATE_NOISE, rate.size)
+def fitted_model(
+    plan: Plan, given: Path | None, variant: Variant = Variant.PLAIN, measured_rate: bool = False
+) -> tuple[Path, dict[str, Outcome]]:
+    """The injector file of a plan on tier B, fitted to healthy recordings unless it is given, and these recordings.
+
+    Without peers and with a file given nothing is recorded. measured_rate: the fit has one, and a wrong inertance.
+    """
+    healthy, model = {}, given
+    if plan.peers or given is None:
+        benches = healthy_benches(variant, plan.master_seed)
+        healthy = {name: record(benches[name]) for name in tracked(benches, "recording")}
+    if model is None:
+        model, folder = plan.out / FITTED, plan.out / "healthy"
+        recordings = list(write_recordings(folder, healthy.items(), measured_rate))
+        messages.print(fit_model(recordings, folder / NEW_PART, model), highlight=False, markup=False)
+    load_injector(model)  # refused here, not in every process
+    return model, healthy
 
 
 def _bench(
@@ -149,20 +165,6 @@ def _bench(
 ) -> Bench:
     part, line = real_part(seed), LINES[variant]
     return Bench(part, Needle(), events, sample_rate, seed=noise, averaged=averaged, line=line)
-
-
-def _write_truth(path: Path, outcome: Outcome) -> None:
-    truth = outcome.truth
-    write_columns(
-        truth_path(path),
-        [
-            (TIME, outcome.measured.time),
-            (INJECTION_RATE, truth.injection_rate),
-            (NEEDLE_LIFT, truth.needle_lift),
-            (LINE_PRESSURE, truth.line_pressure),
-            (SAC_PRESSURE, truth.sac_pressure),
-        ],
-    )
 
 
 @app.command(

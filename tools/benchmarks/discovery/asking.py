@@ -9,15 +9,12 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from rich.console import Console
-
 from observer_rt.config.bench import NOMINAL_INJECTOR
 from tools.benchmarks.discovery import hiding
 from tools.benchmarks.discovery.answers import Answer, ask
 from tools.benchmarks.runs import Campaign, Labelled, Store
 from tools.benchmarks.wave_recordings import OUR_PROGRAM
 
-WARM_UP_RECORDINGS = 2
 Hiding = TypeVar("Hiding")
 Hidden = TypeVar("Hidden", bound=Labelled)
 Scored = TypeVar("Scored", bound=Labelled)
@@ -37,9 +34,10 @@ class Asking(Generic[Hiding]):
         """Folder of what is sealed, and of recordings while they are asked about."""
         return self.out / "hidden"
 
-    def campaign(self, console: Console) -> Campaign:
+    @property
+    def campaign(self) -> Campaign:
         """On its processes, kept in its folder."""
-        return Campaign(self.out, self.workers, console)
+        return Campaign(self.out, self.workers)
 
 
 @dataclass(frozen=True)

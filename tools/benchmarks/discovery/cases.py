@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
+from tools.benchmarks.arrays import Array
 from tools.benchmarks.discovery.hidden import HEALTHY, HIDDEN
 from tools.benchmarks.discovery.hiding import Hiding, label_of
 from tools.benchmarks.plant import Bench, Event, Outcome, Shot, drawn_needle, record
@@ -84,7 +84,7 @@ def benches(
     return tuple(made)
 
 
-def measured_rate(bench: Bench, outcome: Outcome) -> NDArray[np.float64]:
+def measured_rate(bench: Bench, outcome: Outcome) -> Array:
     """Rate an instrument measures beside the injector [m3/s] (n,): white noise, and a gain error of the recording.
 
     Of a bench without noise the true rate.
@@ -130,7 +130,7 @@ def write_recording(path: Path, bench: Bench, with_rate: bool) -> None:
     """What a bench records, as CSV file."""
     outcome = record(bench)
     measured = outcome.measured
-    columns: list[NDArray[np.float64]] = [
+    columns: list[Array] = [
         measured.time,
         measured.rail_pressure / MEGAPASCAL,
         measured.needle_lift / MILLIMETRE,

@@ -43,68 +43,6 @@ class HiddenParameter:
         return -size if negative else size
 
 
-@dataclass(frozen=True)
-class HiddenEffect:
-    """An effect: the first parameter is its size; a switch has none, and sets its fault to 1."""
-
-    id: str
-    parameters: tuple[HiddenParameter, ...] = ()
-    switch: str = ""
-
-    def faults(self, values: Sequence[float]) -> Faults:
-        """The plant with this effect, its parameters in order."""
-        if self.switch:
-            return Faults(**{self.switch: 1.0})
-        return Faults(**{p.fault: value for p, value in zip(self.parameters, values, strict=True)})
-
-
-def _single(
-    effect: str, name: str, fault: str, lowest: float, highest: float, negative: float = 0.0
-) -> HiddenEffect:
-    return HiddenEffect(effect, (HiddenParameter(name, fault, lowest, highest, negative),))
-
-
-_EFFECTS = (
-    _single("orifice_area", "v_H", "orifice_area", 2e-3, 0.5, -0.5),
-    _single("seat_area", "v_S", "seat_area", 7e-3, 0.4, -0.4),
-    _single("guide_leakage", "c", "guide_leakage", 1.5e-15, 1.5e-13),  # m3/(s Pa)
-    _single("line_friction", "k", "line_friction", 6e-3, 3.0, -0.5),
-    HiddenEffect("seat_outflow", switch="seat_outflow"),
-    _single("bulk_modulus", "r", "bulk_modulus", 3e-4, 0.25, -0.25),
-    _single("line_volume", "r", "line_volume", 3e-4, 0.25, -0.25),
-    _single("pressure_dependent_bulk_modulus", "n", "bulk_modulus_slope", 0.015, 8.0, -6.0),
-    _single("entrained_air", "g", "entrained_air", 2e-5, 8e-3),
-    _single("fuel_density", "r", "fuel_density", 2e-4, 0.08, -0.08),
-    _single("orifice_cavitation", "n_crit_excess", "orifice_cavitation", 0.03, 0.3),
-    HiddenEffect(
-        "lift_dependent_seat_coefficient",
-        (
-            HiddenParameter("a", "seat_lift_loss", 0.015, 0.7, -0.6),
-            HiddenParameter("x_c", "seat_lift_scale", 20 * MICROMETRE, 80 * MICROMETRE),
-        ),
-    ),
-    HiddenEffect(
-        "chamber_pressure_rise",
-        (
-            HiddenParameter("dp", "chamber_pressure_step", 0.25e6, 12e6),  # Pa
-            HiddenParameter("s", "chamber_pressure_share", 0.05, 1.0),
-        ),
-    ),
-    _single("lift_offset", "x_0", "lift_offset", 0.15 * MICROMETRE, 25 * MICROMETRE, -25 * MICROMETRE),
-    _single("needle_lift_sensor_lag", "tau", "lift_sensor_lag", 0.5 * MICROSECOND, 60 * MICROSECOND),
-    _single("lift_gain", "g", "lift_gain", 7e-3, 0.2, -0.2),
-    _single("rail_pressure_sensor_gain", "g", "rail_pressure_sensor_gain", 2.5e-5, 0.03, -0.03),
-    _single("rail_pressure_sensor_offset", "o", "rail_pressure_sensor_offset", 5e3, 5e6, -5e6),  # Pa
-    _single(
-        "line_pressure_sensor_lag", "tau", "line_pressure_sensor_lag", 0.3 * MICROSECOND, 80 * MICROSECOND
-    ),
-    _single("line_pressure_sensor_offset", "o", "line_pressure_sensor_offset", 5e3, 5e6, -5e6),  # Pa
-    _single("channel_skew", "d", "channel_skew", 0.3 * MICROSECOND, 50 * MICROSECOND, -50 * MICROSECOND),
-)
-
-HIDDEN = {effect.id: effect for effect in _EFFECTS}
-
-
 def same_effect(first: str, second: str) -> bool:
     """Whether two ids are one as far as any recording can tell."""
     return first == second or {first, second} == RECIPROCAL
@@ -144,18 +82,20 @@ class HiddenKind:
 
     equation: of the true term; also: where a term does the same in every signal; without_rate: where it does the same
     in the line pressure; in_library: whether the product's terms have its form; by_number: factor of the first
-    parameter for the injection with this number from 0 on; steps: of sensors; supply: added to the rail [Pa].
+    parameter for the injection with this number from 0 on; steps: of sensors; supply: added to the rail [Pa];
+    switch: fault that is set to 1, of an effect without a size.
     """
 
     name: str
     equation: TermEquation
-    parameters: tuple[HiddenParameter, ...]
+    parameters: tuple[HiddenParameter, ...] = ()
     in_library: bool = True
     also: Family = frozenset()
     without_rate: Family = frozenset()
     by_number: Callable[[int], float] = field(default=lambda number: 1.0)
     step: Callable[..., Step] | None = None
     supply: Callable[..., Callable[[Array], Array]] | None = None
+    switch: str = ""
 
     def draw(self, rng: Generator, from_share: float = 0.0) -> tuple[float, ...]:
         """Sizes of its parameters; from_share: the lower part of the (log) range of the first that is left out."""
@@ -174,6 +114,8 @@ class HiddenKind:
 
     def faults(self, values: Sequence[float], number: int = 0) -> Faults:
         """What is wrong with the plant at an injection."""
+        if self.switch:
+            return Faults(**{self.switch: 1.0})
         first, *others = values
         return Faults(**self.named((first * self.by_number(number), *others), Faults._fields))
 
@@ -189,3 +131,67 @@ class HiddenKind:
         """Those of its parameters that are such fields."""
         pairs = zip(self.parameters, values, strict=True)
         return {p.fault: value for p, value in pairs if p.fault in fields}
+
+
+Sizes = tuple[float, float] | tuple[float, float, float]
+
+
+def _of_vocabulary(
+    effect: str,
+    equation: TermEquation,
+    name: str,
+    sizes: Sizes,
+    *more: HiddenParameter,
+    fault: str = "",
+    **how: Family,
+) -> HiddenKind:
+    """An effect by the name of its first parameter; fault: of the plant, where it is not called as the effect is."""
+    return HiddenKind(effect, equation, (HiddenParameter(name, fault or effect, *sizes), *more), **how)  # type: ignore[arg-type]
+
+
+_v, _UM, _US = _of_vocabulary, MICROMETRE, MICROSECOND
+_EFFECTS = (
+    _v("orifice_area", _T.NOZZLE_FLOW, "v_H", (2e-3, 0.5, -0.5)),
+    _v("seat_area", _T.SEAT_FLOW, "v_S", (7e-3, 0.4, -0.4)),
+    _v("guide_leakage", _T.LINE_PRESSURE, "c", (1.5e-15, 1.5e-13)),  # m3/(s Pa)
+    _v("line_friction", _T.LINE_FLOW, "k", (6e-3, 3.0, -0.5)),
+    HiddenKind("seat_outflow", _T.LINE_PRESSURE, switch="seat_outflow"),
+    _v("bulk_modulus", _T.STIFFNESS, "r", (3e-4, 0.25, -0.25)),
+    _v("line_volume", _T.STIFFNESS, "r", (3e-4, 0.25, -0.25)),
+    _v("pressure_dependent_bulk_modulus", _T.STIFFNESS, "n", (0.015, 8.0, -6.0), fault="bulk_modulus_slope"),
+    _v("entrained_air", _T.STIFFNESS, "g", (2e-5, 8e-3)),
+    _v("fuel_density", _T.INERTANCE, "r", (2e-4, 0.08, -0.08), also=SEAT | NOZZLE),
+    _v("orifice_cavitation", _T.NOZZLE_FLOW, "n_crit_excess", (0.03, 0.3)),
+    _v(
+        "lift_dependent_seat_coefficient",
+        _T.SEAT_FLOW,
+        "a",
+        (0.015, 0.7, -0.6),
+        HiddenParameter("x_c", "seat_lift_scale", 20 * _UM, 80 * _UM),
+        fault="seat_lift_loss",
+    ),
+    _v(
+        "chamber_pressure_rise",
+        _T.CHAMBER_PRESSURE,
+        "dp",
+        (0.25e6, 12e6),  # Pa
+        HiddenParameter("s", "chamber_pressure_share", 0.05, 1.0),
+        fault="chamber_pressure_step",
+    ),
+    _v("lift_offset", _T.NEEDLE_LIFT, "x_0", (0.15 * _UM, 25 * _UM, -25 * _UM)),
+    _v(
+        "needle_lift_sensor_lag",
+        _T.NEEDLE_LIFT,
+        "tau",
+        (0.5 * _US, 60 * _US),
+        fault="lift_sensor_lag",
+        without_rate=SENSOR,
+    ),
+    _v("lift_gain", _T.NEEDLE_LIFT, "g", (7e-3, 0.2, -0.2)),
+    _v("rail_pressure_sensor_gain", _T.RAIL_PRESSURE, "g", (2.5e-5, 0.03, -0.03), without_rate=SENSOR),
+    _v("rail_pressure_sensor_offset", _T.RAIL_PRESSURE, "o", (5e3, 5e6, -5e6), without_rate=SENSOR),  # Pa
+    _v("line_pressure_sensor_lag", _T.LINE_PRESSURE_SENSOR, "tau", (0.3 * _US, 80 * _US), without_rate=SEAT),
+    _v("line_pressure_sensor_offset", _T.LINE_PRESSURE_SENSOR, "o", (5e3, 5e6, -5e6), without_rate=MOMENTUM),
+    _v("channel_skew", _T.LINE_PRESSURE_SENSOR, "d", (0.3 * _US, 50 * _US, -50 * _US), without_rate=SEAT),
+)
+HIDDEN = {effect.name: effect for effect in _EFFECTS}

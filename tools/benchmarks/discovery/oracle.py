@@ -17,7 +17,7 @@ from scipy.optimize import least_squares
 
 from tools.benchmarks.arrays import Array
 from tools.benchmarks.discovery.cases import RATE_GAIN, RATE_NOISE, measured_rate
-from tools.benchmarks.discovery.hidden import HIDDEN, HiddenEffect
+from tools.benchmarks.discovery.hidden import HIDDEN, HiddenKind
 from tools.benchmarks.peer_equations import line_gain
 from tools.benchmarks.plant import (
     LIFT_NOISE,
@@ -109,12 +109,12 @@ class Recorded:
     """
 
     bench: Bench
-    rail: NDArray[np.float64]
-    lift: NDArray[np.float64]
-    line: NDArray[np.float64]
-    rate: NDArray[np.float64] | None
+    rail: Array
+    lift: Array
+    line: Array
+    rate: Array | None
     openings: NDArray[np.int64]
-    speeds: NDArray[np.float64]
+    speeds: Array
     counted: NDArray[np.bool_]
 
 
@@ -150,7 +150,7 @@ def record_all(benches: Sequence[Bench], with_rate: bool) -> tuple[tuple[Recorde
     return tuple((recorded(b, outcome, with_rate), outcome) for b in benches for outcome in [record(b)])
 
 
-def true_lift(r: Recorded, faults: Faults) -> NDArray[np.float64]:
+def true_lift(r: Recorded, faults: Faults) -> Array:
     """Lift [m] (n,) if the sensor has these faults; what an offset cut off is extended with the needle's speeds."""
     lift = np.zeros(r.lift.size)
     recorded_lift = r.lift + faults.lift_sensor_lag / INTERVAL * np.gradient(r.lift)
@@ -165,7 +165,7 @@ def true_lift(r: Recorded, faults: Faults) -> NDArray[np.float64]:
     return lift
 
 
-def _extend(lift: NDArray[np.float64], seen: NDArray[np.float64], rise: float) -> None:
+def _extend(lift: Array, seen: Array, rise: float) -> None:
     """Replace the beginning of a flank, where nothing was seen, by a ramp of `rise` a sample; in place."""
     found = np.flatnonzero(seen > LOST_LIFT)
     if found.size == 0:
@@ -176,7 +176,7 @@ def _extend(lift: NDArray[np.float64], seen: NDArray[np.float64], rise: float) -
     lift[:first] = np.minimum(lift[:first], np.maximum(level + rise * np.arange(-first, 0), 0.0))
 
 
-def gain_of(part: Injector, faults: Faults, pressure: float) -> tuple[NDArray[np.float64], float]:
+def gain_of(part: Injector, faults: Faults, pressure: float) -> tuple[Array, float]:
     """Kalman gain (3,) at a line pressure [Pa], and the innovation's sigma [Pa]."""
     stiffness = line_stiffness(pressure, part, faults) / part.line_volume
     inertance = part.density * part.line_length / part.line_area
@@ -185,9 +185,7 @@ def gain_of(part: Injector, faults: Faults, pressure: float) -> tuple[NDArray[np
     return line_gain(angle, impedance, late, RAIL_NOISE, LINE_NOISE)
 
 
-def simulated(
-    r: Recorded, faults: Faults, closed_loop: bool
-) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+def simulated(r: Recorded, faults: Faults, closed_loop: bool) -> tuple[Array, Array, float]:
     """Errors [Pa] and rate [m3/s] (n,) with these faults, whitened or open loop, and the innovation's sigma [Pa]."""
     part = with_faults(r.bench.injector, faults)
     rail = (r.rail - faults.rail_pressure_sensor_offset) / (1.0 + faults.rail_pressure_sensor_gain)
@@ -201,12 +199,12 @@ def simulated(
     return _shifted(errors, -whole), rate, sigma
 
 
-def _shifted(values: NDArray[np.float64], samples: int) -> NDArray[np.float64]:
+def _shifted(values: Array, samples: int) -> Array:
     """Values (n,) moved to the front; the end stands still."""
     return values[np.clip(np.arange(values.size) + samples, 0, values.size - 1)]
 
 
-def rate_sigma(r: Recorded) -> NDArray[np.float64]:
+def rate_sigma(r: Recorded) -> Array:
     """Standard deviation of measured minus modelled rate [m3/s] (n,): the instrument's, and what lift noise does."""
     part = r.bench.injector
     lift = true_lift(r, Faults())
@@ -221,7 +219,7 @@ def rate_sigma(r: Recorded) -> NDArray[np.float64]:
     return np.asarray(np.hypot(RATE_NOISE, LIFT_NOISE * np.array(slope)), np.float64)
 
 
-def residuals(recordings: Sequence[Recorded], faults: Faults) -> NDArray[np.float64]:
+def residuals(recordings: Sequence[Recorded], faults: Faults) -> Array:
     """Whitened innovations of all recordings (n,); with measured rate its residuals, each recording's gain free."""
     parts = []
     for r in recordings:
@@ -255,7 +253,7 @@ def best_statistic(recordings: Sequence[Recorded], effect_id: str) -> float:
     return min(_refined(recordings, effect, start) for start in starts[:REFINED])
 
 
-def _starts(effect: HiddenEffect) -> list[tuple[float, ...]]:
+def _starts(effect: HiddenKind) -> list[tuple[float, ...]]:
     size, *shapes = effect.parameters
     sizes = list(np.geomspace(size.lowest, size.highest, STARTS))
     if size.most_negative < 0.0:
@@ -265,13 +263,13 @@ def _starts(effect: HiddenEffect) -> list[tuple[float, ...]]:
     )
 
 
-def _refined(recordings: Sequence[Recorded], effect: HiddenEffect, start: tuple[float, ...]) -> float:
+def _refined(recordings: Sequence[Recorded], effect: HiddenKind, start: tuple[float, ...]) -> float:
     scale = np.array([math.sqrt(p.lowest * p.highest) for p in effect.parameters])
     size, *shapes = effect.parameters
     lowest = [WIDER * size.most_negative, *(p.lowest / WIDER_SHAPE for p in shapes)]
     highest = [WIDER * size.highest, *(p.highest * WIDER_SHAPE for p in shapes)]
 
-    def values_at(x: NDArray[np.float64]) -> tuple[float, ...]:
+    def values_at(x: Array) -> tuple[float, ...]:
         return tuple(float(value) for value in x * scale)
 
     found = least_squares(

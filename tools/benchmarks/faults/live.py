@@ -12,16 +12,15 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
 
 from observer_rt.bus.links.link import Link, LinkDownError
 from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
-from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
-from observer_rt.foundation.console import progress_bar
+from observer_rt.config.bench import load_bench
 from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
 from observer_rt.recording.replay.player import play
 from observer_rt.service.core.messages import OutputFrame
+from tools.benchmarks.command_line import tracked
 from tools.benchmarks.faults.bus import index_of
 from tools.benchmarks.faults.player import RATE_ID, SUMMARY_ID, Published, Receiver
 from tools.benchmarks.faults.scenario import Group, Kind, Placed, Scenario, drawn
@@ -29,7 +28,7 @@ from tools.benchmarks.faults.score import FaultScore, score
 from tools.benchmarks.plant import Outcome, record
 from tools.benchmarks.plant_parameters import Faults, Injector
 from tools.benchmarks.runs import Task
-from tools.benchmarks.scoring import recording_of
+from tools.benchmarks.scoring import bench_text, recording_of
 from tools.benchmarks.speed.observers import RUN, Observer, observer
 
 CHANNEL = "vcan0"
@@ -88,29 +87,25 @@ _LIVE: dict[str, tuple[Callable[[Bus], AbstractContextManager[None]], frozenset[
 KINDS = {name: Kind(name, Group.PROCESS, true) for name, (_, true) in _LIVE.items()}
 
 
-def run_live(count: int, master_seed: int, folder: Path, console: Console) -> list[FaultScore]:
+def run_live(count: int, master_seed: int, folder: Path) -> list[FaultScore]:
     """So many scenarios one after the other on one daemon. Raises RunError where it does not start."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "bench.toml"
-    path.write_text(
-        EXAMPLE_BENCH.read_text("utf-8").replace('channel = "can0"', f'channel = "{CHANNEL}"'), "utf-8"
-    )
+    path.write_text(bench_text(('channel = "can0"', f'channel = "{CHANNEL}"')), "utf-8")
     framer, found = Framer(map_bus(load_bench(path))), []
     names = list(KINDS)
     with (
         observer([*RUN, path]) as daemon,
         open_link("socketcan", CHANNEL, True, []) as device,
         open_link("socketcan", CHANNEL, True, [(RATE_ID, False), (SUMMARY_ID, False)]) as ear,
-        progress_bar(console, "live", float(count)) as progress,
     ):
-        for number in range(count):
+        for number in tracked(range(count), "live"):
             scenario = _scenario(Task(names[number % len(names)], master_seed, number))
             outcome = record(scenario.bench)
             recording = recording_of(outcome)
             frames = list(framer.frames(recording, whole(recording)))
             published = _played(scenario, outcome, frames, Bus(daemon, device), ear)
             found.append(score(scenario, outcome, published, scenario.bench.injector.density))
-            progress(float(number + 1))
             if daemon.process.poll() is not None:
                 return [*found[:-1], replace(found[-1], crash="\n".join(daemon.said[-5:]))]
     return found

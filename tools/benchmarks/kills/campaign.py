@@ -11,19 +11,18 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from enum import StrEnum
+from itertools import cycle
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
 
-from observer_rt.foundation.console import progress_bar
 from observer_rt.foundation.errors import UserError
 from observer_rt.service.keeping.journal import Row, reading_journal
 from observer_rt.service.keeping.keeper import sole_writer
 from observer_rt.service.keeping.state_file import load_knowledge, model_hash
-from tools.benchmarks.command_line import JsonOption, SeedOption, app, messages
+from tools.benchmarks.command_line import JsonOption, SeedOption, app, messages, tracked
 from tools.benchmarks.kills.victim import FILLER, FREE, FULL, FullDisk, Scene, make_scene, run_victim
 from tools.benchmarks.report import Columns, put_out, table_of
 
@@ -176,20 +175,18 @@ class Kill:
     problems: tuple[str, ...]
 
 
-def run_campaign(plan: Plan, progress: Callable[[float], None]) -> Iterator[Kill]:
+def run_campaign(plan: Plan) -> Iterator[Kill]:
     """Kill daemon after daemon. The folder's files are those of this campaign only."""
     plan.folder.mkdir(parents=True, exist_ok=True)
     scene = make_scene(plan.folder, plan.interface, plan.channel, plan.within)
-    for path in plan.folder.glob(f"{scene.state.name}*"), plan.folder.glob(f"{scene.journal.name}*"):
-        for left in path:
+    for file in scene.state, scene.journal:
+        for left in plan.folder.glob(f"{file.name}*"):
             left.unlink()
     kept = Kept(0, {})
-    strikes = list(Strike)
-    for number in range(plan.kills):
+    for number, strike in tracked(zip(range(plan.kills), cycle(Strike), strict=False), "killing", plan.kills):
         chance = random.Random(f"{plan.seed} {number}")
-        kill, after = _kill_one(plan, scene, strikes[number % len(strikes)], chance, kept)
+        kill, after = _kill_one(plan, scene, strike, chance, kept)
         kept = after or kept
-        progress(number + 1.0)
         yield kill
 
 
@@ -320,13 +317,6 @@ COLUMNS: Columns[Sequence[Kill]] = {
 }
 
 
-def kills_table(kills: Sequence[Kill], plan: Plan) -> Table:
-    """A row for each way of being killed."""
-    title = f"{len(kills)} kills, saved within {plan.within:g} s, or as long as the disk was full"
-    rows = {strike.value: [kill for kill in kills if kill.strike is strike] for strike in Strike}
-    return table_of(title, "killed", {name: of_it for name, of_it in rows.items() if of_it}, COLUMNS)
-
-
 def kills_document(kills: Sequence[Kill], plan: Plan) -> dict[str, Any]:
     """The same for programs, kill by kill."""
     return {
@@ -358,9 +348,10 @@ def kills(
 ) -> None:
     """Kill daemons that learn at random moments (kill -9): what is lost, and is the rest whole?"""
     plan = Plan(kills, seed, out, within, interface, channel, small_disk=small_disk)
-    with progress_bar(messages, "killing", float(kills)) as progress:
-        found = list(run_campaign(plan, progress))
-    put_out(as_json, kills_document(found, plan), [kills_table(found, plan)])
+    found = list(run_campaign(plan))
+    title = f"{len(found)} kills, saved within {plan.within:g} s, or as long as the disk was full"
+    ways = {str(strike): of_it for strike in Strike if (of_it := [k for k in found if k.strike is strike])}
+    put_out(as_json, kills_document(found, plan), [table_of(title, "killed", ways, COLUMNS)])
     problems = [problem for kill in found for problem in kill.problems]
     for problem in problems:
         messages.print(problem, highlight=False, markup=False)

@@ -24,9 +24,9 @@ from observer_rt.foundation.errors import RunError
 from observer_rt.service.keeping.journal import JournalWriter
 from observer_rt.service.keeping.state_file import load_knowledge, model_hash, save_knowledge
 from observer_rt.simulation.schedule import make_schedule
-from observer_rt.simulation.simulate import SimulatedNoise, simulate
 from tools.benchmarks.command_line import JsonOption, SeedOption, app
-from tools.benchmarks.report import put_out, ruled
+from tools.benchmarks.report import Columns, list_of, put_out
+from tools.benchmarks.scoring import worn_injector
 from tools.benchmarks.speed.native import library
 
 STATE, JOURNAL, SAID = "learned.json", "injections.sqlite", "said"
@@ -211,9 +211,12 @@ def power(
     title = (
         f"{len(found)} losses of power: {lost} injections lost that were on disk, {problems} with a problem"
     )
-    table = ruled(title, ("after operation", "problems"), ("lost",))
-    for each in wrong:
-        table.add_row(str(each.operation), "; ".join(each.problems), str(each.lost))
+    columns: Columns[Cut] = {
+        "after operation": "{.operation}",
+        "problems": lambda each: "; ".join(each.problems),
+        "lost": "{.lost}",
+    }
+    table = list_of(title, [wrong], columns, names=2)
     figures = {"cuts": len(found), "lost": lost, "problems": problems}
     put_out(as_json, {"figures": figures, "details": [asdict(each) for each in wrong]}, [table])
     if wrong:
@@ -248,8 +251,7 @@ def _victim(folder: Path) -> None:
     """Write injection after injection and state after state, and say what is on disk."""
     bench, injector = load_bench(), load_injector()
     schedule = make_schedule([100e6], 4, 0.05, [1.2e-3])
-    recording = simulate(injector, schedule, 100e3, (), SimulatedNoise(), seed=1).recording
-    history = evaluate(bench, [recording])
+    history = evaluate(bench, [worn_injector(schedule, 100e3, wear=0.0).recording])
     report = history.evaluations[0].reports[-1]
     journal = JournalWriter(folder / JOURNAL, bench, lambda _: None)
     said = os.open(folder / SAID, os.O_WRONLY | os.O_CREAT)

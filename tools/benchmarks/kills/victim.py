@@ -17,17 +17,16 @@ from rich.console import Console
 
 from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
-from observer_rt.config.bench import Bench, load_bench, load_injector
+from observer_rt.config.bench import Bench, load_bench
 from observer_rt.config.bench_file import LinkConfig
 from observer_rt.config.injector import LearningConfig, SamplingConfig, StateConfig
 from observer_rt.foundation.console import say
-from observer_rt.model.effects import sized
 from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
 from observer_rt.recording.replay.player import play
 from observer_rt.service.run import RunOptions, serve
 from observer_rt.service.warm_up import warm_up
 from observer_rt.simulation.schedule import make_schedule
-from observer_rt.simulation.simulate import SimulatedNoise, simulate
+from tools.benchmarks.scoring import worn_injector
 
 SAMPLE_RATE = 50e3  # Hz
 SPEED = 2.0  # of the replay: 40 injections a second
@@ -66,8 +65,7 @@ def make_scene(folder: Path, interface: str, channel: str, within: float) -> Sce
     link = LinkConfig(interface=interface, channel=channel)
     bench = replace(bench, config=bench.config.model_copy(update={"link": link}))
     schedule = make_schedule([60e6, 120e6], INJECTIONS, 0.05, [1.1e-3])
-    worn = (sized("orifice_area", v_H=0.3),)
-    recording = simulate(load_injector(), schedule, SAMPLE_RATE, worn, SimulatedNoise(), seed=3).recording
+    recording = worn_injector(schedule, SAMPLE_RATE, wear=0.3, seed=3).recording
     bus = map_bus(bench)
     warm_up(bench, bus)
     frames = list(Framer(bus).frames(recording, whole(recording)))

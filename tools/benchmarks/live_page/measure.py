@@ -19,7 +19,7 @@ from rich.table import Table
 from tools.benchmarks.command_line import JsonOption, app
 from tools.benchmarks.live_page import bare_page
 from tools.benchmarks.live_page.watched import Gaps, Served, Watched, launch, served, watch
-from tools.benchmarks.report import put_out
+from tools.benchmarks.report import list_of, put_out
 from tools.benchmarks.speed import native
 from tools.benchmarks.speed.injectors import in_windows, socket_bench, until_all_ready
 from tools.benchmarks.speed.observers import RUN, observer
@@ -194,19 +194,22 @@ def page_table(found: LivePage) -> Table:
         f"{found.load:.1f}\nlongest gap {found.drawn.longest:.0f} ms, bar {LONGEST:.0f}: {verdict}; "
         f"{100.0 * found.seen_share:.0f} % of the injections seen, {found.lost_frames} frames lost"
     )
-    columns = ("", "frames a second", "gaps, ms: longest / 99 % / median", "server CPU", "browser CPU")
-    table = Table(*columns, title=title, title_justify="left")
-    for name, watched in (("observer_rt monitor", found.ours), ("uPlot, one line", found.bare)):
-        _add(table, f"{name}: made at all", watched.made, watched)
-        for panel, gaps in watched.drawn.items():
-            _add(table, f"  {panel} drawn anew", gaps)
-        table.add_section()
-    return table
-
-
-def _add(table: Table, name: str, gaps: Gaps, watched: Watched | None = None) -> None:
-    shares = (f"{watched.server_cpu:.2f}", f"{watched.browser_cpu:.2f}") if watched else ("", "")
-    table.add_row(name, f"{gaps.per_second:.1f}", str(gaps), *shares)
+    pages = {"observer_rt monitor": found.ours, "uPlot, one line": found.bare}
+    rows = [
+        [
+            (f"{name}: made at all", page.made, page.server_cpu, page.browser_cpu),
+            *((f"  {panel} drawn anew", gaps, None, None) for panel, gaps in page.drawn.items()),
+        ]
+        for name, page in pages.items()
+    ]
+    columns = {
+        "": "{[0]}",
+        "frames a second": "{[1].per_second:.1f}",
+        "gaps, ms: longest / 99 % / median": "{[1]}",
+        "server CPU": "{[2]:.2f}",
+        "browser CPU": "{[3]:.2f}",
+    }
+    return list_of(title, rows, columns)
 
 
 @app.command(epilog="Examples: tools/bench monitor; tools/bench monitor --injectors 3 --seconds 20")

@@ -11,10 +11,11 @@ from pathlib import Path
 
 import numpy as np
 import psutil
-from numpy.typing import NDArray
 from playwright.sync_api import Browser, Error, Page, Playwright
 
 from observer_rt.foundation.errors import UserError
+from tools.benchmarks.arrays import Array
+from tools.benchmarks.speed.observers import cpu_time
 
 _OBTAIN = f"{sys.executable} -m playwright install --with-deps chromium-headless-shell"
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
@@ -89,7 +90,7 @@ class Gaps:
     per_second: float
 
     @classmethod
-    def of(cls, times: NDArray[np.float64], begin: float, end: float) -> "Gaps":
+    def of(cls, times: Array, begin: float, end: float) -> "Gaps":
         """Of frames at some times [ms], in a stretch of time."""
         within = times[(times > begin) & (times < end)]
         gaps = np.diff(within, prepend=begin, append=end)
@@ -158,9 +159,4 @@ def _cpu_times(served: Served) -> tuple[float, float]:
     """Processor time so far [s]: of the server, of all processes of the browser."""
     own = psutil.Process()
     browsing = [each for each in own.children(recursive=True) if "chrom" in each.name()]
-    return _cpu_time(psutil.Process(served.process.pid)), sum(map(_cpu_time, browsing))
-
-
-def _cpu_time(process: psutil.Process) -> float:
-    times = process.cpu_times()
-    return float(times.user + times.system)
+    return cpu_time(psutil.Process(served.process.pid)), sum(map(cpu_time, browsing))

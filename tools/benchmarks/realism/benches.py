@@ -75,7 +75,8 @@ def bouncing(bench: Bench, size: float, rng: Generator) -> Bench:
         speed = 2.0 * size * UM / BOUNCE
         closed = strokes[:, 3] + BOUNCE_DELAY
         top, end = closed + 0.5 * BOUNCE, closed + BOUNCE
-        return np.stack((closed, top, top, end, *np.full((2, closed.size), speed)), axis=1)
+        again = np.stack((closed, top, top, end, *np.full((2, closed.size), speed)), axis=1)
+        return np.concatenate((strokes, again))
 
     return _moved(bench, more)
 
@@ -88,7 +89,7 @@ def overshooting(bench: Bench, size: float, rng: Generator) -> Bench:
         begin = at_stop[:, 1]
         top, end = begin + 0.5 * OVERSHOOT, begin + OVERSHOOT
         speed = np.full((2, begin.size), 2.0 * size * UM / OVERSHOOT)
-        return np.stack((begin, top, top, end, *speed), axis=1)
+        return np.concatenate((strokes, np.stack((begin, top, top, end, *speed), axis=1)))
 
     return _moved(bench, more)
 
@@ -96,12 +97,7 @@ def overshooting(bench: Bench, size: float, rng: Generator) -> Bench:
 def smooth(bench: Bench, size: float, rng: Generator) -> Bench:
     """The needle starts and ends its way slowly: its first and last `size` % at a third of the speed."""
 
-    def motion(event: Event, start: float, needle: Needle, max_lift: float) -> Array:
-        return np.concatenate(
-            [_smoothed(row, 0.01 * size) for row in strokes_of(event, start, needle, max_lift)]
-        )
-
-    return replace(bench, around=replace(bench.around, motion=motion))
+    return _moved(bench, lambda strokes: np.concatenate([_smoothed(row, 0.01 * size) for row in strokes]))
 
 
 def _smoothed(stroke: Array, share: float) -> Array:
@@ -115,12 +111,11 @@ def _smoothed(stroke: Array, share: float) -> Array:
     return np.array([slow, fast], np.float64)
 
 
-def _moved(bench: Bench, more: Callable[[Array], Array]) -> Bench:
+def _moved(bench: Bench, change: Callable[[Array], Array]) -> Bench:
     before: Motion = bench.around.motion or strokes_of
 
     def motion(event: Event, start: float, needle: Needle, max_lift: float) -> Array:
-        strokes = before(event, start, needle, max_lift)
-        return np.concatenate((strokes, more(strokes)))
+        return change(before(event, start, needle, max_lift))
 
     return replace(bench, around=replace(bench.around, motion=motion))
 

@@ -10,11 +10,11 @@ import numpy as np
 from tools.benchmarks.cases import Case, on_real_line, worn_events
 from tools.benchmarks.plant import Bench, drawn_needle
 from tools.benchmarks.plant_parameters import Injector
-from tools.benchmarks.realism import benches, channels, lifts, noises, outliers
+from tools.benchmarks.realism import benches, channels, sensors
 from tools.benchmarks.realism.disturbance import Disturbance, Reasons, Stated
 from tools.benchmarks.runs import Task
 
-DISTURBANCES = {d.name: d for part in (noises, lifts, outliers, channels, benches) for d in part.DISTURBANCES}
+DISTURBANCES = {d.name: d for part in (sensors, channels, benches) for d in part.DISTURBANCES}
 PAIRS = 40
 WEARS = (0.25, 0.0, -0.3)  # v_H
 AND, AT, STATED = " + ", " ", " stated"
@@ -61,7 +61,11 @@ def name_of(entry: Entry) -> str:
 
 def parsed(name: str) -> Entry:
     """The entry of this name. Raises KeyError or ValueError for another."""
-    return tuple(_parsed(part) for part in name.split(AND))
+    found = []
+    for part in name.split(AND):
+        disturbance, _, size = part.removesuffix(STATED).partition(AT)
+        found.append(Sized(DISTURBANCES[disturbance], float(size), part.endswith(STATED)))
+    return tuple(found)
 
 
 def true_reasons(entry: Entry) -> frozenset[str]:
@@ -71,14 +75,13 @@ def true_reasons(entry: Entry) -> frozenset[str]:
 
 def alone(table: bool = False) -> list[Entry]:
     """Every disturbance at every size, or those of the table; those a bench file may state, both ways."""
-    found: list[Entry] = []
-    for disturbance in DISTURBANCES.values():
-        for size in disturbance.sizes:
-            if not table or size == disturbance.table:
-                found.append((Sized(disturbance, size),))
-                if disturbance.stated is not None:
-                    found.append((Sized(disturbance, size, is_stated=True),))
-    return found
+    return [
+        (Sized(each, size, is_stated),)
+        for each in DISTURBANCES.values()
+        for size in each.sizes
+        if not table or size == each.table
+        for is_stated in ((False,) if each.stated is None else (False, True))
+    ]
 
 
 def pairs(master_seed: int) -> list[Entry]:
@@ -94,20 +97,11 @@ def pairs(master_seed: int) -> list[Entry]:
 
 def entries(selection: Selection, only: tuple[str, ...], master_seed: int) -> list[Entry]:
     """What a selection runs; only: of these disturbances, or entries."""
-    found = {
-        Selection.ALL: lambda: alone() + pairs(master_seed),
-        Selection.TABLE: lambda: alone(table=True),
-        Selection.PAIRS: lambda: pairs(master_seed),
-    }[selection]()
-    if not only:
-        return found
-    return [e for e in found if name_of(e) in only or any(s.disturbance.name in only for s in e)]
-
-
-def _parsed(part: str) -> Sized:
-    is_stated = part.endswith(STATED)
-    name, _, size = part.removesuffix(STATED).partition(AT)
-    return Sized(DISTURBANCES[name], float(size), is_stated)
+    found = [] if selection is Selection.PAIRS else alone(table=selection is Selection.TABLE)
+    if selection is not Selection.TABLE:
+        found += pairs(master_seed)
+    is_chosen = (not only or name_of(e) in only or any(s.disturbance.name in only for s in e) for e in found)
+    return list(itertools.compress(found, is_chosen))
 
 
 def make_realism_case(task: Task, is_rich: bool = False) -> Case:

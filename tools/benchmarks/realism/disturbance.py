@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any
 
@@ -10,16 +10,15 @@ import numpy as np
 from numpy.random import Generator
 
 from tools.benchmarks.arrays import Array
-from tools.benchmarks.plant import Bench, Measured, Step
+from tools.benchmarks.plant import LIFT, LINE, RAIL, SIGNALS, Bench, Measured, Step, seen_as
 
 
 class Reasons:
     """Which reasons are true of what, by name."""
 
     ALWAYS = frozenset({"REVISED"})  # says what the observer did; cannot be untrue
-    SENSOR = frozenset(
-        {"CONTRADICTED"}
-    )  # "the line pressure has left what the model can do: check sensors, cables"
+    # "the line pressure has left what the model can do: check sensors, cables"
+    SENSOR = frozenset({"CONTRADICTED"})
     OFFSET = SENSOR | {"PRESSURE_OFFSET"}
     OUTLIERS = SENSOR | {"SAMPLES_LOST"}
     FROZEN = OUTLIERS | {"INPUT_FROZEN"}
@@ -28,26 +27,21 @@ class Reasons:
     LATE = SENSOR | {"TIME_BASE"}
     LATE_LINE = LATE | {"SENSOR_LAG"}
     LATE_LIFT = LATE | {"LIFT_SENSOR_LAG"}
-    LIFT_ZERO = SENSOR | {
-        "LIFT_ZERO",
-        "NEEDLE_STUCK",
-    }  # a zero far off seems an open needle: "check ... its offset"
+    LIFT_ZERO = SENSOR | {"LIFT_ZERO", "NEEDLE_STUCK"}  # a zero far off seems an open needle
     CHANGE = frozenset({"SUDDEN_CHANGE"})
     # "wait for 3 ms of closed needle"; too few were judged yet, for a judgement takes as long as before
     CROWDED = frozenset({"STARTING", "NO_STANDSTILL", "TOO_FEW_EVENTS"})
 
 
-ALL = ("rail_pressure", "needle_lift", "line_pressure")
-RAIL, LIFT, LINE = ALL
-MPA, UM, US = 1e6, 1e-6, 1e-6
-KHZ = 1e3
+ALL = SIGNALS
+MPA, UM, US, KHZ = 1e6, 1e-6, 1e-6, 1e3
 SCALES = {"MPa": MPA, "um": UM, "us": US, "ms": 1e-3, "kHz": KHZ, "%": 0.01}  # by the first word of a unit
 LAG, DELAY = "lag_us", "filter_delay_us"  # keys of `[signals.<role>]`
 
 Apply = Callable[[Bench, float, Generator], Bench]
 """The bench with a disturbance of a size."""
 Wave = Callable[[Array, Array, float, Generator], Array]
-"""What becomes of a signal (n,): of its values at times [s], a size, and chance."""
+"""What becomes of a signal (n,): of its times [s], values, a size, and chance."""
 Stated = Mapping[str, Mapping[str, float]]
 """Keys of the bench file, by role, of `[signals.<role>]`."""
 
@@ -61,6 +55,9 @@ class Kind(StrEnum):
     TIMING = "timing"
     ALL = "all"
     BENCH = "bench"  # what really happens: needle, supply, rhythm
+
+
+_KIND = {RAIL: Kind.RAIL, LIFT: Kind.LIFT, LINE: Kind.LINE}
 
 
 @dataclass(frozen=True)
@@ -80,7 +77,7 @@ class Disturbance:
     true_reasons: frozenset[str] = frozenset()
     table: float | None = None
     stated: Callable[[float], Stated] | None = None
-    rhythm: bool = field(default=False)
+    rhythm: bool = False
 
 
 def of_signal(
@@ -103,20 +100,37 @@ def of_signal(
 
 def before_noise(wave: Wave, scale: float, *roles: str) -> Apply:
     """A disturbance of single signals ahead of the noise, its size in units of `scale`."""
-
-    def apply(bench: Bench, size: float, rng: Generator) -> Bench:
-        return with_step_before(bench, _step(wave, scale * size, rng, roles))
-
-    return apply
+    return lambda bench, size, rng: with_step_before(bench, _step(wave, scale * size, rng, roles))
 
 
 def after_noise(wave: Wave, scale: float, *roles: str) -> Apply:
     """The same of samples that have their noise."""
 
     def apply(bench: Bench, size: float, rng: Generator) -> Bench:
-        around = bench.around
-        steps = (*around.after_noise, _step(wave, scale * size, rng, roles))
-        return replace(bench, around=replace(around, after_noise=steps))
+        steps = (*bench.around.after_noise, _step(wave, scale * size, rng, roles))
+        return replace(bench, around=replace(bench.around, after_noise=steps))
+
+    return apply
+
+
+def _step(wave: Wave, size: float, rng: Generator, roles: tuple[str, ...]) -> Step:
+    seed = int(rng.integers(2**62))
+
+    def step(measured: Measured) -> Measured:
+        chance = np.random.default_rng(seed)  # the same every time the bench is recorded
+        for role in roles:
+            measured = seen_as(role, lambda time, values: wave(time, values, size, chance))(measured)
+        return measured
+
+    return step
+
+
+def adding(role: str, of: Callable[[Bench, float, Generator], Callable[[Measured], Array]]) -> Apply:
+    """What all signals together add to one, ahead of the noise."""
+
+    def apply(bench: Bench, size: float, rng: Generator) -> Bench:
+        added = of(bench, size, rng)
+        return with_step_before(bench, lambda m: changed(m, role, getattr(m, role) + added(m)))
 
     return apply
 
@@ -152,18 +166,3 @@ def in_order(*parts: Apply) -> Apply:
 def changed(measured: Measured, role: str, values: Array) -> Measured:
     """The signals with another one in the place of a role."""
     return replace(measured, **{role: values})
-
-
-def _step(wave: Wave, size: float, rng: Generator, roles: tuple[str, ...]) -> Step:
-    seed = int(rng.integers(2**62))
-
-    def step(measured: Measured) -> Measured:
-        chance = np.random.default_rng(seed)  # the same every time the bench is recorded
-        for role in roles:
-            measured = changed(measured, role, wave(measured.time, getattr(measured, role), size, chance))
-        return measured
-
-    return step
-
-
-_KIND = {RAIL: Kind.RAIL, LIFT: Kind.LIFT, LINE: Kind.LINE}

@@ -1,37 +1,22 @@
 """`tools/bench realism`: disturbed recordings, scored on a few processes, resumably."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import typer
-from rich.console import Console
 
 from observer_rt.config.signals import SignalConfig
 from observer_rt.estimation.scalars import NOZZLE, SEAT
 from observer_rt.evaluation.evaluate import Evaluation, evaluate
-from observer_rt.foundation.errors import UserError
+from tools.benchmarks import command_line as cli
+from tools.benchmarks import scoring
 from tools.benchmarks.accuracy import joined
-from tools.benchmarks.command_line import (
-    PROCESSES,
-    JsonOption,
-    ModelOption,
-    NoPeersOption,
-    OutOption,
-    SeedOption,
-    Tier,
-    TierOption,
-    WorkersOption,
-    app,
-    messages,
-    resumable,
-)
 from tools.benchmarks.kalman_peers import joint_ukf
-from tools.benchmarks.peer_equations import Model
-from tools.benchmarks.peer_inputs import peer_inputs
+from tools.benchmarks.peer_equations import Model, peer_inputs
 from tools.benchmarks.peers import FITTED_LUMP, TUNING, PeerScore, lumps_of, peer_score
 from tools.benchmarks.plant import record
 from tools.benchmarks.realism.catalogue import (
@@ -44,58 +29,35 @@ from tools.benchmarks.realism.catalogue import (
     parsed,
 )
 from tools.benchmarks.realism.disturbance import Stated
-from tools.benchmarks.realism.score import Interval, Results, RunScore
-from tools.benchmarks.realism.tables import realism_document, shown
+from tools.benchmarks.realism.score import Interval, Results, RunScore, realism_document, shown
 from tools.benchmarks.report import put_out
 from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Plan, Task
 from tools.benchmarks.score import UKF, Windows, windows_of
-from tools.benchmarks.scoring import (
-    bench_for_case,
-    recording_of,
-    reports_of,
-    score_evaluation,
-    timed_training,
-    warm_up,
-    with_signals,
-)
-from tools.benchmarks.wave_accuracy import WavePlan, fitted_model
-from tools.benchmarks.wave_plant import Variant
+from tools.benchmarks.wave_recordings import fitted_model
 
 CASES = 3  # each has another wear
 TABLE_WIDTH = 200  # where stdout is no terminal
 
 
-@dataclass(frozen=True)
-class Rich:
-    """Tier B: the injector file fitted to healthy recordings, and the peer's model fitted to the same."""
-
-    model: Path
-    lump: Model | None
-
-
-def run_realism(
-    entries: Sequence[Entry], plan: Plan, is_rich: bool, given: Path | None, console: Console
-) -> Results:
+def run_realism(entries: Sequence[Entry], plan: Plan, is_rich: bool, given: Path | None) -> Results:
     """Score the runs not yet scored by this state of the code; the plan's classes are not looked at.
 
     is_rich: on the plant of tier B; given: its injector file, instead of fitting one.
     """
     names = {name_of(e): all(is_known(s.stated) for s in e) for e in entries}
     plan = replace(plan, classes=tuple(name for name, known in names.items() if known))
-    rich = None
+    model, lump, sources = None, None, [PACKAGE, BENCHMARKS]
     if is_rich:
-        fitted, healthy = fitted_model(WavePlan(plan, Variant.PLAIN, given), console)
-        rich = Rich(fitted, lumps_of(list(healthy.values()))[FITTED_LUMP] if plan.peers else None)
-    model = None if rich is None else rich.model
-    ready = partial(warm_up, model)
-    sources = () if model is None else (model,)
-    campaign = plan.campaign(console)
-    kept = campaign.store("observer", RunScore, PACKAGE, BENCHMARKS, *sources)
+        model, healthy = fitted_model(plan, given)
+        lump = lumps_of(list(healthy.values()))[FITTED_LUMP] if plan.peers else None
+        sources.append(model)
+    ready, campaign = partial(scoring.warm_up, model), plan.campaign
+    kept = campaign.store("observer", RunScore, *sources)
     runs = campaign.results("observer", kept, partial(score_run, model), plan.tasks, ready)
     if plan.peers:
         tasks = [t for t in plan.tasks if not any(s.is_stated for s in parsed(t.class_name))]
         kept_peers = campaign.store("peers", PeerScore, BENCHMARKS)
-        peers = campaign.results("peers", kept_peers, partial(score_peer, rich), tasks, ready)
+        peers = campaign.results("peers", kept_peers, partial(score_peer, is_rich, lump), tasks, ready)
         cases = joined({label: run.case for label, run in runs.items()}, peers)
         runs = {label: replace(run, case=cases[label]) for label, run in runs.items()}
     not_known = tuple(name for name, known in names.items() if not known)
@@ -111,29 +73,29 @@ def score_run(model: Path | None, task: Task) -> RunScore:
     """Work of one process: our observer on a disturbed recording; model: the injector file, on tier B."""
     case = make_realism_case(task, is_rich=model is not None)
     outcome = record(case.bench)
-    bench = bench_for_case(case, model)
+    bench = scoring.bench_for_case(case, model)
     for each in parsed(task.class_name):
-        bench = with_signals(bench, each.stated)
-    with timed_training() as training:
-        evaluation = evaluate(bench, [recording_of(outcome)]).evaluations[0]
+        bench = scoring.with_signals(bench, each.stated)
+    with scoring.timed_training() as training:
+        evaluation = evaluate(bench, [scoring.recording_of(outcome)]).evaluations[0]
     windows = windows_of(outcome, case.bench.sample_rate)
     return RunScore(
         class_name=task.class_name,
         master_seed=task.master_seed,
         number=task.number,
         wear=case.bench.events[-1].faults.orifice_area,
-        case=score_evaluation(case, outcome, bench, evaluation, training),
+        case=scoring.score_evaluation(case, outcome, bench, evaluation, training),
         nozzle_ci95=_intervals(evaluation, windows, NOZZLE),
         seat_ci95=_intervals(evaluation, windows, SEAT),
         phantoms=phantoms(evaluation, windows),
     )
 
 
-def score_peer(rich: Rich | None, task: Task) -> PeerScore:
-    """Work of one process: the joint UKF on a disturbed recording."""
-    case = make_realism_case(task, is_rich=rich is not None)
+def score_peer(is_rich: bool, lump: Model | None, task: Task) -> PeerScore:
+    """Work of one process: the joint UKF on a disturbed recording, in tier B with a model fitted as ours."""
+    case = make_realism_case(task, is_rich)
     outcome = record(case.bench)
-    rate = joint_ukf(peer_inputs(outcome.measured, None if rich is None else rich.lump), TUNING).rate
+    rate = joint_ukf(peer_inputs(outcome.measured, lump), TUNING).rate
     return peer_score(case, outcome, {UKF: rate})
 
 
@@ -155,13 +117,13 @@ def _intervals(evaluation: Evaluation, windows: Windows, effect: str) -> tuple[I
     """95 % interval of an indicator, by the last report of every event; only a valid one counts."""
     found: list[Interval] = []
     for event in range(len(windows.of_event)):
-        reports = reports_of(evaluation, windows, event)
+        reports = scoring.reports_of(evaluation, windows, event)
         said = reports[-1].indicators.get(effect) if reports and reports[-1].valid else None
         found.append(None if said is None else said.ci95)
     return tuple(found)
 
 
-@app.command(
+@cli.app.command(
     epilog="Examples: tools/bench realism --set table; "
     "tools/bench realism --only hum_50_hz_line,frozen_line --cases 1"
 )
@@ -175,22 +137,18 @@ def realism(
     selection: Annotated[
         Selection, typer.Option("--set", help="All; those of the table of sizes to be right; random pairs.")
     ] = Selection.ALL,
-    tier: TierOption = Tier.A,
-    model: ModelOption = None,
-    seed: SeedOption = 1,
-    workers: WorkersOption = PROCESSES,
-    out: OutOption = None,
-    no_peers: NoPeersOption = False,
-    as_json: JsonOption = False,
+    tier: cli.TierOption = cli.Tier.A,
+    model: cli.ModelOption = None,
+    seed: cli.SeedOption = 1,
+    workers: cli.WorkersOption = cli.PROCESSES,
+    out: cli.OutOption = None,
+    no_peers: cli.NoPeersOption = False,
+    as_json: cli.JsonOption = False,
 ) -> None:
     """Signals of a real bench: hum, drift, spikes, lag, ... on independent plants; right, or truly refused?"""
-    chosen = tuple(name.strip() for name in only.split(",") if name.strip())
-    found = entries(selection, chosen, seed)
-    known = {*DISTURBANCES, *map(name_of, found)}
-    for name in chosen:
-        if name not in known:
-            raise UserError("--only", f"unknown name '{name}'", f"known: {', '.join(DISTURBANCES)}")
+    known = (*DISTURBANCES, *map(name_of, entries(selection, (), seed)))
+    found = entries(selection, cli.chosen_names(only, "--only", known, ()), seed)
     plan = Plan((), cases, seed, workers, out or Path("build") / f"realism-{tier}", not no_peers)
-    with resumable("what is scored is"):
-        results = run_realism(found, plan, tier is Tier.B, model, messages)
+    with cli.resumable("what is scored is"):
+        results = run_realism(found, plan, tier is cli.Tier.B, model)
     put_out(as_json, realism_document(results), shown(results), TABLE_WIDTH)

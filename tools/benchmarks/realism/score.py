@@ -1,20 +1,26 @@
-"""What came of one disturbed recording: right, refused, rough or wrong; and of many."""
+"""What came of a disturbed recording: right, refused, rough or wrong; of many; tables, data, bars that are missed."""
 
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from rich.table import Table
 
-from tools.benchmarks.realism.catalogue import parsed, true_reasons
+from tools.benchmarks.arrays import Array
+from tools.benchmarks.realism.catalogue import AND, STATED, alone, name_of, parsed, true_reasons
+from tools.benchmarks.report import NOTHING, Columns, Shown, cells, mean, percentile
 from tools.benchmarks.runs import Crash, Task
 from tools.benchmarks.score import OBSERVER, UKF, WRONG_MASS, CaseScore
 
 JUDGED = slice(7, 20)  # events 8-20
 ENOUGH_VALID = 0.8
-CLOSE_PCT, CLOSE_PERCENTILE = 1.0, 95.0
+CLOSE_PCT = 1.0  # of 95 %
+RIGHT_SHARE = 0.85
+REASONS_SHOWN = 3
 LASTING = 0.5  # share of the judged events from which wear is claimed, not seen by chance
 
 Interval = tuple[float, float] | None
@@ -48,12 +54,12 @@ class RunScore(Task):
         """Of events 8-20."""
         return np.array(self.case.valid[JUDGED])
 
-    def errors_pct(self, name: str = OBSERVER) -> NDArray[np.float64]:
+    def errors_pct(self, name: str = OBSERVER) -> Array:
         """Sizes of the mass errors of events 8-20."""
         return np.abs(self.case.event_errors_pct(name)[JUDGED])
 
     @property
-    def valid_errors_pct(self) -> NDArray[np.float64]:
+    def valid_errors_pct(self) -> Array:
         """The same of the valid ones."""
         return self.errors_pct()[self.valid]
 
@@ -70,7 +76,7 @@ class RunScore(Task):
             return Verdict.WRONG
         if np.mean(self.valid) < ENOUGH_VALID:
             return Verdict.REFUSED
-        return Verdict.RIGHT if _percentile(self.valid_errors_pct) <= CLOSE_PCT else Verdict.ROUGH
+        return Verdict.RIGHT if percentile(self.valid_errors_pct, 95) <= CLOSE_PCT else Verdict.ROUGH
 
     @property
     def refusals(self) -> Counter[str]:
@@ -96,7 +102,7 @@ class RunScore(Task):
         if self.wear != 0.0:
             return 0.0
         pairs = zip(self.nozzle_ci95[JUDGED], self.seat_ci95[JUDGED], strict=True)
-        beyond = [max(_beyond(interval) for interval in pair) for pair in pairs]
+        beyond = [max(max(i[0], -i[1], 0.0) if i else 0.0 for i in pair) for pair in pairs]  # how far from 0
         lasting = sum(each > 0.0 for each in beyond) > LASTING * len(beyond)
         return max(beyond) if lasting else 0.0
 
@@ -162,23 +168,150 @@ def summary(runs: Sequence[RunScore]) -> Summary:
         verdicts={verdict: verdicts[verdict] for verdict in Verdict},
         wrong_valid=sum(run.wrong_valid for run in runs),
         valid_share=float(np.mean(np.concatenate([run.valid for run in runs]))),
-        mass_p95_pct=_percentile(errors) if errors.size else None,
-        mass_max_pct=float(errors.max()) if errors.size else None,
-        coverage=float(np.mean(covered)) if covered else None,
+        mass_p95_pct=percentile(errors, 95),
+        mass_max_pct=percentile(errors, 100),
+        coverage=mean(covered),
         healthy=sum(run.wear == 0.0 for run in runs),
         falsely_worn=sum(run.false_wear > 0.0 for run in runs),
         false_wear_max=max(run.false_wear for run in runs),
         true_refusals=sum(not run.untrue for run in refused),
         reasons=dict(sum((run.refusals for run in runs), Counter[str]()).most_common()),
         untrue=dict(sum((run.untrue for run in runs), Counter[str]()).most_common()),
-        ukf_p95_pct=_percentile(np.concatenate(theirs)) if theirs else None,
+        ukf_p95_pct=percentile(np.concatenate(theirs), 95) if theirs else None,
     )
 
 
-def _beyond(interval: Interval) -> float:
-    """How far an interval is from 0."""
-    return 0.0 if interval is None else max(interval[0], -interval[1], 0.0)
+def by_entry(runs: Sequence[RunScore]) -> dict[str, Summary]:
+    """Of every entry that has runs, in their order."""
+    names = dict.fromkeys(run.class_name for run in runs)
+    return {name: summary([run for run in runs if run.class_name == name]) for name in names}
 
 
-def _percentile(errors: NDArray[np.float64]) -> float:
-    return float(np.percentile(errors, CLOSE_PERCENTILE))
+def missed_bars(results: Results) -> list[str]:
+    """A line for every bar that is missed."""
+    return list(_missed(results.runs)) if results.runs else []
+
+
+def shown(results: Results) -> Iterator[Shown]:
+    """Every entry a line, the totals, the bars that are missed, what could not be run."""
+    if results.runs:
+        title = "events 8-20; reasons with * are not true of the disturbance; UKF: the joint UKF, which never refuses"
+        yield _plain_table(title, "disturbance", by_entry(results.runs), _ENTRY_COLUMNS)
+        yield _plain_table("in all", "", _groups(results.runs), _TOTAL_COLUMNS)
+    yield from missed_bars(results)
+    yield from (f"{name}: not run, this observer's bench file has no such key" for name in results.not_known)
+    yield from (f"crash: {crash.task}: {crash.message}" for crash in results.crashes)
+
+
+def realism_document(results: Results) -> dict[str, Any]:
+    """`figures` over all runs, `details` per entry."""
+    total = summary(results.runs) if results.runs else None
+    return {
+        "figures": None if total is None else _figures(total),
+        "details": {
+            "groups": {name: _figures(each) for name, each in _groups(results.runs).items()},
+            "entries": {name: asdict(each) for name, each in by_entry(results.runs).items()},
+            "violations": missed_bars(results),
+            "not_known": list(results.not_known),
+            "crashes": [str(crash) for crash in results.crashes],
+        },
+    }
+
+
+def _figures(total: Summary) -> dict[str, Any]:
+    refused = total.verdicts[Verdict.REFUSED]
+    return {
+        "right_share": total.share(Verdict.RIGHT),
+        "refused_share": total.share(Verdict.REFUSED),
+        "rough_share": total.share(Verdict.ROUGH),
+        "wrong_valid": total.wrong_valid,
+        "runs": total.runs,
+        "events": total.events,
+        "valid_share": total.valid_share,
+        "mass_p95_pct": total.mass_p95_pct,
+        "coverage_95_share": total.coverage,
+        "true_refusal_share": total.true_refusals / refused if refused else None,
+        "healthy": total.healthy,
+        "falsely_worn": total.falsely_worn,
+        "false_wear_max": total.false_wear_max,
+        "ukf_mass_p95_pct": total.ukf_p95_pct,
+    }
+
+
+def _groups(runs: Sequence[RunScore]) -> dict[str, Summary]:
+    table = {name_of(entry) for entry in alone(table=True)}
+    groups = {
+        "the table's": [run for run in runs if run.class_name in table],
+        "alone": [run for run in runs if AND not in run.class_name],
+        "in pairs": [run for run in runs if AND in run.class_name],
+        "all": list(runs),
+    }
+    return {name: summary(members) for name, members in groups.items() if members}
+
+
+def _missed(runs: Sequence[RunScore]) -> Iterator[str]:
+    table = {name_of(entry) for entry in alone(table=True)}
+    for name, each in by_entry(runs).items():
+        if each.wrong_valid:
+            yield f"{name}: {each.wrong_valid} events valid and wrong"
+        # what needs a statement in the bench file to be right may be refused truly without it
+        elif (
+            name in table
+            and not each.is_right
+            and not (name + STATED in table and each.true_refusals == each.verdicts[Verdict.REFUSED])
+        ):
+            yield f"{name}: not right, although in the table"
+        if each.falsely_worn and AND not in name:
+            often = f"in {each.falsely_worn} of {each.healthy} healthy recordings"
+            yield f"{name}: wear {each.false_wear_max:.2g} beyond its interval {often}"
+    total = summary(runs)
+    if total.share(Verdict.RIGHT) < RIGHT_SHARE:
+        yield f"all: {total.share(Verdict.RIGHT):.0%} right < {RIGHT_SHARE:.0%}"
+    if total.true_refusals < (refused := total.verdicts[Verdict.REFUSED]):
+        yield f"all: {refused - total.true_refusals} of {refused} refused for what is not true"
+
+
+_COLUMNS: Columns[Summary] = {
+    "valid\n%": "{.valid_share!p:.0f}",
+    "mass %\np95": "{.mass_p95_pct:.2f}",
+    "\nmax": "{.mass_max_pct:.2f}",
+    "cover\n%": "{.coverage!p:.0f}",
+    "false\nwear": lambda each: f"{each.falsely_worn}/{each.healthy}" if each.healthy else NOTHING,
+    "UKF %\np95": "{.ukf_p95_pct:.2f}",
+}
+
+
+def _came_to(each: Summary) -> str:
+    """Its verdicts, in a few words."""
+    found = [(verdict, each.verdicts[verdict]) for verdict in Verdict if each.verdicts[verdict]]
+    return ", ".join(verdict if len(found) == 1 else f"{count} {verdict}" for verdict, count in found)
+
+
+def _reasons(each: Summary) -> str:
+    most = list(each.reasons.items())[:REASONS_SHOWN]
+    return ", ".join(f"{name}{'*' if name in each.untrue else ''} {count}" for name, count in most)
+
+
+_ENTRY_COLUMNS: Columns[Summary] = {
+    "came to": _came_to,
+    **_COLUMNS,
+    "reasons of what is not valid": _reasons,
+}
+_TOTAL_COLUMNS: Columns[Summary] = {
+    "runs": "{.runs}",
+    **{str(verdict): f"{{.verdicts[{verdict}]}}" for verdict in Verdict},
+    "events\nwrong": "{.wrong_valid}",
+    "of": "{.events}",
+    "refused\ntruly": "{.true_refusals}",
+    **_COLUMNS,
+}
+
+
+def _plain_table(title: str, name: str, rows: dict[str, Summary], columns: Columns[Summary]) -> Table:
+    """Without lines, for it has many rows and columns."""
+    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
+    for heading in (name, *columns):
+        table.add_column(heading, justify="right" if heading in _TOTAL_COLUMNS else "left")
+    for each, row in rows.items():
+        table.add_row(each, *cells(row, columns))
+    return table

@@ -1,4 +1,6 @@
-"""The compiled core alone, the floor under whatever reads files, and `evaluate` beside it on the same frames."""
+"""The compiled core alone, the floor under whatever reads files; `evaluate` beside it; what a sample costs as
+numbers grow: samples, integration steps, samples in a frame (the network's five hidden neurons are fixed).
+"""
 
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -19,20 +21,33 @@ from observer_rt.evaluation.evaluate import evaluate_stream
 from observer_rt.evaluation.logged import LoggedSignals
 from observer_rt.foundation.units import MICROSECOND, MILLISECOND
 from observer_rt.recording.formats import open_recording
+from observer_rt.recording.replay.framing import Framer, whole
 from observer_rt.recording.replay.recording_frames import Device
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.recording.signals.stream import HeldSignals, SignalStream
+from observer_rt.recording.signals.table_writers import write_whole
+from observer_rt.service.compiled.constants import bench_constants
 from observer_rt.service.core.core import Core
 from observer_rt.simulation.schedule import Event, Shot
-from tools.benchmarks.scoring import bench_at
-from tools.benchmarks.speed.traffic import SAMPLE_RATE, worn_recording
+from tools.benchmarks.scoring import bench_at, with_signals
+from tools.benchmarks.speed.sample import thread_seconds
+from tools.benchmarks.speed.traffic import PERIOD, SAMPLE_RATE, worn_recording
 
-INJECTIONS, PERIOD, ENERGIZING = 50, 40 * MILLISECOND, 1.2 * MILLISECOND  # 25 a second, of three pressures
+INJECTIONS, ENERGIZING = 50, 1.2 * MILLISECOND  # 25 a second, of three pressures
 ONCE = INJECTIONS * PERIOD
 """Length of the injections that are repeated [s]."""
 ARRAYS, PARQUET, MDF4, CAN_LOG = "arrays", "parquet", "mf4", "mf4 CAN log"
+SUFFIXES = {PARQUET: ".parquet", MDF4: ".mf4", CAN_LOG: ".mf4"}
 REPEATED = 15  # times: 30 s
 PASSES = 3
+SECONDS = (0.25, 0.5, 1.0, 2.0)
+RATES = (200e3, 100e3, 50e3, 20e3)  # Hz
+BLOCKS = (1, 3, 9)  # samples in a frame of all three signals
+PATTERNS = {
+    "rail_pressure": "RailPressure_{:02d}",
+    "needle_lift": "NeedleLift_{:02d}",
+    "line_pressure": "LinePressure_{:02d}",
+}
 
 
 class Cost(NamedTuple):
@@ -50,6 +65,7 @@ class Watch:
 
     @contextmanager
     def runs(self) -> Iterator[None]:
+        """Watch what is done within."""
         wall, processor = time.perf_counter(), time.process_time()
         yield
         before = self._passes[-1]
@@ -63,6 +79,7 @@ class Watch:
         self._passes[-1] = Cost(mine.wall - theirs.wall, mine.processor - theirs.processor)
 
     def end_pass(self) -> None:
+        """What follows is of the next one."""
         self._passes.append(Cost(0.0, 0.0))
 
     def least(self, samples: int) -> Cost:
@@ -153,20 +170,93 @@ def measure_evaluate(folder: Path) -> EvaluateTimes:
     return EvaluateTimes(samples / SAMPLE_RATE, core.least(samples), verdicts.least(samples), found)
 
 
+def write_source(source: str, path: Path, recording: Recording) -> None:
+    """A recording as a file of a source; a log of its frames by way of files beside it, which go again."""
+    if source != CAN_LOG:
+        write_whole(path, recording)
+        return
+    signals, frames, quiet = path.with_suffix(".parquet"), path.with_suffix(".blf"), Console(quiet=True)
+    write_whole(signals, recording)
+    convert(signals, frames, bench_at(SAMPLE_RATE), (), True, quiet)
+    convert(frames, path, None, (), True, quiet)
+    signals.unlink()
+    frames.unlink()
+
+
 def _sources(folder: Path, bench: Bench, recording: Recording) -> dict[str, Callable[[], SignalStream]]:
     """How each is opened, the same samples in all."""
-    from observer_rt.recording.signals.table_writers import write_whole
-
-    quiet = Console(quiet=True)
-    parquet, mdf4, log = folder / "evaluated.parquet", folder / "evaluated.mf4", folder / "frames.mf4"
-    for path in (parquet, mdf4):
-        write_whole(path, recording)
-    trace = folder / "frames.blf"
-    convert(mdf4, trace, bench, (), True, quiet)
-    convert(trace, log, None, (), True, quiet)
+    files = {source: folder / f"evaluated_{n}{SUFFIXES[source]}" for n, source in enumerate(SUFFIXES)}
+    for source, path in files.items():
+        write_source(source, path, recording)
     return {
         ARRAYS: lambda: HeldSignals(recording),
-        PARQUET: lambda: open_recording(parquet, bench.injector),
-        MDF4: lambda: open_recording(mdf4, bench.injector),
-        CAN_LOG: lambda: LoggedSignals(bench, log),
+        PARQUET: lambda: open_recording(files[PARQUET], bench.injector),
+        MDF4: lambda: open_recording(files[MDF4], bench.injector),
+        CAN_LOG: lambda: LoggedSignals(bench, files[CAN_LOG]),
     }
+
+
+@dataclass(frozen=True)
+class ScalingRow:
+    """One point: microseconds a sample of one core, frames through the core and nothing learned."""
+
+    what: str
+    value: float
+    us_a_sample: float
+
+
+def measure_scaling() -> list[ScalingRow]:
+    """All points, one after the other."""
+    found = [
+        ScalingRow(
+            "samples", seconds * SAMPLE_RATE, _cost(bench_at(SAMPLE_RATE), _recording(SAMPLE_RATE, seconds))
+        )
+        for seconds in SECONDS
+    ]
+    for rate in RATES:
+        bench = bench_at(rate)
+        steps = bench_constants(bench.injector).substeps
+        found.append(ScalingRow("substeps", steps, _cost(bench, _recording(rate, 0.25))))
+    recording = _recording(SAMPLE_RATE, 0.25)
+    found += [ScalingRow("block samples", block, _cost(_in_blocks(block), recording)) for block in BLOCKS]
+    return found
+
+
+def exponent(rows: Sequence[ScalingRow]) -> float:
+    """Of the number of samples, by which the whole time grows; 1 is linear."""
+    of_samples = [row for row in rows if row.what == "samples"]
+    values = np.array([row.value for row in of_samples])
+    times = np.array([row.us_a_sample for row in of_samples]) * values
+    return float(np.polyfit(np.log(values), np.log(times), 1)[0])
+
+
+def _recording(rate: float, seconds: float) -> Recording:
+    """25 injections a second of a worn injector."""
+    starts = 10 * MILLISECOND + PERIOD * np.arange(round(seconds / PERIOD))
+    return worn_recording(tuple(Event(t, 100e6, (Shot(ENERGIZING),)) for t in starts.tolist()), seconds, rate)
+
+
+def _in_blocks(block: int) -> Bench:
+    """The example bench, of whose frames only the first samples count."""
+    shorter = {
+        role: {"pattern": None, "signals": [pattern.format(n) for n in range(block)]}
+        for role, pattern in PATTERNS.items()
+    }
+    return with_signals(bench_at(SAMPLE_RATE), shorter)
+
+
+def _cost(bench: Bench, recording: Recording) -> float:
+    """Microseconds a sample of the fastest pass."""
+    bus = map_bus(bench)
+    frames = list(Framer(bus).frames(recording, whole(recording)))
+
+    def one_pass() -> None:
+        for frame in frames:
+            core.handle(frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns, frame.bus)
+
+    times = []
+    for _ in range(PASSES):
+        core = Core(bench.injector, bus, learning=False)
+        times.append(thread_seconds(one_pass))
+        assert core.processed > 0.9 * recording.samples
+    return min(times) / recording.samples / MICROSECOND

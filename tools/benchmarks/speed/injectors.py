@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.config.bench import EXAMPLE_BENCH
 from observer_rt.foundation.errors import RunError
 from observer_rt.foundation.units import MILLISECOND
 from observer_rt.observer.stream.state import Reason
+from tools.benchmarks.scoring import bench_text
 from tools.benchmarks.speed.observers import READY, RUN, START_TIMEOUT, Observer, observer
 from tools.benchmarks.speed.pace import Passage, socket_pacer
 from tools.benchmarks.speed.sustained import socket_pair
@@ -129,14 +129,11 @@ def counted(number: int, cpu_share: float, lost_samples: int, said: Sequence[str
 def socket_bench(folder: Path, sockets: Sequence[socket.socket]) -> Path:
     """The example bench for injectors whose links are these sockets; [link] itself is none of theirs."""
     folder.mkdir(parents=True, exist_ok=True)
-    text = EXAMPLE_BENCH.read_text("utf-8")
-    for old, new in (
+    text = bench_text(
         ('interface = "socketcan"', 'interface = "descriptor"'),
         ('\ntime_base = "device"\n', '\ntime_base = "device"\nlink = "{injector}"\n'),
         ("\ninjector_id = 1\n", '\nlink = "{injector}"\n'),
-    ):
-        assert old in text
-        text = text.replace(old, new)
+    )
     names = [f"i{number}" for number in range(len(sockets))]
     for name, each in zip(names, sockets, strict=True):
         text += f'[links.{name}]\nchannel = "{each.fileno()}"\n[injectors.{name}]\n'

@@ -1,33 +1,66 @@
-"""The commands `speed` and `soak` of `tools/bench`; all measurements of `speed`, or those asked for."""
+"""The commands `speed` and `soak` of `tools/bench`: figures beside their bars, tables, a document and a histogram."""
 
 import os
 import tempfile
-from collections.abc import Collection
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import asdict, dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
+import matplotlib.pyplot as plt
+import numpy as np
 import typer
-from rich.console import Console
+from matplotlib.axes import Axes
+from rich.table import Table
 
-from tools.benchmarks.command_line import JsonOption, app, chosen_names, messages
-from tools.benchmarks.report import put_out
-from tools.benchmarks.speed.core_alone import measure_evaluate
-from tools.benchmarks.speed.injectors import measure_injectors
-from tools.benchmarks.speed.report import Speed, save_histograms, shown, speed_document
-from tools.benchmarks.speed.roundtrip import measure_roundtrips
-from tools.benchmarks.speed.sample import measure_sample
-from tools.benchmarks.speed.scaling import measure_scaling
-from tools.benchmarks.speed.soak import run_soak, soak_table
-from tools.benchmarks.speed.sustained import measure_startup, measure_sustained
-from tools.benchmarks.speed.traffic import make_traffic
-from tools.benchmarks.speed.training import measure_training
+from observer_rt.foundation.units import MICROSECOND
+from tools.benchmarks.arrays import Array
+from tools.benchmarks.command_line import JsonOption, app, chosen_names, messages, tell_figures
+from tools.benchmarks.figures import COLOURS
+from tools.benchmarks.report import Figure, Shown, figures_table, list_of, put_out, table_of
+from tools.benchmarks.speed.core_alone import (
+    ARRAYS,
+    CAN_LOG,
+    MDF4,
+    PARQUET,
+    EvaluateTimes,
+    ScalingRow,
+    exponent,
+    measure_evaluate,
+    measure_scaling,
+)
+from tools.benchmarks.speed.injectors import NUMBERS, InjectorsRow, measure_injectors
+from tools.benchmarks.speed.roundtrip import (
+    BUSY,
+    ECHO,
+    LEAN,
+    OURS,
+    PACES,
+    PEER,
+    RoundTrips,
+    measure_roundtrips,
+)
+from tools.benchmarks.speed.sample import SampleTimes, measure_sample
+from tools.benchmarks.speed.sustained import (
+    Startup,
+    Sustained,
+    measure_startup,
+    measure_sustained,
+    run_soak,
+    soak_table,
+)
+from tools.benchmarks.speed.traffic import SAMPLES, make_traffic
+from tools.benchmarks.speed.training import USUAL, TrainingTimes, measure_training
 
 SECONDS, QUICK_SECONDS = 600.0, 10.0
 ROUNDTRIP_SECONDS, QUICK_ROUNDTRIP_SECONDS = 50.0, 5.0
 INJECTORS_SECONDS, QUICK_INJECTORS_SECONDS = 60.0, 10.0
 TABLE_WIDTH = 170  # where stdout is no terminal
+EVALUATE_BARS = {ARRAYS: 0.8, PARQUET: 0.5, MDF4: 0.5, CAN_LOG: 0.5}
+"""Of the core's speed, by what is evaluated."""
+_STYLE = {OURS: 0, ECHO: 1, PEER: 2, LEAN: 3, BUSY: 4}
+_BINS = 60
 
 
 class Part(StrEnum):
@@ -57,30 +90,223 @@ class SpeedPlan:
     cold: bool
 
 
-def measure_speed(plan: SpeedPlan, messages: Console) -> Speed:
+@dataclass(frozen=True)
+class Speed:
+    """What was measured, by `Part`; None: was not. load: of the machine in the last minute, before and after."""
+
+    load: tuple[float, float]
+    sustained: Sustained | None = None
+    roundtrip: RoundTrips | None = None
+    sample: SampleTimes | None = None
+    evaluate: EvaluateTimes | None = None
+    training: TrainingTimes | None = None
+    startup: Startup | None = None
+    scaling: tuple[ScalingRow, ...] = ()
+    injectors: tuple[InjectorsRow, ...] = ()
+
+
+def measure_speed(plan: SpeedPlan) -> Speed:
     """Measure part after part. Raises UserError, RunError."""
     before = os.getloadavg()[0]
-
-    def wanted(part: Part) -> bool:
-        if part in plan.parts:
-            messages.print(f"{part} ...", highlight=False)
-        return part in plan.parts
-
+    found: dict[str, Any] = {}
     with tempfile.TemporaryDirectory(prefix="speed-") as name:
         folder = Path(name)
         traffic = make_traffic(folder)
-        sustained = measure_sustained(folder, traffic, plan.seconds) if wanted(Part.SUSTAINED) else None
-        roundtrips = measure_roundtrips(folder, plan.roundtrip_seconds) if wanted(Part.ROUNDTRIP) else None
-        sample = measure_sample(folder) if wanted(Part.SAMPLE) else None
-        evaluate = measure_evaluate(folder) if wanted(Part.EVALUATE) else None
-        training = measure_training(traffic) if wanted(Part.TRAINING) else None
-        startup = measure_startup(folder, cold=plan.cold) if wanted(Part.STARTUP) else None
-        scaling = tuple(measure_scaling()) if wanted(Part.SCALING) else ()
-        injectors = (
-            measure_injectors(folder, traffic, plan.injectors_seconds) if wanted(Part.INJECTORS) else ()
+        measures: dict[Part, Callable[[], Any]] = {
+            Part.SUSTAINED: lambda: measure_sustained(folder, traffic, plan.seconds),
+            Part.ROUNDTRIP: lambda: measure_roundtrips(folder, plan.roundtrip_seconds),
+            Part.SAMPLE: lambda: measure_sample(folder),
+            Part.EVALUATE: lambda: measure_evaluate(folder),
+            Part.TRAINING: lambda: measure_training(traffic),
+            Part.STARTUP: lambda: measure_startup(folder, cold=plan.cold),
+            Part.SCALING: lambda: tuple(measure_scaling()),
+            Part.INJECTORS: lambda: measure_injectors(folder, traffic, plan.injectors_seconds),
+        }
+        for part, measure in measures.items():
+            if part in plan.parts:
+                messages.print(f"{part} ...", highlight=False)
+                found[part] = measure()
+    return Speed((before, os.getloadavg()[0]), **found)
+
+
+def figures(speed: Speed) -> list[Figure]:
+    """All of them, None for those not measured."""
+    made: list[Figure] = []
+
+    def add(name: str, part: Any, of: Callable[[Any], float | None], peer: str = "", **bar: float) -> None:
+        made.append(Figure(name, of(part) if part else None, peer, **bar))
+
+    trips, echo, excess = speed.roundtrip, "C echo, worst pace", "C echo's own, in p50 of ours"
+    add("roundtrip_p50_vs_c_echo", trips, lambda f: f.ratio(OURS, ECHO), echo, at_most=2.0)
+    add("roundtrip_busy_p50_vs_c_echo", trips, lambda f: f.ratio(BUSY, ECHO), echo, at_most=2.0)
+    quiet = "ours, Python quiet"
+    add("roundtrip_busy_p50_vs_quiet", trips, lambda f: f.ratio(BUSY, OURS), quiet, at_most=1.1)
+    add("roundtrip_p999_excess", trips, lambda f: f.excess(OURS), excess, at_most=2.0)
+    add("roundtrip_busy_p999_excess", trips, lambda f: f.excess(BUSY), excess, at_most=2.0)
+    peer, lean = "python-can, cantools, numpy; paces it keeps", "the same without an observer"
+    add("roundtrip_speedup_vs_python_can", trips, lambda f: f.speedup(PEER), peer, at_least=5.0)
+    add("roundtrip_speedup_vs_python_can_lean", trips, lambda f: f.speedup(LEAN), lean)
+    rate = speed.sustained
+    add("sustained_khz", rate, lambda f: f.sustained_khz, "100 kHz sent", at_least=99.9)
+    add("cpu_share", rate, lambda f: f.cpu_share, "one core", at_most=0.5)
+    add("lost_samples", rate, lambda f: float(f.lost_samples), "all sent", at_most=0.0)
+    add("sustained_p999_us", rate, lambda f: f.latency.p999)
+    add("sample_vs_c", speed.sample, lambda f: f.ratio, "C -O3, same tanh", at_most=1.3)
+    no_events = "the same C: no events, no statistics"
+    add("whole_step_vs_c", speed.sample, lambda f: f.whole / f.in_c, no_events)
+    alone = "the compiled core alone, nothing learned"
+    for source, bar in EVALUATE_BARS.items():
+        name = f"evaluate_{source.replace(' ', '_')}_vs_core"
+        add(name, speed.evaluate, lambda f, source=source: f.share(source), alone, at_least=bar)  # type: ignore[misc]
+    training, gradient = speed.training, "scipy BFGS, same gradient"
+    add("training_speedup_vs_scipy", training, lambda f: f.ratio, gradient, at_least=3.0)
+    add("training_exponent", training, lambda f: f.exponent, "1: linear in samples", at_most=1.1)
+    add("ready_warm_s", speed.startup, lambda f: f.warm_s, at_most=3.0)
+    add("ready_cold_s", speed.startup, lambda f: f.cold_s, at_most=20.0)
+    add("memory_mib", speed.startup, lambda f: f.memory_mib)
+    add("samples_exponent", speed.scaling, exponent, "1: linear", at_most=1.1)
+    most = speed.injectors and speed.injectors[-1]
+    what = f"{NUMBERS[-1]} injectors, windows, learning"
+    add("injectors_cpu_share", most, lambda f: f.cpu_share, f"one core; {what}", at_most=1.0)
+    add("injectors_lost_samples", most, lambda f: float(f.lost_samples), what, at_most=0.0)
+    add("injectors_not_judged", most, lambda f: float(f.injections - f.judged), what, at_most=0.0)
+    add("block_samples", speed, lambda _: SAMPLES)
+    add("substeps", speed.sample, lambda f: float(f.substeps))
+    return made
+
+
+def shown(speed: Speed) -> Iterator[Shown]:
+    """What there is something for."""
+    yield figures_table(figures(speed), "speed", speed.load)
+    if speed.roundtrip:
+        yield _round_trip_table(speed.roundtrip)
+        yield from (f"{who}, {text}" for who, text in speed.roundtrip.said.items() if "us a frame" in text)
+    if speed.sustained:
+        shares = ", ".join(f"{share:.2f}" for share in speed.sustained.thread_shares[:4])
+        text = f"socket pair: {speed.sustained.latency}; busiest threads {shares} of a core"
+        yield f"{text}; {speed.sustained.farewell}"
+    if speed.sample:
+        times = speed.sample
+        text = f"open sample: {times.ours:.2f} us, in C {times.in_c:.2f}, whole step {times.whole:.2f}"
+        yield f"{text}; the same rates to {times.largest_difference:.1e}"
+    if speed.evaluate:
+        yield _evaluate_table(speed.evaluate)
+    if speed.training:
+        yield from _training_shown(speed.training)
+    if speed.startup:
+        started = speed.startup
+        words = (
+            f"{started.imports_s:.1f} s until its first word, {started.warm_cpu_s:.1f} s of processor time"
         )
-    load = before, os.getloadavg()[0]
-    return Speed(load, sustained, roundtrips, sample, evaluate, training, startup, scaling, injectors)
+        cold = "" if started.cold_cpu_s is None else f"; cold {started.cold_cpu_s:.0f} s"
+        yield f"start-up: of the warm one {words}{cold}"
+    if speed.scaling:
+        columns = {"grows": "{.what}", "to": "{.value:g}", "us a sample": "{.us_a_sample:.2f}"}
+        yield list_of("scaling", [speed.scaling], columns)
+    if speed.injectors:
+        title = "injectors in one daemon, windows of 100 kHz, 25 injections a second each"
+        columns = {"injectors": "{.injectors}", "CPU": "{.cpu_share:.2f}", "lost samples": "{.lost_samples}"}
+        columns |= {"injections": "{.injections}", "judged": "{.judged}", "learned from": "{.learned}"}
+        yield list_of(title, [speed.injectors], {**columns, "of these late": "{.late}"})
+
+
+def speed_document(speed: Speed) -> dict[str, Any]:
+    """`figures` by name, `details` of what was measured."""
+    link = speed.roundtrip.link if speed.roundtrip else None
+    return {
+        "figures": {each.name: each.value for each in figures(speed)} | {"link": link},
+        "details": {
+            "load": speed.load,
+            "missed": [each.name for each in figures(speed) if each.is_met is False],
+            "roundtrip": speed.roundtrip and speed.roundtrip.document(),
+            "sustained": speed.sustained and speed.sustained.document(),
+            "sample": speed.sample and asdict(speed.sample),
+            "evaluate": speed.evaluate and asdict(speed.evaluate),
+            "training": speed.training and asdict(speed.training),
+            "startup": speed.startup and asdict(speed.startup),
+            "scaling": [asdict(row) for row in speed.scaling],
+            "injectors": [asdict(row) for row in speed.injectors],
+        },
+    }
+
+
+def _round_trip_table(found: RoundTrips) -> Table:
+    title = f"round trip on {found.link}: p50 / p99 / p99.9 (answers)"
+    table = Table(
+        "pace", "", "needle open", "x echo", "all", "lost samples", title=title, title_justify="left"
+    )
+    for pace, parties in found.found.items():
+        for party, each in parties.items():
+            ratio = f"{each.open_needle.p50 / parties[ECHO].open_needle.p50:.1f}"
+            lost = str(each.lost_samples)
+            table.add_row(pace, party, str(each.open_needle), ratio, str(each.all_frames), lost)
+        if not found.is_kept(pace):
+            table.add_row(pace, "the echo falls behind: too busy a machine, no verdict at this pace")
+        table.add_section()
+    return table
+
+
+def _evaluate_table(times: EvaluateTimes) -> Table:
+    title = f"evaluate, us a sample ({times.seconds:g} s, nothing learned; verdicts {times.verdicts.processor:.2f})"
+    rows = {"compiled core alone": (times.core, None, None)} | {
+        source: (cost, times.share(source), times.processor_share(source))
+        for source, cost in times.whole.items()
+    }
+    columns = {"clock": "{[0].wall:.2f}", "of the core's speed": "{[1]!p:.0f} %"}
+    columns |= {"processor": "{[0].processor:.2f}", "of the core's": "{[2]!p:.0f} %"}
+    return table_of(title, "", rows, columns)
+
+
+def _training_shown(times: TrainingTimes) -> Iterator[Shown]:
+    rows = {str(samples): (ms, times.scipy[samples]) for samples, ms in times.ours.items()}
+    yield table_of("30 epochs, ms", "samples", rows, {"ours": "{[0]:.2f}", "scipy": "{[1]:.2f}"})
+    ours, theirs = times.costs
+    (values, gradients), (_, at_once) = times.evaluations
+    yield (
+        f"J of {USUAL} samples falls to {ours:.1e} and {theirs:.1e} of what it was, ours by {values} values and "
+        f"{gradients} gradients, scipy by {at_once} of both; an event of the default training takes "
+        f"{times.default_ms:.1f} ms"
+    )
+
+
+def save_histograms(speed: Speed, folder: Path) -> Path | None:
+    """Share of the answers by latency, a panel for each pace and one for the socket pair; None without any."""
+    panels: dict[str, Mapping[str, Array]] = {}
+    if speed.roundtrip:
+        named = speed.roundtrip.latencies
+        for pace in PACES:
+            of_pace = {party: named[f"{pace}, {party}"] for party in _STYLE}
+            panels[f"round trip on {speed.roundtrip.link}, needle open, a frame every {pace}"] = of_pace
+    if speed.sustained:
+        panels["socket pair, a frame every 90 us"] = {OURS: speed.sustained.latencies}
+    if not panels:
+        return None
+    folder.mkdir(parents=True, exist_ok=True)
+    height = 3.0 * len(panels)
+    figure, axes = plt.subplots(
+        len(panels), 1, figsize=(12.0, height), layout="constrained", squeeze=False, sharex=True
+    )
+    for axis, (title, found) in zip(axes[:, 0], panels.items(), strict=True):
+        _panel(axis, title, found)
+    axes[-1, 0].set_xlabel("from the last input frame needed to the rate frame [us]")
+    path = folder / "latency.png"
+    figure.savefig(path, dpi=150)
+    plt.close(figure)
+    return path
+
+
+def _panel(axis: Axes, title: str, found: Mapping[str, Array]) -> None:
+    every = np.concatenate(list(found.values())) / MICROSECOND
+    bins = np.geomspace(max(every.min(), 1.0), every.max() * 1.01, _BINS).tolist()
+    for party, seconds in found.items():
+        if seconds.size:
+            microseconds = seconds / MICROSECOND
+            share = np.full(seconds.size, 1.0 / seconds.size)
+            label = f"{party}: median {np.median(microseconds):.0f} us"
+            colour = COLOURS[_STYLE[party]]
+            axis.hist(microseconds, bins, weights=share, histtype="step", label=label, color=colour, lw=1.4)
+    axis.set(title=title, xscale="log", ylabel="share of answers")
+    axis.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0))
 
 
 @app.command(
@@ -103,9 +329,9 @@ def speed(
         QUICK_INJECTORS_SECONDS if quick else INJECTORS_SECONDS,
         cold=not quick,
     )
-    found = measure_speed(plan, messages)
+    found = measure_speed(plan)
     if figures is not None and (figure := save_histograms(found, figures)):
-        messages.print(f"figure: {figure}", highlight=False)
+        tell_figures([figure])
     put_out(as_json, speed_document(found), shown(found), TABLE_WIDTH)
 
 

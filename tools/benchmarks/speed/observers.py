@@ -12,13 +12,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import psutil
+
 from observer_rt.foundation.errors import RunError
 
 READY = re.compile(r"\bready\b")
 START_TIMEOUT = 300.0  # s, compiling included
 _END_TIMEOUT = 30.0
-_TICK = os.sysconf("SC_CLK_TCK")
-_PAGE = os.sysconf("SC_PAGE_SIZE")
 RUN = (sys.executable, "-m", "observer_rt", "run", "--bench")
 _DISTURBED = (sys.executable, "-m", "tools.benchmarks.speed.disturbed")
 BUSY_RUN = (*_DISTURBED, "busy", *RUN[-2:])
@@ -34,17 +34,22 @@ class Observer:
     ready_after: float
     said: list[str] = field(default_factory=list)
 
+    @property
+    def resources(self) -> psutil.Process:
+        """What the system knows of it."""
+        return psutil.Process(self.process.pid)
+
     def cpu_time(self) -> float:
         """Seconds of processor time so far, of all its threads."""
-        return _cpu_time(Path(f"/proc/{self.process.pid}"))
+        return cpu_time(self.resources)
 
-    def cpu_time_by_thread(self) -> dict[str, float]:
+    def cpu_time_by_thread(self) -> dict[int, float]:
         """The same, thread by thread."""
-        return {task.name: _cpu_time(task) for task in Path(f"/proc/{self.process.pid}/task").iterdir()}
+        return {each.id: each.user_time + each.system_time for each in self.resources.threads()}
 
     def memory(self) -> int:
         """Bytes resident now."""
-        return int(Path(f"/proc/{self.process.pid}/statm").read_text().split()[1]) * _PAGE
+        return int(self.resources.memory_info().rss)
 
     @contextmanager
     def resumed(self) -> Iterator[None]:
@@ -60,9 +65,10 @@ class Observer:
         self.process.send_signal(signal.SIGSTOP)
 
 
-def _cpu_time(task: Path) -> float:
-    fields = (task / "stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / _TICK
+def cpu_time(process: psutil.Process) -> float:
+    """Seconds of processor time so far, its children's not."""
+    times = process.cpu_times()
+    return float(times.user + times.system)
 
 
 @contextmanager

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from observer_rt.foundation.errors import RunError
 from observer_rt.foundation.units import MICROSECOND
+from tools.benchmarks.arrays import Array
 from tools.benchmarks.speed import native
 from tools.benchmarks.speed.traffic import DATA_ID, RATES, SAMPLES, Ids, Traffic
 
@@ -34,7 +35,7 @@ class Latency:
         return f"{self.p50:.0f} / {self.p99:.0f} / {self.p999:.0f} us ({self.count})"
 
 
-def latency_of(seconds: NDArray[np.float64]) -> Latency:
+def latency_of(seconds: Array) -> Latency:
     """Percentiles; nan of none."""
     if not seconds.size:
         nan = float("nan")
@@ -57,7 +58,7 @@ class Passage:
     index: NDArray[np.int64]
     heard: NDArray[np.int64]
 
-    def latencies(self, traffic: Traffic, *, open_only: bool) -> NDArray[np.float64]:
+    def latencies(self, traffic: Traffic, *, open_only: bool) -> Array:
         """Seconds from the last input frame that a rate frame needs to that rate frame."""
         number = traffic.trigger(self.index) - self.first
         answers = (number >= 0) & (number < self.sent.size)

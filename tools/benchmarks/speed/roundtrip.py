@@ -15,11 +15,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
 from observer_rt.foundation.errors import RunError
 from observer_rt.foundation.units import MICROSECOND
+from tools.benchmarks.arrays import Array
 from tools.benchmarks.speed import native
 from tools.benchmarks.speed.observers import BUSY_RUN, RUN, Observer, observer
 from tools.benchmarks.speed.pace import Latency, Pacer, Passage, latency_of
@@ -58,7 +58,7 @@ class RoundTrips:
     link: str
     found: Mapping[str, Mapping[str, RoundTrip]]
     said: Mapping[str, str]
-    latencies: Mapping[str, NDArray[np.float64]]
+    latencies: Mapping[str, Array]
 
     def document(self) -> dict[str, Any]:
         """For JSON."""
@@ -181,7 +181,7 @@ def _round_trip(passages: Sequence[Passage], traffic: Traffic) -> RoundTrip:
     )
 
 
-def _latencies(passages: Sequence[Passage], traffic: Traffic, *, open_only: bool) -> NDArray[np.float64]:
+def _latencies(passages: Sequence[Passage], traffic: Traffic, *, open_only: bool) -> Array:
     return np.concatenate([each.latencies(traffic, open_only=open_only) for each in passages])
 
 

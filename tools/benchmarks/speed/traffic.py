@@ -9,15 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.bus.mapping.bus_map import map_bus
-from observer_rt.config.bench import EXAMPLE_BENCH, PACKAGE_DATA, load_injector
+from observer_rt.config.bench import PACKAGE_DATA
 from observer_rt.foundation.units import MILLISECOND
-from observer_rt.model.effects import sized
 from observer_rt.recording.replay.framing import Framer, whole
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.core.core import Core
 from observer_rt.simulation.schedule import Event, Schedule, Shot
-from observer_rt.simulation.simulate import SimulatedNoise, simulate
-from tools.benchmarks.scoring import bench_at
+from tools.benchmarks.scoring import bench_at, bench_text, worn_injector
 
 SAMPLE_RATE = 100e3  # Hz
 SAMPLES, RATES = 9, 28  # of an input frame and of a rate frame
@@ -26,7 +24,6 @@ PERIOD = 40 * MILLISECOND  # 25 injections a second
 _ENERGIZING, _FIRST = 1.2 * MILLISECOND, 10 * MILLISECOND
 _EVENTS = 9  # 0.36 s, a whole number of frames
 _PRESSURES = (60e6, 100e6, 140e6)  # Pa
-_WEAR = 0.2  # v_H
 _OPEN = 5e-6  # m
 RAW_FRAME = np.dtype(
     [("id", "<u4"), ("length", "u1"), ("flags", "u1"), ("unused", "<u2"), ("data", "u1", 64)]
@@ -81,8 +78,7 @@ class Ids:
 
 def worn_recording(events: tuple[Event, ...], end: float, rate: float = SAMPLE_RATE) -> Recording:
     """What the sensors record of a worn injector until an end [s] at a rate [Hz]."""
-    worn = (sized("orifice_area", v_H=_WEAR),)
-    return simulate(load_injector(), Schedule(events, end), rate, worn, SimulatedNoise(), seed=1).recording
+    return worn_injector(Schedule(events, end), rate).recording
 
 
 def make_traffic(folder: Path, period: float = PERIOD, count: int = _EVENTS) -> Traffic:
@@ -135,8 +131,8 @@ def index_of(payload: bytes) -> int:
     return int.from_bytes(payload[4:8], "little")
 
 
-def write_bench(folder: Path, interface: str, channel: str, ids: Ids, extra: str = "") -> Path:
-    """The example bench on another channel and under other identifiers; extra: further sections."""
+def write_bench(folder: Path, interface: str, channel: str, ids: Ids) -> Path:
+    """The example bench on another channel and under other identifiers."""
     folder.mkdir(parents=True, exist_ok=True)
     database = (PACKAGE_DATA / "observer_fd.dbc").read_text("utf-8")
     for number in DEFAULT_IDS:
@@ -147,13 +143,10 @@ def write_bench(folder: Path, interface: str, channel: str, ids: Ids, extra: str
             flags=re.MULTILINE,
         )
     (folder / "observer_fd.dbc").write_text(database, "utf-8")
-    text = EXAMPLE_BENCH.read_text("utf-8")
-    for old, new in (
+    text = bench_text(
         ('interface = "socketcan"', f'interface = "{interface}"'),
         ('channel = "can0"', f'channel = "{channel}"'),
-    ):
-        assert old in text
-        text = text.replace(old, new)
+    )
     path = folder / "bench.toml"
-    path.write_text(text + extra, "utf-8")
+    path.write_text(text, "utf-8")
     return path

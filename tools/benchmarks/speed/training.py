@@ -6,13 +6,12 @@ That is `training = "paper"`. The default training is another problem, Gauss-New
 scipy has no peer; what an event of it takes stands beside.
 """
 
-import time
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from observer_rt.bus.mapping.bus_map import map_bus
@@ -28,7 +27,9 @@ from observer_rt.observer.paper_scheme.training import BETA, EPOCHS, GAMMA, Obje
 from observer_rt.service.core.core import Core
 from observer_rt.simulation.schedule import Event, Schedule, Shot
 from observer_rt.simulation.simulate import simulate
+from tools.benchmarks.arrays import Array
 from tools.benchmarks.scoring import bench_at, timed_training
+from tools.benchmarks.speed.sample import thread_seconds
 from tools.benchmarks.speed.traffic import INPUT_ID, SAMPLE_RATE, Traffic, payloads_of
 
 SAMPLES = (250, 500, 1000, 2000, 4000)
@@ -61,7 +62,8 @@ def measure_training(traffic: Traffic, repeats: int = REPEATS) -> TrainingTimes:
     ours, theirs, ratio, costs = {}, {}, float("nan"), (float("nan"), float("nan"))
     for samples in SAMPLES:
         cost = cost_of(samples)
-        turns = np.array([(_timed(_ours, cost), _timed(_scipy, cost)) for _ in range(repeats)])
+        trainings = partial(_ours, cost), partial(_scipy, cost)
+        turns = np.array([[thread_seconds(each) for each in trainings] for _ in range(repeats)])
         ours[samples], theirs[samples] = (turns.min(axis=0) / MILLISECOND).tolist()
         if samples == USUAL:
             ratio = float(np.median(turns[:, 1] / turns[:, 0]))
@@ -78,18 +80,17 @@ def cost_of(samples: int) -> FaultCost:
     return fault_cost(*_training_data(samples), GAIN)
 
 
-def _training_data(samples: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _training_data(samples: int) -> tuple[Array, Array]:
     injector = load_injector()
     schedule = Schedule((Event(1e-3, 100e6, (Shot(1.9e-3),)),), 5e-3)
     truth = simulate(injector, schedule, _FINE, (sized("orifice_area", v_H=WEAR),)).truth
     c = coefficients(injector)
     opened = np.flatnonzero(truth.needle_lift > 0.0)
     chosen = np.linspace(opened[0], opened[-1], samples).astype(int)
-    pressures = (
-        (getattr(truth, name)[chosen] - c.chamber_pressure) / c.pressure_scale
-        for name in ("line_pressure", "sac_pressure", "rail_pressure")
+    line, sac, rail = (
+        (pressure[chosen] - c.chamber_pressure) / c.pressure_scale
+        for pressure in (truth.line_pressure, truth.sac_pressure, truth.rail_pressure)
     )
-    line, sac, rail = pressures
     flow = truth.line_flow[chosen] / c.flow_scale
     area = np.array([normalised_area(lift, c.seat) for lift in truth.needle_lift[chosen]])
     z = np.column_stack([line, flow, sac, rail, area, np.ones(samples)])
@@ -106,12 +107,12 @@ class _CountingCost:
         self.values = 0
         self.gradients = 0
 
-    def value(self, theta: NDArray[np.float64]) -> float:
+    def value(self, theta: Array) -> float:
         """J."""
         self.values += 1
         return self._cost.value(theta)
 
-    def value_and_gradient(self, theta: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+    def value_and_gradient(self, theta: Array) -> tuple[float, Array]:
         """J and its gradient."""
         self.gradients += 1
         return self._cost.value_and_gradient(theta)
@@ -129,25 +130,16 @@ def _ours(cost: Objective) -> float:
 
 
 def _scipy(cost: Objective) -> float:
-    def value_and_gradient(theta: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
-        return cost.value_and_gradient(theta)
-
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of a line search that ends early
         found = minimize(
-            value_and_gradient,
+            cost.value_and_gradient,
             scaled_identity(BETA),
             jac=True,
             method="BFGS",
             options={"maxiter": EPOCHS, "gtol": 0.0},
         )
     return float(found.fun)
-
-
-def _timed(train: Callable[[Objective], float], cost: Objective) -> float:
-    begin = time.thread_time()
-    train(cost)
-    return time.thread_time() - begin
 
 
 def _default_training_ms(traffic: Traffic) -> float:

@@ -5,7 +5,7 @@ Imports nothing of `observer_rt`: the laws are the plant's own.
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +22,8 @@ from tools.benchmarks.discovery.hidden import (
     TermEquation,
 )
 from tools.benchmarks.discovery.real_line.discrepancies import resonant_line
-from tools.benchmarks.discovery.real_line.hidden import BOW_ENDS, EFFECTS, TAP_DAMPING, bent_sensor
-from tools.benchmarks.plant import Measured, Step
+from tools.benchmarks.discovery.real_line.hidden import EFFECTS, TAP_DAMPING, bent_sensor
+from tools.benchmarks.plant import LINE, RAIL, Step, seen_as
 from tools.benchmarks.realism.channels import filtered
 
 MPA, MS, US = 1e6, 1e-3, 1e-6
@@ -38,31 +38,12 @@ def hum(amplitude: float, frequency: float) -> Callable[[Array], Array]:
 
 def deaf_rail(amplitude: float, frequency: float) -> Step:
     """A rail-pressure sensor that does not see this wave."""
-
-    def step(seen: Measured) -> Measured:
-        return replace(seen, rail_pressure=seen.rail_pressure - hum(amplitude, frequency)(seen.time))
-
-    return step
-
-
-def bent_rail_sensor(bow: float) -> Step:
-    """As `bent_sensor`, of the rail pressure."""
-    low, high = BOW_ENDS
-
-    def step(seen: Measured) -> Measured:
-        p = seen.rail_pressure
-        return replace(seen, rail_pressure=p + 4.0 * bow * (p - low) * (p - high) / (high - low) ** 2)
-
-    return step
+    return seen_as(RAIL, lambda time, p: p - hum(amplitude, frequency)(time))
 
 
 def drifting_sensor(rate: float) -> Step:
     """A line-pressure sensor whose offset grows [Pa/s]."""
-
-    def step(seen: Measured) -> Measured:
-        return replace(seen, line_pressure=seen.line_pressure + rate * seen.time)
-
-    return step
+    return seen_as(LINE, lambda time, p: p + rate * time)
 
 
 def creeping_sensor(share: float) -> Step:
@@ -71,12 +52,12 @@ def creeping_sensor(share: float) -> Step:
     def creep(frequency: Array) -> NDArray[np.complex128]:
         return np.asarray(1.0 / (1.0 + 2j * math.pi * frequency * CREEP_TIME), np.complex128)
 
-    def step(seen: Measured) -> Measured:
-        change = seen.line_pressure - seen.line_pressure[0]
-        crept = filtered(change, float(seen.time[1] - seen.time[0]), creep)
-        return replace(seen, line_pressure=seen.line_pressure + share * (change - crept))
+    def seen(time: Array, p: Array) -> Array:
+        change = p - p[0]
+        crept: Array = share * (change - filtered(change, float(time[1] - time[0]), creep))
+        return p + crept
 
-    return step
+    return seen_as(LINE, seen)
 
 
 def _law(name: str, lowest: float, highest: float, both: bool = False) -> HiddenParameter:
@@ -108,7 +89,7 @@ _KINDS = (
         _T.RAIL_PRESSURE,
         (HiddenParameter("bow", "", 1.0 * MPA, 4.0 * MPA, -4.0 * MPA),),
         without_rate=SENSOR,
-        step=bent_rail_sensor,
+        step=partial(bent_sensor, role=RAIL),
     ),
     HiddenKind("needle_displacement", _T.LINE_PRESSURE, (_law("needle_area", 2e-6, 8e-6),)),
     HiddenKind(

@@ -5,8 +5,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from rich.console import Console
-
 from tools.benchmarks.discovery.asking import Asking, Found, Question, recorded, seal
 from tools.benchmarks.discovery.outside.answers import OutsideAnswer, ask_outside
 from tools.benchmarks.discovery.outside.cases import HIDING, Asked, OutsidePlan
@@ -31,12 +29,12 @@ class OutsideQuestion(Question):
     without: tuple[str, ...] = ()
 
 
-def run_outside(asking: Asking[OutsidePlan], console: Console) -> Found[OutsideResult]:
-    """Ask about the cases not yet asked about with this state of the code; progress goes to `console`."""
-    hidden, campaign, failed = asking.hidden, asking.campaign(console), list[str]()
+def run_outside(asking: Asking[OutsidePlan]) -> Found[OutsideResult]:
+    """Ask about the cases not yet asked about with this state of the code."""
+    hidden, campaign, failed = asking.hidden, asking.campaign, list[str]()
     seal(asking.plan, hidden)
     labels = HIDING.labels_in(hidden)
-    models = fitted_models({label.rig for label in labels}, asking, console, failed)
+    models = fitted_models({label.rig for label in labels}, asking, failed)
     questions = [
         OutsideQuestion(one.label, asking, models[one.rig], without=one.without)
         for one in labels

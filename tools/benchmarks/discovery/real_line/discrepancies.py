@@ -13,7 +13,7 @@ import numpy as np
 from numpy.random import Generator
 
 from tools.benchmarks.arrays import Array
-from tools.benchmarks.plant import REFERENCE_PRESSURE, Measured, Step
+from tools.benchmarks.plant import LINE, REFERENCE_PRESSURE, Step, seen_as
 from tools.benchmarks.plant_parameters import Injector
 from tools.benchmarks.realism.channels import filtered, resonance
 from tools.benchmarks.realism.disturbance import sign
@@ -144,14 +144,8 @@ def plant_of(discrepancy: Discrepancy, seed: int) -> Plant:
 
 def resonant_line(frequency: float, damping: float) -> Step:
     """A line-pressure sensor behind something that resonates [Hz]."""
-
-    def step(seen: Measured) -> Measured:
-        interval = float(seen.time[1] - seen.time[0])
-        return replace(
-            seen, line_pressure=filtered(seen.line_pressure, interval, resonance(frequency, damping))
-        )
-
-    return step
+    response = resonance(frequency, damping)
+    return seen_as(LINE, lambda time, p: filtered(p, float(time[1] - time[0]), response))
 
 
 def _of_length(part: Injector, factor: float) -> Injector:

@@ -5,30 +5,34 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-
 from observer_rt.config.bench import NOMINAL_INJECTOR
 from observer_rt.foundation.errors import RunError
-from tools.benchmarks.command_line import tracked
-from tools.benchmarks.discovery import run as nominal
+from tools.benchmarks.command_line import messages, tracked
 from tools.benchmarks.discovery.asking import Asking, generate, seal
 from tools.benchmarks.discovery.cases import GIVEN
 from tools.benchmarks.discovery.real_line.cases import HIDING, RealPlan, Rig, hidden_text
 from tools.benchmarks.runs import BENCHMARKS, PACKAGE, digest_of
-from tools.benchmarks.wave_recordings import NEW_PART, OUR_PROGRAM, fit_model, maker_file
+from tools.benchmarks.wave_recordings import FITTED, NEW_PART, OUR_PROGRAM, fit_model, maker_file
 
 HERE = Path(__file__).parent
-FITTED, HEALTHY, FIT_LOG, MADE_BY, CASES = "fitted.toml", "healthy", "fit.txt", "made_by.txt", "cases"
+HEALTHY, FIT_LOG, MADE_BY, CASES = "healthy", "fit.txt", "made_by.txt", "cases"
+NOMINAL_SOURCES = tuple(
+    BENCHMARKS / f"{name}.py"
+    for name in (
+        "plant",
+        "plant_equations",
+        "plant_laws",
+        "plant_parameters",
+        "discovery/hidden",
+        "discovery/cases",
+        "discovery/hiding",
+        "discovery/answers",
+    )
+)
+"""What, with the package, an answer of tier A depends on."""
 HIDING_SOURCES = (
-    *nominal.HIDING_SOURCES,
-    *(
-        BENCHMARKS / f"{name}.py"
-        for name in (
-            "wave_line_equations",
-            "wave_plant",
-            "wave_plant_equations",
-        )
-    ),
+    *NOMINAL_SOURCES,
+    *(BENCHMARKS / f"{name}.py" for name in ("wave_line_equations", "wave_plant", "wave_plant_equations")),
     *(HERE / f"{name}.py" for name in ("discrepancies", "hidden", "cases", "fitting")),
 )
 """What, with the package, a fitted model and an answer depend on."""
@@ -58,7 +62,7 @@ def fitted_model(rig: Rig, sealed: Path, folder: Path, program: Sequence[str] = 
 
 
 def fitted_models(
-    rigs: Iterable[Rig | None], asking: Asking[Any], console: Console, crashes: list[str]
+    rigs: Iterable[Rig | None], asking: Asking[Any], crashes: list[str]
 ) -> dict[Rig | None, Path]:
     """The fitted model of every rig, for None the nominal injector's; a line for every fit that failed."""
     models: dict[Rig | None, Path] = {None: NOMINAL_INJECTOR}
@@ -66,13 +70,13 @@ def fitted_models(
     for number, rig in enumerate(ordered, start=1):
         try:
             models[rig] = fitted_model(rig, asking.hidden, asking.out / "rigs" / rig.name, asking.program)
-            console.print(f"rig {number} of {len(ordered)}: fitted")
+            messages.print(f"rig {number} of {len(ordered)}: fitted")
         except RunError as error:
             crashes.append(f"fit: rig {rig.name}: {error}")
     return models
 
 
-def record_only(plan: RealPlan, out: Path, console: Console, program: Sequence[str] = OUR_PROGRAM) -> None:
+def record_only(plan: RealPlan, out: Path, program: Sequence[str] = OUR_PROGRAM) -> None:
     """Write DIR/<discrepancy>/healthy, DIR/<discrepancy>/fitted.toml, DIR/cases/<label> and DIR/sealed.json.
 
     What is there already stays. A line for each case says what is in it.
@@ -80,11 +84,11 @@ def record_only(plan: RealPlan, out: Path, console: Console, program: Sequence[s
     seal(plan, out)
     cases = HIDING.opened(out)
     rigs = sorted({case.rig for case in cases}, key=lambda rig: rig.name)
-    for rig in tracked(rigs, "fitting", console):
+    for rig in tracked(rigs, "fitting"):
         fitted_model(rig, out, out / rig.open_name, program)
-    for case in tracked(cases, "recording", console):
+    for case in tracked(cases, "recording"):
         folder = out / CASES / case.label
         if len(list(folder.glob("*.csv"))) < len(GIVEN):
             generate(RealPlan.__module__, "record", out, case.label, str(folder))
     for case in cases:
-        console.print(f"{case.label} {case.rig.open_name}: {hidden_text(case.parts)}", highlight=False)
+        messages.print(f"{case.label} {case.rig.open_name}: {hidden_text(case.parts)}", highlight=False)

@@ -12,17 +12,14 @@ from tools.benchmarks.discovery.hidden import (
     HIDDEN,
     MICROMETRE,
     MICROSECOND,
-    MOMENTUM,
-    NOZZLE,
     SEAT,
     SENSOR,
-    Family,
     HiddenKind,
     HiddenParameter,
     TermEquation,
 )
 from tools.benchmarks.discovery.real_line.discrepancies import resonant_line
-from tools.benchmarks.plant import Measured, Step
+from tools.benchmarks.plant import LINE, RAIL, Step, seen_as
 from tools.benchmarks.plant_laws import Laws
 from tools.benchmarks.plant_parameters import Faults
 
@@ -33,38 +30,13 @@ BOW_ENDS = (60e6, 140e6)  # Pa, where a sensor with a bent characteristic is rig
 
 def late_rail(delay: float) -> Step:
     """A rail pressure recorded late, or early [s]."""
-
-    def step(seen: Measured) -> Measured:
-        return replace(seen, rail_pressure=np.interp(seen.time - delay, seen.time, seen.rail_pressure))
-
-    return step
+    return seen_as(RAIL, lambda time, p: np.interp(time - delay, time, p))
 
 
-def bent_sensor(bow: float) -> Step:
-    """A line-pressure sensor with a quadratic characteristic: right at BOW_ENDS, too low by `bow` [Pa] between."""
+def bent_sensor(bow: float, role: str = LINE) -> Step:
+    """A pressure sensor with a quadratic characteristic: right at BOW_ENDS, too low by `bow` [Pa] between."""
     low, high = BOW_ENDS
-
-    def step(seen: Measured) -> Measured:
-        p = seen.line_pressure
-        return replace(seen, line_pressure=p + 4.0 * bow * (p - low) * (p - high) / (high - low) ** 2)
-
-    return step
-
-
-def _named(
-    name: str,
-    equation: TermEquation,
-    lowest: float,
-    highest: float,
-    also: Family = frozenset(),
-    without_rate: Family = frozenset(),
-    one_sided: bool = False,
-) -> HiddenKind:
-    """An effect of the vocabulary at other sizes of its first parameter."""
-    first, *others = HIDDEN[name].parameters
-    negative = -highest if first.most_negative < 0.0 and not one_sided else 0.0
-    sized = replace(first, lowest=lowest, highest=highest, most_negative=negative)
-    return HiddenKind(name, equation, (sized, *others), also=also, without_rate=without_rate)
+    return seen_as(role, lambda _, p: p + 4.0 * bow * (p - low) * (p - high) / (high - low) ** 2)
 
 
 def _by_name(*kinds: HiddenKind) -> dict[str, HiddenKind]:
@@ -72,27 +44,41 @@ def _by_name(*kinds: HiddenKind) -> dict[str, HiddenKind]:
 
 
 _T, _US, _UM = TermEquation, MICROSECOND, MICROMETRE
+_SIZES = {
+    "orifice_area": (0.02, 0.4),
+    "seat_area": (0.05, 0.35),
+    "guide_leakage": (5e-15, 1e-13),  # m3/(s Pa)
+    "line_friction": (0.3, 3.0),
+    "bulk_modulus": (0.01, 0.12),
+    "line_volume": (0.01, 0.12),
+    "pressure_dependent_bulk_modulus": (0.5, 6.0),
+    "entrained_air": (3e-4, 6e-3),
+    "fuel_density": (0.005, 0.06),
+    "orifice_cavitation": (0.05, 0.25),
+    "lift_dependent_seat_coefficient": (0.1, 0.6),
+    "chamber_pressure_rise": (2 * MPA, 12 * MPA),
+    "lift_offset": (2 * _UM, 20 * _UM),
+    "needle_lift_sensor_lag": (5 * _US, 50 * _US),
+    "lift_gain": (0.05, 0.2),
+    "rail_pressure_sensor_gain": (0.002, 0.03),
+    "rail_pressure_sensor_offset": (0.2 * MPA, 4 * MPA),
+    "line_pressure_sensor_lag": (3 * _US, 60 * _US),
+    "line_pressure_sensor_offset": (0.1 * MPA, 4 * MPA),
+    "channel_skew": (3 * _US, 45 * _US),
+}
+"""Of the first parameter, SI; of either sign where both are physical, but for friction."""
+
+
+def _at(name: str, lowest: float, highest: float) -> HiddenKind:
+    """An effect of the vocabulary at other sizes of its first parameter."""
+    first, *others = HIDDEN[name].parameters
+    negative = -highest if first.most_negative < 0.0 and name != "line_friction" else 0.0
+    sized = replace(first, lowest=lowest, highest=highest, most_negative=negative)
+    return replace(HIDDEN[name], parameters=(sized, *others))
+
+
 EFFECTS = _by_name(
-    _named("orifice_area", _T.NOZZLE_FLOW, 0.02, 0.4),
-    _named("seat_area", _T.SEAT_FLOW, 0.05, 0.35),
-    _named("guide_leakage", _T.LINE_PRESSURE, 5e-15, 1e-13),  # m3/(s Pa)
-    _named("line_friction", _T.LINE_FLOW, 0.3, 3.0, one_sided=True),
-    _named("bulk_modulus", _T.STIFFNESS, 0.01, 0.12),
-    _named("line_volume", _T.STIFFNESS, 0.01, 0.12),
-    _named("pressure_dependent_bulk_modulus", _T.STIFFNESS, 0.5, 6.0),
-    _named("entrained_air", _T.STIFFNESS, 3e-4, 6e-3),
-    _named("fuel_density", _T.INERTANCE, 0.005, 0.06, also=SEAT | NOZZLE),
-    _named("orifice_cavitation", _T.NOZZLE_FLOW, 0.05, 0.25),
-    _named("lift_dependent_seat_coefficient", _T.SEAT_FLOW, 0.1, 0.6),
-    _named("chamber_pressure_rise", _T.CHAMBER_PRESSURE, 2 * MPA, 12 * MPA),
-    _named("lift_offset", _T.NEEDLE_LIFT, 2 * _UM, 20 * _UM),
-    _named("needle_lift_sensor_lag", _T.NEEDLE_LIFT, 5 * _US, 50 * _US, without_rate=SENSOR),
-    _named("lift_gain", _T.NEEDLE_LIFT, 0.05, 0.2),
-    _named("rail_pressure_sensor_gain", _T.RAIL_PRESSURE, 0.002, 0.03, without_rate=SENSOR),
-    _named("rail_pressure_sensor_offset", _T.RAIL_PRESSURE, 0.2 * MPA, 4 * MPA, without_rate=SENSOR),
-    _named("line_pressure_sensor_lag", _T.LINE_PRESSURE_SENSOR, 3 * _US, 60 * _US, without_rate=SEAT),
-    _named("line_pressure_sensor_offset", _T.LINE_PRESSURE_SENSOR, 0.1 * MPA, 4 * MPA, without_rate=MOMENTUM),
-    _named("channel_skew", _T.LINE_PRESSURE_SENSOR, 3 * _US, 45 * _US, without_rate=SEAT),
+    *(_at(name, *sizes) for name, sizes in _SIZES.items()),
     HiddenKind(
         "rail_pressure_skew",
         _T.RAIL_PRESSURE,

@@ -9,21 +9,18 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
+from operator import attrgetter
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 import psutil
 import typer
-from rich.console import Console
-from rich.table import Table
 
-from observer_rt.evaluation.convert import convert
 from observer_rt.foundation.errors import RunError
 from observer_rt.foundation.units import MICROSECOND
-from observer_rt.recording.signals.table_writers import write_whole
 from tools.benchmarks.command_line import JsonOption, app, messages
-from tools.benchmarks.report import Figure, Shown, figures_table, put_out
+from tools.benchmarks.report import NOTHING, Columns, Figure, Shown, figures_table, list_of, put_out
 from tools.benchmarks.scoring import bench_at
 from tools.benchmarks.speed.core_alone import (
     CAN_LOG,
@@ -31,16 +28,17 @@ from tools.benchmarks.speed.core_alone import (
     MDF4,
     ONCE,
     PARQUET,
+    SUFFIXES,
     Watch,
     core_alone,
     frames_of,
     repeated_injections,
+    write_source,
 )
 from tools.benchmarks.speed.traffic import SAMPLE_RATE, Ids, write_bench
 
 _STEP = 50e3  # Pa of rail pressure from file to file: what a CAN signal resolves, far from what matters
-_SUFFIXES = {PARQUET: ".parquet", MDF4: ".mf4", CAN_LOG: ".mf4"}
-SOURCES = tuple(_SUFFIXES)
+SOURCES = tuple(SUFFIXES)
 _LOOK = 0.1  # s to the next one at memory
 _KIBIBYTES = 1024  # in a MiB, as the kernel counts
 _COMMAND = (sys.executable, "-m", "observer_rt", "batch")
@@ -63,26 +61,13 @@ class Files:
         chosen = place / f"first_{self.number}"
         chosen.mkdir(parents=True, exist_ok=True)
         for number in range(self.number):
-            path = place / f"{number}{_SUFFIXES[self.source]}"
+            path = place / f"{number}{SUFFIXES[self.source]}"
             if not path.exists():
-                self._write(path, number)
+                write_source(self.source, path, repeated_injections(self.repeats, number * _STEP))
             link = chosen / path.name
             if not link.exists():
                 link.hardlink_to(path)
         return chosen
-
-    def _write(self, path: Path, number: int) -> None:
-        recording = repeated_injections(self.repeats, number * _STEP)
-        if self.source != CAN_LOG:
-            write_whole(path, recording)
-            return
-        signals, frames = path.with_suffix(".parquet"), path.with_suffix(".blf")
-        quiet = Console(quiet=True)
-        write_whole(signals, recording)
-        convert(signals, frames, bench_at(SAMPLE_RATE), (), True, quiet)
-        convert(frames, path, None, (), True, quiet)
-        signals.unlink()
-        frames.unlink()
 
 
 @dataclass(frozen=True)
@@ -193,6 +178,11 @@ def line_through(points: Sequence[tuple[float, float]]) -> Line:
     return Line(float(start), float(slope), float(np.max(np.abs(start + slope * x - y)) / np.max(y)))
 
 
+Time = Callable[[Taken], float]
+CLOCK: Time = attrgetter("clock")
+PROCESSOR: Time = attrgetter("processor")
+
+
 @dataclass(frozen=True)
 class Many:
     """What was measured. core_per_s: injections a second through the compiled core alone, on one core.
@@ -209,17 +199,17 @@ class Many:
     sources: tuple[Taken, ...]
     learned: Taken
 
-    def by_number(self, of: Callable[[Taken], float], runs: Sequence[Taken]) -> Line:
+    def by_number(self, of: Time, runs: Sequence[Taken]) -> Line:
         """A time, over the number of files."""
         return line_through([(each.work.files.number, of(each)) for each in runs])
 
-    def by_length(self, of: Callable[[Taken], float]) -> Line:
+    def by_length(self, of: Time) -> Line:
         """A time, over the seconds of the one file."""
         return line_through([(each.work.seconds, of(each)) for each in self.lengths])
 
     def per_core(self, taken: Taken) -> float:
         """Injections a second of processor time beyond that of the start, all processes together."""
-        start = self.by_number(processor, self.numbers).start
+        start = self.by_number(PROCESSOR, self.numbers).start
         return taken.work.injections / (taken.processor - start)
 
     @property
@@ -241,16 +231,6 @@ class Many:
     def memory_growth(self) -> float:
         """By how much the longest file takes more memory than the shortest, as a share."""
         return self.lengths[-1].peak_mib / self.lengths[0].peak_mib - 1.0
-
-
-def clock(taken: Taken) -> float:
-    """By the clock [s]."""
-    return taken.clock
-
-
-def processor(taken: Taken) -> float:
-    """Of all processors [s]."""
-    return taken.processor
 
 
 def measure_many(plan: ManyPlan, progress: Callable[[str], None]) -> Many:
@@ -298,8 +278,9 @@ def _core_per_s() -> float:
 def shown(many: Many) -> Iterator[Shown]:
     """Figures beside their bars, then every batch."""
     yield figures_table(figures(many), "batch", many.load)
-    yield _batches_table(many)
-    start = many.by_number(clock, many.numbers).start
+    groups = many.numbers, many.two_workers, many.lengths, (*many.sources[1:], many.learned)
+    yield list_of("batches", groups, _columns(many), names=3)
+    start = many.by_number(CLOCK, many.numbers).start
     yield f"beyond the start of {start:.1f} s; the core alone: {many.core_per_s:.0f} injections a second"
 
 
@@ -316,57 +297,45 @@ def many_document(many: Many) -> dict[str, Any]:
 
 def figures(many: Many) -> list[Figure]:
     """All of them."""
-    return list(_figures(many))
-
-
-def _figures(many: Many) -> Iterator[Figure]:
-    parquet, mdf4, log = (_of(many, source) for source in (PARQUET, MDF4, CAN_LOG))
-    yield Figure("injections_per_s_per_core", many.per_core(parquet), "Parquet, nothing learned")
-    yield Figure("injections_per_s_per_core_learning", many.per_core(many.learned), "Parquet")
-    floor = max(many.per_core(parquet), many.per_core(mdf4)) / many.core_per_s
-    yield Figure("floor_share", floor, f"{_FLOOR}; the better of the next two", at_least=0.5)
-    yield Figure("floor_share_parquet", many.per_core(parquet) / many.core_per_s, _FLOOR)
-    yield Figure("floor_share_mdf4", many.per_core(mdf4) / many.core_per_s, _FLOOR)
-    yield Figure("floor_share_mdf4_can_log", many.per_core(log) / many.core_per_s, _FLOOR)
-    yield Figure(
-        "efficiency_2_workers",
-        many.efficiency,
-        "one worker, twice; from file to file, once all work",
-        at_least=0.9,
-    )
-    yield Figure("efficiency_2_workers_with_start", many.efficiency_with_start, "the same, whole command")
-    off = "a straight line through all"
-    yield Figure("off_linear_files", many.by_number(clock, many.numbers).farthest, off, 0.05)
-    yield Figure("off_linear_length", many.by_length(clock).farthest, off, 0.05)
-    yield Figure("peak_memory_mib", many.peak_mib, "largest process of all")
+    per_core = {each.work.files.source: many.per_core(each) for each in many.sources}
+    parquet, mdf4, log = (per_core[source] / many.core_per_s for source in (PARQUET, MDF4, CAN_LOG))
+    start = many.by_number(CLOCK, many.numbers)
     longest, shortest = (many.lengths[place].work.seconds for place in (-1, 0))
-    what = f"a file of {longest:g} s beside one of {shortest:g} s"
-    yield Figure("memory_growth_share", many.memory_growth, what, 0.05)
-    yield Figure("start_s", many.by_number(clock, many.numbers).start, "no files at all, by that line")
+    better, off = f"{_FLOOR}; the better of the next two", "a straight line through all"
+    twice = "one worker, twice; from file to file, once all work"
+    beside = f"a file of {longest:g} s beside one of {shortest:g} s"
+    return [
+        Figure("injections_per_s_per_core", per_core[PARQUET], "Parquet, nothing learned"),
+        Figure("injections_per_s_per_core_learning", many.per_core(many.learned), "Parquet"),
+        Figure("floor_share", max(parquet, mdf4), better, at_least=0.5),
+        Figure("floor_share_parquet", parquet, _FLOOR),
+        Figure("floor_share_mdf4", mdf4, _FLOOR),
+        Figure("floor_share_mdf4_can_log", log, _FLOOR),
+        Figure("efficiency_2_workers", many.efficiency, twice, at_least=0.9),
+        Figure("efficiency_2_workers_with_start", many.efficiency_with_start, "the same, whole command"),
+        Figure("off_linear_files", start.farthest, off, 0.05),
+        Figure("off_linear_length", many.by_length(CLOCK).farthest, off, 0.05),
+        Figure("peak_memory_mib", many.peak_mib, "largest process of all"),
+        Figure("memory_growth_share", many.memory_growth, beside, 0.05),
+        Figure("start_s", start.start, "no files at all, by that line"),
+    ]
 
 
-def _of(many: Many, source: str) -> Taken:
-    return next(each for each in many.sources if each.work.files.source == source)
+def _columns(many: Many) -> Columns[Taken]:
+    def per_core(taken: Taken) -> str:
+        rate = many.per_core(taken)  # of a short file: little beyond a start that is not known so well
+        return f"{rate:.0f}" if rate > 0.0 else NOTHING
 
-
-def _batches_table(many: Many) -> Table:
-    columns = ("files", "of", "", "workers", "clock s", "processor s", "MiB", "injections / s / core")
-    table = Table(*columns, title="batches", title_justify="left")
-    groups: Sequence[Sequence[Taken]] = (
-        many.numbers,
-        many.two_workers,
-        many.lengths,
-        (*many.sources[1:], many.learned),
-    )
-    for group in groups:
-        for each in group:
-            files, learning = each.work.files, ", learning" if each.work.learning else ""
-            what = (str(files.number), f"{each.work.seconds:g} s", files.source + learning)
-            times = (f"{clock(each):.1f}", f"{processor(each):.1f}", f"{each.peak_mib:.0f}")
-            rate = many.per_core(each)  # of a short file: little beyond a start that is not known so well
-            table.add_row(*what, str(each.work.workers), *times, f"{rate:.0f}" if rate > 0.0 else "-")
-        table.add_section()
-    return table
+    return {
+        "files": "{.work.files.number}",
+        "of": "{.work.seconds:g} s",
+        "": lambda each: f"{each.work.files.source}{', learning' if each.work.learning else ''}",
+        "workers": "{.work.workers}",
+        "clock s": "{.clock:.1f}",
+        "processor s": "{.processor:.1f}",
+        "MiB": "{.peak_mib:.0f}",
+        "injections / s / core": per_core,
+    }
 
 
 @app.command(epilog="Examples: tools/bench batch; tools/bench batch --quick --json")

@@ -1,1 +1,0 @@
-"""`tools/bench batch`: what many recordings cost, beside the compiled core alone."""

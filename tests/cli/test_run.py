@@ -246,39 +246,6 @@ def test_bench_file_is_required(command: Command) -> None:
     assert "--print-example-bench" in command.refused("run")
 
 
-@pytest.mark.parametrize(
-    ("line", "place", "said"),
-    [
-        (
-            "injection_rate_id = 0x100",
-            "outputs.injection_rate_id",
-            "SampleBlock and InjectionRate share 0x100",
-        ),
-        ("injection_rate_id = 0x201", "outputs.injection_rate_id", "and InjectionSummary share 0x201"),
-        ("status_id = 0x200", "outputs.status_id", "InjectionRate and ObserverStatus share"),
-        ('status = "InjectionSummary"', "outputs", "2 results share the message"),
-        ('status = "SampleBlock"', "outputs.status_id", "share 0x100"),
-        ('status = "Nothing"', "outputs.status", "message Nothing not in the bus database"),
-        ("fd = false", "link.fd", "SampleBlock is a CAN FD message, but link.fd is false"),
-        ("rate_hz = 500e3", "link.data_bit_rate", "17 injections/s of 6 ms: 130%"),
-        ("rate_hz = 1e3", "sampling.rate_hz", "integration steps a sample"),
-    ],
-)
-def test_what_check_calls_an_error_does_not_start(
-    command: Command, bench: Path, line: str, place: str, said: str
-) -> None:
-    """line: in the place of that with its key, which may be commented out."""
-    key = line.split(" = ")[0]
-    before = bench.read_text()
-    (there, *_) = re.findall(rf"(?m)^{key} = .*$", before) or re.findall(rf"(?m)^# {key} = .*$", before)
-    bench.write_text(before.replace(there, line, 1))
-    assert command("check", "--bench", bench).code == 1
-    error, remedy = command.refused("run", "--bench", bench).splitlines()
-    assert error.startswith(f"error: {bench}: {place}: ")
-    assert said in error
-    assert remedy.startswith("  remedy: ")
-
-
 def test_what_check_only_warns_of_starts(
     command: Command, bench: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -116,17 +116,8 @@ def test_number_of_an_extended_frame_is_another() -> None:
 @pytest.mark.parametrize(
     ("changes", "place", "problem", "remedy"),
     [
-        ({"rail_pressure": 'message = "Dag"\nsignal = "Rail"'}, "rail_pressure.message", "Dag", "Daq"),
-        ({"rail_pressure": 'signal = "Rial"'}, "rail_pressure", "Rial", "Rail"),
         ({"line_pressure": 'signal = "Line"'}, "line_pressure", "torr", "bar"),
         ({"line_pressure": 'signal = "Bare"'}, "line_pressure", "no unit", 'unit = "..."'),
-        ({"line_pressure": 'signal = "Lift"'}, "line_pressure", "the same signals", "of each"),
-        (
-            {"rail_pressure": 'signals = ["Rail", "Rail2"]'},
-            "needle_lift",
-            "has 1 samples a frame, other signals of Daq have 2",
-            "as many samples",
-        ),
         ({"line_pressure": 'signal = "Line"\nindex = "Second"'}, "line_pressure.index", "Daq", "the same"),
         (
             {
@@ -179,21 +170,6 @@ def test_a_message_too_short_for_its_protection(tmp_path: Path) -> None:
     path.write_text(text + attributes)
     with pytest.raises(UserError, match="has 2 bytes, which E2E profile 5"):
         output_message(find_message(load_database(path), "Short"), ["State"])
-
-
-@pytest.mark.parametrize(
-    ("key", "name"),
-    [("injection_rate", "InjectonRate"), ("injection_summary", "Summary"), ("status", "ObserverStat")],
-)
-def test_output_message_that_is_not_there(tmp_path: Path, key: str, name: str) -> None:
-    path = tmp_path / "bench.toml"
-    lines = EXAMPLE_BENCH.read_text().splitlines()
-    path.write_text("\n".join(f'{key} = "{name}"' if line.startswith(f"{key} =") else line for line in lines))
-    with pytest.raises(UserError) as refused:
-        map_bus(load_bench(path))
-    assert refused.value.place == f"{path}: outputs.{key}"
-    assert name in refused.value.problem
-    assert refused.value.remedy
 
 
 @pytest.mark.parametrize("message", ["InjectionSummary", "ObserverStatus"])
@@ -281,17 +257,6 @@ def test_results_under_other_identifiers(tmp_path: Path) -> None:
             layout.length,
             layout.e2e_data_id,
         )
-
-
-def test_an_output_that_will_not_do_names_the_bench_file(tmp_path: Path) -> None:
-    text = EXAMPLE_BENCH.read_text().replace(
-        'injection_rate = "InjectionRate"', 'injection_rate = "SampleBlock"'
-    )
-    (tmp_path / "bench.toml").write_text(text)
-    with pytest.raises(
-        UserError, match=r"bench\.toml: outputs\.injection_rate: message SampleBlock has no signal"
-    ):
-        map_bus(load_bench(tmp_path / "bench.toml"))
 
 
 @pytest.mark.parametrize(

@@ -73,8 +73,6 @@ def test_check_says_what_to_expect(
     ("lines", "place", "word"),
     [
         ('message = "PulseVolts"\nsignal = "Volts"\n', "signals.energizing", "'V'"),
-        ('message = "PulseLevl"\nsignal = "Energized"\n', "signals.energizing", "PulseLevl"),
-        ('message = "PulseLevel"\nsignal = "Energised"\n', "signals.energizing", "Energized"),
         (Told.LEVEL.replace("PulseIndex", "Energized"), "signals.energizing.index", "32 bits"),
         (Told.LEVEL + 'time_base = "other"\n', "signals.energizing.index", "stamps"),
         (

@@ -11,7 +11,6 @@ import cantools
 import numpy as np
 import pytest
 
-from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.check.checkup import Level, checkup
 from observer_rt.config.bench import load_bench, load_injector
 from observer_rt.evaluation.evaluate import evaluate
@@ -255,13 +254,6 @@ def test_an_injector_without_a_reference_is_refused(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"injector\.toml: fluid\.reference_temperature"):
         core_of(loaded)
     assert any(f.level is Level.ERROR and "reference_temperature" in f.text for f in checkup(loaded))
-
-
-def test_a_unit_that_is_none_of_a_temperature_is_refused(tmp_path: Path) -> None:
-    path = bench(tmp_path, 'unit = "bar"\n')
-    loaded = load_bench(path)
-    with pytest.raises(UserError, match=r"signals\.fuel_temperature.*bar"):
-        map_bus(loaded)
 
 
 def test_neighbouring_reports_differ_little_in_density(tmp_path: Path) -> None:

@@ -6,13 +6,11 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.check.checkup import Level, checkup
 from observer_rt.config.bench import load_bench
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.evaluation.logged import LoggedSignals
 from observer_rt.evaluation.results import print_evaluation
-from observer_rt.foundation.errors import UserError
 from observer_rt.model.effects import effective_model
 from observer_rt.recording.replay.framing import TimedFrame
 from tests.device import Result, Traffic, damaged, hand, inserted, run
@@ -113,14 +111,6 @@ def test_protected_message_in_kilograms(tmp_path: Path, scale: Scale) -> None:
 def test_unit_of_the_bench_file_goes_before_the_databases(scale: Scale) -> None:
     scale.path.write_text(scale.path.read_text() + 'unit = "g"\n')
     assert scale.masses((scale.after(1), bed("Mass", 0.5))) == [(1, 500.0)]
-
-
-def test_unknown_unit(path: Path) -> None:
-    path.write_text(path.read_text() + 'unit = "mm"\n')
-    with pytest.raises(UserError) as caught:
-        map_bus(load_bench(path))
-    assert "signals.measured_mass" in caught.value.place
-    assert "mg" in caught.value.remedy
 
 
 def test_check_lists_it(path: Path) -> None:

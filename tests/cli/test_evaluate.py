@@ -3,7 +3,6 @@
 import csv
 import json
 import re
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -136,16 +135,6 @@ def test_chosen_injections_are_drawn_with_units(command: Command, worn: Path, tm
         assert re.search(rf"{name} \[{unit}\]", words), name
 
 
-def test_an_injection_that_cannot_be_there_is_refused_before(
-    command: Command, worn: Path, tmp_path: Path
-) -> None:
-    outcome = command("evaluate", worn, "--plot", tmp_path / "x.png", "--injections", "2,9")
-    assert outcome.code == 2
-    assert "--injections: there is no injection 9" in outcome.err
-    assert "opens 4 times" in outcome.err
-    assert outcome.out == ""
-
-
 def test_one_that_is_not_there_after_all_costs_no_result(
     command: Command, worn: Path, tmp_path: Path
 ) -> None:
@@ -227,51 +216,11 @@ def test_model_replaces_that_of_the_bench(command: Command, worn: Path, bench: P
     assert lower < 0.95 * own["recordings"][0]["injections"][0]["nominal_mass_mg"]
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("{worn}", "{resting}", "--output", "{here}/x.csv"), "--output {here}/x.csv: names a file"),
-        (("{worn}", "{worn}", "--output", "{here}/traces"), "worn.csv.trace.csv would be written twice"),
-        (("{worn}", "--injections", "1"), "no --plot is given"),
-        (("{worn}", "--plot", "{here}/x.png", "--injections", "1,0"), "--injections: '0' is no number"),
-        (("{worn}", "{resting}", "--save-state", "x.json"), "--save-state: needs one history"),
-        (("{worn}", "--output", "{worn}"), "is a recording to be evaluated"),
-        (("{worn}", "--output", "{here}/no/x.csv"), "--output: {here}/no: no such folder"),
-        (("{worn}", "--output", "{here}/x.xlsx"), "known suffixes: .csv, .mf4, .parquet"),
-        (("{worn}", "--plot", "{here}/no/x.png"), "--plot: {here}/no: no such folder"),
-        (("{worn}", "--plot", "{here}/x.bmp"), "known suffixes: .png, .svg, .pdf"),
-        (("{worn}", "--plot", "{here}/x"), "known suffixes: .png, .svg, .pdf"),
-        (("{worn}", "--save-state", "{here}/no/s.json"), "--save-state: {here}/no: no such folder"),
-        (("{worn}", "--state", "{here}/no.json"), "--state {here}/no.json: no such file"),
-        (("{worn}", "--bench", "{here}/no.toml"), "{here}/no.toml: no such file"),
-        (("{here}/no.csv",), "{here}/no.csv: no such file"),
-        (("{here}/a.log",), "{here}/a.log: no such file"),
-        (("{here}/a.db",), "known suffixes: .csv, .mf4, .parquet, .log, .blf, .asc, .trc"),
-        (("{here}",), "known suffixes: .csv, .mf4"),
-    ],
-)
-def test_mistakes_are_named_before_the_work(
-    command: Command, worn: Path, resting: Path, tmp_path: Path, arguments: tuple[str, ...], message: str
-) -> None:
-    copy = tmp_path / "worn.csv"
-    shutil.copy(worn, copy)
-    places = {"worn": copy, "resting": resting, "here": tmp_path}
-    outcome = command("evaluate", *(argument.format(**places) for argument in arguments))
-    assert outcome.code == 2
-    assert message.format(**places) in outcome.err
-    assert outcome.out == ""
-    assert copy.read_bytes() == worn.read_bytes()
-
-
 @pytest.mark.parametrize("name", ["damaged.csv", "damaged.mf4"])
 def test_files_that_are_no_recordings(command: Command, tmp_path: Path, name: str) -> None:
     path = tmp_path / name
     path.write_bytes(bytes(range(256)) * 20)
     assert str(path) in command.refused("evaluate", path)
-
-
-def test_recording_at_another_rate_than_the_users_bench(command: Command, resting: Path, bench: Path) -> None:
-    assert "sampling.rate_hz: is 50000 Hz" in command.refused("evaluate", resting, "--bench", bench)
 
 
 def test_a_log_is_evaluated_as_the_recording_it_was_made_of(

@@ -169,38 +169,6 @@ def test_signal_ends_an_endless_replay(command: Command, worn: Path, number: sig
     assert json.loads(outcome.out)["frames"] > 0
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("{here}/no.csv",), "no.csv: no such file"),
-        (("{here}/no.log",), "no.log: no such file"),
-        (("{here}/no.blf",), "no.blf: no such file"),
-        (("{here}/no.xyz",), "known suffixes: .csv, .mf4, .parquet, .log, .blf, .asc, .trc"),
-        (("{log}", "--map-id", "0x123"), "--map-id: '0x123' is not of the form FROM=TO"),
-        (("{log}", "--map-id", "0x124=0x200"), "--map-id: no frame with identifier 0x124"),
-        (("{log}", "--map-id", "0x123=0x800"), "--map-id: 0x800 is too long for the standard frame 0x123"),
-        (("{log}", "--map-channel", "can7=x"), "channel can7: is not in"),
-        (("{worn}", "--map-channel", "can7=x"), "is no CAN log: it has no channels"),
-        (("{worn}", "--start", "0.2", "--stop", "0.1"), "--start, --stop: 0.2 s is not before 0.1 s"),
-        (("{worn}", "--start", "nan"), "--start, --stop"),
-        (("{worn}", "--start", "99"), "select 0 samples"),
-        (("{worn}", "--stop", "0.05", "--windowed"), "--windowed: no injection"),
-        (("{log}", "--windowed"), "--windowed: a log is sent as it was recorded"),
-        (("{worn}", "--interface", "nosuch"), "link.interface: unknown interface 'nosuch'"),
-    ],
-)
-def test_mistakes_are_named(
-    command: Command, worn: Path, tmp_path: Path, arguments: tuple[str, ...], message: str
-) -> None:
-    log = tmp_path / "a.log"
-    log.write_text("(100.000000) can0 123#AA\n")
-    places = {"here": tmp_path, "worn": worn, "log": log}
-    outcome = command("replay", *ON_BUS, *(argument.format(**places) for argument in arguments))
-    assert outcome.code == 2
-    assert message in outcome.err
-    assert outcome.out == ""
-
-
 def test_interface_that_is_not_there_is_a_failure_at_run_time(command: Command, worn: Path) -> None:
     outcome = command("replay", worn, "--channel", "can_none_here")
     assert outcome.code == 1

@@ -242,10 +242,6 @@ def test_examples_can_be_used_as_they_are(command: Command, tmp_path: Path, opti
         assert load_injector(tmp_path / path.name) == load_injector()
 
 
-def test_bench_file_is_required(command: Command) -> None:
-    assert "--print-example-bench" in command.refused("run")
-
-
 def test_what_check_only_warns_of_starts(
     command: Command, bench: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -253,29 +249,6 @@ def test_what_check_only_warns_of_starts(
     give_link(monkeypatch, ScriptedLink((), RunError("that was it")))
     outcome = command("run", "--bench", bench)
     assert (outcome.code, "INFO start: ready" in outcome.err) == (1, True)
-
-
-@pytest.mark.parametrize(
-    ("option", "file", "said"),
-    [
-        ("--state", "no/learned.json", "no such folder"),
-        ("--state", ".", "is a folder"),
-        ("--journal", "no/injections.sqlite", "--journal"),
-        ("--journal", ".", "--journal"),
-        ("--journal", "notes.txt", "is no journal of injections"),
-        ("--log", "no/run.log", "no such folder"),
-    ],
-)
-def test_what_could_not_be_written_is_refused_at_the_start(
-    command: Command, bench: Path, tmp_path: Path, option: str, file: str, said: str
-) -> None:
-    before = bench.read_bytes()
-    (tmp_path / "notes.txt").write_text("what was measured")
-    told = command.refused("run", "--bench", bench, option, tmp_path / file)
-    assert str(tmp_path) in told
-    assert said in told
-    assert "ready" not in told
-    assert bench.read_bytes() == before
 
 
 def test_an_interface_that_is_not_there_is_waited_for(

@@ -16,7 +16,7 @@ from observer_rt.recording.replay.framing import TimedFrame
 from tests.device import Result, Traffic, damaged, hand, inserted, run
 from tests.evaluation.documents import recording_json
 from tests.recording.canlog.log_cases import sent_log, write_log
-from tests.service.participants import HeardDaemon, ScriptedLink, assert_warm_up_takes_all
+from tests.service.participants import HeardDaemon, ScriptedLink
 from tests.service.slow_frames import bed, safe_bed, slow_bench
 
 MASS = {"measured_mass": ("Bed", "Mass")}
@@ -117,10 +117,6 @@ def test_check_lists_it(path: Path) -> None:
     listed = [one for one in checkup(load_bench(path)) if one.text.startswith("measured_mass")]
     assert [finding.level for finding in listed] == [Level.OK]
     assert "Bed 0x321, Mass, 0 to 655 mg" in listed[0].text
-
-
-def test_warm_up_takes_a_bench_with_optional_inputs(tmp_path: Path) -> None:
-    assert_warm_up_takes_all(load_bench(slow_bench(tmp_path, SAFE_MASS)))
 
 
 def test_evaluating_a_log_compares_it(scale: Scale, tmp_path: Path) -> None:

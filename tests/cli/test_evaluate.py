@@ -1,6 +1,5 @@
 """`observer-rt evaluate`: results on the screen, as JSON, trace, figure and learned state; mistakes it names."""
 
-import csv
 import json
 import re
 from dataclasses import replace
@@ -91,22 +90,6 @@ def test_recording_without_injections(command: Command, resting: Path, tmp_path:
     assert recording["summary"]["valid_share"] == 0.0
 
 
-def test_trace_agrees_with_the_document(command: Command, worn: Path, tmp_path: Path) -> None:
-    trace = tmp_path / "trace.csv"
-    found = document(command, worn, "--output", trace)["recordings"][0]
-    with trace.open() as file:
-        rows = list(csv.DictReader(file))
-    assert len(rows) == found["samples"]
-    for injection in found["injections"]:
-        window = [
-            float(row["injection_rate_mm3_per_ms"])
-            for row in rows
-            if injection["start_s"] - 1e-9 <= float(row["time_s"]) <= injection["end_s"] + 1e-9
-        ]
-        volume = (sum(window) - (window[0] + window[-1]) / 2) * 1e3 / found["sample_rate_hz"]  # mm3
-        assert volume * 0.83 == pytest.approx(injection["mass_mg"], rel=1e-6)
-
-
 @pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
 def test_figure(command: Command, worn: Path, tmp_path: Path, suffix: str) -> None:
     figure = tmp_path / f"worn{suffix}"
@@ -182,24 +165,24 @@ def test_learned_state_is_saved_and_makes_the_second_injection_valid(
     assert injections[0]["mass_mg"] == pytest.approx(injections[0]["measured_mass_mg"], rel=0.02)
 
 
-def test_no_learning(command: Command, worn: Path) -> None:
-    (recording,) = document(command, worn, "--no-learning")["recordings"]
+@pytest.mark.parametrize("said_by", ["option", "bench"])
+def test_no_learning(command: Command, worn: Path, bench: Path, said_by: str) -> None:
+    bench.write_text(bench.read_text().replace("enabled = true", "enabled = false"))
+    arguments = ("--no-learning",) if said_by == "option" else ("--bench", bench)
+    (recording,) = document(command, worn, *arguments)["recordings"]
     assert recording["summary"]["adoptions"] == 0
     for injection in recording["injections"]:
         assert injection["mass_mg"] == pytest.approx(injection["nominal_mass_mg"])
         assert injection["phi_version"] == 0
 
 
-def test_learning_switched_off_by_the_bench(command: Command, worn: Path, bench: Path) -> None:
-    bench.write_text(bench.read_text().replace("enabled = true", "enabled = false"))
-    (recording,) = document(command, worn, "--bench", bench)["recordings"]
-    assert {i["phi_version"] for i in recording["injections"]} == {0}
-
-
 def test_chain_is_one_history_and_apart_are_several(command: Command, worn: Path) -> None:
+    """The second begins with what was learned from the first, and counts on."""
     chained = document(command, worn, worn, "--chain")["recordings"]
-    assert [i["number"] for i in chained[1]["injections"]] == [5, 6, 7, 8]
-    assert all(i["valid"] for i in chained[1]["injections"])
+    later = chained[1]["injections"]
+    assert [i["number"] for i in later] == [5, 6, 7, 8]
+    assert all(i["valid"] and i["phi_version"] > 0 for i in later)
+    assert later[0]["mass_mg"] == pytest.approx(later[0]["measured_mass_mg"], rel=0.02)
     first, second = document(command, worn, worn)["recordings"]
     assert first == second
     assert first["injections"] == chained[0]["injections"]

@@ -193,12 +193,6 @@ def test_fuel_that_warms_up_makes_no_wear(tmp_path: Path) -> None:
         assert not report.valid or report.mass == pytest.approx(true, rel=5e-3)
 
 
-def test_the_same_frames_give_the_same_results(tmp_path: Path) -> None:
-    frames = frames_at(HOT)
-    told = inserted(frames, [(100 * n, sensor(HOT + 0.1 * (n % 7))) for n in range(len(frames) // 100)])
-    assert run(bench(tmp_path), told).frames == run(bench(tmp_path), told).frames
-
-
 def test_nobody_keeps_the_constants_of_other_fuel(tmp_path: Path) -> None:
     core = core_of(bench(tmp_path))
     before = core.compiled.observer.constants

@@ -5,6 +5,7 @@ There nothing wrong is ever published as right, everything is counted, all recov
 
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -197,6 +198,10 @@ def with_another(frames: Frames, other: TimedFrame) -> Frames:
     return [*frames[:500], other, *frames[500:]]
 
 
+def with_one_cut(length: int, frames: Frames) -> Frames:
+    return with_another(frames, frames[500]._replace(payload=frames[500].payload[:length]))
+
+
 SPOILT: dict[str, tuple[str, Callable[[Frames], Frames]]] = {
     "a damaged copy before each, any bit": (
         "crc_errors",
@@ -215,12 +220,7 @@ SPOILT: dict[str, tuple[str, Callable[[Frames], Frames]]] = {
         lambda frames: with_another(frames, protected(frames[300], 0x110, 5)),
     ),
     **{
-        f"one cut to {length} bytes": (
-            "length_errors",
-            lambda frames, length=length: with_another(
-                frames, frames[500]._replace(payload=frames[500].payload[:length])
-            ),
-        )
+        f"one cut to {length} bytes": ("length_errors", partial(with_one_cut, length))
         for length in (0, 1, 2, 3, 8, 63)
     },
 }

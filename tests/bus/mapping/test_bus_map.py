@@ -20,6 +20,7 @@ from observer_rt.config.bench import EXAMPLE_BENCH, PACKAGE_DATA, load_bench
 from observer_rt.config.signals import Role
 from observer_rt.foundation.errors import UserError
 from observer_rt.observer.stream.state import Reason, State
+from tests.benches import attributes, own_bench
 
 FD_DATABASE = PACKAGE_DATA / "observer_fd.dbc"
 CLASSIC_DATABASE = PACKAGE_DATA / "observer_classic.dbc"
@@ -38,16 +39,7 @@ BO_ 291 Daq: 24 Device
 BO_ 292 Guarded: 8 Device
  SG_ Index : 0|32@1+ (1,0) [0|0] "" Device
  SG_ Rail : 32|16@1+ (0.1,0) [0|0] "bar" Device
-BA_DEF_ BO_ "E2EProfile" INT 0 22;
-BA_DEF_ BO_ "E2EDataId" INT 0 65535;
-BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","ExtendedCAN","a","b","c","d","e","f","g","h","i","j","k","l","FD";
-BA_DEF_DEF_ "E2EProfile" 0;
-BA_DEF_DEF_ "E2EDataId" 0;
-BA_DEF_DEF_ "VFrameFormat" "StandardCAN";
-BA_ "VFrameFormat" BO_ 291 14;
-BA_ "E2EProfile" BO_ 292 2;
-BA_ "E2EDataId" BO_ 292 7;
-"""
+""" + attributes([291], {292: (2, 7)})
 
 
 def user_map(folder: Path, **changes: str) -> BusMap:
@@ -57,15 +49,13 @@ def user_map(folder: Path, **changes: str) -> BusMap:
         "needle_lift": 'signal = "Lift"',
         "line_pressure": 'signal = "Line"\nunit = "bar"',
     } | changes
-    text = '[[dbc]]\nfile = "user.dbc"\n[[dbc]]\nfile = "observer_fd.dbc"\n'
-    for role, lines in roles.items():
-        text += f"[signals.{role}]\n"
-        text += "" if "message" in lines else 'message = "Daq"\n'
-        text += "" if "index" in lines else 'index = "Index"\n'
-        text += lines + "\n"
-    (folder / "user.dbc").write_text(USER_DBC)
-    (folder / "bench.toml").write_text(text)
-    return map_bus(load_bench(folder / "bench.toml"))
+    signals = {
+        role: ("" if "message" in lines else 'message = "Daq"\n')
+        + ("" if "index" in lines else 'index = "Index"\n')
+        + lines
+        for role, lines in roles.items()
+    }
+    return map_bus(load_bench(own_bench(folder, USER_DBC, signals)))
 
 
 def refusal(folder: Path, **changes: str) -> UserError:

@@ -25,7 +25,7 @@ from observer_rt.service import port
 from tests.cli.bench_engineer import ended_when
 from tests.cli.conftest import Command, Outcome
 from tests.links import FakeLink
-from tests.service.end_to_end import STATUS, decoded
+from tests.service.end_to_end import START_TIMEOUT, STATUS, decoded
 from tests.service.participants import until
 from tests.three_injectors import NAMES, STATUS_ID, STEP, SUMMARY_ID, lift_id, three_injectors, three_on
 
@@ -92,7 +92,7 @@ def run_and_stop(
     with listening(link) as heard, open_link(link.interface, link.channel, True, []) as player:
 
         def first() -> None:
-            until(lambda: all(processed(heard, number) == 0 for number in served))
+            until(lambda: all(processed(heard, number) == 0 for number in served), START_TIMEOUT)
             play(frames, player, SPEED[link.interface])
 
         with ended_when(lambda: all(processed(heard, number) >= samples for number in served), first):

@@ -1,6 +1,6 @@
 """Bench files of tests: our own layouts on one bus or several, and amplifiers of one kind on buses of their own."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from observer_rt.config.bench import Bench, load_bench
@@ -17,6 +17,7 @@ UNITS = {"rail_pressure": "MPa", "needle_lift": "um", "line_pressure": "MPa"}
 LINKS = {"needle_lift": "lift", "line_pressure": "line"}
 """Names of the buses of signals that are not on the first."""
 AMPLIFIER_SAMPLES = 28
+NOTHING: Mapping[int, tuple[int, int]] = {}
 
 
 def bench_text(
@@ -51,6 +52,35 @@ def block_bench(folder: Path, interface: str, channels: Sequence[str]) -> Path:
         outputs = '[outputs]\nlink = "results"\n'
     extra = f"{outputs}[learning]\nlockstep = true\n"
     return _written(folder, link + bench_text(THREE_MESSAGES, extra, LINKS if outputs else None))
+
+
+def own_bench(folder: Path, database: str, signals: Mapping[str, str], extra: str = "") -> Path:
+    """A bench file with a database of a user's own beside ours; signals: the lines of each role."""
+    sections = "".join(f"[signals.{role}]\n{lines}\n" for role, lines in signals.items())
+    path = _written(
+        folder, f'[[dbc]]\nfile = "user.dbc"\n[[dbc]]\nfile = "observer_fd.dbc"\n{sections}{extra}'
+    )
+    (folder / "user.dbc").write_text(database)
+    return path
+
+
+def attributes(fd: Iterable[int] = (), protected: Mapping[int, tuple[int, int]] = NOTHING) -> str:
+    """The end of a database: which messages are of CAN FD, profile and data id of those that are protected."""
+    kinds = ",".join(
+        ['"StandardCAN"', '"ExtendedCAN"', *(f'"{n}"' for n in range(2, 14)), '"FD"', '"ExtendedFD"']
+    )
+    lines = [
+        f'BA_DEF_ BO_ "VFrameFormat" ENUM {kinds};',
+        'BA_DEF_ BO_ "E2EProfile" INT 0 255;',
+        'BA_DEF_ BO_ "E2EDataId" INT 0 65535;',
+        'BA_DEF_DEF_ "VFrameFormat" "StandardCAN";',
+        'BA_DEF_DEF_ "E2EProfile" 0;',
+        'BA_DEF_DEF_ "E2EDataId" 0;',
+        *(f'BA_ "VFrameFormat" BO_ {number} 14;' for number in fd),
+    ]
+    for number, (profile, data_id) in protected.items():
+        lines += [f'BA_ "E2EProfile" BO_ {number} {profile};', f'BA_ "E2EDataId" BO_ {number} {data_id};']
+    return "\n".join([*lines, ""])
 
 
 def twin_bench(folder: Path) -> Path:
@@ -96,16 +126,4 @@ def _amplifier_database() -> str:
     lines += [
         f' SG_ S{k} : {64 + 16 * k}|16@1+ (0.005,-10) [0|0] "" Amplifier' for k in range(AMPLIFIER_SAMPLES)
     ]
-    kinds = ",".join(f'"{n}"' for n in range(14))
-    lines += [
-        f'BA_DEF_ BO_ "VFrameFormat" ENUM {kinds},"StandardCAN_FD","ExtendedCAN_FD";',
-        'BA_DEF_ BO_ "E2EProfile" INT 0 22;',
-        'BA_DEF_ BO_ "E2EDataId" INT 0 65535;',
-        'BA_DEF_DEF_ "VFrameFormat" "0";',
-        'BA_DEF_DEF_ "E2EProfile" 0;',
-        'BA_DEF_DEF_ "E2EDataId" 0;',
-        'BA_ "VFrameFormat" BO_ 291 14;',
-        'BA_ "E2EProfile" BO_ 291 5;',
-        'BA_ "E2EDataId" BO_ 291 7;',
-    ]
-    return "\n".join(lines) + "\n"
+    return "\n".join([*lines, attributes([291], {291: (5, 7)})])

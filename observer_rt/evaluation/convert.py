@@ -143,8 +143,10 @@ def _frames(source: Path, target: Path, channels: Sequence[str], console: Consol
     entries = (entry for entry in log if not channels or entry.channel in channels)
     first = list(islice(entries, FIRST_FRAMES))
     if not first:
-        what = f"frame of channel {', '.join(channels)}" if channels else "frame"
-        raise UserError(str(source), f"holds no data {what}", "; ".join(log.notes()))
+        what, remedy = "frame", "record it while frames are on the bus"
+        if channels:
+            what, remedy = f"frame of channel {', '.join(channels)}", "leave --from-channel out to take all"
+        raise UserError(str(source), "; ".join([f"holds no data {what}", *log.notes()]), remedy)
     start_ns = min(entry.frame.stamp_ns for entry in first)
     with (
         progress_bar(console, f"converting {source.name}", 1.0) as progress,

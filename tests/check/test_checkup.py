@@ -89,8 +89,6 @@ RANGE = RAIL + "(0.005,-10) [-10|317.665]"
         ("mapping", "warning", "database", RANGE, RAIL + "(0.5,-10) [-10|400]", "coarser than the noise"),
         ("mapping", "warning", "database", "(0.01,-50) [-50|605.33]", "(0.004,-50) [-50|212]", "0 to 300 um"),
         ("mapping", "warning", "injector", "max_lift = 0.30e-3", "max_lift = 0.70e-3", "0 to 700 um"),
-        ("mapping", "error", "bench", '= "InjectionRate"', '= "Rate"', "nearest name"),
-        ("identifiers", "error", "bench", '= "ObserverStatus"', '= "SampleBlock"', "0x100"),
         ("dead band", "warning", "bench", "needle_lift_um = 0.4", "needle_lift_um = 10", "50 um"),
     ],
 )
@@ -131,12 +129,6 @@ def test_long_messages_are_can_fd_whatever_the_database_says(findings_of: Findin
     }
     assert of(findings_of(database=forgotten), "bus load") == of(findings_of(), "bus load")
     assert {finding.level for finding in of(findings_of(database=forgotten), "frames")} == {Level.OK}
-
-
-def test_can_fd_messages_on_a_classic_link(findings_of: FindingsOf) -> None:
-    findings = of(findings_of({"fd = true": "fd = false"}), "frames")
-    assert {finding.level for finding in findings} == {Level.ERROR}
-    assert len(findings) == 4
 
 
 def test_the_load_of_a_bus_by_counting_frames() -> None:

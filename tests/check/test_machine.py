@@ -46,45 +46,43 @@ def network(tmp_path: Path) -> Network:
     return make
 
 
-def test_an_interface_that_is_ready(network: Network) -> None:
-    findings = interface_findings(LinkConfig(channel="can0"), network=network())
-    assert [finding.level for finding in findings] == [Level.OK] * 3
-
-
-def test_a_virtual_interface_that_is_up_has_no_carrier_to_report(network: Network) -> None:
-    findings = interface_findings(LinkConfig(channel="can0"), network=network(operstate="unknown"))
-    assert findings[0].level is Level.OK
+def assert_odd(findings: list[Finding], *words: str) -> None:
+    """One of them is a warning of these words; without words none is."""
+    odd = [finding for finding in findings if finding.level is not Level.OK]
+    assert [finding.level for finding in odd] == [Level.WARNING] * bool(words)
+    assert all(word in finding.text for word in words for finding in odd)
 
 
 @pytest.mark.parametrize(
-    ("changes", "command"),
+    ("changes", "fd", "command"),
     [
-        ({"flags": "0x40040", "operstate": "down"}, "up type can bitrate 500000 dbitrate 5000000 fd on"),
-        ({"operstate": "down"}, "sudo ip link set can0 up"),
-        ({"mtu": "16"}, "sudo ip link set can0 down && sudo ip link set can0 up type can"),
-        ({"tx_queue_len": "10"}, "sudo ip link set can0 txqueuelen 1000"),
-        ({"type": "1"}, "set link.channel"),
+        ({}, True, None),
+        ({"operstate": "unknown"}, True, None),  # of a virtual one, which has no carrier to report
+        ({"mtu": "16"}, False, None),
+        ({"mtu": "16"}, True, "sudo ip link set can0 down && sudo ip link set can0 up type can"),
+        (
+            {"flags": "0x40040", "operstate": "down"},
+            True,
+            "up type can bitrate 500000 dbitrate 5000000 fd on",
+        ),
+        ({"operstate": "down"}, True, "sudo ip link set can0 up"),
+        ({"tx_queue_len": "10"}, True, "sudo ip link set can0 txqueuelen 1000"),
+        ({"type": "1"}, True, "set link.channel"),
     ],
 )
-def test_an_interface_to_be_mended(network: Network, changes: dict[str, str], command: str) -> None:
-    findings = interface_findings(LinkConfig(channel="can0"), network=network(**changes))
-    (finding,) = (f for f in findings if f.level is not Level.OK)
-    assert finding.level is Level.WARNING
-    assert command in finding.text
-
-
-def test_a_classic_link_needs_no_fd_mtu(network: Network) -> None:
-    findings = interface_findings(LinkConfig(channel="can0", fd=False), network=network(mtu="16"))
-    assert {finding.level for finding in findings} == {Level.OK}
+def test_an_interface_that_is_ready_or_to_be_mended(
+    network: Network, changes: dict[str, str], fd: bool, command: str | None
+) -> None:
+    findings = interface_findings(LinkConfig(channel="can0", fd=fd), network=network(**changes))
+    assert findings
+    assert_odd(findings, *([command] if command else []))
 
 
 @pytest.mark.parametrize(
     ("channel", "remedy"), [("vcan7", "ip link add vcan7 type vcan"), ("can7", "driver")]
 )
 def test_an_interface_that_is_missing(network: Network, channel: str, remedy: str) -> None:
-    (finding,) = interface_findings(LinkConfig(channel=channel), network=network())
-    assert finding.level is Level.WARNING
-    assert remedy in finding.text
+    assert_odd(interface_findings(LinkConfig(channel=channel), network=network()), remedy)
 
 
 ANSWER: dict[str, Any] = {
@@ -141,11 +139,6 @@ def test_bit_rates_as_different_controllers_tell_them(
     assert (controller.arbitration, controller.data) == (arbitration, data)
 
 
-def test_a_virtual_interface_has_no_controller() -> None:
-    virtual = ANSWER | {"linkinfo": {"info_kind": "vcan"}}
-    assert controller_in(json.dumps([virtual])) is None
-
-
 KEYS = (
     "linkinfo",
     "info_kind",
@@ -174,6 +167,8 @@ def test_an_iproute2_that_writes_otherwise_is_survived(network: Network, content
 
 
 def test_no_answer_tells_nothing() -> None:
+    virtual = ANSWER | {"linkinfo": {"info_kind": "vcan"}}
+    assert controller_in(json.dumps([virtual])) is None
     assert controller_in("") is None
     assert read_controller("no-such-one") is None
 
@@ -210,24 +205,16 @@ def test_a_controller_that_is_set_up_well(network: Network) -> None:
 def test_a_controller_to_be_set_up_otherwise(
     network: Network, changes: dict[str, Any], said: str, command: str
 ) -> None:
-    findings = of_controller(network, replace(GOOD, **changes))
-    (finding,) = (f for f in findings if f.level is not Level.OK)
-    assert finding.level is Level.WARNING
-    assert said in finding.text
-    assert command in finding.text
+    controller = replace(GOOD, **changes)
+    assert_odd(of_controller(network, controller), said, command)
+    if "data" in changes:  # which does not matter on a classic link
+        assert_odd(interface_findings(LinkConfig(channel="can0", fd=False), controller, network()))
 
 
 def test_a_controller_that_is_off_is_not_called_down(network: Network) -> None:
     off = replace(GOOD, state="BUS-OFF")
     findings = interface_findings(LinkConfig(channel="can0"), off, network(operstate="down"))
     assert [f.text for f in findings if f.level is not Level.OK and "bus-off" not in f.text] == []
-
-
-def test_the_data_bit_rate_of_a_classic_link_does_not_matter(network: Network) -> None:
-    findings = interface_findings(
-        LinkConfig(channel="can0", fd=False), replace(GOOD, data=BitTiming(2_000_000, 0.75)), network()
-    )
-    assert {finding.level for finding in findings} == {Level.OK}
 
 
 @pytest.mark.vcan
@@ -247,24 +234,21 @@ GOOD_HOST = Host(
 )
 
 
-def test_a_good_machine() -> None:
-    assert [finding.level for finding in real_time_findings(GOOD_HOST)] == [Level.OK] * 5
-
-
 @pytest.mark.parametrize(
-    ("host", "remedy"),
+    ("changes", "remedy"),
     [
-        (replace(GOOD_HOST, rights=Rights(may_hurry=False, may_lock_memory=True)), "--rtprio=99"),
-        (replace(GOOD_HOST, rights=Rights(may_hurry=True, may_lock_memory=False)), "--memlock=unlimited"),
-        (replace(GOOD_HOST, swap_in_use=True), "sudo swapoff"),
-        (replace(GOOD_HOST, processors=1), "taskset"),
-        (replace(GOOD_HOST, loops=Processors(refused=(9,))), "cpuset"),
+        ({}, None),
+        ({"rights": Rights(may_hurry=False, may_lock_memory=True)}, "--rtprio=99"),
+        ({"rights": Rights(may_hurry=True, may_lock_memory=False)}, "--memlock=unlimited"),
+        ({"swap_in_use": True}, "sudo swapoff"),
+        ({"processors": 1}, "taskset"),
+        ({"loops": Processors(refused=(9,))}, "cpuset"),
     ],
 )
-def test_a_machine_that_may_not_keep_up(host: Host, remedy: str) -> None:
-    (finding,) = (f for f in real_time_findings(host) if f.level is not Level.OK)
-    assert finding.level is Level.WARNING
-    assert remedy in finding.text
+def test_a_machine_that_may_keep_up_or_not(changes: dict[str, Any], remedy: str | None) -> None:
+    findings = real_time_findings(replace(GOOD_HOST, **changes))
+    assert len(findings) == 5
+    assert_odd(findings, *([remedy] if remedy else []))
 
 
 def test_where_compiled_code_is_kept() -> None:

@@ -49,37 +49,6 @@ def test_a_learned_state_is_looked_at_and_left_alone(command: Command, bench: Pa
     assert [path.name for path in tmp_path.glob("learned*")] == ["learned.json"]
 
 
-def test_error_found_is_exit_code_1(command: Command, bench: Path) -> None:
-    bench.write_text(bench.read_text().replace('message = "SampleBlock"', 'message = "SampleBlok"', 1))
-    outcome = command("check", "--bench", bench, "--json")
-    assert outcome.code == 1
-    found = json.loads(outcome.out)
-    assert found["errors"] == 1
-    (error,) = (finding for finding in found["findings"] if finding["level"] == "error")
-    assert "signals.rail_pressure.message" in error["text"]
-    assert "SampleBlock" in error["text"]
-
-
-MISTAKES = [
-    ("\nrate_hz", "\nrate_hzz", "sampling.rate_hzz: unknown key"),
-    ("rate_hz = 50e3", "rate_hz = -1", "sampling.rate_hz"),
-    ("injector_id = 1", 'injector_id = "one"', "outputs.injector_id"),
-    ("[link]", "[link", "is not valid TOML"),
-    ('"observer_fd.dbc"', '"nowhere.dbc"', "nowhere.dbc"),
-]
-
-
-@pytest.mark.parametrize(("old", "new", "key"), MISTAKES)
-def test_file_that_must_change(command: Command, bench: Path, old: str, new: str, key: str) -> None:
-    text = bench.read_text()
-    assert old in text
-    bench.write_text(text.replace(old, new, 1))
-    said = command.refused("run", "--bench", bench)
-    assert str(bench.parent) in said
-    assert key in said
-    assert "remedy: " in said
-
-
 @pytest.mark.parametrize(("unit", "likely"), [("10 MPa", "which is likely bar"), ("bar", "MPa, read as bar")])
 def test_a_log_in_another_unit_is_an_error(
     command: Command, bench: Path, worn: Path, tmp_path: Path, unit: str, likely: str

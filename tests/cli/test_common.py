@@ -25,18 +25,6 @@ def test_version(command: Command) -> None:
     assert command("--version").out == f"observer-rt {__version__}\n"
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [("nosuch",), ("evaluate",), ("evaluate", "x.csv", "--bogus"), ("replay", "x.csv", "--speed", "fast")],
-)
-def test_wrong_command_line(command: Command, arguments: tuple[str, ...]) -> None:
-    outcome = command(*arguments)
-    assert outcome.code == 2
-    assert outcome.out == ""
-    assert outcome.err.startswith("error: ")
-    assert "  remedy: `observer-rt" in outcome.err
-
-
 def test_as_a_module_results_and_messages_apart(resting: Path) -> None:
     process = module("evaluate", resting, "--json")
     out, err = process.communicate()

@@ -56,16 +56,6 @@ def test_fd_does_not_go_into_a_classic_format(command: Command, tmp_path: Path) 
     assert sorted(path.name for path in tmp_path.iterdir()) == ["in.blf"]
 
 
-def test_nothing_is_overwritten_unless_forced(command: Command, tmp_path: Path) -> None:
-    write_log(tmp_path / "in.blf", mixture(".trc", 20))
-    there = tmp_path / "out.log"
-    there.write_text("mine")
-    assert "exists already" in command.refused("convert", tmp_path / "in.blf", there)
-    assert there.read_text() == "mine"
-    command.done("convert", tmp_path / "in.blf", there, "--force")
-    assert len(contents(there)) == 20
-
-
 def test_an_error_names_the_file_and_not_its_part(command: Command, tmp_path: Path) -> None:
     log = tmp_path / "in.log"
     late = "".join(f"({1700000010 + n}.5) can0 100#00\n" for n in range(1000))
@@ -98,26 +88,3 @@ def test_a_log_becomes_a_recording_by_a_bench_file(
         found = read_recording(tmp_path / target)
         error = np.abs(found.rail_pressure[: recording.samples] - recording.rail_pressure)
         assert error.max() <= 0.0026e6
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ("{here}/no.blf {here}/a.log", "no.blf: no such file"),
-        ("{log} {here}/a.xyz", "unknown kind of file '.xyz'"),
-        ("{here}/a.xyz {here}/a.log", "unknown kind of file '.xyz'"),
-        ("{log} {here}/a.csv", "--bench: is missing"),
-        ("{log} {log} --force", "is the file to be converted"),
-        ("{csv} {here}/a.blf", "a recording of signals has no frames"),
-        ("{log} {here}/a.blf --from-channel can9", "holds no data frame of channel can9"),
-        ("{log} {here}/nowhere/a.blf", "no such folder"),
-    ],
-)
-def test_mistakes_are_named(
-    command: Command, tmp_path: Path, resting: Path, arguments: str, message: str
-) -> None:
-    log = tmp_path / "a.asc.log"
-    log.write_text("(1.5) can0 100#00\n")
-    filled = (one.format(here=tmp_path, log=log, csv=resting) for one in arguments.split())
-    assert message in command.refused("convert", *filled)
-    assert list(tmp_path.iterdir()) == [log]

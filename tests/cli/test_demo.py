@@ -45,14 +45,3 @@ def test_command_prints_the_table_and_writes_the_figure(command: Command, tmp_pa
     assert max(map(len, done.out.splitlines())) <= 80
     assert figure.read_bytes().startswith(b"\x89PNG")
     assert str(figure) in done.err
-
-
-@pytest.mark.parametrize(
-    "arguments",
-    [("--figure", "no/demo.png"), ("--figure", "demo.doc"), ("--wear", "2"), ("--injections", "1")],
-)
-def test_mistakes_are_named(
-    command: Command, arguments: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert arguments[0] in command.refused("demo", *arguments)

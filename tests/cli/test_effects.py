@@ -35,12 +35,6 @@ def test_one_effect_in_detail(command: Command) -> None:
     assert "a switch" in command("effects", "seat_outflow").out
 
 
-def test_a_misspelt_id_is_named(command: Command) -> None:
-    said = command.refused("effects", "channel_scew")
-    assert "the nearest is 'channel_skew'" in said
-    assert "channel_skew:d [us]" in said
-
-
 def test_for_programs(command: Command) -> None:
     document = json.loads(command("effects", "--json").out)
     effects = {effect["id"]: effect for effect in document["effects"]}
@@ -60,12 +54,6 @@ def test_a_simulated_effect_is_told_with_its_unit(command: Command, tmp_path: Pa
         "simulate", "--injections", 1, "--effect", f"channel_skew:d={size}", "--output", output
     )
     assert "channel_skew d = 10 us" in done.err
-
-
-def test_another_unit_is_refused(command: Command, tmp_path: Path) -> None:
-    assert "give the number in us" in command.refused(
-        "simulate", "--effect", "channel_skew:d=10ms", "--output", tmp_path / "late.csv"
-    )
 
 
 PAGE = Page("docs/effects.md")

@@ -127,10 +127,3 @@ def test_one_operating_point_is_warned_of(command: Command, tmp_path: Path) -> N
     )
     assert "one operating point only" in done.err
     assert any("one operating point only" in one for one in json.loads(done.out)["warnings"])
-
-
-def test_help_has_an_example(command: Command) -> None:
-    done = command("fit", "--help")
-    assert "Example: observer-rt fit healthy_*.csv --model injector.toml --output fitted.toml" in " ".join(
-        done.out.split()
-    )

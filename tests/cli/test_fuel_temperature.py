@@ -44,14 +44,6 @@ def test_hot_fuel_is_known_when_it_is_told(command: Command, recording: Path) ->
     assert not untold["valid"] or untold["indicators"]["bulk_modulus"]["value"] < -0.1
 
 
-@pytest.mark.parametrize("name", ["simulate", "evaluate"])
-def test_what_no_fuel_can_be_is_refused(command: Command, recording: Path, tmp_path: Path, name: str) -> None:
-    rest = ("--output", tmp_path / "x.csv") if name == "simulate" else (recording,)
-    said = command.refused(name, *rest, "--fuel-temperature", 300)
-    assert "--fuel-temperature: 300 degC is no temperature of a fuel" in said
-    assert "give -40 to 150 degC" in said
-
-
 def test_an_injector_without_the_law_is_refused(command: Command, recording: Path, tmp_path: Path) -> None:
     text = command("run", "--print-example-injector").out
     injector = tmp_path / "injector.toml"

@@ -60,15 +60,6 @@ def test_json_has_the_runs_too(command: Command, path: Path) -> None:
     assert (injection["number"], injection["valid"], injection["reasons"]) == (3, True, [])
 
 
-def test_wrong_use(command: Command, path: Path, tmp_path: Path) -> None:
-    both = command("journal", path, "--csv", "--json")
-    assert (both.code, "leave one of them out" in both.err) == (2, True)
-    missing = command("journal", tmp_path / "missing.sqlite")
-    assert (missing.code, "no such file" in missing.err) == (2, True)
-    foreign = command("journal", load_bench().path)
-    assert (foreign.code, "is no journal of injections" in foreign.err) == (2, True)
-
-
 def test_a_daemon_writes_what_it_says(
     command: Command, bench: Path, worn: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

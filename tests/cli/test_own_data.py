@@ -132,27 +132,28 @@ def test_time_in_ms_is_named(command: Command, worn: Path, tmp_path: Path) -> No
     assert "unit of the time, which is likely ms" in said
 
 
-def test_nothing_is_overwritten_without_force(command: Command, worn: Path, tmp_path: Path) -> None:
-    simulated = ("simulate", "--injections", 1, "--output", tmp_path / "s.csv")
-    command.done(*simulated)
-    outcome = command(*simulated)
-    assert (outcome.code, "add --force" in outcome.err) == (2, True)
-    command.done(*simulated, "--force")
-    trace, plot, state = tmp_path / "t.csv", tmp_path / "p.png", tmp_path / "s.json"
-    for option, path in (("--output", trace), ("--plot", plot), ("--save-state", state)):
-        path.write_text("mine")
-        outcome = command("evaluate", worn, option, path)
-        assert (outcome.code, f"{option} {path}: exists already" in outcome.err) == (2, True)
-        assert path.read_text() == "mine"
-        command.done("evaluate", worn, option, path, "--force")
-        assert path.read_bytes() != b"mine"
-    command.done("evaluate", worn, "--state", state, "--save-state", state)
-
-
-def test_a_trace_needs_a_known_suffix(command: Command, worn: Path, tmp_path: Path) -> None:
-    assert "known suffixes: .csv, .mf4, .parquet" in command.refused(
-        "evaluate", worn, "--output", tmp_path / "trace.xlsx"
-    )
+def test_nothing_is_overwritten_without_force(
+    command: Command, worn: Path, bench: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for line in (
+        "simulate --injections 1 --output mine.csv",
+        f"convert {worn} mine.log --bench {bench}",
+        f"evaluate {worn} --output mine.csv",
+        f"evaluate {worn} --plot mine.png",
+        f"evaluate {worn} --save-state mine.json",
+    ):
+        path = next(word for word in line.split() if word.startswith("mine"))
+        Path(path).write_text("mine")
+        said = command.refused(*line.split())
+        assert f"{path}: exists already" in said
+        assert "add --force" in said
+        assert Path(path).read_text() == "mine"
+        command.done(*line.split(), "--force")
+        assert Path(path).read_bytes() != b"mine"
+    command.done("evaluate", worn, "--state", "mine.json", "--save-state", "mine.json")
+    Path("mine.blf").write_text("mine")
+    assert "exists already" in command.refused("record", "--out", "mine.blf", "--interface", "virtual")
 
 
 def test_truths_beside_recordings_are_left_out(command: Command, worn: Path, tmp_path: Path) -> None:

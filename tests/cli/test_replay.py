@@ -62,45 +62,28 @@ def test_part_in_loops_and_json(command: Command, bus: can.BusABC, worn: Path) -
     assert all(later - earlier == 9 for earlier, later in pairwise(starts))
 
 
-def test_windowed_sends_the_injections_only(command: Command, bus: can.BusABC, worn: Path) -> None:
-    command.done("replay", worn, *ON_BUS, "--speed", "0", "--windowed")
-    starts = indices(received(bus))
-    jumps = sum(later - earlier > 1000 for earlier, later in pairwise(starts))
-    assert jumps == 3
-    assert 4 * 350 < 9 * len(starts) < 4 * 450  # some 8 ms round each of four
-
-
-def test_log_is_sent_as_recorded(command: Command, bus: can.BusABC, tmp_path: Path) -> None:
+def test_log_is_sent_as_recorded_but_for_identifiers_that_are_mapped(
+    command: Command, bus: can.BusABC, tmp_path: Path
+) -> None:
+    """The flags of FD frames, too."""
     log = tmp_path / "bus.LOG"
-    log.write_text("(100.000000) can0 123##1AABBCC\n(100.001000) can0 00000456#DD\n")
-    command.done("replay", log, *ON_BUS)
-    first, second = received(bus)
-    assert (first.arbitration_id, first.is_fd, bytes(first.data)) == (0x123, True, b"\xaa\xbb\xcc")
-    assert (second.arbitration_id, second.is_extended_id, second.is_fd) == (0x456, True, False)
-
-
-def test_the_flags_of_fd_frames_go_out_as_recorded(command: Command, bus: can.BusABC, tmp_path: Path) -> None:
-    log = tmp_path / "bus.log"
-    log.write_text(
-        "".join(f"(100.{n}) can0 123{mark}AA\n" for n, mark in enumerate(("##1", "##0", "##3", "##2", "#")))
-    )
-    command.done("replay", log, *ON_BUS, "--speed", "0")
-    assert [(m.is_fd, m.bitrate_switch, m.error_state_indicator) for m in received(bus)] == [
+    marks = ("##1", "##0", "##3", "##2", "#")
+    fd = "".join(f"(100.{n}) can0 123{mark}AABB\n" for n, mark in enumerate(marks))
+    log.write_text(f"{fd}(101.0) can0 00000456#DD\n(101.5) can0 00000457#DD\n")
+    command.done("replay", log, *ON_BUS, "--speed", "0", "--map-id", "0x456=0x18DAF110")
+    *of_fd, mapped, last = received(bus)
+    assert {(m.arbitration_id, m.is_extended_id, bytes(m.data)) for m in of_fd} == {
+        (0x123, False, b"\xaa\xbb")
+    }
+    assert [(m.is_fd, m.bitrate_switch, m.error_state_indicator) for m in of_fd] == [
         (True, True, False),
         (True, False, False),
         (True, True, True),
         (True, False, True),
         (False, False, False),
     ]
-
-
-def test_frames_go_out_under_other_identifiers(command: Command, bus: can.BusABC, tmp_path: Path) -> None:
-    log = tmp_path / "bus.log"
-    log.write_text("(100.000000) can0 123##1AABBCC\n(100.001000) can0 00000456#DD\n")
-    command.done("replay", log, *ON_BUS, "--map-id", "0x456=0x18DAF110")
-    first, second = received(bus)
-    assert (first.arbitration_id, first.is_extended_id) == (0x123, False)
-    assert (second.arbitration_id, second.is_extended_id) == (0x18DAF110, True)
+    assert (mapped.arbitration_id, mapped.is_extended_id, mapped.is_fd) == (0x18DAF110, True, False)
+    assert (last.arbitration_id, last.is_extended_id, bytes(last.data)) == (0x457, True, b"\xdd")
 
 
 def test_channels_of_a_log_go_onto_their_own_bus(command: Command, bus: can.BusABC, tmp_path: Path) -> None:
@@ -167,38 +150,6 @@ def test_signal_ends_an_endless_replay(command: Command, worn: Path, number: sig
         thread.join()
     assert outcome.code == 0
     assert json.loads(outcome.out)["frames"] > 0
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("{here}/no.csv",), "no.csv: no such file"),
-        (("{here}/no.log",), "no.log: no such file"),
-        (("{here}/no.blf",), "no.blf: no such file"),
-        (("{here}/no.xyz",), "known suffixes: .csv, .mf4, .parquet, .log, .blf, .asc, .trc"),
-        (("{log}", "--map-id", "0x123"), "--map-id: '0x123' is not of the form FROM=TO"),
-        (("{log}", "--map-id", "0x124=0x200"), "--map-id: no frame with identifier 0x124"),
-        (("{log}", "--map-id", "0x123=0x800"), "--map-id: 0x800 is too long for the standard frame 0x123"),
-        (("{log}", "--map-channel", "can7=x"), "channel can7: is not in"),
-        (("{worn}", "--map-channel", "can7=x"), "is no CAN log: it has no channels"),
-        (("{worn}", "--start", "0.2", "--stop", "0.1"), "--start, --stop: 0.2 s is not before 0.1 s"),
-        (("{worn}", "--start", "nan"), "--start, --stop"),
-        (("{worn}", "--start", "99"), "select 0 samples"),
-        (("{worn}", "--stop", "0.05", "--windowed"), "--windowed: no injection"),
-        (("{log}", "--windowed"), "--windowed: a log is sent as it was recorded"),
-        (("{worn}", "--interface", "nosuch"), "link.interface: unknown interface 'nosuch'"),
-    ],
-)
-def test_mistakes_are_named(
-    command: Command, worn: Path, tmp_path: Path, arguments: tuple[str, ...], message: str
-) -> None:
-    log = tmp_path / "a.log"
-    log.write_text("(100.000000) can0 123#AA\n")
-    places = {"here": tmp_path, "worn": worn, "log": log}
-    outcome = command("replay", *ON_BUS, *(argument.format(**places) for argument in arguments))
-    assert outcome.code == 2
-    assert message in outcome.err
-    assert outcome.out == ""
 
 
 def test_interface_that_is_not_there_is_a_failure_at_run_time(command: Command, worn: Path) -> None:

@@ -242,43 +242,6 @@ def test_examples_can_be_used_as_they_are(command: Command, tmp_path: Path, opti
         assert load_injector(tmp_path / path.name) == load_injector()
 
 
-def test_bench_file_is_required(command: Command) -> None:
-    assert "--print-example-bench" in command.refused("run")
-
-
-@pytest.mark.parametrize(
-    ("line", "place", "said"),
-    [
-        (
-            "injection_rate_id = 0x100",
-            "outputs.injection_rate_id",
-            "SampleBlock and InjectionRate share 0x100",
-        ),
-        ("injection_rate_id = 0x201", "outputs.injection_rate_id", "and InjectionSummary share 0x201"),
-        ("status_id = 0x200", "outputs.status_id", "InjectionRate and ObserverStatus share"),
-        ('status = "InjectionSummary"', "outputs", "2 results share the message"),
-        ('status = "SampleBlock"', "outputs.status_id", "share 0x100"),
-        ('status = "Nothing"', "outputs.status", "message Nothing not in the bus database"),
-        ("fd = false", "link.fd", "SampleBlock is a CAN FD message, but link.fd is false"),
-        ("rate_hz = 500e3", "link.data_bit_rate", "17 injections/s of 6 ms: 130%"),
-        ("rate_hz = 1e3", "sampling.rate_hz", "integration steps a sample"),
-    ],
-)
-def test_what_check_calls_an_error_does_not_start(
-    command: Command, bench: Path, line: str, place: str, said: str
-) -> None:
-    """line: in the place of that with its key, which may be commented out."""
-    key = line.split(" = ")[0]
-    before = bench.read_text()
-    (there, *_) = re.findall(rf"(?m)^{key} = .*$", before) or re.findall(rf"(?m)^# {key} = .*$", before)
-    bench.write_text(before.replace(there, line, 1))
-    assert command("check", "--bench", bench).code == 1
-    error, remedy = command.refused("run", "--bench", bench).splitlines()
-    assert error.startswith(f"error: {bench}: {place}: ")
-    assert said in error
-    assert remedy.startswith("  remedy: ")
-
-
 def test_what_check_only_warns_of_starts(
     command: Command, bench: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -286,29 +249,6 @@ def test_what_check_only_warns_of_starts(
     give_link(monkeypatch, ScriptedLink((), RunError("that was it")))
     outcome = command("run", "--bench", bench)
     assert (outcome.code, "INFO start: ready" in outcome.err) == (1, True)
-
-
-@pytest.mark.parametrize(
-    ("option", "file", "said"),
-    [
-        ("--state", "no/learned.json", "no such folder"),
-        ("--state", ".", "is a folder"),
-        ("--journal", "no/injections.sqlite", "--journal"),
-        ("--journal", ".", "--journal"),
-        ("--journal", "notes.txt", "is no journal of injections"),
-        ("--log", "no/run.log", "no such folder"),
-    ],
-)
-def test_what_could_not_be_written_is_refused_at_the_start(
-    command: Command, bench: Path, tmp_path: Path, option: str, file: str, said: str
-) -> None:
-    before = bench.read_bytes()
-    (tmp_path / "notes.txt").write_text("what was measured")
-    told = command.refused("run", "--bench", bench, option, tmp_path / file)
-    assert str(tmp_path) in told
-    assert said in told
-    assert "ready" not in told
-    assert bench.read_bytes() == before
 
 
 def test_an_interface_that_is_not_there_is_waited_for(

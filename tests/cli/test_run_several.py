@@ -17,6 +17,7 @@ import pytest
 from observer_rt.bus.links.link import Frame, Link, LinkDownError
 from observer_rt.bus.links.opening import open_link
 from observer_rt.config.bench import load_bench
+from observer_rt.config.bench_file import LinkConfig
 from observer_rt.foundation.errors import ObserverError, RunError, UserError
 from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.recording.replay.player import play
@@ -24,7 +25,7 @@ from observer_rt.service import port
 from tests.cli.bench_engineer import ended_when
 from tests.cli.conftest import Command, Outcome
 from tests.links import FakeLink
-from tests.service.end_to_end import STATUS, decoded
+from tests.service.end_to_end import START_TIMEOUT, STATUS, decoded
 from tests.service.participants import until
 from tests.three_injectors import NAMES, STATUS_ID, STEP, SUMMARY_ID, lift_id, three_injectors, three_on
 
@@ -32,6 +33,7 @@ Heard = dict[int, list[bytes]]
 EVERYONE = range(len(NAMES))
 RAIL_ID, SAMPLES_A_FRAME = 0x110, 28
 LOOK_AHEAD = 100  # samples, and more, that wait for those behind them
+SPEED = {"virtual": math.inf, "socketcan": 0.03}  # user-mode Linux has one processor for all who take part
 
 
 @dataclass(frozen=True)
@@ -55,11 +57,11 @@ def bench(tmp_path: Path) -> Path:
 
 
 @contextmanager
-def listening(channel: str) -> Iterator[Heard]:
+def listening(link: LinkConfig) -> Iterator[Heard]:
     """Payloads on the bus by identifier."""
     heard: Heard = {}
     stop = threading.Event()
-    with can.Bus(interface="virtual", channel=channel, fd=True) as bus:
+    with can.Bus(interface=link.interface, channel=link.channel, fd=True) as bus:
 
         def listen() -> None:
             while not stop.is_set():
@@ -84,14 +86,14 @@ def processed(heard: Heard, number: int) -> float:
 def run_and_stop(
     command: Command, bench: Path, frames: Sequence[TimedFrame], served: Sequence[int], *options: object
 ) -> tuple[Outcome, Heard]:
-    """Play frames to the command over the virtual bus, and stop it when those `served` have seen them."""
+    """Play frames to the command over the bus, and stop it when those `served` have seen them."""
     samples = SAMPLES_A_FRAME * sum(frame.frame_id == RAIL_ID for frame in frames) - LOOK_AHEAD
-    channel = load_bench(bench).config.link.channel
-    with listening(channel) as heard, open_link("virtual", channel, True, []) as player:
+    link = load_bench(bench).config.link
+    with listening(link) as heard, open_link(link.interface, link.channel, True, []) as player:
 
         def first() -> None:
-            until(lambda: all(processed(heard, number) == 0 for number in served))
-            play(frames, player, math.inf)
+            until(lambda: all(processed(heard, number) == 0 for number in served), START_TIMEOUT)
+            play(frames, player, SPEED[link.interface])
 
         with ended_when(lambda: all(processed(heard, number) >= samples for number in served), first):
             outcome = command("run", "--bench", bench, *options)
@@ -105,11 +107,18 @@ def assert_as_alone(heard: Heard, traffic: Traffic, number: int) -> None:
         assert heard[identifier] == payloads
 
 
+@pytest.mark.parametrize(
+    "interface", ["virtual", pytest.param("socketcan", marks=[pytest.mark.slow, pytest.mark.vcan])]
+)
 def test_each_is_observed_as_if_it_were_alone(
-    command: Command, bench: Path, traffic: Traffic, tmp_path: Path
+    request: pytest.FixtureRequest, command: Command, traffic: Traffic, tmp_path: Path, interface: str
 ) -> None:
+    """The kernel of a real interface gives each daemon its frames, and each loop is compiled."""
+    channel = tmp_path.name if interface == "virtual" else request.getfixturevalue("vcan")
+    bench = three_injectors(tmp_path, channel, interface)
     outcome, heard = run_and_stop(command, bench, traffic.frames, EVERYONE, "--json")
     assert outcome.code == 0, outcome.err
+    assert outcome.err.count(" 0 frames dropped, 0 results unsent") == len(NAMES), outcome.err
     records = [json.loads(line) for line in outcome.out.splitlines()]
     for number, name in enumerate(NAMES):
         assert_as_alone(heard, traffic, number)

@@ -19,13 +19,6 @@ def truth_columns(path: Path) -> dict[str, NDArray[np.float64]]:
     return dict(zip(header, table.T, strict=True))
 
 
-def test_known_effects_are_listed_as_they_are_written(command: Command, tmp_path: Path) -> None:
-    said = command.refused("simulate", "--effect", "lift_ofset=20", "--output", tmp_path / "never.csv")
-    assert "the nearest is 'lift_offset'" in said
-    assert "lift_dependent_seat_coefficient:a:x_c" in said
-    assert "lift_offset:x_0" in said
-
-
 @pytest.mark.parametrize("suffix", [".csv", ".mf4"])
 def test_recording_and_its_truth(command: Command, tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"made{suffix}"
@@ -74,42 +67,3 @@ def test_same_seed_same_file(command: Command, tmp_path: Path) -> None:
         command.done("simulate", *FEW, "--measured-rate", "--seed", seed, "--output", path)
         texts.append(path.read_bytes())
     assert texts[0] == texts[1] != texts[2]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "place"),
-    [
-        (("--rail-pressure", "-5"), "--rail-pressure"),
-        (("--rail-pressure", "60,,100"), "--rail-pressure"),
-        (("--rail-pressure", "60e6"), "--rail-pressure"),
-        (("--energizing-time", "nan"), "--energizing-time"),
-        (("--energizing-time", "90"), "--period"),
-        (("--shots", "1.0"), "--shots"),
-        (("--shots", "1@0,1@0.5"), "--shots"),
-        (("--effect", "rust=1"), "--effect"),
-        (("--effect", "orifice_area:v_H=-2"), "--effect"),
-        (("--noise", "maybe"), "--noise"),
-        (("--sample-rate", "5"), "--sample-rate"),
-        (("--injections", "100000000"), "--injections"),
-        (("--period", "1e9"), "--injections"),
-        (("--model", "nowhere.toml"), "nowhere.toml"),
-    ],
-)
-def test_mistakes_are_named(command: Command, tmp_path: Path, arguments: tuple[str, ...], place: str) -> None:
-    path = tmp_path / "never.csv"
-    said = command.refused("simulate", "--output", path, *arguments)
-    assert said.startswith(f"error: {place}")
-    assert "remedy: " in said
-    assert not path.exists()
-
-
-@pytest.mark.parametrize(
-    ("name", "problem"),
-    [("nofolder/x.csv", "no such folder"), ("x.txt", "'.txt'"), ("x", "unknown kind"), ("", "is a folder")],
-)
-def test_output_is_refused_before_the_work(command: Command, tmp_path: Path, name: str, problem: str) -> None:
-    folder = tmp_path / "a.csv"
-    folder.mkdir()
-    said = command.refused("simulate", "--injections", "3000", "--output", folder / name)
-    assert said.startswith("error: --output")
-    assert problem in said

@@ -15,7 +15,7 @@ from observer_rt.config.channels import (
 from observer_rt.config.signals import Role
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effect import SizedEffect
-from tests.config.test_bench import BENCH, bench_file, bench_refusal
+from tests.config.test_bench import BENCH, bench_file
 
 
 def stated(folder: Path, **keys: str) -> BenchInjector:
@@ -61,28 +61,6 @@ def test_a_rail_pressure_of_its_own_message_is_moved_by_its_own_delay(tmp_path: 
     signals = load_bench(bench_file(tmp_path, text)).injector.config.signals
     assert undone_in_alignment(signals, Role.RAIL_PRESSURE) == pytest.approx(20e-6)
     assert effects_after_alignment(signals) == ()
-
-
-@pytest.mark.parametrize(
-    ("role", "key", "value"),
-    [
-        ("rail_pressure", "filter_delay_us", "-1"),
-        ("line_pressure", "filter_delay_us", "501"),
-        ("needle_lift", "lag_us", "151"),
-        ("needle_lift", "lag_us", '"slow"'),
-    ],
-)
-def test_refusals_name_the_key(tmp_path: Path, role: str, key: str, value: str) -> None:
-    error = bench_refusal(tmp_path, with_keys(BENCH, **{role: f"{key} = {value}"}))
-    assert error.place.endswith(f": signals.{role}.{key}")
-    assert error.remedy
-
-
-def test_a_rail_pressure_has_a_delay_instead_of_a_lag(tmp_path: Path) -> None:
-    error = bench_refusal(tmp_path, with_keys(BENCH, rail_pressure="lag_us = 10"))
-    assert error.place.endswith(": signals.rail_pressure")
-    assert "'lag_us'" in error.problem
-    assert "'filter_delay_us'" in error.remedy
 
 
 def test_too_far_apart_for_recordings(tmp_path: Path) -> None:

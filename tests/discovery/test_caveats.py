@@ -11,8 +11,8 @@ from observer_rt.discovery.report.text import as_text
 from observer_rt.discovery.search.candidates import NoMemory
 from observer_rt.discovery.search.result import FittedParameter, Verdict
 from observer_rt.evidence.measurement import measurements
-from observer_rt.model.baseline import Baseline
 from observer_rt.model.effects import effective_model, sized
+from tests.baselines import baseline
 from tests.discovery.conftest import SOURCES, Worn, agrees
 from tests.discovery.hidden import NOMINAL, recordings
 
@@ -80,26 +80,12 @@ def test_a_level_measured_when_the_model_was_fitted_settles_masses(worn: Worn) -
     assert "when the model was fitted" in caveat.sentence
 
 
-def _fitted(level: str) -> Baseline:
-    noise = {"rail_pressure_MPa": 0.1, "line_pressure_MPa": 0.15, "needle_lift_um": 0.4}
-    of_recordings = {
-        "sample_rate_Hz": 1e5,
-        "injections": 36,
-        "rail_pressure_MPa": (60.0, 140.0),
-        "noise": noise,
-    }
-    left: dict[str, object] = {"variance": {}, "chi2": {}, "colour": {}}
-    return Baseline.model_validate(
-        {"adequate": True, "level": level, "mass_share": 0.002, **of_recordings, **left}
-    )
-
-
 @pytest.mark.parametrize(
     ("level", "measured"), [("file", False), ("measured_mass", True), ("measured_rate", True)]
 )
 def test_the_level_is_what_the_fit_of_the_model_says(level: str, measured: bool) -> None:
     assert not is_level_measured(effective_model(NOMINAL))
-    fitted = NOMINAL.model_copy(update={"baseline": _fitted(level)})
+    fitted = NOMINAL.model_copy(update={"baseline": baseline(level=level)})
     assert is_level_measured(effective_model(fitted)) is measured
 
 

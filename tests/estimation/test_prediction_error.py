@@ -12,6 +12,7 @@ from observer_rt.estimation.predictor import Window, open_loop_errors
 from observer_rt.estimation.scalars import PARAMETERS, Parameter, learned_of, network_of
 from observer_rt.model.effective import coefficients
 from observer_rt.model.network import HIDDEN, flow_changes
+from tests.differences import differences
 from tests.estimation.conftest import Case, event_inputs, innovations_at, simulated_event, worn_theta
 
 BURN_IN = 20
@@ -37,11 +38,7 @@ def test_gradient_is_the_derivative(case: Case, theta: NDArray[np.float64], outl
     cost = cost_of(case, spiked(window) if outliers else window)
     linearised = cost.linearised(theta)
     assert linearised.value == cost.value(theta)
-    numeric = np.empty(PARAMETERS)
-    for j in range(PARAMETERS):
-        step = np.zeros(PARAMETERS)
-        step[j] = 1e-6
-        numeric[j] = (cost.value(theta + step) - cost.value(theta - step)) / 2e-6
+    numeric = differences(cost.value, theta, 1e-6)
     np.testing.assert_allclose(linearised.gradient, numeric, atol=1e-5 * np.abs(numeric).max())
 
 
@@ -88,12 +85,7 @@ def test_outlier_counts_linearly(nominal: Case) -> None:
 def test_information_is_that_of_the_slopes(nominal: Case) -> None:
     theta = worn_theta(7)
     window = simulated_event(nominal, theta, event_inputs(), seed=3)
-    jacobian = np.empty((window.output.size, PARAMETERS))
-    for j in range(PARAMETERS):
-        side = np.zeros(PARAMETERS)
-        side[j] = 1e-5
-        ends = [innovations_at(nominal, window, moved) for moved in (theta + side, theta - side)]
-        jacobian[:, j] = (ends[0] - ends[1]) / 2e-5
+    jacobian = differences(lambda moved: innovations_at(nominal, window, moved), theta, 1e-5)
     weighted = jacobian[BURN_IN:] / SIGMA
     expected = weighted.T @ weighted
     information = cost_of(nominal, window).linearised(theta).information

@@ -10,7 +10,6 @@ import pytest
 
 from observer_rt.config.bench import EXAMPLE_BENCH, load_bench, load_injector
 from observer_rt.evaluation.evaluate import Evaluation, History, evaluate, evaluate_stream
-from observer_rt.foundation.errors import UserError
 from observer_rt.model.effective import coefficients
 from observer_rt.model.effects import sized
 from observer_rt.observer.stream.state import State
@@ -75,14 +74,6 @@ def test_published_rate_is_the_balance_of_state_and_phi() -> None:
     assert np.abs(phi1).max() * stored > 5e-6  # m3/s: phi carries the wear
 
 
-def test_same_recording_same_bits() -> None:
-    again = evaluate(BENCH, [worn().recording])
-    assert again.frames == evaluated().frames
-    np.testing.assert_array_equal(
-        again.evaluations[0].trace.injection_rate, evaluated().evaluations[0].trace.injection_rate
-    )
-
-
 def test_results_of_the_injections() -> None:
     """Masses from trace and measurement over the window stated, in the units stated."""
     (found,) = evaluated().evaluations
@@ -143,27 +134,6 @@ def test_standstill_check_of_the_offset(offset: float, passed: bool) -> None:
     assert checks["rail_line_offset"]["passed"] is passed
 
 
-def test_recordings_one_after_another_are_one_history() -> None:
-    """The second begins with what was learned from the first, and counts on."""
-    first, second = evaluate(BENCH, [worn().recording, worn().recording]).evaluations
-    alone = evaluated().evaluations[0]
-    np.testing.assert_array_equal(first.trace.injection_rate[:-1000], alone.trace.injection_rate[:-1000])
-    assert [report.number for report in second.reports] == [5, 6, 7, 8]
-    assert all(report.valid for report in second.reports)
-    assert second.reports[0].phi_version > 0
-    masses = [part.injections[0].report.mass for part in (first, second)]
-    true = second.injections[0].measured_mass
-    assert abs(masses[1] / true - 1) < 0.02 < abs(masses[0] / true - 1)
-
-
-def test_knowledge_of_one_history_starts_another() -> None:
-    restored = evaluate(BENCH, [worn().recording], knowledge=evaluated().knowledge).evaluations[0]
-    assert restored.reports[0].phi_version == evaluated().knowledge.phi_version
-    assert [report.valid for report in restored.reports] == [False, True, True, True]
-    true = restored.injections[0].measured_mass
-    assert restored.reports[0].mass == pytest.approx(true, rel=0.02)
-
-
 def test_missing_samples_are_counted_and_left_out() -> None:
     """Three milliseconds of a dead sensor: not available, and back soon after."""
     recording = worn().recording
@@ -175,15 +145,6 @@ def test_missing_samples_are_counted_and_left_out() -> None:
     assert np.isnan(found.trace.injection_rate[9000:9300]).all()
     assert not found.trace.valid[9000:9300].any()
     assert not np.isnan(found.trace.injection_rate[9302:]).any()
-
-
-def test_bench_of_another_sample_rate_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "bench.toml"
-    path.write_text(EXAMPLE_BENCH.read_text())
-    with pytest.raises(UserError, match="50000 Hz") as refused:
-        evaluate(load_bench(path), [worn().recording])
-    assert refused.value.place == f"{path}: sampling.rate_hz"
-    assert refused.value.remedy
 
 
 def test_trace_file(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from observer_rt.recording.canlog.can_log import LogFrame
 from observer_rt.recording.formats import log_formats, suffixes_of, written
 from observer_rt.recording.replay.framing import Span, whole, windows
 from observer_rt.recording.signals.recording import Recording
-from tests.benches import bench_with, block_bench
+from tests.benches import bench_with, block_bench, own_bench
 from tests.device import frames_of, later, simulated, worn_recording
 from tests.recording.canlog.log_cases import sent_log, write_log
 from tests.service.time_frames import Clock, merged, plant, send, write_time_bench
@@ -62,8 +62,7 @@ def write(tmp_path: Path) -> Callable[[list[LogFrame], str], Path]:
 @pytest.fixture
 def classic_bench(tmp_path: Path) -> Bench:
     """Two samples in a frame of 8 bytes, one message a signal, 20 kHz."""
-    lines = ['VERSION ""', "BU_: Daq"]
-    text = '[[dbc]]\nfile = "classic.dbc"\n[[dbc]]\nfile = "observer_fd.dbc"\n[sampling]\nrate_hz = 20e3\n'
+    lines, signals = ['VERSION ""', "BU_: Daq"], {}
     for number, (role, code) in enumerate(
         (
             ("rail_pressure", '(0.005,-10) [0|0] "MPa"'),
@@ -73,11 +72,9 @@ def classic_bench(tmp_path: Path) -> Bench:
     ):
         lines += [f"BO_ {0x300 + number} {role}_frame: 8 Daq", ' SG_ Index : 0|32@1+ (1,0) [0|0] "" Daq']
         lines += [f" SG_ {role}_{k} : {32 + 16 * k}|16@1+ {code} Daq" for k in range(2)]
-        text += f'[signals.{role}]\nmessage = "{role}_frame"\nindex = "Index"\npattern = "{role}_{{}}"\n'
-    (tmp_path / "classic.dbc").write_text("\n".join(lines) + "\n")
-    path = tmp_path / "bench.toml"
-    path.write_text(text)
-    return load_bench(path)
+        signals[role] = f'message = "{role}_frame"\nindex = "Index"\npattern = "{role}_{{}}"'
+    rate = "[sampling]\nrate_hz = 20e3\n"
+    return load_bench(own_bench(tmp_path, "\n".join([*lines, ""]), signals, rate))
 
 
 Write = Callable[[list[LogFrame], str], Path]

@@ -1,5 +1,6 @@
 """Shared by the tests of the model: an injector in both outflow forms, and trajectories over given inputs."""
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -60,3 +61,37 @@ def advanced_over(
     state = np.array(x)
     advance_over(state, interval, knot, c, network, None)
     return float(state[0]), float(state[1]), float(state[2])
+
+
+def physical_rates(
+    x: tuple[float, float, float],
+    u: tuple[float, float],
+    v_h: float,
+    v_s: float,
+    injector: InjectorParameters,
+) -> tuple[tuple[float, float, float], float]:
+    """(19)-(23) in SI units with wear, normalised at the end; and Q_H [m3/s]."""
+    fluid, line, seat, nozzle = injector.fluid, injector.line, injector.seat, injector.nozzle
+    p_0, q_0, area_0 = injector.scaling.pressure, injector.scaling.flow, injector.scaling.area
+    p_c = injector.chamber.pressure
+    p_l, q_l, p_s = x[0] * p_0 + p_c, x[1] * q_0, x[2] * p_0 + p_c
+    p_r, area_s = u[0] * p_0 + p_c, u[1] * area_0
+    area_l = math.pi / 4 * line.diameter**2
+    area_h = nozzle.holes * math.pi / 4 * nozzle.hole_diameter**2
+
+    def orifice(drop: float) -> float:
+        return drop / math.sqrt(math.hypot(drop, 0.5e6)) * math.sqrt(2 / fluid.density_nozzle)
+
+    q_s = (1 + v_s) * seat.flow_coefficient * area_s * orifice(p_l - p_s)
+    q_h = (1 + v_h) * nozzle.flow_coefficient * area_h * orifice(p_s - p_c)
+    drain = q_s if injector.line_outflow is LineOutflow.SEAT else q_h
+    rates = (
+        fluid.bulk_modulus_line / line.volume * (q_l - drain) / p_0,
+        (
+            area_l / (fluid.density_line * line.length) * (p_r - p_l)
+            - line.loss_factor / (2 * area_l * line.length) * q_l * abs(q_l)
+        )
+        / q_0,
+        fluid.bulk_modulus_sac / nozzle.sac_volume * (q_s - q_h) / p_0,
+    )
+    return rates, q_h

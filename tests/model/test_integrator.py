@@ -16,7 +16,7 @@ from observer_rt.model.network import constant_network, zero_network
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
 from observer_rt.model.right_hand_side import injection_rate
 from observer_rt.model.stability import substeps_needed
-from tests.model.conftest import State, Trajectory
+from tests.model.conftest import State, Trajectory, physical_rates
 
 NO_FAULT = zero_network()
 SAMPLE = 1e-5  # s
@@ -110,27 +110,11 @@ def test_injection_agrees_with_an_independent_integration(
 def _by_scipy(
     injector: InjectorParameters, inputs: NDArray[np.float64], v_h: float, v_s: float
 ) -> NDArray[np.float64]:
-    fluid, line, seat, nozzle = injector.fluid, injector.line, injector.seat, injector.nozzle
-    p_0, q_0, p_c = injector.scaling.pressure, injector.scaling.flow, injector.chamber.pressure
-    area_l, area_h = line.area, nozzle.area
     grid = np.arange(len(inputs)) * SAMPLE
 
-    def orifice(drop: float) -> float:
-        return drop / math.sqrt(math.hypot(drop, 0.5e6)) * math.sqrt(2 / fluid.density_nozzle)
-
-    def rates(time: float, state: NDArray[np.float64]) -> list[float]:
-        p_l, q_l, p_s = state * [p_0, q_0, p_0] + [p_c, 0.0, p_c]
-        p_r = np.interp(time, grid, inputs[:, 0]) * p_0 + p_c
-        area_s = np.interp(time, grid, inputs[:, 1]) * injector.scaling.area
-        q_s = (1 + v_s) * seat.flow_coefficient * area_s * orifice(p_l - p_s)
-        q_h = (1 + v_h) * nozzle.flow_coefficient * area_h * orifice(p_s - p_c)
-        drain = q_s if injector.line_outflow is LineOutflow.SEAT else q_h
-        friction = line.loss_factor / (2 * area_l * line.length) * q_l * abs(q_l)
-        return [
-            fluid.bulk_modulus_line / line.volume * (q_l - drain) / p_0,
-            (area_l / (fluid.density_line * line.length) * (p_r - p_l) - friction) / q_0,
-            fluid.bulk_modulus_sac / nozzle.sac_volume * (q_s - q_h) / p_0,
-        ]
+    def rates(time: float, x: NDArray[np.float64]) -> tuple[float, ...]:
+        u = float(np.interp(time, grid, inputs[:, 0])), float(np.interp(time, grid, inputs[:, 1]))
+        return physical_rates((x[0], x[1], x[2]), u, v_h, v_s, injector)[0]
 
     start: State = (RAIL, 0.0, 0.0)
     pieces = [np.array([start])]

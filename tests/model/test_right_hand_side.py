@@ -13,7 +13,7 @@ from observer_rt.model.integrator import Interval
 from observer_rt.model.network import Network, constant_network, zero_network
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
 from observer_rt.model.right_hand_side import fault_and_rate, injection_rate, right_hand_side
-from tests.model.conftest import advanced
+from tests.model.conftest import advanced, physical_rates
 
 NO_FAULT = zero_network()
 PRESSURE = st.floats(-0.5, 2.5)
@@ -34,40 +34,6 @@ def networks(draw: st.DrawFn) -> Network:
     network.bias[:] = draw(st.tuples(CHANGE, CHANGE))
     network.back_pressure[:] = draw(st.tuples(st.floats(0, 0.2), st.floats(0, 0.2)))
     return network
-
-
-def physical_rates(
-    x: tuple[float, float, float],
-    u: tuple[float, float],
-    v_h: float,
-    v_s: float,
-    injector: InjectorParameters,
-) -> tuple[tuple[float, float, float], float]:
-    """(19)-(23) in SI units with wear, normalised at the end; and Q_H [m3/s]."""
-    fluid, line, seat, nozzle = injector.fluid, injector.line, injector.seat, injector.nozzle
-    p_0, q_0, area_0 = injector.scaling.pressure, injector.scaling.flow, injector.scaling.area
-    p_c = injector.chamber.pressure
-    p_l, q_l, p_s = x[0] * p_0 + p_c, x[1] * q_0, x[2] * p_0 + p_c
-    p_r, area_s = u[0] * p_0 + p_c, u[1] * area_0
-    area_l = math.pi / 4 * line.diameter**2
-    area_h = nozzle.holes * math.pi / 4 * nozzle.hole_diameter**2
-
-    def orifice(drop: float) -> float:
-        return drop / math.sqrt(math.hypot(drop, 0.5e6)) * math.sqrt(2 / fluid.density_nozzle)
-
-    q_s = (1 + v_s) * seat.flow_coefficient * area_s * orifice(p_l - p_s)
-    q_h = (1 + v_h) * nozzle.flow_coefficient * area_h * orifice(p_s - p_c)
-    drain = q_s if injector.line_outflow is LineOutflow.SEAT else q_h
-    rates = (
-        fluid.bulk_modulus_line / line.volume * (q_l - drain) / p_0,
-        (
-            area_l / (fluid.density_line * line.length) * (p_r - p_l)
-            - line.loss_factor / (2 * area_l * line.length) * q_l * abs(q_l)
-        )
-        / q_0,
-        fluid.bulk_modulus_sac / nozzle.sac_volume * (q_s - q_h) / p_0,
-    )
-    return rates, q_h
 
 
 @over_forms

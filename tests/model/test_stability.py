@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench
 from observer_rt.config.injector import SamplingConfig
@@ -15,6 +16,7 @@ from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.right_hand_side import right_hand_side
 from observer_rt.model.stability import fastest_rate, substeps_needed
 from observer_rt.service.compiled.constants import bench_constants
+from tests.differences import differences
 from tests.model.conftest import Trajectory
 
 PRESSURE = st.one_of(st.floats(-0.01, 0.05), st.floats(-0.1, 2.5))
@@ -34,16 +36,11 @@ def test_fastest_rate_bounds_every_mode(
     )
     c = coefficients(injector)
     u = (0.95, opened * full_lift_area(injector) / c.area_scale)
-    step = 1e-6
-    columns = []
-    for k in range(3):
-        ends = []
-        for side in (step, -step):
-            x = [x1, x2, x3]
-            x[k] += side
-            ends.append(np.array(right_hand_side((x[0], x[1], x[2]), u, c, zero_network())))
-        columns.append((ends[0] - ends[1]) / (2 * step))
-    modes = np.linalg.eigvals(np.column_stack(columns))
+
+    def rates(x: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.array(right_hand_side((x[0], x[1], x[2]), u, c, zero_network()))
+
+    modes = np.linalg.eigvals(differences(rates, np.array([x1, x2, x3]), 1e-6))
     assert np.abs(modes).max() <= fastest_rate(injector) * (1 + 1e-6)
 
 

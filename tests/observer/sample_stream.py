@@ -1,5 +1,6 @@
 """Drives the observer sample by sample, as the service does, and keeps every processed sample."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -197,3 +198,24 @@ def place(length: int, **strokes: NDArray[np.float64]) -> NDArray[np.float64]:
         start = int(name.removeprefix("at_"))
         lift[start : start + shape.size] = shape
     return lift
+
+
+def opened(starts: Iterable[int], length: int, open_for: int = 110) -> NDArray[np.float64]:
+    """Lift [m] of `length` samples, with openings."""
+    return place(length, **{f"at_{start}": stroke(open_for) for start in starts})
+
+
+def beside_rest(
+    lift: NDArray[np.float64], fall: float = 0.0, since: int = 0, innovation_weight: float = 0.0
+) -> Stream:
+    """What comes of a lift [m] beside pressures at rest with their noise; the line's falls [Pa] at a sample.
+
+    innovation_weight: 1/sigma^2; 0: nothing contradicts the model.
+    """
+    random = np.random.default_rng(9)
+    rail = RAIL + random.normal(0.0, NOISE.rail_pressure, lift.size)
+    line = RAIL + random.normal(0.0, NOISE.line_pressure, lift.size)
+    line[since:] -= fall
+    stream = Stream(events_required=0)
+    stream.observer.memory["innovation_weight"] = innovation_weight
+    return stream.feed(rail, lift, line)

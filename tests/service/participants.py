@@ -40,9 +40,9 @@ BLOCK_ID = 0x100  # of the message with samples
 PATIENCE = 60.0  # s, after which the test fails: the machine is too slow, or the daemon stuck
 
 
-def until(condition: Callable[[], bool]) -> None:
-    """Wait until it holds."""
-    end = time.monotonic() + PATIENCE
+def until(condition: Callable[[], bool], patience: float = PATIENCE) -> None:
+    """Wait until it holds, so long [s] at the most."""
+    end = time.monotonic() + patience
     while not condition():
         assert time.monotonic() < end, "machine too slow, or the daemon is stuck"
         time.sleep(0.005)

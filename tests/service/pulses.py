@@ -14,7 +14,7 @@ from observer_rt.recording.replay.framing import Span, TimedFrame
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.simulation.schedule import Shot, make_schedule
 from observer_rt.simulation.simulate import SimulatedNoise, simulate
-from tests.benches import SAMPLE_RATE, sample_bench
+from tests.benches import SAMPLE_RATE, attributes, sample_bench
 from tests.device import INDICES, Device, Result, encoded, merged, protected, run
 
 LEVELS = 20  # samples in a frame of levels
@@ -59,21 +59,10 @@ BO_ 823 Pages: 8 Bed
  SG_ PageOther m1 : 8|16@1+ (1,0) [0|0] "" Bed
 BO_ {SAFE_ID} PulseSafe: 8 Bed
  SG_ Duration : 24|16@1+ (0.1,0) [0|6000] "us" Bed
-BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","ExtendedCAN","a","b","c","d","e","f","g","h","i","j","k","l","FD";
+{attributes([818, SAFE_BLOCK_ID], {SAFE_BLOCK_ID: (5, DATA_ID), SAFE_ID: (5, DATA_ID)})}\
 BA_DEF_ BO_ "GenMsgCycleTime" INT 0 65535;
-BA_DEF_ BO_ "E2EProfile" INT 0 255;
-BA_DEF_ BO_ "E2EDataId" INT 0 65535;
-BA_DEF_DEF_ "VFrameFormat" "StandardCAN";
 BA_DEF_DEF_ "GenMsgCycleTime" 0;
-BA_DEF_DEF_ "E2EProfile" 0;
-BA_DEF_DEF_ "E2EDataId" 0;
-BA_ "VFrameFormat" BO_ 818 14;
-BA_ "VFrameFormat" BO_ {SAFE_BLOCK_ID} 14;
-BA_ "E2EProfile" BO_ {SAFE_BLOCK_ID} 5;
-BA_ "E2EDataId" BO_ {SAFE_BLOCK_ID} {DATA_ID};
 BA_ "GenMsgCycleTime" BO_ 819 1;
-BA_ "E2EProfile" BO_ {SAFE_ID} 5;
-BA_ "E2EDataId" BO_ {SAFE_ID} {DATA_ID};
 VAL_ 816 Energized 3 "SNA" ;
 VAL_ 822 Level 3 "SNA" ;
 """

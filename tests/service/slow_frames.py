@@ -6,7 +6,7 @@ import cantools
 from cantools.database.can import Database
 
 from observer_rt.recording.replay.framing import TimedFrame
-from tests.benches import sample_bench
+from tests.benches import attributes, sample_bench
 from tests.device import encoded, protected
 
 PROTECTED_ID, DATA_ID = 802, 0x1234
@@ -19,12 +19,7 @@ BO_ 801 Bed: 8 Bed
 BO_ {PROTECTED_ID} SafeBed: 8 Bed
  SG_ LearnEnableSafe : 24|2@1+ (1,0) [0|3] "" Bed
  SG_ MassSafe : 39|16@0+ (0.00000001,0) [0|0.000655] "kg" Bed
-BA_DEF_ BO_ "E2EProfile" INT 0 255;
-BA_DEF_ BO_ "E2EDataId" INT 0 65535;
-BA_DEF_DEF_ "E2EProfile" 0;
-BA_DEF_DEF_ "E2EDataId" 0;
-BA_ "E2EProfile" BO_ {PROTECTED_ID} 5;
-BA_ "E2EDataId" BO_ {PROTECTED_ID} {DATA_ID};
+{attributes(protected={PROTECTED_ID: (5, DATA_ID)})}\
 VAL_ 801 LearnEnable 255 "SNA" 1 "on" 0 "off" ;
 VAL_ 801 Mass 65535 "SNA" ;
 """

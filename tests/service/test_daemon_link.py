@@ -1,5 +1,6 @@
 """The daemon on links in trouble, one or several: it stays, says what is the matter, and goes on by itself."""
 
+import math
 import time
 import uuid
 from collections.abc import Sequence
@@ -156,15 +157,27 @@ def test_frames_lost_before_the_loop_are_told(bench: Path) -> None:
 PORTION = 60  # frames
 
 
-def test_results_over_four_buses_equal_those_of_one(tmp_path: Path) -> None:
-    """Played as fast as it goes: frames wait in the drivers."""
-    channels = [f"{uuid.uuid4().hex[:8]}-{name}" for name in ("rail", "lift", "line", "results")]
-    path = block_bench(tmp_path / "four", "virtual", channels)
-    heard, daemon = over_bus(path, frames_of(path, worn_recording()))
+@pytest.mark.parametrize(
+    "interface", ["virtual", pytest.param("socketcan", marks=[pytest.mark.vcan, pytest.mark.slow])]
+)
+def test_results_over_four_buses_equal_those_of_one(
+    request: pytest.FixtureRequest, tmp_path: Path, interface: str
+) -> None:
+    """Played as fast as it goes, frames wait in the drivers; on real interfaces no faster than they take."""
+    channels, speed = (
+        [f"{uuid.uuid4().hex[:8]}-{name}" for name in ("rail", "lift", "line", "results")],
+        math.inf,
+    )
+    if interface == "socketcan":
+        further = request.getfixturevalue("interfaces")
+        channels, speed = [request.getfixturevalue("vcan"), *(each.name for each in further)], 0.05
+    path = block_bench(tmp_path / "four", interface, channels)
+    heard, daemon = over_bus(path, frames_of(path, worn_recording()), speed)
     one = load_bench(block_bench(tmp_path / "one", "virtual", ["one"]))
     assert heard.results == results_of(evaluate(one, [worn_recording()]).frames)
     assert len(heard.summaries) == 4
     assert daemon.core.counters.lost_samples == 0
+    assert heard.last_status()["TroubledBus"] == 0
 
 
 @pytest.fixture

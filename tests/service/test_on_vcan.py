@@ -1,9 +1,5 @@
 """The main test: replay player, daemon and listener are three processes on a real SocketCAN interface."""
 
-import sqlite3
-import threading
-from collections.abc import Iterator
-from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,20 +7,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.bus.links.opening import open_link
 from observer_rt.config.bench import load_bench, load_injector
 from observer_rt.evaluation.evaluate import History, evaluate
 from observer_rt.model.effects import sized
-from observer_rt.observer.stream.state import Reason, State
 from observer_rt.recording.formats import read_recording, write_recording
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import SimulatedNoise, simulate
-from tests.benches import block_bench
-from tests.device import worn_recording
-from tests.interface import OwnInterface
 from tests.service.end_to_end import (
     RATE,
-    STATUS,
     SUMMARY,
     Heard,
     decoded,
@@ -107,55 +97,6 @@ def test_worn_nozzle_is_learned_on_the_bus(tmp_path: Path, vcan: str) -> None:
     assert np.sqrt(np.mean(squares)) <= 1.0
 
 
-@contextmanager
-def another_sender(channel: str, payload: bytes) -> Iterator[None]:
-    """A node that sends summaries ten times a second."""
-    stop = threading.Event()
-
-    def send() -> None:
-        with open_link("socketcan", channel, True, []) as link:
-            while not stop.wait(0.1):
-                link.send(SUMMARY.frame_id, payload, False, True)
-
-    thread = threading.Thread(target=send)
-    thread.start()
-    try:
-        yield
-    finally:
-        stop.set()
-        thread.join()
-
-
-@pytest.mark.slow
-@pytest.mark.vcan
-def test_a_second_sender_makes_nothing_valid(tmp_path: Path, vcan: str) -> None:
-    """The same in rates, summaries, status and journal."""
-    schedule = make_schedule([RAIL_PRESSURE], 4, PERIOD, [ENERGIZING_TIME])
-    recording = simulate(load_injector(), schedule, 50e3, (), SimulatedNoise(), seed=7).recording
-    path, journal, foreign = tmp_path / "recording.csv", tmp_path / "journal.sqlite", bytes(64)
-    write_recording(path, recording)
-    bench = write_bench(tmp_path, "socketcan", vcan, 50e3)
-    with output_bus("socketcan", vcan) as bus, another_sender(vcan, foreign):
-        heard = run_over(bench, path, bus, 0.1, recording.samples, "--journal", str(journal))
-    assert len(heard.rates) == -(-recording.samples // 28)
-    rates = [decoded(RATE, payload) for payload in heard.rates]
-    assert {(rate["Valid"], rate["State"]) for rate in rates} == {(0, State.DEGRADED)}
-    summaries = [decoded(SUMMARY, payload) for payload in heard.summaries if payload != foreign]
-    contested = 0.0, float(State.DEGRADED), float(Reason.SECOND_SENDER)
-    assert [(s["Valid"], s["State"], s["Reason"]) for s in summaries] == [contested] * 4
-    statuses = {
-        (s["Valid"], s["State"], s["Reason"]) for s in (decoded(STATUS, each) for each in heard.statuses)
-    }
-    assert contested in statuses
-    assert not any(valid for valid, *_ in statuses)
-    with closing(sqlite3.connect(journal)) as connection:
-        rows = connection.execute("SELECT valid, state, reasons FROM injection").fetchall()
-    assert rows == [
-        *2 * [(0, "DEGRADED", "SECOND_SENDER,TOO_FEW_EVENTS")],
-        *2 * [(0, "DEGRADED", "SECOND_SENDER")],
-    ]
-
-
 def assert_published_once(run: Run) -> None:
     assert (run.count == 1).all()
     assert len(run.heard.rates) == -(-len(run.count) // 28)  # and none extra
@@ -168,23 +109,3 @@ def assert_published_once(run: Run) -> None:
 def assert_equal_to_evaluation(run: Run) -> None:
     """`evaluate --bench` and the daemon on vcan give the same frames, bit for bit, learning included."""
     assert run.heard.results == results_of(run.history.frames)
-
-
-@pytest.mark.slow
-@pytest.mark.vcan
-def test_results_over_four_interfaces_equal_those_of_one_bus(
-    tmp_path: Path, vcan: str, interfaces: list[OwnInterface]
-) -> None:
-    csv = tmp_path / "worn.csv"
-    write_recording(csv, worn_recording())
-    recording = read_recording(csv)
-    one = block_bench(tmp_path / "one", "virtual", ["one"])
-    expected = evaluate(load_bench(one), [recording]).frames
-    four = block_bench(tmp_path / "four", "socketcan", [vcan, *(each.name for each in interfaces)])
-    with output_bus("socketcan", interfaces[-1].name) as bus:
-        heard = run_over(four, csv, bus, 0.05, recording.samples)
-    if heard.last_status()["DroppedFrames"]:
-        pytest.fail("machine too slow: a socket of the daemon dropped frames")
-    assert heard.results == results_of(expected)
-    assert len(heard.summaries) == 4
-    assert heard.last_status()["TroubledBus"] == 0

@@ -20,6 +20,7 @@ from observer_rt.service.reports.news import Notes
 from observer_rt.simulation.plant import Truth, run_plant
 from observer_rt.simulation.schedule import make_schedule, strokes
 from observer_rt.simulation.simulate import LIFT, PRESSURE, Quantisation, SimulatedNoise
+from tests.benches import own_bench
 from tests.device import core_of
 
 EPOCH = 1_700_000_000_000_000_000  # ns, of the receiver's clock
@@ -190,13 +191,8 @@ def merged(*streams: Sequence[Received]) -> list[Received]:
 
 def write_time_bench(folder: Path, rate: float, signals: dict[str, str]) -> Path:
     """A bench file: for each signal name of the database the message and further lines."""
-    (folder / "time.dbc").write_text(DATABASE)
-    text = '[[dbc]]\nfile = "time.dbc"\n[[dbc]]\nfile = "observer_fd.dbc"\n'
-    for name, lines in signals.items():
-        text += f'[signals.{ROLE_OF[name]}]\nsignal = "{name}"\n{lines}\n'
-    path = folder / "bench.toml"
-    path.write_text(text + f"[sampling]\nrate_hz = {rate}\n[link]\nbit_rate = 8e6\n")
-    return path
+    roles = {ROLE_OF[name]: f'signal = "{name}"\n{lines}' for name, lines in signals.items()}
+    return own_bench(folder, DATABASE, roles, f"[sampling]\nrate_hz = {rate}\n[link]\nbit_rate = 8e6\n")
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,6 @@
 """Option texts of `simulate`, the schedules they make, and needle strokes in closed form."""
 
+from collections.abc import Callable
 from contextlib import suppress
 from itertools import pairwise
 
@@ -13,6 +14,7 @@ from observer_rt.config.bench import load_injector
 from observer_rt.foundation.errors import UserError
 from observer_rt.simulation.schedule import (
     CORNER_ROUNDING,
+    Schedule,
     Shot,
     Stroke,
     lift_of_stroke,
@@ -50,31 +52,22 @@ def test_parsers_give_values_or_a_user_error(text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "problem"),
+    ("parse", "option", "texts"),
     [
-        ("60,,100", "'' is not a number"),
-        ("60;100", "'60;100' is not a number"),
-        ("nan", "'nan' is not a number"),
-        ("0", "0 MPa is out of range"),
-        ("-5", "-5 MPa is out of range"),
-        ("60e6", "6e\\+07 MPa is out of range"),
+        (parse_energizing_times, "--energizing-time", ["0", "-1", "1900", "1.9ms", ""]),
+        (parse_shots, "--shots", ["0.3", "0.3@", "@1", "0@1", "0.3@-1.5,1.0", "0.3@1@2"]),
+        (parse_rail_pressures, "--rail-pressure: '' is not a number", ["60,,100"]),
+        (parse_rail_pressures, "--rail-pressure: '60;100' is not a number", ["60;100"]),
+        (parse_rail_pressures, "--rail-pressure: 'nan' is not a number", ["nan"]),
+        (parse_rail_pressures, "--rail-pressure: 0 MPa is out of range", ["0"]),
+        (parse_rail_pressures, "--rail-pressure: -5 MPa is out of range", ["-5"]),
+        (parse_rail_pressures, "--rail-pressure: 6e\\+07 MPa is out of range", ["60e6"]),
     ],
 )
-def test_bad_rail_pressures(text: str, problem: str) -> None:
-    with pytest.raises(UserError, match=f"--rail-pressure: {problem}"):
-        parse_rail_pressures(text)
-
-
-@pytest.mark.parametrize("text", ["0", "-1", "1900", "1.9ms", ""])
-def test_bad_energizing_times(text: str) -> None:
-    with pytest.raises(UserError, match="--energizing-time: "):
-        parse_energizing_times(text)
-
-
-@pytest.mark.parametrize("text", ["0.3", "0.3@", "@1", "0@1", "0.3@-1.5,1.0", "0.3@1@2"])
-def test_bad_shots(text: str) -> None:
-    with pytest.raises(UserError, match="--shots: "):
-        parse_shots(text)
+def test_bad_texts_are_named(parse: Callable[[str], object], option: str, texts: list[str]) -> None:
+    for text in texts:
+        with pytest.raises(UserError, match=option):
+            parse(text)
 
 
 @given(pressures=st.integers(1, 4), times=st.integers(1, 4), injections=st.integers(1, 20))
@@ -226,15 +219,15 @@ def test_strokes_are_in_order() -> None:
     assert all(a.closed < b.opening for a, b in pairwise(found))
 
 
-def test_needle_that_has_no_time_to_close_between_shots() -> None:
-    schedule = make_schedule([100e6], 1, 0.02, shots=[Shot(1e-3), Shot(0.3e-3, 1.1e-3)])
-    with pytest.raises(UserError, match="--shots: the needle has not closed"):
-        strokes(schedule, NOMINAL)
-
-
-def test_needle_that_has_no_time_to_close_between_events() -> None:
-    schedule = make_schedule([100e6], 2, 1.2e-3, [1.1e-3])
-    with pytest.raises(UserError, match="--period: the needle has not closed"):
+@pytest.mark.parametrize(
+    ("schedule", "option"),
+    [
+        (make_schedule([100e6], 1, 0.02, shots=[Shot(1e-3), Shot(0.3e-3, 1.1e-3)]), "--shots"),
+        (make_schedule([100e6], 2, 1.2e-3, [1.1e-3]), "--period"),
+    ],
+)
+def test_a_needle_that_has_no_time_to_close(schedule: Schedule, option: str) -> None:
+    with pytest.raises(UserError, match=f"{option}: the needle has not closed"):
         strokes(schedule, NOMINAL)
 
 

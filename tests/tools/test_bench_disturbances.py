@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tools.benchmarks.plant import Bench, Outcome, record
+from tools.benchmarks.plant import Bench, Measured, Outcome, record
 from tools.benchmarks.realism.catalogue import (
     AND,
     DISTURBANCES,
@@ -153,6 +153,41 @@ def test_butterworth_has_its_corner_and_the_delay_that_is_stated(order: int) -> 
             assert late == pytest.approx(butterworth_delay(order, corner), rel=0.01)
 
 
+def later(samples: int, values: Values) -> Values:
+    return np.concatenate([np.full(samples, values[0]), values[:-samples]])
+
+
+@pytest.mark.parametrize(
+    ("name", "signal", "law"),
+    [
+        ("lift_crosstalk 1.5", "needle_lift",
+            lambda m: m.needle_lift + 1.5e-6 * (m.line_pressure - m.rail_pressure) / 10e6),
+        ("late_line 20", "line_pressure", lambda m: later(2, m.line_pressure)),
+        ("late_lift 10", "needle_lift", lambda m: later(1, m.needle_lift)),
+        ("late_rail 20", "rail_pressure", lambda m: later(2, m.rail_pressure)),
+        ("line_clipped_at_the_top 4", "line_pressure",
+            lambda m: np.minimum(m.line_pressure, np.max(m.line_pressure) - 4e6)),
+        ("line_clipped_at_the_bottom 4", "line_pressure",
+            lambda m: np.maximum(m.line_pressure, np.min(m.line_pressure) + 4e6)),
+    ],
+)  # fmt: skip
+def test_a_channel_shows_what_the_law_of_its_disturbance_says(
+    name: str, signal: str, law: Callable[[Measured], Values]
+) -> None:
+    disturbed, plain = both(name)
+    step = 0.02e-6 if signal == "needle_lift" else 0.01e6  # two codes of the bus
+    np.testing.assert_allclose(getattr(disturbed.measured, signal), law(plain.measured), atol=step)
+
+
+def test_a_lift_sensor_is_of_first_order_at_its_corner_and_has_so_many_codes() -> None:
+    disturbed, plain = both("lift_filter 10")
+    seen, true = disturbed.measured.needle_lift, plain.measured.needle_lift
+    error = seen[1:-1] + (seen[2:] - seen[:-2]) / 2e-5 / (2.0 * math.pi * 10e3) - true[1:-1]
+    assert np.sqrt(np.mean(error**2)) < 0.1 * np.sqrt(np.mean((seen - true) ** 2))
+    codes = record(bench_of("few_bits 10")).measured.needle_lift / (500e-6 / 1024)
+    np.testing.assert_allclose(codes, np.rint(codes), atol=0.02)
+
+
 def test_ripple_and_transient_are_of_the_true_pressure() -> None:
     rippled = record(bench_of("pump_ripple_620_hz 1.5")).truth.rail_pressure
     assert amplitude(rippled - np.mean(rippled), 620.0) == pytest.approx(1.5e6, rel=0.05)
@@ -191,6 +226,7 @@ def test_bounce_overshoot_and_slow_flanks_are_true_motion() -> None:
     assert smooth.max() == pytest.approx(plain.max(), rel=0.01)
     low = [np.sum((lift > 3e-6) & (lift < 40e-6)) for lift in (smooth, plain)]
     assert low[0] > 2.0 * low[1]
+    assert 10e-6 < record(bench_of("ballistic 0.2")).truth.needle_lift.max() < 200e-6  # never at its stop
 
 
 @pytest.mark.parametrize("name", sorted(DISTURBANCES))

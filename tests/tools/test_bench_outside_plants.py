@@ -130,6 +130,15 @@ def test_a_needle_that_is_not_shut_lets_through_what_the_seat_does(plant: str) -
     assert chamber_pressure(0.0, part, Faults()) == part.chamber_pressure
 
 
+@pytest.mark.parametrize(
+    ("name", "shares"), [("coking_nozzle", [0.0, 1.0, 2.0, 3.0]), ("plugged_hole", [0.0, 1.0, 1.0, 1.0])]
+)
+def test_what_goes_by_the_number_of_an_injection_closes_the_nozzle(name: str, shares: list[float]) -> None:
+    case = OutsideCase("x", Asked.OUTSIDE, name, (0.1,), False, None, 5)
+    areas = [event.faults.orifice_area for event in given_benches(case)[0].events]
+    assert areas == pytest.approx([-0.1 * share for share in shares])
+
+
 def test_equations_are_those_of_terms() -> None:
     assert sorted(map(str, TermEquation)) == sorted(map(str, TheirEquation))
 

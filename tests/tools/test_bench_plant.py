@@ -185,6 +185,37 @@ def test_all_faults_are_tested() -> None:
     assert set(SENSOR_FAULTS) | set(PLANT_FAULTS) | shapes == set(Faults._fields)
 
 
+@pytest.mark.parametrize(
+    ("faults", "density", "back_pressure"),
+    [
+        (Faults(), 1.0, 0.0),
+        (Faults(fuel_density=0.05), 1.05, 0.0),
+        (Faults(chamber_pressure_step=8e6), 1.0, 8e6),
+    ],
+)
+def test_the_jet_is_that_of_its_head_and_density(
+    faults: Faults, density: float, back_pressure: float
+) -> None:
+    part, outcome = Injector(), once(faults)
+    first, last = outcome.openings[0]
+    opened = slice(first + 5, last - 5)
+    head = outcome.truth.sac_pressure[opened] - part.chamber_pressure - back_pressure
+    expected = part.nozzle_area * np.sqrt(2.0 * head / (density * part.density))
+    np.testing.assert_allclose(outcome.truth.injection_rate[opened], expected, rtol=1e-3)
+    assert outcome.truth.sac_pressure[first - 3] == part.chamber_pressure
+
+
+def test_a_chamber_that_steps_by_its_whole_with_the_lift_rises() -> None:
+    """Half of it lies between the two."""
+    step, half, whole = (
+        once(Faults(chamber_pressure_step=8e6, chamber_pressure_share=share)).truth.injection_rate
+        for share in (0.0, 0.5, 1.0)
+    )
+    rise = once(Faults(chamber_pressure_rise=8e6)).truth.injection_rate
+    np.testing.assert_allclose(whole, rise, rtol=1e-9, atol=1e-12)
+    assert np.sum(step) < np.sum(half) < np.sum(rise)
+
+
 def test_lagging_sensor_obeys_its_law() -> None:
     lag = 40e-6
     outcome = once(Faults(line_pressure_sensor_lag=lag))
@@ -193,6 +224,14 @@ def test_lagging_sensor_obeys_its_law() -> None:
     swing = np.max(true) - np.min(true)
     error = seen[1:-1] + lag * slope - true[1:-1]
     assert np.sqrt(np.mean(error**2)) < 0.01 * swing
+
+
+@pytest.mark.parametrize("skew", [25e-6, -25e-6])
+def test_a_late_channel_records_an_earlier_pressure(skew: float) -> None:
+    truth, late = once().truth, once(Faults(channel_skew=skew)).measured
+    expected = np.interp(late.time - skew, late.time, truth.line_pressure)
+    inside = slice(1, -3)  # beyond, what is recorded lies outside the recording
+    assert np.max(np.abs(late.line_pressure - expected)[inside]) < 0.02e6
 
 
 def test_noise_and_codes_are_those_of_sensors_and_bus() -> None:

@@ -27,9 +27,11 @@ from tools.benchmarks.discovery.real_line.hidden import (
     EFFECTS,
     OUTSIDE,
     PAIRS,
+    bent_sensor,
     faults_of,
+    late_rail,
 )
-from tools.benchmarks.plant import Bench, Event, Needle, Outcome, Shot, Surroundings, record
+from tools.benchmarks.plant import Bench, Event, Measured, Needle, Outcome, Shot, Surroundings, record
 from tools.benchmarks.plant_laws import NO_LAWS, Laws
 from tools.benchmarks.plant_parameters import Faults, Injector
 from tools.benchmarks.wave_plant import LINES, Variant, WaveLine, new_part, real_part
@@ -168,6 +170,19 @@ def test_given_and_further_recordings_share_plant_and_faults_and_nothing_else() 
     assert len({b.seed for b in given + further + healthy}) == len(given + further + healthy)
     assert not {b.events[0].rail_pressure for b in given} & {b.events[0].rail_pressure for b in further}
     assert {b.noise for b in further} == {0.0}
+
+
+def test_sensors_are_late_or_bent() -> None:
+    time = 1e-5 * np.arange(100.0)
+    ramp = 60e6 + 80e6 * time / time[-1]
+    seen = Measured(time, ramp, np.zeros(100), ramp)
+    late = late_rail(25e-6)(seen)
+    np.testing.assert_allclose(late.rail_pressure[3:], ramp[3:] - 25e-6 * 80e6 / time[-1], rtol=1e-12)
+    assert late.line_pressure is seen.line_pressure
+    bow = bent_sensor(2e6)(seen).line_pressure - ramp
+    assert (bow[0], bow[-1]) == pytest.approx((0.0, 0.0), abs=1.0)
+    assert np.min(bow) == pytest.approx(-2e6, rel=1e-3)
+    assert ramp[np.argmin(bow)] == pytest.approx(100e6, rel=0.01)
 
 
 def test_laws_of_the_plant_are_what_they_say() -> None:

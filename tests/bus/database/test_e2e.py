@@ -1,6 +1,9 @@
 """End-to-end protection against the package autosar-e2e, every way a frame can be damaged, and the state machine."""
 
 from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
 
 import e2e.p01
 import e2e.p02
@@ -51,47 +54,6 @@ def test_crc_of_the_catalogue_check_string() -> None:
     assert crc16(payload, 9, ord("8") | ord("9") << 8) == 0x29B1
 
 
-@given(st.binary(min_size=3, max_size=64), st.integers(0, 0xFFFF), st.integers(0, 255))
-def test_protect_equals_the_reference(payload: bytes, data_id: int, counter: int) -> None:
-    frame = frame_of(payload)
-    protect(frame, len(payload), protection_of(PROFILE_5, data_id), counter)
-    reference = bytearray(payload)
-    reference[2] = counter
-    e2e.p05.e2e_p05_protect(reference, data_id, length=len(payload), increment_counter=False)
-    assert frame.tobytes() == bytes(reference)
-    assert e2e.p05.e2e_p05_check(frame.tobytes(), data_id, length=len(payload))
-
-
-@given(st.binary(min_size=3, max_size=64), st.integers(0, 0xFFFF))
-def test_check_equals_the_reference(payload: bytes, data_id: int) -> None:
-    frame = frame_of(payload)
-    assert check(frame, len(payload), protection_of(PROFILE_5, data_id)) == e2e.p05.e2e_p05_check(
-        payload, data_id, length=len(payload)
-    )
-    protect(frame, len(payload), protection_of(PROFILE_5, data_id), 255)
-    assert check(frame, len(payload), protection_of(PROFILE_5, data_id))
-
-
-@given(st.binary(min_size=20, max_size=64), st.integers(0, 0xFFFFFFFF), st.integers(0, 0xFFFFFFFF))
-def test_profile_7_equals_the_reference(payload: bytes, data_id: int, counter: int) -> None:
-    frame = frame_of(payload)
-    assert check(frame, len(payload), protection_of(PROFILE_7, data_id)) == e2e.p07.e2e_p07_check(
-        payload, data_id
-    )
-    protect(frame, len(payload), protection_of(PROFILE_7, data_id), counter)
-    reference = bytearray(payload)
-    reference[12:16] = counter.to_bytes(4, "big")
-    e2e.p07.e2e_p07_protect(reference, data_id, increment_counter=False)
-    assert frame.tobytes() == bytes(reference)
-    assert check(frame, len(payload), protection_of(PROFILE_7, data_id))
-    assert frame_counter(frame, PROFILE_7) == counter
-    assert not check(frame, len(payload), protection_of(PROFILE_7, data_id ^ 1))
-    for bit in range(0, 8 * len(payload), 7):
-        frame[bit // 8] ^= 1 << (bit % 8)
-        assert not check(frame, len(payload), protection_of(PROFILE_7, data_id)), f"bit {bit}"
-        frame[bit // 8] ^= 1 << (bit % 8)
-
-
 def test_only_the_protected_length_counts() -> None:
     buffer = np.zeros(64, np.uint8)
     buffer[:48] = protected(48)
@@ -133,47 +95,23 @@ def test_frames_of_the_wrong_length_fail() -> None:
     assert not check(frame, 2, protection_of(PROFILE_5, DATA_ID))
 
 
-@pytest.mark.parametrize("last", range(256))
-def test_every_counter_boundary(last: int) -> None:
-    max_delta = 5
-    status = [classify((last + delta) % 256, last, True, max_delta, PROFILE_5) for delta in range(256)]
-    assert status[0] == E2EStatus.REPEATED
-    assert status[1] == E2EStatus.OK
-    assert status[2 : max_delta + 1] == [E2EStatus.OK_SOME_LOST] * (max_delta - 1)
-    assert status[max_delta + 1 :] == [E2EStatus.WRONG_SEQUENCE] * (255 - max_delta)
+@pytest.mark.parametrize(
+    ("profile", "modulus", "most"),
+    [(PROFILE_1, 15, 7), (PROFILE_2, 16, 8), (PROFILE_5, 256, 5), (PROFILE_5, 256, 1)],
+)
+def test_every_counter_boundary(profile: int, modulus: int, most: int) -> None:
+    """most: the largest step that is taken; with 1 no loss is tolerated."""
+    for last in range(modulus):
+        status = [classify((last + d) % modulus, last, True, most, profile) for d in range(modulus)]
+        assert status[:2] == [E2EStatus.REPEATED, E2EStatus.OK]
+        assert status[2 : most + 1] == [E2EStatus.OK_SOME_LOST] * (most - 1)
+        assert status[most + 1 :] == [E2EStatus.WRONG_SEQUENCE] * (modulus - 1 - most)
 
 
 @pytest.mark.parametrize("counter", [0, 1, 254, 255])
 def test_the_first_frame_is_initial_whatever_its_counter(counter: int) -> None:
     assert classify(counter, counter, False, 1, PROFILE_5) is E2EStatus.INITIAL
     assert classify(counter, 0, False, 1, PROFILE_5) is E2EStatus.INITIAL
-
-
-def test_with_the_smallest_step_no_loss_is_tolerated() -> None:
-    assert classify(0, 255, True, 1, PROFILE_5) == E2EStatus.OK
-    assert classify(1, 255, True, 1, PROFILE_5) == E2EStatus.WRONG_SEQUENCE
-
-
-@given(st.binary(min_size=2, max_size=8), st.integers(0, 0xFFFF), st.integers(0, 100))
-def test_profile_1_protects_as_the_reference(payload: bytes, data_id: int, number: int) -> None:
-    frame = frame_of(payload)
-    protect(frame, len(payload), protection_of(PROFILE_1, data_id), number)
-    reference = bytearray(payload)
-    reference[1] = payload[1] & 0xF0 | number % 15
-    e2e.p01.e2e_p01_protect(reference, data_id, length=len(payload), increment_counter=False)
-    assert frame.tobytes() == bytes(reference)
-    assert check(frame, len(payload), protection_of(PROFILE_1, data_id))
-    assert frame_counter(frame, PROFILE_1) == number % 15
-
-
-@given(st.binary(min_size=2, max_size=8), st.integers(0, 0xFFFF))
-def test_profile_1_checks_as_the_reference(payload: bytes, data_id: int) -> None:
-    reference = bytearray(payload)
-    for damaged in (True, False):
-        if not damaged:
-            e2e.p01.e2e_p01_protect(reference, data_id, length=len(payload), increment_counter=False)
-        expected = e2e.p01.e2e_p01_check(bytearray(reference), data_id, length=len(payload))
-        assert check(frame_of(bytes(reference)), len(payload), protection_of(PROFILE_1, data_id)) == expected
 
 
 def test_profile_1_catches_every_flipped_bit_and_every_burst_of_eight_bits_in_the_contents() -> None:
@@ -192,34 +130,90 @@ def test_profile_1_needs_two_bytes() -> None:
     assert not check(np.zeros(1, np.uint8), 2, protection_of(PROFILE_1, 0))
 
 
-@pytest.mark.parametrize("last", range(15))
-def test_every_counter_boundary_of_profile_1(last: int) -> None:
-    status = [classify((last + delta) % 15, last, True, 7, PROFILE_1) for delta in range(15)]
-    assert status[:2] == [E2EStatus.REPEATED, E2EStatus.OK]
-    assert status[2:8] == [E2EStatus.OK_SOME_LOST] * 6
-    assert status[8:] == [E2EStatus.WRONG_SEQUENCE] * 7
+Id = int | bytes
 
 
-IDS = st.binary(min_size=DATA_IDS, max_size=DATA_IDS)
+@dataclass(frozen=True)
+class Reference:
+    """A profile as the package autosar-e2e has it, for frames of so many bytes whose count comes round."""
+
+    profile: int
+    lengths: tuple[int, int]
+    modulus: int
+    ids: st.SearchStrategy[Id]
+    count: Callable[[bytearray, int], None]
+    protect: Callable[[bytearray, Any], None]
+    check: Callable[[bytes, Any], bool]
+
+    def protected(self, payload: bytes, data_id: Id, counter: int) -> bytes:
+        made = bytearray(payload)
+        self.count(made, counter)
+        self.protect(made, data_id)
+        return bytes(made)
 
 
-@given(st.binary(min_size=2, max_size=64), IDS, st.integers(0, 100))
-def test_profile_2_equals_the_reference(payload: bytes, ids: bytes, number: int) -> None:
-    frame, row = frame_of(payload), protection_of(PROFILE_2, ids)
-    assert check(frame, len(payload), row) == e2e.p02.e2e_p02_check(payload, ids)
-    protect(frame, len(payload), row, number)
-    reference = bytearray(payload)
-    reference[1] = payload[1] & 0xF0 | number % 16
-    e2e.p02.e2e_p02_protect(reference, ids, increment_counter=False)
-    assert frame.tobytes() == bytes(reference)
-    assert check(frame, len(payload), row)
-    assert frame_counter(frame, PROFILE_2) == number % 16
-    other = bytearray(ids)
-    other[number % 16] ^= 1
-    assert not check(frame, len(payload), protection_of(PROFILE_2, bytes(other)))
-    for bit in range(8 * len(payload)):
+def in_nibble(payload: bytearray, counter: int) -> None:
+    payload[1] = payload[1] & 0xF0 | counter
+
+
+REFERENCES = {
+    "1": Reference(
+        PROFILE_1,
+        (2, 8),
+        15,
+        st.integers(0, 0xFFFF),
+        in_nibble,
+        lambda made, own: e2e.p01.e2e_p01_protect(made, own, length=len(made), increment_counter=False),
+        lambda payload, own: e2e.p01.e2e_p01_check(bytearray(payload), own, length=len(payload)),
+    ),
+    "2": Reference(
+        PROFILE_2,
+        (2, 64),
+        16,
+        st.binary(min_size=DATA_IDS, max_size=DATA_IDS),
+        in_nibble,
+        lambda made, own: e2e.p02.e2e_p02_protect(made, own, increment_counter=False),
+        e2e.p02.e2e_p02_check,
+    ),
+    "5": Reference(
+        PROFILE_5,
+        (3, 64),
+        256,
+        st.integers(0, 0xFFFF),
+        lambda made, counter: made.__setitem__(2, counter),
+        lambda made, own: e2e.p05.e2e_p05_protect(made, own, length=len(made), increment_counter=False),
+        lambda payload, own: e2e.p05.e2e_p05_check(payload, own, length=len(payload)),
+    ),
+    "7": Reference(
+        PROFILE_7,
+        (20, 64),
+        1 << 32,
+        st.integers(0, 0xFFFFFFFF),
+        lambda made, counter: made.__setitem__(slice(12, 16), counter.to_bytes(4, "big")),
+        lambda made, own: e2e.p07.e2e_p07_protect(made, own, increment_counter=False),
+        e2e.p07.e2e_p07_check,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REFERENCES)
+@given(data=st.data(), number=st.integers(0, 0xFFFFFFFF))
+def test_a_profile_is_that_of_the_reference(name: str, data: st.DataObject, number: int) -> None:
+    """Whatever comes in, what goes out, and with any bit flipped on the way."""
+    it = REFERENCES[name]
+    payload = data.draw(st.binary(min_size=it.lengths[0], max_size=it.lengths[1]))
+    data_id = data.draw(it.ids)
+    frame, length, row = frame_of(payload), len(payload), protection_of(it.profile, data_id)
+    assert check(frame, length, row) == it.check(payload, data_id)
+    protect(frame, length, row, number)
+    assert frame.tobytes() == it.protected(payload, data_id, number % it.modulus)
+    assert check(frame, length, row)
+    assert frame_counter(frame, it.profile) == number % it.modulus
+    other = data_id ^ 1 if isinstance(data_id, int) else bytes(each ^ 1 for each in data_id)
+    assert not check(frame, length, protection_of(it.profile, other))
+    for bit in range(8 * length):
         frame[bit // 8] ^= 1 << (bit % 8)
-        assert check(frame, len(payload), row) == e2e.p02.e2e_p02_check(frame.tobytes(), ids), f"bit {bit}"
+        assert check(frame, length, row) == it.check(frame.tobytes(), data_id), f"bit {bit}"
         frame[bit // 8] ^= 1 << (bit % 8)
 
 
@@ -238,14 +232,6 @@ def test_the_crc_of_profile_2_is_crc_8h2f_of_the_catalogue() -> None:
     frame = frame_of(b"\0" + b"\x32" + b"345678")
     protect(frame, 8, protection_of(PROFILE_2, bytes(DATA_IDS)), 2)
     assert frame[0] == crc8h2f_of(b"2345678\0")
-
-
-@pytest.mark.parametrize("last", range(16))
-def test_every_counter_boundary_of_profile_2(last: int) -> None:
-    status = [classify((last + delta) % 16, last, True, 8, PROFILE_2) for delta in range(16)]
-    assert status[:2] == [E2EStatus.REPEATED, E2EStatus.OK]
-    assert status[2:9] == [E2EStatus.OK_SOME_LOST] * 7
-    assert status[9:] == [E2EStatus.WRONG_SEQUENCE] * 7
 
 
 GOOD = (E2EStatus.OK, E2EStatus.OK_SOME_LOST, E2EStatus.INITIAL)

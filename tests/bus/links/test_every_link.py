@@ -59,7 +59,7 @@ def test_a_frame_arrives_as_sent(
 
 @pytest.mark.parametrize("is_fd", [True, False])
 @pytest.mark.parametrize(("switched", "state"), [(True, False), (False, False), (True, True), (False, True)])
-def test_the_flags_of_an_fd_frame_arrive_as_sent(
+def test_flags_arrive_as_sent_and_python_can_understands_our_frames_as_we_its(
     connect: Connect, interface: str, channel: str, is_fd: bool, switched: bool, state: bool
 ) -> None:
     with (
@@ -69,10 +69,15 @@ def test_the_flags_of_an_fd_frame_arrive_as_sent(
     ):
         sender.send(0x100, b"\1", False, is_fd, FdFlags(switched, state))
         frame, message = receiver.receive(1.0), reference.recv(1.0)
+        reference.send(can.Message(arbitration_id=0x12345, data=b"abc", is_extended_id=True))
+        answer = receiver.receive(1.0)
     assert frame is not None
     assert message is not None
     assert (frame.bit_rate_switch, frame.error_state_indicator) == (is_fd and switched, is_fd and state)
     assert (message.bitrate_switch, message.error_state_indicator) == (is_fd and switched, is_fd and state)
+    assert (message.arbitration_id, bytes(message.data), message.is_fd) == (0x100, b"\1", is_fd)
+    assert answer is not None
+    assert (*answer[:2], answer.is_extended, answer.is_fd) == (0x12345, b"abc", True, False)
 
 
 def test_only_wanted_data_frames_are_received(connect: Connect, interface: str, channel: str) -> None:
@@ -118,3 +123,9 @@ def test_receive_waits_no_longer_than_told(connect: Connect) -> None:
         assert link.receive(0.05) is None
         assert 0.045 <= time.monotonic() - start < 2.0
         assert link.receive(0.0) is None
+
+
+@pytest.mark.parametrize(("length", "is_fd"), [(65, True), (9, False)])
+def test_too_long_a_payload_is_refused(connect: Connect, length: int, is_fd: bool) -> None:
+    with connect([]) as link, pytest.raises(ValueError, match=rf"\b{length} (bytes|but)"):
+        link.send(0x100, bytes(length), False, is_fd)

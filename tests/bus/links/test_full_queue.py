@@ -1,7 +1,6 @@
 """Sending faster than an interface carries: the kernel itself refuses frames, and none is lost or sent twice."""
 
 import errno
-import math
 import socket
 import time
 from collections import Counter
@@ -12,10 +11,6 @@ import pytest
 from observer_rt.bus.links.link import Link
 from observer_rt.bus.links.opening import open_link
 from observer_rt.foundation.errors import RunError
-from observer_rt.recording.replay.framing import TimedFrame
-from observer_rt.recording.replay.player import play
-from observer_rt.service.core.messages import OutputFrame
-from observer_rt.service.port import CAPACITY, Outbox
 from tests.interface import FRAME_BYTES, OwnInterface
 
 pytestmark = pytest.mark.vcan
@@ -110,33 +105,3 @@ def test_a_queue_that_stays_full_is_reported(own_interface: OwnInterface) -> Non
             pass
         with pytest.raises(RunError, match=r"vcan9 stayed full for 0.5 s\n.*txqueuelen 1000"):
             sender.send(0x100, payload(1), False, True)
-
-
-def test_replay_waits_and_loses_nothing(own_interface: OwnInterface, monkeypatch: pytest.MonkeyPatch) -> None:
-    refusals = note_refusals(monkeypatch)
-    sender, receiver = links(own_interface)
-    with sender, receiver:
-        statistics = play(
-            (TimedFrame(0.0, 0x100, False, True, payload(n)) for n in range(1000)), sender, math.inf
-        )
-        assert refusals["ENOBUFS"] > 0
-        assert statistics.frames == 1000
-        assert numbers(receiver) == list(range(1000))
-
-
-def test_results_wait_in_order_and_the_oldest_are_given_up(
-    own_interface: OwnInterface, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    refusals = note_refusals(monkeypatch)
-    sender, receiver = links(own_interface)
-    count = 2 * CAPACITY
-    with sender, receiver:
-        outbox = Outbox(sender)
-        outbox.post(OutputFrame(0x200, False, True, payload(n)) for n in range(count))
-        assert refusals["ENOBUFS"] > 0
-        assert len(outbox) == CAPACITY
-        outbox.drain(10.0)
-        found = numbers(receiver)
-        first = count - CAPACITY - outbox.unsent
-        assert first > 0
-        assert found == [*range(first), *range(count - CAPACITY, count)]

@@ -20,6 +20,7 @@ from observer_rt.config.bench import EXAMPLE_BENCH, PACKAGE_DATA, load_bench
 from observer_rt.config.signals import Role
 from observer_rt.foundation.errors import UserError
 from observer_rt.observer.stream.state import Reason, State
+from tests.benches import attributes, own_bench
 
 FD_DATABASE = PACKAGE_DATA / "observer_fd.dbc"
 CLASSIC_DATABASE = PACKAGE_DATA / "observer_classic.dbc"
@@ -38,16 +39,7 @@ BO_ 291 Daq: 24 Device
 BO_ 292 Guarded: 8 Device
  SG_ Index : 0|32@1+ (1,0) [0|0] "" Device
  SG_ Rail : 32|16@1+ (0.1,0) [0|0] "bar" Device
-BA_DEF_ BO_ "E2EProfile" INT 0 22;
-BA_DEF_ BO_ "E2EDataId" INT 0 65535;
-BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","ExtendedCAN","a","b","c","d","e","f","g","h","i","j","k","l","FD";
-BA_DEF_DEF_ "E2EProfile" 0;
-BA_DEF_DEF_ "E2EDataId" 0;
-BA_DEF_DEF_ "VFrameFormat" "StandardCAN";
-BA_ "VFrameFormat" BO_ 291 14;
-BA_ "E2EProfile" BO_ 292 2;
-BA_ "E2EDataId" BO_ 292 7;
-"""
+""" + attributes([291], {292: (2, 7)})
 
 
 def user_map(folder: Path, **changes: str) -> BusMap:
@@ -57,15 +49,13 @@ def user_map(folder: Path, **changes: str) -> BusMap:
         "needle_lift": 'signal = "Lift"',
         "line_pressure": 'signal = "Line"\nunit = "bar"',
     } | changes
-    text = '[[dbc]]\nfile = "user.dbc"\n[[dbc]]\nfile = "observer_fd.dbc"\n'
-    for role, lines in roles.items():
-        text += f"[signals.{role}]\n"
-        text += "" if "message" in lines else 'message = "Daq"\n'
-        text += "" if "index" in lines else 'index = "Index"\n'
-        text += lines + "\n"
-    (folder / "user.dbc").write_text(USER_DBC)
-    (folder / "bench.toml").write_text(text)
-    return map_bus(load_bench(folder / "bench.toml"))
+    signals = {
+        role: ("" if "message" in lines else 'message = "Daq"\n')
+        + ("" if "index" in lines else 'index = "Index"\n')
+        + lines
+        for role, lines in roles.items()
+    }
+    return map_bus(load_bench(own_bench(folder, USER_DBC, signals)))
 
 
 def refusal(folder: Path, **changes: str) -> UserError:
@@ -116,17 +106,8 @@ def test_number_of_an_extended_frame_is_another() -> None:
 @pytest.mark.parametrize(
     ("changes", "place", "problem", "remedy"),
     [
-        ({"rail_pressure": 'message = "Dag"\nsignal = "Rail"'}, "rail_pressure.message", "Dag", "Daq"),
-        ({"rail_pressure": 'signal = "Rial"'}, "rail_pressure", "Rial", "Rail"),
         ({"line_pressure": 'signal = "Line"'}, "line_pressure", "torr", "bar"),
         ({"line_pressure": 'signal = "Bare"'}, "line_pressure", "no unit", 'unit = "..."'),
-        ({"line_pressure": 'signal = "Lift"'}, "line_pressure", "the same signals", "of each"),
-        (
-            {"rail_pressure": 'signals = ["Rail", "Rail2"]'},
-            "needle_lift",
-            "has 1 samples a frame, other signals of Daq have 2",
-            "as many samples",
-        ),
         ({"line_pressure": 'signal = "Line"\nindex = "Second"'}, "line_pressure.index", "Daq", "the same"),
         (
             {
@@ -179,21 +160,6 @@ def test_a_message_too_short_for_its_protection(tmp_path: Path) -> None:
     path.write_text(text + attributes)
     with pytest.raises(UserError, match="has 2 bytes, which E2E profile 5"):
         output_message(find_message(load_database(path), "Short"), ["State"])
-
-
-@pytest.mark.parametrize(
-    ("key", "name"),
-    [("injection_rate", "InjectonRate"), ("injection_summary", "Summary"), ("status", "ObserverStat")],
-)
-def test_output_message_that_is_not_there(tmp_path: Path, key: str, name: str) -> None:
-    path = tmp_path / "bench.toml"
-    lines = EXAMPLE_BENCH.read_text().splitlines()
-    path.write_text("\n".join(f'{key} = "{name}"' if line.startswith(f"{key} =") else line for line in lines))
-    with pytest.raises(UserError) as refused:
-        map_bus(load_bench(path))
-    assert refused.value.place == f"{path}: outputs.{key}"
-    assert name in refused.value.problem
-    assert refused.value.remedy
 
 
 @pytest.mark.parametrize("message", ["InjectionSummary", "ObserverStatus"])
@@ -281,17 +247,6 @@ def test_results_under_other_identifiers(tmp_path: Path) -> None:
             layout.length,
             layout.e2e_data_id,
         )
-
-
-def test_an_output_that_will_not_do_names_the_bench_file(tmp_path: Path) -> None:
-    text = EXAMPLE_BENCH.read_text().replace(
-        'injection_rate = "InjectionRate"', 'injection_rate = "SampleBlock"'
-    )
-    (tmp_path / "bench.toml").write_text(text)
-    with pytest.raises(
-        UserError, match=r"bench\.toml: outputs\.injection_rate: message SampleBlock has no signal"
-    ):
-        map_bus(load_bench(tmp_path / "bench.toml"))
 
 
 @pytest.mark.parametrize(

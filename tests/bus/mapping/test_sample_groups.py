@@ -7,6 +7,7 @@ import pytest
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.foundation.errors import UserError
+from tests.benches import attributes, own_bench
 
 RAILS = "\n".join(
     f' SG_ Rail{k} m{group} : {bit}|8@1+ (1,0) [0|0] "MPa" Daq'
@@ -26,22 +27,18 @@ BO_ 292 Rest: 24 Daq
  SG_ Index : 0|32@1+ (1,0) [0|0] "" Daq
 {LIFTS}
 {LINES}
-BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","ExtendedCAN","a","b","c","d","e","f","g","h","i","j","k","l","FD";
-BA_DEF_DEF_ "VFrameFormat" "StandardCAN";
-BA_ "VFrameFormat" BO_ 291 14;
-BA_ "VFrameFormat" BO_ 292 14;
-"""
+{attributes([291, 292])}"""
 
 
 def bus_with(folder: Path, rail: str, index: str = "Index") -> BusMap:
     """Rail pressure from the message whose samples take turns, lift and line pressure in blocks."""
-    (folder / "user.dbc").write_text(DATABASE)
-    text = '[[dbc]]\nfile = "user.dbc"\n[[dbc]]\nfile = "observer_fd.dbc"\n'
-    text += f'[signals.rail_pressure]\nmessage = "Turns"\nindex = "{index}"\n{rail}\n'
-    for role, name in (("needle_lift", "Lift"), ("line_pressure", "Line")):
-        text += f'[signals.{role}]\nmessage = "Rest"\nindex = "Index"\npattern = "{name}{{}}"\n'
-    (folder / "bench.toml").write_text(text)
-    return map_bus(load_bench(folder / "bench.toml"))
+    rest = 'message = "Rest"\nindex = "Index"\npattern = "{}{{}}"'
+    signals = {
+        "rail_pressure": f'message = "Turns"\nindex = "{index}"\n{rail}',
+        "needle_lift": rest.format("Lift"),
+        "line_pressure": rest.format("Line"),
+    }
+    return map_bus(load_bench(own_bench(folder, DATABASE, signals)))
 
 
 def refusal(folder: Path, rail: str, index: str = "Index") -> UserError:

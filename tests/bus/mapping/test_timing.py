@@ -75,7 +75,6 @@ def test_slower_signal_is_held_for_two_and_a_half_frames_unless_stated(tmp_path:
         ("counter", '"Rail"', "", "unsigned"),
         ("rate_hz", 3e3, "", "whole fraction"),
         ("rate_hz", 40e3, "", "whole fraction"),
-        ("max_hold_ms", 4, "", "slower"),
         ("max_hold_ms", 0.5, "rate_hz = 1e3\n", "shorter"),
         ("max_hold_ms", 500, "rate_hz = 1e3\n", "wait"),
         ("rate_hz", 10, "", "wait"),
@@ -87,23 +86,6 @@ def test_refusals_of_the_rail_pressure(
     error = refused(tmp_path, f'message = "Rail"\n{further}{key} = {value}')
     assert error.place.endswith(f"signals.rail_pressure.{key}")
     assert problem in error.problem
-
-
-def test_a_counter_beside_an_index(tmp_path: Path) -> None:
-    error = refused(tmp_path, 'message = "RailSlow"\nindex = "SampleIndex"\ncounter = "Rail"')
-    assert error.place.endswith("signals.rail_pressure.counter")
-    assert "index" in error.problem
-
-
-def test_line_pressure_and_lift_cannot_be_slower(tmp_path: Path) -> None:
-    slow = LINE_LIFT + "\nrate_hz = 1e3"
-    assert "lift" in refused(tmp_path, 'message = "Rail"', slow, slow).remedy
-
-
-def test_signals_of_one_message_agree(tmp_path: Path) -> None:
-    error = refused(tmp_path, 'message = "Rail"', LINE_LIFT, LINE_LIFT + '\ntime_base = "other"')
-    assert error.place.endswith("time_base")
-    assert "LineLift" in error.problem
 
 
 @pytest.mark.parametrize(

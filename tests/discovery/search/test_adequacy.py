@@ -13,7 +13,9 @@ from observer_rt.discovery.search.adequacy import (
 )
 from observer_rt.estimation.phases import Phase, phase_statistics
 from observer_rt.evidence.likelihood import Pool, Signal
-from observer_rt.model.baseline import Baseline, HealthyRemainder, HealthyShape
+from observer_rt.model.baseline import HealthyRemainder, HealthyShape
+from tests.baselines import WHITE
+from tests.baselines import baseline as fitted
 
 N = 5000
 
@@ -29,7 +31,7 @@ def _pool(scale: float = 1.0, shift: float = 0.0, phase: Phase = Phase.OPEN) -> 
 
 def _remainder(variance: float) -> HealthyRemainder:
     """Of a healthy injector whose open phase leaves this much."""
-    left = dict.fromkeys(("standstill", "opening", "open", "closing", "after"), 1.0) | {"open": variance}
+    left = WHITE | {"open": variance}
     nothing = dict.fromkeys(HealthyShape.model_fields, ())
     return HealthyRemainder.model_validate({"variance": left, "colour": left, "shape": nothing})
 
@@ -78,22 +80,8 @@ def test_no_baseline_is_trusted_and_knows_nothing() -> None:
 @pytest.mark.parametrize("adequate", [True, False])
 @pytest.mark.parametrize("comparable", [True, False])
 def test_a_fitted_file_is_a_baseline(adequate: bool, comparable: bool) -> None:
-    left = dict.fromkeys(("standstill", "opening", "open", "closing", "after"), 1.0)
-    of_file = Baseline.model_validate(
-        {
-            "adequate": adequate,
-            "level": "file",
-            "mass_share": 0.002,
-            "sample_rate_Hz": 1e5,
-            "injections": 36,
-            "rail_pressure_MPa": (60.0, 140.0),
-            "variance": left | {"after": 1.96},
-            "chi2": left,
-            "colour": left | {"after": 1.96},
-            "noise": {"rail_pressure_MPa": 0.1, "line_pressure_MPa": 0.15, "needle_lift_um": 0.4},
-            "healthy": _remainder(1.96),
-        }
-    )
+    left = WHITE | {"after": 1.96}
+    of_file = fitted(adequate=adequate, variance=left, colour=left, healthy=_remainder(1.96))
     baseline = baseline_of_fit(of_file, comparable)
     explained, other = (Phase.OPEN, Phase.AFTER) if comparable else (Phase.AFTER, Phase.OPEN)
     assert baseline.trusted is (adequate and comparable)
@@ -102,18 +90,4 @@ def test_a_fitted_file_is_a_baseline(adequate: bool, comparable: bool) -> None:
 
 
 def test_a_file_fitted_before_the_healthy_injector_was_kept_is_not_trusted() -> None:
-    of_file = Baseline.model_validate(
-        {
-            "adequate": True,
-            "level": "file",
-            "mass_share": 0.002,
-            "sample_rate_Hz": 1e5,
-            "injections": 36,
-            "rail_pressure_MPa": (60.0, 140.0),
-            "variance": {},
-            "chi2": {},
-            "colour": {},
-            "noise": {"rail_pressure_MPa": 0.1, "line_pressure_MPa": 0.15, "needle_lift_um": 0.4},
-        }
-    )
-    assert not baseline_of_fit(of_file, comparable=True).trusted
+    assert not baseline_of_fit(fitted(), comparable=True).trusted

@@ -6,31 +6,20 @@ import numpy as np
 import pytest
 
 from observer_rt.estimation.phases import BLOCKS, PHASES, Phase, PhaseStatistics
-from observer_rt.model.baseline import Baseline
 from observer_rt.observer.learning.adequacy import Objection, inadequate_phase, objections
 from observer_rt.observer.learning.indicators import NOT_FITTED, healthy_of
 from observer_rt.observer.stream.state import Reason
+from tests.baselines import WHITE, baseline
 
 COUNT = 4000.0  # samples of a phase
 COLOUR = 3.0  # of the opening, which the fitted model does not explain
 
 
-def baseline(adequate: bool = True) -> Baseline:
-    white = dict.fromkeys(("standstill", "opening", "open", "closing", "after"), 1.0)
-    return Baseline.model_validate(
-        {
-            "adequate": adequate,
-            "level": "file",
-            "mass_share": 0.002,
-            "sample_rate_Hz": 1e5,
-            "injections": 36,
-            "rail_pressure_MPa": (60.0, 140.0),
-            "variance": white,
-            "chi2": white | {"opening": COLOUR, "standstill": 0.5},
-            "colour": white | {"opening": COLOUR},
-            "noise": {"rail_pressure_MPa": 0.1, "line_pressure_MPa": 0.15, "needle_lift_um": 0.4},
-        }
-    )
+FITTED = {
+    "variance": WHITE,
+    "chi2": WHITE | {"opening": COLOUR, "standstill": 0.5},
+    "colour": WHITE | {"opening": COLOUR},
+}
 
 
 def statistics(opening: float, standstill: float = 1.0) -> PhaseStatistics:
@@ -43,14 +32,14 @@ def statistics(opening: float, standstill: float = 1.0) -> PhaseStatistics:
 
 
 def test_what_the_fit_left_is_not_held_against_an_event() -> None:
-    healthy = healthy_of(baseline(), 1e5)
+    healthy = healthy_of(baseline(**FITTED), 1e5)
     assert inadequate_phase(statistics(COLOUR)) is Phase.OPENING
     assert inadequate_phase(healthy.relative(statistics(COLOUR))) is None
     assert inadequate_phase(healthy.relative(statistics(2.0 * COLOUR))) is Phase.OPENING
 
 
 def test_samples_that_scatter_at_an_edge_are_not_held_against_a_fitted_model() -> None:
-    healthy = healthy_of(baseline(), 1e5)
+    healthy = healthy_of(baseline(**FITTED), 1e5)
     white = statistics(1.0)
     for phase, variance, refused in ((Phase.CLOSING, 1.5, False), (Phase.OPEN, 2.5, True)):
         scattered = replace(white, squares=white.squares.copy())
@@ -60,13 +49,13 @@ def test_samples_that_scatter_at_an_edge_are_not_held_against_a_fitted_model() -
 
 
 def test_a_phase_quieter_than_noise_does_not_make_others_loud() -> None:
-    healthy = healthy_of(baseline(), 1e5)
+    healthy = healthy_of(baseline(**FITTED), 1e5)
     assert inadequate_phase(healthy.relative(statistics(COLOUR, standstill=1.0))) is None
 
 
 @pytest.mark.parametrize("rate", [2e4, 9.5e4])
 def test_figures_of_another_sample_rate_are_not_compared(rate: float) -> None:
-    healthy = healthy_of(baseline(), rate)
+    healthy = healthy_of(baseline(**FITTED), rate)
     assert healthy.mass_share == 0.002
     assert inadequate_phase(healthy.relative(statistics(COLOUR))) is Phase.OPENING
 
@@ -74,6 +63,8 @@ def test_figures_of_another_sample_rate_are_not_compared(rate: float) -> None:
 def test_a_model_that_fits_nobody() -> None:
     white = statistics(1.0)
     refused = [Objection(Reason.MODEL_INADEQUATE, None)]
-    assert objections(white, 0.0, 0.0, healthy_of(baseline(adequate=False), 1e5)) == refused
-    assert objections(white, 0.0, 0.0, healthy_of(baseline(adequate=False), 1e5, trusted=True)) == []
+    assert objections(white, 0.0, 0.0, healthy_of(baseline(**FITTED, adequate=False), 1e5)) == refused
+    assert (
+        objections(white, 0.0, 0.0, healthy_of(baseline(**FITTED, adequate=False), 1e5, trusted=True)) == []
+    )
     assert objections(white, 0.0, 0.0, NOT_FITTED) == []

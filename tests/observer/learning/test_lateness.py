@@ -37,10 +37,10 @@ EVENTS = 12
 
 
 @cache
-def reasons(effect: SizedEffect, noise: SimulatedNoise = NOISE) -> tuple[Reason, ...]:
+def reasons(*effects: SizedEffect, noise: SimulatedNoise = NOISE) -> tuple[Reason, ...]:
     """Why each of twelve injections at three pressures and two durations is not valid."""
     schedule = make_schedule([60e6, 100e6, 140e6], EVENTS, 0.05, [0.8e-3, 1.9e-3])
-    recording = simulate(NOMINAL, schedule, 100e3, (effect,), noise, seed=5).recording
+    recording = simulate(NOMINAL, schedule, 100e3, effects, noise, seed=5).recording
     reports = evaluate(load_bench(), [recording]).evaluations[0].reports
     return tuple(report.reason for report in reports)
 
@@ -114,11 +114,11 @@ def test_a_lag_widens_nothing() -> None:
 
 def test_an_unstated_filter_of_the_line_is_no_reason_to_refuse() -> None:
     """12 us late, which quiet sensors tell from a lag, move the rate by a third of a percent of its peak."""
-    assert reasons(SHORT, QUIET)[3:] == (Reason.NONE,) * (EVENTS - 3)
+    assert reasons(SHORT, noise=QUIET)[3:] == (Reason.NONE,) * (EVENTS - 3)
 
 
 def test_a_channel_recorded_late_is_not_believed_with_quiet_sensors() -> None:
-    assert Reason.NONE not in reasons(LATE, QUIET)[-4:]
+    assert Reason.NONE not in reasons(LATE, noise=QUIET)[-4:]
 
 
 def test_a_sensor_that_becomes_slower_all_at_once_is_at_fault_until_it_is_as_before() -> None:

@@ -1,39 +1,25 @@
 """A needle lift recorded late is named as that, another wrong model is not."""
 
-from functools import cache
 from itertools import count
 
 import numpy as np
 import pytest
 
-from observer_rt.config.bench import load_bench
 from observer_rt.estimation.prediction_error import EventCost
 from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.scalars import SCALARS
-from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import sized
 from observer_rt.observer.learning.lateness import LiftLag, LiftLagSearch, lift_lag_of
 from observer_rt.observer.stream.state import Reason
-from observer_rt.simulation.schedule import make_schedule
-from observer_rt.simulation.simulate import SimulatedNoise, simulate
 from tests.estimation.conftest import event_inputs, make_case, simulated_event, worn_theta
+from tests.observer.learning.test_lateness import EVENTS, reasons
 from tests.observer.sample_stream import NOMINAL
 
-EVENTS = 12
 EXPLAINED = LiftLag(16e-6, without=300.0, left=10.0, samples=1200)
 OF_ANOTHER_CAUSE = LiftLag(16e-6, without=300.0, left=200.0, samples=1200)
 SMALL = LiftLag(16e-6, without=12.0, left=0.0, samples=1200)
 STILL_WRONG = LiftLag(60e-6, without=9000.0, left=2000.0, samples=1200)
-
-
-@cache
-def reasons(*effects: SizedEffect) -> tuple[Reason, ...]:
-    """Why each of twelve injections at three pressures and two durations is not valid."""
-    schedule = make_schedule([60e6, 100e6, 140e6], EVENTS, 0.05, [0.8e-3, 1.9e-3])
-    recording = simulate(NOMINAL, schedule, 100e3, effects, SimulatedNoise(), seed=5).recording
-    reports = evaluate(load_bench(), [recording]).evaluations[0].reports
-    return tuple(report.reason for report in reports)
 
 
 @pytest.mark.parametrize("wear", [0.0, 0.25])
@@ -43,14 +29,9 @@ def test_a_slow_lift_sensor_is_named(lag: float, wear: float) -> None:
     assert found[4:] == (Reason.LIFT_SENSOR_LAG,) * (EVENTS - 4)
 
 
-def test_a_line_pressure_that_is_late_is_none() -> None:
-    found = reasons(sized("channel_skew", d=50e-6))
-    assert Reason.NONE not in found[4:]
-    assert Reason.LIFT_SENSOR_LAG not in found
-
-
-def test_another_seat_is_none() -> None:
-    found = reasons(sized("seat_outflow"))
+@pytest.mark.parametrize("other", [sized("channel_skew", d=50e-6), sized("seat_outflow")])
+def test_a_late_line_pressure_or_another_seat_is_none(other: SizedEffect) -> None:
+    found = reasons(other)
     assert Reason.NONE not in found[4:]
     assert Reason.LIFT_SENSOR_LAG not in found
 

@@ -14,6 +14,7 @@ from observer_rt.model.right_hand_side import right_hand_side
 from observer_rt.observer.paper_scheme.network import fault_cost, free_network, no_fault, scaled_identity
 from observer_rt.observer.paper_scheme.systems import swept
 from observer_rt.observer.paper_scheme.training import network_of
+from tests.differences import differences
 from tests.observer.paper_scheme.conftest import GAIN, SAMPLE_RATE, Injection
 
 Vector = NDArray[np.float64]
@@ -120,10 +121,7 @@ def test_gradient_orders_w_by_rows(worn: Injection) -> None:
         rows = [-(error[:, i] @ sigma) for i in range(3)]
         return np.concatenate([hidden.ravel(), *rows, -error.sum(axis=0)])
 
-    step = 1e-6
-    by_rows = np.array(
-        [(cost.value(p + step * e) - cost.value(p - step * e)) / (2 * step) for e in np.eye(48)]
-    )
+    by_rows = differences(cost.value, p, 1e-6)
     by_columns = by_rows.copy()  # as (12) arranges p
     by_columns[30:45] = by_rows[30:45].reshape(3, 5).T.ravel()
     np.testing.assert_allclose(printed_13(p), by_rows, atol=1e-6)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.observer.sample_stream import NOISE, RAIL, Stream, stroke
+from tests.observer.sample_stream import NOISE, Stream, beside_rest, opened
 
 UM = 1e-6
 LENGTH = 30_000  # samples at 100 kHz
@@ -15,16 +15,13 @@ GOES = 1500  # samples in which a creep does
 
 def run(after_closing: NDArray[np.float64]) -> Stream:
     """Openings of 150 samples; added lift [m] of the samples from the end of each on."""
-    random = np.random.default_rng(11)
-    lift = np.zeros(LENGTH)
+    lift = opened(OPENINGS, LENGTH, OPEN_FOR) + np.random.default_rng(11).normal(
+        0.0, NOISE.needle_lift, LENGTH
+    )
     for start in OPENINGS:
         end = start + OPEN_FOR
-        lift[start:end] += stroke(OPEN_FOR)
         lift[end : end + after_closing.size] += after_closing
-    rail = RAIL + random.normal(0.0, NOISE.rail_pressure, LENGTH)
-    line = RAIL + random.normal(0.0, NOISE.line_pressure, LENGTH)
-    lift += random.normal(0.0, NOISE.needle_lift, LENGTH)
-    return Stream(events_required=0).feed(rail, lift, line)
+    return beside_rest(lift)
 
 
 def open_samples(stream: Stream) -> float:

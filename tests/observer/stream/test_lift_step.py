@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.observer.sample_stream import NOISE, RAIL, Stream, stroke
+from tests.observer.sample_stream import NOISE, Stream, beside_rest, opened
 
 UM = 1e-6
 LENGTH = 45_000  # samples at 100 kHz
@@ -14,25 +14,13 @@ STEP_AT = 19_300  # 2 ms before an opening
 LATE = 10  # openings from the start, from which on all is settled
 
 
-def still() -> NDArray[np.float64]:
-    """Lift without noise."""
-    lift = np.zeros(LENGTH)
-    for start in OPENINGS:
-        lift[start : start + OPEN_FOR] += stroke(OPEN_FOR)
-    return lift
-
-
 def run(
     disturbance: NDArray[np.float64], noise: float = NOISE.needle_lift, is_contradicted: bool = False
 ) -> Stream:
     """is_contradicted: by a line pressure that never falls."""
-    random = np.random.default_rng(9)
-    rail = RAIL + random.normal(0.0, NOISE.rail_pressure, LENGTH)
-    line = RAIL + random.normal(0.0, NOISE.line_pressure, LENGTH)
-    lift = still() + disturbance + random.normal(0.0, noise, LENGTH)
-    stream = Stream(events_required=0)
-    stream.observer.memory["innovation_weight"] = 1e6 if is_contradicted else 0.0
-    return stream.feed(rail, lift, line)
+    lift = opened(OPENINGS, LENGTH, OPEN_FOR) + disturbance
+    lift += np.random.default_rng(4).normal(0.0, noise, LENGTH)
+    return beside_rest(lift, innovation_weight=1e6 if is_contradicted else 0.0)
 
 
 def durations(stream: Stream) -> NDArray[np.int64]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from observer_rt.observer.stream.state import MAX_EVENT, Reason, State
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import SimulatedNoise, Simulation, simulate
-from tests.observer.sample_stream import NOISE, NOMINAL, RAIL, Stream, stroke
+from tests.observer.sample_stream import NOISE, NOMINAL, RAIL, Stream, beside_rest, opened
 
 MS = 100  # samples at 100 kHz
 UM = 1e-6
@@ -19,17 +19,7 @@ OPENINGS = range(1000, 40_000, 3000)
 def lift_of(
     openings: range, length: int, noise: float = NOISE.needle_lift, seed: int = 4
 ) -> NDArray[np.float64]:
-    lift = np.random.default_rng(seed).normal(0.0, noise, length)
-    for start in openings:
-        lift[start : start + 110] += stroke(110)
-    return lift
-
-
-def run(lift: NDArray[np.float64]) -> Stream:
-    random = np.random.default_rng(9)
-    rail = RAIL + random.normal(0.0, NOISE.rail_pressure, lift.size)
-    line = RAIL + random.normal(0.0, NOISE.line_pressure, lift.size)
-    return Stream(events_required=0).feed(rail, lift, line)
+    return opened(openings, length) + np.random.default_rng(seed).normal(0.0, noise, length)
 
 
 TIME = np.arange(45_000) / 100e3
@@ -45,13 +35,13 @@ DRIFTS = {
 @pytest.mark.parametrize("drift", DRIFTS.values(), ids=DRIFTS.keys())
 def test_zero_is_followed(drift: NDArray[np.float64]) -> None:
     still = lift_of(OPENINGS, TIME.size)
-    stream = run(still + drift)
+    stream = beside_rest(still + drift)
     assert len(stream.injections) == len(OPENINGS)
     rows = stream.rows
     assert rows["valid"][1000:].all()
-    plain = run(still).rows["seat_area"]
-    opened = plain > 0.1
-    errors = rows["seat_area"][opened] / plain[opened] - 1.0
+    plain = beside_rest(still).rows["seat_area"]
+    is_open = plain > 0.1
+    errors = rows["seat_area"][is_open] / plain[is_open] - 1.0
     assert np.abs(errors).max() < 0.02
     assert np.abs(errors.mean()) < 0.003
 
@@ -61,7 +51,7 @@ def test_zero_does_not_follow_an_open_needle() -> None:
     lift = lift_of(range(1000, 1001), 3000 + 2 * MAX_EVENT)
     lift[1110:] += 8 * UM
     lift[1090:1110] = np.maximum(lift[1090:1110], 8 * UM)
-    rows = run(lift).rows
+    rows = beside_rest(lift).rows
     assert (rows["seat_area"][1100:] > 0.0).all()
     stuck = np.flatnonzero(rows["reason"] == Reason.NEEDLE_STUCK)
     assert stuck[0] == pytest.approx(1000 + MAX_EVENT, abs=5)
@@ -70,7 +60,7 @@ def test_zero_does_not_follow_an_open_needle() -> None:
 
 @pytest.mark.parametrize("lift", [20 * UM, 300 * UM])
 def test_needle_open_from_the_start_is_no_zero(lift: float) -> None:
-    rows = run(np.full(2 * MAX_EVENT, lift)).rows
+    rows = beside_rest(np.full(2 * MAX_EVENT, lift)).rows
     assert (rows["reason"][MAX_EVENT + 10 :] == Reason.NEEDLE_STUCK).all()
     assert np.isnan(rows["injection_rate"]).all()
 
@@ -79,7 +69,7 @@ def test_lift_that_moves_at_the_start_is_no_zero() -> None:
     """A closing at the very beginning, at lifts that a zero might have."""
     lift = lift_of(range(0), 3000)
     lift[:120] += np.linspace(14 * UM, 0.0, 120)
-    stream = run(lift)
+    stream = beside_rest(lift)
     assert abs(float(stream.observer.memory["zero"][0])) < 0.5 * UM
     assert np.isnan(stream.rows["injection_rate"][: 3 * MS]).all()
 
@@ -91,11 +81,7 @@ def stepped(fall: float) -> Stream:
     """A lift that steps by 25 um between two openings and stays there; the line pressure falls [Pa] as it does."""
     lift = lift_of(OPENINGS, TIME.size)
     lift[STEP_AT:] += 25 * UM
-    random = np.random.default_rng(9)
-    rail = RAIL + random.normal(0.0, NOISE.rail_pressure, lift.size)
-    line = RAIL + random.normal(0.0, NOISE.line_pressure, lift.size)
-    line[STEP_AT:] -= fall
-    return Stream(events_required=0).feed(rail, lift, line)
+    return beside_rest(lift, fall, STEP_AT)
 
 
 def test_lift_that_steps_in_a_line_at_rest_is_of_a_shut_needle() -> None:
@@ -104,9 +90,9 @@ def test_lift_that_steps_in_a_line_at_rest_is_of_a_shut_needle() -> None:
     assert [i["opening_index"] for i in stream.injections] == pytest.approx(list(OPENINGS), abs=20)
     rows = stream.rows
     assert not (rows["reason"] == Reason.NEEDLE_STUCK).any()
-    opened = rows["seat_area"][STEP_AT + 4 * MS :] > 0.1
-    plain = run(lift_of(OPENINGS, TIME.size)).rows["seat_area"][STEP_AT + 4 * MS :] > 0.1
-    assert np.mean(opened != plain) < 0.002
+    is_open = rows["seat_area"][STEP_AT + 4 * MS :] > 0.1
+    plain = beside_rest(lift_of(OPENINGS, TIME.size)).rows["seat_area"][STEP_AT + 4 * MS :] > 0.1
+    assert np.mean(is_open != plain) < 0.002
 
 
 def test_needle_that_opens_a_little_and_stays_is_open() -> None:
@@ -117,7 +103,7 @@ def test_needle_that_opens_a_little_and_stays_is_open() -> None:
 
 def test_zero_that_leaves_its_limit_makes_nothing_valid() -> None:
     drift = 60 * UM * np.clip((TIME - 0.05) / 0.1, 0.0, 1.0) * (TIME < 0.3)
-    rows = run(lift_of(range(0), TIME.size) - drift).rows
+    rows = beside_rest(lift_of(range(0), TIME.size) - drift).rows
     beyond = rows[int(0.14e5) : int(0.29e5)]
     assert (beyond["reason"] == Reason.LIFT_ZERO).all()
     assert (beyond["state"] == State.DEGRADED).all()
@@ -127,7 +113,7 @@ def test_zero_that_leaves_its_limit_makes_nothing_valid() -> None:
 @pytest.mark.parametrize("factor", [1.0, 3.0, 6.0])
 def test_noise_beyond_the_stated_opens_nothing(factor: float) -> None:
     """The dead band is that of the noise there is, a few milliseconds after the start."""
-    stream = run(lift_of(OPENINGS, 45_000, factor * NOISE.needle_lift))
+    stream = beside_rest(lift_of(OPENINGS, 45_000, factor * NOISE.needle_lift))
     assert len(stream.injections) == len(OPENINGS)
     band = max(5 * factor * NOISE.needle_lift, 2 * UM)
     assert float(stream.observer.memory["lift_on"][0]) == pytest.approx(band, rel=0.1)
@@ -139,7 +125,7 @@ def test_band_follows_noise_that_grows() -> None:
     noise = np.zeros(100_000)
     for k in range(1, noise.size):
         noise[k] = 0.7 * noise[k - 1] + random.normal(0.0, 0.3 * UM * (1.0 + 4.0 * k / noise.size))
-    stream = run(noise)
+    stream = beside_rest(noise)
     assert stream.count("injections_begun") == 0
     assert float(stream.observer.memory["lift_on"][0]) > 5 * np.std(noise[-20_000:]) * 0.8
 

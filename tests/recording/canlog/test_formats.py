@@ -210,19 +210,3 @@ def test_how_much_was_read_is_known_while_reading(tmp_path: Path, suffix: str) -
     assert shares == sorted(shares)
     assert 0.0 < shares[0] <= shares[-1] <= 1.0
     assert shares[-1] > 0.9
-
-
-@pytest.mark.parametrize("suffix", STREAMED)
-def test_a_changed_byte_is_no_crash(tmp_path: Path, suffix: str) -> None:
-    path = tmp_path / f"bus{suffix}"
-    write_log(path, mixture(suffix, 30))
-    data = path.read_bytes()
-
-    @settings(deadline=None)
-    @given(st.integers(0, len(data) - 1), st.integers(0, 255))
-    def check(place: int, byte: int) -> None:
-        path.write_bytes(data[:place] + bytes([byte]) + data[place + 1 :])
-        with contextlib.suppress(UserError):
-            list(open_log(path))
-
-    check()

@@ -11,7 +11,7 @@ from observer_rt.bus.mapping.bus_map import BusMap, map_bus
 from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
 from observer_rt.recording.replay.framing import Framer, Span, whole, windows
 from observer_rt.recording.signals.recording import Recording
-from tests.recording.replay.decoded import DATABASE, SIGNALS, decoded
+from tests.recording.replay.decoded import SIGNALS, decoded
 
 RATE = 100e3
 SAMPLE_BLOCK, RAIL_BLOCK, LIFT_BLOCK, LINE_BLOCK = 0x100, 0x110, 0x111, 0x112
@@ -54,26 +54,6 @@ def bench_with_three_messages(folder: Path) -> Path:
     return path
 
 
-def test_frames_hold_what_was_recorded(bus: BusMap) -> None:
-    recording = recording_of(900)
-    frames = list(Framer(bus).frames(recording, whole(recording)))
-    assert len(frames) == 100
-    values = decoded(frames)
-    for column in range(3):
-        assert list(values[column]) == list(range(900))
-        error = np.abs(np.array(list(values[column].values())) - columns(recording)[:, column])
-        assert error.max() <= HALF_STEP[column]
-
-
-def test_a_frame_is_sent_with_its_last_sample(bus: BusMap) -> None:
-    recording = recording_of(900)
-    frames = list(Framer(bus).frames(recording, whole(recording)))
-    assert [frame.time for frame in frames] == pytest.approx([(9 * n + 8) / RATE for n in range(100)])
-    assert {(frame.frame_id, frame.is_extended, frame.is_fd) for frame in frames} == {
-        (SAMPLE_BLOCK, False, True)
-    }
-
-
 def test_frames_are_protected_and_counted(bus: BusMap) -> None:
     recording = recording_of(9 * 300)
     frames = list(Framer(bus).frames(recording, whole(recording)))
@@ -98,14 +78,6 @@ def test_values_beyond_the_bus_are_clamped_and_never_read_as_not_available(bus: 
     recording = recording_of(9, np.full(9, 1.0))
     values = decoded(list(Framer(bus).frames(recording, whole(recording))))
     assert list(values[1].values()) == pytest.approx([605.33e-6] * 9)
-
-
-def test_index_and_counter_go_on_from_recording_to_recording(bus: BusMap) -> None:
-    framer, recording = Framer(bus), recording_of(18)
-    frames = [frame for _ in range(2) for frame in framer.frames(recording, whole(recording))]
-    headers = [DATABASE.decode_message(frame.frame_id, frame.payload, scaling=False) for frame in frames]
-    assert [header["SampleIndex"] for header in headers] == [0, 9, 18, 27]
-    assert [header["Counter"] for header in headers] == [0, 1, 2, 3]
 
 
 def test_messages_of_their_own_come_in_order_of_time(three_messages: BusMap) -> None:

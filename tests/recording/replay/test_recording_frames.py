@@ -58,12 +58,17 @@ def rail_of(recording: Recording) -> list[float]:
 
 
 def test_a_long_recording_is_sent_as_if_encoded_at_once(bus: BusMap) -> None:
-    recording = recording_of(5003)
+    """Each frame with its last sample."""
+    recording = recording_of(5003, open_at=(100,))
     frames = list(part_of(recording, bus, False).frames())
     assert len(frames) == 556 == part_of(recording, bus, False).extent.frames
-    values = rail_by_index(frames)
-    assert list(values) == list(range(5003))
-    assert list(values.values()) == pytest.approx(rail_of(recording), abs=0.0026)
+    assert {(frame.frame_id, frame.is_extended, frame.is_fd) for frame in frames} == {(0x100, False, True)}
+    signals = recording.rail_pressure, recording.needle_lift, recording.line_pressure
+    for values, sent, half_a_step in zip(
+        decoded(frames).values(), signals, (2501.0, 5.01e-9, 2501.0), strict=True
+    ):
+        assert list(values) == list(range(5004))
+        assert list(values.values())[:5003] == pytest.approx(sent.tolist(), abs=half_a_step)
     assert [frame.payload[2] for frame in frames] == [n & 0xFF for n in range(556)]
     assert [frame.time for frame in frames] == pytest.approx([(9 * n + 8) / RATE for n in range(556)])
 

@@ -11,7 +11,17 @@ from hypothesis import strategies as st
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.formats import open_recording, read_recording, write_recording
-from tests.recording.signals.foreign import RATE, bench, damaged, read, signals, tells, write
+from tests.recording.signals.foreign import (
+    COLUMNS,
+    PLACES,
+    RATE,
+    bench,
+    damaged,
+    read,
+    signals,
+    tells,
+    write,
+)
 
 reuse_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 NAMES = ("t", "p_Rail", "lift", "p_Line")
@@ -174,12 +184,14 @@ def test_our_own_layout_is_read_as_ever_beside_a_mapping(tmp_path: Path) -> None
         np.testing.assert_array_equal(again.needle_lift, read_recording(own).needle_lift)
 
 
+@pytest.mark.parametrize("mapping", [COLUMNS, PLACES], ids=["by names", "by places"])
 @given(data=st.data())
 @reuse_folder
-def test_damage_is_told_and_never_a_traceback(tmp_path: Path, data: st.DataObject) -> None:
+def test_damage_is_told_and_never_a_traceback(tmp_path: Path, mapping: str, data: st.DataObject) -> None:
+    heading = ["p;q", ";".join(NAMES), "ms;bar;um;MPa"] if mapping == COLUMNS else []
     path = tmp_path / "foreign.csv"
-    path.write_bytes(damaged(data.draw, "\n".join(["p;q", ";".join(NAMES), "ms;bar;um;MPa", *lines(25)])))
-    assert tells(path, bench(tmp_path))
+    path.write_bytes(damaged(data.draw, "\n".join([*heading, *lines(25)])))
+    assert tells(path, bench(tmp_path, text=mapping))
 
 
 @pytest.mark.parametrize(("separator", "decimal"), [(";", ","), (",", "."), (" ", "."), ("\t", ",")])

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from observer_rt.foundation.errors import UserError
 from observer_rt.recording.formats import open_recording
 from tests.recording.signals import foreign
-from tests.recording.signals.foreign import PLACES, RATE, bench, damaged, read, signals, tells
+from tests.recording.signals.foreign import PLACES, RATE, bench, read, signals
 
 reuse_folder = settings(
     suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=40
@@ -118,11 +118,3 @@ def test_names_and_places_are_not_mixed(tmp_path: Path) -> None:
 def test_a_file_without_names_is_told_of_places(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"column = 1, 2, \.\.\."):
         read(write(tmp_path, rows(";", ".")), bench(tmp_path))
-
-
-@given(data=st.data())
-@reuse_folder
-def test_damage_is_told_and_never_a_traceback(tmp_path: Path, data: st.DataObject) -> None:
-    path = tmp_path / "foreign.csv"
-    path.write_bytes(damaged(data.draw, "\n".join(rows(";", ".", ISO, 25))))
-    assert tells(path, bench(tmp_path, text=PLACES, time=""))

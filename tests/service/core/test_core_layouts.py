@@ -15,14 +15,10 @@ from observer_rt.config.bench import Bench, load_bench
 from observer_rt.recording.replay.framing import Span, TimedFrame
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.service.core.messages import Counters
-from tests.benches import SAMPLE_RATE
+from tests.benches import SAMPLE_RATE, attributes, own_bench
 from tests.device import Traffic, damaged, encoded, frames_of, run, simulated
 
 SAMPLES = 6  # in a block
-FD = """BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","ExtendedCAN","a","b","c","d","e","f","g","h","i","j","k","l",\
-"StandardCAN_FD","ExtendedCAN_FD";
-BA_DEF_DEF_ "VFrameFormat" "StandardCAN";
-"""
 
 
 def _block_database() -> str:
@@ -37,7 +33,7 @@ def _block_database() -> str:
         ):
             lines.append(f" SG_ {name}{k} : {8 * byte + 7}|24@0{code} Daq")
             byte += 3
-    return "\n".join(lines) + "\n" + FD + 'BA_ "VFrameFormat" BO_ 291 14;\n'
+    return "\n".join([*lines, attributes([291])])
 
 
 def _single_database() -> str:
@@ -98,11 +94,7 @@ def test_the_same_rates_by_a_database_of_ones_own(
     roles: dict[str, str],
     sent: Callable[[Database], Iterator[TimedFrame]],
 ) -> None:
-    (tmp_path / "user.dbc").write_text(text)
-    bench = tmp_path / "bench.toml"
-    signals = "".join(f"[signals.{role}]\n{lines}\n" for role, lines in roles.items())
-    files = '[[dbc]]\nfile = "user.dbc"\n[[dbc]]\nfile = "observer_fd.dbc"\n'
-    bench.write_text(f"{files}{signals}[sampling]\nrate_hz = {SAMPLE_RATE}\n")
+    bench = own_bench(tmp_path, text, roles, f"[sampling]\nrate_hz = {SAMPLE_RATE}\n")
     rates, usual = run(bench, sent(cantools.database.load_string(text, "dbc"))).rates, clean.result.rates
     common = sorted(set(rates) & set(usual))
     assert len(common) > 14_800
@@ -118,15 +110,6 @@ BO_ 291 Turns: 12 Daq
  SG_ Channel M : 12|4@1+ (1,0) [0|0] "" Daq
  SG_ Index : 16|32@1+ (1,0) [0|0] "" Daq
 {signals}
-BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","ExtendedCAN","a","b","c","d","e","f","g","h","i","j","k","l","FD";
-BA_DEF_ BO_ "E2EProfile" INT 0 22;
-BA_DEF_ BO_ "E2EDataId" INT 0 65535;
-BA_DEF_DEF_ "VFrameFormat" "StandardCAN";
-BA_DEF_DEF_ "E2EProfile" 0;
-BA_DEF_DEF_ "E2EDataId" 0;
-BA_ "VFrameFormat" BO_ 291 14;
-BA_ "E2EProfile" BO_ 291 1;
-BA_ "E2EDataId" BO_ 291 291;
 """
 
 
@@ -144,13 +127,10 @@ def turns(tmp_path_factory: pytest.TempPathFactory) -> Bench:
         for channel, (name, code) in enumerate(channels)
         for k in range(3)
     ]
-    (folder / "turns.dbc").write_text(TURNS.format(signals="\n".join(signals)))
-    text = '[[dbc]]\nfile = "turns.dbc"\n[[dbc]]\nfile = "observer_fd.dbc"\n'
-    for role, (name, _) in zip(("rail_pressure", "needle_lift", "line_pressure"), channels, strict=True):
-        text += f'[signals.{role}]\nmessage = "Turns"\nindex = "Index"\npattern = "{name}{{}}"\n'
-    path = Path(folder, "bench.toml")
-    path.write_text(text + f"[sampling]\nrate_hz = {SAMPLE_RATE}\n")
-    return load_bench(path)
+    database = TURNS.format(signals="\n".join(signals)) + attributes([291], {291: (1, 291)})
+    roles = zip(("rail_pressure", "needle_lift", "line_pressure"), channels, strict=True)
+    lines = {role: f'message = "Turns"\nindex = "Index"\npattern = "{name}{{}}"' for role, (name, _) in roles}
+    return load_bench(own_bench(folder, database, lines, f"[sampling]\nrate_hz = {SAMPLE_RATE}\n"))
 
 
 def standstill_frames(turns: Bench) -> list[TimedFrame]:

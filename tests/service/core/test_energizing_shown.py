@@ -18,6 +18,7 @@ from observer_rt.recording.replay.framing import TimedFrame
 from tests.device import EPOCH, frames_of, merged
 from tests.evaluation.documents import recording_json
 from tests.recording.canlog.log_cases import sent_log, write_log
+from tests.service import slow_frames
 from tests.service.participants import (
     BLOCK_ID,
     HeardDaemon,
@@ -73,8 +74,6 @@ def test_check_says_what_to_expect(
     ("lines", "place", "word"),
     [
         ('message = "PulseVolts"\nsignal = "Volts"\n', "signals.energizing", "'V'"),
-        ('message = "PulseLevl"\nsignal = "Energized"\n', "signals.energizing", "PulseLevl"),
-        ('message = "PulseLevel"\nsignal = "Energised"\n', "signals.energizing", "Energized"),
         (Told.LEVEL.replace("PulseIndex", "Energized"), "signals.energizing.index", "32 bits"),
         (Told.LEVEL + 'time_base = "other"\n', "signals.energizing.index", "stamps"),
         (
@@ -101,8 +100,13 @@ def test_units_of_the_bench_file_go_before_the_databases(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("lines", [Told.LEVEL, Told.SAFE])
-def test_warm_up_takes_a_bench_with_energizing(tmp_path: Path, lines: str) -> None:
-    assert_warm_up_takes_all(load_bench(pulse_bench(tmp_path, lines)))
+def test_warm_up_takes_a_bench_with_optional_inputs(tmp_path: Path, lines: str) -> None:
+    """Those in frames that are protected, too."""
+    path = pulse_bench(tmp_path, lines)
+    (tmp_path / "slow.dbc").write_text(slow_frames.TEXT)
+    mass = '[[dbc]]\nfile = "slow.dbc"\n[signals.measured_mass]\nmessage = "SafeBed"\nsignal = "MassSafe"\n'
+    path.write_text(path.read_text() + mass)
+    assert_warm_up_takes_all(load_bench(path))
 
 
 def test_document_of_a_log(tmp_path: Path) -> None:

@@ -11,7 +11,6 @@ import cantools
 import numpy as np
 import pytest
 
-from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.check.checkup import Level, checkup
 from observer_rt.config.bench import load_bench, load_injector
 from observer_rt.evaluation.evaluate import evaluate
@@ -194,12 +193,6 @@ def test_fuel_that_warms_up_makes_no_wear(tmp_path: Path) -> None:
         assert not report.valid or report.mass == pytest.approx(true, rel=5e-3)
 
 
-def test_the_same_frames_give_the_same_results(tmp_path: Path) -> None:
-    frames = frames_at(HOT)
-    told = inserted(frames, [(100 * n, sensor(HOT + 0.1 * (n % 7))) for n in range(len(frames) // 100)])
-    assert run(bench(tmp_path), told).frames == run(bench(tmp_path), told).frames
-
-
 def test_nobody_keeps_the_constants_of_other_fuel(tmp_path: Path) -> None:
     core = core_of(bench(tmp_path))
     before = core.compiled.observer.constants
@@ -255,13 +248,6 @@ def test_an_injector_without_a_reference_is_refused(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"injector\.toml: fluid\.reference_temperature"):
         core_of(loaded)
     assert any(f.level is Level.ERROR and "reference_temperature" in f.text for f in checkup(loaded))
-
-
-def test_a_unit_that_is_none_of_a_temperature_is_refused(tmp_path: Path) -> None:
-    path = bench(tmp_path, 'unit = "bar"\n')
-    loaded = load_bench(path)
-    with pytest.raises(UserError, match=r"signals\.fuel_temperature.*bar"):
-        map_bus(loaded)
 
 
 def test_neighbouring_reports_differ_little_in_density(tmp_path: Path) -> None:

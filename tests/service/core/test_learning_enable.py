@@ -5,12 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.check.checkup import Level, checkup
 from observer_rt.config.bench import load_bench
 from observer_rt.estimation.scalars import NOZZLE, OFFSET
 from observer_rt.evaluation.evaluate import evaluate
-from observer_rt.foundation.errors import UserError
 from observer_rt.recording.replay.framing import TimedFrame
 from tests.check.test_checkup import worst
 from tests.device import Result, Traffic, damaged, hand, inserted, run, simulated
@@ -121,29 +119,6 @@ def test_check_lists_it(tmp_path: Path) -> None:
     )
     never = slow_bench(tmp_path, {"learning_enable": ("SampleBlock", "FuelTemperature")})
     assert "which it cannot be" in worst(checkup(load_bench(never)), "mapping").text
-
-
-@pytest.mark.parametrize(
-    ("message", "signal", "expected"),
-    [
-        ("Bedd", "LearnEnable", "message Bedd not in the bus database"),
-        ("Bed", "LearnEnabled", "nearest name: LearnEnable"),
-    ],
-)
-def test_mistakes_are_named(tmp_path: Path, message: str, signal: str, expected: str) -> None:
-    bench = load_bench(slow_bench(tmp_path, {"learning_enable": (message, signal)}))
-    with pytest.raises(UserError) as caught:
-        map_bus(bench)
-    assert "bench.toml: signals.learning_enable" in caught.value.place
-    assert expected in f"{caught.value.problem}; {caught.value.remedy}"
-
-
-def test_unknown_key_of_an_optional_role(tmp_path: Path) -> None:
-    path = slow_bench(tmp_path, {})
-    path.write_text(path.read_text() + '[signals.learning_enable]\nmesage = "Bed"\nsignal = "LearnEnable"\n')
-    with pytest.raises(UserError) as caught:
-        load_bench(path)
-    assert "did you mean 'message'" in caught.value.remedy
 
 
 def test_view_says_that_learning_is_off(tmp_path: Path) -> None:

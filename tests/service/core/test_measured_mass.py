@@ -6,19 +6,17 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.check.checkup import Level, checkup
 from observer_rt.config.bench import load_bench
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.evaluation.logged import LoggedSignals
 from observer_rt.evaluation.results import print_evaluation
-from observer_rt.foundation.errors import UserError
 from observer_rt.model.effects import effective_model
 from observer_rt.recording.replay.framing import TimedFrame
 from tests.device import Result, Traffic, damaged, hand, inserted, run
 from tests.evaluation.documents import recording_json
 from tests.recording.canlog.log_cases import sent_log, write_log
-from tests.service.participants import HeardDaemon, ScriptedLink, assert_warm_up_takes_all
+from tests.service.participants import HeardDaemon, ScriptedLink
 from tests.service.slow_frames import bed, safe_bed, slow_bench
 
 MASS = {"measured_mass": ("Bed", "Mass")}
@@ -115,22 +113,10 @@ def test_unit_of_the_bench_file_goes_before_the_databases(scale: Scale) -> None:
     assert scale.masses((scale.after(1), bed("Mass", 0.5))) == [(1, 500.0)]
 
 
-def test_unknown_unit(path: Path) -> None:
-    path.write_text(path.read_text() + 'unit = "mm"\n')
-    with pytest.raises(UserError) as caught:
-        map_bus(load_bench(path))
-    assert "signals.measured_mass" in caught.value.place
-    assert "mg" in caught.value.remedy
-
-
 def test_check_lists_it(path: Path) -> None:
     listed = [one for one in checkup(load_bench(path)) if one.text.startswith("measured_mass")]
     assert [finding.level for finding in listed] == [Level.OK]
     assert "Bed 0x321, Mass, 0 to 655 mg" in listed[0].text
-
-
-def test_warm_up_takes_a_bench_with_optional_inputs(tmp_path: Path) -> None:
-    assert_warm_up_takes_all(load_bench(slow_bench(tmp_path, SAFE_MASS)))
 
 
 def test_evaluating_a_log_compares_it(scale: Scale, tmp_path: Path) -> None:

@@ -138,15 +138,6 @@ def test_a_disk_that_is_full_at_the_end_is_an_error(learner: Kept, monkeypatch: 
         monkeypatch.setattr(os, "fsync", full)
 
 
-def test_a_state_belongs_to_one_daemon(bench: Bench, tmp_path: Path) -> None:
-    path = tmp_path / "state.json"
-    with (
-        keeper_of(bench, path, None, print),
-        pytest.raises(UserError, match=f"state.json: is in use by process {os.getpid()}"),
-    ):
-        keeper_of(bench, path, None, print).__enter__()
-
-
 def test_the_bench_file_names_what_is_kept(tmp_path: Path) -> None:
     path = tmp_path / "bench.toml"
     path.write_text(load_bench().path.read_text().replace('# file = "learned.json"', 'file = "mine.json"'))

@@ -27,6 +27,7 @@ from observer_rt.model.terms.variable import Variable
 
 NO_PROGRAM = np.empty((0, 2))
 _LIFT_ITERATIONS = 5  # of a lift whose flow coefficient depends on it
+LEAST_LIFT = 0.02e-6  # m, from which on a term holds a needle open that is seen to be shut
 
 
 class Clock(NamedTuple):
@@ -44,7 +45,7 @@ class Forcing(NamedTuple):
 
     program: NDArray[np.float64]  # (n, 2)
     memory: NDArray[np.float64]  # of `fresh_memory`
-    past: NDArray[np.float64]  # (5,): time, openings, time since, lift, p_L
+    past: NDArray[np.float64]  # (6,): time, openings, time since, lift, p_L, area
     variables: NDArray[np.float64]
     totals: NDArray[np.float64]  # by `TermEquation`, in its units
     line: NDArray[np.float64]
@@ -55,13 +56,13 @@ class Forcing(NamedTuple):
 _VARIABLES, _TOTALS = len(Variable), len(TermEquation)
 _RATES = int(Variable.LIFT_RATE)  # and the two after it
 _LINE_PRESSURE, _SENSOR = int(Variable.LINE_PRESSURE), TermEquation.LINE_PRESSURE_SENSOR.number
-_TIME, _INJECTIONS, _SINCE, _LIFT, _PRESSURE = range(5)  # of `Forcing.past`: s, -, ms, mm, MPa
+_TIME, _INJECTIONS, _SINCE, _LIFT, _PRESSURE, _AREA = range(6)  # of `Forcing.past`: s, -, ms, mm, MPa, -
 
 
 @compiled
 def forcing_of(program: NDArray[np.float64], clock: Clock, of_line: int) -> Forcing:
     """A program about to begin, the needle shut; of_line: coefficients of the line."""
-    past = np.zeros(5)
+    past = np.zeros(6)
     past[_TIME], past[_INJECTIONS], past[_PRESSURE] = clock.time, clock.injections, math.nan
     return Forcing(
         program,
@@ -142,14 +143,17 @@ def _forced(
     forcing.back_pressure[1] = network.back_pressure[1]
     line = _line_under(c.line, forcing.line, stiffness, inertance, outflow * flow, loss * pressure)
     more, lift = rail * pressure, lift * MILLIMETRE
+    area = lifted(interval.end[1], lift, c.seat)
+    forcing.past[_AREA] = area
+    bends = interval.start[1] > 0.0 or knot[1] > 0.0 or interval.end[1] > 0.0
     return Forced(
         Interval(
             (interval.start[0] + more, lifted(interval.start[1], lift, c.seat)),
-            (interval.end[0] + more, lifted(interval.end[1], lift, c.seat)),
+            (interval.end[0] + more, area),
             interval.length,
             interval.substeps,
         ),
-        (knot[0], lifted(knot[1], lift, c.seat)),
+        (knot[0] if bends else 0.0, lifted(knot[1], lift, c.seat)),
         Coefficients(
             line,
             c.seat,
@@ -189,6 +193,12 @@ def shown_under_terms(shown: float, forced: Forced, forcing: Forcing) -> float:
         variables[_RATES + 2] = (line_pressure - forcing.past[_PRESSURE]) * MILLISECOND / duration
     _run(forcing, first, end, duration)
     return float(shown + forcing.totals[_SENSOR] * MEGAPASCAL / c.pressure_scale)
+
+
+@inlined
+def is_shut_under_terms(forcing: Forcing) -> bool:
+    """Whether no term held the needle open at the end of the last interval."""
+    return bool(forcing.past[_AREA] <= 0.0)
 
 
 @inner_separate
@@ -281,10 +291,11 @@ def _lift_of_area(area: float, seat: Seat) -> float:
 
 @inner
 def lifted(u_2: float, lift: float, seat: Seat) -> float:
-    """A normalised seat area with so much lift [m] added while the needle is open."""
-    if lift == 0.0 or u_2 <= 0.0:
+    """A normalised seat area with so much lift [m] added; a needle seen to be shut may stay so, or be held open."""
+    true = math.copysign(lift_at(abs(u_2), seat), u_2) + lift
+    if lift == 0.0 or (u_2 <= 0.0 and true < LEAST_LIFT):
         return u_2
-    area: float = normalised_area(lift_at(u_2, seat) + lift, seat)
+    area: float = normalised_area(true, seat)
     return area
 
 

@@ -157,11 +157,9 @@ def standing_words(one: Proposal) -> str:
         f"line pressure held out: {before:.3g} MPa off before, {after:.3g} after" if before == before else ""
     )
     moved = f"injected mass {one.moves.mass / MILLIGRAM:+.2g} mg"
-    fit = "explains all" if one.adequate else "does not explain all: no model may have it"
-    if one.adequate and not one.may_enter:
-        fit += ", but no model may have it: " + (
-            "too many terms, or free laws in several equations" if one.sound else "not sound everywhere"
-        )
+    fit = "explains all"
+    if one.refusal is not None:
+        fit = f"no model may have it, for {one.refusal.reason}: {one.refusal.remedy}"
     alike = dict.fromkeys(other for term in one.terms for other in term.equation.alike)
     hardly = f"line pressure alone hardly tells it from a law of {' or '.join(alike)}" if alike else ""
     return "; ".join(filter(None, (fit, apart, moved, hardly)))

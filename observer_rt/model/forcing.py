@@ -21,7 +21,7 @@ from observer_rt.model.hydraulics import Seat, normalised_area
 from observer_rt.model.integrator import Interval
 from observer_rt.model.network import Network
 from observer_rt.model.right_hand_side import changed_flows, injection_rate, is_at_rest
-from observer_rt.model.terms.program import fresh_memory, run_program, sensor_rows, without_ringing
+from observer_rt.model.terms.program import fresh_memory, reads, run_program, sensor_rows, without_ringing
 from observer_rt.model.terms.term import TermEquation
 from observer_rt.model.terms.variable import Variable
 
@@ -45,7 +45,9 @@ class Forcing(NamedTuple):
 
     program: NDArray[np.float64]  # (n, 2)
     memory: NDArray[np.float64]  # of `fresh_memory`
-    past: NDArray[np.float64]  # (6,): time, openings, time since, lift, p_L, area
+    past: NDArray[
+        np.float64
+    ]  # (7,): time, openings, time since, lift, p_L, area, whether a law reads q_S, q_H
     variables: NDArray[np.float64]
     totals: NDArray[np.float64]  # by `TermEquation`, in its units
     line: NDArray[np.float64]
@@ -56,13 +58,15 @@ class Forcing(NamedTuple):
 _VARIABLES, _TOTALS = len(Variable), len(TermEquation)
 _RATES = int(Variable.LIFT_RATE)  # and the two after it
 _LINE_PRESSURE, _SENSOR = int(Variable.LINE_PRESSURE), TermEquation.LINE_PRESSURE_SENSOR.number
-_TIME, _INJECTIONS, _SINCE, _LIFT, _PRESSURE, _AREA = range(6)  # of `Forcing.past`: s, -, ms, mm, MPa, -
+_SEAT_FLOW, _NOZZLE_FLOW, _OPEN = int(Variable.SEAT_FLOW), int(Variable.NOZZLE_FLOW), int(Variable.OPEN)
+_TIME, _INJECTIONS, _SINCE, _LIFT, _PRESSURE, _AREA, _FLOWS = range(7)  # of `Forcing.past`: s, -, ms, mm, MPa
 
 
 @compiled
 def forcing_of(program: NDArray[np.float64], clock: Clock, of_line: int) -> Forcing:
     """A program about to begin, the needle shut; of_line: coefficients of the line."""
-    past = np.zeros(6)
+    past = np.zeros(7)
+    past[_FLOWS] = reads(program, _SEAT_FLOW) or reads(program, _NOZZLE_FLOW)
     past[_TIME], past[_INJECTIONS], past[_PRESSURE] = clock.time, clock.injections, math.nan
     return Forcing(
         program,
@@ -143,17 +147,18 @@ def _forced(
     forcing.back_pressure[1] = network.back_pressure[1]
     line = _line_under(c.line, forcing.line, stiffness, inertance, outflow * flow, loss * pressure)
     more, lift = rail * pressure, lift * MILLIMETRE
-    area = lifted(interval.end[1], lift, c.seat)
+    moves = forcing.variables[_OPEN] > 0.0
+    area = lifted(interval.end[1], lift, moves, c.seat)
     forcing.past[_AREA] = area
     bends = interval.start[1] > 0.0 or knot[1] > 0.0 or interval.end[1] > 0.0
     return Forced(
         Interval(
-            (interval.start[0] + more, lifted(interval.start[1], lift, c.seat)),
+            (interval.start[0] + more, lifted(interval.start[1], lift, moves, c.seat)),
             (interval.end[0] + more, area),
             interval.length,
             interval.substeps,
         ),
-        (knot[0] if bends else 0.0, lifted(knot[1], lift, c.seat)),
+        (knot[0] if bends else 0.0, lifted(knot[1], lift, moves, c.seat)),
         Coefficients(
             line,
             c.seat,
@@ -228,7 +233,7 @@ def _observe(
         past[_SINCE] = 0.0
     q_h, q_s = 0.0, 0.0
     state, u = (x[0], x[1], x[2]), (rail, area)
-    if not is_at_rest(state, u):
+    if past[_FLOWS] > 0.0 and not is_at_rest(state, u):
         q_h, q_s = changed_flows(state, u, c, network)
     unit = c.pressure_scale / MEGAPASCAL
     chamber = c.chamber_pressure / MEGAPASCAL
@@ -290,9 +295,13 @@ def _lift_of_area(area: float, seat: Seat) -> float:
 
 
 @inner
-def lifted(u_2: float, lift: float, seat: Seat) -> float:
-    """A normalised seat area with so much lift [m] added; a needle seen to be shut may stay so, or be held open."""
-    true = math.copysign(lift_at(abs(u_2), seat), u_2) + lift
+def lifted(u_2: float, lift: float, moves: bool, seat: Seat) -> float:
+    """A normalised seat area with so much lift [m] added; a needle seen to be shut may stay so, or be held open.
+
+    moves: whether the needle is on a ramp, of which a negative area is the foot, see `integrator.between`.
+    """
+    measured = lift_at(abs(u_2), seat)
+    true = lift + (measured if u_2 > 0.0 else -measured if moves else 0.0)
     if lift == 0.0 or (u_2 <= 0.0 and true < LEAST_LIFT):
         return u_2
     area: float = normalised_area(true, seat)
@@ -316,8 +325,9 @@ def _line_under_compiled(
     out, lost = line.fields.index("outflow"), line.fields.index("loss")
 
     def change(line: Any, values: Any, stiffness: Any, inertance: Any, outflow: Any, loss: Any) -> Any:
+        less = 1.0 / (1.0 + inertance) - 1.0
         for i in range(size):
-            values[i] = line[i] * (1.0 + stiffness * stiff[i]) / (1.0 + inertance * inert[i])
+            values[i] = line[i] * (1.0 + stiffness * stiff[i]) * (1.0 + less * inert[i])
         values[out] = outflow
         values[lost] = loss
         return kind(*to_fixed_tuple(values, size))

@@ -118,8 +118,8 @@ def test_sound_terms(equation: str, law: str, c: float) -> None:
         (
             "needle_lift",
             "c * needle_lift",
-            2.0,
-            "mm, more than 5 times its bound 0.08, at needle_lift = 0.24",
+            3.0,
+            "mm, more than 5 times its bound 0.1, at needle_lift = 0.24",
         ),
         ("needle_lift", "0.05", 1.0, "holds a shut needle open by 0.05 mm, more than 0.01"),
         ("rail_pressure", "c * rail_pressure", -0.5, "is -125 MPa"),

@@ -47,7 +47,7 @@ class Forcing(NamedTuple):
     memory: NDArray[np.float64]  # of `fresh_memory`
     past: NDArray[
         np.float64
-    ]  # (7,): time, openings, time since, lift, p_L, area, whether a law reads q_S, q_H
+    ]  # (8,): time, openings, time since, lift, p_L, area, and two of what laws there are
     variables: NDArray[np.float64]
     totals: NDArray[np.float64]  # by `TermEquation`, in its units
     line: NDArray[np.float64]
@@ -59,14 +59,16 @@ _VARIABLES, _TOTALS = len(Variable), len(TermEquation)
 _RATES = int(Variable.LIFT_RATE)  # and the two after it
 _LINE_PRESSURE, _SENSOR = int(Variable.LINE_PRESSURE), TermEquation.LINE_PRESSURE_SENSOR.number
 _SEAT_FLOW, _NOZZLE_FLOW, _OPEN = int(Variable.SEAT_FLOW), int(Variable.NOZZLE_FLOW), int(Variable.OPEN)
-_TIME, _INJECTIONS, _SINCE, _LIFT, _PRESSURE, _AREA, _FLOWS = range(7)  # of `Forcing.past`: s, -, ms, mm, MPa
+_TIME, _INJECTIONS, _SINCE, _LIFT, _PRESSURE, _AREA = range(6)  # of `Forcing.past`: s, -, ms, mm, MPa, -
+_OF_FLOWS, _OF_SENSOR = 6, 7  # whether a law reads the flow through seat or nozzle, or is of the sensor
 
 
 @compiled
 def forcing_of(program: NDArray[np.float64], clock: Clock, of_line: int) -> Forcing:
     """A program about to begin, the needle shut; of_line: coefficients of the line."""
-    past = np.zeros(7)
-    past[_FLOWS] = reads(program, _SEAT_FLOW) or reads(program, _NOZZLE_FLOW)
+    past = np.zeros(8)
+    past[_OF_SENSOR] = sensor_rows(program) < program.shape[0]
+    past[_OF_FLOWS] = reads(program, _SEAT_FLOW) or reads(program, _NOZZLE_FLOW)
     past[_TIME], past[_INJECTIONS], past[_PRESSURE] = clock.time, clock.injections, math.nan
     return Forcing(
         program,
@@ -182,15 +184,18 @@ def _run(forcing: Forcing, first: int, end: int, duration: float) -> None:
     run_program(forcing.program, rows, forcing.variables, forcing.memory, milliseconds, forcing.totals)
 
 
-@inner_separate
+@inlined
 def shown_under_terms(shown: float, forced: Forced, forcing: Forcing) -> float:
     """What is recorded at the end of an interval of a line pressure that the sensor would show, in units of p_0.
 
     Terms of the sensor see that pressure: for what rings it must not be late.
     """
+    return _shown(shown, forced, forcing) if forcing.past[_OF_SENSOR] > 0.0 else shown
+
+
+@inner_separate
+def _shown(shown: float, forced: Forced, forcing: Forcing) -> float:
     first, end = sensor_rows(forcing.program), forcing.program.shape[0]
-    if first == end:
-        return shown
     c, duration, variables = forced.coefficients, forced.interval.length, forcing.variables
     line_pressure = (shown * c.pressure_scale + c.chamber_pressure) / MEGAPASCAL
     variables[_LINE_PRESSURE] = line_pressure
@@ -206,12 +211,17 @@ def is_shut_under_terms(forcing: Forcing) -> bool:
     return bool(forcing.past[_AREA] <= 0.0)
 
 
-@inner_separate
+@inlined
 def trusted_under_terms(innovation: float, interval: float, forcing: Forcing) -> float:
     """An innovation as the state is corrected by it, an interval [s] after the last: without what the sensor rings.
 
     With it the gain would feed the resonance.
     """
+    return _trusted(innovation, interval, forcing) if forcing.past[_OF_SENSOR] > 0.0 else innovation
+
+
+@inner_separate
+def _trusted(innovation: float, interval: float, forcing: Forcing) -> float:
     return float(without_ringing(forcing.program, forcing.memory, innovation, interval / MILLISECOND))
 
 
@@ -233,7 +243,7 @@ def _observe(
         past[_SINCE] = 0.0
     q_h, q_s = 0.0, 0.0
     state, u = (x[0], x[1], x[2]), (rail, area)
-    if past[_FLOWS] > 0.0 and not is_at_rest(state, u):
+    if past[_OF_FLOWS] > 0.0 and not is_at_rest(state, u):
         q_h, q_s = changed_flows(state, u, c, network)
     unit = c.pressure_scale / MEGAPASCAL
     chamber = c.chamber_pressure / MEGAPASCAL

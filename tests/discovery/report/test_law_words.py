@@ -70,7 +70,7 @@ from observer_rt.model.terms.term import Term, TermEquation
             "stood 81 µm lower than measured right after it rose by the whole lift, fading in 0.2 ms",
         ),
         ("seat_flow", "c*exp(-(time_since_opening/1)/0.3)", 0.2, "at every opening, fading in 0.3 ms"),
-        ("line_pressure_sensor", "c*(time/0.187)", 2.0, "read 2 MPa more in the end, growing for 0.187 s"),
+        ("line_pressure_sensor", "c*(time/0.187)", 2.0, "read 2 MPa more after 0.187 s, growing steadily"),
     ],
 )
 def test_simple_laws_are_told_in_words(equation: str, law: str, c: float, words: str) -> None:

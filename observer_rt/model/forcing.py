@@ -310,9 +310,11 @@ def lifted(u_2: float, lift: float, moves: bool, seat: Seat) -> float:
 
     moves: whether the needle is on a ramp, of which a negative area is the foot, see `integrator.between`.
     """
+    if lift == 0.0:
+        return u_2
     measured = lift_at(abs(u_2), seat)
     true = lift + (measured if u_2 > 0.0 else -measured if moves else 0.0)
-    if lift == 0.0 or (u_2 <= 0.0 and true < LEAST_LIFT):
+    if u_2 <= 0.0 and true < LEAST_LIFT:
         return u_2
     area: float = normalised_area(true, seat)
     return area

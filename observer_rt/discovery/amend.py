@@ -81,10 +81,9 @@ def accepted(
         there = f"there are {many}" if many else f"the verdict is '{found.verdict.value}'"
         raise UserError(option, f"there is no such proposal: {there}", "see the report")
     proposal = found.proposals[number - 1]
-    if not proposal.may_enter:
-        reason = "its law is not sound everywhere" if proposal.adequate else "it does not explain all"
+    if proposal.refusal is not None:
         raise UserError(
-            option, f"the proposal is not fit for a model: {reason}", "use it as a hint of where to look"
+            option, f"no model may have this proposal: {proposal.refusal.reason}", proposal.refusal.remedy
         )
     evidence = f"-2 log L falls by {proposal.gain:.0f}; {', '.join(shortened(recordings))}"
     why = {"origin": ORIGIN, "evidence": evidence, "date": date.today().isoformat()}

@@ -95,7 +95,7 @@ def _run(
         copy_matrix(unit, tangent.by[:, m : m + states])
         interval, c, network = forced.interval, forced.coefficients, forced.network
         advance_over(x, interval, forced.knot, c, network, tangent)
-        if window.resting[k]:
+        if window.resting[k] and interval.end[1] <= 0.0:
             empty_sac(x, tangent)
         copy_matrix(tangent.by[:, m : m + states], result.transition[k])
         u = (interval.end[0], max(interval.end[1], 0.0))

@@ -314,7 +314,7 @@ def _follow(
         if k < corrected and is_measured:
             trusted = trusted_under_terms(errors[k], setting.interval, forcing)
             indicated = correct(x, indicated, trusted, setting.gain, gradient)
-        if window.resting[k]:
+        if window.resting[k] and forced.interval.end[1] <= 0.0:
             empty_sac(x, None if gradient is None else gradient.tangent)
     return state
 

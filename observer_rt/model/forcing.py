@@ -21,12 +21,13 @@ from observer_rt.model.hydraulics import Seat, normalised_area
 from observer_rt.model.integrator import Interval
 from observer_rt.model.network import Network
 from observer_rt.model.right_hand_side import changed_flows, injection_rate, is_at_rest
-from observer_rt.model.terms.program import fresh_memory, run_program, sensor_rows, without_ringing
+from observer_rt.model.terms.program import fresh_memory, reads, run_program, sensor_rows, without_ringing
 from observer_rt.model.terms.term import TermEquation
 from observer_rt.model.terms.variable import Variable
 
 NO_PROGRAM = np.empty((0, 2))
 _LIFT_ITERATIONS = 5  # of a lift whose flow coefficient depends on it
+LEAST_LIFT = 0.02e-6  # m, from which on a term holds a needle open that is seen to be shut
 
 
 class Clock(NamedTuple):
@@ -44,7 +45,9 @@ class Forcing(NamedTuple):
 
     program: NDArray[np.float64]  # (n, 2)
     memory: NDArray[np.float64]  # of `fresh_memory`
-    past: NDArray[np.float64]  # (5,): time, openings, time since, lift, p_L
+    past: NDArray[
+        np.float64
+    ]  # (8,): time, openings, time since, lift, p_L, area, and two of what laws there are
     variables: NDArray[np.float64]
     totals: NDArray[np.float64]  # by `TermEquation`, in its units
     line: NDArray[np.float64]
@@ -55,13 +58,17 @@ class Forcing(NamedTuple):
 _VARIABLES, _TOTALS = len(Variable), len(TermEquation)
 _RATES = int(Variable.LIFT_RATE)  # and the two after it
 _LINE_PRESSURE, _SENSOR = int(Variable.LINE_PRESSURE), TermEquation.LINE_PRESSURE_SENSOR.number
-_TIME, _INJECTIONS, _SINCE, _LIFT, _PRESSURE = range(5)  # of `Forcing.past`: s, -, ms, mm, MPa
+_SEAT_FLOW, _NOZZLE_FLOW, _OPEN = int(Variable.SEAT_FLOW), int(Variable.NOZZLE_FLOW), int(Variable.OPEN)
+_TIME, _INJECTIONS, _SINCE, _LIFT, _PRESSURE, _AREA = range(6)  # of `Forcing.past`: s, -, ms, mm, MPa, -
+_OF_FLOWS, _OF_SENSOR = 6, 7  # whether a law reads the flow through seat or nozzle, or is of the sensor
 
 
 @compiled
 def forcing_of(program: NDArray[np.float64], clock: Clock, of_line: int) -> Forcing:
     """A program about to begin, the needle shut; of_line: coefficients of the line."""
-    past = np.zeros(5)
+    past = np.zeros(8)
+    past[_OF_SENSOR] = sensor_rows(program) < program.shape[0]
+    past[_OF_FLOWS] = reads(program, _SEAT_FLOW) or reads(program, _NOZZLE_FLOW)
     past[_TIME], past[_INJECTIONS], past[_PRESSURE] = clock.time, clock.injections, math.nan
     return Forcing(
         program,
@@ -142,14 +149,18 @@ def _forced(
     forcing.back_pressure[1] = network.back_pressure[1]
     line = _line_under(c.line, forcing.line, stiffness, inertance, outflow * flow, loss * pressure)
     more, lift = rail * pressure, lift * MILLIMETRE
+    moves = forcing.variables[_OPEN] > 0.0
+    area = lifted(interval.end[1], lift, moves, c.seat)
+    forcing.past[_AREA] = area
+    bends = interval.start[1] > 0.0 or knot[1] > 0.0 or interval.end[1] > 0.0
     return Forced(
         Interval(
-            (interval.start[0] + more, lifted(interval.start[1], lift, c.seat)),
-            (interval.end[0] + more, lifted(interval.end[1], lift, c.seat)),
+            (interval.start[0] + more, lifted(interval.start[1], lift, moves, c.seat)),
+            (interval.end[0] + more, area),
             interval.length,
             interval.substeps,
         ),
-        (knot[0], lifted(knot[1], lift, c.seat)),
+        (knot[0] if bends else 0.0, lifted(knot[1], lift, moves, c.seat)),
         Coefficients(
             line,
             c.seat,
@@ -173,15 +184,18 @@ def _run(forcing: Forcing, first: int, end: int, duration: float) -> None:
     run_program(forcing.program, rows, forcing.variables, forcing.memory, milliseconds, forcing.totals)
 
 
-@inner_separate
+@inlined
 def shown_under_terms(shown: float, forced: Forced, forcing: Forcing) -> float:
     """What is recorded at the end of an interval of a line pressure that the sensor would show, in units of p_0.
 
     Terms of the sensor see that pressure: for what rings it must not be late.
     """
+    return _shown(shown, forced, forcing) if forcing.past[_OF_SENSOR] > 0.0 else shown
+
+
+@inner_separate
+def _shown(shown: float, forced: Forced, forcing: Forcing) -> float:
     first, end = sensor_rows(forcing.program), forcing.program.shape[0]
-    if first == end:
-        return shown
     c, duration, variables = forced.coefficients, forced.interval.length, forcing.variables
     line_pressure = (shown * c.pressure_scale + c.chamber_pressure) / MEGAPASCAL
     variables[_LINE_PRESSURE] = line_pressure
@@ -191,12 +205,23 @@ def shown_under_terms(shown: float, forced: Forced, forcing: Forcing) -> float:
     return float(shown + forcing.totals[_SENSOR] * MEGAPASCAL / c.pressure_scale)
 
 
-@inner_separate
+@inlined
+def is_shut_under_terms(forcing: Forcing) -> bool:
+    """Whether no term held the needle open at the end of the last interval."""
+    return bool(forcing.past[_AREA] <= 0.0)
+
+
+@inlined
 def trusted_under_terms(innovation: float, interval: float, forcing: Forcing) -> float:
     """An innovation as the state is corrected by it, an interval [s] after the last: without what the sensor rings.
 
     With it the gain would feed the resonance.
     """
+    return _trusted(innovation, interval, forcing) if forcing.past[_OF_SENSOR] > 0.0 else innovation
+
+
+@inner_separate
+def _trusted(innovation: float, interval: float, forcing: Forcing) -> float:
     return float(without_ringing(forcing.program, forcing.memory, innovation, interval / MILLISECOND))
 
 
@@ -218,7 +243,7 @@ def _observe(
         past[_SINCE] = 0.0
     q_h, q_s = 0.0, 0.0
     state, u = (x[0], x[1], x[2]), (rail, area)
-    if not is_at_rest(state, u):
+    if past[_OF_FLOWS] > 0.0 and not is_at_rest(state, u):
         q_h, q_s = changed_flows(state, u, c, network)
     unit = c.pressure_scale / MEGAPASCAL
     chamber = c.chamber_pressure / MEGAPASCAL
@@ -280,11 +305,18 @@ def _lift_of_area(area: float, seat: Seat) -> float:
 
 
 @inner
-def lifted(u_2: float, lift: float, seat: Seat) -> float:
-    """A normalised seat area with so much lift [m] added while the needle is open."""
-    if lift == 0.0 or u_2 <= 0.0:
+def lifted(u_2: float, lift: float, moves: bool, seat: Seat) -> float:
+    """A normalised seat area with so much lift [m] added; a needle seen to be shut may stay so, or be held open.
+
+    moves: whether the needle is on a ramp, of which a negative area is the foot, see `integrator.between`.
+    """
+    if lift == 0.0:
         return u_2
-    area: float = normalised_area(lift_at(u_2, seat) + lift, seat)
+    measured = lift_at(abs(u_2), seat)
+    true = lift + (measured if u_2 > 0.0 else -measured if moves else 0.0)
+    if u_2 <= 0.0 and true < LEAST_LIFT:
+        return u_2
+    area: float = normalised_area(true, seat)
     return area
 
 
@@ -305,8 +337,9 @@ def _line_under_compiled(
     out, lost = line.fields.index("outflow"), line.fields.index("loss")
 
     def change(line: Any, values: Any, stiffness: Any, inertance: Any, outflow: Any, loss: Any) -> Any:
+        less = 1.0 / (1.0 + inertance) - 1.0
         for i in range(size):
-            values[i] = line[i] * (1.0 + stiffness * stiff[i]) / (1.0 + inertance * inert[i])
+            values[i] = line[i] * (1.0 + stiffness * stiff[i]) * (1.0 + less * inert[i])
         values[out] = outflow
         values[lost] = loss
         return kind(*to_fixed_tuple(values, size))

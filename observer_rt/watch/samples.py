@@ -338,7 +338,7 @@ def _walk(
     for k in range(1, window.inputs.shape[0]):
         forced = forced_before(window, setting, learned, x, k, forcing)
         advance_over(x, forced.interval, forced.knot, forced.coefficients, forced.network, None)
-        if window.resting[k]:
+        if window.resting[k] and forced.interval.end[1] <= 0.0:
             empty_sac(x, None)
         phi, rate = fault_and_rate(x, forced.interval.end, forced.coefficients, forced.network)
         result.rate[k] = rate

@@ -27,6 +27,11 @@ RINGING = """
 equation = "line_pressure_sensor"
 law = "ringing(line_pressure, 7.5, 0.15)"
 """
+HELD_OPEN = """
+[[terms]]
+equation = "needle_lift"
+law = "0.001 * closed"
+"""
 SHARE_MISSING = 0.2  # of the nozzle flow, from the second injection on
 
 
@@ -50,6 +55,20 @@ def test_the_rate_is_that_of_the_plant(injector: Path, line: str, further: str) 
         window = slice(report.start_index, report.end_index + 1)
         rate, truth = found.trace.injection_rate[window], made.truth.injection_rate[window]
         assert np.sum(rate) == pytest.approx(np.sum(truth), rel=0.004)
+
+
+@pytest.mark.parametrize("line", ["lump", "wave"])
+def test_a_shut_needle_held_open_injects_on(tmp_path: Path, line: str) -> None:
+    path = tmp_path / "injector.toml"
+    text = NOMINAL_INJECTOR.read_text().replace('# model = "lump"', f'model = "{line}"  #')
+    path.write_text(text + HELD_OPEN)
+    made = simulate(load_injector(path), make_schedule([140e6], 2, 0.06, [1.1e-3]), 100e3)
+    (found,) = evaluate(load_bench(model=path), [made.recording], learning=False).evaluations
+
+    at_rest = slice(found.reports[0].end_index + 1000, found.reports[1].start_index - 100)
+    rate, truth = found.trace.injection_rate[at_rest], made.truth.injection_rate[at_rest]
+    assert np.mean(truth) > 1e-9  # 1 mm3/ms
+    assert np.mean(rate) == pytest.approx(np.mean(truth), rel=0.01)
 
 
 def test_what_a_term_says_is_not_learned_again(injector: Path) -> None:

@@ -30,6 +30,8 @@ TERMS = (
     ("chamber_pressure", "10*needle_lift/max_lift"),
     ("rail_pressure", "open"),
     ("needle_lift", "-0.05*(needle_lift/max_lift)^2"),
+    ("needle_lift", "0.001*closed"),
+    ("needle_lift", "-0.06*(needle_lift/max_lift - lagged(needle_lift/max_lift, 0.1))"),
     ("seat_flow", "0.6*(needle_lift/max_lift - lagged(needle_lift/max_lift, 0.1))"),
 )
 

@@ -37,7 +37,19 @@ LEAK = ProposedTerm("line_pressure", "sqrt(line_pressure - chamber_pressure)*clo
 GOOD = Proposed((LEAK,), (), True, Misfit(0.1, 0.2), "after")
 CASE = OutsideCase("0", Asked.OUTSIDE, "root_leakage", (2e-10,), True, None, 1)
 ANSWER = OutsideAnswer(
-    "0", "unknown", 0.98, (), (), "line_pressure", (GOOD,), Misfit(1.0, 2.0), Misfit(1.0, 2.0), 9.0, 7.0
+    "0",
+    "unknown",
+    0.98,
+    (),
+    (),
+    "line_pressure",
+    (GOOD,),
+    Misfit(1.0, 2.0),
+    Misfit(0.0, 0.0),
+    Misfit(1.0, 2.0),
+    9.0,
+    7.0,
+    1.8,
 )
 RIGHT = OutsideResult(CASE, ANSWER)
 
@@ -104,6 +116,9 @@ def test_gaps_are_halved_or_not_and_only_where_they_matter() -> None:
     assert with_gap(Misfit(1.0, 0.3), Misfit(0.51, 9.0)).mass_halved is None
     assert not with_gap(Misfit(1.0, 0.3), Misfit(0.51, 9.0)).pressure_halved
     assert with_gap(Misfit(1.0, 0.4), Misfit(0.5, 0.21)).mass_halved is False
+    fitted = with_gap(Misfit(1.0, 1.4), Misfit(0.5, 1.19))  # to a line that is 1 mg off by itself
+    assert fitted.mass_halved is False
+    assert replace(fitted, answer=replace(fitted.answer, own=Misfit(0.2, 1.0))).mass_halved
     assert not with_gap(Misfit(1.0, 0.3), Misfit(0.5, 0.39)).accepted_worse
     assert not with_gap(Misfit(1.0, 1.0), Misfit(0.5, 1.15)).accepted_worse
     worse = with_gap(Misfit(1.0, 1.0), Misfit(0.5, 1.21))
@@ -220,6 +235,7 @@ def test_a_run_asks_once_and_tells_what_came_of_it(tmp_path: Path) -> None:
     assert stop.case.name == "stop_loss"
     assert stop.answer.before.mass_mg > 0.3
     assert 0.0 < stop.added_seconds < stop.answer.seconds
+    assert stop.answer.added_core_seconds > 0.0
     assert not [path for path in asking.hidden.iterdir() if path.is_dir()]
     answers = (tmp_path / "answers.jsonl").read_text()
     assert run_outside(asking) == found

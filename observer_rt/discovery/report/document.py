@@ -121,7 +121,7 @@ def _proposal(number: int, one: Proposal) -> dict[str, Any]:
         "gain": one.gain,
         "phase": PHASE_NAMES[one.phase],
         "adequate": one.adequate,
-        "sound": one.sound,
+        "sound": one.unsound is None,
         "may_enter": one.may_enter,
         "gap_held_out": {"before_MPa": before / MEGAPASCAL, "after_MPa": after / MEGAPASCAL},
         "moves": _moves(one.moves),

@@ -4,6 +4,7 @@ import io
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from textwrap import fill
 
 import matplotlib as mpl
 import numpy as np
@@ -18,6 +19,7 @@ from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLISECOND, MM
 
 _SETTINGS = LOOK | {"svg.fonttype": "none", "svg.hashsalt": "observer_rt", "path.simplify_threshold": 0.3}
 _FEWEST_PLACES = 3  # beside each other, for which there is room
+_WRAPPED = 30  # characters of a label beside a low figure
 _NO_METADATA = dict.fromkeys(("Date", "Creator", "Type", "Format"))
 
 
@@ -146,8 +148,8 @@ def laws_figure(curves: Sequence[LawCurve]) -> str:
             )
             axes.set_xlabel(one.words if one.unit == "-" else f"{one.words} [{one.unit}]")
             equation = one.term.equation
-            unit = "share" if equation.is_share else sign(str(equation.unit))
-            axes.set_ylabel(f"{equation.value.replace('_', ' ')} [{unit}]")
+            unit = "" if equation.is_share else f" [{sign(str(equation.unit))}]"
+            axes.set_ylabel(fill(f"{equation.words}{unit}", _WRAPPED))
             if column == 0:
                 handles = axes.get_legend_handles_labels()
                 figure.legend(*handles, loc="outside upper right", ncols=2, frameon=False)

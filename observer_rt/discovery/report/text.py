@@ -14,7 +14,7 @@ from observer_rt.discovery.search.result import (
     Verdict,
 )
 from observer_rt.estimation.phases import Phase
-from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MM3_PER_MS
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MILLIMETRE, MM3_PER_MS
 from observer_rt.model.effect import EffectParameter, Equation
 from observer_rt.model.effects import VOCABULARY
 from observer_rt.model.parameters import EffectValue, Finite
@@ -146,8 +146,8 @@ def _sized_law(term: Term) -> str:
     low, high = term.interval or (term.coefficient, term.coefficient)
     step = significant(0.5 * (high - low))
     between = f"c = {shown(term.coefficient, step)}, 95 %: {shown(low, step)} to {shown(high, step)}"
-    unit = "" if term.equation.is_share else f" {sign(str(term.equation.unit))}"
-    return f"{term.law}{unit} ({between})"
+    unit = "" if term.equation.is_share else f"in {sign(str(term.equation.unit))}; "
+    return f"{term.law} ({unit}{between})"
 
 
 def standing_words(one: Proposal) -> str:
@@ -157,11 +157,9 @@ def standing_words(one: Proposal) -> str:
         f"line pressure held out: {before:.3g} MPa off before, {after:.3g} after" if before == before else ""
     )
     moved = f"injected mass {one.moves.mass / MILLIGRAM:+.2g} mg"
-    fit = "explains all" if one.adequate else "does not explain all: no model may have it"
-    if one.adequate and not one.may_enter:
-        fit += ", but no model may have it: " + (
-            "too many terms, or free laws in several equations" if one.sound else "not sound everywhere"
-        )
+    fit = "explains all"
+    if one.refusal is not None:
+        fit = f"no model may have it, for {one.refusal.reason}: {one.refusal.remedy}"
     alike = dict.fromkeys(other for term in one.terms for other in term.equation.alike)
     hardly = f"line pressure alone hardly tells it from a law of {' or '.join(alike)}" if alike else ""
     return "; ".join(filter(None, (fit, apart, moved, hardly)))
@@ -294,10 +292,20 @@ _AXIS_OF = {str(parse(axis.over)): axis for axis in AXES}
 _NUMBER = r"(-?[\d.]+(?:e[-+]?\d+)?)"
 _OVER = "(" + "|".join(map(re.escape, _AXIS_OF)) + ")"
 _SINCE = r"\(?time_since_opening / 1\)?"
+_DROP = r"\(?\(line_pressure - chamber_pressure\) / 100\)?"
+_LIFT = r"\(?needle_lift / max_lift\)?"
 _WORDS = tuple(
     (re.compile(rf"c \* \(?{pattern}\)?"), words)
     for pattern, words in {
         "1": "all the time",
+        r"line_flow / 60": "at a flow of 60 mm³/ms, in proportion to it",
+        rf"sqrt\({_DROP}\)": "at 100 MPa, as the root of the pressure",
+        rf"sqrt\({_DROP}\) \* closed": "at 100 MPa while the needle is shut, as the root of the pressure",
+        rf"{_DROP} \* closed": "at 100 MPa while the needle is shut, in proportion to the pressure",
+        rf"{_DROP} \* open": "at 100 MPa while the needle is open, in proportion to the pressure",
+        rf"{_LIFT} - lagged\({_LIFT}, {_NUMBER}\)": (
+            "right after it rose by the whole lift, fading in {0} ms, and the other way after it fell"
+        ),
         r"\(1 \+ tanh\(\(" + _OVER + rf" - {_NUMBER}\) / {_NUMBER}\)\) / 2": "from {0} on",
         r"exp\(-\(\(" + _OVER + rf" - {_NUMBER}\) / {_NUMBER}\)\^2": "round {0}",
         rf"exp\(-{_SINCE} / {_NUMBER}": "at every opening, fading in {0} ms",
@@ -306,8 +314,8 @@ _WORDS = tuple(
         ),
         rf"sin\(6\.283185307 \* {_NUMBER}\[Hz\] \* time \+ {_NUMBER}": "and back, a wave of {0} Hz",
         rf"injection_number > {_NUMBER}": "from the injection after number {0} on",
-        rf"\(?injection_number - 1\)? / {_NUMBER}": "in the end, growing from injection to injection",
-        rf"time / {_NUMBER}": "in the end, growing for {0} s",
+        rf"\(?injection_number - 1\)? / {_NUMBER}": "after {0} injections, growing from one to the next",
+        rf"time / {_NUMBER}": "after {0} s, growing steadily",
         rf"ringing\(line_pressure / 1, {_NUMBER}, {_NUMBER}\)": _RINGS,
         "open": "while the needle is open",
         "closed": "while the needle is shut",
@@ -341,6 +349,9 @@ def _plain_words(term: Term) -> str:
         named = f"a {axis.words} of {value}{'' if axis.unit == '-' else f' {axis.unit}'}"
         numbers = [f"{value} ms after the opening" if axis is SINCE else named]
     size = abs(term.coefficient)
-    unit = str(term.equation.unit)
-    amount = f"{100.0 * size:.3g} %" if term.equation.is_share else f"{size:.3g} {sign(unit)}"
+    amount = f"{size:.3g} {sign(str(term.equation.unit))}"
+    if term.equation.is_share:
+        amount = f"{100.0 * size:.3g} %"
+    elif term.equation is TermEquation.NEEDLE_LIFT:
+        amount = f"{size * MILLIMETRE / MICROMETRE:.3g} µm"
     return f"{_AS_IF[term.equation][1 + (term.coefficient > 0.0)].format(amount)} {words.format(*numbers)}"

@@ -118,7 +118,7 @@ CURVES: Mapping[TermEquation, tuple[tuple[Axis, str], ...]] = {
     ),
     TermEquation.NOZZLE_FLOW: ((SINCE, ""), (LIFT, ""), (OVER_NOZZLE, ""), (PRESSURE, "")),
     TermEquation.CHAMBER_PRESSURE: ((SINCE, ""), (LIFT, ""), (OVER_NOZZLE, "")),
-    TermEquation.NEEDLE_LIFT: ((LIFT, ""), (SPEED, "")),
+    TermEquation.NEEDLE_LIFT: ((LIFT, "open*"), (SPEED, "open*")),
     TermEquation.LINE_PRESSURE_SENSOR: ((PRESSURE, ""), (RATE, ""), (FLOW, "")),
 }
 """Curves of an equation: over what, and a factor before it."""

@@ -10,7 +10,7 @@ from observer_rt.config.effects import term_domain
 from observer_rt.discovery.search.adequacy import HealthyBaseline, worst
 from observer_rt.discovery.search.candidates import Fitter
 from observer_rt.discovery.search.law_evidence import law_curve
-from observer_rt.discovery.search.result import Candidate, Consequence, LawCurve, Proposal
+from observer_rt.discovery.search.result import Candidate, Consequence, LawCurve, Proposal, Refusal
 from observer_rt.discovery.search.search import HeldOutPoints, SearchOutcome
 from observer_rt.discovery.search.term_library import InjectorTerms, RecordingSpan, library
 from observer_rt.discovery.search.term_search import PRICE, TermFit, TermSearch, no_terms, scores_of
@@ -60,7 +60,7 @@ def propose(
             result.nothing.statistic - fit.statistic,
             phase,
             problem.is_adequate(fit.chosen, fit.theta),
-            _is_sound(model, fitter.nominal),
+            _unsound(model, fitter.nominal),
             (before, held_out.gap(found)),
             moves(fitter.nominal, model),
         )
@@ -119,12 +119,12 @@ def _span(evidence: Evidence) -> RecordingSpan:
     return RecordingSpan(max(event.clock.time for event in events), last)
 
 
-def _is_sound(model: EffectiveModel, nominal: EffectiveModel) -> bool:
-    """Whether an injector file may have the terms that a model has beyond the nominal one."""
+def _unsound(model: EffectiveModel, nominal: EffectiveModel) -> Refusal | None:
+    """Why an injector file may not have the terms that a model has beyond the nominal one; None where it may."""
     domain = term_domain(nominal.injector)
     try:
         for term in model.terms[len(nominal.terms) :]:
             refuse_unbounded(term, domain)
-    except UserError:
-        return False
-    return True
+    except UserError as error:
+        return Refusal(f"{error.place} {error.problem}", error.remedy)
+    return None

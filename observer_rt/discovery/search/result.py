@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from itertools import islice, product
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -294,22 +295,37 @@ class LawCurve:
     half: NDArray[np.float64]
 
 
+class Refusal(NamedTuple):
+    """Why no model may have a proposal, and what to do about it, in words."""
+
+    reason: str
+    remedy: str
+
+
+_MORE_POINTS = "record more rail pressures and durations"
+INCOMPLETE = Refusal("it leaves something unexplained", _MORE_POINTS)
+TOO_MANY = Refusal(
+    "so many laws together would fit anything", f"{_MORE_POINTS}, or the injection rate as well"
+)
+TOO_FREE = Refusal("laws with numbers of their own in several equations would fit anything", TOO_MANY.remedy)
+
+
 @dataclass(frozen=True)
 class Proposal:
     """What would explain the recordings: terms, perhaps beside effects of the vocabulary.
 
     found: the terms as effects with one size, and their intervals; gain: of -2 log L over the model as given; phase:
-    in which the model as given fails most; adequate: nothing but noise is left; sound: every law holds over the whole
-    domain; held_out: rms of the line pressure's gap on events it was not fitted to, before and after [Pa], nan where
-    nothing was held out; moves: what it does to line pressure and mass; curves: of the first proposal, its laws over
-    their variables where they have one.
+    in which the model as given fails most; adequate: nothing but noise is left; unsound: why a law does not hold over
+    the whole domain, None where all do; held_out: rms of the line pressure's gap on events it was not fitted to,
+    before and after [Pa], nan where nothing was held out; moves: what it does to line pressure and mass; curves: of
+    the first proposal, its laws over their variables where they have one.
     """
 
     found: Candidate
     gain: float
     phase: Phase
     adequate: bool
-    sound: bool
+    unsound: Refusal | None
     held_out: tuple[float, float]
     moves: Consequence
     curves: tuple[LawCurve, ...] = ()
@@ -330,15 +346,25 @@ class Proposal:
         return tuple(effect.id for effect in self.found.hypothesis.effects if not is_term(effect))
 
     @property
-    def may_enter(self) -> bool:
-        """Whether a model may be given it: it explains all, with few terms, and its laws are sound everywhere.
+    def refusal(self) -> Refusal | None:
+        """Why no model may be given it; None of one that explains all, with few terms, sound everywhere.
 
         What blames several equations must do it without numbers within its laws: with them it would fit anything.
         """
         effects = self.found.hypothesis.effects
         laws = [effect.apply for effect in effects if isinstance(effect.apply, TermLaw)]
-        plain = len({effect.place for effect in effects}) < 2 or not any(law.numbers for law in laws)
-        return self.adequate and self.sound and plain and len(effects) <= MOST_ENTERING
+        if not self.adequate:
+            return INCOMPLETE
+        if len(effects) > MOST_ENTERING:
+            return TOO_MANY
+        if len({effect.place for effect in effects}) > 1 and any(law.numbers for law in laws):
+            return TOO_FREE
+        return self.unsound
+
+    @property
+    def may_enter(self) -> bool:
+        """Whether a model may be given it."""
+        return self.refusal is None
 
     def model(self, nominal: EffectiveModel) -> EffectiveModel:
         """The model with it."""

@@ -95,7 +95,9 @@ LIBRARY: Mapping[TermEquation, tuple[str, ...]] = {
         *_OF_SEAT, "H", "sqrt(H)", "H^2", "sqrt(A/(H + A))", "P", "abs(Q)",
     ),
     TermEquation.CHAMBER_PRESSURE: ("min(X/0.33, 1)", "X", "U", "exp(-U/A)", "nozzle_flow/60", "T", "N", "H"),
-    TermEquation.NEEDLE_LIFT: ("X^2", "X^3", "V", "T", "N", "B", "R", "X - lagged(X, A)"),
+    TermEquation.NEEDLE_LIFT: (
+        "X^2", "X^3", "V", "open*T", "open*N", "open*B", "open*R", "X - lagged(X, A)", "closed",
+    ),
     TermEquation.LINE_PRESSURE_SENSOR: (
         "P^2", "P^2 - A", "P^3", "abs(line_pressure_rate)/50", "line_pressure_rate/50", "T", "N", "X", "V", "R", "Q",
         "P - lagged(P, A)", "line_pressure_rate/50 - lagged(line_pressure_rate/50, A)",

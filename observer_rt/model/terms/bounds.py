@@ -18,6 +18,7 @@ from observer_rt.model.terms.variable import Variable
 FAR = 5.0  # times the equation's bounds
 LEAST_LOSS_SLOPE = -0.005  # of the pressure lost by line_flow, the line's own included, MPa/(mm3/ms)
 LEAST_OUTFLOW_SLOPE = -0.1  # of the outflow by line_pressure, mm3/ms/MPa
+LARGEST_REST = 0.01  # mm, by which a needle seen to be shut may be held open
 _FEEDBACK = {
     TermEquation.LINE_FLOW: (Variable.LINE_FLOW, LEAST_LOSS_SLOPE),
     TermEquation.LINE_PRESSURE: (Variable.LINE_PRESSURE, LEAST_OUTFLOW_SLOPE),
@@ -93,6 +94,14 @@ def refuse_unbounded(term: Term, domain: TermDomain) -> None:
         )
     for law in dict.fromkeys((term.law, term.law.settled())):
         _refuse_values(term, _over(law, term, domain), domain)
+    if term.equation is TermEquation.NEEDLE_LIFT:
+        held = np.where(
+            domain.points[Variable.CLOSED.word] > 0.0, _over(term.law.settled(), term, domain), 0.0
+        )
+        at = int(np.argmax(held))
+        if held[at] > LARGEST_REST:
+            problem = f"holds a shut needle open by {held[at]:.3g} mm, more than {LARGEST_REST:g},"
+            raise _unsound(term, domain, at, problem, "multiply by open what holds while it is open only")
     if term.equation in _FEEDBACK:
         variable, least = _FEEDBACK[term.equation]
         damping = domain.friction * np.abs(domain.points[Variable.LINE_FLOW.word])
@@ -132,7 +141,13 @@ def _over(law: Law, term: Term, domain: TermDomain) -> Values:
     return np.broadcast_to(law.at(domain.points, term.coefficient, elsewhere), (_POINTS,))
 
 
-def _unsound(term: Term, domain: TermDomain, at: int, problem: str) -> UserError:
+def _unsound(
+    term: Term,
+    domain: TermDomain,
+    at: int,
+    problem: str,
+    remedy: str = "correct the law, or hold it where it grows, by min(), max() or tanh()",
+) -> UserError:
     words = [
         f"{one.word} = {domain.points[one.word][at]:.4g}" for one in Variable if one in term.law.variables
     ]
@@ -141,5 +156,5 @@ def _unsound(term: Term, domain: TermDomain, at: int, problem: str) -> UserError
     return UserError(
         f"{term.equation} = {term.law}{size}",
         (problem + where).removesuffix(","),
-        "correct the law, or hold it where it grows, by min(), max() or tanh()",
+        remedy,
     )

@@ -56,6 +56,12 @@ def fresh_memory(program: Numbers) -> Numbers:
 
 
 @compiled
+def reads(program: Numbers, variable: int) -> bool:
+    """Whether a law of a program has this variable."""
+    return bool(np.any((program[:, 0] == _VARIABLE) & (program[:, 1] == variable)))
+
+
+@compiled
 def sensor_rows(program: Numbers) -> int:
     """From which row on a program is the sensor's."""
     first = 0

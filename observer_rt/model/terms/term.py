@@ -19,7 +19,7 @@ class TermEquation(StrEnum):
     INERTANCE = "inertance", PURE, "share added to the inertance of the line", -0.6, 4.0
     CHAMBER_PRESSURE = "chamber_pressure", PRESSURE, "pressure added in the chamber", -20.0, 20.0
     LINE_PRESSURE_SENSOR = "line_pressure_sensor", PRESSURE, "pressure added to the one recorded", -10.0, 10.0
-    NEEDLE_LIFT = "needle_lift", LIFT, "lift added to the measured one while the needle is open", -0.08, 0.08
+    NEEDLE_LIFT = "needle_lift", LIFT, "lift added to the measured one", -0.1, 0.1
     RAIL_PRESSURE = "rail_pressure", PRESSURE, "pressure added to the measured rail pressure", -10.0, 10.0
 
     unit: Unit

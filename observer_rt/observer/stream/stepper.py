@@ -17,6 +17,7 @@ from observer_rt.model.forcing import (
     Forced,
     Forcing,
     borrowed_forcing,
+    is_shut_under_terms,
     shown_under_terms,
     trusted_under_terms,
     under_terms,
@@ -165,7 +166,7 @@ def _predict(stepper: Stepper, position: int) -> float:
 
 @inner_separate
 def _correct(stepper: Stepper, position: int) -> float:
-    """With the needle long shut the sac is at chamber pressure and x^ := x~; otherwise x^ runs open loop."""
+    """With the needle long shut x^ := x~, the sac at chamber pressure but for a term; else x^ runs open loop."""
     row = stepper.ring[position & _MASK]
     x_tilde, x_hat = borrowed(stepper.x_tilde[position & _MASK]), borrowed(stepper.x_hat[position & _MASK])
     gain = stepper.gains[min(stepper.memory[0].since_start, stepper.gains.shape[0] - 1)]
@@ -174,7 +175,8 @@ def _correct(stepper: Stepper, position: int) -> float:
         trusted = trusted_under_terms(trusted, stepper.interval, borrowed_forcing(stepper.of_tilde))
     row.indicated = correct(x_tilde, row.indicated, trusted, gain, None)
     if row.resting:
-        x_tilde[2] = 0.0
+        if is_shut_under_terms(stepper.of_tilde):
+            x_tilde[2] = 0.0
         copy_vector(x_tilde, x_hat)
         copy_vector(stepper.of_tilde.past, stepper.of_hat.past)
         copy_vector(stepper.of_tilde.memory, stepper.of_hat.memory)
@@ -199,10 +201,10 @@ def _move_x_hat(stepper: Stepper, position: int, x_hat: NDArray[np.float64], for
 def _read(
     stepper: Stepper, position: int, x_hat: NDArray[np.float64], c: Coefficients, network: Network
 ) -> None:
-    """Injection rate and phi of x^ into a sample's row; both are 0 at rest."""
+    """Injection rate and phi of x^ into a sample's row; both are 0 at rest with an empty sac."""
     row = stepper.ring[position & _MASK]
     phi, rate = (0.0, 0.0, 0.0), 0.0
-    if not row.resting:
+    if not row.resting or x_hat[2] != 0.0:  # a term may hold the needle open
         u = (row.rail_pressure, max(row.seat_area, 0.0))
         phi, rate = read_phi(stepper.phi, x_hat, u, c, network)
     row.phi[0], row.phi[1], row.phi[2] = phi

@@ -50,7 +50,7 @@ def test_one_effect_needs_no_decision() -> None:
 
 def proposal(*effects: Effect) -> Proposal:
     found = Candidate(Hypothesis(effects), (0.1,) * len(effects), 0.0)
-    return Proposal(found, 0.0, Phase.OPEN, True, True, (0.0, 0.0), Consequence(0.0, 0.0))
+    return Proposal(found, 0.0, Phase.OPEN, True, None, (0.0, 0.0), Consequence(0.0, 0.0))
 
 
 @pytest.mark.parametrize(

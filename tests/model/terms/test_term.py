@@ -89,6 +89,9 @@ def test_units_that_do_not_fit(equation: str, law: str, said: str) -> None:
         ("line_pressure_sensor", "c * line_pressure_rate", -0.02),
         ("rail_pressure", "2 * sin(40 * time)", 1.0),
         ("needle_lift", "0.01 * closing", 1.0),
+        ("needle_lift", "c * closed", 0.003),
+        ("needle_lift", "-0.06 * (needle_lift / max_lift - lagged(needle_lift / max_lift, 0.1))", 1.0),
+        ("needle_lift", "0.05 * open", 1.0),
     ],
 )
 def test_sound_terms(equation: str, law: str, c: float) -> None:
@@ -115,9 +118,10 @@ def test_sound_terms(equation: str, law: str, c: float) -> None:
         (
             "needle_lift",
             "c * needle_lift",
-            2.0,
-            "mm, more than 5 times its bound 0.08, at needle_lift = 0.24",
+            3.0,
+            "mm, more than 5 times its bound 0.1, at needle_lift = 0.24",
         ),
+        ("needle_lift", "0.05", 1.0, "holds a shut needle open by 0.05 mm, more than 0.01"),
         ("rail_pressure", "c * rail_pressure", -0.5, "is -125 MPa"),
         ("line_flow", "-0.006 * line_flow", 1.0, "falls by 0.006 MPa per mm3/ms of line_flow"),
         ("line_flow", "-2e-4 * line_flow * abs(line_flow)", 1.0, "at line_flow = 150"),

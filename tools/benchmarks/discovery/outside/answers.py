@@ -26,7 +26,7 @@ from observer_rt.model import effects
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import effective_model
 from observer_rt.recording.formats import read_recording
-from tools.benchmarks.discovery.outside.cases import FURTHER_FOLDER, GIVEN_FOLDER
+from tools.benchmarks.discovery.outside.cases import FURTHER_FOLDER, GIVEN_FOLDER, HEALTHY_FOLDER
 
 
 @dataclass(frozen=True)
@@ -65,8 +65,9 @@ class OutsideAnswer:
     """What was answered, best proposal first.
 
     claims: names given; by_vocabulary: names its search ended with where they explain all, whatever is proposed
-    besides; suspect: the equation an unknown effect is said to violate; before: of the model as given; named: with
-    what the vocabulary has for it; search_seconds: of `seconds`, what the vocabulary's search took.
+    besides; suspect: the equation an unknown effect is said to violate; before: of the model as given; own: of it
+    where nothing is hidden; named: with what the vocabulary has for it; search_seconds: of `seconds`, what the
+    vocabulary's search took; added_core_seconds: of processor time, all that came after it.
     """
 
     label: str
@@ -77,9 +78,11 @@ class OutsideAnswer:
     suspect: str
     proposals: tuple[Proposed, ...]
     before: Misfit
+    own: Misfit
     named: Misfit
     seconds: float
     search_seconds: float
+    added_core_seconds: float
 
 
 def ask_outside(label: str, folder: Path, model: Path, without: Sequence[str] = ()) -> OutsideAnswer:
@@ -92,8 +95,8 @@ def ask_outside(label: str, folder: Path, model: Path, without: Sequence[str] = 
     begin = time.perf_counter()
     with vocabulary_without(without), noted_search() as noted:
         found = name_effects(nominal, points, SearchOptions(os.cpu_count() or 1, baseline=baseline))
-    seconds = time.perf_counter() - begin
-    outcome, ended = noted[-1]
+    seconds, core_seconds = time.perf_counter() - begin, time.process_time()
+    outcome, ended, core_ended = noted[-1]
     further, winner = (
         _measured(folder / FURTHER_FOLDER),
         outcome.winner if outcome.adequate else outcome.nominal,
@@ -107,9 +110,11 @@ def ask_outside(label: str, folder: Path, model: Path, without: Sequence[str] = 
         str(found.unexplained.equation) if found.unexplained is not None else "",
         taken(found.proposals, nominal, further),
         misfit(nominal, further),
+        misfit(nominal, _measured(folder / HEALTHY_FOLDER)),
         misfit(winner.model(nominal), further),
         seconds,
         ended - begin,
+        core_seconds - core_ended,
     )
 
 
@@ -161,14 +166,14 @@ def vocabulary_without(ids: Sequence[str]) -> Iterator[None]:
 
 
 @contextmanager
-def noted_search() -> Iterator[list[tuple[SearchOutcome, float]]]:
-    """How searches with the vocabulary end meanwhile, and when [s]."""
-    noted: list[tuple[SearchOutcome, float]] = []
+def noted_search() -> Iterator[list[tuple[SearchOutcome, float, float]]]:
+    """How searches with the vocabulary end meanwhile, when, and after how much processor time [s]."""
+    noted: list[tuple[SearchOutcome, float, float]] = []
     original = Search.run
 
     def run(self: Search) -> SearchOutcome:
         outcome = original(self)
-        noted.append((outcome, time.perf_counter()))
+        noted.append((outcome, time.perf_counter(), time.process_time()))
         return outcome
 
     with patch.object(Search, "run", run):

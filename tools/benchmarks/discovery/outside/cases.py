@@ -20,7 +20,7 @@ from tools.benchmarks.plant_parameters import Faults, Injector
 INJECTIONS = 4  # in each recording
 SAME_TO_RECORDINGS = ({"bulk_modulus", "line_volume"},)
 """Names of the vocabulary that are one to any recording, and are taken away together."""
-GIVEN_FOLDER, FURTHER_FOLDER = "given", "further"  # of a case
+GIVEN_FOLDER, FURTHER_FOLDER, HEALTHY_FOLDER = "given", "further", "healthy"  # of a case
 
 
 class Asked(StrEnum):
@@ -148,9 +148,17 @@ def taken_away(case: OutsideCase) -> tuple[str, ...]:
 
 
 def record_case(case: OutsideCase, target: Path) -> tuple[Path, ...]:
-    """The recordings of a case: what is given, and what is not, the plant without noise and with its true rate."""
+    """The recordings of a case: what is given, and what is not, the plant without noise and with its true rate.
+
+    Of what is not given, also the plant with nothing hidden.
+    """
     given = write_all(given_benches(case), case.with_rate, target / GIVEN_FOLDER)
-    return given + write_all(further_benches(case), True, target / FURTHER_FOLDER)
+    healthy = further_benches(replace(case, asked=Asked.HEALTHY))
+    return (
+        *given,
+        *write_all(further_benches(case), True, target / FURTHER_FOLDER),
+        *write_all(healthy, True, target / HEALTHY_FOLDER),
+    )
 
 
 HIDING = Hiding(

@@ -124,10 +124,9 @@ _KINDS = (
         (_law("lift_ahead", 0.1, 0.4), _law("lift_memory", 0.08 * MS, 0.25 * MS)),
     ),
     HiddenKind(
-        "needle_behind",  # its sensor: open a while longer than is seen, where a term of the lift says nothing
+        "needle_behind",  # its sensor: open a while longer than is seen
         _T.NEEDLE_LIFT,
         (_law("lift_behind", 0.1, 0.3), _law("lift_memory", 0.08 * MS, 0.25 * MS)),
-        in_library=False,
     ),
     HiddenKind("bent_lift", _T.NEEDLE_LIFT, (_law("lift_bend", 0.15, 0.25, both=True),)),
     HiddenKind(
@@ -209,7 +208,8 @@ _MOVING = frozenset({"opening", "closing"})
 ACTS_IN = {
     **dict.fromkeys(("root_leakage", "needle_not_shut"), frozenset({"standstill", "after"})),
     **dict.fromkeys(("needle_displacement", "seat_by_speed", "middle_loss", "seat_hysteresis"), _MOVING),
-    **dict.fromkeys(("lagged_lift", "needle_behind"), _MOVING),
+    "lagged_lift": _MOVING,
+    "needle_behind": _MOVING | {"after"},
     **dict.fromkeys(("open_leakage", "bent_lift", "coking_nozzle", "plugged_hole"), _MOVING | {"open"}),
     **dict.fromkeys(
         ("closing_hole", "viscous_nozzle", "opening_loss", "chamber_by_number"), _MOVING | {"open"}

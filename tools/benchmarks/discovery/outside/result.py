@@ -103,9 +103,10 @@ class OutsideResult:
 
     @property
     def mass_halved(self) -> bool | None:
-        """Whether the gap of the mass is; None where it never mattered."""
-        before = self.answer.before.mass_mg
-        return self.after.mass_mg <= HALVED * before if before > MEANINGFUL_MASS_MG else None
+        """Whether the gap of the mass is, but for the model's own; None where it never mattered."""
+        own = self.answer.own.mass_mg
+        before, after = self.answer.before.mass_mg - own, self.after.mass_mg - own
+        return after <= HALVED * before if before > MEANINGFUL_MASS_MG else None
 
     @property
     def accepted_worse(self) -> bool:

@@ -36,7 +36,7 @@ def kind_table(results: Results, asked: Asked) -> Table:
     table = ruled(TITLES[asked], ("kind",), (
         "in the\nlibrary", "cases", "right\nequation", "\nits own", "\nphase", "proposed", "\naccepted", "as\ngood",
         "p_L off, MPa: before,\nby name, proposed", "halved", "mass off, mg: before,\nby name, proposed", "halved",
-        "\nworse", "seconds", "\nadded",
+        "\nworse", "seconds", "\nadded", "\nof a core",
     ), no_wrap=True)  # fmt: skip
     cases = asked_for(results, asked)
     for name, of_kind in _by_kind(cases).items():
@@ -81,6 +81,7 @@ def json_document(results: Results, tier: str, crashes: Sequence[str]) -> dict[s
             },
             "cases": [asdict(r.case) | asdict(r.answer) | {"wrong": _marks(r)} for r in results],
             "missed": [each.name for each in judged if each.is_met is False],
+            "added_core_seconds": [r.answer.added_core_seconds for r in results],
             "crashes": list(crashes),
         },
     }
@@ -105,6 +106,7 @@ def _row(asked: Asked, cases: Results) -> list[str]:
         str(sum(r.accepted_worse for r in cases)),
         f"{_median([r.answer.seconds for r in cases]):.1f}",
         f"{_median([r.added_seconds for r in cases]):.1f}",
+        f"{_median([r.answer.added_core_seconds for r in cases]):.1f}",
     ]
 
 

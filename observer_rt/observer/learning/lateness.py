@@ -38,6 +38,9 @@ SIGNIFICANT = 4.5  # standard deviations: below 1e-5 an event where it is a lag
 # Of the rate's peak, root mean square over the injection: what a lag in place of a delay may make of the rate. Of the
 # mass it is about a third. Some 25 us of delay do this.
 RELEVANT_RATE = 0.01
+DIVERGED = (
+    1e6  # standard deviations of an innovation: the model with the delay is not stable, and tells nothing
+)
 LEAST_RATE = 0.02  # of the peak, from which on it counts as injection
 
 
@@ -98,6 +101,8 @@ def lag_score(
     other = cost.whitened(other, masked)
     first = cost.burn_in + late
     direction = (other[first - late : early_enough] - fit.innovations[first:]) / cost.sigma
+    if not np.abs(direction).max() < DIVERGED:
+        return None
     slopes = fit.slopes[first:] / cost.sigma
     information = slopes.T @ slopes + np.diag(prior**-2)
     change = -np.linalg.solve(information, slopes.T @ direction)

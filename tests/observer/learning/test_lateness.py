@@ -131,3 +131,17 @@ def test_a_sensor_that_becomes_slower_all_at_once_is_at_fault_until_it_is_as_bef
     assert sensor.after(later, later + SLOWED, is_sudden=True)
     assert not sensor.after(later, before, is_sudden=True)
     assert not sensor.after(before, before, is_sudden=False)
+
+
+def test_a_delay_with_which_the_model_is_not_stable_tells_nothing() -> None:
+    case = make_case(NOMINAL)
+    lagging = np.zeros(PARAMETERS)
+    lagging[Parameter.SENSOR_LAG] = 40e-6 / LAG_UNIT
+    window = simulated_event(case, lagging, event_inputs(), seed=3)
+    cost = EventCost(window, case.setting, case.schedule.innovation_sigma, burn_in=50)
+    wide = SCALARS.prior(case.c.pressure_scale)
+    fitter = EventFitter(cost, SCALARS.gate, frozenset(), theta_limits(case.c.pressure_scale))
+    fit = fitter.fit(cost.linearised(lagging), prior_belief(lagging, np.diag(wide**2)), 2)
+    wild = window._replace(output=np.where(np.arange(window.output.size) > 200, 1e200, window.output))
+    assert lag_score(window, case.setting, fit, cost, wide) is not None
+    assert lag_score(wild, case.setting, fit, cost, wide) is None

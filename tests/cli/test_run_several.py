@@ -27,12 +27,22 @@ from tests.cli.conftest import Command, Outcome
 from tests.links import FakeLink
 from tests.service.end_to_end import START_TIMEOUT, STATUS, decoded
 from tests.service.participants import until
-from tests.three_injectors import NAMES, STATUS_ID, STEP, SUMMARY_ID, lift_id, three_injectors, three_on
+from tests.three_injectors import (
+    NAMES,
+    RATE_ID,
+    STATUS_ID,
+    STEP,
+    SUMMARY_ID,
+    lift_id,
+    three_injectors,
+    three_on,
+)
 
 Heard = dict[int, list[bytes]]
 EVERYONE = range(len(NAMES))
 RAIL_ID, SAMPLES_A_FRAME = 0x110, 28
 LOOK_AHEAD = 100  # samples, and more, that wait for those behind them
+RESULTS: list[can.typechecking.CanFilter] = [{"can_id": RATE_ID, "can_mask": 0x700, "extended": False}]
 SPEED = {"virtual": math.inf, "socketcan": 0.03}  # user-mode Linux has one processor for all who take part
 
 
@@ -58,10 +68,10 @@ def bench(tmp_path: Path) -> Path:
 
 @contextmanager
 def listening(link: LinkConfig) -> Iterator[Heard]:
-    """Payloads on the bus by identifier."""
+    """Payloads of results on the bus by identifier."""
     heard: Heard = {}
     stop = threading.Event()
-    with can.Bus(interface=link.interface, channel=link.channel, fd=True) as bus:
+    with can.Bus(interface=link.interface, channel=link.channel, fd=True, can_filters=RESULTS) as bus:
 
         def listen() -> None:
             while not stop.is_set():

@@ -17,7 +17,7 @@ from tools.benchmarks.faults.player import Published, Summary
 from tools.benchmarks.faults.run import KINDS, score_scenario
 from tools.benchmarks.faults.scenario import Placed, Scenario, drawn, tasks
 from tools.benchmarks.faults.score import RECOVERY, FaultScore, score
-from tools.benchmarks.plant import Bench, Event, Needle, Outcome, Shot, record
+from tools.benchmarks.plant import SIGNALS, Bench, Event, Needle, Outcome, Shot, record
 from tools.benchmarks.plant_parameters import Faults, Injector
 from tools.benchmarks.runs import Task
 from tools.benchmarks.scoring import recording_of
@@ -40,7 +40,7 @@ def test_input_changes_while_the_fault_lasts(outcome: Outcome, name: str) -> Non
     before = outcome.measured
     after = with_input_fault(before, placed(name))
     during = (before.time >= BEGIN) & (before.time < END)
-    changed = [~np.equal(getattr(after, role), getattr(before, role)) for role in inputs.ROLES]
+    changed = [~np.equal(getattr(after, role), getattr(before, role)) for role in SIGNALS]
     assert not any(each[~during].any() for each in changed)
     assert any(each[during].any() for each in changed)
 

@@ -24,6 +24,7 @@ from observer_rt.simulation.plant import Truth
 from observer_rt.simulation.schedule import make_schedule
 from tools.benchmarks.arrays import Array
 from tools.benchmarks.command_line import app, tracked
+from tools.benchmarks.plant import LIFT, LINE, RAIL, SIGNALS
 from tools.benchmarks.report import Columns, put_out, table_of
 from tools.benchmarks.scoring import bench_at, worn_injector
 
@@ -53,7 +54,6 @@ class Onset(StrEnum):
 
 
 Signals = dict[str, Array]
-RAIL, LIFT, LINE = "rail_pressure", "needle_lift", "line_pressure"
 
 
 def _scaled(factor: float, *names: str) -> Callable[[Signals], Signals]:
@@ -210,7 +210,7 @@ def _faulty(recording: Recording, surgery: Surgery) -> Recording:
         Onset.SHUT: opening - round(12 * MILLISECOND * SAMPLE_RATE),
         Onset.OPEN: opening + round(0.4 * MILLISECOND * SAMPLE_RATE),
     }[surgery.onset]
-    signals = {name: getattr(recording, name).copy() for name in (RAIL, LIFT, LINE)}
+    signals = {name: getattr(recording, name).copy() for name in SIGNALS}
     changed = FAULTS[surgery.fault]({name: values[first:] for name, values in signals.items()})
     for name, values in changed.items():
         signals[name] = np.append(signals[name][:first], values)

@@ -8,10 +8,8 @@ from scipy.signal import lfilter
 
 from tools.benchmarks.arrays import Array
 from tools.benchmarks.faults.scenario import Group, Kind, Placed
-from tools.benchmarks.plant import Measured
+from tools.benchmarks.plant import LIFT, LINE, RAIL, SIGNALS, Measured
 
-RAIL, LIFT, LINE = "rail_pressure", "needle_lift", "line_pressure"
-ROLES = (RAIL, LIFT, LINE)
 MPA, UM, US = 1e6, 1e-6, 1e-6
 DRIFT = {RAIL: (0.5 * MPA, 4 * MPA), LINE: (0.5 * MPA, 4 * MPA), LIFT: (3 * UM, 30 * UM)}
 SPIKE = {RAIL: 20 * MPA, LINE: 20 * MPA, LIFT: 40 * UM}
@@ -35,18 +33,6 @@ _GONE = _SENSOR | {
 _LATE = _SENSOR | {"TIME_BASE", "SENSOR_LAG", "LIFT_SENSOR_LAG", "REVISED", "AMBIGUOUS_SCALE"}
 
 
-def _dead(time: Array, values: Array, role: str, rng: Generator) -> Array:
-    return np.zeros_like(values)
-
-
-def _unavailable(time: Array, values: Array, role: str, rng: Generator) -> Array:
-    return np.full_like(values, np.nan)
-
-
-def _frozen(time: Array, values: Array, role: str, rng: Generator) -> Array:
-    return np.full_like(values, values[0])
-
-
 def _late(time: Array, values: Array, role: str, rng: Generator) -> Array:
     share = -np.expm1(-(time[1] - time[0]) / rng.uniform(*LAGS))
     start = [(1.0 - share) * values[0]]
@@ -56,10 +42,6 @@ def _late(time: Array, values: Array, role: str, rng: Generator) -> Array:
 def _drifting(time: Array, values: Array, role: str, rng: Generator) -> Array:
     size = rng.uniform(*DRIFT[role]) * (1.0 if rng.random() < 0.5 else -1.0)
     return np.asarray(values + size * np.bartlett(values.size), np.float64)
-
-
-def _stepping(time: Array, values: Array, role: str, rng: Generator) -> Array:
-    return np.asarray(values + rng.uniform(*DRIFT[role]) * rng.choice((-1.0, 1.0)), np.float64)
 
 
 def _spikes(time: Array, values: Array, role: str, rng: Generator) -> Array:
@@ -72,25 +54,27 @@ def _other_unit(time: Array, values: Array, role: str, rng: Generator) -> Array:
     return values * (factor if rng.random() < 0.5 else 1.0 / factor)
 
 
-def _clipped(time: Array, values: Array, role: str, rng: Generator) -> Array:
-    return np.minimum(values, rng.uniform(*CLIPPED) * float(np.max(values)))
-
-
 _WAVES: dict[str, tuple[Wave, frozenset[str]]] = {
-    "dead": (_dead, _GONE),
-    "unavailable": (_unavailable, _GONE),
-    "frozen": (_frozen, _GONE),
+    "dead": (lambda time, values, role, rng: np.zeros_like(values), _GONE),
+    "unavailable": (lambda time, values, role, rng: np.full_like(values, np.nan), _GONE),
+    "frozen": (lambda time, values, role, rng: np.full_like(values, values[0]), _GONE),
     "lag": (_late, _LATE),
     "drift": (_drifting, _GONE),
-    "step": (_stepping, _GONE),
+    "step": (
+        lambda time, values, role, rng: values + rng.uniform(*DRIFT[role]) * rng.choice((-1.0, 1.0)),
+        _GONE,
+    ),
     "spikes": (_spikes, _GONE),
     "unit": (_other_unit, _GONE),
-    "clipped": (_clipped, _GONE),
+    "clipped": (
+        lambda time, values, role, rng: np.minimum(values, rng.uniform(*CLIPPED) * np.max(values)),
+        _GONE,
+    ),
 }
 LATE = {
     "lag_needle": 0.1e-3
 }  # s: where the lift does not show that the needle opens, the falling pressure must
-_OF = {f"{name}_{role.split('_')[0]}": (role, *found) for name, found in _WAVES.items() for role in ROLES}
+_OF = {f"{name}_{role.split('_')[0]}": (role, *found) for name, found in _WAVES.items() for role in SIGNALS}
 _SWAPPED = {"swapped_pressures": (RAIL, LINE)}
 KINDS = tuple(
     Kind(name, Group.INPUT, true, LATE.get(name, 0.0)) for name, (_, _, true) in _OF.items()
@@ -100,7 +84,7 @@ KINDS = tuple(
 def with_input_fault(measured: Measured, placed: Placed) -> Measured:
     """The signals with a fault of an input."""
     during = (measured.time >= placed.begin) & (measured.time < placed.end)
-    signals = {role: getattr(measured, role).copy() for role in ROLES}
+    signals = {role: getattr(measured, role).copy() for role in SIGNALS}
     if placed.kind.name in _SWAPPED:
         one, other = _SWAPPED[placed.kind.name]
         signals[one][during], signals[other][during] = signals[other][during], signals[one][during]

@@ -26,6 +26,8 @@ from observer_rt.observer.learning.disturbances.colour import ORDERS, Colour
 from observer_rt.observer.learning.interval import EventPoint
 from observer_rt.observer.learning.knowledge import Knowledge, no_knowledge
 from observer_rt.observer.learning.memory import NOTHING, Memory
+from observer_rt.observer.stream.lift_zero import FURTHEST_ZERO, MOST_CROSSTALK
+from observer_rt.observer.stream.standstill import RestingLift
 
 VERSION = 4
 OLDEST = 3  # version that is still read
@@ -74,6 +76,10 @@ def problem_of(knowledge: Knowledge, pressure_scale: float) -> str | None:
             return f"the noise of the {signal.replace('_', ' ')} is {sigma:g} (SI units)"
     if not np.all(np.isfinite(knowledge.learned_at)):
         return "the operating points learned at are not finite numbers"
+    lift = knowledge.lift
+    is_drift = abs(lift.zero) <= FURTHEST_ZERO and 0.0 <= lift.wander <= FURTHEST_ZERO
+    if not (is_drift and abs(lift.crosstalk) <= MOST_CROSSTALK):
+        return f"the lift of a shut needle shows more than a sensor's drift: {lift}"
     if (colour := knowledge.colour) is None:
         return None
     whitening = colour.whitening
@@ -116,6 +122,12 @@ class _Noise(BaseModel, extra="forbid", strict=True):
     needle_lift: float
 
 
+class _Lift(BaseModel, extra="forbid", strict=True):
+    zero: float
+    wander: float
+    crosstalk: float
+
+
 class _Colour(BaseModel, extra="forbid", strict=True):
     interval: float
     forgetting: float | None
@@ -146,6 +158,7 @@ class _Content(BaseModel, strict=True):
     covariance: _Array
     error_covariance: _Array
     noise: _Noise
+    lift: _Lift | None = None  # of files without it, zero and crosstalk are found again by the stream
     colour: _Colour | None = None  # of files without it, the noise is taken for white until an event shows it
     # of files without it, every operating point counts as new until learned at
     learned_at: list[EventPoint] = []
@@ -212,6 +225,7 @@ def save_knowledge(
         covariance=knowledge.belief.covariance,
         error_covariance=knowledge.belief.error_covariance,
         noise=_Noise(**asdict(knowledge.noise)),
+        lift=_Lift(**asdict(knowledge.lift)),
         colour=colour
         and _Colour.model_construct(interval=colour.interval, sigma=colour.sigma, **vars(colour.whitening)),
         learned_at=list(knowledge.learned_at),
@@ -333,6 +347,7 @@ def _knowledge_in(data: bytes, model: str, pressure_scale: float) -> Knowledge:
             colour=content.colour.restored() if content.colour else None,
             learned_at=tuple(content.learned_at),
             memory=Memory(**vars(content.memory)) if content.memory else NOTHING,
+            lift=RestingLift(**dict(content.lift)) if content.lift else RestingLift(),
         )
         return _by_name(knowledge, tuple(content.columns), pressure_scale)
     except ValidationError as error:

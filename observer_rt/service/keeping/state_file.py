@@ -6,6 +6,7 @@ import math
 import os
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -233,9 +234,7 @@ def save_knowledge(
     ).model_dump()
     document = {"version": VERSION, "sha256": _digest(content), "content": content}
     try:
-        _replace(
-            Path(os.path.realpath(path)), json.dumps(document, indent=1, allow_nan=False).encode() + b"\n"
-        )
+        _replace(Path(os.path.realpath(path)), _json(document, indent=1).encode() + b"\n")
     except OSError as error:
         raise RunError(f"{path}: the learned state cannot be written: {error.strerror or error}") from error
 
@@ -281,8 +280,12 @@ def load_knowledge(
     )
 
 
+_json = partial(json.dumps, allow_nan=False, default=np.ndarray.tolist)
+"""Text of numbers, lists, mappings and arrays."""
+
+
 def _digest(content: object) -> str:
-    canonical = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    canonical = _json(content, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(canonical.encode()).hexdigest()
 
 

@@ -17,13 +17,20 @@ from observer_rt.estimation.predictor import (
     forced_before,
 )
 from observer_rt.estimation.scalars import SCALARS, Learned, Scalars, by_theta, learned_of
-from observer_rt.foundation.compiled import compiled
+from observer_rt.foundation.compiled import compiled, inner_separate
 from observer_rt.foundation.small_arrays import copy_matrix, copy_vector, product, propagate
 from observer_rt.model.borrowed import borrowed, borrowed_network, borrowed_tangent
 from observer_rt.model.forcing import Clock, borrowed_forcing, forcing_of
-from observer_rt.model.hydraulics import empty_sac, seat_area_slope
+from observer_rt.model.hydraulics import Sac, Seat, empty_sac, seat_area_slope
 from observer_rt.model.integrator import advance_over
-from observer_rt.model.right_hand_side import Tangent, flow_slopes, is_at_rest, tangent_of
+from observer_rt.model.right_hand_side import (
+    ByTheta,
+    FlowSlopes,
+    Tangent,
+    flow_slopes,
+    is_at_rest,
+    tangent_of,
+)
 from observer_rt.model.sensor import lagged_slopes
 
 DRAINING = 0.2e-3  # s, in which the sac is certainly empty behind a shut needle
@@ -102,25 +109,41 @@ def _run(
         if is_at_rest(x, u):
             continue
         flows = flow_slopes(x, u, c, network, tangent.sigmas)
-        result.rate[k] = c.nozzle.flow * flows.q_h
+        _take_flows(flows, u[1], c.nozzle.flow, c.sac, tangent.theta, tangent.sigmas, tangent.by, result, k)
+
+
+@inner_separate
+def _take_flows(
+    flows: FlowSlopes,
+    area: float,
+    nozzle_flow: float,
+    sac: Sac,
+    theta: ByTheta,
+    sigmas: NDArray[np.float64],
+    by: NDArray[np.float64],
+    result: OpenLoop,
+    k: int,
+) -> None:
+    """Sample k of `result` after its flows, their slopes and the state's, `by` (n, m); whichever line there is."""
+    states = result.gradient.shape[1] - 1
+    result.rate[k] = nozzle_flow * flows.q_h
+    for i in range(3):
+        result.gradient[k, i] = nozzle_flow * flows.h_x[i]
+    result.gradient[k, states] = nozzle_flow * flows.h_area
+    result.slopes[k, theta.nozzle_bias] = nozzle_flow * flows.h_change
+    for neuron in range(sigmas.shape[0]):
+        by_weight = nozzle_flow * flows.h_change * sigmas[neuron]
+        result.slopes[k, theta.nozzle_weight + neuron] = by_weight
+    result.slopes[k, theta.back_pressure] = nozzle_flow * flows.h_back_pressure
+    result.slopes[k, theta.back_pressure + 1] = nozzle_flow * flows.h_back_pressure * area
+    for j in range(result.slopes.shape[1]):
         for i in range(3):
-            result.gradient[k, i] = c.nozzle.flow * flows.h_x[i]
-        result.gradient[k, states] = c.nozzle.flow * flows.h_area
-        theta = tangent.theta
-        result.slopes[k, theta.nozzle_bias] = c.nozzle.flow * flows.h_change
-        for neuron in range(tangent.sigmas.shape[0]):
-            by_weight = c.nozzle.flow * flows.h_change * tangent.sigmas[neuron]
-            result.slopes[k, theta.nozzle_weight + neuron] = by_weight
-        result.slopes[k, theta.back_pressure] = c.nozzle.flow * flows.h_back_pressure
-        result.slopes[k, theta.back_pressure + 1] = c.nozzle.flow * flows.h_back_pressure * u[1]
-        for j in range(m):
-            for i in range(3):
-                result.slopes[k, j] += result.gradient[k, i] * tangent.by[i, j]
-        # the sac by itself: how its pressure's rate of change goes with that pressure, and with the area
-        result.relaxation[k] = c.sac.a6 * flows.h_x[2] - c.sac.a5 * flows.s_x[2]
-        if u[1] > 0.0:
-            by_area = c.sac.a5 * flows.s_area - c.sac.a6 * flows.h_area
-            result.by_area[k] = by_area / result.relaxation[k]
+            result.slopes[k, j] += result.gradient[k, i] * by[i, j]
+    # the sac by itself: how its pressure's rate of change goes with that pressure, and with the area
+    result.relaxation[k] = sac.a6 * flows.h_x[2] - sac.a5 * flows.s_x[2]
+    if area > 0.0:
+        by_area = sac.a5 * flows.s_area - sac.a6 * flows.h_area
+        result.by_area[k] = by_area / result.relaxation[k]
 
 
 @dataclass(frozen=True)
@@ -139,9 +162,11 @@ def input_variance(window: Window, run: OpenLoop, setting: Setting, noise: Noise
     line_pressure = noise.line_pressure / c.pressure_scale
     pressure = setting.gain[0] * line_pressure**2
     _propagate(
-        window,
+        window.inputs[:, 1],
+        window.opening,
         run,
-        setting,
+        setting.interval,
+        c.seat,
         (pressure, pressure / c.line.impedance**2),
         c.line.by_rail * (setting.interval * noise.rail_pressure / c.pressure_scale),
         noise.needle_lift / c.area_scale,
@@ -153,24 +178,26 @@ def input_variance(window: Window, run: OpenLoop, setting: Setting, noise: Noise
 
 @compiled
 def _propagate(
-    window: Window,
+    areas: NDArray[np.float64],
+    opening: int,
     run: OpenLoop,
-    setting: Setting,
+    interval: float,
+    seat: Seat,
     start: tuple[float, float],
     rail: NDArray[np.float64],
     lift: float,
     rate: NDArray[np.float64],
     volume: NDArray[np.float64],
 ) -> None:
-    """Covariance of [x, A_S, volume] from sample to sample.
+    """Covariance of [x, A_S, volume] from sample to sample, whichever line there is.
 
-    start: variances of x~_1 and x~_2; rail: sigma of the rail pressure's noise in x (states,); lift: sigma.
+    areas: (n,) A_S; start: variances of x~_1 and x~_2; rail: sigma of the rail pressure's noise in x (states,); lift:
+    sigma.
 
     x~ at the opening errs as the steady Kalman filter says: K R, as much in Q_L as in p_L, for the line hardly damped
     turns one into the other. Rail noise, linear between samples, is white to Q_L. The area reaches p_S with the lag
     of the sac.
     """
-    c, interval = setting.coefficients, setting.interval
     states = rail.shape[0]
     area, end = (
         states,
@@ -186,7 +213,7 @@ def _propagate(
     by_rail, by_area, gradient = np.zeros(states + 2), np.zeros(states + 2), np.zeros(states + 2)
     copy_vector(rail, by_rail[:states])
     by_area[area] = 1.0
-    for k in range(max(window.opening, 1), rate.shape[0]):
+    for k in range(max(opening, 1), rate.shape[0]):
         if not run.transition[k].any():  # drained: x^ was followed no further
             volume[k:] = covariance[end, end]
             break
@@ -205,7 +232,7 @@ def _propagate(
         change[end, end] = 1.0
         by_rail[end] = half[:states] @ rail
         by_area[end] = half[2] * by_area[2] + half[area]
-        opened = lift * seat_area_slope(window.inputs[k, 1], c.seat)
+        opened = lift * seat_area_slope(areas[k], seat)
         propagate(change, covariance, moved, scratch)
         for i in range(states + 2):
             for j in range(states + 2):
@@ -214,6 +241,6 @@ def _propagate(
         for i in range(end):
             rate[k] += gradient[i] * product(covariance, gradient, i)
         volume[k] = covariance[end, end]
-        if window.inputs[k, 1] > 0.0 and window.inputs[k - 1, 1] <= 0.0:
+        if areas[k] > 0.0 and areas[k - 1] <= 0.0:
             covariance[end, :] = 0.0
             covariance[:, end] = 0.0

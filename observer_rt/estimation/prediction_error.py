@@ -19,6 +19,7 @@ from observer_rt.estimation.predictor import (
 )
 from observer_rt.estimation.scalars import SCALARS, Parameter, Scalars, learned_of
 from observer_rt.foundation.compiled import compiled
+from observer_rt.foundation.small_arrays import WIDTH, copy_matrix, load, store
 from observer_rt.foundation.units import MEGAPASCAL
 
 LEVEL_SAMPLES = 20  # from whose mean the high pass starts: a start from 0 would ring for many samples
@@ -115,16 +116,22 @@ def weigh(
 ) -> None:
     """Gradient (m,) and Gauss-Newton information (m, m) of `robust_cost`."""
     gradient[:] = 0.0
-    information[:, :] = 0.0
+    m = gradient.shape[0]
+    width = -(-m // WIDTH) * WIDTH
+    row, total = np.zeros(width), np.zeros((m, width))
     for k in range(first, e.shape[0]):
         z = e[k] / sigma
         weight = 1.0 if math.fabs(z) <= HUBER else HUBER / math.fabs(z)
         scale = weight / (sigma * sigma)
-        for i in range(gradient.shape[0]):
-            weighted = scale * slopes[k, i]
+        for j in range(m):
+            row[j] = slopes[k, j]
+        for i in range(m):
+            weighted = scale * row[i]
             gradient[i] += weighted * e[k]
-            for j in range(gradient.shape[0]):
-                information[i, j] += weighted * slopes[k, j]
+            for place in range(0, width, WIDTH):
+                there = i * width + place
+                store(total, there, load(total, there) + weighted * load(row, place))
+    copy_matrix(total[:, :m], information)
 
 
 @dataclass(frozen=True)

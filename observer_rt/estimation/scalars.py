@@ -130,6 +130,11 @@ class Scalars:
         rows = sorted(self.rows, key=attrgetter("turn"))
         return tuple((row.column, row.change) for row in rows if row.change is not None)
 
+    def of_line(self, theta: NDArray[np.float64]) -> tuple[float, ...]:
+        """Of theta (m,) what changes line and guide, in the order of `laws`."""
+        values = theta.tolist()
+        return tuple([values[column] for column, _ in self.laws])
+
     def prior(self, pressure_scale: float) -> NDArray[np.float64]:
         """Standard deviations before any event; pressure_scale p_0 [Pa], as below."""
         return self._vector(attrgetter("prior"), pressure_scale)
@@ -230,10 +235,8 @@ def nothing_learned(c: Coefficients) -> Learned:
 
 
 def learned_of(theta: NDArray[np.float64], c: Coefficients, scalars: Scalars = SCALARS) -> Learned:
-    """Meaning of a parameter vector (m,) by its table on a model without it."""
-    changed = c._replace(line=_changed(c.line, tuple(theta.tolist()), scalars))
-    offset, lag = float(theta[Parameter.LINE_PRESSURE_OFFSET]), float(theta[Parameter.SENSOR_LAG])
-    return Learned(network_of(theta), changed, offset, lag * LAG_UNIT)
+    """Meaning of a parameter vector (m,) by its table on a model without it; nobody changes its arrays."""
+    return _meaning(theta.tobytes(), c.line, c, scalars)
 
 
 def network_of(theta: NDArray[np.float64]) -> Network:
@@ -250,18 +253,26 @@ def by_theta(theta: NDArray[np.float64], c: Coefficients, scalars: Scalars = SCA
 
     The slopes are those of the laws themselves, by complex steps.
     """
-    return _by_values(c.line, tuple(theta.tolist()), scalars)
+    return _by_values(c.line, scalars.of_line(theta), scalars)
 
 
 _several = lru_cache(maxsize=8, typed=True)
-"""An event is gone over several times with the same theta; lines of two kinds may have equal coefficients."""
+"""An event is gone over several times, most find the same line; lines of two kinds may have equal coefficients."""
+
+
+@_several
+def _meaning(content: bytes, line: Any, c: Coefficients, scalars: Scalars) -> Learned:
+    theta = np.frombuffer(content)
+    changed = c._replace(line=_changed(line, scalars.of_line(theta), scalars))
+    offset, lag = float(theta[Parameter.LINE_PRESSURE_OFFSET]), float(theta[Parameter.SENSOR_LAG])
+    return Learned(network_of(theta), changed, offset, lag * LAG_UNIT)
 
 
 @_several
 def _by_values(line: Any, values: tuple[float, ...], scalars: Scalars) -> ByTheta:
     found: list[tuple[int, int, float]] = []
-    for column, _ in scalars.laws:
-        stepped = (*values[:column], complex(values[column], _TINY), *values[column + 1 :])
+    for place, (column, _) in enumerate(scalars.laws):
+        stepped = (*values[:place], complex(values[place], _TINY), *values[place + 1 :])
         for number, coefficient in enumerate(_changed.__wrapped__(line, stepped, scalars)):
             slope = coefficient.imag / _TINY
             if slope != 0.0:
@@ -280,6 +291,6 @@ def _by_values(line: Any, values: tuple[float, ...], scalars: Scalars) -> ByThet
 
 @_several
 def _changed(line: Any, values: tuple[Any, ...], scalars: Scalars) -> Any:
-    for column, change in scalars.laws:
-        line = change(line, values[column])
+    for (_, change), value in zip(scalars.laws, values, strict=True):
+        line = change(line, value)
     return line

@@ -19,7 +19,7 @@ from observer_rt.evaluation.evaluate import Evaluation
 from observer_rt.foundation.console import say
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND
 from observer_rt.model.effective import Coefficients
-from observer_rt.observer.stream.lift_zero import LIMIT
+from observer_rt.observer.stream.lift_zero import FURTHEST_ZERO
 from observer_rt.observer.stream.state import Reason
 from observer_rt.service.reports.injection_report import WEAR, Field
 
@@ -50,7 +50,7 @@ def checks(evaluation: Evaluation, c: Coefficients) -> list[Check]:
             Check("needle_lift_noise", noise.needle_lift / MICROMETRE, "um", True),
         ]
     result += [
-        Check("needle_lift_zero", lift.zero / MICROMETRE, "um", abs(lift.zero) < LIMIT),
+        Check("needle_lift_zero", lift.zero / MICROMETRE, "um", abs(lift.zero) < FURTHEST_ZERO),
         Check("needle_lift_crosstalk", crosstalk, "um/MPa", lift.crosstalk == 0.0),
     ]
     if not math.isnan(lift.at_stop):

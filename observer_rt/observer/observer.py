@@ -180,6 +180,11 @@ def make_observer(
     memory["lift_on"], memory["lift_off"] = dead_band(
         noise.needle_lift * noise_gain(constants.undoing.lift_lag)
     )
+    lift = knowledge.lift
+    for mean in ("zero", "zero_mean", "zero_near", "zero_behind"):
+        memory[mean] = lift.zero
+    memory["quick_squares"] = lift.wander**2
+    memory["crosstalk"] = lift.crosstalk * scale
     memory["offset_moves"] = knowledge.colour is None
     memory["stepped"] = LONG_PAST
     memory["waits_for_verdicts"] = True

@@ -134,6 +134,16 @@ def test_standstill_check_of_the_offset(offset: float, passed: bool) -> None:
     assert checks["rail_line_offset"]["passed"] is passed
 
 
+def test_history_knows_the_zero_of_the_lift() -> None:
+    recording = worn().recording
+    drifted = Recording(
+        recording.time, recording.rail_pressure, recording.needle_lift + 9e-6, recording.line_pressure
+    )
+    known = evaluate(BENCH, [drifted]).knowledge.lift
+    assert known.zero == pytest.approx(9e-6, abs=0.2e-6)
+    assert known.crosstalk == 0.0
+
+
 def test_missing_samples_are_counted_and_left_out() -> None:
     """Three milliseconds of a dead sensor: not available, and back soon after."""
     recording = worn().recording

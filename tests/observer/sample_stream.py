@@ -1,7 +1,7 @@
 """Drives the observer sample by sample, as the service does, and keeps every processed sample."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numba import njit
@@ -24,7 +24,7 @@ from observer_rt.observer.observer import (
     make_observer,
     samples_at,
 )
-from observer_rt.observer.stream.standstill import Standstill, standstill_of
+from observer_rt.observer.stream.standstill import RestingLift, Standstill, standstill_of
 from observer_rt.observer.stream.state import INJECTIONS, LIFT, RING, Observer, sample_dtype
 from observer_rt.observer.stream.state import RAIL as RAIL_CHANNEL
 from observer_rt.observer.stream.step import advance_stream, take_recorded
@@ -66,7 +66,7 @@ def _take(observer, end):  # type: ignore[no-untyped-def]
 class Stream:
     """One observer; `rows` are the processed samples, `judged` the indices before which an event was judged.
 
-    stated: what is to be undone of the channels.
+    stated: what is to be undone of the channels; lift: what is known of the shut needle's before.
     """
 
     injector: InjectorParameters = NOMINAL
@@ -76,6 +76,7 @@ class Stream:
     learning: bool = False
     keep: bool = True
     stated: tuple[SizedEffect, ...] = ()
+    lift: RestingLift = field(default_factory=RestingLift)
     judged: list[int] = field(default_factory=list)
     outcomes: list[Outcome | None] = field(default_factory=list)
 
@@ -83,7 +84,7 @@ class Stream:
         constants = constants_for(
             self.injector, self.sample_rate, self.durations, self.events_required, stated=self.stated
         )
-        knowledge = no_knowledge(NOISE, constants.coefficients.pressure_scale)
+        knowledge = replace(no_knowledge(NOISE, constants.coefficients.pressure_scale), lift=self.lift)
         self.learner = Learner(constants, knowledge)
         self.observer: Observer = make_observer(constants, knowledge, self.learner)
         if not self.learning:  # the pressures are made up: nothing shall contradict them

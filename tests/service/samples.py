@@ -16,6 +16,7 @@ from observer_rt.observer.learning.indicators import Estimate
 from observer_rt.observer.learning.interval import EventPoint
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.observer.learning.memory import Memory
+from observer_rt.observer.stream.standstill import RestingLift
 from observer_rt.observer.stream.state import Reason, State
 from observer_rt.service.reports.injection_report import CommandedOpening, InjectionReport
 
@@ -47,6 +48,7 @@ def some_knowledge(seed: int = 1, phi_version: int = 7, events: int = 20) -> Kno
             sigma=float(random.uniform(5e-4, 2e-3)),
         ),
         learned_at=tuple(EventPoint(*point) for point in random.uniform(-1.0, 1.0, (3, 3)).tolist()),
+        lift=RestingLift(*(random.uniform(-1.0, 1.0, 3) * [4e-5, 0.0, 4e-13] + [0.0, 2e-7, 0.0]).tolist()),
         memory=Memory(1e-5, {"_freezer": {"_bad": seed, "_good": 0, "_frozen": False}}),
     )
 

@@ -20,7 +20,7 @@ from observer_rt.observer.learning.indicators import SAME_RATE
 from observer_rt.observer.learning.interval import EventPoint, Resimulated
 from observer_rt.observer.learning.memory import NOTHING, Memory, Remembered
 from observer_rt.observer.stream.phi import Phi, StructuredPhi
-from observer_rt.observer.stream.standstill import Standstill
+from observer_rt.observer.stream.standstill import RestingLift, Standstill
 from observer_rt.observer.stream.state import Constants
 
 
@@ -41,7 +41,7 @@ class Knowledge:
     belief: about all parameters jointly; active: the gated columns in use; in_force: theta (m,) the observer carries,
     0 at start; noise: levels in use; colour: of the innovations, None while they are white; learned_at: the operating
     points of the last events learned from; memory: what learning follows from event to event, and its doubts;
-    scalars: the table theta goes by.
+    lift: what a shut needle's shows, from which the stream starts; scalars: the table theta goes by.
     """
 
     belief: Belief
@@ -54,6 +54,7 @@ class Knowledge:
     colour: Colour | None = None
     learned_at: tuple[EventPoint, ...] = ()
     memory: Memory = NOTHING
+    lift: RestingLift = field(default_factory=RestingLift)
     scalars: Scalars = field(default=SCALARS, repr=False, compare=False)
 
     def colour_at(self, interval: float) -> Colour | None:

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -130,6 +130,7 @@ class Learner(Tracker):
         colour = knowledge.colour_at(constants.interval)
         self._reader = EventReader(constants.interval, self._scale, scalars, colour)
         self._offset_since = OffsetSince()
+        self._gains_for = lru_cache(maxsize=1)(gain_schedule)  # most events find the same line, noise and lag
         self._schedule = self._gains()
         self._previous: Rehearsed | None = None
         self._freezer = Freezer()
@@ -500,7 +501,7 @@ class Learner(Tracker):
         sensor, rate = self._constants.sensor, 1.0 / self._constants.interval
         lag = sensor.lag + learned.lag
         every = self._constants.rail_every
-        return gain_schedule(learned.coefficients, self._noise, rate, lag, sensor.fraction, every)
+        return self._gains_for(learned.coefficients, self._noise, rate, lag, sensor.fraction, every)
 
     def _setting(self) -> Setting:
         constants = self._constants

@@ -1,4 +1,4 @@
-"""Remembers what learning follows from event to event, as named plain values that a file can hold.
+"""Remembers what learning follows from event to event, as named values that a file can hold.
 
 A tracker says by annotations of its class what it remembers, by these names: numbers, arrays, data classes, queues
 of these, other trackers. What a name has no use for, in another version or of other sizes, is passed over.
@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import TypeAdapter
 
 Remembered = Mapping[str, Any]
-"""What a tracker remembers, by name: numbers, lists and mappings."""
+"""What a tracker remembers, by name: numbers, lists, mappings, and arrays, which a file holds as lists."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Tracker:
         cls._hints = {name: hint for name, hint in hints.items() if get_origin(hint) is not ClassVar}
 
     def memory(self) -> Remembered:
-        """What it remembers, as plain values; nothing where they are not finite."""
+        """What it remembers, as values of its own; nothing where they are not finite."""
         try:
             return {name: _plain(getattr(self, name), hint) for name, hint in self._hints.items()}
         except ValueError:
@@ -70,13 +70,13 @@ def _adapter(hint: Any) -> TypeAdapter[Any]:
 
 
 def _plain(value: Any, hint: Any) -> Any:
-    """The value as numbers, lists and mappings. Raises ValueError for a number that is not finite."""
+    """The value as numbers, lists, mappings and a copied array. Raises ValueError where a number is not finite."""
     if isinstance(value, Tracker):
         return value.memory()
     if isinstance(value, np.ndarray):
         if not np.isfinite(value).all():
             raise ValueError(f"{value} is not finite")
-        return value.tolist()
+        return value.copy()  # most of it lies in a few large ones, and only a file needs them as lists
     if isinstance(value, int | float | None):
         if value is not None and not math.isfinite(value):
             raise ValueError(f"{value} is not finite")

@@ -124,6 +124,9 @@ def close_event(observer: Observer, position: int) -> None:
     event.line_squares = memory.line_squares
     event.lift_count = memory.lift_count
     event.lift_variance = memory.lift_variance
+    event.zero = memory.zero
+    event.quick_squares = memory.quick_squares
+    event.crosstalk = memory.crosstalk
     memory.events_closed += 1  # last: from here on others may read it
 
 

@@ -66,7 +66,7 @@ MOVES_BEYOND = 0.2  # .. standard deviations of a sample: eight times what white
 MOVES_RATE = 25.0  # 1/s, of that mean square
 MOVES_ON = 5e-3  # s without standstill in which the zero goes on as before
 CLIP = 0.6  # of the dead band, three sigma: by more a sample does not count
-LIMIT = 40e-6  # m, of a zero that is followed
+FURTHEST_ZERO = 40e-6  # m, of a zero that is followed
 CALM = 0.7e6  # Pa, rms of a line pressure in which no injection rings
 AS_CALM = 1.5  # times the mean square before: a calm line rings no more than that
 EDGE = 3  # samples in which a lift steps
@@ -94,20 +94,39 @@ def take_out_zero(observer: Observer, position: int) -> None:
     """
     memory = observer.memory[0]
     end = position + known(observer, position) + 1
+    if memory.lifted == 0:
+        _begin(observer, end)
     for k in range(memory.lifted, end):
         row = observer.ring[k & _MASK]
         row.lift = row.needle_lift - memory.zero
         if memory.crosstalk != 0.0:
             pressed = memory.crosstalk * (row.line_pressure - memory.line_mean)
-            if abs(pressed) < LIMIT:  # a line pressure that is a number
+            if abs(pressed) < FURTHEST_ZERO:  # a line pressure that is a number
                 row.lift -= pressed
     memory.lifted = end
+
+
+@inner_separate
+def _begin(observer: Observer, end: int) -> None:
+    """At the first samples, up to `end`: what was known before them of the lift is a start.
+
+    Forgotten where it would make a needle open that else is shut. The line's mean is that of the rail until it is
+    known: it may ring, or fill.
+    """
+    memory = observer.memory[0]
+    if memory.crosstalk != 0.0:
+        memory.line_mean = observer.ring[0].rail_pressure
+    lift = 0.0
+    for k in range(end):
+        lift += observer.ring[k].needle_lift / end
+    if memory.zero + memory.lift_on < lift < memory.lift_on:
+        shift_zero(observer, -memory.zero)
 
 
 @inlined
 def is_beyond_limit(observer: Observer) -> bool:
     """Whether the zero has gone further than drift does: the needle may not be shut at all."""
-    return bool(abs(observer.memory[0].zero) >= LIMIT)
+    return bool(abs(observer.memory[0].zero) >= FURTHEST_ZERO)
 
 
 @inner_separate
@@ -131,7 +150,7 @@ def follow_lift(observer: Observer, position: int) -> None:
         _move_on(observer, position)
         return
     has_begun = memory.zero_count >= _BEGINNING
-    if row.interpolated or (has_begun and position % 2):
+    if row.interpolated or (has_begun and row.index % 2):
         return
     follow_step(observer, position, min((2.0 if has_begun else 1.0) * QUICK_RATE * interval, 1.0))
     lift = row.needle_lift - memory.zero
@@ -144,7 +163,9 @@ def follow_lift(observer: Observer, position: int) -> None:
         share = max(1.0 / memory.zero_count, 0.5 * share)
     memory.line_mean += share * swing
     clip = CLIP * memory.lift_on
-    left = min(max(lift - memory.crosstalk * swing, -clip), clip)
+    # what was known of the crosstalk before these samples moves no zero until they confirm it
+    added = memory.crosstalk * swing if memory.crosstalk_count >= CROSSTALK_SAMPLES else 0.0
+    left = min(max(lift - added, -clip), clip)
     _follow(observer, position, memory.zero + left, share)
     pressed = abs(swing) * observer.constants.coefficients.pressure_scale
     if pressed > LEAST_SWING and abs(lift) < memory.lift_on + MOST_CROSSTALK * pressed:
@@ -181,7 +202,7 @@ def _follow(observer: Observer, position: int, lift: float, share: float) -> Non
     else:
         memory.zero = memory.zero_mean
         memory.zero_slope = 0.0
-    memory.zero = min(max(memory.zero, -LIMIT), LIMIT)
+    memory.zero = min(max(memory.zero, -FURTHEST_ZERO), FURTHEST_ZERO)
 
 
 @inlined
@@ -292,7 +313,7 @@ def look_at_opening(observer: Observer, position: int) -> None:
         lift = observer.ring[k & _MASK].lift
         lifts += lift / (count - EDGE)
         squares += lift * lift / (count - EDGE)
-    if not (squares - lifts**2 < memory.lift_on**2 and abs(memory.zero + lifts) < LIMIT):
+    if not (squares - lifts**2 < memory.lift_on**2 and abs(memory.zero + lifts) < FURTHEST_ZERO):
         return
     forget_opening(observer)
     shift_zero(observer, lifts)
@@ -322,7 +343,7 @@ def look_at_rest(observer: Observer, position: int) -> None:
         trend += along * lift
         length += along * along
     is_steady = squares - level**2 < memory.lift_off**2 and abs(trend / length) * count < memory.lift_on
-    if not (is_steady and abs(memory.zero + level) < LIMIT):
+    if not (is_steady and abs(memory.zero + level) < FURTHEST_ZERO):
         return
     memory.needle_open = False
     memory.shut_since = observer.ring[begin & _MASK].index

@@ -15,14 +15,22 @@ TOLERATED = 0.03  # share of the lift at the stop
 
 
 @dataclass(frozen=True)
-class LiftFigures:
-    """zero: lift of the shut needle [m]; crosstalk: of the line pressure [m/Pa], 0: none was found.
+class RestingLift:
+    """What the lift of a shut needle shows that is no motion.
 
-    at_stop: lift at which long openings stay [m], nan until five did; stop: what it should be [m].
+    zero: its mean [m]; wander: how far it moves about that within some 80 us, root mean square [m]; crosstalk: of the
+    line pressure [m/Pa], 0: none was found.
     """
 
     zero: float = 0.0
+    wander: float = 0.0
     crosstalk: float = 0.0
+
+
+@dataclass(frozen=True)
+class LiftFigures(RestingLift):
+    """at_stop: lift at which long openings stay [m], nan until five did; stop: what it should be [m]."""
+
     at_stop: float = math.nan
     stop: float = math.nan
 
@@ -32,14 +40,22 @@ class LiftFigures:
         return not abs(self.at_stop - self.stop) > TOLERATED * self.stop
 
 
+def resting_lift_of(record: np.void, pressure_scale: float) -> RestingLift:
+    """Read it out of an observer's memory, or a closed event's; pressure_scale p_0 [Pa]."""
+    return RestingLift(
+        zero=float(record["zero"]),
+        wander=math.sqrt(record["quick_squares"]),
+        crosstalk=float(record["crosstalk"]) / pressure_scale,
+    )
+
+
 def lift_figures(observer: Observer, max_lift: float) -> LiftFigures:
     """Read them out of the observer's memory; max_lift: of the injector file [m]."""
     memory = observer.memory[0]
     inputs = observer.constants.inputs
     is_known = int(memory["stop_openings"]) >= ENOUGH_OPENINGS
     return LiftFigures(
-        zero=float(memory["zero"]),
-        crosstalk=float(memory["crosstalk"]) / observer.constants.coefficients.pressure_scale,
+        **vars(resting_lift_of(memory, observer.constants.coefficients.pressure_scale)),
         at_stop=inputs.lift_factor * float(memory["stop"]) + inputs.lift_shift if is_known else math.nan,
         stop=max_lift,
     )

@@ -101,6 +101,13 @@ _STANDSTILL = [
     ("lift_variance", np.float64),  # m2, of the noise: a running mean
 ]
 
+# what the lift shows of a shut needle
+_RESTING_LIFT = [
+    ("zero", np.float64),  # m
+    ("quick_squares", np.float64),  # m2, running mean of the square of `quick`
+    ("crosstalk", np.float64),  # m of lift by the line pressure's p_0, as it is taken out; 0: none was found
+]
+
 EVENT = np.dtype(
     [
         ("number", np.int64),
@@ -114,7 +121,9 @@ EVENT = np.dtype(
         ("judged_before", np.int64),  # events, when it closed
         ("injections", np.int64),  # begun, when it closed
         ("taken", np.int8),  # verdict.Taken, once it was judged
-        *_STANDSTILL,  # up to the event's end
+        # up to the event's end
+        *_STANDSTILL,
+        *_RESTING_LIFT,
     ],
     align=True,
 )
@@ -225,8 +234,7 @@ _OBSERVER = [
     ("injections", INJECTION, (INJECTIONS,)),
     ("injections_begun", np.int64),
     ("injections_reported", np.int64),
-    # what the lift shows of a shut needle
-    ("zero", np.float64),  # m
+    *_RESTING_LIFT,
     ("zero_mean", np.float64),  # m, running mean
     ("zero_near", np.float64),  # m, a shorter one, and
     ("zero_behind", np.float64),  # .. the running mean of that
@@ -234,7 +242,6 @@ _OBSERVER = [
     ("zero_slope", np.float64),  # m a sample, 0 while that is noise
     ("followed", np.int64),  # position of the last sample in them
     ("quick", np.float64),  # m, mean over some samples of the lift about its zero
-    ("quick_squares", np.float64),  # m2, running mean of its square
     ("quick_limit", np.float64),  # m2, of its square: more is a step
     ("quiet", np.int64),  # position of the last sample at which it was small
     ("stepped", np.int64),  # position at which a step of the zero was found
@@ -243,7 +250,6 @@ _OBSERVER = [
     ("zero_count", np.int64),
     ("spread", np.float64),  # m2, mean square of the lift about it: noise of any colour
     ("line_mean", np.float64),  # of the line pressure, running as `zero` does
-    ("crosstalk", np.float64),  # m of lift by the line pressure's p_0, as it is taken out; 0: none was found
     ("crosstalk_count", np.int64),
     ("swing_squares", np.float64),  # fading sums: of the line pressure about its mean,
     ("swing_lifts", np.float64),  # and of its products with the lift about its zero

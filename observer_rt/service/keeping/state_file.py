@@ -6,6 +6,7 @@ import math
 import os
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -26,6 +27,8 @@ from observer_rt.observer.learning.disturbances.colour import ORDERS, Colour
 from observer_rt.observer.learning.interval import EventPoint
 from observer_rt.observer.learning.knowledge import Knowledge, no_knowledge
 from observer_rt.observer.learning.memory import NOTHING, Memory
+from observer_rt.observer.stream.lift_zero import FURTHEST_ZERO, MOST_CROSSTALK
+from observer_rt.observer.stream.standstill import RestingLift
 
 VERSION = 4
 OLDEST = 3  # version that is still read
@@ -74,6 +77,10 @@ def problem_of(knowledge: Knowledge, pressure_scale: float) -> str | None:
             return f"the noise of the {signal.replace('_', ' ')} is {sigma:g} (SI units)"
     if not np.all(np.isfinite(knowledge.learned_at)):
         return "the operating points learned at are not finite numbers"
+    lift = knowledge.lift
+    is_drift = abs(lift.zero) <= FURTHEST_ZERO and 0.0 <= lift.wander <= FURTHEST_ZERO
+    if not (is_drift and abs(lift.crosstalk) <= MOST_CROSSTALK):
+        return f"the lift of a shut needle shows more than a sensor's drift: {lift}"
     if (colour := knowledge.colour) is None:
         return None
     whitening = colour.whitening
@@ -116,6 +123,12 @@ class _Noise(BaseModel, extra="forbid", strict=True):
     needle_lift: float
 
 
+class _Lift(BaseModel, extra="forbid", strict=True):
+    zero: float
+    wander: float
+    crosstalk: float
+
+
 class _Colour(BaseModel, extra="forbid", strict=True):
     interval: float
     forgetting: float | None
@@ -146,6 +159,7 @@ class _Content(BaseModel, strict=True):
     covariance: _Array
     error_covariance: _Array
     noise: _Noise
+    lift: _Lift | None = None  # of files without it, zero and crosstalk are found again by the stream
     colour: _Colour | None = None  # of files without it, the noise is taken for white until an event shows it
     # of files without it, every operating point counts as new until learned at
     learned_at: list[EventPoint] = []
@@ -212,6 +226,7 @@ def save_knowledge(
         covariance=knowledge.belief.covariance,
         error_covariance=knowledge.belief.error_covariance,
         noise=_Noise(**asdict(knowledge.noise)),
+        lift=_Lift(**asdict(knowledge.lift)),
         colour=colour
         and _Colour.model_construct(interval=colour.interval, sigma=colour.sigma, **vars(colour.whitening)),
         learned_at=list(knowledge.learned_at),
@@ -219,9 +234,7 @@ def save_knowledge(
     ).model_dump()
     document = {"version": VERSION, "sha256": _digest(content), "content": content}
     try:
-        _replace(
-            Path(os.path.realpath(path)), json.dumps(document, indent=1, allow_nan=False).encode() + b"\n"
-        )
+        _replace(Path(os.path.realpath(path)), _json(document, indent=1).encode() + b"\n")
     except OSError as error:
         raise RunError(f"{path}: the learned state cannot be written: {error.strerror or error}") from error
 
@@ -267,8 +280,12 @@ def load_knowledge(
     )
 
 
+_json = partial(json.dumps, allow_nan=False, default=np.ndarray.tolist)
+"""Text of numbers, lists, mappings and arrays."""
+
+
 def _digest(content: object) -> str:
-    canonical = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    canonical = _json(content, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(canonical.encode()).hexdigest()
 
 
@@ -333,6 +350,7 @@ def _knowledge_in(data: bytes, model: str, pressure_scale: float) -> Knowledge:
             colour=content.colour.restored() if content.colour else None,
             learned_at=tuple(content.learned_at),
             memory=Memory(**vars(content.memory)) if content.memory else NOTHING,
+            lift=RestingLift(**dict(content.lift)) if content.lift else RestingLift(),
         )
         return _by_name(knowledge, tuple(content.columns), pressure_scale)
     except ValidationError as error:

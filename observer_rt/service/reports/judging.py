@@ -16,7 +16,7 @@ from observer_rt.observer.learning.knowledge import Adoption, EventLearner, Know
 from observer_rt.observer.mailbox import has_room, post_examined, post_learned
 from observer_rt.observer.observer import event_innovations, event_standstill, event_window, in_force
 from observer_rt.observer.stream.phi import Phi
-from observer_rt.observer.stream.standstill import Standstill
+from observer_rt.observer.stream.standstill import Standstill, resting_lift_of
 from observer_rt.observer.stream.state import INJECTIONS, PENDING_EVENTS, Constants, Reason
 from observer_rt.observer.stream.verdict import Taken
 from observer_rt.service.compiled.by_reference import CompiledPipeline
@@ -306,12 +306,12 @@ class Judging:
             outcome = closed.learning.result()
             objections = outcome.objections
             self._examiner.take(Examination(objections, outcome.knowledge.statistics))
-            self._put_into_force(outcome)
+            self._put_into_force(outcome, event)
         elif taken is Taken.EXAMINED and closed.examined is not None:
             objections = closed.objections
             self._examiner.take(closed.examined)
             if closed.earlier is not None:
-                self._put_into_force(closed.earlier)
+                self._put_into_force(closed.earlier, event)
         elif closed.earlier is not None:
             self._late = closed.earlier
         if outcome is None and closed.learning is not None:
@@ -323,14 +323,19 @@ class Judging:
             event, objections, outcome, self._carried, self._compiled.observer.phi, closed.fuel
         )
 
-    def _put_into_force(self, outcome: Outcome) -> None:
-        """The stream carries it from now on."""
+    def _put_into_force(self, outcome: Outcome, event: np.void) -> None:
+        """The stream carries it from the judgement of an event, `stream.state.EVENT`, on."""
         knowledge = outcome.knowledge
         self._examiner.colour = knowledge.colour
         is_adopted = outcome.adoption is Adoption.ADOPTED
         self.rejected += not is_adopted
         self._carried = knowledge.in_force
-        self.known = replace(knowledge, phi_version=self.known.phi_version + is_adopted)
+        scale = self._compiled.observer.constants.coefficients.pressure_scale
+        self.known = replace(
+            knowledge,
+            phi_version=self.known.phi_version + is_adopted,
+            lift=resting_lift_of(event, scale),
+        )
 
     def _event(self, number: int) -> np.void:
         event: np.void = self._events[number % PENDING_EVENTS]

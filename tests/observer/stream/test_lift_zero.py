@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from observer_rt.observer.stream.standstill import RestingLift
 from observer_rt.observer.stream.state import MAX_EVENT, Reason, State
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import SimulatedNoise, Simulation, simulate
@@ -44,6 +45,25 @@ def test_zero_is_followed(drift: NDArray[np.float64]) -> None:
     errors = rows["seat_area"][is_open] / plain[is_open] - 1.0
     assert np.abs(errors).max() < 0.02
     assert np.abs(errors.mean()) < 0.003
+
+
+@pytest.mark.parametrize(
+    ("known", "zero"),
+    [(35, 35), (35, 30), (-35, -35), (35, 0), (-35, 0), (-20, -10), (35, -5)],
+    ids=lambda um: f"{um} um",
+)
+def test_zero_of_before_is_a_start(known: float, zero: float) -> None:
+    """Where the needle rests elsewhere after a restart, it is found there, as without it; the line rings."""
+    lift = lift_of(OPENINGS, TIME.size) + zero * UM
+    random = np.random.default_rng(9)
+    rail = RAIL + random.normal(0.0, NOISE.rail_pressure, lift.size)
+    line = rail + 3e6 * np.sin(2 * np.pi * 1e3 * TIME)
+    stream = Stream(events_required=0, lift=RestingLift(zero=known * UM)).feed(rail, lift, line)
+    found = [i["opening_index"] for i in stream.injections]
+    assert found[-len(OPENINGS) + 1 :] == pytest.approx(list(OPENINGS)[1:], abs=3)
+    if known == zero:
+        assert found[0] == pytest.approx(OPENINGS[0], abs=3)
+        assert len(found) == len(OPENINGS)
 
 
 def test_zero_does_not_follow_an_open_needle() -> None:
@@ -136,12 +156,13 @@ def ringing() -> Simulation:
     return simulate(NOMINAL, schedule, 100e3, noise=SimulatedNoise(), seed=4)
 
 
-def observed(crosstalk: float, loud: slice = slice(0)) -> Stream:
-    """With so much of the line pressure [m/Pa] in the lift; loud: samples of a lift in another unit."""
+def observed(crosstalk: float, loud: slice = slice(0), known: float = 0.0) -> Stream:
+    """With so much of the line pressure [m/Pa] in the lift; loud: of a lift in another unit; known: before."""
     made = ringing().recording
     lift = made.needle_lift + crosstalk * (made.line_pressure - made.rail_pressure)
     lift[loud] *= 1000.0
-    return Stream(events_required=0).feed(made.rail_pressure, lift, made.line_pressure)
+    before = RestingLift(crosstalk=known)
+    return Stream(events_required=0, lift=before).feed(made.rail_pressure, lift, made.line_pressure)
 
 
 @pytest.mark.parametrize("crosstalk", [0.15e-12, -0.15e-12, 0.05e-12])
@@ -153,6 +174,20 @@ def test_crosstalk_of_the_line_pressure_is_found_and_taken_out(crosstalk: float)
     difference = stream.rows["lift"][late] - plain.rows["lift"][late]
     assert np.sqrt(np.mean(difference**2)) < 0.1 * UM
     assert stream.count("injections_begun") - plain.count("injections_begun") <= 4  # until it is known
+
+
+def test_crosstalk_of_before_is_taken_out_at_once() -> None:
+    stream, plain = observed(0.3e-12, known=0.3e-12), observed(0.0)
+    assert float(stream.observer.memory["crosstalk"][0]) / 100e6 == pytest.approx(0.3e-12, rel=0.1)
+    assert stream.count("injections_begun") == plain.count("injections_begun")
+    assert observed(0.3e-12).count("injections_begun") > plain.count("injections_begun")
+
+
+def test_crosstalk_of_before_that_no_opening_shows_is_forgotten() -> None:
+    stream = observed(0.0, known=0.3e-12)
+    assert float(stream.observer.memory["crosstalk"][0]) == 0.0
+    late = stream.rows["lift"][30_000:] - observed(0.0).rows["lift"][30_000:]
+    assert np.abs(late).max() < 0.5 * UM
 
 
 def test_lift_without_crosstalk_is_left_alone() -> None:

@@ -22,6 +22,7 @@ from observer_rt.estimation.scalars import PARAMETERS, SCALARS, Parameter
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.observer.learning.knowledge import Knowledge, no_knowledge
 from observer_rt.observer.learning.memory import NOTHING
+from observer_rt.observer.stream.standstill import RestingLift
 from observer_rt.service.keeping.state_file import Restored, load_knowledge, model_hash, save_knowledge
 from tests.service.samples import PRESSURE_SCALE, damage, some_knowledge
 
@@ -157,6 +158,8 @@ NOT_RESTORED = {
     "offset beyond bounds": (put("in_force", int(Parameter.LINE_PRESSURE_OFFSET), value=-0.101), "beyond"),
     "no noise": (put("noise", "line_pressure", value=0.0), "line pressure"),
     "much noise": (put("noise", "needle_lift", value=1e-4), "needle lift"),
+    "a zero further than drift goes": (put("lift", "zero", value=41e-6), "shut needle"),
+    "crosstalk beyond any": (put("lift", "crosstalk", value=-0.6e-12), "shut needle"),
     "noise of another signal": (put("noise", "x", value=1.0), "not as expected"),
     "missing": (remove("in_force"), "in_force"),
     "negative count": (put("events", value=-1), "not as expected (events"),
@@ -193,8 +196,9 @@ def older(document: dict[str, Any]) -> None:
         ),  # the cases above do not fail for being rewritten
         (older, {"memory": NOTHING}),
         (remove("colour"), {"colour": None}),
+        (remove("lift"), {"lift": RestingLift()}),
     ],
-    ids=["no change", "the version before", "before colours"],
+    ids=["no change", "the version before", "before colours", "before lifts"],
 )
 def test_what_an_older_file_does_not_tell_is_not_known(
     state: StateFile, change: Change, lost: dict[str, Any]

@@ -32,6 +32,7 @@ from tools.benchmarks.discovery.outside.cases import Asked, OutsideCase, Outside
 from tools.benchmarks.discovery.outside.result import OutsideResult, figures
 from tools.benchmarks.discovery.outside.run import run_outside, shown
 from tools.benchmarks.discovery.outside.tables import case_lines, json_document
+from tools.benchmarks.report import finite
 
 LEAK = ProposedTerm("line_pressure", "sqrt(line_pressure - chamber_pressure)*closed", 2.0)
 GOOD = Proposed((LEAK,), (), True, Misfit(0.1, 0.2), "after")
@@ -183,7 +184,7 @@ def test_every_figure_has_a_bar_that_can_be_missed() -> None:
 def test_json_has_every_figure_and_no_number_that_json_does_not_know() -> None:
     lost = proposing(RIGHT, replace(GOOD, misfit=Misfit(math.inf, math.inf)))
     document = json_document([RIGHT, lost, NAMED, HEALTHY], "A", ["x: failed"])
-    told = json.loads(json.dumps(document, allow_nan=False))["figures"]
+    told = json.loads(json.dumps(finite(document), allow_nan=False))["figures"]
     assert {figure.name for figure in figures([], "A")} <= set(told)
     assert (told["cases"], told["pressure_halved_in_library"], told["left_out_as_good"]) == (4, 0.5, None)
     assert "pressure_halved_in_library" in document["details"]["missed"]

@@ -113,8 +113,9 @@ def test_sender_goes_on_with_index_counter_and_crc(folder: Path, traffic: Traffi
     frames, loop = np.frombuffer(raw, RAW_FRAME), np.frombuffer(traffic.loop.read_bytes(), RAW_FRAME)
     assert set(frames["id"].tolist()) == {0x123}
     assert frames["data"][:20].tobytes() == loop["data"][-20:].tobytes()  # as the framer wrote them
+    protection = map_bus(bench_at(SAMPLE_RATE)).input_layouts[0].protection
     for place, payload in enumerate(frames["data"]):
-        assert check(payload, 64, 5, DATA_ID)
+        assert check(payload, 64, protection)
         assert payload[2] == (first + place) % 256
         assert index_of(payload.tobytes()) == (first + place) * SAMPLES
         assert payload[8:].tobytes() == loop["data"][(first + place) % traffic.frames][8:].tobytes()

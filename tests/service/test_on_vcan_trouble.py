@@ -125,14 +125,19 @@ class HeldLearning(ThreadPoolExecutor):
 def test_learning_that_hangs_costs_nothing_that_was_learned(
     own_interface: OwnInterface, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Rates go on and stay valid, the log says it; what it was learning from counts once it goes on."""
+    """Rates go on and stay valid, the log says it; what it was learning from counts once it goes on.
+
+    On a slow machine many events are not even examined in time.
+    """
     monkeypatch.setattr(input_watch, "HUNG", 0.3)
     path = bench_file(tmp_path, own_interface.name, "socketcan")
     path.write_text(path.read_text().replace("lockstep = true", "lockstep = false"))
-    frames = frames_of(path, worn_recording(30))
+    recording = worn_recording(30)
+    frames = frames_of(path, recording)
+    learned = evaluate(load_bench(path), [recording]).knowledge
     learning = HeldLearning()
     with opened(path, sending=False) as [link], opened(path, sending=True) as [player]:
-        daemon = HeardDaemon(path, link, is_warm=True, learning=learning)
+        daemon = HeardDaemon(path, link, is_warm=True, knowledge=learned, learning=learning)
 
         def play_to_it(part: list[TimedFrame]) -> list[InjectionReport]:
             received, heard = daemon.core.counters.frames + len(part), len(daemon.notes.injections)
@@ -157,7 +162,8 @@ def test_learning_that_hangs_costs_nothing_that_was_learned(
             afterwards = play_to_it(frames[2 * third :])
             until(lambda: daemon.core.counters.adoptions > adoptions)
     assert len(while_held) >= 8
-    assert {report.reason for report in while_held[1:] + afterwards[1:]} == {Reason.NONE}
+    assert any(report.valid for report in while_held)
+    assert {report.reason for report in while_held[1:] + afterwards[1:]} <= {Reason.NONE, Reason.NOT_JUDGED}
     assert daemon.core.counters.lost_samples == daemon.dropped == 0
 
 

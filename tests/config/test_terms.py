@@ -129,9 +129,13 @@ def test_the_page_states_what_is_so(tmp_path: Path) -> None:
         low, high = equation.bounds
         assert f"| `{equation}` | {equation.words} | {equation.unit} | {low:g} to {high:g} |" in page
     assert all(f"`{name}`" in page for name in VARIABLES)
-    rows = [line.split("`") for line in page.split("## Examples")[1].splitlines() if line.startswith("| ")]
+    rows = [
+        line.split("`")
+        for line in page.split("## Examples")[1].split("\n## ")[0].splitlines()
+        if line.startswith("| ")
+    ]
     examples = [(row[1], row[3]) for row in rows if len(row) > 3]
-    assert len(examples) == 7
+    assert len(examples) == 9
     for name, law in examples:
         term = Term(TermEquation(name), parse(law), 0.01)
         coefficient_unit(term.equation, term.law)

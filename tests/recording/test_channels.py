@@ -61,10 +61,10 @@ def test_a_bench_with_one_bus_takes_any_channel(tmp_path: Path) -> None:
     ("suffix", "channels"),
     [(".log", ("vcan0", "vcan1")), (".log", ("can0",)), (".blf", ("3", "5", "7", "9"))],
 )
-def test_where_it_cannot_be_told_the_remedy_says_how(
+def test_where_it_is_not_clear_the_remedy_says_how(
     tmp_path: Path, suffix: str, channels: tuple[str, ...]
 ) -> None:
-    with pytest.raises(UserError, match="cannot be told") as raised:
+    with pytest.raises(UserError, match="is not clear") as raised:
         chosen_channels(log(tmp_path, suffix, *channels), BENCH, INPUTS, ())
     assert all(channel in raised.value.problem for channel in channels)
     assert raised.value.remedy.endswith("--from-channel CHANNEL --from-channel lift=CHANNEL")

@@ -33,7 +33,7 @@ from observer_rt.observer.learning.knowledge import (
     no_knowledge,
 )
 from observer_rt.observer.learning.learner import Learner
-from observer_rt.observer.learning.memory import NOTHING, Memory
+from observer_rt.observer.learning.memory import NOTHING, Memory, Remembered
 from observer_rt.observer.mailbox import judge
 from observer_rt.observer.observer import Durations, constants_for, in_force, make_observer
 from observer_rt.observer.stream.standstill import Standstill
@@ -321,6 +321,11 @@ def test_what_explains_nothing_is_not_carried() -> None:
     assert wear_of(carried) == pytest.approx(0.3, abs=0.02)
 
 
+def as_text(remembered: Remembered) -> str:
+    """As a file keeps it, arrays as lists."""
+    return json.dumps(remembered, default=np.ndarray.tolist)
+
+
 def test_one_that_takes_over_learns_as_the_one_before() -> None:
     """From what a file keeps of it: theta, belief, and what it follows from event to event, to the bit."""
     theta = nozzle_wear(0.0)
@@ -333,18 +338,21 @@ def test_one_that_takes_over_learns_as_the_one_before() -> None:
         theta = outcome.knowledge.in_force
     assert outcome is not None
     known = outcome.knowledge
-    kept = replace(known, memory=Memory(known.memory.interval, json.loads(json.dumps(known.memory.found))))
+    remembered = as_text(known.memory.found)
+    kept = replace(known, memory=Memory(known.memory.interval, json.loads(remembered)))
     constants = constants_for(NOMINAL, 100e3, Durations(), events_required=2)
     after = Learner(constants, kept)
-    assert after.memory() == before.memory() != Learner(constants, replace(known, memory=NOTHING)).memory()
+    assert as_text(after.memory()) == as_text(before.memory()) == remembered
+    assert remembered != as_text(Learner(constants, replace(known, memory=NOTHING)).memory())
     first, second = (one.learn(event(0.3, seed=9), NO_STANDSTILL, theta) for one in (before, after))
     np.testing.assert_array_equal(first.estimate, second.estimate)
     np.testing.assert_array_equal(first.knowledge.belief.covariance, second.knowledge.belief.covariance)
-    assert first.knowledge.memory == second.knowledge.memory
+    assert as_text(first.knowledge.memory.found) == as_text(second.knowledge.memory.found)
 
 
 def test_what_was_remembered_at_another_sample_rate_is_not_taken_over() -> None:
     before = learner_with(belief_in(0.0, 0.3), nozzle_wear(0.0))
     known = before.learn(event(0.3, seed=1), NO_STANDSTILL, nozzle_wear(0.0)).knowledge
     constants = constants_for(NOMINAL, 50e3, Durations(), events_required=2)
-    assert Learner(constants, known).memory() == Learner(constants, replace(known, memory=NOTHING)).memory()
+    found, fresh = (Learner(constants, each).memory() for each in (known, replace(known, memory=NOTHING)))
+    assert as_text(found) == as_text(fresh)

@@ -20,7 +20,7 @@ from observer_rt.estimation.scalars import SCALARS, Learned, Scalars, by_theta, 
 from observer_rt.foundation.compiled import compiled, inner_separate
 from observer_rt.foundation.small_arrays import copy_matrix, copy_vector, product, propagate
 from observer_rt.model.borrowed import borrowed, borrowed_network, borrowed_tangent
-from observer_rt.model.forcing import Clock, borrowed_forcing, forcing_of
+from observer_rt.model.forcing import Clock, Forcing, borrowed_forcing, forcing_of
 from observer_rt.model.hydraulics import Sac, Seat, empty_sac, seat_area_slope
 from observer_rt.model.integrator import advance_over
 from observer_rt.model.right_hand_side import (
@@ -85,13 +85,27 @@ def _run(
     result: OpenLoop,
 ) -> None:
     """Fill `result`, which holds zeros, from the opening on; state: one sample before, moved on with it."""
-    states, m = state.shape[0], result.slopes.shape[1]
     first = max(window.opening, 1)
-    x, tangent = borrowed(state), borrowed_tangent(tangent)
-    learned = Learned(borrowed_network(learned.network), learned.coefficients, learned.offset, learned.lag)
     clock = Clock(window.clock.time + (first - 1) * setting.interval, window.clock.injections)
-    begun = forcing_of(setting.program, clock, len(learned.coefficients.line))
-    forcing = borrowed_forcing(begun)
+    forcing = forcing_of(setting.program, clock, len(learned.coefficients.line))
+    _run_from(first, window, setting, learned, state, tangent, result, forcing)
+
+
+@inner_separate
+def _run_from(
+    first: int,
+    window: Window,
+    setting: Setting,
+    learned: Learned,
+    state: NDArray[np.float64],
+    tangent: Tangent,
+    result: OpenLoop,
+    forcing: Forcing,
+) -> None:
+    """`_run`, on arrays that are lent to it: what it made itself would be freed before the loop."""
+    states, m = state.shape[0], result.slopes.shape[1]
+    x, tangent, forcing = borrowed(state), borrowed_tangent(tangent), borrowed_forcing(forcing)
+    learned = Learned(borrowed_network(learned.network), learned.coefficients, learned.offset, learned.lag)
     unit = np.eye(states)
     last = window.output.shape[0] - 1
     while last > 0 and window.inputs[last, 1] <= 0.0:

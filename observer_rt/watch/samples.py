@@ -31,11 +31,11 @@ from observer_rt.bus.mapping.timing import Numbering
 from observer_rt.config.bench import BenchInjector
 from observer_rt.estimation.predictor import Setting, Window, forced_before
 from observer_rt.estimation.scalars import Learned
-from observer_rt.foundation.compiled import compiled
+from observer_rt.foundation.compiled import compiled, inner_separate
 from observer_rt.foundation.units import MM3_PER_MS
 from observer_rt.model.borrowed import borrowed_network
 from observer_rt.model.effective import Coefficients
-from observer_rt.model.forcing import borrowed_forcing, forcing_of
+from observer_rt.model.forcing import Forcing, borrowed_forcing, forcing_of
 from observer_rt.model.hydraulics import empty_sac, normalised_area
 from observer_rt.model.integrator import advance_over
 from observer_rt.model.line.interface import rest_line
@@ -332,9 +332,22 @@ def _walk(
     result: Modelled,
 ) -> None:
     """Fill `result`, rates in m3/s; x: the state at the first sample, which goes along."""
+    forcing = forcing_of(setting.program, window.clock, len(learned.coefficients.line))
+    _walk_under(window, setting, learned, x, result, forcing)
+
+
+@inner_separate
+def _walk_under(
+    window: Window,
+    setting: Setting,
+    learned: Learned,
+    x: NDArray[np.float64],
+    result: Modelled,
+    forcing: Forcing,
+) -> None:
+    """`_walk`, on arrays that are lent to it: what it made itself would be freed before the loop."""
+    forcing = borrowed_forcing(forcing)
     learned = Learned(borrowed_network(learned.network), learned.coefficients, learned.offset, learned.lag)
-    begun = forcing_of(setting.program, window.clock, len(learned.coefficients.line))
-    forcing = borrowed_forcing(begun)
     for k in range(1, window.inputs.shape[0]):
         forced = forced_before(window, setting, learned, x, k, forcing)
         advance_over(x, forced.interval, forced.knot, forced.coefficients, forced.network, None)

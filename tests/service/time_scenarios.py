@@ -242,7 +242,7 @@ SCENARIOS = (
         INADEQUATE, frozenset({INADEQUATE})),
     Scenario("rail 1 kHz silent for 60 ms", "4", slow(SLOW), lambda: merged(
         send("LineLift", GRID), without(send("Rail", ECU), DISTURBED, DISTURBED + 0.06)),
-        INADEQUATE, frozenset({GOOD, LOST, INADEQUATE, CONTRADICTED})),
+        GOOD, frozenset({GOOD, LOST, INADEQUATE, CONTRADICTED})),
     Scenario("rail 1 kHz falls silent", "4", slow(SLOW), lambda: merged(
         send("LineLift", GRID), without(send("Rail", ECU), DISTURBED, 9.0)), STALE, frozenset({GOOD, CONTRADICTED})),
     worn("lift alone", LIFT_ALONE, lift_alone, 20e3, 20),

@@ -11,6 +11,7 @@ import pytest
 from observer_rt.config.bench import load_bench
 from observer_rt.service.keeping.journal import JournalWriter
 from observer_rt.service.keeping.state_file import model_hash, save_knowledge
+from observer_rt.service.reports.news import line
 from tests.service.samples import some_knowledge, some_report
 from tools.benchmarks.kills.campaign import (
     Kept,
@@ -28,10 +29,8 @@ from tools.benchmarks.kills.victim import Scene
 
 COUNT = 5
 NOTHING = Kept(0, {})
-TOLD = [
-    f"injection {n} at index {5000 + 1000 * n}: {41.5 + 0.01 * n:.2f} mg, rail 120.0 MPa, v_H +0.300, phi {n}, valid"
-    for n in range(1, COUNT + 1)
-]
+REPORTS = [some_report(number, mass=(41.5 + 0.01 * number) * 1e-6) for number in range(1, COUNT + 1)]
+TOLD = [line(report) for report in REPORTS]
 
 
 @pytest.mark.slow
@@ -60,8 +59,8 @@ def scene(tmp_path: Path) -> Scene:
     scene = Scene(bench, (), tmp_path / "state.json", tmp_path / "injections.sqlite")
     save_knowledge(scene.state, some_knowledge(events=COUNT), model_hash(bench.injector.parameters))
     journal = JournalWriter(scene.journal, bench, print)
-    for number in range(1, COUNT + 1):
-        journal(some_report(number, mass=(41.5 + 0.01 * number) * 1e-6))
+    for report in REPORTS:
+        journal(report)
     journal.finish()
     return scene
 
@@ -93,7 +92,7 @@ def test_what_is_missing_at_the_end_has_an_age(scene: Scene) -> None:
 def test_a_row_that_is_not_what_was_said_is_seen(scene: Scene) -> None:
     kept, _ = read_back(scene)
     assert kept is not None
-    other = TOLD[-1].replace("phi 5", "phi 6")
+    other = TOLD[-1].replace("correction 5", "correction 6")
     (problem,) = differences(NOTHING, kept, injections_of(told(other)))
     assert problem.startswith("said injection 5")
 

@@ -27,8 +27,9 @@ from tools.benchmarks.kills.victim import FILLER, FREE, FULL, FullDisk, Scene, m
 from tools.benchmarks.report import Columns, put_out, table_of
 
 _INJECTION = re.compile(
-    r"injection (?P<number>\d+) at index (?P<index>\d+): (?P<mass>[\d.]+|nan) mg, rail (?P<rail>[\d.]+) MPa, "
-    r"v_H (?P<wear>[-+\d.]+), phi (?P<phi>\d+), (?P<verdict>valid|not valid: \w+)"
+    r"injection (?P<number>\d+) at index (?P<index>\d+): (?P<mass>[\d.]+ mg|mass unknown), "
+    r"rail (?P<rail>[\d.]+) MPa, nozzle flow (?P<flow>[-+\d.]+) %, correction (?P<correction>\d+), "
+    r"(?:fuel [-\d.]+ degC, )?(?P<verdict>valid|not valid: \w+)"
 )
 PATIENCE = 60.0  # s for a daemon to get somewhere
 
@@ -114,18 +115,16 @@ def differences(before: Kept, after: Kept, told: Sequence[tuple[float, re.Match[
 
 
 def _as_told(row: Row) -> dict[str, str]:
-    def number(name: str, form: str) -> str:
-        value = row[name]
-        return "nan" if value is None else format(value, form)
-
+    mass, flow = row["mass_mg"], row["nozzle_v_H"]
+    assert isinstance(flow, float)
     return {
         "number": str(row["number"]),
         "index": str(row["start_index"]),
-        "mass": number("mass_mg", ".2f"),
-        "rail": number("rail_pressure_MPa", ".1f"),
-        "wear": number("nozzle_v_H", "+.3f"),
-        "phi": str(row["phi_version"]),
-        "verdict": "valid" if row["valid"] else f"not valid: {row['reasons']}",
+        "mass": "mass unknown" if mass is None else f"{mass:.2f} mg",
+        "rail": format(row["rail_pressure_MPa"], ".1f"),
+        "flow": f"{100 * flow:+.1f}",
+        "correction": str(row["phi_version"]),
+        "verdict": "valid" if row["valid"] else f"not valid: {str(row['reasons']).split(',')[0]}",
     }
 
 

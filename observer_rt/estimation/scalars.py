@@ -239,6 +239,11 @@ def learned_of(theta: NDArray[np.float64], c: Coefficients, scalars: Scalars = S
     return _meaning(theta.tobytes(), c.line, c, scalars)
 
 
+def sensor_lag(theta: NDArray[np.float64]) -> float:
+    """The lag tau of the line-pressure sensor [s] in a parameter vector (m,)."""
+    return float(theta[Parameter.SENSOR_LAG]) * LAG_UNIT
+
+
 def network_of(theta: NDArray[np.float64]) -> Network:
     """The network in a parameter vector (m,)."""
     network = zero_network()
@@ -264,8 +269,9 @@ _several = lru_cache(maxsize=8, typed=True)
 def _meaning(content: bytes, line: Any, c: Coefficients, scalars: Scalars) -> Learned:
     theta = np.frombuffer(content)
     changed = c._replace(line=_changed(line, scalars.of_line(theta), scalars))
-    offset, lag = float(theta[Parameter.LINE_PRESSURE_OFFSET]), float(theta[Parameter.SENSOR_LAG])
-    return Learned(network_of(theta), changed, offset, lag * LAG_UNIT)
+    return Learned(
+        network_of(theta), changed, float(theta[Parameter.LINE_PRESSURE_OFFSET]), sensor_lag(theta)
+    )
 
 
 @_several

@@ -16,8 +16,7 @@ from observer_rt.estimation.phases import (
     phases_of,
 )
 from observer_rt.estimation.predictor import Window
-from observer_rt.estimation.scalars import SCALARS, Parameter, Scalars, Theta
-from observer_rt.model.sensor import LAG_UNIT
+from observer_rt.estimation.scalars import SCALARS, Parameter, Scalars, Theta, sensor_lag
 from observer_rt.observer.learning.disturbances.colour import Colour
 from observer_rt.observer.learning.disturbances.noise_levels import mask_of
 from observer_rt.observer.learning.indicators import NOT_FITTED, Healthy
@@ -198,7 +197,7 @@ class Examiner:
                 self.colour.whitening.of(innovations.values, window.masked), self.colour.sigma
             )
         event = event_statistics(window, innovations, constants.interval, self._healthy)
-        lag = float(in_force[Parameter.SENSOR_LAG]) * LAG_UNIT
+        lag = sensor_lag(in_force)
         offset = _offset(window, constants)
         if inadequate_phase(event) is not None:
             found = objections(event, offset, lag, self._healthy)

@@ -13,6 +13,7 @@ class Cause(Enum):
     RANGE_ENDS = auto()  # the line pressure's range ends: clipped samples contradicted the model
     COIL = auto()  # what the coil adds is taken out from now on: all was learned from other line pressures
     SUDDEN_CHANGE = auto()  # the injector is another one
+    NOT_PASSED = auto()  # an event did not pass: by it nothing is compared
     PASSED = auto()  # a fault has passed, and what was believed before it holds
     FROZEN = auto()  # the standstill contradicts the model: what was learned belongs to another line
 
@@ -26,6 +27,8 @@ class Forgotten(Enum):
     STATISTICS = auto()  # of the innovations of recent events
     STATISTICS_OF_INJECTIONS = auto()  # the same but of standstill
     MISTRUST = auto()  # after events that were not explained
+    FREEZING = auto()  # that learning is frozen, and what led to it
+    SLOWED = auto()  # that the line-pressure sensor became slower all at once
     COLOUR = auto()  # of the noise, and what was heard of it
     TREND = auto()  # what recent events contradicted together
     CHECKPOINT = auto()  # what was believed before events that did not pass
@@ -49,8 +52,16 @@ FORGOTTEN: Mapping[Cause, frozenset[Forgotten]] = {
         }
     ),
     Cause.SUDDEN_CHANGE: frozenset({Forgotten.LAST_EVENT}),
+    Cause.NOT_PASSED: frozenset({Forgotten.LAST_EVENT}),
     Cause.PASSED: frozenset(
-        {Forgotten.STATISTICS, Forgotten.MISTRUST, Forgotten.TREND, Forgotten.LAST_EVENT}
+        {
+            Forgotten.STATISTICS,
+            Forgotten.MISTRUST,
+            Forgotten.FREEZING,
+            Forgotten.SLOWED,
+            Forgotten.TREND,
+            Forgotten.LAST_EVENT,
+        }
     ),
     Cause.FROZEN: frozenset({Forgotten.LEARNED, Forgotten.OPERATING_POINTS, Forgotten.LAST_EVENT}),
 }

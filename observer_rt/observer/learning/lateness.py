@@ -24,8 +24,7 @@ from observer_rt.estimation.gating import prior_belief
 from observer_rt.estimation.open_loop import OpenLoop
 from observer_rt.estimation.prediction_error import HUBER, EventCost
 from observer_rt.estimation.predictor import Setting, Window, innovations
-from observer_rt.estimation.scalars import SCALARS, Parameter, Scalars, learned_of
-from observer_rt.model.sensor import LAG_UNIT
+from observer_rt.estimation.scalars import SCALARS, Parameter, Scalars, learned_of, sensor_lag
 from observer_rt.observer.learning.adequacy import RELEVANT_VARIANCE, Objection
 from observer_rt.observer.learning.fitting import EventFit, EventFitter, theta_limits
 from observer_rt.observer.learning.memory import Tracker
@@ -81,7 +80,7 @@ def lag_score(
     without a lag worth asking.
     """
     theta = fit.linearisation.theta
-    lag = float(theta[Parameter.SENSOR_LAG]) * LAG_UNIT
+    lag = sensor_lag(theta)
     if lag < LEAST_LAG:
         return None
     delayed = theta.copy()

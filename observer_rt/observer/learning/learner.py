@@ -12,9 +12,8 @@ from observer_rt.estimation.gain import GainSchedule, NoiseLevels, gain_schedule
 from observer_rt.estimation.gating import Belief, GatedBelief
 from observer_rt.estimation.phases import Phase, PhaseStatistics, no_statistics
 from observer_rt.estimation.predictor import Setting, Window
-from observer_rt.estimation.scalars import SCALARS, Parameter, Scalars, Theta, learned_of
+from observer_rt.estimation.scalars import SCALARS, Parameter, Scalars, Theta, learned_of, sensor_lag
 from observer_rt.foundation.units import MEGAPASCAL
-from observer_rt.model.sensor import LAG_UNIT
 from observer_rt.observer.learning.adequacy import (
     Innovations,
     Objection,
@@ -168,8 +167,8 @@ class Learner(Tracker):
         outcome = self._learn(window, standstill, in_force, constants or self._constants)
         passed = not outcome.objections
         self._checkpoint.after(self._believed_now, self._reader, self._pressure_gains, passed)
-        if outcome.objections:
-            self._previous = None  # by it nothing is compared
+        if not passed:
+            self._forget(Cause.NOT_PASSED)
         memory = Memory(self._constants.interval, self.memory())
         return replace(outcome, knowledge=replace(outcome.knowledge, memory=memory))
 
@@ -255,7 +254,6 @@ class Learner(Tracker):
             event = self._reader.explained(window, believed)
             if event is not None and self._is_as_believed(event):
                 self._forget(Cause.PASSED)
-                self._freezer, self._slowed = Freezer(), SlowedSensor()
                 return event, believed
         except np.linalg.LinAlgError:
             pass
@@ -274,9 +272,7 @@ class Learner(Tracker):
     def _is_as_believed(self, event: Explained) -> bool:
         """Whether an event by itself says nothing against what it was explained by."""
         theta = event.fit.linearisation.theta
-        offset = float(theta[Parameter.LINE_PRESSURE_OFFSET]) * self._scale
-        lag = float(theta[Parameter.SENSOR_LAG]) * LAG_UNIT
-        found = objections(self._statistics_of(event), offset, lag, self._healthy)
+        found = self._contradictions(self._statistics_of(event), theta)
         return not (event.fit.contradicts or found or is_worn_beyond_limits(theta, self._scalars))
 
     def _statistics_of(self, event: Explained) -> PhaseStatistics:
@@ -382,9 +378,7 @@ class Learner(Tracker):
     def _doubts(self, event: Explained) -> list[Reason]:
         """What an event brings up beside its innovations."""
         doubts = []
-        before, now = (
-            float(theta[Parameter.SENSOR_LAG]) * LAG_UNIT for theta in (event.fit.prior.mean, self._theta)
-        )
+        before, now = sensor_lag(event.fit.prior.mean), sensor_lag(self._theta)
         if self._slowed.after(before, now, event.fit.contradicts):
             doubts.append(Reason.SENSOR_LAG)
         if self._lag_doubt.is_relevant:
@@ -437,6 +431,10 @@ class Learner(Tracker):
             self._statistics = of_standstill(self._statistics)
         if Forgotten.MISTRUST in parts:
             self._mistrust = Mistrust()
+        if Forgotten.FREEZING in parts:
+            self._freezer = Freezer()
+        if Forgotten.SLOWED in parts:
+            self._slowed = SlowedSensor()
         if Forgotten.LAST_EVENT in parts:
             self._previous = None
         if Forgotten.CHECKPOINT in parts:
@@ -477,9 +475,7 @@ class Learner(Tracker):
     ) -> tuple[Objection, ...]:
         if adoption is Adoption.FAILED:
             return (Objection(Reason.NOT_LEARNED),)
-        offset = float(self._theta[Parameter.LINE_PRESSURE_OFFSET]) * self._scale
-        lag = float(self._theta[Parameter.SENSOR_LAG]) * LAG_UNIT
-        result = objections(self._statistics, offset, lag, self._healthy)
+        result = self._contradictions(self._statistics, self._theta)
         if self._pressure_gains.is_too_large and Objection(Reason.PRESSURE_OFFSET) not in result:
             result.insert(0, Objection(Reason.PRESSURE_OFFSET))
         if is_worn_beyond_limits(self._theta, self._scalars):
@@ -488,6 +484,11 @@ class Learner(Tracker):
         if looks_like_inertance(self._open_nozzle_change(window), float(self._theta[Parameter.BULK_MODULUS])):
             result.append(Objection(Reason.AMBIGUOUS_SCALE))
         return tuple(result)
+
+    def _contradictions(self, statistics: PhaseStatistics, theta: Theta) -> list[Objection]:
+        """What statistics, and the sensor as it is in theta (m,), say against the model."""
+        offset = float(theta[Parameter.LINE_PRESSURE_OFFSET]) * self._scale
+        return objections(statistics, offset, sensor_lag(theta), self._healthy)
 
     def _open_nozzle_change(self, window: Window) -> float:
         """N_H with the needle as open as it was in this event, at the steady sac pressure of the rail pressure."""

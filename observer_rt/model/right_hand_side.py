@@ -136,7 +136,7 @@ def flow_slopes(
     )
 
 
-_SAC = 2  # place of p_S in x
+SAC = 2  # place of p_S in x
 _NO_FLOW = FlowSlopes(0.0, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -209,7 +209,7 @@ def tangent_rates(
         flows = flow_slopes(x, u, c, network, sigmas)
     q_h, q_s = flows.q_h, flows.q_s
     line_slopes(x, u[0], q_h, q_s, c.line, slopes)
-    by_flow[_SAC, 0], by_flow[_SAC, 1] = -c.sac.a6, c.sac.a5
+    by_flow[SAC, 0], by_flow[SAC, 1] = -c.sac.a6, c.sac.a5
     for row in range(by_number.shape[0]):
         by_h, by_s = by_flow[row, 0], by_flow[row, 1]
         if by_h == 0.0 and by_s == 0.0:
@@ -224,7 +224,7 @@ def tangent_rates(
         by_number[row, theta.back_pressure + 1] = by_h * flows.h_back_pressure * u[1]
     columns, coefficients, by_theta = theta.line_columns, theta.line_coefficients, theta.line_slopes
     for row in range(by_number.shape[0]):
-        if row == _SAC:  # nothing of the line fills it
+        if row == SAC:  # nothing of the line fills it
             continue
         total = 0.0
         for k in range(by_theta.shape[0]):

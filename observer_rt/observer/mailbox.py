@@ -7,6 +7,7 @@ import numpy as np
 from observer_rt.estimation.gain import GainSchedule
 from observer_rt.estimation.scalars import learned_of
 from observer_rt.observer.learning.adequacy import Objection
+from observer_rt.observer.learning.interval import EVERYWHERE, KnownFlow
 from observer_rt.observer.learning.knowledge import Adoption, Knowledge, Outcome
 from observer_rt.observer.stream.judgement import SLOW_PEAK, carry_on, expect, judged
 from observer_rt.observer.stream.state import PENDING_EVENTS, RING, Observer, Reason
@@ -15,9 +16,10 @@ from observer_rt.observer.stream.verdict import SLOTS
 
 def begin_with(observer: Observer, knowledge: Knowledge, schedule: GainSchedule) -> None:
     """Carry what is known at the start."""
-    _write(observer, 0, knowledge, schedule)
+    _write(observer, 0, knowledge, schedule, EVERYWHERE)
     carry_on(observer, 0)
     observer.memory["innovation_sigma"] = schedule.innovation_sigma
+    observer.memory["familiar"] = True
     expect(observer, 0.0)
 
 
@@ -52,7 +54,7 @@ def post_learned(observer: Observer, number: int, outcome: Outcome, is_coloured:
 
 def _write_learned(observer: Observer, slot: int, outcome: Outcome) -> None:
     verdict = observer.verdicts.slots[slot]
-    _write(observer, slot, outcome.knowledge, outcome.schedule)
+    _write(observer, slot, outcome.knowledge, outcome.schedule, outcome.known)
     verdict["is_adopted"] = outcome.adoption is Adoption.ADOPTED
     verdict["innovation_sigma"] = outcome.schedule.innovation_sigma
     posted: tuple[np.ndarray, ...] = tuple(observer.verdicts.phi)  # type: ignore[arg-type]
@@ -104,7 +106,9 @@ def _at_rest(observer: Observer, number: int) -> float:
     return float(np.mean(at_rest**2)) if at_rest.size else np.nan
 
 
-def _write(observer: Observer, slot: int, knowledge: Knowledge, schedule: GainSchedule) -> None:
+def _write(
+    observer: Observer, slot: int, knowledge: Knowledge, schedule: GainSchedule, known: KnownFlow
+) -> None:
     """What the stream is to carry, into a slot."""
     constants = observer.constants
     learned = learned_of(knowledge.in_force, constants.coefficients, knowledge.scalars)
@@ -113,6 +117,7 @@ def _write(observer: Observer, slot: int, knowledge: Knowledge, schedule: GainSc
     verdict["output"] = learned.network.output
     verdict["bias"] = learned.network.bias
     verdict["back_pressure"] = learned.network.back_pressure
+    verdict["rail_from"], verdict["rail_to"], verdict["filled_to"] = known
     verdict["learned_offset"] = constants.sensor.offset + learned.offset
     verdict["lag"] = constants.sensor.lag + learned.lag
     line = learned.coefficients.line

@@ -70,7 +70,8 @@ REASONS: Mapping[Reason, Words] = {
         "check the needle-lift sensor, its unit, offset and sign",
     ),
     Reason.TOO_FEW_EVENTS: Words(
-        "too few injections were judged since the start", "wait: two injections, one with a restored state"
+        "too few injections were judged yet, at all or at such rail pressures",
+        "wait: two injections (one with a restored state), and one at each new level of rail pressure",
     ),
     Reason.INPUT_TIMEOUT: Words(
         "no frame of any input comes", "switch the measuring devices on; check cable and bit rate"

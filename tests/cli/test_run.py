@@ -316,7 +316,7 @@ def test_injections_as_lines_of_json_and_a_log(
     lines = log.read_text().splitlines()
     assert lines[0] == "an earlier run"
     assert sum(" INFO injection: " in line for line in lines) == 4
-    assert "not valid: TOO_FEW_EVENTS: too few injections were judged since the start" in log.read_text()
+    assert "not valid: TOO_FEW_EVENTS: too few injections were judged yet" in log.read_text()
     assert lines[1:] == outcome.err.splitlines()
 
 

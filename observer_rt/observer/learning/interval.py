@@ -1,7 +1,7 @@
 """How well injection rate and injected volume are known, with variance added away from learned operating points."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.estimation.open_loop import InputVariance, OpenLoop, input_variance, open_loop
 from observer_rt.estimation.predictor import Setting, Window
-from observer_rt.estimation.scalars import SCALARS, Scalars
+from observer_rt.estimation.scalars import SCALARS, Parameter, Scalars
+from observer_rt.observer.learning.indicators import nozzle_change
 
+_NOZZLE = int(Parameter.NOZZLE_BIAS)
 # Of the rate's change from sample to sample (one sigma): between samples the inputs are no straight lines, least of
 # all where the needle leaves its seat and comes back.
 HOLD_SHARE = 0.06
@@ -126,3 +128,73 @@ def unfamiliarity(point: EventPoint, learned_at: Sequence[EventPoint]) -> float:
 def remembered(learned_at: Sequence[EventPoint], point: EventPoint) -> tuple[EventPoint, ...]:
     """The points with one more, the newest last."""
     return (*learned_at, point)[-REMEMBERED:]
+
+
+class KnownFlow(NamedTuple):
+    """Where the flow is known well enough: from and to which rail pressure [p_0], and up to which mean p_S / p_L."""
+
+    rail_from: float
+    rail_to: float
+    filled_to: float
+
+
+# Standard deviation of a flow, as a share, up to which it is known well enough: away from the event, where it may be
+# larger than at the event by this factor in any case; and at the event.
+FLOW_KNOWN, FURTHER, FLOW_LEARNED = 0.015, 1.3, 0.03
+EVERYWHERE = KnownFlow(-math.inf, math.inf, math.inf)
+NOWHERE = KnownFlow(math.inf, -math.inf, 0.0)
+_LOWEST, _HIGHEST = 0.05, 2.5  # p_0, of any rail
+_FILLED = 0.95  # p_S over p_L of a sac that is full
+_HALVINGS = 8
+
+
+def known_flow(
+    event: Resimulated, theta: NDArray[np.float64], covariance: NDArray[np.float64], point: EventPoint
+) -> KnownFlow:
+    """Where the flow is known by what is carried after an event, theta (m,) with the error covariance (m, m).
+
+    Of what was injected it is known how it changes with theta. The fuller the sac, the more of that is the nozzle's
+    doing: p_S / p_L = d ln Q_H / d ln (1 + N_H) of a steady flow. At another rail pressure N_H is another.
+    """
+    injected = float(event.run.rate.sum())
+    if not injected > 0.0:
+        return NOWHERE
+
+    def by_nozzle(rail_pressure: float) -> NDArray[np.float64]:
+        state = (rail_pressure, 0.0, _FILLED * rail_pressure)
+        change, slopes = nozzle_change(theta, state, (rail_pressure, point.area))
+        return slopes / (1.0 + change)
+
+    here = event.run.slopes.sum(axis=0) / injected
+    full = by_nozzle(point.rail_pressure)
+    filled = min(max(here[_NOZZLE] / full[_NOZZLE], 0.0), _FILLED)
+
+    def sigma(rail_pressure: float, fullness: float) -> float:
+        share = (fullness - filled) / (1.0 - filled)
+        slopes = here + share * (full - here) + fullness * (by_nozzle(rail_pressure) - full)
+        return math.sqrt(slopes @ covariance @ slopes)
+
+    def enough(fullness: float) -> float:
+        return max(FLOW_KNOWN, FURTHER * sigma(point.rail_pressure, fullness))
+
+    if sigma(point.rail_pressure, filled) > FLOW_LEARNED:
+        return NOWHERE
+    filled_to = _last(lambda fullness: sigma(point.rail_pressure, fullness) <= enough(filled), filled, 1.0)
+    fullness = filled if math.isfinite(filled_to) else 1.0
+    most = enough(fullness)
+    lowest, highest = (
+        _last(lambda rail_pressure: sigma(rail_pressure, fullness) <= most, point.rail_pressure, limit)
+        for limit in (_LOWEST, _HIGHEST)
+    )
+    return KnownFlow(lowest, highest, filled_to)
+
+
+def _last(holds: Callable[[float], bool], first: float, limit: float) -> float:
+    """The last number from `first`, where it holds, towards a limit, to some percent; infinite if it holds there."""
+    if holds(limit):
+        return math.copysign(math.inf, limit - first)
+    beyond = limit
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (first + beyond)
+        first, beyond = (middle, beyond) if holds(middle) else (first, middle)
+    return first

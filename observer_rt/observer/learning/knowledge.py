@@ -17,7 +17,7 @@ from observer_rt.estimation.scalars import SCALARS, Scalars, Theta
 from observer_rt.observer.learning.adequacy import Objection
 from observer_rt.observer.learning.disturbances.colour import Colour
 from observer_rt.observer.learning.indicators import SAME_RATE
-from observer_rt.observer.learning.interval import EventPoint, Resimulated
+from observer_rt.observer.learning.interval import EVERYWHERE, EventPoint, KnownFlow, Resimulated
 from observer_rt.observer.learning.memory import NOTHING, Memory, Remembered
 from observer_rt.observer.stream.phi import Phi, StructuredPhi
 from observer_rt.observer.stream.standstill import RestingLift, Standstill
@@ -83,7 +83,8 @@ class Outcome:
     with the covariance (m, m) of its error, None where the training knows none. resimulated: the event with the
     estimate, None where nothing usable was learned from it. phi: what x^ is to carry.
     outliers: samples of the line pressure that were left out, of those that the stream had not bridged. loudest: mean
-    square of its innovations where it is loudest over that at rest, by what is known of its noise.
+    square of its innovations where it is loudest over that at rest, by what is known of its noise. known:
+    where the flow is known well enough by what is to be carried.
     """
 
     adoption: Adoption
@@ -96,6 +97,7 @@ class Outcome:
     phi: Phi = field(default_factory=StructuredPhi)
     outliers: int = 0
     loudest: float = 1.0
+    known: KnownFlow = EVERYWHERE
 
 
 class EventLearner(Protocol):

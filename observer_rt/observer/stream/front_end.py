@@ -28,6 +28,7 @@ RAMP = 30e-6  # s of a ramp from which its slope is taken, behind its first samp
 LONGEST_RAMP = LOOK_BACK + FEWEST_OPENING - 2  # samples; so many are known when the slope is needed
 SLOWEST_OPENING = 0.3  # m/s
 LOWEST = 15e-6  # m, below which a needle does not stop when it opens
+STEPPED = 30e-6  # m, below which one that does is likely none: its sensor has stepped
 LEAPS = 3  # quicker than a needle, within the look-ahead, by which a lift is none: a spike has two
 OFF_SEAT = (
     40e-6  # m, by which a lift may leap from its seat: where its sensor's offset is not that of the seat
@@ -143,10 +144,11 @@ def _opens_within(observer: Observer, position: int, samples: int) -> bool:
 
 
 @inner_separate
-def stays_low(observer: Observer, position: int) -> bool:
+def stays_low(observer: Observer, position: int, highest: float) -> bool:
     """Whether a needle long at rest that is recorded as open from `position` on does not rise on.
 
-    Then its zero has stepped: no needle stops just off its seat. (Asked for at an opening only, for calls cost much.)
+    highest: [m], below which that is looked at. Then its zero has stepped: no needle stops just off its seat. (Asked
+    for at an opening only, for calls cost much.)
     """
     memory = observer.memory[0]
     timing = observer.constants.timing
@@ -166,7 +168,7 @@ def stays_low(observer: Observer, position: int) -> bool:
         earlier += ring[(position + first + k) & _MASK].lift / half
         later += ring[(position + last - k) & _MASK].lift / half
     slowest = 0.5 * SLOWEST_OPENING * observer.constants.interval * half
-    return bool(later - earlier < min(memory.lift_on, slowest) and 0.5 * (earlier + later) < LOWEST)
+    return bool(later - earlier < min(memory.lift_on, slowest) and 0.5 * (earlier + later) < highest)
 
 
 @inner_separate

@@ -5,12 +5,14 @@ import math
 from observer_rt.foundation.compiled import compiled, inner, inner_separate, separate
 from observer_rt.foundation.referenced import call
 from observer_rt.foundation.small_arrays import copy_matrix, copy_vector
+from observer_rt.model.right_hand_side import SAC
 from observer_rt.observer.stream.pair import FURTHEST_OFFSET
-from observer_rt.observer.stream.state import PENDING_EVENTS, Observer, Reason
+from observer_rt.observer.stream.state import PENDING_EVENTS, RING, Observer, Reason
 from observer_rt.observer.stream.stepper import Stepping
 from observer_rt.observer.stream.verdict import SLOTS, Taken
 
 SLOW_PEAK = 5.0  # with the limit of the watch, five standard deviations
+_MASK = RING - 1
 _PUT = int(Stepping.PUT)
 _PASSED = int(Reason.NONE)
 _NOT_JUDGED = int(Reason.NOT_JUDGED)
@@ -36,7 +38,30 @@ def judged(observer: Observer) -> bool:
     else:
         return False
     _count(observer)
+    look_at_familiarity(observer, memory.processed)
     return True
+
+
+@inner
+def look_at_familiarity(observer: Observer, position: int) -> None:
+    """Whether the flow is known at the rail pressure of a sample: looked at when either may have changed."""
+    memory = observer.memory[0]
+    rail_pressure = observer.ring[position & _MASK].rail_pressure
+    memory.familiar = memory.rail_from <= rail_pressure <= memory.rail_to
+    memory.sac_flow = memory.line_flow = 0.0
+
+
+@inner
+def follow_filling(observer: Observer, position: int) -> None:
+    """Whether what has passed the open needle came from a sac no fuller than known, on the average."""
+    memory = observer.memory[0]
+    if not memory.needle_open:
+        return
+    x_hat, rate = observer.x_hat[position & _MASK], max(observer.ring[position & _MASK].injection_rate, 0.0)
+    memory.sac_flow += rate * x_hat[SAC]
+    memory.line_flow += rate * x_hat[0]
+    if memory.sac_flow > memory.filled_to * memory.line_flow:
+        memory.familiar = False
 
 
 @inner
@@ -97,6 +122,8 @@ def _note_reason(observer: Observer, event, judgement: int) -> None:  # type: ig
     is_explained = is_doubtful and event.number == memory.contradicted_in
     if is_passed or is_explained:
         memory.contradicted = False
+    if judgement == _PASSED and event.number >= memory.halted_in:
+        memory.halted_in = 0
 
 
 @inner_separate
@@ -129,6 +156,8 @@ def carry_on(observer: Observer, slot: int) -> None:
     memory.learned_offset = verdict.learned_offset
     memory.offset = verdict.learned_offset
     memory.lag = verdict.lag
+    memory.rail_from, memory.rail_to = verdict.rail_from, verdict.rail_to
+    memory.filled_to = verdict.filled_to
     copy_vector(verdict.line, memory.line)
     for channel in range(3):
         memory.channels[channel].noise = verdict.noise[channel]

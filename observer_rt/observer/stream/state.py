@@ -190,6 +190,9 @@ _OBSERVER = [
     ("judgement", np.int8),  # Reason the last judged event did not pass, 0 when it did
     ("untested", np.int64),  # events in a row that could not be tested
     ("doubted", np.int8),  # Reason all that comes now is not to be trusted, 0 when it is
+    ("familiar", np.bool_),  # the flow is known well enough for an injection as the last one
+    ("sac_flow", np.float64),  # sums since it opened: of Q_H times p_S,
+    ("line_flow", np.float64),  # and times p_L
     ("innovation_sigma", np.float64),  # standard deviation of e~, in units of p_0
     (
         "healthy_variance",
@@ -201,6 +204,10 @@ _OBSERVER = [
     ("contradicted_at_rest", np.bool_),  # by a channel, for the injector did nothing
     ("calm", np.int64),  # samples since it was
     ("contradicted_in", np.int64),  # number of the first event that can tell otherwise
+    (
+        "halted_in",
+        np.int64,
+    ),  # number of an event in which a needle stopped where none does, until one passed; or 0
     ("lift_on", np.float64),  # m
     ("lift_off", np.float64),
     ("phi_version", np.int64),

@@ -16,6 +16,8 @@ from observer_rt.observer.stream.events import (
     part_events,
 )
 from observer_rt.observer.stream.front_end import (
+    LOWEST,
+    STEPPED,
     area_at,
     area_between_lifts,
     is_recorded_shut,
@@ -29,7 +31,7 @@ from observer_rt.observer.stream.front_end import (
     true_lift,
     true_rail_pressure,
 )
-from observer_rt.observer.stream.judgement import given_up, judged
+from observer_rt.observer.stream.judgement import follow_filling, given_up, judged, look_at_familiarity
 from observer_rt.observer.stream.lift_step import come_to_rest, lingers
 from observer_rt.observer.stream.lift_zero import (
     follow_lift,
@@ -191,7 +193,7 @@ def _process(observer: Observer, position: int) -> bool:
         _end_segment(observer, position)
     take_out_zero(observer, position)
     opens = not memory.needle_open and opens_at(observer, position)
-    if opens and stays_low(observer, position):
+    if opens and stays_low(observer, position, LOWEST):
         opens = False
     while not opens and memory.events_taken < memory.events_closed and judgement_due(observer, row.index):
         if judged(observer):
@@ -258,10 +260,13 @@ def _move_needle(observer: Observer, position: int, opens: bool) -> None:
         part_events(observer, position)
         memory.needle_open = True
         open_from(observer, position)
+        look_at_familiarity(observer, position)
         begin_injection(observer, position)
         if leaps_about(observer, position):
             memory.contradicted, memory.contradicted_at_rest = True, False
             memory.contradicted_in = memory.event_number
+        if stays_low(observer, position, STEPPED):
+            memory.halted_in = memory.event_number
     elif memory.needle_open:
         if not is_recorded_shut(observer, position):
             memory.fall = 0.0
@@ -327,6 +332,7 @@ def _mark(observer: Observer, position: int) -> None:
     """Validity, reason and state of the processed sample; its rate is not available while not synchronised."""
     memory = observer.memory[0]
     row = observer.ring[position & _MASK]
+    follow_filling(observer, position)
     facts = SampleFacts(
         memory.unsynchronised_by,
         memory.synchronised,
@@ -335,8 +341,9 @@ def _mark(observer: Observer, position: int) -> None:
         is_beyond_limit(observer),
         memory.events_judged - memory.doubtful_events,
         observer.constants.events_required,
+        memory.familiar,
         memory.judgement,
-        memory.contradicted,
+        memory.contradicted or memory.halted_in > 0,
         memory.phi_version > 0,
     )
     row.reason = reason_of_sample(facts)

@@ -32,8 +32,9 @@ class SampleFacts(NamedTuple):
     is_lift_beyond: bool  # the zero of the lift has gone too far
     events: int  # judged, and of samples to be trusted
     events_required: int
+    is_familiar: bool  # the flow is known well enough for such an injection
     judgement: int  # Reason the last judged event did not pass
-    is_contradicted: bool  # by the innovations since
+    is_contradicted: bool  # by the innovations since, or by how the needle opened
     has_learned: bool  # something is in force
 
 
@@ -54,6 +55,8 @@ def reason_of_sample(facts: SampleFacts) -> int:
         return facts.judgement
     if facts.is_contradicted:
         return _CONTRADICTED
+    if not facts.is_familiar:
+        return _TOO_FEW_EVENTS
     return facts.unsynchronised_by
 
 

@@ -49,6 +49,10 @@ def carried(parameters: int) -> list[tuple[Any, ...]]:
         ("learned_offset", np.float64),
         ("lag", np.float64),  # s
         ("line", np.float64, (MOST_COEFFICIENTS,)),  # its coefficients with what was learned of it
+        # where the flow is known well enough: rail pressures, and p_S / p_L
+        ("rail_from", np.float64),
+        ("rail_to", np.float64),
+        ("filled_to", np.float64),
     ]
 
 

@@ -9,8 +9,13 @@ from tools.benchmarks.plant_parameters import Faults, Injector
 @cache
 def recorded(events: int, seed: int) -> Outcome:
     """With 30 % more nozzle area, at three pressures in turn; events: a multiple of three."""
+    return recorded_at((60e6, 100e6, 140e6) * (events // 3), (1.4e-3,) * events, seed)
+
+
+def recorded_at(rails: tuple[float, ...], openings: tuple[float, ...], seed: int) -> Outcome:
+    """The same at these rail pressures [Pa], with the needle commanded for so long [s]."""
     made = tuple(
-        Event(rail, (Shot(7e-6 * k, 1.4e-3),), Faults(orifice_area=0.3))
-        for k, rail in enumerate((60e6, 100e6, 140e6) * (events // 3))
+        Event(rail, (Shot(7e-6 * k, opening),), Faults(orifice_area=0.3))
+        for k, (rail, opening) in enumerate(zip(rails, openings, strict=True))
     )
     return record(Bench(Injector(), Needle(), made, seed=seed))

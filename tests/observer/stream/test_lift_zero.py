@@ -117,6 +117,7 @@ def test_lift_that_steps_in_a_line_at_rest_is_of_a_shut_needle() -> None:
 
 def test_needle_that_opens_a_little_and_stays_is_open() -> None:
     stream = stepped(3e6)
+    assert not stream.rows["valid"][STEP_AT:].any()
     assert (stream.rows["seat_area"][STEP_AT + 4 * MS :] > 0.0).all()
     assert stream.rows["reason"][-1] == Reason.NEEDLE_STUCK
 

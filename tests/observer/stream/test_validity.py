@@ -18,7 +18,7 @@ from observer_rt.observer.stream.validity import (
     state_of_service,
 )
 
-WELL = SampleFacts(0, True, 0, 0, False, 2, 2, 0, False, True)
+WELL = SampleFacts(0, True, 0, 0, False, 2, 2, True, 0, False, True)
 SETTLES = [Reason.STARTING, Reason.JUMPED, Reason.SAMPLES_LOST, Reason.NEEDLE_STUCK]
 IN_ORDER: list[tuple[dict[str, int], Reason]] = [
     ({"is_synchronised": False, "unsynchronised_by": Reason.SAMPLES_LOST}, Reason.SAMPLES_LOST),
@@ -28,6 +28,7 @@ IN_ORDER: list[tuple[dict[str, int], Reason]] = [
     ({"events": 1}, Reason.TOO_FEW_EVENTS),
     ({"judgement": Reason.MODEL_INADEQUATE}, Reason.MODEL_INADEQUATE),
     ({"is_contradicted": True}, Reason.CONTRADICTED),
+    ({"is_familiar": False}, Reason.TOO_FEW_EVENTS),
 ]
 
 
@@ -50,8 +51,8 @@ def test_of_several_reasons_the_first_in_order(chosen: list[int]) -> None:
         facts |= IN_ORDER[number][0]
     reason, state = of_sample(**facts)
     assert reason is (IN_ORDER[min(chosen)][1] if chosen else Reason.NONE)
-    not_looked_for_yet = {4, 6} if 4 in chosen else set()  # what too few events cannot contradict
-    assert (state is State.DEGRADED) == bool(set(chosen) - not_looked_for_yet)
+    not_known_yet = {4, 6, 7} if 4 in chosen else {7}  # what too few events cannot contradict
+    assert (state is State.DEGRADED) == bool(set(chosen) - not_known_yet)
 
 
 @pytest.mark.parametrize("reason", SETTLES)

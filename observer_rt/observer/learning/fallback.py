@@ -5,6 +5,8 @@ what was believed before it does better than what was learned from it.
 """
 
 from collections.abc import Collection, Sequence
+from copy import copy
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,6 +102,16 @@ SOON, SELDOM = (
 )  # events that are tried after one that did not pass, then one of so many: it takes twice as long
 
 
+class BelievedSoFar(NamedTuple):
+    """Belief, theta (m,) and active columns, from how many events they were learned, and the gains of the sensors."""
+
+    belief: Belief
+    theta: Theta
+    active: frozenset[int]
+    events: int
+    gains: PressureGains
+
+
 class Checkpoint(Tracker):
     """What was believed when SETTLED events in a row had passed: a passing fault leaves the injector as it was."""
 
@@ -109,13 +121,13 @@ class Checkpoint(Tracker):
     _theta: NDArray[np.float64]
     _active: list[int]
     _events: int
-    _difference: float
+    _gains: PressureGains
     _failed: int
     _passed: int
 
     def __init__(self, width: int, reader: EventReader) -> None:
         """width: columns of theta; reader: before any event."""
-        self._difference = 0.0
+        self._gains = PressureGains()
         self._mean, self._theta = np.zeros(width), np.zeros(width)
         self._covariance, self._error_covariance = np.zeros((width, width)), np.zeros((width, width))
         self._active = []
@@ -133,37 +145,28 @@ class Checkpoint(Tracker):
         is_due = 0 < self._failed <= SOON or self._failed % SELDOM == 1
         return self.is_known and self._passed == 0 and is_due
 
-    def believed(self, gains: PressureGains) -> tuple[Belief, Theta, frozenset[int], int]:
-        """Belief, theta (m,) and active columns then, and how many events they were learned from.
-
-        gains: as they are known now.
-        """
+    @property
+    def believed(self) -> BelievedSoFar:
+        """What was believed then."""
         belief = Belief(self._mean, self._covariance, self._error_covariance)
-        belief = gains.rescaled_since(self._difference, belief)
-        return belief, self._theta, frozenset(self._active), self._events
+        return BelievedSoFar(belief, self._theta, frozenset(self._active), self._events, copy(self._gains))
 
     def reader(self, now: EventReader) -> EventReader:
         """A copy of the reader, with the noise as it was then."""
         return now.with_noise(*self._noise)
 
-    def after(
-        self,
-        believed: tuple[Belief, Theta, frozenset[int], int],
-        reader: EventReader,
-        gains: PressureGains,
-        has_passed: bool,
-    ) -> None:
-        """Take in an event; believed: after it, as above."""
+    def after(self, believed: BelievedSoFar, reader: EventReader, has_passed: bool) -> None:
+        """Take in an event; believed: after it."""
         if not has_passed:
             self._failed, self._passed = self._failed + 1, 0
             return
         self._passed += 1
         if self._passed >= SETTLED:
-            belief, self._theta, active, self._events = believed
+            belief, self._theta, active, self._events, gains = believed
             self._mean = belief.mean
             self._covariance, self._error_covariance = belief.covariance, belief.error_covariance
-            self._active, self._noise = sorted(active), reader.noise
-            self._difference, self._failed = gains.difference, 0
+            self._active, self._gains, self._noise = sorted(active), copy(gains), reader.noise
+            self._failed = 0
 
 
 TOLERANCE = 1.1  # by which a new theta may raise the re-simulated output error

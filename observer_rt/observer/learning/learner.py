@@ -31,6 +31,7 @@ from observer_rt.observer.learning.disturbances.pressure_gains import PressureGa
 from observer_rt.observer.learning.explained import Believed, EventReader, Explained
 from observer_rt.observer.learning.fallback import (
     UNEXPLAINED,
+    BelievedSoFar,
     Checkpoint,
     Freezer,
     Mistrust,
@@ -168,7 +169,7 @@ class Learner(Tracker):
         """
         outcome = self._learn(window, standstill, in_force, constants or self._constants)
         passed = not outcome.objections
-        self._checkpoint.after(self._believed_now, self._reader, self._pressure_gains, passed)
+        self._checkpoint.after(self._believed_now, self._reader, passed)
         if not passed:
             self._forget(Cause.NOT_PASSED)
         memory = Memory(self._constants.interval, self.memory())
@@ -181,14 +182,14 @@ class Learner(Tracker):
         if standstill.noise is not None:
             self._hear(standstill.noise)
         self._schedule = self._gains()
-        recorded = window._replace(output=self._pressure_gains.undone(window.output))
-        window = self._energizing.undone(recorded)
         if (objection := implausible(window, self._scale)) is not None:
             return replace(self._outcome(Adoption.FAILED, window, in_force), objections=(objection,))
         try:
             event, believed = self._explained(window, standstill)
             if event is None:
                 return self._outcome(Adoption.FAILED, window, in_force)
+            recorded = self._without_gains(window)
+            window = self._energizing.undone(recorded)
             lag = lag_score(event.window, believed.setting, event.fit, event.cost, self._wide, self._scalars)
             carried = GatedBelief(event.fit.prior, self._scalars.gate, self._active).carried(in_force)
             self._take_in(event)
@@ -235,14 +236,17 @@ class Learner(Tracker):
         self._noise = noise
 
     def _explained(self, window: Window, standstill: Standstill) -> tuple[Explained | None, Believed]:
-        """An event as far as it is understood, and by what; standstill: when it ended. Raises LinAlgError."""
+        """An event as recorded, as far as it is understood, and by what; standstill: when it ended.
+
+        Raises LinAlgError.
+        """
         offset = self._offset_since.after(standstill)
         if self._checkpoint.is_worth_trying:
             found = self._explained_before(window, standstill)
             if found is not None:
                 return found
         believed = self._believed(window, standstill, offset)
-        return self._reader.explained(window, believed), believed
+        return self._reader.explained(self._undone(window), believed), believed
 
     def _explained_before(self, window: Window, standstill: Standstill) -> tuple[Explained, Believed] | None:
         """An event explained by what was believed before others did not pass: that is believed again.
@@ -250,11 +254,11 @@ class Learner(Tracker):
         None, with nothing changed, where it is not. What stood still before it does not count: it is of the fault.
         """
         now, schedule, reader = self._believed_now, self._schedule, self._reader
-        self._believed_now = self._checkpoint.believed(self._pressure_gains)
+        self._believed_now = self._checkpoint.believed
         self._schedule, self._reader = self._gains(), self._checkpoint.reader(reader)
         try:
             believed = self._believed(window, standstill, None)
-            event = self._reader.explained(window, believed)
+            event = self._reader.explained(self._undone(window), believed)
             if event is not None and self._is_as_believed(event):
                 self._forget(Cause.PASSED)
                 return event, believed
@@ -264,13 +268,19 @@ class Learner(Tracker):
         return None
 
     @property
-    def _believed_now(self) -> tuple[Belief, Theta, frozenset[int], int]:
-        """Belief, theta (m,), active columns, and how many events they were learned from."""
-        return self._belief, self._theta, self._active, self._events
+    def _believed_now(self) -> BelievedSoFar:
+        return BelievedSoFar(self._belief, self._theta, self._active, self._events, self._pressure_gains)
 
     @_believed_now.setter
-    def _believed_now(self, believed: tuple[Belief, Theta, frozenset[int], int]) -> None:
-        self._belief, self._theta, self._active, self._events = believed
+    def _believed_now(self, believed: BelievedSoFar) -> None:
+        self._belief, self._theta, self._active, self._events, self._pressure_gains = believed
+
+    def _without_gains(self, window: Window) -> Window:
+        return window._replace(output=self._pressure_gains.undone(window.output))
+
+    def _undone(self, window: Window) -> Window:
+        """An event as recorded, without what is known to disturb the line pressure."""
+        return self._energizing.undone(self._without_gains(window))
 
     def _is_as_believed(self, event: Explained) -> bool:
         """Whether an event by itself says nothing against what it was explained by."""

@@ -12,7 +12,7 @@ from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.observer.learning.adequacy import SETTLED, Objection
 from observer_rt.observer.learning.disturbances.pressure_gains import PressureGains
 from observer_rt.observer.learning.explained import EventReader
-from observer_rt.observer.learning.fallback import SELDOM, SOON, Checkpoint, Freezer, Mistrust
+from observer_rt.observer.learning.fallback import SELDOM, SOON, BelievedSoFar, Checkpoint, Freezer, Mistrust
 from observer_rt.observer.stream.state import Reason
 from tests.observer.learning.test_adequacy import statistics_of
 from tests.observer.learning.worn_injector import recorded
@@ -56,6 +56,12 @@ def test_a_scale_that_is_not_known_is_doubted_at_once() -> None:
     assert doubts(Reason.AMBIGUOUS_SCALE) == [Reason.AMBIGUOUS_SCALE]
 
 
+def gains_after(events: int) -> PressureGains:
+    gains = PressureGains()
+    gains.difference = 1e-3 * events
+    return gains
+
+
 def checkpoint_after(passed: list[bool]) -> Checkpoint:
     """Events, numbered from 1 on; what is believed after each is its number."""
     reader = EventReader(1e-5, 1e8, SCALARS, None)
@@ -63,7 +69,8 @@ def checkpoint_after(passed: list[bool]) -> Checkpoint:
     for number, each in enumerate(passed, 1):
         theta = np.full(2, float(number))
         belief = prior_belief(theta, np.eye(2))
-        checkpoint.after((belief, theta, frozenset({1}), number), reader, PressureGains(), each)
+        believed = BelievedSoFar(belief, theta, frozenset({1}), number, gains_after(number))
+        checkpoint.after(believed, reader, each)
     return checkpoint
 
 
@@ -74,9 +81,10 @@ def test_what_was_believed_is_kept_until_enough_events_passed_in_a_row() -> None
         (trouble + [True] * (SETTLED - 1), SETTLED),
         (trouble + [True] * SETTLED, 2 * SETTLED + 2),
     ):
-        belief, theta, active, events = checkpoint_after(passed).believed(PressureGains())
+        belief, theta, active, events, gains = checkpoint_after(passed).believed
         assert (theta[0], belief.mean[0], events) == (kept, kept, kept)
         assert active == {1}
+        assert gains.difference == gains_after(kept).difference
 
 
 def test_it_is_tried_soon_after_a_trouble_and_seldom_while_it_lasts() -> None:

@@ -96,19 +96,12 @@ class PressureGains(Tracker):
 
     def rescaled(self, belief: Belief) -> Belief:
         """What was learned of flows before the last event changed what is undone, less sure by as much."""
-        return _rescaled(belief, self._change)
-
-    def rescaled_since(self, difference: float, belief: Belief) -> Belief:
-        """The same of what was learned with another difference, up to the event before the last."""
-        return _rescaled(belief, self.difference - self._change - difference)
-
-
-def _rescaled(belief: Belief, change: float) -> Belief:
-    if change == 0.0:
-        return belief
-    mean = belief.mean.copy()
-    mean[Parameter.NOZZLE_BIAS] -= 0.5 * change * (1.0 + mean[Parameter.NOZZLE_BIAS])
-    return replace(belief, mean=mean).widened(_of_wear(0.5 * change, mean.size))
+        change = self._change
+        if change == 0.0:
+            return belief
+        mean = belief.mean.copy()
+        mean[Parameter.NOZZLE_BIAS] -= 0.5 * change * (1.0 + mean[Parameter.NOZZLE_BIAS])
+        return replace(belief, mean=mean).widened(_of_wear(0.5 * change, mean.size))
 
 
 def _of_wear(share: float, width: int) -> NDArray[np.float64]:

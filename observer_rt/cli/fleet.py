@@ -78,7 +78,7 @@ def batch(
 
     if healthy and not discover:
         raise UserError("--healthy", "is for discovery", "add --discover, or leave it out")
-    chosen = load_bench(bench.absolute(), model and model.absolute(), lenient).of(injector)
+    chosen = load_bench(bench.absolute(), model and model.absolute(), lenient, off_bus=True).of(injector)
     InjectorNames(injector_from)  # refuses what is no pattern
     RecordingTimes(time_from)  # as this does
     own = OwnEffects.in_use(tuple(effects or ()))

@@ -165,7 +165,7 @@ def evaluate(
         fuel_temperature=fuel_temperature,
         injections=chosen_numbers(injections) if injections is not None else (),
     )
-    evaluate_bench(load_bench(bench, model, lenient).of(injector), recordings, asked, messages)
+    evaluate_bench(load_bench(bench, model, lenient, off_bus=True).of(injector), recordings, asked, messages)
 
 
 def reproduce(

@@ -113,7 +113,7 @@ def decoder_of(
     Raises `UserError` for files that do not fit, and for an injector of no bench file.
     """
     if bench is not None:
-        return load_bench(bench, model, lenient).of(injector)
+        return load_bench(bench, model, lenient, off_bus=True).of(injector)
     if injector is not None:
         raise UserError(f"--injector {injector}", "names one of a bench file", "give that by --bench")
     return None

@@ -135,13 +135,23 @@ def load_injector(path: Path = NOMINAL_INJECTOR) -> InjectorParameters:
     return parameters
 
 
-def load_bench(path: Path = EXAMPLE_BENCH, model: Path | None = None, lenient: bool = False) -> Bench:
+_OFF_BUS = frozenset(
+    {"recording", "signals", "sampling", "model", "noise", "learning"}
+)  # what files can need
+
+
+def load_bench(
+    path: Path = EXAMPLE_BENCH, model: Path | None = None, lenient: bool = False, off_bus: bool = False
+) -> Bench:
     """Read `bench.toml` and the injectors it names, or `model` instead of that of each.
 
-    lenient: read every bus database as with its `lenient = true`.
+    lenient: read every bus database as with its `lenient = true`. off_bus: only files are read, so
+    that a bench file with `[recording]` that says nothing of buses is completed by the example.
     Raises `UserError` naming file, key, problem and remedy.
     """
     shared = read_toml(path)
+    if off_bus and "recording" in shared and _OFF_BUS.issuperset(shared):
+        shared = _completed(shared, read_toml(EXAMPLE_BENCH))
     stated = validated(_Named, {"injectors": shared.pop("injectors", {})}, place_in(path), "bench").injectors
     if len(stated) > MOST_INJECTORS:
         raise UserError(
@@ -168,6 +178,15 @@ def load_bench(path: Path = EXAMPLE_BENCH, model: Path | None = None, lenient: b
         databases=tuple(_database_path(path, number, entry.file) for number, entry in enumerate(databases)),
         injectors=tuple(_injector(files[name], config, model) for name, config in configs.items()),
     )
+
+
+def _completed(stated: Mapping[str, Any], by: Mapping[str, Any]) -> dict[str, Any]:
+    """Tables with what they leave out, by others."""
+    result = {**by, **stated}
+    for key in stated.keys() & by.keys():
+        if isinstance(stated[key], Mapping) and isinstance(by[key], Mapping):
+            result[key] = _completed(stated[key], by[key])
+    return result
 
 
 class _Named(Section):

@@ -163,6 +163,43 @@ def test_mistakes_in_an_injector_file_are_named(
     assert said in f"{error.problem} {error.remedy}"
 
 
+LAYOUT = """
+[recording.time]
+column = "Zeit"
+[recording.rail_pressure]
+column = "p_Rail"
+[recording.needle_lift]
+column = "Hub"
+[recording.line_pressure]
+column = "p_Line"
+[signals.needle_lift]
+delay_us = 20.0
+"""
+
+
+@pytest.mark.parametrize(
+    ("off_bus", "more", "is_enough"),
+    [(True, "", True), (False, "", False), (True, '[link]\nchannel = "can1"\n', False)],
+)
+def test_for_files_a_layout_is_all_it_takes(
+    tmp_path: Path, off_bus: bool, more: str, is_enough: bool
+) -> None:
+    """On a bus, or where one is stated, the databases are missing."""
+    path = tmp_path / "layout.toml"
+    path.write_text(LAYOUT + more)
+    if not is_enough:
+        with pytest.raises(UserError, match="dbc: is missing"):
+            load_bench(path, off_bus=off_bus)
+        return
+    config = load_bench(path, off_bus=off_bus).injector.config
+    assert config.recording is not None
+    assert config.recording.time is not None
+    assert config.recording.time.column == "Zeit"
+    example = load_bench().injector.config
+    assert config.signals.needle_lift == example.signals.needle_lift.model_copy(update={"delay_us": 20.0})
+    assert config.sampling == example.sampling
+
+
 def test_outflow_by_name(tmp_path: Path) -> None:
     path = injector_file(tmp_path, "[fluid]", 'line_outflow = "seat"\n[fluid]')
     assert load_injector(path).line_outflow is LineOutflow.SEAT

@@ -104,20 +104,26 @@ def test_wrong_and_not_valid_is_not_wrong(outcome: Outcome) -> None:
 
 
 PLAYED = (
-    "frozen_line",
-    "killed_and_restarted",
-    "learner_failing",
-    "wrong_crc",
-    "unit_line",
-    "swapped_pressures",
-    "drift_needle",
+    Task("frozen_line", 3, 0),
+    Task("killed_and_restarted", 3, 0),
+    Task("learner_failing", 3, 0),
+    Task("wrong_crc", 3, 0),
+    Task("unit_line", 3, 0),
+    Task("swapped_pressures", 3, 0),
+    Task("drift_needle", 3, 0),
+    # once wrong while valid, or too long not valid
+    Task("unavailable_rail", 20311202, 3),
+    Task("step_line", 20311202, 143),
+    Task("unit_needle + step_needle", 20311202, 148),
+    Task("device_restart + step_line + clipped_rail", 20311202, 332),
+    Task("step_rail + clipped_needle + step_line", 20311301, 267),
 )
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", PLAYED)
-def test_service_goes_through_a_fault_and_recovers(name: str) -> None:
-    found = score_scenario(None, Task(name, 3, 0))
+@pytest.mark.parametrize("task", PLAYED, ids=lambda task: task.class_name)
+def test_service_goes_through_a_fault_and_recovers(task: Task) -> None:
+    found = score_scenario(None, task)
     assert not found.crash
     assert (found.wrong_samples, found.wrong_summaries) == (0, 0)
     assert found.is_named is not False

@@ -102,7 +102,7 @@ class Believed(NamedTuple):
 
     offset [p_0]: at rest before it, None without a sample; sigmas: if its noise is white; theta (m,) is where it is
     linearised first; active: the gated columns in use; prior: the belief; is_first: nothing was learned yet; lasts:
-    what was learned explains nothing.
+    what was learned explains nothing; again: all this was believed before events that did not pass.
     """
 
     setting: Setting
@@ -113,6 +113,7 @@ class Believed(NamedTuple):
     prior: Belief
     is_first: bool
     lasts: bool
+    again: bool = False
 
 
 @dataclass(frozen=True, eq=False)

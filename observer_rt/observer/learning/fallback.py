@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.gating import Belief
-from observer_rt.estimation.phases import Phase, PhaseStatistics
+from observer_rt.estimation.phases import Phase, PhaseStatistics, no_statistics
 from observer_rt.estimation.predictor import Setting, Window, open_loop_errors, sum_of_squares
 from observer_rt.estimation.scalars import Scalars, Theta, learned_of
 from observer_rt.observer.learning.adequacy import BELIEVED_AFTER, SETTLED, Objection, inadequate_phase
@@ -103,13 +103,14 @@ SOON, SELDOM = (
 
 
 class BelievedSoFar(NamedTuple):
-    """Belief, theta (m,) and active columns, from how many events they were learned, and the gains of the sensors."""
+    """Belief, theta (m,) and active columns, from how many events all was learned; gains; statistics."""
 
     belief: Belief
     theta: Theta
     active: frozenset[int]
     events: int
     gains: PressureGains
+    statistics: PhaseStatistics
 
 
 class Checkpoint(Tracker):
@@ -132,7 +133,7 @@ class Checkpoint(Tracker):
         self._covariance, self._error_covariance = np.zeros((width, width)), np.zeros((width, width))
         self._active = []
         self._events, self._failed, self._passed = 0, 0, 0
-        self._noise = reader.noise
+        self._noise, self._statistics = reader.noise, no_statistics()
 
     @property
     def is_known(self) -> bool:
@@ -149,7 +150,8 @@ class Checkpoint(Tracker):
     def believed(self) -> BelievedSoFar:
         """What was believed then."""
         belief = Belief(self._mean, self._covariance, self._error_covariance)
-        return BelievedSoFar(belief, self._theta, frozenset(self._active), self._events, copy(self._gains))
+        active, gains = frozenset(self._active), copy(self._gains)
+        return BelievedSoFar(belief, self._theta, active, self._events, gains, self._statistics)
 
     def reader(self, now: EventReader) -> EventReader:
         """A copy of the reader, with the noise as it was then."""
@@ -162,7 +164,7 @@ class Checkpoint(Tracker):
             return
         self._passed += 1
         if self._passed >= SETTLED:
-            belief, self._theta, active, self._events, gains = believed
+            belief, self._theta, active, self._events, gains, self._statistics = believed
             self._mean = belief.mean
             self._covariance, self._error_covariance = belief.covariance, belief.error_covariance
             self._active, self._gains, self._noise = sorted(active), copy(gains), reader.noise

@@ -55,7 +55,6 @@ FORGOTTEN: Mapping[Cause, frozenset[Forgotten]] = {
     Cause.NOT_PASSED: frozenset({Forgotten.LAST_EVENT}),
     Cause.PASSED: frozenset(
         {
-            Forgotten.STATISTICS,
             Forgotten.MISTRUST,
             Forgotten.FREEZING,
             Forgotten.SLOWED,

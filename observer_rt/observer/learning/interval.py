@@ -145,6 +145,7 @@ EVERYWHERE = KnownFlow(-math.inf, math.inf, math.inf)
 NOWHERE = KnownFlow(math.inf, -math.inf, 0.0)
 _LOWEST, _HIGHEST = 0.05, 2.5  # p_0, of any rail
 _FILLED = 0.95  # p_S over p_L of a sac that is full
+_LEAST_FLOW = 0.01  # of a nozzle as given: against a back-pressure above p_S there is none
 _HALVINGS = 8
 
 
@@ -163,7 +164,7 @@ def known_flow(
     def by_nozzle(rail_pressure: float) -> NDArray[np.float64]:
         state = (rail_pressure, 0.0, _FILLED * rail_pressure)
         change, slopes = nozzle_change(theta, state, (rail_pressure, point.area))
-        return slopes / (1.0 + change)
+        return slopes / max(1.0 + change, _LEAST_FLOW)
 
     here = event.run.slopes.sum(axis=0) / injected
     full = by_nozzle(point.rail_pressure)

@@ -203,7 +203,7 @@ class Learner(Tracker):
         better = self._is_better(event.window, in_force)
         if self._freezer.is_frozen_after(self._statistics):
             return _because(self._frozen(event.window, in_force), is_clipped, is_disturbed)
-        adoption = Adoption.ADOPTED if better else Adoption.REJECTED
+        adoption = Adoption.ADOPTED if better or believed.again else Adoption.REJECTED
         outcome = self._outcome(adoption, event.window, in_force, doubts)
         outcome = _because(outcome, is_clipped, is_disturbed)
         told = self._lift_lag.told(outcome.objections, partial(self._lift_lag_in, event, believed))
@@ -257,7 +257,7 @@ class Learner(Tracker):
         self._believed_now = self._checkpoint.believed
         self._schedule, self._reader = self._gains(), self._checkpoint.reader(reader)
         try:
-            believed = self._believed(window, standstill, None)
+            believed = self._believed(window, standstill, None)._replace(again=True)
             event = self._reader.explained(self._undone(window), believed)
             if event is not None and self._is_as_believed(event):
                 self._forget(Cause.PASSED)
@@ -269,11 +269,13 @@ class Learner(Tracker):
 
     @property
     def _believed_now(self) -> BelievedSoFar:
-        return BelievedSoFar(self._belief, self._theta, self._active, self._events, self._pressure_gains)
+        learned = self._belief, self._theta, self._active, self._events
+        return BelievedSoFar(*learned, self._pressure_gains, self._statistics)
 
     @_believed_now.setter
     def _believed_now(self, believed: BelievedSoFar) -> None:
-        self._belief, self._theta, self._active, self._events, self._pressure_gains = believed
+        self._belief, self._theta, self._active, self._events = believed[:4]
+        self._pressure_gains, self._statistics = believed[4:]
 
     def _without_gains(self, window: Window) -> Window:
         return window._replace(output=self._pressure_gains.undone(window.output))
@@ -283,9 +285,9 @@ class Learner(Tracker):
         return self._energizing.undone(self._without_gains(window))
 
     def _is_as_believed(self, event: Explained) -> bool:
-        """Whether an event by itself says nothing against what it was explained by."""
+        """Whether an event, with those before the trouble, says nothing against what it was explained by."""
         theta = event.fit.linearisation.theta
-        found = self._contradictions(self._statistics_of(event), theta)
+        found = self._contradictions(pooled(self._statistics, self._statistics_of(event)), theta)
         return not (event.fit.contradicts or found or is_worn_beyond_limits(theta, self._scalars))
 
     def _statistics_of(self, event: Explained) -> PhaseStatistics:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from observer_rt.estimation.gating import prior_belief
-from observer_rt.estimation.phases import Phase
+from observer_rt.estimation.phases import Phase, no_statistics
 from observer_rt.estimation.scalars import SCALARS
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.observer.learning.adequacy import SETTLED, Objection
@@ -69,7 +69,7 @@ def checkpoint_after(passed: list[bool]) -> Checkpoint:
     for number, each in enumerate(passed, 1):
         theta = np.full(2, float(number))
         belief = prior_belief(theta, np.eye(2))
-        believed = BelievedSoFar(belief, theta, frozenset({1}), number, gains_after(number))
+        believed = BelievedSoFar(belief, theta, frozenset({1}), number, gains_after(number), no_statistics())
         checkpoint.after(believed, reader, each)
     return checkpoint
 
@@ -81,7 +81,7 @@ def test_what_was_believed_is_kept_until_enough_events_passed_in_a_row() -> None
         (trouble + [True] * (SETTLED - 1), SETTLED),
         (trouble + [True] * SETTLED, 2 * SETTLED + 2),
     ):
-        belief, theta, active, events, gains = checkpoint_after(passed).believed
+        belief, theta, active, events, gains, _ = checkpoint_after(passed).believed
         assert (theta[0], belief.mean[0], events) == (kept, kept, kept)
         assert active == {1}
         assert gains.difference == gains_after(kept).difference

@@ -14,7 +14,7 @@ class Cause(Enum):
     COIL = auto()  # what the coil adds is taken out from now on: all was learned from other line pressures
     SUDDEN_CHANGE = auto()  # the injector is another one
     NOT_PASSED = auto()  # an event did not pass: by it nothing is compared
-    PASSED = auto()  # a fault has passed, and what was believed before it holds
+    PASSED = auto()  # a fault has passed, and what was believed and said before it holds
     FROZEN = auto()  # the standstill contradicts the model: what was learned belongs to another line
 
 

@@ -157,23 +157,21 @@ def known_flow(
     Of what was injected it is known how it changes with theta. The fuller the sac, the more of that is the nozzle's
     doing: p_S / p_L = d ln Q_H / d ln (1 + N_H) of a steady flow. At another rail pressure N_H is another.
     """
-    injected = float(event.run.rate.sum())
-    if not injected > 0.0:
-        return NOWHERE
-
     def by_nozzle(rail_pressure: float) -> NDArray[np.float64]:
         state = (rail_pressure, 0.0, _FILLED * rail_pressure)
         change, slopes = nozzle_change(theta, state, (rail_pressure, point.area))
         return slopes / max(1.0 + change, _LEAST_FLOW)
 
+    injected, full = float(event.run.rate.sum()), by_nozzle(point.rail_pressure)
+    if not (injected > 0.0 and full[_NOZZLE] > 0.0):
+        return NOWHERE
     here = event.run.slopes.sum(axis=0) / injected
-    full = by_nozzle(point.rail_pressure)
     filled = min(max(here[_NOZZLE] / full[_NOZZLE], 0.0), _FILLED)
 
     def sigma(rail_pressure: float, fullness: float) -> float:
         share = (fullness - filled) / (1.0 - filled)
         slopes = here + share * (full - here) + fullness * (by_nozzle(rail_pressure) - full)
-        return math.sqrt(slopes @ covariance @ slopes)
+        return math.sqrt(max(slopes @ covariance @ slopes, 0.0))
 
     def enough(fullness: float) -> float:
         return max(FLOW_KNOWN, FURTHER * sigma(point.rail_pressure, fullness))

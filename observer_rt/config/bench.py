@@ -135,9 +135,7 @@ def load_injector(path: Path = NOMINAL_INJECTOR) -> InjectorParameters:
     return parameters
 
 
-_OFF_BUS = frozenset(
-    {"recording", "signals", "sampling", "model", "noise", "learning"}
-)  # what files can need
+_OFF_BUS = frozenset({"recording", "signals", "sampling", "model", "noise", "learning"})  # sections
 
 
 def load_bench(
@@ -145,8 +143,8 @@ def load_bench(
 ) -> Bench:
     """Read `bench.toml` and the injectors it names, or `model` instead of that of each.
 
-    lenient: read every bus database as with its `lenient = true`. off_bus: only files are read, so
-    that a bench file with `[recording]` that says nothing of buses is completed by the example.
+    lenient: read every bus database as with its `lenient = true`. off_bus: only files are read, so that a bench file
+    with `[recording]` that says nothing of buses is completed by the example.
     Raises `UserError` naming file, key, problem and remedy.
     """
     shared = read_toml(path)

@@ -157,6 +157,7 @@ def known_flow(
     Of what was injected it is known how it changes with theta. The fuller the sac, the more of that is the nozzle's
     doing: p_S / p_L = d ln Q_H / d ln (1 + N_H) of a steady flow. At another rail pressure N_H is another.
     """
+
     def by_nozzle(rail_pressure: float) -> NDArray[np.float64]:
         state = (rail_pressure, 0.0, _FILLED * rail_pressure)
         change, slopes = nozzle_change(theta, state, (rail_pressure, point.area))

@@ -204,10 +204,7 @@ _OBSERVER = [
     ("contradicted_at_rest", np.bool_),  # by a channel, for the injector did nothing
     ("calm", np.int64),  # samples since it was
     ("contradicted_in", np.int64),  # number of the first event that can tell otherwise
-    (
-        "halted_in",
-        np.int64,
-    ),  # number of an event in which a needle stopped where none does, until one passed; or 0
+    ("halted_in", np.int64),  # number of the event in which a needle stopped too low, 0 once one has passed
     ("lift_on", np.float64),  # m
     ("lift_off", np.float64),
     ("phi_version", np.int64),

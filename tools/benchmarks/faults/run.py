@@ -155,7 +155,8 @@ def save_figure(results: Results, path: Path) -> None:
     found.set_yticklabels(alone, fontsize=7)
     found.invert_yaxis()
     again.axvline(RECOVERY + 0.5, color="tab:red", linewidth=0.8)
-    again.set(xlabel="events after the fault until one is valid")
+    most = max([RECOVERY, *known(s.recovered_after for s in results.scores)])
+    again.set(xlabel="events after the fault until one is valid", xticks=range(1, most + 1))
     figure.savefig(path, dpi=150)
 
 

@@ -140,7 +140,7 @@ class KnownFlow(NamedTuple):
 
 # Standard deviation of a flow, as a share, up to which it is known well enough: away from the event, where it may be
 # larger than at the event by this factor in any case; and at the event.
-FLOW_KNOWN, FURTHER, FLOW_LEARNED = 0.015, 1.3, 0.03
+FLOW_KNOWN, FURTHER, FLOW_LEARNED = 0.012, 1.3, 0.03
 EVERYWHERE = KnownFlow(-math.inf, math.inf, math.inf)
 NOWHERE = KnownFlow(math.inf, -math.inf, 0.0)
 _LOWEST, _HIGHEST = 0.05, 2.5  # p_0, of any rail

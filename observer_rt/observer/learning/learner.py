@@ -132,8 +132,8 @@ class Learner(Tracker):
         colour = knowledge.colour_at(constants.interval)
         self._reader = EventReader(constants.interval, self._scale, scalars, colour)
         self._offset_since = OffsetSince()
-        self._gains_for = lru_cache(maxsize=1)(gain_schedule)  # most events find the same line, noise and lag
-        self._schedule = self._gains()
+        self._gains_for = lru_cache(maxsize=2)(gain_schedule)  # most events find the same line, noise and lag
+        self._schedule = self._gains(self._theta)
         self._previous: Rehearsed | None = None
         self._freezer = Freezer()
         self._mistrust = Mistrust()
@@ -173,7 +173,10 @@ class Learner(Tracker):
         if not passed:
             self._forget(Cause.NOT_PASSED)
         memory = Memory(self._constants.interval, self.memory())
-        return replace(outcome, knowledge=replace(outcome.knowledge, memory=memory))
+        outcome = replace(outcome, knowledge=replace(outcome.knowledge, memory=memory))
+        if outcome.adoption is Adoption.ADOPTED:
+            return outcome
+        return replace(outcome, schedule=self._gains(outcome.knowledge.in_force))
 
     def _learn(
         self, window: Window, standstill: Standstill, in_force: Theta, constants: Constants
@@ -181,7 +184,7 @@ class Learner(Tracker):
         self._constants = constants
         if standstill.noise is not None:
             self._hear(standstill.noise)
-        self._schedule = self._gains()
+        self._schedule = self._gains(self._theta)
         if (objection := implausible(window, self._scale)) is not None:
             return replace(self._outcome(Adoption.FAILED, window, in_force), objections=(objection,))
         try:
@@ -255,7 +258,7 @@ class Learner(Tracker):
         """
         now, schedule, reader = self._believed_now, self._schedule, self._reader
         self._believed_now = self._checkpoint.believed
-        self._schedule, self._reader = self._gains(), self._checkpoint.reader(reader)
+        self._schedule, self._reader = self._gains(self._theta), self._checkpoint.reader(reader)
         try:
             believed = self._believed(window, standstill, None)._replace(again=True)
             event = self._reader.explained(self._undone(window), believed)
@@ -517,8 +520,9 @@ class Learner(Tracker):
         state = (rail_pressure, 0.0, 0.9 * rail_pressure)
         return nozzle_change(self._theta, state, (rail_pressure, area))[0]
 
-    def _gains(self) -> GainSchedule:
-        learned = learned_of(self._theta, self._constants.coefficients, self._scalars)
+    def _gains(self, theta: Theta) -> GainSchedule:
+        """Those of x~ with theta (m,): with others a line with waves may swing ever higher."""
+        learned = learned_of(theta, self._constants.coefficients, self._scalars)
         sensor, rate = self._constants.sensor, 1.0 / self._constants.interval
         lag = sensor.lag + learned.lag
         every = self._constants.rail_every

@@ -104,11 +104,14 @@ def _found_after(valid: NDArray[np.bool_], begin: float, end: float, interval: f
     return float(gone[0] * interval) if gone.size else None
 
 
+_NOTHING_WRONG = ("NONE", "TOO_FEW_EVENTS")
+
+
 def _named(scenario: Scenario, published: Published, begin: float) -> tuple[str, ...]:
     """Reasons given since the fault began."""
     stream = [name for sample, name in published.reason if sample >= begin]
     injections = [each.reason for each in published.summaries if each.first >= begin and not each.is_valid]
-    return tuple(dict.fromkeys(name for name in (*stream, *injections) if name != "NONE"))
+    return tuple(dict.fromkeys(name for name in (*stream, *injections) if name not in _NOTHING_WRONG))
 
 
 def _wrong_summaries(published: Published, ranges: tuple[slice, ...], true: NDArray[np.float64]) -> int:

@@ -74,6 +74,10 @@ def _is_odd(channel, position: int, value: float, restless: float) -> bool:  # t
         if channel.run < channel.needed:
             channel.repeats += channel.run
         channel.run = 0
+    if value > channel.held:
+        channel.went_above = True
+    else:
+        channel.went_below = True
     step = abs(value - last)
     limit = max(STEP * channel.noise, restless * channel.change)
     channel.change += (
@@ -208,7 +212,12 @@ def _follow_run(observer: Observer, position: int, number: int, value: float) ->
     if channel.run < channel.needed or channel.needed > longest:
         return
     if channel.run == channel.needed:
-        channel.is_clipped = value == channel.held and not channel.is_dropout
+        is_again = value == channel.held
+        channel.is_clipped = (
+            is_again and not channel.is_dropout and not (channel.went_above and channel.went_below)
+        )
+        if not is_again:
+            channel.went_above = channel.went_below = False
         channel.held = value
         channel.is_held = True
         # those before may have been used by now: how many depends on what a frame carries

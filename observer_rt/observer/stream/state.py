@@ -141,6 +141,8 @@ CHANNEL = np.dtype(
         ("repeats", np.int64),  # of all samples, those that only by chance have the value of the one before
         ("held", np.float64),  # value at which it was frozen last
         ("is_held", np.bool_),  # it has not moved since
+        ("went_above", np.bool_),  # it has been higher than that since,
+        ("went_below", np.bool_),  # and lower: no end of a range
         ("is_clipped", np.bool_),  # it was the time before as well
         ("bridged", np.int64),  # lately: samples that do not count less others since
     ],

@@ -121,6 +121,7 @@ class Receiver:
         self._time = time
         self._moves = [0]  # by which the device's index was ahead of the recording's, the newest last
         self._newest = 0
+        self._placed: dict[int, int] = {}  # sample of every index of which a rate came
         self.published = Published(np.full(time.size, np.nan), np.zeros(time.size, np.bool_))
 
     @property
@@ -144,7 +145,7 @@ class Receiver:
                 (mass,) = struct.unpack_from("<H", frame.payload, _SUMMARY_MASS)
                 self.published.summaries.append(
                     Summary(
-                        self._sample(index),
+                        self._placed.get(index, self._sample(index)),
                         bool(frame.payload[3] & 1),
                         np.nan if mass == _MISSING else (0.01 * mass - 50.0) * MILLIGRAM,
                         Reason(frame.payload[_SUMMARY_REASON]).name,
@@ -152,9 +153,11 @@ class Receiver:
                 )
 
     def _take_rates(self, row: np.void) -> None:
-        first, raw = self._sample(int(row["index"])), row["rates"]
+        index, raw = int(row["index"]), row["rates"]
+        first = self._sample(index)
         rates = np.where(raw == _MISSING, np.nan, 0.01 * raw - 100.0) * MM3_PER_MS
         places = first + np.arange(rates.size)
+        self._placed.update(zip(range(index, index + rates.size), places.tolist(), strict=True))
         inside = (places >= 0) & (places < self._time.size)
         self.published.rate[places[inside]] = rates[inside]
         self.published.valid[places[inside]] = bool(row["flags"] & 1) & np.isfinite(rates[inside])

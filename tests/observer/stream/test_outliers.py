@@ -160,6 +160,15 @@ def test_an_input_that_is_held_at_one_level_again_and_again_is_clipped(channel: 
     assert clipped.size >= 16
 
 
+def test_what_was_above_and_below_since_is_no_end_of_a_range() -> None:
+    """A slow rail sensor repeats itself in the midst of its range."""
+    channels = signals()
+    for begin in (2000, AT):
+        channels[RAIL][begin : begin + 20] = PRESSURE
+    _, rows = observed(channels, events_required=0)
+    assert not (rows["reason"] == Reason.INPUT_CLIPPED).any()
+
+
 @pytest.mark.parametrize("width", [3, 5, 20])
 @pytest.mark.parametrize(("channel", "value"), [(RAIL, 0.0), (RAIL, 250e6), (LIFT, 400e-6)])
 def test_a_dropout_of_an_input_is_held_at_what_was_before(channel: int, value: float, width: int) -> None:

@@ -79,6 +79,17 @@ class PhaseStatistics:
     block_squares: NDArray[np.float64]
     blocks: NDArray[np.float64]
 
+    @property
+    def table(self) -> NDArray[np.float64]:
+        """All of them, (PHASES, 2 + 2 len(BLOCKS)), as `of_table` takes them."""
+        return np.column_stack((self.squares, self.samples, self.block_squares, self.blocks))
+
+    @classmethod
+    def of_table(cls, table: NDArray[np.float64]) -> "PhaseStatistics":
+        """Those of a table."""
+        end = 2 + len(BLOCKS)
+        return cls(table[:, 0], table[:, 1], table[:, 2:end], table[:, end:])
+
     def faded(self, factor: float, newer: "PhaseStatistics") -> "PhaseStatistics":
         """These statistics weighted by `factor`, and newer ones added."""
         return PhaseStatistics(

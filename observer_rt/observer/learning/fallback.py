@@ -123,6 +123,7 @@ class Checkpoint(Tracker):
     _active: list[int]
     _events: int
     _gains: PressureGains
+    _statistics: NDArray[np.float64]
     _failed: int
     _passed: int
 
@@ -133,7 +134,7 @@ class Checkpoint(Tracker):
         self._covariance, self._error_covariance = np.zeros((width, width)), np.zeros((width, width))
         self._active = []
         self._events, self._failed, self._passed = 0, 0, 0
-        self._noise, self._statistics = reader.noise, no_statistics()
+        self._noise, self._statistics = reader.noise, no_statistics().table
 
     @property
     def is_known(self) -> bool:
@@ -150,8 +151,8 @@ class Checkpoint(Tracker):
     def believed(self) -> BelievedSoFar:
         """What was believed then."""
         belief = Belief(self._mean, self._covariance, self._error_covariance)
-        active, gains = frozenset(self._active), copy(self._gains)
-        return BelievedSoFar(belief, self._theta, active, self._events, gains, self._statistics)
+        learned = belief, self._theta, frozenset(self._active), self._events
+        return BelievedSoFar(*learned, copy(self._gains), PhaseStatistics.of_table(self._statistics))
 
     def reader(self, now: EventReader) -> EventReader:
         """A copy of the reader, with the noise as it was then."""
@@ -164,11 +165,11 @@ class Checkpoint(Tracker):
             return
         self._passed += 1
         if self._passed >= SETTLED:
-            belief, self._theta, active, self._events, gains, self._statistics = believed
+            belief, self._theta, active, self._events, gains, statistics = believed
             self._mean = belief.mean
             self._covariance, self._error_covariance = belief.covariance, belief.error_covariance
             self._active, self._gains, self._noise = sorted(active), copy(gains), reader.noise
-            self._failed = 0
+            self._statistics, self._failed = statistics.table, 0
 
 
 TOLERANCE = 1.1  # by which a new theta may raise the re-simulated output error

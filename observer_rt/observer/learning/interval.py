@@ -145,6 +145,7 @@ EVERYWHERE = KnownFlow(-math.inf, math.inf, math.inf)
 NOWHERE = KnownFlow(math.inf, -math.inf, 0.0)
 _LOWEST, _HIGHEST = 0.05, 2.5  # p_0, of any rail
 _FILLED = 0.95  # p_S over p_L of a sac that is full
+_LONG = 0.8  # the same, mean of a long injection
 _LEAST_FLOW = 0.01  # of a nozzle as given: against a back-pressure above p_S there is none
 _HALVINGS = 8
 
@@ -180,7 +181,7 @@ def known_flow(
     if sigma(point.rail_pressure, filled) > FLOW_LEARNED:
         return NOWHERE
     filled_to = _last(lambda fullness: sigma(point.rail_pressure, fullness) <= enough(filled), filled, 1.0)
-    fullness = filled if math.isfinite(filled_to) else 1.0
+    fullness = filled if math.isfinite(filled_to) else max(filled, _LONG)
     most = enough(fullness)
     lowest, highest = (
         _last(lambda rail_pressure: sigma(rail_pressure, fullness) <= most, point.rail_pressure, limit)

@@ -127,6 +127,8 @@ class PcapLog(LogReader):
         channel, protocol, is_sent = interface.name, CLASSIC_PROTOCOL, False
         if interface.link in _PLACES:
             place, direction, begin = _PLACES[interface.link]
+            if len(data) < begin:
+                raise ValueError(f"only {len(data)} bytes of a packet were captured")
             protocol = int.from_bytes(data[place : place + 2], "big")
             is_sent = data[direction] == SENT
             if interface.link == ALL_2:

@@ -31,9 +31,7 @@ from observer_rt.recording.signals.recording import TRUTH_SUFFIX
 from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE
 from observer_rt.recording.signals.table import OPTIONAL, TIME, Table, TablePart, Values
 
-DESCRIBED = (
-    "a file of another layout is described in [recording]: a bench file with that alone, given by --bench"
-)
+DESCRIBED = "a file of another layout is described in [recording] of a bench file, given by --bench"
 LOOKED_AT = 200  # lines, among which the names and the first numbers must be
 OWN_MISSING = frozenset(("", "nan", "-nan"))
 _NAMES = {";": "';'", "\t": "tabulators", ",": "','", "|": "'|'", " ": "blanks"}

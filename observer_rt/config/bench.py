@@ -135,7 +135,7 @@ def load_injector(path: Path = NOMINAL_INJECTOR) -> InjectorParameters:
     return parameters
 
 
-_OFF_BUS = frozenset({"recording", "signals", "sampling", "model", "noise", "learning"})  # sections
+_OFF_BUS = frozenset({"recording", "signals", "sampling", "model", "noise", "learning"})  # what files need
 
 
 def load_bench(

@@ -42,7 +42,6 @@ from observer_rt.observer.learning.forgetting import FORGOTTEN, Cause, Forgotten
 from observer_rt.observer.learning.indicators import NOT_FITTED, Healthy, nozzle_change
 from observer_rt.observer.learning.interval import (
     UNSEEN,
-    KnownFlow,
     Resimulated,
     known_flow,
     operating_point,
@@ -222,7 +221,8 @@ class Learner(Tracker):
         again = replace(again, systematic=math.hypot(again.systematic, self._lag_doubt.volume_share))
         masked = int(event.window.masked.sum()) - int(window.masked.sum())
         loudest = self._reader.loudest(event.window, believed)
-        known = self._known(again, outcome.knowledge.in_force, event.window)
+        taken = outcome.knowledge.in_force
+        known = known_flow(again, taken, self._gated.carried(taken), self._learned_at[-1])
         return replace(outcome, resimulated=again, outliers=masked, loudest=loudest, known=known)
 
     def _hear(self, noise: NoiseLevels) -> None:
@@ -385,11 +385,6 @@ class Learner(Tracker):
         if self._kept.belief is not self._belief or self._kept.active != self._active:
             self._kept = GatedBelief(self._belief, self._scalars.gate, self._active)
         return self._kept
-
-    def _known(self, event: Resimulated, in_force: Theta, window: Window) -> KnownFlow:
-        """Where the flow is known from now on, by what is carried, in_force (m,)."""
-        point = operating_point(window, self._constants.interval)
-        return known_flow(event, in_force, self._gated.carried(in_force), point)
 
     def _strangeness(self, window: Window) -> float:
         """How far an event's operating point was from those learned at, of which it is one from now on."""

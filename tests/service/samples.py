@@ -30,8 +30,8 @@ def some_knowledge(seed: int = 1, phi_version: int = 7, events: int = 20) -> Kno
     covariance = 0.5 * (covariance + covariance.T)
     lowest, highest = SCALARS.bounds(PRESSURE_SCALE)
     return Knowledge(
-        belief=Belief(random.uniform(-0.09, 0.09, PARAMETERS), covariance, 0.6 * covariance),
-        in_force=np.clip(random.uniform(-0.09, 0.09, PARAMETERS), lowest, highest),
+        belief=Belief(random.uniform(-0.01, 0.01, PARAMETERS), covariance, 0.6 * covariance),
+        in_force=np.clip(random.uniform(-0.01, 0.01, PARAMETERS), lowest, highest),
         noise=NoiseLevels(*(random.uniform(0.1, 1.0, 3) * [1e6, 1e6, 1e-6]).tolist()),
         active=frozenset(column for column in SCALARS.gate.columns if random.random() < 0.5),
         phi_version=phi_version,

@@ -29,7 +29,7 @@ PUBLISHER = np.dtype(
         ("published", np.int64),  # position in the observer's stream of the next sample to publish
         ("block_start", np.int64),  # index of the block's first sample
         ("filled", np.int64),  # of the block, 0: none begun
-        ("block_valid", np.bool_),
+        ("block_valid", np.bool_),  # all of it so far, without a gap
         ("block_state", np.int64),
         ("learning", np.bool_),
         ("contested", np.bool_),  # another node sends the same: nothing that goes out is valid
@@ -92,8 +92,8 @@ def publish(publisher: Publisher, observer: Observer) -> None:
             rates[:] = np.nan
         place = row.index - memory.block_start
         rates[place] = row.injection_rate / MM3_PER_MS
+        memory.block_valid = memory.block_valid and row.valid and place == memory.filled
         memory.filled = place + 1
-        memory.block_valid = memory.block_valid and row.valid
         memory.block_state = row.state
         memory.published += 1
         if memory.filled == samples:
@@ -102,12 +102,13 @@ def publish(publisher: Publisher, observer: Observer) -> None:
 
 @separate
 def flush(publisher: Publisher) -> None:
-    """The block under way into a frame, what is missing of it as not available; nothing without a block."""
+    """The block under way into a frame, not valid if anything is missing of it; nothing without a block."""
     memory = publisher.memory[0]
     if memory.filled == 0:
         return
+    is_complete = memory.filled == memory.samples
     _put(publisher, _SAMPLE_INDEX, memory.block_start & 0xFFFFFFFF)
-    _put(publisher, _VALID, memory.block_valid and not memory.contested)
+    _put(publisher, _VALID, memory.block_valid and is_complete and not memory.contested)
     _put(publisher, _LEARNING, memory.learning)
     _put(publisher, _STATE, _DEGRADED if memory.contested else memory.block_state)
     frame = publisher.out[memory.frames]

@@ -109,9 +109,11 @@ def test_nothing_is_valid_while_there_is_one(bench: Path) -> None:
         until(lambda: not daemon.arrivals.is_contested(time.monotonic_ns()))
         link.feed(frames[second:])
         until(lambda: len(notes.injections) == INJECTIONS)
-    last = marks(link.taken(RATE.frame_id))
-    assert last <= {(0, State.DEGRADED), (1, State.ADAPTED)}  # the block under way when it began, at the most
-    assert (1, State.ADAPTED) in last
+    rates = link.taken(RATE.frame_id)
+    before_the_stop = marks(rates[:-1])
+    assert before_the_stop <= {(0, State.DEGRADED), (1, State.ADAPTED)}  # the block under way when it began, at the most
+    assert (1, State.ADAPTED) in before_the_stop
+    assert marks(rates[-1:]) == {(0, State.ADAPTED)}  # the stop cuts it short
     summaries = [decoded(SUMMARY, payload) for payload in link.taken(SUMMARY.frame_id)]
     said = [(int(s["Valid"]), int(s["State"]), int(s["Reason"])) for s in summaries]
     assert said == [(each.valid, each.state, each.reason) for each in notes.injections]

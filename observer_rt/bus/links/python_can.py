@@ -23,6 +23,31 @@ from observer_rt.foundation.errors import RunError
 SEND_TIMEOUT_S = 0.5  # how long a driver may wait for a place in its queue
 
 
+MOST_OWN = 4096  # frames sent, about a second of results, that may come back
+
+
+class OwnFrames:
+    """Frames sent lately: some interfaces give them back to their sender, and each once is no other's."""
+
+    def __init__(self) -> None:
+        self._sent: dict[tuple[int, bool, bytes], int] = {}  # how often, the oldest first
+
+    def note(self, frame_id: int, is_extended: bool, payload: bytes) -> None:
+        """A frame is sent."""
+        key = frame_id, is_extended, payload
+        self._sent[key] = self._sent.pop(key, 0) + 1
+        if len(self._sent) > MOST_OWN:
+            del self._sent[next(iter(self._sent))]
+
+    def has_back(self, frame_id: int, is_extended: bool, payload: bytes) -> bool:
+        """Whether a frame that came is one of them, which it is once."""
+        key = frame_id, is_extended, payload
+        left = self._sent.pop(key, 0) - 1
+        if left > 0:
+            self._sent[key] = left
+        return left >= 0
+
+
 class PythonCanLink(Link):
     """Time stamps are as good as python-can's float seconds: 0.24 us at best."""
 
@@ -42,6 +67,7 @@ class PythonCanLink(Link):
         self._by_arrival = computer_time or interface == "virtual"
         self._computer_time = computer_time
         self._condition = BusCondition()
+        self._own = OwnFrames()
         self._sending = threading.Lock()  # drivers need not be safe for several threads
         self._open()
 
@@ -77,6 +103,8 @@ class PythonCanLink(Link):
             if self._groups and message.is_extended_id:
                 identifier = self._groups.own(identifier)
             key = (identifier, message.is_extended_id)
+            if self._own.has_back(*key, bytes(message.data)):
+                continue
             if self._receive_ids is None or key in self._receive_ids:
                 stamp_ns = 0 if self._computer_time else round(message.timestamp * 1e9)
                 return Frame(
@@ -127,7 +155,12 @@ class PythonCanLink(Link):
             check=True,
         )
         with self._sending:
-            self._bus.send(message, timeout_s)
+            self._own.note(frame_id, is_extended, payload)
+            try:
+                self._bus.send(message, timeout_s)
+            except BaseException:
+                self._own.has_back(frame_id, is_extended, payload)
+                raise
             if self._receive_ids is not None and not self._receive_ids:
                 while self._bus.recv(0.0) is not None:
                     pass  # nobody reads a link that only sends, and the virtual bus's queue grows without limit

@@ -142,3 +142,20 @@ def test_an_unknown_interface_is_a_users_mistake() -> None:
 def test_an_interface_that_cannot_be_opened_fails_at_run_time() -> None:
     with pytest.raises(RunError, match=r"pcan channel NO_SUCH_CHANNEL cannot be opened.*\n.*driver"):
         open_link("pcan", "NO_SUCH_CHANNEL", True)
+
+
+def test_own_frames_that_come_back_are_no_other_senders(
+    channel: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As on interfaces that give every frame to all, its sender among them; equal ones of another node count."""
+    bus_of = can.Bus
+    monkeypatch.setattr(can, "Bus", lambda **options: bus_of(**options, receive_own_messages=True))
+    with receiver_of(channel, [(0x200, False)]) as link:
+        for payload in (b"a", b"b", b"a"):
+            link.send(0x200, payload, False, True)
+        assert link.try_send(0x200, b"c", False, True)
+        with bus_of(interface="virtual", channel=channel) as other:
+            other.send(can.Message(arbitration_id=0x200, data=b"a", is_extended_id=False, is_fd=True))
+            other.send(can.Message(arbitration_id=0x200, data=b"d", is_extended_id=False, is_fd=True))
+        received = [link.receive(1.0), link.receive(1.0), link.receive(0.0)]
+    assert [frame and frame.payload for frame in received] == [b"a", b"d", None]

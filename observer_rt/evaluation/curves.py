@@ -90,13 +90,15 @@ def refuse_beyond(chosen: Sequence[int], most: int) -> None:
 
 
 def _window(report: InjectionReport, passage: Passage) -> slice:
-    """An injection among the samples that its passage remembers."""
-    first = report.start_index - passage.first_index - passage.first
-    return slice(first, min(first + report.end_index - report.start_index + 1, passage.time.size))
+    """An injection among the samples that its passage remembers; what is longer than any is forgotten in part."""
+    first, end = (
+        index - passage.first_index - passage.first for index in (report.start_index, report.end_index + 1)
+    )
+    return slice(max(first, 0), max(min(end, passage.time.size), 0))
 
 
 def rate_curves(report: InjectionReport, passage: Passage, c: Coefficients) -> RateCurves:
-    """Of an injection whose samples the passage remembers."""
+    """Of an injection, as far as the passage remembers its samples."""
     window, trace, measured = _window(report, passage), passage.trace, passage.measured_rate
     line_pressure, modelled = (
         values[window] * c.pressure_scale + c.chamber_pressure
@@ -104,7 +106,7 @@ def rate_curves(report: InjectionReport, passage: Passage, c: Coefficients) -> R
     )
     return RateCurves(
         f"injection {report.number}, {report.rail_pressure / MEGAPASCAL:.0f} MPa",
-        passage.time[window] - passage.time[window.start],
+        passage.time[window] - passage.time_at(report.start_index),
         trace.injection_rate[window].copy(),
         trace.nominal_rate[window].copy(),
         None if measured is None else measured[window].copy(),
@@ -160,9 +162,10 @@ def injection_json(result: InjectionResult, has_energizing: bool, c: Coefficient
 
 
 def injection_result(report: InjectionReport, passage: Passage, sample_rate: float) -> InjectionResult:
-    """Over the window an injection was detected in, whose samples the passage remembers."""
+    """Over the window an injection was detected in; nan where the passage does not remember all of it."""
     window, trace = _window(report, passage), passage.trace
-    measured = None if passage.measured_rate is None else passage.measured_rate[window]
+    is_known = report.start_index - passage.first_index >= passage.first
+    measured = None if passage.measured_rate is None or not is_known else passage.measured_rate[window]
     nominal, rate = trace.nominal_rate[window], trace.injection_rate[window]
 
     def mass(rate: NDArray[np.float64]) -> float:
@@ -173,9 +176,9 @@ def injection_result(report: InjectionReport, passage: Passage, sample_rate: flo
 
     return InjectionResult(
         report=report,
-        start=float(passage.time[window.start]),
-        end=float(passage.time[window.stop - 1]),
-        nominal_mass=mass(nominal),
+        start=passage.time_at(report.start_index),
+        end=passage.time_at(report.end_index),
+        nominal_mass=mass(nominal) if is_known else math.nan,
         measured_mass=math.nan if measured is None else mass(measured),
         rate_rmse=rmse(rate),
         nominal_rate_rmse=rmse(nominal),

@@ -22,7 +22,7 @@ from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.sensor import sensor_of
 from observer_rt.model.stability import substeps_needed
 from observer_rt.observer.learning.adequacy import Innovations
-from observer_rt.observer.learning.indicators import NOT_FITTED, Healthy
+from observer_rt.observer.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.observer.learning.knowledge import EventLearner, Knowledge
 from observer_rt.observer.mailbox import begin_with
 from observer_rt.observer.stream.front_end import (
@@ -80,6 +80,7 @@ def copy_window(
 SETTLE = 3 * MILLISECOND
 GOOD = 1 * MILLISECOND
 BOUNCE = 0.3 * MILLISECOND
+STAYS = 10 * MILLISECOND
 WINDOW_LEAD = 0.15 * MILLISECOND
 WINDOW_TAIL = 0.5 * MILLISECOND
 LEARNING_LEAD = 1 * MILLISECOND
@@ -138,6 +139,7 @@ def constants_for(
             ramp=ramp_samples(interval),
             confirm=confirming_samples(interval),
             bounce=samples(BOUNCE),
+            stays=samples(STAYS),
             bridge=samples(durations.bridge),
             filtered=durations.bridge > 0.0 and interval <= SLOWEST_FILTER,
         ),
@@ -173,7 +175,7 @@ def make_observer(
     memory = observer.memory[0]
     memory["hidden"] = zero_network().hidden
     memory["phi_version"] = knowledge.phi_version
-    memory["healthy_variance"] = healthy.variance.max()
+    memory["healthy_variance"] = healthy.live_variance
     scale = constants.coefficients.pressure_scale
     noise = knowledge.noise
     memory["stated_noise"] = noise.rail_pressure / scale, noise.line_pressure / scale, noise.needle_lift

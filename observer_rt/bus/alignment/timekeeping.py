@@ -325,6 +325,8 @@ class MessageTiming:
         placed = f"by its clock, its samples are placed to {self.unknown / MICROSECOND:.2g} us"
         if self.unknown == 0.0:
             placed = "no effect, samples are counted"
+            if abs(self.drift) >= LARGEST_DRIFT:
+                placed = "right if a recording is replayed at that speed, else correct sampling.rate_hz"
         elif math.isinf(self.unknown):
             placed = "its samples cannot be placed: its clock is not known yet"
         late, jitter = _time_text(self.jitter.greatest), _time_text(self.jitter.sigma)
@@ -333,6 +335,8 @@ class MessageTiming:
 
 def _time_text(seconds: float) -> str:
     """In the unit that suits it."""
+    if seconds >= 1.0:
+        return f"{seconds:.6g} s"
     if seconds >= 1 * MILLISECOND:
         return f"{seconds / MILLISECOND:.3g} ms"
     return f"{seconds / MICROSECOND:.1f} us"

@@ -46,6 +46,7 @@ class Line(Protocol):
     of_stiffness: ClassVar[tuple[str, ...]]  # coefficients in proportion to the bulk modulus
     of_inertance: ClassVar[tuple[str, ...]]  # in inverse proportion to the inertance
     averaged: ClassVar[bool]  # its last state is the integral of p_L [s], see `begin_mean`
+    resolved: ClassVar[float]  # s over which means of p_L are a pipe's, shorter waves are not; 0: it has none
     rates: ClassVar[Callable[..., Any]]
     slopes: ClassVar[Callable[..., Any]]
     fastest: ClassVar[Callable[..., Any]]

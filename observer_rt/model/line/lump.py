@@ -130,6 +130,7 @@ class LumpLine(_LumpCoefficients):
     slopes = staticmethod(slopes)
     fastest = staticmethod(fastest)
     averaged = False
+    resolved = 0.0
     rest = staticmethod(rest)
 
     @classmethod

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 NAMES = ("wave", "wave_two_part")  # of `line.model`; in two parts where their impedances differ
 STEP = 10e-6  # s, internal, whatever the sample period
+RESOLVED = 50e-6  # s over which means are those of a pipe: cells carry shorter waves otherwise
 MOST_OF_A_STEP = 8  # implicit steps of the sac in one of the line's
 STABLE = 0.98  # of what a step may be: crossed^2 + 2 damping step < 1
 FEWEST_CELLS, MOST_CELLS = 4, 64
@@ -126,6 +127,7 @@ class WaveLine(_WaveCoefficients):
 
     __slots__ = ()
     averaged = False
+    resolved = RESOLVED
     of_stiffness = ("a1", "a2_nozzle", "a2_seat", "b", "b_near", "leak")
     of_inertance = ("a3", "a3_near", "a4", "a4_inlet")
     fastest = staticmethod(_without_rk4)

@@ -23,6 +23,7 @@ def begin_injection(observer: Observer, position: int) -> None:
     timing = observer.constants.timing
     row = observer.ring[position & _MASK]
     memory.opening = position
+    memory.falls = 0
     if not memory.in_event:
         memory.in_event = True
         memory.event_number += 1
@@ -41,6 +42,7 @@ def begin_injection(observer: Observer, position: int) -> None:
     injection.opening_index = row.index
     injection.opening_seen = position > memory.segment_start
     injection.rail_pressure = row.rail_pressure
+    injection.known_from, injection.known_to = memory.rail_from, memory.rail_to
 
 
 @inner

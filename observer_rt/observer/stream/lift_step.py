@@ -10,6 +10,8 @@ Sensors creep: after a long opening a shut needle shows some micrometres for mil
 injection would go on for as long.
 """
 
+import math
+
 from observer_rt.foundation.compiled import inlined, inner, inner_separate
 from observer_rt.observer.stream.front_end import LOWEST, known
 from observer_rt.observer.stream.state import RING, Observer
@@ -27,6 +29,7 @@ SUNK = 10e-6  # m below its summit, and ..
 SUNK_BANDS = 2.0  # .. so many dead bands: a needle closes
 START_LIMIT = LOWEST  # m, of a lift that may be the zero of a shut needle
 LONG_PAST = -RING  # position of a step that there was not
+FURTHEST_ZERO = 40e-6  # m, of a zero that is followed
 _MASK = RING - 1
 
 
@@ -83,8 +86,7 @@ def _take_step(observer: Observer, position: int) -> None:
     if (position - memory.stepped) * observer.constants.interval > BEFORE_OPENING:
         memory.before_step = memory.zero
     memory.stepped = position
-    shift_zero(observer, step)
-    shift_lifts(observer, position + 1, step)
+    shift_zero(observer, position + 1, step)
 
 
 @inlined
@@ -104,24 +106,23 @@ def forget_step(observer: Observer, position: int) -> None:
     if is_of_current and memory.summit - lift > max(SUNK, SUNK_BANDS * memory.lift_on):
         step = memory.zero - memory.before_step
         memory.stepped = LONG_PAST
-        shift_zero(observer, -step)
-        shift_lifts(observer, position + 1, -step)
+        shift_zero(observer, position + 1, -step)
 
 
 @inner
-def shift_zero(observer: Observer, step: float) -> None:
-    """The zero, and what it is worked out from, is another one by a step [m]."""
+def shift_zero(observer: Observer, begin: int, step: float) -> None:
+    """The zero, and what it is worked out from, is another one by a step [m], within its limits.
+
+    It was at the samples from `begin` on, too, whose lift is known already.
+    """
     memory = observer.memory[0]
+    if not abs(memory.zero + step) <= FURTHEST_ZERO:
+        step = math.copysign(FURTHEST_ZERO, memory.zero + step) - memory.zero
     memory.zero += step
     memory.zero_mean += step
     memory.zero_near += step
     memory.zero_behind += step
-
-
-@inner
-def shift_lifts(observer: Observer, begin: int, step: float) -> None:
-    """Of the samples from `begin` on whose lift is known already, the zero was higher by a step [m]."""
-    for k in range(begin, observer.memory[0].lifted):
+    for k in range(begin, memory.lifted):
         observer.ring[k & _MASK].lift -= step
 
 
@@ -169,6 +170,5 @@ def come_to_rest(observer: Observer, position: int) -> bool:
         row.seat_area = 0.0
     memory.needle_open = False
     memory.shut_since = observer.ring[begin & _MASK].index
-    shift_zero(observer, level)
-    shift_lifts(observer, position, level)
+    shift_zero(observer, position, level)
     return True

@@ -10,12 +10,12 @@ from observer_rt.foundation.continuity import Break
 from observer_rt.observer.stream.events import forget_opening
 from observer_rt.observer.stream.front_end import dead_band, known
 from observer_rt.observer.stream.lift_step import (
+    FURTHEST_ZERO,
     QUICK_RATE,
     START_LIMIT,
     expect_steps,
     follow_step,
     forget_step,
-    shift_lifts,
     shift_zero,
     since_step,
 )
@@ -66,7 +66,6 @@ MOVES_BEYOND = 0.2  # .. standard deviations of a sample: eight times what white
 MOVES_RATE = 25.0  # 1/s, of that mean square
 MOVES_ON = 5e-3  # s without standstill in which the zero goes on as before
 CLIP = 0.6  # of the dead band, three sigma: by more a sample does not count
-FURTHEST_ZERO = 40e-6  # m, of a zero that is followed
 CALM = 0.7e6  # Pa, rms of a line pressure in which no injection rings
 AS_CALM = 1.5  # times the mean square before: a calm line rings no more than that
 EDGE = 3  # samples in which a lift steps
@@ -75,9 +74,16 @@ LEAST_SWING = 0.5e6  # Pa about its mean, from which on a sample counts: hum is 
 FADE = 2e-5  # a sample
 CROSSTALK_SAMPLES = 2000
 FOUND, LOST = 8.0, 5.0  # standard deviations from which on it is taken out, and below which no more
+FADE_LATELY = 4e-3  # a sample, of shorter sums: it is gone where ..
+GONE, SHARE_LEFT = (
+    6.0,
+    0.5,
+)  # .. they differ by so many standard deviations, and no more than that of it is left
 LEAST_NOISE = 0.1e-6  # m
 MOST_CROSSTALK = 0.5e-12  # m/Pa
 RECENT = 4000  # samples since a step, by when its mean is the running one
+LATELY = 256  # squares of the noise: it has fallen where ..
+FALLEN = 4.0  # .. their mean is so much less than that of all
 _WRONG_SWING = 50e6  # Pa: a jump of the rail, or no number
 _BEGINNING = 1000  # samples; afterwards every second one is looked at
 _LOOK = 32  # of these after which dead band and crosstalk are worked out
@@ -120,7 +126,7 @@ def _begin(observer: Observer, end: int) -> None:
     for k in range(end):
         lift += observer.ring[k].needle_lift / end
     if memory.zero + memory.lift_on < lift < memory.lift_on:
-        shift_zero(observer, -memory.zero)
+        shift_zero(observer, end, -memory.zero)
 
 
 @inlined
@@ -171,6 +177,8 @@ def follow_lift(observer: Observer, position: int) -> None:
     if pressed > LEAST_SWING and abs(lift) < memory.lift_on + MOST_CROSSTALK * pressed:
         memory.swing_squares += swing * swing - FADE * memory.swing_squares
         memory.swing_lifts += swing * lift - FADE * memory.swing_lifts
+        memory.squares_lately += swing * swing - FADE_LATELY * memory.squares_lately
+        memory.lifts_lately += swing * lift - FADE_LATELY * memory.lifts_lately
         memory.crosstalk_count += 1
     if shut_for > observer.constants.timing.bounce + 4 and (memory.zero_count % 2 == 0 or not has_begun):
         _gather_noise(observer, position, left)
@@ -210,7 +218,7 @@ def _move_on(observer: Observer, position: int) -> None:
     """The zero at a sample that does not show it."""
     memory = observer.memory[0]
     if memory.zero_slope != 0.0 and (position - memory.followed) * observer.constants.interval < MOVES_ON:
-        shift_zero(observer, memory.zero_slope)
+        shift_zero(observer, memory.lifted, memory.zero_slope)
 
 
 @inlined
@@ -243,6 +251,10 @@ def _gather_noise(observer: Observer, position: int, left: float) -> None:
     share = 1.0 / min(memory.lift_count, LIFT_MEMORY)
     memory.lift_variance += share * (square / DIFFERENCE_GAIN - memory.lift_variance)
     memory.spread += share * (left * left - memory.spread)
+    share = 1.0 / min(memory.lift_count, LATELY)
+    memory.variance_lately += share * (square / DIFFERENCE_GAIN - memory.variance_lately)
+    if memory.lift_count >= ENOUGH_SAMPLES:
+        memory.lift_variance = min(memory.lift_variance, FALLEN * memory.variance_lately)
 
 
 @inner
@@ -251,11 +263,35 @@ def _find_crosstalk(observer: Observer) -> None:
     memory = observer.memory[0]
     if memory.crosstalk_count < CROSSTALK_SAMPLES:
         return
+    if _is_crosstalk_gone(observer):
+        _forget_crosstalk(observer)
+        return
     slope = memory.swing_lifts / memory.swing_squares
     needed = FOUND if memory.crosstalk == 0.0 else LOST
     is_there = slope**2 * memory.swing_squares > needed**2 * max(memory.spread, LEAST_NOISE**2)
     most = MOST_CROSSTALK * observer.constants.coefficients.pressure_scale
     memory.crosstalk = slope if is_there and abs(slope) < most else 0.0
+
+
+@inner
+def _is_crosstalk_gone(observer: Observer) -> bool:
+    """Whether the last samples contradict the crosstalk, which was that of a sensor at fault."""
+    memory = observer.memory[0]
+    if memory.crosstalk == 0.0 or memory.squares_lately == 0.0:
+        return False
+    lately = memory.lifts_lately / memory.squares_lately
+    left = (memory.crosstalk - lately) ** 2 * memory.squares_lately
+    is_another = left > GONE**2 * max(memory.spread, LEAST_NOISE**2)
+    return bool(is_another and lately / memory.crosstalk < SHARE_LEFT)
+
+
+@inner
+def _forget_crosstalk(observer: Observer) -> None:
+    """It is looked for anew."""
+    memory = observer.memory[0]
+    memory.crosstalk = 0.0
+    memory.crosstalk_count = 0
+    memory.swing_squares = memory.swing_lifts = memory.squares_lately = memory.lifts_lately = 0.0
 
 
 @inner_separate
@@ -285,8 +321,7 @@ def look_at_start(observer: Observer, position: int) -> None:
         if not (steady < memory.lift_on**2 and abs(lifts / count) < START_LIMIT):
             return
         forget_opening(observer)
-        shift_zero(observer, lifts / count)
-        shift_lifts(observer, start, lifts / count)
+        shift_zero(observer, start, lifts / count)
         observer.ring[position & _MASK].lift_area = 0.0
         observer.ring[position & _MASK].seat_area = 0.0
     memory.shut_since = observer.ring[start & _MASK].index - observer.constants.timing.settle
@@ -316,8 +351,7 @@ def look_at_opening(observer: Observer, position: int) -> None:
     if not (squares - lifts**2 < memory.lift_on**2 and abs(memory.zero + lifts) < FURTHEST_ZERO):
         return
     forget_opening(observer)
-    shift_zero(observer, lifts)
-    shift_lifts(observer, opening, lifts)
+    shift_zero(observer, opening, lifts)
     row = observer.ring[position & _MASK]
     row.lift_area = 0.0
     row.seat_area = 0.0
@@ -326,14 +360,20 @@ def look_at_opening(observer: Observer, position: int) -> None:
 
 @inner_separate
 def look_at_rest(observer: Observer, position: int) -> None:
-    """Now and then with the needle open: a low lift that has stayed is of a shut needle, if the line contradicts it.
+    """Now and then: a low lift that has stayed is of a shut needle, if the line pressure has it so.
 
     Its zero stepped while it was open, or while nothing was heard of it. Of a needle that sticks just off its seat
-    the line pressure is as the model has it.
+    the line pressure is as the model has it. Where nothing is valid, time tells.
+    A lift below its zero is never a motion.
     """
     memory, timing = observer.memory[0], observer.constants.timing
-    begin, count = position - timing.settle, timing.settle
-    if not memory.contradicted or begin < max(memory.foot, memory.segment_start):
+    before = observer.ring[(position - 1) & _MASK]
+    needs_time = memory.needle_open and not memory.contradicted
+    count = timing.stays if needs_time else timing.settle
+    begin = position - count
+    if begin < max(memory.foot, memory.segment_start) or not (memory.needle_open or before.resting):
+        return
+    if needs_time and (before.valid or not _is_line_full(observer, begin, position)):
         return
     level, squares, trend, length = 0.0, 0.0, 0.0, 0.0
     for k in range(begin, position):
@@ -345,12 +385,36 @@ def look_at_rest(observer: Observer, position: int) -> None:
     is_steady = squares - level**2 < memory.lift_off**2 and abs(trend / length) * count < memory.lift_on
     if not (is_steady and abs(memory.zero + level) < FURTHEST_ZERO):
         return
+    if memory.needle_open:
+        _shut_at_rest(observer, begin)
+        shift_zero(observer, position, level)
+    elif level < -memory.lift_on:
+        shift_zero(observer, position, level)
+
+
+@inner
+def _is_line_full(observer: Observer, begin: int, end: int) -> bool:
+    """Whether the line pressure's mean over samples [begin, end) is the rail pressure's: the line feeds nothing."""
+    drop = _mean_drop(observer, begin, end) + observer.memory[0].offset
+    return bool(abs(drop) * observer.constants.coefficients.pressure_scale < CALM)
+
+
+@inner
+def _shut_at_rest(observer: Observer, begin: int) -> None:
+    """The needle was shut from `begin` on: what the lift showed before is forgotten.
+
+    If nothing but time told so, an event must pass before anything is valid.
+    """
+    memory = observer.memory[0]
+    if not memory.contradicted:
+        memory.halted_in = memory.event_number + 1
     memory.needle_open = False
     memory.shut_since = observer.ring[begin & _MASK].index
     memory.event_learnable = False
     memory.event_doubtful = _LIFT_ZERO
-    shift_zero(observer, level)
-    shift_lifts(observer, position, level)
+    _forget_crosstalk(observer)
+    memory.stop = 0.0
+    memory.stop_openings = 0
 
 
 @inner

@@ -4,6 +4,7 @@ Watches the running mean of normalised innovations squared (NIS) against a limit
 """
 
 import math
+from typing import Any
 
 from observer_rt.foundation.compiled import compiled, inlined, inner, inner_separate
 from observer_rt.foundation.continuity import Doubt
@@ -53,6 +54,29 @@ def end_contradiction(observer: Observer, is_resting: bool, is_new: bool) -> Non
     memory.calm = memory.calm + 1 if memory.surprise < CALM else 0
     if memory.contradicted_at_rest and memory.calm >= observer.constants.timing.good:
         memory.contradicted = False
+
+
+FALL = 3e6  # Pa by which an injection lets the line pressure fall at least
+SWINGS_FOR = 3  # times the gap between events, after the needle has shut
+INJECTIONS_UNSEEN = 2  # in a row, from which on the lift is dead
+
+
+@inlined
+def count_falls(observer: Observer, row: Any, is_new: bool) -> None:
+    """At a contradiction with the needle long shut: whether the line pressure fell and came back, as by an injection.
+
+    is_new: it came with this sample. Not while the line still swings from an opening.
+    """
+    memory = observer.memory[0]
+    if row.index - memory.shut_since < SWINGS_FOR * observer.constants.timing.event_gap:
+        return
+    drop = row.line_pressure - row.rail_pressure
+    memory.lowest_line = drop if is_new else min(memory.lowest_line, drop)
+    if (
+        not memory.contradicted
+        and -memory.lowest_line * observer.constants.coefficients.pressure_scale > FALL
+    ):
+        memory.falls += 1
 
 
 SHORT = (
@@ -111,6 +135,7 @@ def step_pair(observer: Observer, position: int) -> bool:
             watch(observer, innovation, row.doubt)
             if memory.contradicted:
                 end_contradiction(observer, row.resting, not was_contradicted)
+                count_falls(observer, row, not was_contradicted)
     is_finite = not math.isnan(call(observer.step, _CORRECT, position))
     memory.since_start += 1
     if row.resting:

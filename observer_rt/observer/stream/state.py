@@ -62,6 +62,8 @@ class Reason(IntEnum):
     INPUT_CLIPPED = Doubt.CLIPPED  # an input stays at the end of its range
     LIFT_SENSOR_LAG = 26  # a needle lift recorded late would explain what the model does not
     INPUT_PROTECTION = 27  # the end-to-end protection of an input says that it cannot be used
+    OUTSIDE_LEARNED_RANGE = 28  # what was learned does not tell the flow of such an injection well enough
+    LIFT_DEAD = 29  # the line pressure shows injections, the lift none
 
 
 _SAMPLE = [
@@ -162,6 +164,8 @@ INJECTION = np.dtype(
         ("opening_index", np.int64),  # of its first sample with the needle open
         ("opening_seen", np.bool_),  # else it was open when the samples began
         ("rail_pressure", np.float64),  # at its opening, normalised
+        ("known_from", np.float64),  # rail pressures at which the flow was known then
+        ("known_to", np.float64),
         ("valid", np.bool_),
         ("reason", np.int8),  # Reason of its first sample that is not valid
         ("phi_version", np.int64),
@@ -205,6 +209,8 @@ _OBSERVER = [
     ("contradicted", np.bool_),  # it has left what noise can do, and no event passed since
     ("contradicted_at_rest", np.bool_),  # by a channel, for the injector did nothing
     ("calm", np.int64),  # samples since it was
+    ("lowest_line", np.float64),  # line less rail pressure meanwhile
+    ("falls", np.int64),  # how often in a row such a one was an injection's, though no needle opened
     ("contradicted_in", np.int64),  # number of the first event that can tell otherwise
     ("halted_in", np.int64),  # number of the event in which a needle stopped too low, 0 once one has passed
     ("lift_on", np.float64),  # m
@@ -255,10 +261,13 @@ _OBSERVER = [
     ("summit", np.float64),  # m, highest lift since it opened
     ("zero_count", np.int64),
     ("spread", np.float64),  # m2, mean square of the lift about it: noise of any colour
+    ("variance_lately", np.float64),  # m2, of the noise: a shorter mean
     ("line_mean", np.float64),  # of the line pressure, running as `zero` does
     ("crosstalk_count", np.int64),
     ("swing_squares", np.float64),  # fading sums: of the line pressure about its mean,
     ("swing_lifts", np.float64),  # and of its products with the lift about its zero
+    ("squares_lately", np.float64),  # shorter ones of the same
+    ("lifts_lately", np.float64),
     # where the lift of an open needle stays
     ("level", np.float64),  # m, mean of the samples that differ little, and
     ("level_count", np.int64),  # .. how many they are
@@ -320,6 +329,7 @@ class Timing(NamedTuple):
     ramp: int  # samples beyond the first of a ramp from which its slope is taken
     confirm: int  # samples in a row above the dead band that open the needle
     bounce: int  # closed needle after which its lift is its zero
+    stays: int  # for which a low lift that the line pressure does not show is none of an open needle
     bridge: int  # most samples of a channel that may be missing
     filtered: bool  # samples come fast enough for a spike to be told from the line
 

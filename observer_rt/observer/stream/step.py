@@ -42,7 +42,7 @@ from observer_rt.observer.stream.lift_zero import (
     take_out_zero,
 )
 from observer_rt.observer.stream.outliers import inspect
-from observer_rt.observer.stream.pair import start_pair, step_pair
+from observer_rt.observer.stream.pair import INJECTIONS_UNSEEN, start_pair, step_pair
 from observer_rt.observer.stream.standstill import gather
 from observer_rt.observer.stream.state import LIFT, LINE, MAX_EVENT, RAIL, RING, Observer, Reason
 from observer_rt.observer.stream.validity import SampleFacts, reason_of_sample, state_of_sample
@@ -210,7 +210,7 @@ def _process(observer: Observer, position: int) -> bool:
         look_at_start(observer, position)
     if memory.needle_open and position == memory.opening + observer.constants.timing.good:
         look_at_opening(observer, position)
-    if memory.needle_open and (position - memory.opening) % observer.constants.timing.settle == 0:
+    if (position - memory.opening) % observer.constants.timing.settle == 0:
         look_at_rest(observer, position)
     row.resting = not memory.needle_open and row.index - memory.shut_since > observer.constants.timing.settle
     if row.broken != _NONE:
@@ -339,6 +339,7 @@ def _mark(observer: Observer, position: int) -> None:
         row.doubt,
         memory.doubted,
         is_beyond_limit(observer),
+        memory.falls >= INJECTIONS_UNSEEN,
         memory.events_judged - memory.doubtful_events,
         observer.constants.events_required,
         memory.familiar,

@@ -12,13 +12,15 @@ from observer_rt.observer.stream.state import Reason, State
 
 _NONE = int(Reason.NONE)
 _STARTING, _JUMPED = int(Reason.STARTING), int(Reason.JUMPED)
-_TOO_FEW_EVENTS, _LIFT_ZERO = int(Reason.TOO_FEW_EVENTS), int(Reason.LIFT_ZERO)
+_TOO_FEW_EVENTS, _OUTSIDE = int(Reason.TOO_FEW_EVENTS), int(Reason.OUTSIDE_LEARNED_RANGE)
+_LIFT_ZERO, _LIFT_DEAD = int(Reason.LIFT_ZERO), int(Reason.LIFT_DEAD)
 _CONTRADICTED = int(Reason.CONTRADICTED)
 _NO_DOUBT = int(Doubt.NONE)
 _STATE_STARTING, _STATE_NOMINAL = int(State.STARTING), int(State.RUNNING_NOMINAL)
 _STATE_ADAPTED, _STATE_DEGRADED = int(State.ADAPTED), int(State.DEGRADED)
 
-_PASSING = frozenset({Reason.STARTING, Reason.JUMPED, Reason.TOO_FEW_EVENTS, Reason.REVISED})
+_NOT_KNOWN_YET = (Reason.TOO_FEW_EVENTS, Reason.OUTSIDE_LEARNED_RANGE)
+_PASSING = frozenset({Reason.STARTING, Reason.JUMPED, Reason.REVISED, *_NOT_KNOWN_YET})
 """What is over by itself, which a second sender is not."""
 
 
@@ -30,6 +32,7 @@ class SampleFacts(NamedTuple):
     doubt: int  # Doubt of the sample itself
     doubted: int  # Reason a channel is doubted for
     is_lift_beyond: bool  # the zero of the lift has gone too far
+    is_lift_dead: bool  # it does not show what the line pressure does
     events: int  # judged, and of samples to be trusted
     events_required: int
     is_familiar: bool  # the flow is known well enough for such an injection
@@ -49,6 +52,8 @@ def reason_of_sample(facts: SampleFacts) -> int:
         return facts.doubted
     if facts.is_lift_beyond:
         return _LIFT_ZERO
+    if facts.is_lift_dead:
+        return _LIFT_DEAD
     if facts.events < facts.events_required:
         return _TOO_FEW_EVENTS
     if facts.judgement != _NONE:
@@ -56,7 +61,7 @@ def reason_of_sample(facts: SampleFacts) -> int:
     if facts.is_contradicted:
         return _CONTRADICTED
     if not facts.is_familiar:
-        return _TOO_FEW_EVENTS
+        return _OUTSIDE
     return facts.unsynchronised_by
 
 
@@ -67,7 +72,7 @@ def state_of_sample(facts: SampleFacts, reason: int) -> int:
         return _STATE_STARTING
     is_unsynchronised = facts.unsynchronised_by != _NONE and facts.unsynchronised_by != _JUMPED
     is_doubted = facts.doubt != _NO_DOUBT or facts.doubted != _NONE or facts.judgement != _NONE
-    if is_unsynchronised or is_doubted or reason in (_CONTRADICTED, _LIFT_ZERO):
+    if is_unsynchronised or is_doubted or reason in (_CONTRADICTED, _LIFT_ZERO, _LIFT_DEAD):
         return _STATE_DEGRADED
     return _STATE_ADAPTED if facts.has_learned else _STATE_NOMINAL
 
@@ -93,7 +98,7 @@ def reason_of_injection(facts: InjectionFacts) -> Reason:
     reason = facts.of_samples
     if reason in (Reason.NONE, Reason.CONTRADICTED):
         reason = Reason.NONE if facts.was_outlier else facts.of_event or reason
-    if facts.of_inputs and reason in (Reason.NOT_JUDGED, Reason.TOO_FEW_EVENTS):
+    if facts.of_inputs and reason in (Reason.NOT_JUDGED, *_NOT_KNOWN_YET):
         reason = facts.of_inputs
     if reason is Reason.NONE and facts.is_revised:
         return Reason.REVISED

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from observer_rt.foundation.continuity import Doubt
 from observer_rt.observer.learning.adequacy import Objection
-from observer_rt.observer.learning.indicators import NOT_FITTED, Healthy
+from observer_rt.observer.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.observer.learning.knowledge import no_knowledge
 from observer_rt.observer.learning.learner import Learner
 from observer_rt.observer.mailbox import judge
@@ -81,7 +81,9 @@ def test_what_is_not_to_be_trusted_contradicts_nothing() -> None:
     assert contradicted_at([9.0] * 100, doubted) is None
 
 
-@pytest.mark.parametrize(("healthy", "contradicts"), [(NOT_FITTED, True), (Healthy(np.full(5, 9.0)), False)])
+@pytest.mark.parametrize(
+    ("healthy", "contradicts"), [(NOT_FITTED, True), (Healthy(live_variance=9.0), False)]
+)
 def test_what_a_fitted_model_leaves_of_a_healthy_injector_is_no_contradiction(
     healthy: Healthy, contradicts: bool
 ) -> None:

@@ -18,17 +18,18 @@ from observer_rt.observer.stream.validity import (
     state_of_service,
 )
 
-WELL = SampleFacts(0, True, 0, 0, False, 2, 2, True, 0, False, True)
+WELL = SampleFacts(0, True, 0, 0, False, False, 2, 2, True, 0, False, True)
 SETTLES = [Reason.STARTING, Reason.JUMPED, Reason.SAMPLES_LOST, Reason.NEEDLE_STUCK]
 IN_ORDER: list[tuple[dict[str, int], Reason]] = [
     ({"is_synchronised": False, "unsynchronised_by": Reason.SAMPLES_LOST}, Reason.SAMPLES_LOST),
     ({"doubt": Doubt.FROZEN}, Reason.INPUT_FROZEN),
     ({"doubted": Reason.TIME_BASE}, Reason.TIME_BASE),
     ({"is_lift_beyond": True}, Reason.LIFT_ZERO),
+    ({"is_lift_dead": True}, Reason.LIFT_DEAD),
     ({"events": 1}, Reason.TOO_FEW_EVENTS),
     ({"judgement": Reason.MODEL_INADEQUATE}, Reason.MODEL_INADEQUATE),
     ({"is_contradicted": True}, Reason.CONTRADICTED),
-    ({"is_familiar": False}, Reason.TOO_FEW_EVENTS),
+    ({"is_familiar": False}, Reason.OUTSIDE_LEARNED_RANGE),
 ]
 
 
@@ -51,7 +52,7 @@ def test_of_several_reasons_the_first_in_order(chosen: list[int]) -> None:
         facts |= IN_ORDER[number][0]
     reason, state = of_sample(**facts)
     assert reason is (IN_ORDER[min(chosen)][1] if chosen else Reason.NONE)
-    not_known_yet = {4, 6, 7} if 4 in chosen else {7}  # what too few events cannot contradict
+    not_known_yet = {5, 7, 8} if 5 in chosen else {8}  # what too few events cannot contradict
     assert (state is State.DEGRADED) == bool(set(chosen) - not_known_yet)
 
 

@@ -1,17 +1,22 @@
 """Screen and signals: results on stdout, progress and messages on stderr; bad destinations refused."""
 
 import contextlib
+import io
 import os
+import re
 import signal
+import sys
 import tempfile
 import threading
 from collections.abc import Callable, Collection, Iterable, Iterator
 from pathlib import Path
+from typing import TextIO, cast
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.file_kinds import FileKind, refuse_other_kind
 
 
 @contextlib.contextmanager
@@ -68,18 +73,42 @@ def say(console: Console, text: str) -> None:
     console.print(text, highlight=False, markup=False, emoji=False, soft_wrap=not console.is_terminal)
 
 
+_TRAILING = re.compile(r" +$", re.MULTILINE)
+
+
 def results() -> Console:
     """Console for tables on stdout: as wide as they are when stdout is a file or a pipe."""
     console = Console()
-    return console if console.is_terminal else Console(width=160)
+    return console if console.is_terminal else Console(width=160, file=cast(TextIO, _Piped(sys.stdout)))
+
+
+class _Piped(io.TextIOBase):
+    """Lines without the blanks that fill up the last column of a table."""
+
+    def __init__(self, out: TextIO) -> None:
+        self._out = out
+
+    @property
+    def encoding(self) -> str:  # type: ignore[override]  # of its base it can be written
+        return self._out.encoding
+
+    def write(self, text: str) -> int:
+        return self._out.write(_TRAILING.sub("", text))
+
+    def flush(self) -> None:
+        self._out.flush()
 
 
 PACKED = ".gz"
 FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
 
 
-def check_destination(option: str, path: Path, suffixes: Collection[str] = ()) -> None:
+def check_destination(
+    option: str, path: Path, suffixes: Collection[str] = (), kind: FileKind | None = None
+) -> None:
     """Check that a file can be written, or replaced, at `path`; `suffixes`: the kinds known, empty for any.
+
+    kind: of the file that may be there, by default what its suffix stands for; no other is ever touched.
 
     Raises `UserError` that names the command line's option.
     """
@@ -92,11 +121,14 @@ def check_destination(option: str, path: Path, suffixes: Collection[str] = ()) -
         raise UserError(place, "must not be written", "check its rights, or name another file")
     if not path.exists():
         check_folder(option, path.parent)
+    elif suffixes or kind:
+        refuse_other_kind(option, path, kind)
 
 
-def refuse_existing(option: str, paths: Iterable[Path], force: bool) -> None:
-    """Raise `UserError` for a file that would be replaced although nobody said --force."""
+def refuse_existing(option: str, paths: Iterable[Path], force: bool, kind: FileKind | None = None) -> None:
+    """Raise `UserError` for a file that would be replaced although nobody said --force, or is of another kind."""
     for path in paths:
+        refuse_other_kind(option, path, kind)
         if path.exists() and not force:
             raise UserError(f"{option} {path}", "exists already", "name another file, or add --force")
 

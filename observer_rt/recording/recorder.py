@@ -9,6 +9,7 @@ from typing import Any
 
 from observer_rt.bus.links.link import Frame, Link
 from observer_rt.bus.links.receiver import EnduringReading
+from observer_rt.foundation.console import refuse_existing
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
 from observer_rt.recording.canlog.can_log import NANOSECONDS, LogFrame, LogRecorder
@@ -69,7 +70,7 @@ class RecordStatistics:
 def check_recording_path(path: Path, limits: RecordLimits, force: bool) -> None:
     """Raise `UserError` for a format that is not safe while recording, and for a file that is there already.
 
-    With `force` such files will be replaced, those of a numbered series all together.
+    With `force` such logs will be replaced, those of a numbered series all together.
     """
     suffixes = suffixes_of(recorded())
     if path.suffix.lower() not in suffixes:
@@ -79,9 +80,7 @@ def check_recording_path(path: Path, limits: RecordLimits, force: bool) -> None:
             f"record into {' or '.join(suffixes)}, then convert",
         )
     existing = _series(path) if limits.rotates else [path]
-    there = next((file for file in existing if file.exists()), None)
-    if there is not None and not force:
-        raise UserError(f"--out {path}", f"{there} exists already", "name another file, or add --force")
+    refuse_existing("--out", existing, force)
 
 
 def record(

@@ -24,13 +24,14 @@ from observer_rt.foundation.compilation import compiled_code
 from observer_rt.foundation.compiling import tell_compiling
 from observer_rt.foundation.console import SignalledEvent, StopRequest, check_destination, stop_on_signals
 from observer_rt.foundation.errors import ObserverError, UserError
+from observer_rt.foundation.file_kinds import SERVICE_LOG
 from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.units import MICROSECOND
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.service.compiled.constants import bench_constants
 from observer_rt.service.core.learners import doubt_about_fit
 from observer_rt.service.daemon import Daemon
-from observer_rt.service.keeping.keeper import Keeper, keeper_of
+from observer_rt.service.keeping.keeper import Keeper, keeper_of, kept_files
 from observer_rt.service.keeping.state_file import model_hash, restored_knowledge
 from observer_rt.service.log import ServiceLog, Voice
 from observer_rt.service.notify import Notifier
@@ -135,9 +136,9 @@ class InjectorService:
                 self.screen.watch(daemon)
             self._daemon = daemon
             self._voice.say(Topic.START, "ready")
+            stack.callback(self._farewell, daemon)  # whatever fails: the link, or the last write
             with self._keeper.keeping(lambda: daemon.core.knowledge):
                 daemon.run(stop)
-            self._farewell(daemon)
 
     def tell_end(self, failure: BaseException) -> None:
         """Say that this injector is not served any more, while others are."""
@@ -179,13 +180,20 @@ class InjectorService:
         if core.optional.energizing is not None:
             say(Topic.STOP, f"energizing: {core.optional.energizing.as_text()}")
         counters = core.counters
-        lost = f", {self._voice.log.lost} log lines lost" if self._voice.log.lost else ""
+        spoilt = {
+            "frames with a wrong CRC": counters.crc_errors,
+            "of wrong length": counters.length_errors,
+            "twice": counters.repeated_frames,
+            "out of sequence": counters.sequence_errors,
+            "log lines lost": self._voice.log.lost,
+        }
+        more = "".join(f", {count} {what}" for what, count in spoilt.items() if count)
         say(
             Topic.STOP,
             f"stopped after {counters.samples} samples, {counters.injections} injections; {counters.lost_samples} "
             f"samples lost, {daemon.dropped} frames dropped, {daemon.unsent} results unsent, "
             f"{daemon.arrivals.foreign_frames} frames of other senders, {counters.adoptions} corrections adopted, "
-            f"{counters.late_adoptions} late, {counters.passed_over} events not learned from in time{lost}",
+            f"{counters.late_adoptions} late, {counters.passed_over} events not learned from in time{more}",
         )
 
 
@@ -201,7 +209,7 @@ class RunOptions:
 
 
 def refuse_shared(bench: Bench, options: RunOptions) -> None:
-    """Raise `UserError` where several injectors would have one file of the command line."""
+    """Raise `UserError` where several injectors would have one file of the command line, or one file two uses."""
     names = [injector.name for injector in bench.injectors]
     for option, key, path in (("--state", "file", options.state), ("--journal", "journal", options.journal)):
         if path is not None and len(names) > 1:
@@ -209,6 +217,12 @@ def refuse_shared(bench: Bench, options: RunOptions) -> None:
                 f"{option} {path}",
                 f"is one file for {len(names)} injectors: {', '.join(names)}",
                 f'leave it out, and state [state] {key} = "{path.stem}_{NAME_PLACE}{path.suffix}" in the bench file',
+            )
+    if options.log is not None:
+        kept = {path for each in bench.injectors for path in kept_files(each, options.state, options.journal)}
+        if options.log.resolve() in {path.resolve() for path in kept if path}:
+            raise UserError(
+                f"--log {options.log}", "is the learned state or the journal", "name another file"
             )
 
 
@@ -370,7 +384,7 @@ def serve(bench: Bench, options: RunOptions, console: Console, read_again: Calla
 def _log(options: RunOptions, console: Console, has_view: bool) -> ServiceLog:
     """The log of the options. Raises `UserError` for a file that cannot be written."""
     if options.log is not None:
-        check_destination("--log", options.log)
+        check_destination("--log", options.log, kind=SERVICE_LOG)
         with file_errors(options.log):
             options.log.touch()
     return ServiceLog(console, options.log, sys.stdout if options.records else None, quiet=has_view)

@@ -198,7 +198,7 @@ def test_paths_that_are_refused(tmp_path: Path) -> None:
         check_recording_path(path, RecordLimits(), force=False)
     for name in ("bus_0007.log", "bus_0012.log", "bus_last.log"):
         (tmp_path / name).touch()
-    with pytest.raises(UserError, match=r"bus_0007\.log exists already"):
+    with pytest.raises(UserError, match=r"bus_0007\.log: exists already"):
         check_recording_path(path, RecordLimits(file_size=1000), force=False)
     check_recording_path(path, RecordLimits(file_size=1000), force=True)
 

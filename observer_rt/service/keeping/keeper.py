@@ -1,8 +1,10 @@
 """The daemon's files: learned state, journal and their lock, written beside the loop."""
 
 import contextlib
+import errno
 import fcntl
 import os
+import sqlite3
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -12,6 +14,7 @@ from typing import NamedTuple, Protocol
 from observer_rt.config.bench import Bench, BenchInjector
 from observer_rt.foundation.console import check_destination, check_folder
 from observer_rt.foundation.errors import RunError, UserError
+from observer_rt.foundation.file_kinds import JOURNAL, LEARNED_STATE
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.service.core.learners import refuse_state
 from observer_rt.service.keeping.journal import JournalWriter, is_at, require_journal
@@ -19,6 +22,7 @@ from observer_rt.service.keeping.state_file import model_hash, save_knowledge
 from observer_rt.service.reports.news import Listener
 
 LONGEST_ID = 20  # digits of a process id
+IMPLAUSIBLE = "check the sensors and their units; what was kept before stays"
 
 
 @contextlib.contextmanager
@@ -50,6 +54,8 @@ def _locked(lock: Path, path: Path) -> int:
             raise _no_lock(lock, error) from None
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if os.pread(descriptor, LONGEST_ID, 0).strip(b"0123456789"):
+                raise FileExistsError(errno.EEXIST, "it holds something else than the id of a process")
             if is_at(lock, os.fstat(descriptor)):
                 with contextlib.suppress(OSError):  # a full disk: locked all the same, if by nobody known
                     os.ftruncate(descriptor, 0)
@@ -113,9 +119,11 @@ class RetryingWriter:
             self.failures += 1
             if str(error) != self._told:
                 self._told = str(error)
+                is_of_disk = isinstance(error.__cause__, OSError | sqlite3.Error)
+                remedy = "make room there, or mend the folder's rights" if is_of_disk else IMPLAUSIBLE
                 self._tell(
-                    f"warning: {error}\n  remedy: make room there, or mend the folder's rights; the observer goes "
-                    f"on, and it is tried again every {self._interval:g} s"
+                    f"warning: {error}\n  remedy: {remedy}; the observer goes on, and it is tried again every "
+                    f"{self._interval:g} s"
                 )
         else:
             if self._told:
@@ -236,13 +244,13 @@ def kept_files(fitted: BenchInjector, state: Path | None = None, journal: Path |
         "--state" if state else fitted.place("state.file"),
         "--journal" if journal else fitted.place("state.journal"),
     )
-    for option, path in zip(options, files, strict=True):
+    for option, path, kind in zip(options, files, (LEARNED_STATE, JOURNAL), strict=True):
         if path is None:
             continue
         if other := taken.get(path.resolve()):
             raise UserError(option, f"{path} is {other} already", "name another file")
         taken[path.resolve()] = option
-        check_destination(option, path)
+        check_destination(option, path, kind=kind)
         check_folder(option, path.absolute().parent)
     if files.state is not None:
         refuse_state(fitted, options[0])

@@ -5,6 +5,7 @@ import json
 import math
 import os
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -19,15 +20,18 @@ from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.estimation.gating import Belief
 from observer_rt.estimation.phases import PhaseStatistics
 from observer_rt.estimation.prediction_error import Whitening
-from observer_rt.estimation.scalars import SCALARS
+from observer_rt.estimation.scalars import SCALARS, sensor_lag
 from observer_rt.foundation.errors import RunError, UserError
+from observer_rt.foundation.file_kinds import LEARNED_STATE, refuse_other_kind
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 from observer_rt.model.parameters import InjectorParameters, Scaling
+from observer_rt.observer.learning.adequacy import LARGEST_LAG, is_worn_beyond_limits
 from observer_rt.observer.learning.disturbances.colour import ORDERS, Colour
 from observer_rt.observer.learning.interval import EventPoint
 from observer_rt.observer.learning.knowledge import Knowledge, no_knowledge
 from observer_rt.observer.learning.memory import NOTHING, Memory
-from observer_rt.observer.stream.lift_zero import FURTHEST_ZERO, MOST_CROSSTALK
+from observer_rt.observer.stream.lift_step import FURTHEST_ZERO
+from observer_rt.observer.stream.lift_zero import MOST_CROSSTALK
 from observer_rt.observer.stream.standstill import RestingLift
 
 VERSION = 4
@@ -37,6 +41,8 @@ _COLUMNS_OF_3 = (  # which it does not name
     *("nozzle_weight_5", "seat_bias", "offset", "friction", "leakage", "stiffness", "lag", "air"),
     *("back_pressure_1", "back_pressure_2"),
 )
+BEGUN_ANEW = "nothing, if another injector was mounted: learning begins anew; else put the right file back"
+ASIDE = ".set-aside-"  # in the name of what is set aside, before its number
 LARGEST_FILE = 1 << 20  # bytes, far more than any state takes
 PRESSURE_SCALE = float(Scaling.model_fields["pressure"].default)  # p_0 unless the injector says otherwise, Pa
 LARGEST_NOISE = NoiseLevels(  # beyond these the sensor is broken, or the needle would never count as open
@@ -90,6 +96,21 @@ def problem_of(knowledge: Knowledge, pressure_scale: float) -> str | None:
         return "the colour of the noise has no level or no sample interval"
     if whitening.forgetting is not None and not 0.0 < whitening.forgetting < 1.0:
         return "the high pass of the noise is none"
+    return None
+
+
+def _doubt_of(knowledge: Knowledge) -> str | None:
+    """Why restored knowledge would be refused event after event, in a few words; None if nothing says so.
+
+    While it is learned such a sensor is reported as a fault; of another run it may come from signals that are past.
+    An offset is none: one that follows the rail pressure is a gain, with which it goes on.
+    """
+    for theta in (knowledge.belief.mean, knowledge.in_force):
+        lag = sensor_lag(theta)
+        if lag > LARGEST_LAG:
+            return f"its lag of the line-pressure sensor, {lag * 1e3:.2g} ms, is more than {LARGEST_LAG * 1e3:g} ms"
+        if is_worn_beyond_limits(theta):
+            return "its nozzle or seat is at the limit of what an injector can do"
     return None
 
 
@@ -245,7 +266,8 @@ def load_knowledge(
     """Restore what `save_knowledge` wrote for the same model; arguments as there.
 
     A file that does not belong to the model, was damaged or holds what cannot be true is renamed to
-    `NAME.set-aside-N`, with the reason in the message; with `set_aside` False it stays and is refused.
+    `NAME.set-aside-N`, with the reason in the message, and the newest of those that fits is restored instead; with
+    `set_aside` False it stays and is refused.
 
     Raises:
         StateDoesNotFitError: the file is refused.
@@ -264,20 +286,40 @@ def load_knowledge(
     except OSError as error:
         raise UserError(str(path), f"cannot be read: {error.strerror}", "check path and rights") from None
     try:
-        knowledge = _knowledge_in(data, model, pressure_scale)
-        if problem := problem_of(knowledge, pressure_scale):
-            raise _UnusableError(problem)
+        knowledge = _usable(data, model, pressure_scale)
     except _UnusableError as reason:
         if not set_aside:
             raise StateDoesNotFitError(
                 str(path), f"is no learned state for this model: {reason}", "name another file, or none"
             ) from None
-        return Restored(None, f"learned state not restored, for {reason}; kept as {_set_aside(path)}")
-    return Restored(
-        knowledge,
-        f"learned state restored from {path}: correction {knowledge.phi_version}, "
-        f"learned from {knowledge.events} events",
-    )
+        refuse_other_kind("learned state", path, LEARNED_STATE)  # only what was one is ever set aside
+        said = f"warning: learned state not restored, for {reason}; kept as {_set_aside(path)}"
+        before = _set_aside_before(path, model, pressure_scale)
+        if before is None:
+            return Restored(None, f"{said}\n  remedy: {BEGUN_ANEW}")
+        return replace(before, message=f"{said}\n{before.message}, which is of this model")
+    return _restored(path, knowledge)
+
+
+def _restored(path: Path, knowledge: Knowledge) -> Restored:
+    learned = f"correction {knowledge.phi_version}, learned from {knowledge.events} events"
+    return Restored(knowledge, f"learned state restored from {path}: {learned}")
+
+
+def _usable(data: bytes, model: str, pressure_scale: float) -> Knowledge:
+    knowledge = _knowledge_in(data, model, pressure_scale)
+    if problem := problem_of(knowledge, pressure_scale) or _doubt_of(knowledge):
+        raise _UnusableError(problem)
+    return knowledge
+
+
+def _set_aside_before(path: Path, model: str, pressure_scale: float) -> Restored | None:
+    """The newest state of this model among those set aside: its injector was mounted before. None without."""
+    aside = [each for each in path.parent.iterdir() if each.name.startswith(path.name + ASIDE)]
+    for older in sorted(aside, key=lambda each: each.stat().st_mtime, reverse=True):
+        with suppress(_UnusableError, OSError):
+            return _restored(older, _usable(older.read_bytes(), model, pressure_scale))
+    return None
 
 
 _json = partial(json.dumps, allow_nan=False, default=np.ndarray.tolist)
@@ -309,7 +351,7 @@ def _replace(path: Path, data: bytes) -> None:
 
 def _set_aside(path: Path) -> Path:
     number = 1
-    while (target := path.with_name(f"{path.name}.set-aside-{number}")).exists():
+    while (target := path.with_name(f"{path.name}{ASIDE}{number}")).exists():
         number += 1
     try:
         path.rename(target)

@@ -7,8 +7,10 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from observer_rt.config.bench import Bench, load_bench
@@ -116,6 +118,17 @@ def test_a_full_disk_is_told_once_counted_and_tried_again(
         until(lambda: len(told()) == 2)
         assert re.fullmatch(r"learned state in .* is written again, after \d+ failed attempts", told()[1])
     assert re.fullmatch(r"learned state saved in .* \(\d+ attempts failed before\)", told()[2])
+
+
+def test_what_cannot_be_true_is_not_blamed_on_the_disk(learner: Kept) -> None:
+    good = learner.knowledge
+    with learner.kept():
+        mean = np.full_like(good.belief.mean, 1e3)
+        learner.knowledge = replace(good, belief=replace(good.belief, mean=mean))
+        until(lambda: bool(learner.told))
+        learner.learn(2)
+    assert "the mean lies beyond what an injector can do\n  remedy: check the sensors" in learner.told[0]
+    assert "make room" not in learner.told[0]
 
 
 def test_a_disk_too_slow_for_what_is_stated_is_told_once(

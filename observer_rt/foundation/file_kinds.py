@@ -1,0 +1,71 @@
+"""What a file holds, by how it begins: what we write takes the place of nothing of another kind."""
+
+import re
+from pathlib import Path
+from typing import NamedTuple
+
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.files import file_errors
+
+_LOOKED_AT = 4096  # bytes of a file, from its beginning
+
+
+class FileKind(NamedTuple):
+    """A kind of file: its name with an article, and how a file of it begins."""
+
+    name: str
+    beginning: re.Pattern[bytes]
+
+
+def _kind(name: str, beginning: bytes) -> FileKind:
+    return FileKind(name, re.compile(beginning, re.MULTILINE))
+
+
+LEARNED_STATE = _kind(
+    "a learned state", rb'\A\s*\{\s*"version":\s*\d|"package_version":\s*"[^"]*",\s*"model_sha256":'
+)
+JOURNAL = _kind("a journal of injections", rb"\ASQLite format 3\0")
+SERVICE_LOG = _kind("a log of `observer-rt run`", rb"^\d{4}-\d\d-\d\dT[\d:.]+[+-]\d\d:\d\d [A-Z]+ [a-z]+: ")
+INJECTOR_FILE = _kind("an injector file", rb"^\[(fluid|line|seat|nozzle|chamber)\]")
+BENCH_FILE = _kind("a bench file", rb"^\[{1,2}(dbc|link|links|signals|outputs|recording|injectors)[].]")
+TABLE = _kind("a table of samples", rb"\A(\xef\xbb\xbf)?time_s,")
+FINDINGS = _kind("the findings of `discover`", rb'\A\{\s*"schema":')
+FITS = _kind("the fits of `discover`", rb'\A\{"format":')
+REPRODUCED = _kind("a table or report of `reproduce`", rb"\A(v_H,x3_mse_|\| v_H \||# The paper's Figs)")
+SAVED_INJECTION = _kind("an injection saved by `monitor`", rb'\A\{\s*"sample_index":')
+_BY_SUFFIX = {
+    ".csv": TABLE,
+    ".parquet": _kind("a Parquet file", rb"\APAR1"),
+    ".mf4": _kind("an MDF file", rb"\A(MDF     |UnFinMF )"),
+    ".log": _kind("a log of candump", rb"^\s*\(\d+\.\d+\) "),
+    ".blf": _kind("a log of Vector, binary", rb"\ALOGG"),
+    ".asc": _kind("a log of Vector, text", rb"\Adate "),
+    ".trc": _kind("a log of PEAK", rb"\A;\$FILEVERSION"),
+    ".toml": INJECTOR_FILE,
+    ".html": _kind("a page", rb"\A\s*<!(DOCTYPE|doctype) html"),
+    ".png": _kind("a PNG figure", rb"\A\x89PNG"),
+    ".svg": _kind("an SVG figure", rb"\A\s*<(\?xml|svg)"),
+    ".pdf": _kind("a PDF figure", rb"\A%PDF"),
+}
+_KNOWN = (LEARNED_STATE, JOURNAL, SERVICE_LOG, BENCH_FILE, FINDINGS, FITS, *_BY_SUFFIX.values())
+
+
+def refuse_other_kind(option: str, path: Path, wanted: FileKind | None = None) -> None:
+    """Raise `UserError` naming the option where a file is there that we would not have written.
+
+    wanted: by default what its suffix stands for; an unknown suffix, of an installed format, may hold anything.
+    A file of nothing, or of zeros as a crash leaves it, is in nobody's way.
+    """
+    wanted = wanted or _BY_SUFFIX.get(path.suffix.lower())
+    if wanted is None or not path.is_file():
+        return
+    with file_errors(path), path.open("rb") as file:
+        content = file.read(_LOOKED_AT)
+    if not content.strip(b"\0") or wanted.beginning.search(content):
+        return
+    found = next((kind.name for kind in _KNOWN if kind.beginning.search(content)), "something else")
+    raise UserError(
+        f"{option} {path}",
+        f"holds {found}, not {wanted.name}, and stays as it is",
+        "name another file, or move this one away",
+    )

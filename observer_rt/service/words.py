@@ -70,8 +70,8 @@ REASONS: Mapping[Reason, Words] = {
         "check the needle-lift sensor, its unit, offset and sign",
     ),
     Reason.TOO_FEW_EVENTS: Words(
-        "too few injections were judged yet, at all or at such rail pressures",
-        "wait: two injections (one with a restored state), and one at each new level of rail pressure",
+        "too few injections were judged yet",
+        "wait: two injections; one with a restored state",
     ),
     Reason.INPUT_TIMEOUT: Words(
         "no frame of any input comes", "switch the measuring devices on; check cable and bit rate"
@@ -146,6 +146,15 @@ REASONS: Mapping[Reason, Words] = {
     Reason.INPUT_PROTECTION: Words(
         "the end-to-end protection of an input is INVALID, it is not taken",
         "the log names the message: another sender, a disturbed bus, or E2EProfile and E2EDataId of another message",
+    ),
+    Reason.OUTSIDE_LEARNED_RANGE: Words(
+        "what was learned does not reach such an injection",
+        "wait: it is learned from, mostly the next one like it is valid; the log says how far what was learned "
+        "reaches, and which recording would help",
+    ),
+    Reason.LIFT_DEAD: Words(
+        "the line pressure shows injections, the needle lift none",
+        "check the needle-lift sensor, its amplifier and cable; is it of this injector?",
     ),
 }
 

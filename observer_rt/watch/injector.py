@@ -34,6 +34,8 @@ _OF_INPUTS = (
     Reason.STARTING,
 )  # what the observer says of messages away
 _NO_DAEMON = "start `observer-rt run` for this bench, or see to its bus"
+SILENT_AFTER = 1.0  # s without a status, after which nothing of the observer is of now
+_PERIODS = 3  # of its status, if they are longer
 
 
 @dataclass(frozen=True)
@@ -49,18 +51,25 @@ class Fault:
 class FaultWatch:
     """Looks at one injector's messages and status now and then."""
 
-    def __init__(self, bus: BusMap, arrivals: Arrivals) -> None:
+    def __init__(self, alone: Bench, bus: BusMap, arrivals: Arrivals) -> None:
         self._bus = bus
         self._arrivals = arrivals
+        period = alone.injector.config.outputs.status_period_ms * MILLISECOND
+        self._patience = round(max(SILENT_AFTER, _PERIODS * period) * SECOND)
         self._condition: tuple[int, int] | None = None
         self._since = 0
 
+    def silent_since(self, now: int) -> int | None:
+        """Since when the observer itself stays away [ns since 1970]; None: it is there."""
+        last = self._arrivals.last_result(self._bus.status.layout)
+        return last if now - last > self._patience else None
+
     def look(self, now: int, status: StatusValues | None) -> tuple[Fault, ...]:
         """All that is wrong at a time [ns since 1970], one for each cause, the likely one first."""
-        silent, said = self._silence(now), self._said(now, status)
-        if silent and status is not None and int(status.reason) in _OF_INPUTS:
+        away, silent, said = self._no_status(now), self._silence(now), self._said(now, status)
+        if away or (silent and status is not None and int(status.reason) in _OF_INPUTS):
             said = []
-        return (*self._no_status(now), *silent, *said)
+        return (*away, *silent, *said)
 
     def _silence(self, now: int) -> list[Fault]:
         """Messages that stay away, together: most often they have one device, cable or bus."""
@@ -79,8 +88,8 @@ class FaultWatch:
 
     def _no_status(self, now: int) -> list[Fault]:
         """The observer itself stays away."""
-        since = self._arrivals.last_result(self._bus.status.layout)
-        if now - since <= REPORTED_AFTER * SECOND:
+        since = self.silent_since(now)
+        if since is None:
             return []
         text = message_text(self._bus, self._bus.status.layout)
         return [Fault(f"{text}: no frame for {(now - since) / SECOND:.0f} s", since, _NO_DAEMON)]
@@ -115,6 +124,8 @@ class Seen:
     faults: tuple[Fault, ...]
     lost: int
     """Frames of its results that were refused, and those the observer says it lost."""
+    silent_since: int | None = None
+    """Since when the observer itself stays away [ns since 1970]: all else is of before."""
 
 
 class WatchedInjector:
@@ -134,7 +145,7 @@ class WatchedInjector:
         self._count_shift = CountShift(self._samples.lookahead, self._rate_hz)
         self._model = InjectionModel(fitted)
         self._arrivals = Arrivals(self.bus)
-        self._faults = FaultWatch(self.bus, self._arrivals)
+        self._faults = FaultWatch(alone, self.bus, self._arrivals)
         self._status: StatusValues | None = None
         self._injections: deque[SeenInjection] = deque(maxlen=KEPT)
         self._history = np.empty(0, HISTORY)
@@ -174,7 +185,8 @@ class WatchedInjector:
         said = 0.0 if status is None else np.nansum([status.dropped_frames, status.lost_samples])
         faults = self._faults.look(now, status)
         lost = self._results.refused + int(said)
-        return Seen(self.name, tuple(self._injections), self._history, status, faults, lost)
+        injections, silent_since = tuple(self._injections), self._faults.silent_since(now)
+        return Seen(self.name, injections, self._history, status, faults, lost, silent_since)
 
     def _seen(self, summary: SummaryValues, now: int) -> SeenInjection:
         """An injection with the samples that belong to it, where these were heard."""

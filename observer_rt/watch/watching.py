@@ -6,13 +6,13 @@ import time
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 from observer_rt.bus.can_frame import ParameterGroups, frame_key
-from observer_rt.bus.links.link import BusFrame, Frame, Link, LinkDownError
+from observer_rt.bus.links.link import SWITCHED, BusFrame, FdFlags, Frame, Link, LinkDownError
 from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.links.receiver import EnduringReading
 from observer_rt.bus.mapping.bus_map import map_bus
@@ -23,7 +23,7 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
 from observer_rt.recording.channels import chosen_channels
 from observer_rt.recording.formats import open_log
-from observer_rt.service.port import REOPEN, buses_of
+from observer_rt.service.port import buses_of
 from observer_rt.service.watch.arrivals import SECOND
 from observer_rt.watch.injector import Seen, WatchedInjector
 
@@ -62,7 +62,6 @@ class LiveSource(FrameSource):
         self._links = bench.config.buses
         self._buses = sorted(used_buses(bench))
         self._reading: EnduringReading | None = None  # until it runs
-        self._awaited: Mapping[int, str] = {}
 
     @property
     def dropped(self) -> int:
@@ -73,18 +72,13 @@ class LiveSource(FrameSource):
     def down(self) -> Mapping[int, str]:
         """Buses that are down, with why."""
         if self._reading is None:
-            return self._awaited
+            return {}
         return {self._buses[place]: why for place, why in self._reading.down.items()}
 
     def run(self, take: Taker, stop: threading.Event) -> None:
         """Listen until asked to stop. Raises `RunError` when a link cannot be opened, or fails for good."""
         with ExitStack() as stack:
-            links: list[Link] = []
-            for bus in self._buses:
-                link = self._opened(bus, stop)
-                if link is None:
-                    return
-                links.append(stack.enter_context(link))
+            links = [stack.enter_context(_AwaitedLink(self._links[bus].config)) for bus in self._buses]
             self._reading = EnduringReading(links)
             stack.callback(self._reading.close)
             while not stop.is_set():
@@ -92,16 +86,49 @@ class LiveSource(FrameSource):
                 if came is not None:
                     take(BusFrame(self._buses[came.bus], came.frame), time.time_ns())
 
-    def _opened(self, bus: int, stop: threading.Event) -> Link | None:
-        """The link of a bus, once its interface is there; None: asked to stop."""
-        config = self._links[bus].config
-        while not stop.is_set():
-            try:
-                return open_link(config.interface, config.channel, config.fd, computer_time=True)
-            except LinkDownError as error:
-                self._awaited = {bus: str(error)}
-                stop.wait(REOPEN)
-        return None
+
+class _AwaitedLink(Link):
+    """A link to listen by; as long as its interface is not there yet, it is down. Raises as `open_link`."""
+
+    def __init__(self, config: LinkConfig) -> None:
+        self._config = config
+        self._link: Link | None = None
+        self._why = ""
+        with suppress(LinkDownError):
+            self.reconnect()
+
+    def reconnect(self) -> None:
+        if self._link is not None:
+            self._link.reconnect()
+            return
+        config = self._config
+        try:
+            self._link = open_link(config.interface, config.channel, config.fd, computer_time=True)
+        except LinkDownError as error:
+            self._why = str(error)
+            raise
+
+    def receive(self, timeout_s: float) -> Frame | None:
+        if self._link is None:
+            raise LinkDownError(self._why)
+        return self._link.receive(timeout_s)
+
+    def send(
+        self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, flags: FdFlags = SWITCHED
+    ) -> None:
+        raise NotImplementedError  # who listens sends nothing
+
+    @property
+    def dropped(self) -> int:
+        return 0 if self._link is None else self._link.dropped
+
+    @property
+    def descriptor(self) -> int | None:
+        return None if self._link is None else self._link.descriptor
+
+    def close(self) -> None:
+        if self._link is not None:
+            self._link.close()
 
 
 def used_buses(bench: Bench) -> frozenset[int]:
@@ -194,6 +221,11 @@ class Watching:
     def now(self) -> int:
         """The time, of a log that of its last frame [ns since 1970]."""
         return time.time_ns() if self.source.is_live else self._now
+
+    @property
+    def is_over(self) -> bool:
+        """Whether nothing is listened to any more: a log has ended, or listening failed."""
+        return self._thread.ident is not None and not self._thread.is_alive()
 
     def start(self) -> None:
         """Begin to listen."""

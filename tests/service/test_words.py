@@ -3,6 +3,7 @@
 import io
 import json
 import re
+from dataclasses import replace
 
 import cantools.database
 import pytest
@@ -10,7 +11,9 @@ from rich.console import Console
 
 from observer_rt.bus.mapping.output_messages import StatusValues
 from observer_rt.config.bench import PACKAGE_DATA, load_injector
+from observer_rt.estimation.scalars import OFFSET
 from observer_rt.model.effects import effective_model
+from observer_rt.observer.learning.indicators import Estimate
 from observer_rt.observer.stream.state import Reason, State
 from observer_rt.service.log import ServiceLog, Voice
 from observer_rt.service.notify import Notifier
@@ -56,6 +59,19 @@ def test_the_page_names_every_key_of_the_records() -> None:
         teller.hear(some_report())
     section = PAGE.text.split("\n## Injections as JSON\n")[1].split("\n    ")[0]
     assert set(re.findall(r"`(\w+)`", section)) - {"null"} == set(json.loads(stream.getvalue()))
+
+
+def test_an_offset_is_told_with_its_size() -> None:
+    stream = io.StringIO()
+    report = some_report(valid=False, reason=Reason.PRESSURE_OFFSET)
+    report = replace(report, indicators={**report.indicators, OFFSET: Estimate(0.03)})
+    with ServiceLog(Console(file=stream)) as log:
+        teller = Teller(Voice(log, ""), Notifier({}), effective_model(load_injector()).coefficients, Once())
+        for each in (report, replace(report, reason=Reason.SENSOR_LAG)):
+            teller.hear(each)
+    offset, lag = stream.getvalue().splitlines()
+    assert offset.endswith(", line pressure reads +3.00 MPa off")
+    assert "MPa off" not in lag
 
 
 @pytest.mark.parametrize("database", ["observer_fd.dbc", "observer_classic.dbc"])

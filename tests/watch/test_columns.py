@@ -8,7 +8,7 @@ import pytest
 
 from observer_rt.bus.mapping.output_messages import SummaryValues
 from observer_rt.watch.injector import HISTORY, Seen
-from observer_rt.watch.page.session import DETAILS, Columns, mass_columns, rate_columns, wear_columns
+from observer_rt.watch.page.columns import DETAILS, Columns, mass_columns, rate_columns, wear_columns
 from observer_rt.watch.samples import SampleCurves, SeenInjection
 
 
@@ -44,14 +44,19 @@ def test_numbers_rise_whoever_counted(columns: Callable[[Seen], Columns]) -> Non
 
 
 def test_injections_lie_over_each_other_from_their_beginnings_on() -> None:
-    columns = rate_columns(seen(1, 2, 3, 4, samples={1: 4, 2: 2, 3: 3}))
+    columns = rate_columns(seen(1, 2, 3, samples={1: 4, 2: 2, 3: 3}))
     assert columns["time"].tolist() == [1.0, 2.0, 3.0, 4.0]
     np.testing.assert_array_equal(columns["rate"], [1.0, 2.0, 3.0, np.nan])
     np.testing.assert_array_equal(columns["rate_before_1"], [1.0, 2.0, np.nan, np.nan])
     np.testing.assert_array_equal(columns["rate_before_2"], [1.0, 2.0, 3.0, 4.0])
     assert "nominal_before_1" not in columns
     np.testing.assert_allclose(columns["high"][:3], columns["rate"][:3] * (1.0 + 1.0 / 30.0), rtol=1e-6)
-    assert rate_columns(seen(4)) == {}
+
+
+def test_an_injection_without_curves_is_not_drawn_with_those_of_another() -> None:
+    """Its number stands in the title, and its mass beside."""
+    without = seen(1, 2, samples={1: 4})
+    assert rate_columns(without) == DETAILS["needle_lift"](without) == rate_columns(seen()) == {}
 
 
 def test_a_long_injection_is_thinned_as_the_others_are() -> None:

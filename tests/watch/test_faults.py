@@ -12,7 +12,7 @@ from observer_rt.observer.stream.state import Reason, State
 from observer_rt.recording.replay.framing import Span, TimedFrame
 from observer_rt.service.core.messages import FrameWriter, OutputFrame
 from observer_rt.service.words import REASONS
-from observer_rt.watch.injector import Fault, WatchedInjector
+from observer_rt.watch.injector import Fault, Seen, WatchedInjector
 from tests.benches import THREE_MESSAGES, sample_bench
 from tests.device import Device, simulated
 
@@ -23,8 +23,8 @@ BEGIN = 1_780_000_000 * SECOND
 class Bus:
     """Devices and an observer at work, some of which are switched off now and then."""
 
-    def __init__(self, folder: Path) -> None:
-        bench = load_bench(sample_bench(folder, THREE_MESSAGES))
+    def __init__(self, folder: Path, extra: str = "") -> None:
+        bench = load_bench(sample_bench(folder, THREE_MESSAGES, extra))
         self._injector = WatchedInjector(bench)
         self._injector.begin(BEGIN)
         self._frames = list(Device(bench).send(simulated(), Span(0, 56)))
@@ -60,7 +60,11 @@ class Bus:
 
     def seen_faults(self) -> tuple[Fault, ...]:
         """The same as the page has them."""
-        return self._injector.seen(self._now).faults
+        return self.seen().faults
+
+    def seen(self) -> Seen:
+        """All the page has."""
+        return self._injector.seen(self._now)
 
 
 @pytest.fixture
@@ -101,6 +105,25 @@ def test_without_the_observer_one_is_told_to_start_it(bus: Bus) -> None:
     assert what.startswith("ObserverStatus")
     assert since == 0.0
     assert "observer-rt run" in remedy
+
+
+def test_what_the_observer_said_before_it_fell_silent_is_no_fault_of_now(bus: Bus) -> None:
+    bus.run(4.0, state=State.DEGRADED, reason=Reason.MODEL_INADEQUATE)
+    assert bus.seen().silent_since is None
+    bus.run(5.5, without="ObserverStatus")
+    assert bus.seen().silent_since is not None
+    ((what, since, _),) = bus.faults()
+    assert what.startswith("ObserverStatus")
+    assert since == pytest.approx(3.9, abs=0.15)
+
+
+def test_an_observer_that_seldom_sends_its_status_is_not_silent_between(tmp_path: Path) -> None:
+    slow = Bus(tmp_path, "[outputs]\nstatus_period_ms = 2000\n")
+    slow.run(3.0)
+    slow.run(8.0, without="ObserverStatus")
+    assert slow.faults() == []
+    slow.run(10.0, without="ObserverStatus")
+    assert slow.seen().silent_since is not None
 
 
 def test_a_bad_state_is_told_once_it_lasts(bus: Bus) -> None:

@@ -44,10 +44,15 @@ def daemon_of(bench: Path) -> Iterator[None]:
 
 @dataclass
 class Shown:
-    """What stands in a browser: letters of the injector, columns by panel and name."""
+    """What stands in a browser: letters of the injector by their element, columns by panel and name."""
 
-    banner: str
+    letters: Mapping[str, str]
     columns: Mapping[str, Mapping[str, NDArray[np.float32]]]
+
+    @property
+    def banner(self) -> str:
+        """State and faults."""
+        return self.letters.get("banner_0", "")
 
     def highest(self, panel: str, name: str) -> float:
         """Of a curve; 0 as long as nothing is drawn."""
@@ -58,13 +63,15 @@ def opened(url: str) -> Generator[Shown, None, None]:
     """The page after each message to a browser: there is one a second at least, for the clock goes on."""
     loop = IOLoop(make_current=False)
     socket = loop.run_sync(lambda: websocket_connect(f"{url.replace('http', 'ws', 1)}drawings"))
-    shown = Shown("", {})
+    shown = Shown({}, {})
     try:
         while True:
             message = loop.run_sync(socket.read_message)
             assert isinstance(message, bytes)
+            if not message:  # there is nothing new
+                continue
             said, columns = unpacked(message)
-            shown = Shown(said.get("letters", {}).get("banner_0", shown.banner), {**shown.columns, **columns})
+            shown = Shown({**shown.letters, **said.get("letters", {})}, {**shown.columns, **columns})
             drawn = json.dumps(["drawn", said["number"]])
             loop.run_sync(lambda drawn=drawn: socket.write_message(drawn))
             yield shown
@@ -84,7 +91,7 @@ def test_a_page_beside_a_daemon(bench: Path, tmp_path: Path) -> None:
     ):
         with daemon_of(bench):
             subprocess.run(replay, check=True, timeout=START_TIMEOUT)
-            until(lambda: f"<td>{INJECTIONS} " in next(browser).banner)
+            until(lambda: f"<td>{INJECTIONS} " in next(browser).letters.get("numbers_0", ""))
             until(lambda: next(browser).highest("rate_0", "rate") > 20.0)
             until(lambda: next(browser).highest("needle_lift", "needle_lift") > 100.0)
             until(lambda: len(next(browser).columns.get("mass", {}).get("valid", ())) == INJECTIONS)

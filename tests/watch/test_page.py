@@ -2,29 +2,35 @@
 
 import json
 import re
+import signal
 import socket
 from itertools import combinations
 from pathlib import Path
 from urllib.error import HTTPError
+from urllib.parse import urlsplit
 from urllib.request import Request, urlopen
 
 import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
+from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from tests.device import frames_of, worn_recording
 from tests.service.end_to_end import command
 from tests.service.participants import bench_file, until
 from tests.three_injectors import NAMES, lift_id, three_on
 from tests.watch.conftest import Serve
-from tests.watch.traffic import Observed, traffic, write_log
+from tests.watch.traffic import BEGIN, Observed, traffic, write_log
 from tools.benchmarks.live_page.watched import served
 
 pytestmark = pytest.mark.slow
 PATIENCE = 60_000  # ms, after which the machine is too slow or the page stuck
+STATUS_ENDS = 2.0  # s, after which the observer sends nothing
 LIFT_ENDS = 0.12  # s, after which one injector's lift stays away
 INJECTIONS = 10
+SECOND = 1_000_000_000  # ns
+RED = "rgb(179, 38, 30)"
 Options = tuple[str | Path, ...]
 
 
@@ -37,6 +43,23 @@ def one(tmp_path_factory: pytest.TempPathFactory) -> Options:
     frames = frames_of(bench, worn_recording(INJECTIONS, 0.2))
     write_log(log, list(traffic(frames, [Observed(bench)])), ["can0"])
     return "--bench", path, "--log", log
+
+
+@pytest.fixture(scope="module")
+def silenced(one: Options, tmp_path_factory: pytest.TempPathFactory) -> Options:
+    """The same, but the observer falls silent; its inputs go on."""
+    folder = tmp_path_factory.mktemp("silenced")
+    bench = load_bench(Path(one[1]))
+    frames = frames_of(bench, worn_recording(60, 0.2))
+    came = traffic(frames, [Observed(bench)])
+    inputs = {layout.frame_id for layout in map_bus(bench).received}
+    heard = [
+        each
+        for each in came
+        if each.frame.frame_id in inputs or each.frame.stamp_ns - BEGIN < STATUS_ENDS * SECOND
+    ]
+    write_log(folder / "bus.log", heard, ["can0"])
+    return "--bench", one[1], "--log", folder / "bus.log"
 
 
 @pytest.fixture(scope="module")
@@ -64,9 +87,9 @@ def test_traces_move_are_held_stepped_back_to_and_saved(
     page.goto(serve(*one, "--speed", "0.02", "--out", tmp_path / "kept"))
     number = page.locator(".letters tr", has_text="injection").locator("td")
     expect(number).to_have_text(re.compile("[2-9] "), timeout=PATIENCE)
-    before, first = page.locator(".side").first.screenshot(), number.inner_text()
+    before, first = page.locator("#injectors").screenshot(), number.inner_text()
     expect(number).not_to_have_text(first, timeout=PATIENCE)
-    assert page.locator(".side").first.screenshot() != before
+    assert page.locator("#injectors").screenshot() != before
 
     page.get_by_role("button", name="Hold").click()
     expect(page.get_by_role("button", name="Go on")).to_be_visible()
@@ -110,10 +133,10 @@ def test_several_injectors_stand_side_by_side_and_a_fault_says_what_to_do(
     assert left["x"] < right["x"]
 
     third = page.get_by_role("button", name=NAMES[2])
-    before = page.locator("#phi").screenshot()
+    before = page.locator("#line_pressure").screenshot()
     third.click()
     expect(third).to_have_attribute("aria-pressed", "true")
-    until(lambda: page.locator("#phi").screenshot() != before)
+    until(lambda: page.locator("#line_pressure").screenshot() != before)
 
 
 _BOXES = """() => [...document.querySelectorAll("#top, .mass, .letters tr, #controls button, .u-title, .u-wrap")]
@@ -132,6 +155,28 @@ def test_nothing_is_hidden_however_wide_the_window_is(one: Options, serve: Serve
             across = min(box["right"], other["right"]) - max(box["left"], other["left"])
             down = min(box["bottom"], other["bottom"]) - max(box["top"], other["top"])
             assert min(across, down) < 1.0, (width, box, other)
+
+
+@pytest.mark.parametrize("scene", ["one", "three"])
+def test_a_screen_on_a_wall_shows_all_without_scrolling(
+    scene: str, serve: Serve, page: Page, request: pytest.FixtureRequest
+) -> None:
+    page.goto(serve(*request.getfixturevalue(scene), "--speed", "0.1"))
+    expect(page.locator(".mass").first).to_be_visible(timeout=PATIENCE)
+    assert page.evaluate("document.documentElement.scrollHeight") <= 1080
+    for curves in page.locator(".plot:visible").all():
+        ends = curves.evaluate(
+            "(one) => [one, one.querySelector('canvas')].map((each) => each.getBoundingClientRect().bottom)"
+        )
+        assert ends[1] <= ends[0]
+
+
+def test_phi_is_shown_when_asked_for(one: Options, serve: Serve, page: Page) -> None:
+    page.goto(serve(*one))
+    expect(page.locator(".mass")).to_be_visible(timeout=PATIENCE)
+    expect(page.locator("#phi")).to_be_hidden()
+    page.get_by_role("button", name="φ").click()
+    expect(page.locator("#phi .u-wrap")).to_be_visible()
 
 
 def test_the_pointer_reads_values_off_the_curves(one: Options, serve: Serve, page: Page) -> None:
@@ -156,7 +201,8 @@ def test_a_page_of_another_name_is_not_served(one: Options, serve: Serve) -> Non
 
 
 def test_a_page_for_other_computers_asks_for_its_token(one: Options, page: Page, serve: Serve) -> None:
-    url = serve("--address", "0.0.0.0", *one).replace("0.0.0.0", "127.0.0.1")
+    found = urlsplit(serve("--address", "0.0.0.0", *one))
+    url = found._replace(netloc=f"127.0.0.1:{found.port}").geturl()
     bare, _, token = url.partition("?token=")
     assert len(token) >= 16
     for path in ("", "page.js", "drawings", "?token=", "?token=guessed", f"page.js?token={token[:-1]}"):
@@ -166,6 +212,86 @@ def test_a_page_for_other_computers_asks_for_its_token(one: Options, page: Page,
     expect(page.locator(".mass")).to_be_visible(timeout=PATIENCE)
     page.goto(bare)  # by the cookie
     expect(page.locator(".mass")).to_be_visible(timeout=PATIENCE)
+
+
+# Visible elements that look as if all were well: green ones, and curves or numbers in full colour.
+_ALIVE = """() => [...document.querySelectorAll(".state, .well, .numbers, .uplot")]
+    .filter((each) => each.checkVisibility())
+    .filter((each) => (each.matches(".state, .well")
+        ? [getComputedStyle(each).backgroundColor, getComputedStyle(each).color].includes("rgb(24, 128, 56)")
+        : !getComputedStyle(each).filter.includes("grayscale") && !each.matches(".old")))
+    .map((each) => each.className)"""
+
+
+def test_nothing_looks_alive_once_the_observer_is_silent(silenced: Options, serve: Serve, page: Page) -> None:
+    """Its inputs go on: the bus is busy, the clock goes."""
+    page.goto(serve(*silenced))
+    expect(page.locator(".state")).to_contain_text("OBSERVER SILENT", timeout=PATIENCE)
+    expect(page.locator(".state")).to_have_css("background-color", RED)
+    expect(page.locator(".fault")).to_contain_text("start `observer-rt run`")
+    page.wait_for_function(f"({_ALIVE})().length === 0")
+
+
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
+def test_nothing_looks_alive_once_the_monitor_is_killed_or_hangs(
+    one: Options, page: Page, tmp_path: Path, how: signal.Signals
+) -> None:
+    with served(command("monitor", "--port", "0", *one, "--speed", "0.02"), tmp_path) as monitor:
+        page.goto(monitor.url)
+        expect(page.locator(".mass")).to_be_visible(timeout=PATIENCE)
+        assert page.evaluate(_ALIVE)
+        monitor.process.send_signal(how)
+        expect(page.get_by_text("No connection to observer-rt monitor since")).to_be_visible(timeout=PATIENCE)
+        expect(page.locator(".state")).to_have_css("background-color", RED)
+        assert page.evaluate(_ALIVE) == []
+        monitor.process.send_signal(signal.SIGCONT)
+        if how == signal.SIGSTOP:
+            expect(page.get_by_text("No connection")).to_have_count(0, timeout=PATIENCE)
+            page.wait_for_function(f"({_ALIVE})().length > 0")
+
+
+# What stands in one frame: numbers of injections, in the title of the curve, in the table, in the titles of details.
+_TOGETHER = """() => {
+    window.seen = new Map();
+    const look = () => {
+        const table = document.querySelector("#numbers_0 td")?.innerText.split(" ")[0];
+        const titles = ["rate_0", "line_pressure", "rail_pressure", "needle_lift"].map(
+            (id) => document.querySelector(`#${id} .u-title`)?.innerText.match(/no\\. (\\d+)/)?.[1]);
+        if (table && titles.every(Boolean)) window.seen.set(table, [table, ...titles]);
+        requestAnimationFrame(look);
+    };
+    look();
+}"""
+
+
+def test_mass_and_curve_are_of_one_injection_in_every_frame(
+    silenced: Options, serve: Serve, page: Page
+) -> None:
+    """Twenty come a second."""
+    page.goto(serve(*silenced))
+    page.evaluate(_TOGETHER)
+    page.wait_for_function("window.seen.size >= 5", timeout=PATIENCE)
+    for table, rate, *details in page.evaluate("[...window.seen.values()]"):
+        assert rate == table
+        assert len(set(details)) == 1
+
+
+# Faults that end below the place they stand in, once there are five: at once, for the page goes on.
+_CUT = """() => {
+    const one = document.querySelector(".fault");
+    for (let k = 0; k < 4; k++) one.after(one.cloneNode(true));
+    const end = (each) => each.getBoundingClientRect().bottom;
+    return [...one.parentElement.children].filter((each) => end(each) > end(one.parentElement) + 1).length;
+}"""
+
+
+def test_faults_are_shown_whole_however_many_and_wide(three: Options, serve: Serve, page: Page) -> None:
+    page.goto(serve(*three))
+    expect(page.locator(".fault", has_text="NeedleLiftBlock_two")).to_be_visible(timeout=PATIENCE)
+    for width in (1920, 390):
+        page.set_viewport_size({"width": width, "height": 844})
+        cut = page.evaluate(_CUT)
+        assert cut == 0
 
 
 def test_a_page_that_has_lost_its_server_says_so_and_goes_on(

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from observer_rt.bus.mapping.output_messages import SummaryValues
 from observer_rt.config.bench import load_bench
-from observer_rt.watch.page.session import Session, packed, save_injection
+from observer_rt.watch.page.session import Session, packed, pressed, save_injection
 from observer_rt.watch.samples import SampleCurves, SeenInjection
 from observer_rt.watch.watching import FrameSource, Taker, Watching
 from tests.watch.message import unpacked
@@ -46,6 +46,35 @@ def session(tmp_path: Path) -> Session:
     return Session(Watching(load_bench(), Silent()), tmp_path)
 
 
+_JSON = st.recursive(
+    st.none()
+    | st.booleans()
+    | st.integers()
+    | st.floats()
+    | st.sampled_from(["drawn", "hold", "choose", "place", "?"]),
+    lambda inner: st.lists(inner, max_size=3),
+)
+
+
+@given(st.text() | st.binary() | _JSON.map(json.dumps))
+@example("[" * 100_000)
+@example('["choose", 7]')
+@example('["drawn", 1e999]')
+def test_whatever_is_said_is_a_button_or_nothing(message: str | bytes) -> None:
+    """And a button that there is not does no harm."""
+    found = pressed(message)
+    if found is None:
+        return
+    session = Session(Watching(load_bench(), Silent()), Path())
+    session.take(*found)
+    assert session.message() is not None
+
+
+def test_a_browser_that_claims_to_be_ahead_is_sent_no_more(session: Session) -> None:
+    session.take("drawn", 10**9)
+    assert len(sent_until_behind(session)) in (1, 2, 3)
+
+
 def sent_until_behind(session: Session) -> list[bytes]:
     """There is always something new: somebody presses a button all the time."""
     sent = []
@@ -67,7 +96,7 @@ def test_nothing_new_is_no_message(session: Session) -> None:
     first = session.message()
     assert first is not None
     said, _ = unpacked(first)
-    assert "no injection yet" in said["letters"]["banner_0"]
+    assert "no injection yet" in said["letters"]["numbers_0"]
     session.take("drawn", said["number"])
     assert session.message() is None
 
@@ -85,7 +114,7 @@ def test_without_injections_there_is_nothing_to_step_to_or_to_save(session: Sess
 @pytest.mark.parametrize("samples", [None, 3])
 def test_what_is_not_known_is_null_and_not_a_number_no_json_has(tmp_path: Path, samples: int | None) -> None:
     summary = SummaryValues._make([math.nan] * len(SummaryValues._fields))._replace(injection_number=7)
-    line = np.ones(samples or 0, np.float32)
+    line = np.full(samples or 0, 0.01, np.float32)
     curves = None if samples is None else SampleCurves._make([line] * len(SampleCurves._fields))
     path = save_injection(SeenInjection(summary, 5, curves), tmp_path, "left")
 
@@ -96,4 +125,4 @@ def test_what_is_not_known_is_null_and_not_a_number_no_json_has(tmp_path: Path, 
     assert (said["nominal_mass"], said["mass"], said["injection_number"]) == (None, None, 7)
     header, *rows = path.read_text().splitlines()
     assert header.startswith("time_s,rail_pressure_MPa,needle_lift_mm,")
-    assert rows == ["0.001,1,0.001,1,1,1,1,1,1"] * line.size
+    assert rows == ["1e-05,0.01,1e-05,0.01,0.01,0.01,0.01,0.01,0.01"] * line.size  # not 9.99999978e-06

@@ -50,7 +50,7 @@ class InjectionReport:
     known once its event was learned from, as is `rate_sigma` (n,) [m3/s], the standard deviation of the published
     rate at the n samples from start to end; `rail_pressure` [Pa] at the opening; `density` [kg/m3] and
     `fuel_temperature` [K] of the fuel, the latter None where it is not measured; `commanded` is None where it is not
-    known. reason: the most severe, further: others.
+    known. reason: the most severe, further: others. known_rails [Pa]: at which the flow was known when it opened.
     """
 
     number: int
@@ -74,6 +74,7 @@ class InjectionReport:
     fuel_temperature: float | None
     commanded: CommandedOpening | None
     further: tuple[Reason, ...] = ()
+    known_rails: tuple[float, float] = (-math.inf, math.inf)
 
     @property
     def mass_bound(self) -> float:
@@ -84,6 +85,17 @@ class InjectionReport:
     def reasons(self) -> tuple[Reason, ...]:
         """All reasons why it is not valid, the most severe first."""
         return () if self.valid else (self.reason, *self.further)
+
+
+def beyond_learned(report: InjectionReport) -> str:
+    """How far an injection is from what was learned, and which recording would help."""
+    rail_pressure, (lowest, highest) = report.rail_pressure, report.known_rails
+    if lowest <= rail_pressure <= highest:
+        return "longer than those learned from; record some as long, at rail pressures about as high"
+    reaches = [f"from {lowest / MEGAPASCAL:.0f}"] if math.isfinite(lowest) else []
+    reaches += [f"up to {highest / MEGAPASCAL:.0f}"] if math.isfinite(highest) else []
+    learned = f"what was learned reaches {' '.join(reaches)} MPa" if reaches else "nothing learned reaches it"
+    return f"{learned}; record injections at {rail_pressure / MEGAPASCAL:.0f} MPa, short and long"
 
 
 _NUMBERS = ("number", "event", "start", "end", "start_index", "end_index", "phi_version")
@@ -111,7 +123,7 @@ def report_of(
     if belongs and outcome is not None and outcome.resimulated is not None:
         first = int(event["window_start"])
         window = slice(int(injection["start"]) - first, int(injection["end"]) - first + 1)
-        interval = volume_interval(outcome.resimulated, window)
+        interval = volume_interval(outcome.resimulated, window, volume)
         sigma = rate_sigma(outcome.resimulated, window)
         revised = is_revised(outcome.resimulated, window, volume)
     passed = not judged.objections
@@ -134,6 +146,10 @@ def report_of(
         mass=volume * c.density,
         peak_rate=float(injection["peak_rate"]),
         rail_pressure=float(injection["rail_pressure"]) * c.pressure_scale + c.chamber_pressure,
+        known_rails=(
+            float(injection["known_from"]) * c.pressure_scale + c.chamber_pressure,
+            float(injection["known_to"]) * c.pressure_scale + c.chamber_pressure,
+        ),
         mass_ci95=None if interval is None else (interval[0] * c.density, interval[1] * c.density),
         rate_sigma=sigma,
         valid=reasons[0] is Reason.NONE,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Window
 from observer_rt.observer.learning.adequacy import Examination, Examiner, Innovations, Objection
-from observer_rt.observer.learning.indicators import Healthy
+from observer_rt.observer.learning.healthy import Healthy
 from observer_rt.observer.learning.knowledge import Adoption, EventLearner, Knowledge, Outcome
 from observer_rt.observer.mailbox import has_room, post_examined, post_learned
 from observer_rt.observer.observer import event_innovations, event_standstill, event_window, in_force

@@ -6,12 +6,13 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from observer_rt.estimation.scalars import NOZZLE
+from observer_rt.estimation.scalars import NOZZLE, OFFSET
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, ZERO_CELSIUS
 from observer_rt.model.effective import Coefficients
+from observer_rt.observer.stream.state import Reason
 from observer_rt.service.log import Voice
 from observer_rt.service.notify import Notifier
-from observer_rt.service.reports.injection_report import InjectionReport, injection_record
+from observer_rt.service.reports.injection_report import InjectionReport, beyond_learned, injection_record
 from observer_rt.service.words import Topic, named
 
 
@@ -156,7 +157,7 @@ class Teller:
         """Say it."""
         match news:
             case InjectionReport():
-                self._log.say(Topic.INJECTION, line(news))
+                self._log.say(Topic.INJECTION, line(news) + self._offset(news))
                 self._log.record(injection_record(news, self._c, has_energizing=news.commanded is not None))
             case MeasuredMass():
                 self._log.say(Topic.MEASURED, news.as_text())
@@ -164,6 +165,13 @@ class Teller:
                 self._log.say(Topic.ENERGIZING, news.as_text())
             case Notice() if not news.incident or self._once.is_new(self._log.name, news.incident):
                 self._notice(news)
+
+    def _offset(self, report: InjectionReport) -> str:
+        """How far the line-pressure sensor is off, where that is why."""
+        if Reason.PRESSURE_OFFSET not in report.reasons or not report.indicators[OFFSET].value:
+            return ""
+        offset = report.indicators[OFFSET].value * self._c.pressure_scale / MEGAPASCAL
+        return f", line pressure reads {offset:+.2f} MPa off"
 
     def _notice(self, notice: Notice) -> None:
         """Without a name where it is the same for all injectors."""
@@ -176,7 +184,10 @@ class Teller:
 
 def line(report: InjectionReport) -> str:
     """An injection on one line."""
-    verdict = "valid" if report.valid else f"not valid: {'; '.join(map(named, report.reasons))}"
+    reasons = [*map(named, report.reasons)]
+    if Reason.OUTSIDE_LEARNED_RANGE in report.reasons:
+        reasons.append(beyond_learned(report))
+    verdict = "valid" if report.valid else f"not valid: {'; '.join(reasons)}"
     temperature = report.fuel_temperature
     fuel = "" if temperature is None else f"fuel {temperature - ZERO_CELSIUS:.1f} degC, "
     mass = "mass unknown" if math.isnan(report.mass) else f"{report.mass / MILLIGRAM:.2f} mg"

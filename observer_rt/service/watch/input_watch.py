@@ -15,17 +15,19 @@ from observer_rt.config.signals import Role
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 from observer_rt.observer.stream.standstill import LiftFigures
 from observer_rt.observer.stream.state import Reason, State
-from observer_rt.recording.signals.plausible import SignalSurvey, Survey, implausible
+from observer_rt.recording.signals.plausible import OPEN, SignalSurvey, Survey, implausible, swapped
 from observer_rt.service.compiled.constants import configured_noise
 from observer_rt.service.core.core import Core
 from observer_rt.service.reports.news import Notice
 from observer_rt.service.watch.arrivals import SECOND, STALE, Arrivals, WatchedMessage, message_text
-from observer_rt.service.watch.silence import SilenceWatch, ValueWatch
+from observer_rt.service.watch.frame_watch import FrameWatch, RateWatch
+from observer_rt.service.watch.silence import Samples, SilenceWatch, ValueWatch
 from observer_rt.service.words import Topic, is_good, named
 
 HUNG = 5.0  # s, of learning from one event
 LOOKS = 10  # whose values are judged together
 IN_A_ROW = 2  # times that the same is found, before it is reported
+SWAPPED = "swapped"  # what is wrong with two signals together
 
 
 class UnitWatch:
@@ -33,17 +35,20 @@ class UnitWatch:
 
     def __init__(self, sources: Sequence[WatchedMessage]) -> None:
         self._named = {role: f"{source.text}: {role}" for source in sources for role in source.roles}
+        self._named[SWAPPED] = "rail_pressure and line_pressure: each"
         self._begin()
         self._found: Mapping[str, str] = {}
         self._times = 0  # in a row that this was found
         self.reported: Mapping[str, str] = {}
         """What is wrong by signal, as reported, in words with its remedy."""
 
-    def look(self, newest: NDArray[np.float64], lifts: NDArray[np.float64]) -> list[Notice]:
-        """News; newest (3,) [SI]: last value of every role, lifts: of the samples since the last look."""
+    def look(self, newest: NDArray[np.float64], samples: Samples) -> list[Notice]:
+        """News; newest (3,) [SI]: last value of every role; samples: since the last look."""
         for role, value in zip(ROLES, newest.tolist(), strict=True):
-            self._take(role, np.array([value]))
-        self._take(Role.NEEDLE_LIFT, lifts)
+            self._take(self._survey, role, np.array([value]))
+        self._take(self._survey, Role.NEEDLE_LIFT, samples[Role.NEEDLE_LIFT])
+        for role in (Role.RAIL_PRESSURE, Role.LINE_PRESSURE):
+            self._take(self._swings, role, samples[role])
         self._looks += 1
         if self._looks < LOOKS:
             return []
@@ -51,6 +56,8 @@ class UnitWatch:
             each.signal: f"{self._named[each.signal]} {each.problem}\n  remedy: {each.remedy}"
             for each in reversed([*implausible(self._survey)])  # of several of a signal the first
         }
+        if not odd and (mixed_up := self._swapped()):
+            odd = {SWAPPED: mixed_up}
         self._begin()
         self._times = self._times + 1 if odd.keys() == self._found.keys() else 1
         self._found = odd
@@ -65,13 +72,21 @@ class UnitWatch:
         ]
 
     def _begin(self) -> None:
-        self._survey = Survey({role.value: SignalSurvey() for role in ROLES})
+        self._survey, self._swings = (
+            Survey({role.value: SignalSurvey() for role in ROLES}) for _ in range(2)
+        )
         self._looks = 0
 
-    def _take(self, role: Role, values: NDArray[np.float64]) -> None:
+    def _swapped(self) -> str:
+        """Whether rail and line pressure are swapped, in words; as before where no injection tells."""
+        if self._survey.signals[Role.NEEDLE_LIFT.value].highest < OPEN:
+            return self._found.get(SWAPPED, "")
+        return "\n  remedy: ".join(swapped(self._swings) or ())
+
+    def _take(self, survey_of_all: Survey, role: Role, values: NDArray[np.float64]) -> None:
         values = values[np.isfinite(values)]
         if values.size:
-            survey = self._survey.signals[role.value]
+            survey = survey_of_all.signals[role.value]
             survey.lowest = min(survey.lowest, float(values.min()))
             survey.highest = max(survey.highest, float(values.max()))
             survey.total += float(values.sum())
@@ -149,6 +164,8 @@ class InputWatch:
         self._lift = LiftWatch()
         self._protection = ProtectionWatch(bus, self.arrivals)
         self._senders = SenderWatch(bus, self.arrivals)
+        rate = fitted.config.sampling.rate_hz
+        self._faulty, self._rate = FrameWatch(self.arrivals.sources, rate), RateWatch(rate)
         self._seen = 0
         self._frames = 0
 
@@ -157,19 +174,21 @@ class InputWatch:
         core = self._core
         news = [*self._protection.look(core.protection)]
         news += self._silence.look(now, core.progress, self._protection.reported)
+        news += self._faulty.look(core.counters, bool(self._protection.reported))
+        news += self._rate.look(core.timing, core.state[1])
         has_frames = core.frames_taken > self._frames
         self._frames = core.frames_taken
         if has_frames and self.arrivals.is_complete and not self.arrivals.stale(now):
             samples = core.inputs(self._seen, MOST_SAMPLES)
             self._seen = core.processed
             news += self._values.look(core.newest, samples)
-            news += self._units.look(core.newest, samples[Role.NEEDLE_LIFT])
+            news += self._units.look(core.newest, samples)
         return [*news, *self._lift.look(core.lift), *self._senders.look(now)]
 
     @property
     def causes(self) -> tuple[str, ...]:
         """What is known to be wrong with the inputs and lasts, which may be why nothing is valid."""
-        return tuple(self._units.reported.values())
+        return (*self._units.reported.values(), *filter(None, [self._rate.reported]))
 
 
 class RestartWatch:
@@ -283,7 +302,9 @@ class StateWatch:
         if standing == self._reported or now - self._since < LASTING * SECOND:
             return []
         self._reported = standing
-        text = "; ".join([named(what), *map(named, why), *standing[2]])
+        text = "; ".join(
+            [named(what), *(named(each) for each in why if each.name != what.name), *standing[2]]
+        )
         if not is_good(what) and any(reason in _ABOUT_INPUTS for reason in why):
             text += f"; {self._arrivals.as_text(now)}"
         return [Notice(Topic.STATE, text, is_good(what))]

@@ -136,7 +136,8 @@ def test_frames_that_cannot_be_used(watched: Watched) -> None:
     spoilt = [
         f._replace(payload=b"\0\0" + f.payload[2:]) if f.frame_id == LIFT_ID else f for f in watched.frames
     ]
-    (told,) = watched.tells(spoilt)
+    share, told = watched.tells(spoilt)
+    assert "33 % of frames have a wrong CRC" in share
     assert told.startswith(f"{LIFT}: ")
     assert "none could be used" in told
     assert "E2EDataId" in told

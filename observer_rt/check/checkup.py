@@ -24,39 +24,19 @@ from observer_rt.evaluation.logged import LoggedSignals
 from observer_rt.foundation.compilation import compiled_code
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors, file_hash
-from observer_rt.foundation.units import CUBIC_MILLIMETRE, MEGAPASCAL, MICROMETRE, MILLIMETRE, MM3_PER_MS
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS
 from observer_rt.model.parameters import InjectorParameters
+from observer_rt.model.plausibility import implausible as beyond_physics
+from observer_rt.model.plausibility import wrong_entry
 from observer_rt.recording.formats import is_log, open_recording
 from observer_rt.recording.replay.framing import bench_for
-from observer_rt.recording.signals.plausible import implausible, swapped
+from observer_rt.recording.signals.plausible import doubts, implausible
 from observer_rt.recording.signals.stream import SignalStream
 from observer_rt.service.core.learners import SIGNALS
 from observer_rt.service.keeping.keeper import kept_files
 from observer_rt.service.keeping.state_file import StateDoesNotFitError, load_knowledge, model_hash
 
 __all__ = ["Finding", "Level", "as_json_document", "as_table", "checkup", "of_each"]
-
-# Generous bounds, from small car injectors to those of large ships: what lies beyond is most often a value in
-# other units than SI. Section, key, lowest, highest, unit.
-_PLAUSIBLE = (
-    ("fluid", "density_line", 600.0, 1_100.0, "kg/m3"),
-    ("fluid", "density_nozzle", 600.0, 1_100.0, "kg/m3"),
-    ("fluid", "bulk_modulus_line", 0.5e9, 5e9, "Pa"),
-    ("fluid", "bulk_modulus_sac", 0.5e9, 5e9, "Pa"),
-    ("fluid", "vapour_pressure", 0.0, 1e6, "Pa"),
-    ("line", "length", 10 * MILLIMETRE, 5.0, "m"),
-    ("line", "diameter", 0.5 * MILLIMETRE, 30 * MILLIMETRE, "m"),
-    ("line", "volume", 10 * CUBIC_MILLIMETRE, 1e6 * CUBIC_MILLIMETRE, "m3"),
-    ("line", "loss_factor", 0.0, 1e3, "-"),
-    ("seat", "flow_coefficient", 0.1, 1.0, "-"),
-    ("seat", "diameter", 0.5 * MILLIMETRE, 20 * MILLIMETRE, "m"),
-    ("seat", "cone_angle", 20.0, 120.0, "deg"),
-    ("seat", "max_lift", 0.02 * MILLIMETRE, 3 * MILLIMETRE, "m"),
-    ("nozzle", "flow_coefficient", 0.1, 1.0, "-"),
-    ("nozzle", "hole_diameter", 0.03 * MILLIMETRE, 2 * MILLIMETRE, "m"),
-    ("nozzle", "sac_volume", 0.05 * CUBIC_MILLIMETRE, 1e3 * CUBIC_MILLIMETRE, "m3"),
-    ("chamber", "pressure", 0.0, 40e6, "Pa"),
-)
 
 
 def checkup(bench: Bench, state: Path | None = None) -> list[Finding]:
@@ -176,13 +156,10 @@ def _effects(fitted: BenchInjector) -> Iterator[Said]:
 @ruled("injector")
 def plausibility_findings(injector: InjectorParameters) -> Iterator[Said]:
     """A warning for every parameter that no injector has, or one finding that all can be."""
-    odd = [
-        f"{section}.{key} = {value:g} {unit} is beyond what injectors have, {lowest:g} to {highest:g} {unit}"
-        for section, key, lowest, highest, unit in _PLAUSIBLE
-        if not lowest <= (value := getattr(getattr(injector, section), key)) <= highest
-    ]
-    for text in odd:
-        yield False, text, "is it in SI units?"
+    odd = beyond_physics(injector)
+    cause = wrong_entry(injector, odd) if injector.baseline is not None else ""
+    for one in odd:
+        yield False, one.words, cause or "is it in SI units?"
     if not odd:
         yield "every parameter is one an injector can have"
 
@@ -215,8 +192,8 @@ def recording_findings(bench: Bench, path: Path) -> Iterator[Said]:
     yield from _ranges(stream)
     for found in implausible(stream.survey):
         yield failed("recording", found.error(path, stream.names.get(found.signal, "")))
-    if odd := swapped(stream.survey):
-        yield False, *odd
+    for odd in doubts(stream.survey, bench.injector.parameters.baseline):
+        yield False, odd.problem, odd.remedy
     bench_for(bench, stream)
 
 
@@ -230,7 +207,7 @@ def _ranges(stream: SignalStream) -> Iterator[Said]:
             f"{name}: {survey.lowest / factor:.4g} to {survey.highest / factor:.4g} {unit}, "
             f"mean {survey.mean / factor:.4g} {unit}"
         )
-        yield not survey.missing, text, f"{survey.missing} values missing"
+        yield text
 
 
 @ruled("log")
@@ -257,8 +234,8 @@ def log_findings(bench: Bench, path: Path, from_channels: Sequence[str] = ()) ->
         yield False, note, ""
     for found in implausible(logged.survey):
         yield failed("log", found.error(logged.path))
-    if mixed_up := swapped(logged.survey):
-        yield False, *mixed_up
+    for odd_values in doubts(logged.survey, bench.injector.parameters.baseline):
+        yield False, odd_values.problem, odd_values.remedy
     for timing in logged.timing:
         is_known = timing.unknown == 0.0 or (timing.jitter.frames > 0 and timing.unknown <= TOLERANCE)
         yield is_known, timing.as_text(), "" if math.isinf(timing.unknown) else "see docs/time.md"

@@ -88,9 +88,13 @@ def _said(error: UserError) -> str:
     return f"{error.problem}; {error.remedy}" if error.remedy else error.problem
 
 
+_WIDEST = 100  # characters: to be read, and passed on
+
+
 def as_table(findings: Sequence[Finding]) -> Table:
     """Findings as a table for the terminal."""
-    table = Table("topic", "", "finding", box=None, pad_edge=False)
+    table = Table("topic", "", box=None, pad_edge=False)
+    table.add_column("finding", max_width=_WIDEST)
     topic = ""
     for finding in findings:
         shown = "" if finding.topic == topic else finding.topic

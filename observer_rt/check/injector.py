@@ -24,6 +24,7 @@ from observer_rt.config.bench import PACKAGE_DATA, BenchInjector
 from observer_rt.config.channels import effects_after_alignment
 from observer_rt.config.signals import OptionalRole, Role
 from observer_rt.estimation.gain import gain_schedule
+from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import (
     LENGTH_UNITS,
     MEGAPASCAL,
@@ -187,20 +188,34 @@ def _sample_periods(fitted: BenchInjector, bus: BusMap, known: Sequence[KnownMes
     for number, layout in enumerate(bus.input_layouts):
         message = bus.inputs.messages[number]
         expected = 1e9 * float(message_timing(bus, number)["interval"])
-        yield from _periods(layout, int(message["samples"]), int(message["kind_count"]), expected)
-    if bus.rate is not None:
-        database = next(message.path for message in known if message.name == bus.rate.layout.name)
-        if database.parent != PACKAGE_DATA:  # of ours, whose example of a sample period no user can change
-            yield from _periods(bus.rate.layout, bus.rate.samples, 1, 1e9 / rate)
+        found = _periods(layout, int(message["samples"]), int(message["kind_count"]), expected)
+        if _is_of_the_user(layout, known) and _is_another(layout.sample_period_ns, expected):
+            _, problem, remedy = next(found)
+            yield UserError(fitted.place("sampling.rate_hz"), f"is {rate:g}, but {problem}", remedy)
+        yield from found
+    if bus.rate is not None and _is_of_the_user(bus.rate.layout, known):
+        yield from _periods(bus.rate.layout, bus.rate.samples, 1, 1e9 / rate)
 
 
-def _periods(layout: MessageLayout, samples: int, frames: int, expected: float) -> Iterator[Said]:
+def _is_of_the_user(layout: MessageLayout, known: Sequence[KnownMessage]) -> bool:
+    """Whether a message is of a database of the user; sample periods of ours are examples that nobody can change."""
+    return next(message.path for message in known if message.name == layout.name).parent != PACKAGE_DATA
+
+
+def _is_another(period: int | None, expected: float) -> bool:
+    """Whether a sample period that a database states is not that of the bench file [ns]."""
+    return period is not None and abs(period - expected) > PERIOD_TOLERANCE
+
+
+def _periods(
+    layout: MessageLayout, samples: int, frames: int, expected: float
+) -> Iterator[tuple[bool, str, str]]:
     """What the database says of the time between samples [ns], which `expected` is by the bench file.
 
     samples: of every role that `frames` frames together carry.
     """
     period = layout.sample_period_ns
-    if period is not None and abs(period - expected) > PERIOD_TOLERANCE:
+    if period is not None and _is_another(period, expected):
         yield (
             False,
             f"{layout.name} states a sample period of {period} ns in the bus database",

@@ -8,7 +8,7 @@ from typing import Annotated
 from observer_rt.cli import options
 from observer_rt.cli.options import argument, file_option, messages, option
 from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
-from observer_rt.foundation.console import FIGURE_SUFFIXES, check_destination, check_folder, say
+from observer_rt.foundation.console import FIGURE_SUFFIXES, check_destination, check_folder, results, say
 from observer_rt.foundation.errors import UserError
 
 
@@ -71,7 +71,7 @@ def batch(
     from observer_rt.config.own_effects import OwnEffects
     from observer_rt.fleet.batch import Dataset, evaluate_all, settings_of, tell
     from observer_rt.fleet.cluster import Work, connected
-    from observer_rt.fleet.groups import InjectorNames, RecordingTimes, recordings_in
+    from observer_rt.fleet.groups import InjectorNames, RecordingTimes, doubt_of_one, recordings_in
     from observer_rt.fleet.job import Task
     from observer_rt.foundation.console import stop_on_signals
     from observer_rt.service.keeping.state_file import model_hash, restored_knowledge
@@ -88,6 +88,8 @@ def batch(
 
         asked = Discovering.of(chosen, injector_from, healthy or (), own)
     paths = recordings_in(sources)
+    if doubt := doubt_of_one(paths, injector_from, chosen):
+        say(messages, doubt)
     out.mkdir(parents=True, exist_ok=True)
     check_folder("--out", out)
     learning = not no_learning
@@ -122,7 +124,7 @@ def trend(
 ) -> None:
     """Show the wear of every injector over its recordings, the most worn first, with 95 % bands."""
     from observer_rt.fleet.batch import read_injections
-    from observer_rt.fleet.trend import NEEDED, trends, write_page, write_picture
+    from observer_rt.fleet.trend import NEEDED, doubts, table_of, trends, write_page, write_picture
     from observer_rt.fleet.trend import as_json as document
 
     page = out or folder / "trend.html"
@@ -135,4 +137,8 @@ def trend(
         write_picture(picture, found)
     if as_json:
         print(json.dumps(document(found), indent=2))
-    say(messages, f"{len(found)} injectors: {page}")
+    else:
+        results().print(table_of(found))
+    for doubt in doubts(found):
+        say(messages, doubt)
+    say(messages, f"{len(found)} injector{'s' if len(found) != 1 else ''}: {page}")

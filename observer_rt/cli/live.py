@@ -11,7 +11,7 @@ import typer
 
 from observer_rt.cli import options
 from observer_rt.cli.options import argument, file_option, messages, option
-from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, Bench, load_bench
+from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, Bench, describes_files_only, load_bench
 from observer_rt.foundation.console import FIGURE_SUFFIXES, check_destination, results, say
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
@@ -131,8 +131,9 @@ def check(
         recording_findings,
     )
 
-    chosen = load_bench(bench, model, lenient).of(injector)
-    findings = checkup(chosen, state)
+    is_layout = recording is not None and describes_files_only(bench)
+    chosen = load_bench(bench, model, lenient, off_bus=is_layout).of(injector)
+    findings = [] if is_layout else checkup(chosen, state)
     if log is not None:
         channels = from_channel or ()
         findings += of_each(chosen, lambda alone: log_findings(alone, log, channels))

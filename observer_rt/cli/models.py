@@ -54,16 +54,23 @@ def fit(
 ) -> None:
     """Calibrate the model, its structure included, to recordings of the healthy injector."""
     from observer_rt.config.channels import effects_on_one_raster
+    from observer_rt.evaluation.healthy_events import observer_remainder
     from observer_rt.evaluation.logged import open_source, without_truths
     from observer_rt.evidence.excerpts import MOST_SAMPLES
-    from observer_rt.evidence.reading import coverage, hashes, read_measured, refuse_rates_missing
+    from observer_rt.evidence.reading import (
+        coverage,
+        hashes,
+        read_measured,
+        refuse_rates_missing,
+        without_copies,
+    )
     from observer_rt.fit.calibrate import baseline_of, calibrate, write_fitted
     from observer_rt.fit.parts import read_masses, refuse_clipped, warnings
     from observer_rt.fit.report import as_json as document_of
     from observer_rt.fit.report import print_fit
 
     decoder = decoder_of(bench, injector, lenient, model)
-    paths = without_truths(recordings, messages)
+    paths = without_copies(without_truths(recordings, messages), messages)
     start, source = load_injector(model), InjectorFile.read(model)
     if output.resolve() == model.resolve():
         raise UserError(
@@ -88,7 +95,10 @@ def fit(
             done = calibrate(start, found, weighed, progress)
         except KeyboardInterrupt:
             raise InterruptionError("interrupted; nothing was written") from None
+    say(messages, "observing the healthy injections with the fitted model")
     baseline = baseline_of(done, hashes(paths))
+    observer = observer_remainder(done.injector, baseline, [one.recording for one in found])
+    baseline = baseline.model_copy(update={"observer": observer})
     with file_errors(output):
         write_fitted(output, source, done, baseline)
     if plot is not None:
@@ -168,19 +178,21 @@ def discover(
     from observer_rt.discovery.report.text import as_text
     from observer_rt.evaluation.evaluate import second_opinion
     from observer_rt.evaluation.logged import open_source, without_truths
-    from observer_rt.evidence.reading import coverage, hashes, read_measured
+    from observer_rt.evidence.reading import coverage, hashes, read_measured, without_copies
 
     begin = time.monotonic()
     decoder = decoder_of(bench, injector, lenient, model)
-    paths, references = without_truths(recordings, messages), tuple(healthy or ())
     start = model or (NOMINAL_INJECTOR if decoder is None else decoder.injector.parameters_path)
     parameters = load_injector(start)
     chosen = tuple(effect_named("--choose", name.strip()).id for name in choose.split("+")) if choose else ()
     refuse_replacing(out, start, force)
     amendable = InjectorFile.read(start)
+    paths = without_copies(without_truths(recordings, messages), messages)
+    references = without_copies(healthy or (), messages)
     read = partial(open_source, bench=decoder, from_channels=from_channel or (), console=messages)
     stated = () if decoder is None else effects_on_one_raster(decoder.injector)
-    measured = read_measured([*paths, *references], read, messages, stated=stated)
+    given = [*paths, *references]
+    measured = read_measured(given, read, messages, stated=stated, baseline=parameters.baseline)
     own, others = measured[: len(paths)], measured[len(paths) :]
     question = Question(parameters, own, others, hashes(paths), chosen, accept_term)
     refuse_incomparable(question, str(start))

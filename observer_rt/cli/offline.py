@@ -7,14 +7,15 @@ from observer_rt.cli import options
 from observer_rt.cli.options import SIGNALS, file_option, messages, option
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench, load_injector
 from observer_rt.foundation.console import (
+    FIGURE_SUFFIXES,
     check_destination,
-    check_folder,
     progress_bar,
     refuse_existing,
     results,
     say,
 )
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.file_kinds import REPRODUCED
 from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.units import MILLISECOND
 from observer_rt.model.parameters import at_temperature, temperature_of
@@ -181,15 +182,20 @@ def reproduce(
         raise UserError(f"--out {out}", "is a file", "name a folder")
     with file_errors(out):
         out.mkdir(parents=True, exist_ok=True)
-    check_folder("--out", out)
+    figures = [out / f"figure_{number}.png" for number in (3, 4, 5)]
+    table, table_in_words, report_in_words = (out / name for name in ("table.csv", "table.md", "report.md"))
+    for path in figures:
+        check_destination("--out", path, FIGURE_SUFFIXES)
+    for path in (table, table_in_words, report_in_words):
+        check_destination("--out", path, kind=REPRODUCED)
     with progress_bar(messages, "reproducing", 1.0) as progress:
         study = run_study(load_bench(), sample_rate, progress)
     with file_errors(out):
-        draw_figure_3(out / "figure_3.png", study)
-        draw_figure_4(out / "figure_4.png", study.case(NOZZLE_WEAR))
-        draw_figure_5(out / "figure_5.png", study)
-        write_csv(out / "table.csv", study)
-        (out / "table.md").write_text(markdown(study), encoding="utf-8")
-        (out / "report.md").write_text(report(study), encoding="utf-8")
+        draw_figure_3(figures[0], study)
+        draw_figure_4(figures[1], study.case(NOZZLE_WEAR))
+        draw_figure_5(figures[2], study)
+        write_csv(table, study)
+        table_in_words.write_text(markdown(study), encoding="utf-8")
+        report_in_words.write_text(report(study), encoding="utf-8")
     results().print(screen_table(study))
     say(messages, f"figures 3 to 5, table and report in {out}")

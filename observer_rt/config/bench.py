@@ -138,6 +138,15 @@ def load_injector(path: Path = NOMINAL_INJECTOR) -> InjectorParameters:
 _OFF_BUS = frozenset({"recording", "signals", "sampling", "model", "noise", "learning"})  # what files need
 
 
+def describes_files_only(path: Path) -> bool:
+    """Whether a bench file with `[recording]` says nothing of buses. Raises `UserError` for one that is no TOML."""
+    return _is_off_bus(read_toml(path))
+
+
+def _is_off_bus(shared: Mapping[str, Any]) -> bool:
+    return "recording" in shared and _OFF_BUS.issuperset(shared)
+
+
 def load_bench(
     path: Path = EXAMPLE_BENCH, model: Path | None = None, lenient: bool = False, off_bus: bool = False
 ) -> Bench:
@@ -148,7 +157,7 @@ def load_bench(
     Raises `UserError` naming file, key, problem and remedy.
     """
     shared = read_toml(path)
-    if off_bus and "recording" in shared and _OFF_BUS.issuperset(shared):
+    if off_bus and _is_off_bus(shared):
         shared = _completed(shared, read_toml(EXAMPLE_BENCH))
     stated = validated(_Named, {"injectors": shared.pop("injectors", {})}, place_in(path), "bench").injectors
     if len(stated) > MOST_INJECTORS:

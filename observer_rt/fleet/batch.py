@@ -122,6 +122,10 @@ class Dataset:
     def _refuse_other(self, settings: dict[str, Any]) -> None:
         path = self.folder / _SETTINGS
         if not path.exists():
+            if there := [name for name in (_DONE, _ERRORS, _ERRORS_SO_FAR) if (self.folder / name).exists()]:
+                raise UserError(
+                    f"--out {self.folder}", f"holds {there[0]}, of no batch", "name another folder"
+                )
             path.write_text(json.dumps(settings, indent=2), encoding="utf-8")
             return
         before = json.loads(path.read_text(encoding="utf-8"))

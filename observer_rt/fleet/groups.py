@@ -94,6 +94,22 @@ class InjectorNames(_PathPattern):
         return name
 
 
+def doubt_of_one(paths: Sequence[Path], pattern: str | None, bench: Bench) -> str:
+    """What is to be said where recordings count as those of one injector only because nothing names it; or empty.
+
+    pattern: of `--injector-from`.
+    """
+    if pattern is not None or len(paths) < 2 or len(bench.injectors) > 1 or bench.injector.name:
+        return ""
+    is_in_folders = len({path.parent for path in paths}) > 1
+    likely = r"([^/]+)/[^/]+$" if is_in_folders else r"([^/]+)\.\w+$"
+    return (
+        f"all {len(paths)} recordings count as those of one injector, {InjectorNames(None).of(Path(), bench)}\n"
+        f"  remedy: if they are of several, say what in their paths names it, such as {InjectorNames.OPTION} "
+        f"'{likely}', into a new folder"
+    )
+
+
 class RecordingTimes(_PathPattern):
     """When recordings were begun, by their paths; without a pattern they say nothing."""
 

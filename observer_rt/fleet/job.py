@@ -25,7 +25,7 @@ from observer_rt.model.effects import effective_model
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.recording.canlog.can_log import NANOSECONDS
 from observer_rt.recording.formats import is_log, open_log
-from observer_rt.recording.signals.plausible import refuse_implausible
+from observer_rt.recording.signals.plausible import refuse_dead, refuse_implausible
 from observer_rt.recording.signals.stream import SignalStream
 from observer_rt.recording.signals.table_signals import OtherRateError
 from observer_rt.service.reports.injection_report import INDICATORS, Output, columns_of, row_of
@@ -150,6 +150,8 @@ def _evaluation(task: Task, place: Path, alone: Bench, in_one_go: bool) -> Evalu
             alone, [source], knowledge=task.knowledge, learning=learning, reads_ahead=False
         )
     refuse_implausible(place, source.survey, source.names)
+    if not is_log(place):
+        refuse_dead(place, source.survey, source.names)
     return evaluation
 
 

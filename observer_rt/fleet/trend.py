@@ -2,7 +2,7 @@
 
 import io
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from itertools import chain
@@ -18,6 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.dates import date2num
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from rich.table import Table
 
 from observer_rt import __version__
 from observer_rt.foundation.errors import UserError
@@ -28,6 +29,7 @@ Signal = NDArray[np.float64]
 SURE = 1.959964  # standard deviations of a 95 % interval
 _DRIFTS, _LEAST_DRIFT = 24, 1e-3  # how many are tried, and the least of them, of what the sightings span
 _COLUMNS = {each.name.partition("_")[0]: each.columns for each in WEAR}  # of the value, its interval
+LEAP = 0.05  # of a flow from one recording to the next: wear takes many
 NEEDED = ("injector", "sha256", "time", "number", "valid", *chain.from_iterable(_COLUMNS.values()))
 """Columns of a batch's rows that a trend is made of."""
 
@@ -177,6 +179,40 @@ def as_json(found: Sequence[InjectorTrend]) -> list[dict[str, object]]:
         }
         for trend in found
     ]
+
+
+def table_of(found: Sequence[InjectorTrend]) -> Table:
+    """For the terminal: changes of flow at the last recordings, an injector a row."""
+    table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False)
+    for heading in ("injector", "recordings", "injections", "last valid"):
+        table.add_column(heading, justify="right" if heading.endswith("s") else "left")
+    for name in _COLUMNS:
+        table.add_column(f"{name} flow, %", justify="right")
+        table.add_column("change a recording, %", justify="right")
+    for trend in found:
+        when = f"{trend.times[-1]:%Y-%m-%d %H:%M}" if trend.times else "never"
+        cells = [trend.injector, str(trend.recordings), str(trend.injections), when]
+        for course in trend.courses.values():
+            if not course.level.size:
+                cells += ["-", "-"]
+                continue
+            half = SURE * course.level_sigma[-1]
+            cells += [f"{100.0 * course.level[-1]:+.2f} ± {100.0 * half:.2f}", f"{100.0 * course.drift:.2f}"]
+        table.add_row(*cells)
+    return table
+
+
+def doubts(found: Sequence[InjectorTrend]) -> Iterator[str]:
+    """Injectors whose recordings leap: they may be of several."""
+    for trend in found:
+        for name, course in trend.courses.items():
+            if course.drift > LEAP:
+                yield (
+                    f"{trend.injector}: {name} flow changes by some {100.0 * course.drift:.0f} % from one "
+                    "recording to the next: are they of one injector?\n"
+                    "  remedy: if they are of several, name them: observer-rt batch --injector-from PATTERN, into a "
+                    "new folder"
+                )
 
 
 _COLOURS = {"nozzle": "#0b4f9e", "seat": "#188038"}

@@ -102,8 +102,10 @@ def test_what_is_odd_is_said(
 
 def test_a_sample_period_that_contradicts_the_rate(findings_of: FindingsOf) -> None:
     findings = of(findings_of({"rate_hz = 100e3": "rate_hz = 50e3"}), "sampling")
-    assert [finding.level for finding in findings] == [Level.OK, Level.WARNING, Level.WARNING]
-    assert "SampleBlock states a sample period of 10000 ns" in findings[1].text
+    assert [finding.level for finding in findings] == [Level.OK, Level.ERROR, Level.WARNING]
+    assert (
+        "sampling.rate_hz: is 50000, but SampleBlock states a sample period of 10000 ns" in findings[1].text
+    )
     assert "SamplePeriodNs to 20000" in findings[1].text
     agreed = findings_of(
         {"rate_hz = 100e3": "rate_hz = 30e3"},

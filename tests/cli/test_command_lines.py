@@ -98,8 +98,9 @@ MISTAKES = [
     ("run --bench {bench} --state {here}", "is a folder"),
     ("run --bench {bench} --journal no/injections.sqlite", "--journal"),
     ("run --bench {bench} --journal {here}", "--journal"),
-    ("run --bench {bench} --journal {log}", "is no journal of injections"),
+    ("run --bench {bench} --journal {log}", "holds a log of candump, not a journal of injections"),
     ("run --bench {bench} --log no/run.log", "no such folder"),
+    ("run --bench {bench} --log new --journal new", "--log new: is the learned state or the journal"),
     # whatever the command
     ("nosuch", "remedy: `observer-rt"),
     ("evaluate", "remedy: `observer-rt"),

@@ -125,7 +125,7 @@ def test_an_interrupted_search_goes_on_where_it_was(
 @pytest.mark.parametrize(
     ("fault", "message"),
     [
-        ("no injection", "no complete injection"),
+        ("no injection", "is 0 mm all the time, though the line pressure moves"),
         ("in bar", "rail_pressure"),
         ("another sample rate", "sampled at"),
         ("without rate", "no measured injection rate"),

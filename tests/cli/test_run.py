@@ -303,18 +303,21 @@ def test_another_sender_is_told_before_anything_is_sent(
     assert outcome.err.index("sender:") < outcome.err.index("ready")
 
 
+EARLIER = "2026-03-01T12:00:00.000+01:00 INFO stop: an earlier run"
+
+
 def test_injections_as_lines_of_json_and_a_log(
     command: Command, bench: Path, worn: Path, tmp_path: Path
 ) -> None:
     log = tmp_path / "run.log"
-    log.write_text("an earlier run\n")
+    log.write_text(f"{EARLIER}\n")
     outcome, _ = run_and_stop(command, bench, worn, signal.SIGTERM, "--json", "--log", log)
     records = [json.loads(line) for line in outcome.out.splitlines()]
     assert [record["number"] for record in records] == [1, 2, 3, 4]
     assert [record["valid"] for record in records] == [False, False, True, True]
     assert all(record["end_index"] > record["start_index"] > 0 for record in records)
     lines = log.read_text().splitlines()
-    assert lines[0] == "an earlier run"
+    assert lines[0] == EARLIER
     assert sum(" INFO injection: " in line for line in lines) == 4
     assert "not valid: TOO_FEW_EVENTS: too few injections were judged yet" in log.read_text()
     assert lines[1:] == outcome.err.splitlines()

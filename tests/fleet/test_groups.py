@@ -15,6 +15,7 @@ from observer_rt.fleet.groups import (
     Group,
     InjectorNames,
     RecordingTimes,
+    doubt_of_one,
     groups_of,
     kinds_of,
     recordings_in,
@@ -23,6 +24,7 @@ from observer_rt.foundation.errors import UserError
 from tests.engine import write_bench
 from tests.fleet.rows import rows
 from tests.pages import Page
+from tests.three_injectors import NAMES, three_injectors
 
 
 def grouped(*tables: pa.Table, files: dict[str, Path] | None = None) -> list[Group]:
@@ -52,6 +54,29 @@ def test_of_many_recordings_the_latest_are_taken() -> None:
         f"{day:03}" for day in range(39, 39 - MOST_RECORDINGS, -1)
     ]
     assert group.recordings == 40
+
+
+@pytest.mark.parametrize(
+    ("names", "likely"),
+    [
+        (["measured/a.csv", "measured/b.csv"], r"([^/]+)\.\w+$"),
+        (["measured/a/1.csv", "measured/b/1.csv"], r"([^/]+)/[^/]+$"),
+    ],
+)
+def test_recordings_that_nothing_names_the_injectors_of_are_asked_about(
+    names: list[str], likely: str
+) -> None:
+    paths = [Path(name) for name in names]
+    said = doubt_of_one(paths, None, load_bench())
+    assert "all 2 recordings count as those of one injector, injector_1" in said
+    assert f"--injector-from '{likely}'" in said
+    assert [InjectorNames(likely).of(path, load_bench()) for path in paths] == ["a", "b"]
+    assert doubt_of_one(paths[:1], None, load_bench()) == doubt_of_one(paths, likely, load_bench()) == ""
+
+
+def test_a_bench_that_names_its_injector_leaves_no_doubt(tmp_path: Path) -> None:
+    named = load_bench(three_injectors(tmp_path, "named")).of(NAMES[0])
+    assert doubt_of_one([Path("a.csv"), Path("b.csv")], None, named) == ""
 
 
 def test_an_answer_is_that_of_its_recordings_model_healthy_ones_and_vocabulary(tmp_path: Path) -> None:

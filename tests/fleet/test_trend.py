@@ -8,7 +8,17 @@ import pyarrow as pa
 import pytest
 
 from observer_rt.fleet.job import SCHEMA
-from observer_rt.fleet.trend import SURE, as_json, smoothed, trends, write_page, write_picture
+from observer_rt.fleet.trend import (
+    SURE,
+    as_json,
+    doubts,
+    smoothed,
+    table_of,
+    trends,
+    write_page,
+    write_picture,
+)
+from observer_rt.foundation.console import results
 from observer_rt.foundation.errors import UserError
 from tests.fleet.rows import rows
 
@@ -74,6 +84,25 @@ def test_recordings_at_one_time_are_refused() -> None:
     both = pa.concat_tables([rows("aa", "worn", [0.2, 0.2]), rows("bb", "worn", [0.3, 0.3])])
     with pytest.raises(UserError, match=r"trend of worn: has recordings at the same time(?s:.*)--time-from"):
         trends(both)
+
+
+def test_the_terminal_has_a_row_of_each_injector(table: pa.Table, capsys: pytest.CaptureFixture[str]) -> None:
+    results().print(table_of(trends(table)))
+    heading, *lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == ["worn", "healthy", "doubtful"]
+    assert "+24." in lines[0] or "+25." in lines[0]
+    assert "never" in lines[2]
+    assert "nan" not in "".join(lines)
+    assert all(line == line.rstrip() for line in (heading, *lines))
+
+
+def test_recordings_of_two_injectors_under_one_name_are_doubted() -> None:
+    """Wear takes many recordings."""
+    mixed = [rows(f"{day}", "injector_1", [0.15 * (day % 2)], day=day) for day in range(6)]
+    worn = [rows(f"w{day}", "worn", [0.01 * day], day=day) for day in range(6)]
+    (doubt,) = doubts(trends(pa.concat_tables([*mixed, *worn]).select(SCHEMA.names)))
+    assert doubt.startswith("injector_1: nozzle flow changes by some ")
+    assert "--injector-from" in doubt
 
 
 def test_page_and_picture_are_written(table: pa.Table, tmp_path: Path) -> None:

@@ -30,6 +30,7 @@ from observer_rt.recording.signals.header import (
 from observer_rt.recording.signals.recording import TRUTH_SUFFIX
 from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE
 from observer_rt.recording.signals.table import OPTIONAL, TIME, Table, TablePart, Values
+from observer_rt.recording.signals.thousands import first_thousands, may_be_thousandths
 
 DESCRIBED = "a file of another layout is described in [recording] of a bench file, given by --bench"
 LOOKED_AT = 200  # lines, among which the names and the first numbers must be
@@ -248,10 +249,32 @@ class CsvTable(Table):
             table = self._at_once(self._no_value.sub(r"\1nan", f"\n{text}\n").strip("\n"))
         if table is not None:
             used = sorted(set(places.values()))
-            return {name: np.ascontiguousarray(table[:, used.index(at)]) for name, at in places.items()}
-        rows = [self._row(number, cells) for number, cells in self._rows(lines, before)]
-        columns = np.array(rows, dtype=np.float64).reshape(len(rows), len(places)).T
-        return dict(zip(places, np.ascontiguousarray(columns), strict=True))
+            found = {name: np.ascontiguousarray(table[:, used.index(at)]) for name, at in places.items()}
+        else:
+            rows = [self._row(number, cells) for number, cells in self._rows(lines, before)]
+            columns = np.array(rows, dtype=np.float64).reshape(len(rows), len(places)).T
+            found = dict(zip(places, np.ascontiguousarray(columns), strict=True))
+        if not self.is_own:
+            self._refuse_thousands(found, lines, before)
+        return found
+
+    def _refuse_thousands(self, found: Mapping[str, Values], lines: list[str], before: int) -> None:
+        """Raise `UserError` for whole numbers with a separator of thousands, which reads as a decimal sign."""
+        rows: list[tuple[int, list[str]]] = []
+        for name, values in found.items():
+            if not may_be_thousandths(values):
+                continue
+            rows = rows or list(self._rows(lines, before))
+            at = self._dialect.numbers[name]
+            cells = [row[at].strip() if at < len(row) else "" for _, row in rows]
+            grouped = first_thousands(cells, self._dialect.decimal)
+            if grouped is not None:
+                raise UserError(
+                    f"{self.path}, line {rows[grouped][0]}",
+                    f"{self.label(name)}: '{cells[grouped]}' is a whole number with a separator of thousands: "
+                    f"every cell with '{self._dialect.decimal}' has three digits behind it, others have none",
+                    UNGROUPED,
+                )
 
     def _has_surplus(self, lines: Iterable[str]) -> bool:
         """Whether a line may have more cells than columns: a separator too many moves all values behind it."""

@@ -4,6 +4,7 @@ Each time axis is looked through first: its rate, its gaps, where it begins anew
 """
 
 import math
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -121,6 +122,8 @@ class Cursor:
 MOST_STRETCHES = 10_000
 SLOWEST, FASTEST = 10.0, 100.0  # how much slower and faster than the grid a file may be
 SAME_RATE = 0.01  # relative, of a file and the grid
+MOST_DISORDERED = 0.1  # of the rows, that may be left out for their stamps
+_FIRST_OF_BLOCK = re.compile(r"(.*\D)(0+)")  # the name of a block's first sample, as LinePressure_00
 _SHOWN = 5  # places where a file is split
 
 
@@ -164,6 +167,7 @@ class MappedSignals(TableSignals):
         self.rate = rate
         self._axes = [self._axis(raster) for raster in range(len(table.rasters))]
         self._main = min(range(len(self._axes)), key=lambda raster: self._axes[raster].period)
+        self._refuse_blocks()
         self._runs = self._usable_runs()
         self.stretches = tuple(Stretch(run.begin, self._samples(run)) for run in self._runs)
         self.notes = (*self.notes, *self._notes())
@@ -250,7 +254,29 @@ class MappedSignals(TableSignals):
             raise UserError(
                 f"{self.path}, {name}", problem, "mind the column of the time; two samples are the least"
             )
+        if axis.disordered > MOST_DISORDERED * rows:
+            raise UserError(
+                f"{self.path}, {', '.join(self._table.rasters[raster])}",
+                f"{axis.disordered} of {rows} rows have a time that repeats or steps back: its stamps are rounded, "
+                f"to some {axis.period / MILLISECOND:.3g} ms",
+                f"write the time with more digits: stamps of {self.rate:g} Hz are {1e3 / self.rate:g} ms apart",
+            )
         return axis
+
+    def _refuse_blocks(self) -> None:
+        """Raise `UserError` where rows hold blocks of samples, of which only the first is mapped."""
+        found, columns = 1.0 / self._axes[self._main].period, self._table.columns
+        for name, column in self._mapped.items():
+            if (block := _FIRST_OF_BLOCK.fullmatch(column.name)) is None:
+                continue
+            stem, width = block[1], len(block[2])
+            samples = next(k for k in range(len(columns) + 1) if f"{stem}{k:0{width}}" not in columns)
+            if samples > 1 and abs(samples * found / self.rate - 1.0) < SAME_RATE:
+                raise UserError(
+                    f"{self.path}, {self._table.label(name)}",
+                    f"a row holds {samples} samples, {column.name} to {stem}{samples - 1:0{width}}, one is mapped",
+                    "give the log itself, which is decoded by the bench file, or write one row a sample",
+                )
 
     def _usable_runs(self) -> list[RowRun]:
         axis = self._axes[self._main]
@@ -297,6 +323,10 @@ class MappedSignals(TableSignals):
             yield f"{self.path}: its stamps are not on a grid of {self.rate:g} Hz: resampled by straight lines"
         elif axis.off_grid > 1e-3:
             yield f"{self.path}: stamps up to {axis.off_grid:.2g} samples off the grid are taken for it"
+        for other in self._axes:
+            if abs(axis.period / other.period - 1.0) > SAME_RATE:
+                names = ", ".join(self._table.rasters[self._axes.index(other)])
+                yield f"{self.path}: {names} at {1.0 / other.period:.6g} Hz, put between by straight lines"
         if axis.bridged:
             yield (
                 f"{self.path}: {axis.bridged} gaps are bridged by straight lines, the longest of "

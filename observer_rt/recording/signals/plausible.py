@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from observer_rt.foundation.compiled import compiled
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIMETRE
+from observer_rt.model.baseline import Baseline
+from observer_rt.recording.signals.recording import SIGNALS
 
 
 @dataclass
@@ -22,23 +24,36 @@ class SignalSurvey:
     total: float = 0.0
     count: int = 0
     missing: int = 0
+    gaps: int = 0
+    """Runs of these."""
     change: float = 0.0
     """Sum of the changes from sample to sample, without their signs."""
 
     def take(self, values: NDArray[np.float64]) -> None:
         """Go on with further samples (n,)."""
-        lowest, highest, total, change, count = _summed(np.ascontiguousarray(values))
+        lowest, highest, total, change, count, gaps = _summed(np.ascontiguousarray(values))
         self.lowest = min(self.lowest, lowest)
         self.highest = max(self.highest, highest)
         self.total += total
         self.change += change
         self.count += count
         self.missing += values.size - count
+        self.gaps += gaps
 
     @property
     def mean(self) -> float:
         """NaN of nothing."""
         return self.total / self.count if self.count else math.nan
+
+    @property
+    def as_missing(self) -> str:
+        """How much is missing."""
+        return f"{self.missing} of {self.missing + self.count} values are missing, in {self.gaps} gaps"
+
+    @property
+    def swing(self) -> float:
+        """Between the lowest and the highest; 0 of nothing."""
+        return max(0.0, self.highest - self.lowest)
 
     @property
     def mean_change(self) -> float:
@@ -84,21 +99,25 @@ class Survey:
 
 
 @compiled
-def _summed(values: NDArray[np.float64]) -> tuple[float, float, float, float, int]:
-    """Lowest, highest and sum of what is not NaN, the sum of its changes without their signs, and how many."""
+def _summed(values: NDArray[np.float64]) -> tuple[float, float, float, float, int, int]:
+    """Lowest, highest and sum of what is not NaN, the sum of its changes, how many, and runs of NaN."""
     lowest, highest, total, change = math.inf, -math.inf, 0.0, 0.0
-    count = 0
+    count = gaps = 0
     last = math.nan
+    is_there = True
     for value in values:
         if math.isnan(value):
+            gaps += is_there
+            is_there = False
             continue
+        is_there = True
         lowest, highest = min(lowest, value), max(highest, value)
         total += value
         if count:
             change += abs(value - last)
         last = value
         count += 1
-    return lowest, highest, total, change, count
+    return lowest, highest, total, change, count, gaps
 
 
 @compiled
@@ -118,6 +137,9 @@ def _count_rises(
 
 PRESSURES = (5 * MEGAPASCAL, 400 * MEGAPASCAL)  # Pa, highest of a common-rail system that injects
 LARGEST_LIFT = 2 * MILLIMETRE
+DIPS = 2 * MEGAPASCAL  # by which a line pressure moves more than the rail's where a needle opens
+PERFORATED = 0.01  # gaps a sample, from which on what is put in their place is no measurement
+BEYOND = 2.0  # times a fitted range of rail pressures
 OPEN = 20 * MICROMETRE  # lift of an injection, above any noise
 SMALLEST_LIFT = 5 * MICROMETRE
 SHAPE = 20.0  # highest value beside the mean step from sample to sample, beyond which it is no noise
@@ -161,13 +183,35 @@ def implausible(survey: Survey) -> Iterator[Implausible]:
     rail, line, lift = (
         survey.signals.get(name) for name in ("rail_pressure", "line_pressure", "needle_lift")
     )
-    if rail is None or line is None or lift is None or not (rail.count and line.count and lift.count):
+    if rail is None or line is None or lift is None:
+        return
+    if not (rail.count and line.count and lift.count):
         return
     yield from _lift(lift)
     opens = lift.highest > OPEN
     for name, pressure in (("rail_pressure", rail), ("line_pressure", line)):
         yield from _pressure(name, pressure, opens)
     yield from _beside_each_other(rail, line)
+
+
+def refuse_dead(path: Path | None, survey: Survey, columns: dict[str, str] | None = None) -> None:
+    """Raise `UserError` for a signal without a value, and for a lift that stays although the needle opens."""
+    for name in SIGNALS[:3]:
+        signal = survey.signals.get(name)
+        if signal is not None and not signal.count:
+            dead = Implausible(name, "has no value at all", "mind its column, and how it was exported")
+            raise dead.error(path, (columns or {}).get(name, ""))
+    rail, lift, line = (survey.signals.get(name) for name in SIGNALS[:3])
+    if rail is None or line is None or lift is None:
+        return
+    if lift.swing == 0.0 and line.swing > rail.swing + DIPS:
+        dead = Implausible(
+            "needle_lift",
+            f"is {lift.highest / MILLIMETRE:.4g} mm all the time, though the line pressure moves by "
+            f"{line.swing / MEGAPASCAL:.3g} MPa",
+            "mind its column, and check its sensor",
+        )
+        raise dead.error(path, (columns or {}).get("needle_lift", ""))
 
 
 def swapped(survey: Survey) -> tuple[str, str] | None:
@@ -182,6 +226,61 @@ def swapped(survey: Survey) -> tuple[str, str] | None:
             "compare their columns or signals: the line's pressure drops while the needle is open, and rings",
         )
     return None
+
+
+@dataclass(frozen=True)
+class SignalDoubt:
+    """What is most likely wrong with a recording that can be read."""
+
+    problem: str
+    remedy: str
+
+    def as_text(self, path: Path | None) -> str:
+        """For the user."""
+        return f"warning: {path or 'recording'}, {self.problem}\n  remedy: {self.remedy}"
+
+
+def doubts(survey: Survey, baseline: Baseline | None = None) -> Iterator[SignalDoubt]:
+    """What is odd about a recording's ranges; baseline: of the model, where it was fitted."""
+    if (odd := swapped(survey)) is not None:
+        yield SignalDoubt(*odd)
+    lift = survey.signals.get("needle_lift")
+    is_measured = (
+        lift is not None and lift.highest > OPEN and lift.lowest != 0.0
+    )  # not computed without noise
+    for name in ("rail_pressure", "line_pressure"):
+        signal = survey.signals.get(name)
+        if signal is not None and is_measured and signal.count and signal.swing == 0.0:
+            yield SignalDoubt(
+                f"{name} is {signal.mean / MEGAPASCAL:.4g} MPa all the time, though the needle opens",
+                "give the measured pressure: a set value, or a dead sensor, makes no injection valid",
+            )
+    for name, signal in survey.signals.items():
+        if signal.missing:
+            yield SignalDoubt(
+                f"{name}: {signal.as_missing}",
+                "export all samples; short gaps are bridged, injections with longer ones are not valid",
+            )
+    rail = survey.signals.get("rail_pressure")
+    if baseline is None or rail is None or not rail.count:
+        return
+    mean, (low, high) = rail.mean / MEGAPASCAL, baseline.rail_pressure_MPa
+    if not low / BEYOND < mean < high * BEYOND:
+        yield SignalDoubt(
+            f"rail_pressure is {mean:.4g} MPa in the mean, and the model was fitted at {low:.4g} to {high:.4g} MPa",
+            "mind the unit of both pressures, or fit the model at such a rail pressure, too",
+        )
+
+
+def refuse_perforated(path: Path | None, survey: Survey) -> None:
+    """Raise `UserError` where values are missing so often that what bridges them would be judged."""
+    for name, signal in survey.signals.items():
+        if signal.gaps > PERFORATED * (signal.count + signal.missing):
+            raise UserError(
+                f"{path or 'recording'}, {name}",
+                signal.as_missing,
+                "export all samples: values put between the others are no measurement",
+            )
 
 
 def _pressure(name: str, pressure: SignalSurvey, opens: bool) -> Iterator[Implausible]:

@@ -171,6 +171,11 @@ class ParquetTable(Table):
         self.notes += [f"{path}: {remark}" for remark in refuse_damaged(path)]
         with _opened(path) as file:
             schema = file.schema_arrow
+            if not _has_page_checksums(path, file.metadata):
+                self.notes.append(
+                    f"{path}: its pages have no checksums, so that damage may pass unseen: write it with "
+                    "write_page_checksum=True"
+                )
         self.mapped = present(path, wanted, schema.names, is_own)
         self.columns = {field.name: _unit(field.metadata) for field in schema}
         self.units = {name: unit for name, each in self.mapped.items() if (unit := self.columns[each.name])}
@@ -241,6 +246,30 @@ def _opened(path: Path) -> Iterator[Any]:
             yield file
     except (pyarrow.ArrowException, OSError, ValueError) as error:
         raise UserError(str(path), f"a damaged Parquet file: {error}", READABLE) from None
+
+
+_I32, _CHECKSUM = (
+    5,
+    4,
+)  # of Thrift's compact protocol: type of a field; number of the checksum's in a page header
+
+
+def _has_page_checksums(path: Path, metadata: Any) -> bool:
+    """Whether the first page of a Parquet file has one, or there is no page."""
+    if not metadata.num_row_groups or not metadata.num_columns:
+        return True
+    column = metadata.row_group(0).column(0)
+    with path.open("rb") as file:
+        file.seek(column.dictionary_page_offset or column.data_page_offset)
+        header = iter(file.read(64))
+    field = 0
+    for begin in header:  # the fields in order: type, two sizes, the checksum if there is one
+        field += begin >> 4
+        if begin & 0x0F != _I32 or field >= _CHECKSUM:
+            return begin & 0x0F == _I32 and field == _CHECKSUM
+        while next(header, 0) & 0x80:  # the rest of its value
+            pass
+    return False
 
 
 def _unit(metadata: dict[bytes, bytes] | None) -> str:

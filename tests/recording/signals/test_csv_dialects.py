@@ -208,3 +208,26 @@ def test_a_separator_behind_every_line_is_no_cell(tmp_path: Path) -> None:
     plain = read(write(tmp_path, named(*lines())), bench(tmp_path))
     trailing = read(write(tmp_path, named(*(f"{row};" for row in lines()))), bench(tmp_path))
     np.testing.assert_array_equal(trailing.line_pressure, plain.line_pressure)
+
+
+def column_of(cells: Sequence[str]) -> list[str]:
+    """Lines whose rail pressure is written so."""
+    rows = [row.split(";") for row in lines(len(cells), decimal=".")]
+    return [";".join([row[0], cell, *row[2:]]) for row, cell in zip(rows, cells, strict=True)]
+
+
+@pytest.mark.parametrize("sign", [".", ","])
+def test_whole_numbers_with_separators_of_thousands_are_no_decimals(tmp_path: Path, sign: str) -> None:
+    """999 and 1.002 in one column, of bar."""
+    cells = [f"{990 + k % 30:,}".replace(",", sign) for k in range(120)]
+    rows = [row.replace(".", sign) for row in column_of(cells)]
+    said = message(write(tmp_path, named(*rows)), tmp_path)
+    assert "is a whole number with a separator of thousands" in said
+    assert "without separators of thousands" in said
+
+
+@pytest.mark.parametrize("form", ["{:.3f}", "{:g}"])
+def test_numbers_of_three_decimals_are_decimals(tmp_path: Path, form: str) -> None:
+    cells = [form.format(value / 1000) for value in [999_000, *range(1001, 1101)]]
+    recording = read(write(tmp_path, named(*column_of(cells))), bench(tmp_path))
+    np.testing.assert_allclose(recording.rail_pressure, [float(cell) * 1e5 for cell in cells])

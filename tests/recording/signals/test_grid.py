@@ -14,7 +14,7 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.recording.formats import open_recording
 from observer_rt.recording.signals import csv_table, mapped_signals, stream, table
 from observer_rt.recording.signals.stream import SignalStream
-from tests.recording.signals.foreign import RATE, bench, read, signals, tells
+from tests.recording.signals.foreign import COLUMNS, RATE, bench, read, signals, tells
 
 reuse_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 Times = NDArray[np.float64]
@@ -241,3 +241,34 @@ def test_a_damaged_parquet_file_is_told(tmp_path: Path, share: float, flips: lis
         content[int(flip * len(content))] ^= 0x55
     path.write_bytes(bytes(content) if flips else bytes(content[: int(share * len(content))]))
     assert tells(path, bench(tmp_path))
+
+
+@pytest.mark.parametrize("digits", [4, 5])
+def test_stamps_rounded_to_more_than_a_sample_are_to_blame(tmp_path: Path, digits: int) -> None:
+    """Every second row would be left out, and the rest read at half the rate."""
+    path = write(tmp_path, np.round(np.arange(400) * 2.0**-1 * 10.0**-digits, digits))
+    with pytest.raises(UserError, match="its stamps are rounded") as raised:
+        opened(path, tmp_path)
+    assert "write the time with more digits" in raised.value.remedy
+
+
+def test_the_first_sample_of_every_block_is_no_recording(tmp_path: Path) -> None:
+    path = tmp_path / "foreign.csv"
+    names = [f"p_Rail_{k:02}" for k in range(9)]
+    rows = [",".join(map(str, [k * 9e3 / RATE, *[1000.0] * 9, 0, 99.0])) for k in range(100)]
+    path.write_text("\n".join([",".join(["t", *names, "lift", "p_Line"]), *rows, ""]))
+    config = bench(tmp_path, text=COLUMNS.replace('"p_Rail"', '"p_Rail_00"')).injector
+    with pytest.raises(UserError, match="a row holds 9 samples, p_Rail_00 to p_Rail_08"):
+        open_recording(path, config)
+
+
+@pytest.mark.parametrize("has_checksums", [False, True])
+def test_parquet_without_checksums_of_its_pages_is_noted(tmp_path: Path, has_checksums: bool) -> None:
+    import pyarrow
+    import pyarrow.parquet
+
+    found = signals(50)
+    table = pyarrow.table({**found, "t": found["t"] * 1e3})
+    pyarrow.parquet.write_table(table, tmp_path / "x.parquet", write_page_checksum=has_checksums)
+    notes = open_recording(tmp_path / "x.parquet", bench(tmp_path).injector).notes
+    assert any("no checksums" in note for note in notes) is not has_checksums

@@ -11,11 +11,19 @@ from numpy.typing import NDArray
 from observer_rt.config.bench import load_injector
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effects import sized
-from observer_rt.recording.signals.plausible import implausible, refuse_implausible, swapped
+from observer_rt.recording.signals.plausible import (
+    doubts,
+    implausible,
+    refuse_dead,
+    refuse_implausible,
+    refuse_perforated,
+    swapped,
+)
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.recording.signals.stream import HeldSignals
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import SimulatedNoise, simulate
+from tests.baselines import baseline
 
 
 @cache
@@ -114,3 +122,52 @@ def test_pressures_that_are_swapped_or_negative() -> None:
     assert odd is not None
     assert "swapped" in odd[0]
     assert found(changed(made, line_pressure=-made.line_pressure)) == ["line_pressure"]
+
+
+def told(recording: Recording, fitted: tuple[float, float] | None = None) -> str:
+    """What is doubted, in one text; fitted: rail pressures [MPa] of the model."""
+    of = None if fitted is None else baseline(rail_pressure_MPa=fitted)
+    return "; ".join(doubt.problem for doubt in doubts(HeldSignals(recording).survey, of))
+
+
+@pytest.mark.parametrize("noise", [True, False])
+def test_nothing_is_doubted_of_a_recording_as_it_should_be(noise: bool) -> None:
+    assert told(recorded(100e6, noise), (60.0, 140.0)) == ""
+
+
+@pytest.mark.parametrize("name", ["rail_pressure", "line_pressure"])
+def test_a_pressure_that_never_moves_is_doubted(name: str) -> None:
+    whole = recorded(100e6, True)
+    held = whole.with_arrays({name: np.full(whole.samples, 100e6)})
+    assert f"{name} is 100 MPa all the time, though the needle opens" in told(held)
+
+
+def test_pressures_far_from_those_fitted_at_are_doubted() -> None:
+    assert "is 10 MPa in the mean, and the model was fitted at 59.8 to 140.4 MPa" in told(
+        recorded(10e6, True), (59.8, 140.4)
+    )
+
+
+def test_missing_values_are_told_and_refused_where_they_are_many() -> None:
+    whole = recorded(100e6, True)
+    line = whole.line_pressure.copy()
+    line[::7] = np.nan
+    often = whole.with_arrays({"line_pressure": line})
+    gaps = -(-whole.samples // 7)
+    assert f"line_pressure: {gaps} of {whole.samples} values are missing, in {gaps} gaps" in told(often)
+    with pytest.raises(UserError, match="are missing, in"):
+        refuse_perforated(None, HeldSignals(often).survey)
+    line = whole.line_pressure.copy()
+    line[200:400] = np.nan
+    once = whole.with_arrays({"line_pressure": line})
+    assert "200 of" in told(once)
+    refuse_perforated(None, HeldSignals(once).survey)
+
+
+def test_a_signal_without_values_and_a_dead_lift_are_refused() -> None:
+    whole = recorded(100e6, True)
+    for name, value in (("rail_pressure", np.nan), ("needle_lift", np.nan), ("needle_lift", 0.0)):
+        dead = whole.with_arrays({name: np.full(whole.samples, value)})
+        with pytest.raises(UserError, match=name):
+            refuse_dead(None, HeldSignals(dead).survey)
+    refuse_dead(None, HeldSignals(whole).survey)

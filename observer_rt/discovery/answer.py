@@ -33,15 +33,17 @@ from observer_rt.evidence.likelihood import evidence_of
 from observer_rt.evidence.measurement import Measurement
 from observer_rt.evidence.operating_points import by_operating_point
 from observer_rt.evidence.reading import chosen_words, refuse_rates_missing
+from observer_rt.foundation import file_kinds
 from observer_rt.foundation.console import check_folder
 from observer_rt.foundation.errors import ObserverError, UserError
+from observer_rt.foundation.file_kinds import refuse_other_kind
 from observer_rt.foundation.files import file_errors
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import EffectInForce, InjectorParameters
 from observer_rt.model.stability import refuse_unstable_cells
-from observer_rt.observer.learning.indicators import holds_at
+from observer_rt.observer.learning.healthy import holds_at
 from observer_rt.recording.signals.recording import Recording
 
 _HEALTHY, _NAMED, _SHOWN = 0.4, 0.85, 0.9  # shares of the work done after these steps
@@ -230,7 +232,14 @@ def refuse_replacing(folder: Path, model: Path, force: bool) -> None:
             f"holds the model to be amended as {AMENDED}",
             "name another folder, or copy the model",
         )
-    if there and not force:
+    for name, kind in (
+        (REPORT, None),
+        (FINDINGS, file_kinds.FINDINGS),
+        (AMENDED, None),
+        (FITS, file_kinds.FITS),
+    ):
+        refuse_other_kind("--out", folder / name, kind)
+    if there and (not force or there == [DATA]):  # which alone is no answer of ours
         raise UserError(
             f"--out {folder}",
             f"holds {', '.join(there)} already",

@@ -14,6 +14,7 @@ from observer_rt.model.sensor import lagged_slopes, recorded_mean
 START_DURATION = 2e-3  # s, after which the gain is steady
 SHAPING = 3  # first-order lags that stand for the smoothing of the rail pressure
 SHAPE = 0.35  # time constant of each, in widths of the kernel: half the noise is left at the same frequency
+ASYMMETRIC = 1e-3  # of a covariance's standard deviations, that rounding may make of it
 START_FLOW_SIGMA = 1e-5  # m3/s (10 mm3/ms), of Q_L when x~ starts anew in a ringing line
 
 
@@ -80,7 +81,10 @@ def gain_schedule(
         )
         shown, shown_before = (np.append(one, np.zeros(SHAPING)) for one in (shown, shown_before))
     gains = np.zeros((max(2, round(START_DURATION * sample_rate)), m + 1))
-    variance = _riccati(transition, process, measurement, shown, shown_before, covariance, gains)
+    matrices = transition, process, measurement, shown, shown_before, covariance, gains
+    variance = _riccati(*matrices, False)
+    if not (variance >= measurement and np.isfinite(gains).all()):
+        variance = _riccati(*matrices, True)
     columns = [0, 1, m, *range(2, m)]
     return GainSchedule(np.ascontiguousarray(gains[:, columns]), math.sqrt(variance))
 
@@ -142,11 +146,13 @@ def _riccati(
     shown_before: NDArray[np.float64],
     covariance: NDArray[np.float64],
     gains: NDArray[np.float64],
+    mends: bool,
 ) -> float:
     """Fill `gains` from a start `covariance` on; returns the last innovation variance.
 
     Measured is `shown` of the state and `shown_before` of the one before, both (m,). States beyond the columns of
-    `gains` are not corrected.
+    `gains` are not corrected. Rounding makes the covariance less symmetric, and more and more so where a mean is
+    measured with little noise: NaN is returned then, unless mends, which keeps it symmetric.
     """
     m, corrected = covariance.shape[0], gains.shape[1]
     moved, scratch, now = np.empty((m, m)), np.empty((m, m)), covariance.copy()
@@ -180,4 +186,12 @@ def _riccati(
         for i in range(corrected, m):
             for j in range(corrected):
                 now[i, j] -= column[i] * gains[k, j]
+        if mends:
+            for i in range(m):
+                for j in range(i):
+                    now[i, j] = now[j, i] = 0.5 * (now[i, j] + now[j, i])
+    for i in range(m):
+        for j in range(i):
+            if not abs(now[i, j] - now[j, i]) <= ASYMMETRIC * math.sqrt(abs(now[i, i] * now[j, j])):
+                return math.nan
     return variance

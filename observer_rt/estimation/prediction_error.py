@@ -96,11 +96,18 @@ _OFFSET = int(Parameter.LINE_PRESSURE_OFFSET)
 
 
 @compiled
-def robust_cost(e: NDArray[np.float64], first: int, sigma: float) -> float:
-    """Huber cost of e[first:] / sigma: half the square up to HUBER, linear beyond."""
+def robust_cost(e: NDArray[np.float64], first: int, sigma: float, together: int = 1) -> float:
+    """Huber cost of e[first:] / sigma: half the square up to HUBER, linear beyond.
+
+    together: so many samples count as one, their mean; what is left over at the end does not.
+    """
     total = 0.0
-    for k in range(first, e.shape[0]):
-        z = math.fabs(e[k]) / sigma
+    spread = sigma * math.sqrt(together)
+    for start in range(first, e.shape[0] - together + 1, together):
+        error = e[start]
+        for k in range(start + 1, start + together):
+            error += e[k]
+        z = math.fabs(error) / spread
         total += 0.5 * z * z if z <= HUBER else HUBER * (z - 0.5 * HUBER)
     return total
 
@@ -111,6 +118,7 @@ def weigh(
     slopes: NDArray[np.float64],
     first: int,
     sigma: float,
+    together: int,
     gradient: NDArray[np.float64],
     information: NDArray[np.float64],
 ) -> None:
@@ -119,15 +127,21 @@ def weigh(
     m = gradient.shape[0]
     width = -(-m // WIDTH) * WIDTH
     row, total = np.zeros(width), np.zeros((m, width))
-    for k in range(first, e.shape[0]):
-        z = e[k] / sigma
-        weight = 1.0 if math.fabs(z) <= HUBER else HUBER / math.fabs(z)
-        scale = weight / (sigma * sigma)
+    spread = sigma * math.sqrt(together)
+    for start in range(first, e.shape[0] - together + 1, together):
+        error = e[start]
         for j in range(m):
-            row[j] = slopes[k, j]
+            row[j] = slopes[start, j]
+        for k in range(start + 1, start + together):
+            error += e[k]
+            for j in range(m):
+                row[j] += slopes[k, j]
+        z = error / spread
+        weight = 1.0 if math.fabs(z) <= HUBER else HUBER / math.fabs(z)
+        scale = weight / (spread * spread)
         for i in range(m):
             weighted = scale * row[i]
-            gradient[i] += weighted * e[k]
+            gradient[i] += weighted * error
             for place in range(0, width, WIDTH):
                 there = i * width + place
                 store(total, there, load(total, there) + weighted * load(row, place))
@@ -158,6 +172,11 @@ class Linearisation:
         gradient = self.gradient + self.information @ (theta - self.theta)
         return Linearisation(theta, value, gradient, self.information)
 
+    def tempered(self, factor: float) -> "Linearisation":
+        """The same of the cost divided by a factor."""
+        value, gradient, information = self.value / factor, self.gradient / factor, self.information / factor
+        return Linearisation(self.theta, value, gradient, information)
+
     def score(self, covariance: NDArray[np.float64]) -> float:
         """Score test of a prior belief with this covariance (m, m) and its mean here: g' (G + G C G)^-1 g.
 
@@ -180,7 +199,8 @@ class EventCost:
 
     Innovations of the first `burn_in` samples do not count: x~ started from another theta. Coloured ones and their
     slopes go through a filter first; what a high pass in it hides, the sensor's offset, is then what it was at rest.
-    Noisier ones count as white ones do that are smaller.
+    Noisier ones count as white ones do that are smaller. On a line of cells means over `Line.resolved` count, as they
+    do in a fit: what cells make of shorter waves would be made up for by the nozzle.
     """
 
     def __init__(
@@ -193,11 +213,14 @@ class EventCost:
         whitening: Whitening | None = None,
         offset: float | None = None,
         levels: NDArray[np.float64] | None = None,
+        temper: float = 1.0,
+        expected: NDArray[np.float64] | None = None,
     ) -> None:
         """sigma: standard deviation of white innovations, in units of p_0; whitening: None if they are white.
 
         offset: line over rail pressure at rest [p_0] on the mean, None where there was none; levels: (n,) by what
-        samples are noisier than sigma, None: all are as noisy.
+        samples are noisier than sigma, None: all are as noisy; temper: J is divided by it;
+        expected: (n,) mean innovation of the healthy injector, which is taken out, None: 0.
         """
         self._window = window
         self._setting = setting
@@ -210,6 +233,9 @@ class EventCost:
             self._offset_weight = (setting.coefficients.pressure_scale / OFFSET_SIGMA) ** 2
         self.sigma = sigma
         self.burn_in = burn_in
+        self.temper = temper
+        self._expected = expected
+        self._together = max(1, round(setting.coefficients.line.resolved / setting.interval))
         self.slopes = NO_SLOPES
         """(n, m) of the innovations where J was last linearised."""
         self.unfiltered = self.innovations = NO_RATE
@@ -232,10 +258,10 @@ class EventCost:
         self.slopes = self.whitened(slopes)
         gradient = np.zeros(theta.size)
         information = np.zeros((theta.size, theta.size))
-        weigh(self.innovations, self.slopes, self.burn_in, self.sigma, gradient, information)
+        weigh(self.innovations, self.slopes, self.burn_in, self.sigma, self._together, gradient, information)
         gradient[_OFFSET] += self._offset_weight * (theta[_OFFSET] - self._offset)
         information[_OFFSET, _OFFSET] += self._offset_weight
-        return Linearisation(theta, value, gradient, information)
+        return Linearisation(theta, value, gradient / self.temper, information / self.temper)
 
     def whitened(
         self, values: NDArray[np.float64], masked: NDArray[np.bool_] | None = None
@@ -248,7 +274,9 @@ class EventCost:
         return values / (self._levels if values.ndim == 1 else self._levels[:, None])
 
     def _cost(self, theta: NDArray[np.float64]) -> float:
+        if self._expected is not None:
+            self.unfiltered -= self._expected
         self.innovations = self.whitened(self.unfiltered)
-        cost = robust_cost(self.innovations, self.burn_in, self.sigma)
+        cost = robust_cost(self.innovations, self.burn_in, self.sigma, self._together)
         cost += 0.5 * self._offset_weight * (theta[_OFFSET] - self._offset) ** 2
-        return cost if math.isfinite(cost) else math.inf
+        return cost / self.temper if math.isfinite(cost) else math.inf

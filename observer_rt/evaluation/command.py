@@ -28,13 +28,14 @@ from observer_rt.foundation.console import (
     say,
 )
 from observer_rt.foundation.errors import CombinedError, UserError
+from observer_rt.foundation.file_kinds import LEARNED_STATE
 from observer_rt.foundation.files import file_errors, replacing
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import temperature_of
 from observer_rt.observer.learning.knowledge import Knowledge
 from observer_rt.recording.formats import is_log
 from observer_rt.recording.replay.framing import bench_for, clamped_in
-from observer_rt.recording.signals.plausible import swapped
+from observer_rt.recording.signals.plausible import doubts, refuse_dead
 from observer_rt.recording.signals.stream import SignalStream
 from observer_rt.service.compiled.constants import injector_at
 from observer_rt.service.core.learners import doubt_about_fit, refuse_state
@@ -225,7 +226,7 @@ def _check_destinations(paths: Sequence[Path], options: EvaluateOptions) -> None
     if options.plot is not None:
         check_destination("--plot", options.plot, FIGURE_SUFFIXES)
     if options.save_state is not None:
-        check_destination("--save-state", options.save_state)
+        check_destination("--save-state", options.save_state, kind=LEARNED_STATE)
         check_folder("--save-state", options.save_state.absolute().parent)
         with sole_writer(options.save_state):
             pass  # no daemon keeps it
@@ -235,7 +236,8 @@ def _check_destinations(paths: Sequence[Path], options: EvaluateOptions) -> None
             raise UserError(f"{option} {path}", "is a recording to be evaluated", "name another file")
         if option != "--save-state" or path != options.state:
             files = options.traces(paths) if option == "--output" else [path]
-            refuse_existing(option, files, options.force)
+            kind = LEARNED_STATE if option == "--save-state" else None
+            refuse_existing(option, files, options.force, kind)
 
 
 def _evaluated(
@@ -255,9 +257,10 @@ def _evaluated(
         if doubt is not None:
             say(console, f"warning: {doubt.text}\n  remedy: {doubt.remedy}")
     for source in sources:
-        if odd := swapped(source.survey):
-            problem, remedy = odd
-            say(console, f"warning: {source.path}, {problem}\n  remedy: {remedy}")
+        if not isinstance(source, LoggedSignals):
+            refuse_dead(source.path, source.survey, source.names)
+        for odd in doubts(source.survey, bench.injector.parameters.baseline):
+            say(console, odd.as_text(source.path))
         if not isinstance(source, LoggedSignals):
             for warning in clamped_in(source.survey, map_bus(bench)):
                 say(console, f"warning: {source.path}, {warning}")

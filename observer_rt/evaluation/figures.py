@@ -51,12 +51,11 @@ class Picture:
 
 
 def draw_masses(axes: Axes, recordings: Sequence[Picture], reference: str) -> None:
-    """Errors of the masses where all have a reference, else masses."""
+    """Errors of the masses where all have a reference, else by how much they differ from the nominal model's."""
     rows = [row for one in recordings for row in one.masses]
     against = bool(rows) and all(row.reference for row in rows)
-    label = f"mass error against {reference}\n[%]" if against else "injected mass\n[mg]"
-    if against:
-        axes.axhline(0, color=REFERENCE, lw=0.8)
+    label = f"mass error against {reference}\n[%]" if against else "mass against\nnominal model [%]"
+    axes.axhline(0, color=REFERENCE if against else NOMINAL, lw=0.8)
     most = max((len(one.masses) for one in recordings), default=0)
     for i, one in enumerate(recordings):
         table = _table(one.masses, against)
@@ -72,25 +71,31 @@ def draw_masses(axes: Axes, recordings: Sequence[Picture], reference: str) -> No
     axes.grid(axis="y", alpha=0.3)
     if not rows:
         axes.text(0.5, 0.5, "no injection found", ha="center", transform=axes.transAxes)
-    elif not all(row.valid for row in rows):
-        how = "hatched" if len(recordings) == 1 and most <= ANNOTATED else "grey crosses"
-        axes.set_title(f"{how}: observer not valid", loc="right", fontsize=9)
+        return
+    is_bars = len(recordings) == 1 and most <= ANNOTATED
+    notes = [] if against or not is_bars else ["numbers: mg"]
+    if not all(row.valid for row in rows):
+        notes.append(f"{'hatched' if is_bars else 'grey crosses'}: observer not valid")
+    axes.set_title("; ".join(notes), loc="right", fontsize=9)
 
 
 def _table(masses: Sequence[MassRow], against: bool) -> pd.DataFrame:
-    """Masses and their intervals, an injection a row; against: as errors of the reference [%], else [mg]."""
+    """Masses and their intervals, an injection a row [%]: against the reference, else the nominal model.
+
+    said: what stands at the bar: the error, else the mass [mg].
+    """
     unknown = np.nan, np.nan
     table = pd.DataFrame(
         [(row.number, row.valid, row.estimated, row.nominal, *(row.ci95 or unknown)) for row in masses],
         columns=["number", "valid", "estimated", "nominal", "low", "high"],
     )
     table = table.astype(float).astype({"valid": bool})
+    table["said"] = table.estimated / MILLIGRAM
+    base = [row.reference for row in masses] if against else table.nominal.where(table.nominal > 0.0)
     shown = ["estimated", "nominal", "low", "high"]
+    table[shown] = PERCENT * (table[shown].div(np.array(base, float), axis=0) - 1.0)
     if against:
-        truth = np.array([row.reference for row in masses], float)
-        table[shown] = PERCENT * (table[shown].div(truth, axis=0) - 1.0)
-    else:
-        table[shown] /= MILLIGRAM
+        table["said"] = table.estimated
     return table
 
 
@@ -103,7 +108,7 @@ def _draw_bars(axes: Axes, table: pd.DataFrame) -> None:
             bar.set(alpha=0.35, hatch="//")
         if np.isfinite(row.estimated):
             place = row.number + 0.2, max(np.fmax(row.high, row.estimated), 0.0)
-            text = f"{row.estimated:.2f}"
+            text = f"{row.said:.2f}"
             axes.annotate(text, place, (0, 2), textcoords="offset points", ha="center", fontsize=7)
 
 
@@ -151,6 +156,7 @@ def draw_wear(axes: Axes, recordings: Sequence[Picture]) -> None:
 
 
 COLUMNS = 4  # of curves side by side
+_LETTERS, _HANDLE = 12, 8  # that an inch of a legend holds; that a handle is wide
 
 
 def plot_injections(path: Path, recordings: Sequence[Picture], reference: str) -> None:
@@ -176,7 +182,7 @@ def plot_injections(path: Path, recordings: Sequence[Picture], reference: str) -
             axes = [figure.add_subplot(grid[k, column]) for k in range(1 + has_line)]
             _draw_injection(axes, recordings, number, reference, labelled=column == 0)
             if row == column == 0:
-                _legend(figure, axes, recordings)
+                _legend(figure, axes, recordings, reference)
     below = parts[rows].subgridspec(1 + has_wear, 1, height_ratios=(2.9, 2.6)[: 1 + has_wear])
     masses = figure.add_subplot(below[0])
     draw_masses(masses, recordings, reference)
@@ -184,22 +190,34 @@ def plot_injections(path: Path, recordings: Sequence[Picture], reference: str) -
         wear = figure.add_subplot(below[1], sharex=masses)
         draw_wear(wear, recordings)
         masses.set_xlabel("")
-    several = f"{len(recordings)} recordings; pale: {reference}, dashed: nominal model"
-    figure.suptitle(recordings[0].title if len(recordings) == 1 else several, x=0.01, ha="left")
+    if len(recordings) == 1:
+        figure.suptitle(recordings[0].title, x=0.01, ha="left")
     figure.savefig(path, dpi=130)
     plt.close(figure)
 
 
-def _legend(figure: Figure, axes: Sequence[Axes], recordings: Sequence[Picture]) -> None:
-    """Of the recordings where there are several, else of the first injection's lines, the same in all."""
+def _legend(figure: Figure, axes: Sequence[Axes], recordings: Sequence[Picture], reference: str) -> None:
+    """Of the recordings where there are several, the title above it, else of the first injection's lines."""
     handles: Sequence[Artist] = axes[0].get_legend_handles_labels()[0]
     if len(recordings) > 1:
+        title = f"{len(recordings)} recordings; pale: {reference}, dashed: nominal model"
         handles = [
             Line2D([], [], color=RECORDINGS[i % len(RECORDINGS)], label=one.title)
             for i, one in enumerate(recordings)
         ]
+        longest = max(len(one.title) for one in recordings) + _HANDLE
+        ncols = int(np.clip(_LETTERS * figure.get_figwidth() // longest, 1, COLUMNS))
+        figure.legend(
+            handles=handles,
+            loc="outside upper left",
+            ncols=ncols,
+            title=title,
+            alignment="left",
+            frameon=False,
+        )
+        return
     figure.legend(handles=handles, loc="outside upper right", ncols=4, frameon=False)
-    if len(axes) > 1 and len(recordings) == 1:
+    if len(axes) > 1:
         axes[1].legend(
             loc="lower left", bbox_to_anchor=(0.0, 1.0), fontsize=8, frameon=False, ncols=2, borderpad=0.0
         )
@@ -245,6 +263,14 @@ def _draw_rates(axes: Axes, curve: RateCurves, reference: str, colour: str | Non
     axes.plot(time, curve.estimated / MM3_PER_MS, color=colour or ESTIMATED, lw=1.4, label="observer")
     nominal = curve.nominal / MM3_PER_MS
     axes.plot(time, nominal, color=colour or NOMINAL, ls="--", lw=thin, label="nominal model")
+    if (
+        curve.sigma is not None and colour is None
+    ):  # an interval that tells nothing is not to flatten the curves
+        drawn = np.concatenate([line.get_ydata() for line in axes.lines])
+        drawn = drawn[np.isfinite(drawn)]
+        if drawn.size:
+            margin = 0.1 * float(np.ptp(drawn)) or 1.0
+            axes.set_ylim(drawn.min() - margin, drawn.max() + margin)
 
 
 def picture_of(evaluation: Evaluation, numbers: Collection[int]) -> Picture:

@@ -1,5 +1,6 @@
 """A stretch of samples while it is evaluated: what was said of the last ones, and the trace of all as a table."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -113,6 +114,7 @@ class Passage:
         self._begin = self._end = 0  # of those remembered, among the rows
         self._is_measured = False
         self._rate, self._offset = rate, offset
+        self._start = math.nan  # s, time of its first sample
         self._marks: list[
             tuple[int, int]
         ] = []  # positions in the observer's stream and samples that were there
@@ -139,6 +141,8 @@ class Passage:
 
     def give(self, time: Signal, measured_rate: Signal | None) -> None:
         """Further samples, which the observer will be given: their times [s] and measured rates [m3/s], (n,)."""
+        if self.first == 0 and self._begin == self._end and time.size:
+            self._start = float(time[0])
         if self._end + time.size > len(self._rows):
             self._make_room(time.size)
         end = self._end + time.size
@@ -149,6 +153,13 @@ class Passage:
             rows["measured_rate"] = measured_rate
         self._end = end
         self.samples = max(self.samples, self.first + end - self._begin)
+
+    def time_at(self, index: int) -> float:
+        """[s], of the sample that was sent with an index, be it remembered or not."""
+        number = index - self.first_index
+        if self.first <= number < self.first + self.time.size:
+            return float(self.time[number - self.first])
+        return self._start + number / self._rate
 
     def _make_room(self, samples: int) -> None:
         """For so many further ones, and seldom."""

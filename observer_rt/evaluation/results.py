@@ -19,9 +19,9 @@ from observer_rt.evaluation.evaluate import Evaluation
 from observer_rt.foundation.console import say
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND
 from observer_rt.model.effective import Coefficients
-from observer_rt.observer.stream.lift_zero import FURTHEST_ZERO
+from observer_rt.observer.stream.lift_step import FURTHEST_ZERO
 from observer_rt.observer.stream.state import Reason
-from observer_rt.service.reports.injection_report import WEAR, Field
+from observer_rt.service.reports.injection_report import WEAR, Field, beyond_learned
 
 SCHEMA = 1
 PLAUSIBLE_OFFSET = 2 * MEGAPASCAL  # between line and rail pressure at standstill
@@ -193,6 +193,8 @@ def print_evaluation(
         )
     for reason, numbers in not_valid.items():
         say(console, f"not valid for {reason.name}: {_ranges(numbers)}")
+        if reason is Reason.OUTSIDE_LEARNED_RANGE:
+            say(console, f"({beyond_learned(evaluation.reports[numbers[-1] - 1])})")
     if Reason.TOO_FEW_EVENTS in not_valid and sum(map(len, not_valid.values())) < count:
         say(
             console,

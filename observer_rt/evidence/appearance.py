@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.estimation.healthy_shape import EventStretch, ShapeFit, together
 from observer_rt.estimation.phases import Phase, phase_statistics
-from observer_rt.evidence.healthy_shape import ShapeFit, expected, together
+from observer_rt.evidence.healthy_shape import expected_of, stretches
 from observer_rt.evidence.likelihood import Evidence, JudgedModel
 from observer_rt.evidence.measurement import Measurement
 from observer_rt.foundation.units import MEGAPASCAL
@@ -110,11 +111,12 @@ def healthy_remainder(
     measured = [trial.measurement for trial in evidence.trials]
     sigmas = [math.exp(one.log_sigma) * model.coefficients.pressure_scale for one in judged]
     fit = ShapeFit(
-        [(one, result.z, sigma) for one, result, sigma in zip(measured, judged, sigmas, strict=True)]
+        [_by_event(one, result.z) for one, result in zip(measured, judged, strict=True)],
+        float(np.mean(sigmas)),
     )
     several = len(measured) > 1
     remaining = [
-        replace(one, z=one.z - expected(fit.shape(number if several else None), measurement) / sigma)
+        replace(one, z=one.z - expected_of(fit.shape(number if several else None), measurement) / sigma)
         for number, (one, measurement, sigma) in enumerate(zip(judged, measured, sigmas, strict=True))
     ]
     found = signatures(evidence, model, judged, effects, remaining)
@@ -129,6 +131,15 @@ def healthy_remainder(
         appears={one.effect.id: _appearance(one) for one in found},
         shape=fit.shape() if known is None else together(known.shape, fit.shape()),
     )
+
+
+def _by_event(
+    measurement: Measurement, z: NDArray[np.float64]
+) -> list[tuple[EventStretch, NDArray[np.float64]]]:
+    """Normalised innovations (n,) of a recording, event by event."""
+    parts = stretches(measurement)
+    ends = np.cumsum([part.samples for part in parts])
+    return list(zip(parts, np.split(z, ends[:-1]), strict=True))
 
 
 def _appearance(signature: Signature) -> Appearance:

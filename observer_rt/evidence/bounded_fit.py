@@ -34,8 +34,12 @@ class Residuals:
     @property
     def statistic(self) -> float:
         """-2 log L of a Gaussian model, robust beyond HUBER sigma, constants left out."""
-        squares = 2.0 * robust_cost(self.z, 0, 1.0)
-        return float(squares + 2.0 * (self.counts @ self.log_sigma))
+        return float(self.squares + 2.0 * (self.counts @ self.log_sigma))
+
+    @property
+    def squares(self) -> float:
+        """Sum of squares, linear beyond HUBER sigma: what `statistic` counts of them."""
+        return 2.0 * float(robust_cost(self.z, 0, 1.0))
 
 
 class Problem(Protocol):

@@ -13,7 +13,7 @@ from observer_rt.estimation.phases import PhaseStatistics, no_statistics, phase_
 from observer_rt.estimation.predictor import NO_SLOPES, Setting, Window, follow
 from observer_rt.estimation.scalars import Learned, nothing_learned
 from observer_rt.evidence.bounded_fit import Residuals
-from observer_rt.evidence.healthy_shape import expected
+from observer_rt.evidence.healthy_shape import expected_of
 from observer_rt.evidence.lift_noise import LiftNoise
 from observer_rt.evidence.measurement import Measurement
 from observer_rt.evidence.open_loop import SPARE_SUBSTEPS
@@ -91,7 +91,7 @@ class Trial:
     ) -> None:
         """healthy: mean innovation of the healthy injector, which is taken out."""
         self.measurement = measurement
-        self._expected = None if healthy is None else expected(healthy, measurement)
+        self._expected = None if healthy is None else expected_of(healthy, measurement)
         nominal = measurement.as_recorded(nominal)
         self._highest_pressure = float(np.nanmax(measurement.recording.rail_pressure))
         self._rows = Rows(measurement)

@@ -9,12 +9,13 @@ from rich.console import Console
 
 from observer_rt.evidence.excerpts import MOST_SAMPLES, measured
 from observer_rt.evidence.measurement import Measurement
-from observer_rt.foundation.console import progress_bar
+from observer_rt.foundation.console import progress_bar, say
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.files import file_hash
+from observer_rt.foundation.files import file_errors, file_hash
 from observer_rt.foundation.units import MILLISECOND
+from observer_rt.model.baseline import Baseline
 from observer_rt.model.effect import SizedEffect
-from observer_rt.recording.signals.plausible import refuse_implausible
+from observer_rt.recording.signals.plausible import doubts, refuse_dead, refuse_implausible, refuse_perforated
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.recording.signals.stream import Sampled, SignalStream
 
@@ -27,11 +28,12 @@ def read_measured(
     console: Console,
     most: int = MOST_SAMPLES,
     stated: tuple[SizedEffect, ...] = (),
+    baseline: Baseline | None = None,
 ) -> tuple[Measurement, ...]:
     """Recordings, read and looked through.
 
     read: looks through a file the user named, and refuses one that is none; most: samples kept of a recording;
-    stated: what is known of its channels.
+    stated: what is known of its channels; baseline: of the model, where it was fitted.
     Raises `UserError` for recordings that cannot serve, or not together.
     """
     for number, path in enumerate(paths):
@@ -41,11 +43,32 @@ def read_measured(
     refuse_sample_rates(sources)
     for source in sources:
         refuse_implausible(source.path, source.survey, source.names)
+        refuse_dead(source.path, source.survey, source.names)
+        refuse_perforated(source.path, source.survey)
+        for doubt in doubts(source.survey, baseline):
+            say(console, doubt.as_text(source.path))
     found = []
     for path, source in zip(paths, sources, strict=True):
         with progress_bar(console, f"finding injections in {path.name}", source.grid_samples) as progress:
             found.append(replace(measured(source, progress, most), stated=stated))
     return tuple(found)
+
+
+def without_copies(paths: Sequence[Path], console: Console) -> list[Path]:
+    """Recordings but for those with the content of one before, which say nothing more; they are named.
+
+    A file that is given twice stays, and is refused as such.
+    """
+    kept: dict[str, Path] = {}
+    result = []
+    for path in paths:
+        with file_errors(path):
+            first = kept.setdefault(file_hash(path), path)
+        if first is not path and first.resolve() != path.resolve():
+            say(console, f"warning: {path} is left out: a copy of {first}")
+        else:
+            result.append(path)
+    return result
 
 
 def refuse_sample_rates(recordings: Sequence[Sampled]) -> None:

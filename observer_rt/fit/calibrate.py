@@ -123,8 +123,11 @@ def _reason(best: Fitted, lowest: Fitted, candidates: Sequence[Fitted], as_good:
 
 
 GATE = 2.5  # chi2 of a phase, above which a model is not adequate
+TOLERATED = (
+    0.005  # of the swing of the line pressure, which goes with the flow: less moves no mass that matters
+)
 LEAST_MASS_SHARE = (
-    2e-3  # of a mass: impedance of the cells at the closed end, corners of the lift and the like
+    1.2e-3  # of a mass: impedance of the cells at the closed end, corners of the lift and the like
 )
 
 
@@ -191,9 +194,18 @@ class Calibrated:
         return self.comparison.after
 
     @property
+    def above_gate(self) -> tuple[Phase, ...]:
+        """Phases in which more is left than noise."""
+        return tuple(phase for phase in Phase if self.left.chi2[phase] > GATE)
+
+    def _is_tolerated(self, phase: Phase) -> bool:
+        """Whether what is left hardly moves a mass; at standstill nothing flows, and it is no fault of the model."""
+        return phase is not Phase.STANDSTILL and self.comparison.share(phase) <= TOLERATED
+
+    @property
     def inadequate(self) -> tuple[Phase, ...]:
         """Phases the model does not explain, the worst first; none where it is adequate."""
-        over = [phase for phase in Phase if self.left.chi2[phase] > GATE]
+        over = [phase for phase in self.above_gate if not self._is_tolerated(phase)]
         return tuple(sorted(over, key=lambda phase: -self.left.chi2[phase]))
 
     @property

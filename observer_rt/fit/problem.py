@@ -13,7 +13,7 @@ from observer_rt.fit.parts import Part, standstill_offset
 from observer_rt.foundation.units import CUBIC_MILLIMETRE, MEGAPASCAL, MILLIMETRE
 from observer_rt.model.effective import EffectiveModel, coefficients
 from observer_rt.model.effects import effective_model
-from observer_rt.model.line.wave import DAMPING, FEWEST_CELLS, STABLE, STEP, cells_for
+from observer_rt.model.line.wave import DAMPING, FEWEST_CELLS, RESOLVED, STABLE, STEP, cells_for
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
 
 CALM = 0.93  # of what a step may be, so that a fit can still move
@@ -149,7 +149,6 @@ def values_of(injector: InjectorParameters, free: Sequence[FreeParameter]) -> ND
     return np.array([parameter.of(injector) for parameter in free])
 
 
-AVERAGED = 50e-6  # s of innovations are made one
 OFFSET_SIGMA = 2 * MEGAPASCAL  # of the line-pressure sensor, in each recording
 _DIFFERENCE = 1e-3  # of a finite difference: of the logarithm, and of an offset in MPa
 _MOST_KEPT = 64  # residuals kept of a part: those of a linearisation
@@ -231,7 +230,7 @@ class Calibration:
 
     def _groups(self, number: int, one: JudgedModel) -> list[tuple[NDArray[np.float64], float]]:
         part = self.parts[number]
-        samples = max(1, round(AVERAGED / part.measurement.interval))
+        samples = max(1, round(RESOLVED / part.measurement.interval))
         blocks = one.z[: one.z.size - one.z.size % samples].reshape(
             -1, samples
         )  # what is left over is left out

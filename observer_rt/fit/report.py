@@ -19,7 +19,7 @@ from observer_rt.estimation.phases import Phase
 from observer_rt.evidence.figure_look import FOUND, GIVEN, LOOK, MEASURED
 from observer_rt.evidence.measurement import open_time, rail_pressure_before
 from observer_rt.evidence.operating_points import point_name
-from observer_rt.fit.calibrate import GATE, Calibrated, FlowLevel, judged_by
+from observer_rt.fit.calibrate import GATE, TOLERATED, Calibrated, FlowLevel, judged_by
 from observer_rt.fit.parts import WORTH_A_WORD, share_between_samples, spread
 from observer_rt.fit.residuals import PartOverlay
 from observer_rt.fit.search import FailedStructure, Fitted
@@ -27,6 +27,7 @@ from observer_rt.foundation.console import say
 from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
 from observer_rt.model.baseline import Baseline
+from observer_rt.model.plausibility import ImplausibleNumber, implausible, wrong_entry
 
 _SEAT = "check the lift's calibration and the seat's geometry, and run `discover` on these recordings"
 _TRY = {
@@ -70,12 +71,24 @@ def level_words(done: Calibrated) -> str:
 
 
 def verdict_words(done: Calibrated) -> str:
-    """Adequate or not, where, and what to try."""
+    """Adequate or not, where, and what to try; with which numbers no injector has."""
+    odd = ", ".join(one.name for one in _beyond_physics(done))
+    return _fit_words(done) + (f". IMPLAUSIBLE: {odd}; correct the file and fit again" if odd else "")
+
+
+def _fit_words(done: Calibrated) -> str:
     left = done.left
     if not done.inadequate:
-        return (
+        words = (
             f"adequate: chi2 at most {left.chi2[left.worst]:.2f} ({phase_name(left.worst)}; limit {GATE:g})"
         )
+        if done.above_gate:
+            most = max(map(done.comparison.share, done.above_gate))
+            words += (
+                f", which these sensors show: it is {most:.2%} of the swing of the line pressure, and up to "
+                f"{TOLERATED:.1%} moves no mass that matters"
+            )
+        return words
     where = ", ".join(f"{phase_name(phase)} {left.chi2[phase]:.3g}" for phase in done.inadequate)
     return f"INADEQUATE: chi2 above {GATE:g} in {where}. To try: {_to_try(done)}"
 
@@ -92,17 +105,24 @@ def _to_try(done: Calibrated) -> str:
 
 
 def oddities(done: Calibrated) -> list[str]:
-    """Fitted numbers that physics does not allow, or that lie at the end of what was tried."""
-    result = []
-    for one in done.fitted.calibration.free:
+    """Fitted numbers that physics does not allow, with what is probably wrong in the file; those at an end of the
+    range tried."""
+    free = done.fitted.calibration.free
+    odd = _beyond_physics(done)
+    result = [f"implausible: {one.words}" for one in odd]
+    if cause := wrong_entry(done.injector, odd):
+        result.append(f"most probably, {cause}")
+    for one in free:
         value = one.of(done.injector)
-        if one.key == "flow_coefficient" and value > 1.0:
-            result.append(
-                f"{one.name} = {value:.3f} is above 1: an area of the file is too small, or A_L/(rho_L L_L) too large"
-            )
         if value < 1.01 * one.lowest or value > 0.99 * one.highest:
             result.append(f"{one.name} = {value / one.si:.4g} {one.unit} is at the end of the range tried")
     return result
+
+
+def _beyond_physics(done: Calibrated) -> list[ImplausibleNumber]:
+    """Of the parameters fitted."""
+    names = {one.name for one in done.fitted.calibration.free}
+    return [one for one in implausible(done.injector) if one.name in names]
 
 
 SCHEMA = 1
@@ -118,6 +138,7 @@ def as_json(done: Calibrated, baseline: Baseline, warnings: Sequence[str]) -> di
         "verdict": "inadequate" if done.inadequate else "adequate",
         "verdict_words": verdict_words(done),
         "gate_chi2": GATE,
+        "tolerated_share": TOLERATED,
         "inadequate_phases": [phase_name(phase) for phase in done.inadequate],
         "structure": {
             "name": structure.name,

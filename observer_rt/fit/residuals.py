@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.estimation.phases import Phase, PhaseStatistics, no_statistics, phase_statistics
+from observer_rt.estimation.phases import BLOCKS, Phase, PhaseStatistics, no_statistics, phase_statistics
 from observer_rt.evidence.bounded_fit import Quadratic, linearise
 from observer_rt.evidence.likelihood import Evidence, JudgedModel, Pool, Signal, Trial, pool_of
 from observer_rt.evidence.open_loop import Simulated, mass, measured_mass, simulated
@@ -23,11 +23,13 @@ from observer_rt.model.parameters import InjectorParameters
 class UnexplainedSignal:
     """What a model leaves of a signal: mean squares by phase, 1 where it leaves noise alone; nan without samples.
 
-    chi2: of means of 8 samples, which coloured residuals fill (of samples where a phase is shorter); variance: of
-    samples; colour: the larger of means of 8 and of 20.
+    chi2: of means of 8 samples, which coloured residuals fill (of samples where a phase is shorter); excess: rms of
+    what these means are beyond noise, in standard deviations of a sample; variance: of samples; colour: the larger
+    of means of 8 and of 20.
     """
 
     chi2: Mapping[Phase, float]
+    excess: Mapping[Phase, float]
     variance: Mapping[Phase, float]
     colour: Mapping[Phase, float]
 
@@ -48,6 +50,7 @@ def unexplained(statistics: PhaseStatistics) -> UnexplainedSignal:
     nothing = dict.fromkeys(Phase, math.nan)
     return UnexplainedSignal(
         nothing | {phase: _chi2(statistics, phase) for phase in seen},
+        nothing | {phase: _excess(statistics, phase) for phase in seen},
         nothing | {phase: statistics.variance(phase) for phase in seen},
         nothing | {phase: statistics.colour(phase) for phase in seen},
     )
@@ -56,6 +59,11 @@ def unexplained(statistics: PhaseStatistics) -> UnexplainedSignal:
 def _chi2(statistics: PhaseStatistics, phase: Phase) -> float:
     blocks = statistics.blocks[phase, 0]
     return float(statistics.block_squares[phase, 0] / blocks) if blocks else statistics.variance(phase)
+
+
+def _excess(statistics: PhaseStatistics, phase: Phase) -> float:
+    samples = BLOCKS[0] if statistics.blocks[phase, 0] else 1
+    return math.sqrt(max(_chi2(statistics, phase) - 1.0, 0.0) / samples)
 
 
 def line_statistics(trial: Trial, one: JudgedModel) -> PhaseStatistics:
@@ -173,15 +181,22 @@ class PartOverlay:
 class Comparison:
     """The file's model and the fitted one on the recordings as they are, their rail pressure not averaged.
 
-    after: of the line pressure, by the fitted model; open_loop: rms of the line pressure from the opening on, with
-    nothing corrected, before and after [Pa].
+    after: of the line pressure, by the fitted model; innovation: standard deviation of a sample of it [Pa]; swing:
+    rms of the line pressure against the rail's while the needle is open [Pa]; open_loop: rms of the line pressure
+    from the opening on, with nothing corrected, before and after [Pa].
     """
 
     residuals: Sequence[Residual]
     after: UnexplainedSignal
+    innovation: float
+    swing: float
     open_loop: tuple[float, float]
     masses: Sequence[InjectedMass]
     overlays: Sequence[PartOverlay]
+
+    def share(self, phase: Phase) -> float:
+        """What is left in a phase beyond noise, over what the flow does to the line pressure."""
+        return self.after.excess[phase] * self.innovation / self.swing
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,8 +217,13 @@ class _ModelOnParts:
         sigma = math.sqrt(self.pool[signal].variance(phase))
         if signal is Signal.INJECTION_RATE:
             return sigma * float(np.mean([part.measurement.rate_noise for part in self.parts]))
+        return sigma * self.innovation
+
+    @property
+    def innovation(self) -> float:
+        """Standard deviation of a sample's innovation, by noise alone [Pa]."""
         scale = self.models[0].coefficients.pressure_scale
-        return sigma * scale * float(np.mean([math.exp(one.log_sigma) for one in self.judged]))
+        return scale * float(np.mean([math.exp(one.log_sigma) for one in self.judged]))
 
     def open_loop(self) -> float:
         errors = [
@@ -239,6 +259,8 @@ def compared(
             if statistics.samples[phase] > 0
         ],
         unexplained(after.pool[Signal.LINE_PRESSURE]),
+        after.innovation,
+        _swing(parts),
         both(_ModelOnParts.open_loop),
         _masses(before, after),
         [
@@ -246,6 +268,18 @@ def compared(
             for i, part in enumerate(parts)
         ],
     )
+
+
+def _swing(parts: Sequence[Part]) -> float:
+    drops = [
+        (part.measurement.recording.rail_pressure - part.measurement.recording.line_pressure)[
+            opening.first : opening.last + 1
+        ]
+        for part in parts
+        for event in part.measurement.events
+        for opening in event.openings
+    ]
+    return float(np.sqrt(np.mean(np.concatenate(drops) ** 2)))
 
 
 def _seen(

@@ -57,7 +57,7 @@ class Appearance(_BaselineSection):
 
 
 class HealthyShape(_BaselineSection):
-    """Mean innovation of the healthy injector [MPa] at the knots of `evidence.healthy_shape`.
+    """Mean innovation of the healthy injector [MPa] at the knots of `estimation.healthy_shape`.
 
     After the needle leaves its seat, and after it is back on it; slopes: its change for each 40 MPa of rail pressure
     above 100.
@@ -83,13 +83,26 @@ class HealthyRemainder(_BaselineSection):
     shape: HealthyShape
 
 
+class ObserverRemainder(_BaselineSection):
+    """What the observer compares with: what its x~ leaves of the healthy injector at the sample rate of the fit.
+
+    variance, colour: as of `Baseline`, beyond the shape, each recording by the shape of the others;
+    overdispersion: factor by which events scatter beyond noise, by these shapes, too.
+    """
+
+    variance: PhaseFigures
+    colour: PhaseFigures
+    overdispersion: Annotated[float, Field(ge=1, allow_inf_nan=False)]
+    shape: HealthyShape
+
+
 class Baseline(_BaselineSection):
     """What the fitted model leaves unexplained on recordings of the healthy injector.
 
     variance, chi2, colour: of the innovations of the line pressure, of samples, of means of 8, and the larger of
     means of 8 and 20, each of the recording with the most left; mass_share: standard deviation of a mass, as a share,
     that comes of the model and not of noise; level: what the absolute level of flow rests on; healthy: what
-    `discover` compares with, None of a file that was fitted before it was kept.
+    `discover` compares with, and observer: the observer, None of a file that was fitted before it was kept.
     """
 
     format: Literal[1] = 1
@@ -106,5 +119,6 @@ class Baseline(_BaselineSection):
     ci95: Mapping[str, tuple[float, float]] = {}
     recordings: tuple[str, ...] = ()
     healthy: HealthyRemainder | None = None
+    observer: ObserverRemainder | None = None
     origin: str = ""
     date: str = ""

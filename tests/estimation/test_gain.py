@@ -5,13 +5,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.linalg import expm, solve_discrete_are
 
+from observer_rt.config.bench import load_injector
 from observer_rt.estimation.gain import NoiseLevels, gain_schedule
 from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.scalars import PARAMETERS, Parameter
-from observer_rt.model.effective import Coefficients
+from observer_rt.model.effective import Coefficients, averaged, coefficients
 from tests.estimation.conftest import (
     NOISE,
     SAMPLE_RATE,
@@ -182,3 +185,25 @@ def test_wrong_parameter_colours_the_innovations(nominal: Case, parameter: Param
     window = simulated_event(nominal, worn_theta(), event_inputs(), seed=1)
     result = innovations_at(nominal.tuned_to(theta), window, theta)
     assert np.corrcoef(result[51:], result[50:-1])[0, 1] > 0.2
+
+
+@settings(max_examples=20)
+@given(
+    st.sampled_from(["lump", "wave"]),
+    st.sampled_from([1e4, 1e5, 5e5, 2e6]),
+    st.floats(5e3, 1e6),
+    st.floats(5e3, 1e6),
+    st.floats(0.0, 40e-6),
+    st.floats(0.0, 0.9),
+    st.sampled_from([0.0, 50e-6]),
+)
+def test_gain_of_means_lasts_at_every_sample_rate_and_noise(
+    model: str, rate: float, rail: float, line: float, lag: float, late: float, smoothing: float
+) -> None:
+    """Rounding once let the covariance grow less and less symmetric, until a variance was negative."""
+    nominal = load_injector()
+    injector = nominal.model_copy(update={"line": nominal.line.model_copy(update={"model": model})})
+    c = averaged(coefficients(injector))
+    schedule = gain_schedule(c, NoiseLevels(rail, line, 0.4e-6), rate, lag, late, rail_smoothing=smoothing)
+    assert np.isfinite(schedule.gains).all()
+    assert schedule.innovation_sigma >= 0.999 * line / c.pressure_scale

@@ -7,13 +7,24 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
-from observer_rt.estimation.prediction_error import EventCost
+from observer_rt.estimation.prediction_error import EventCost, robust_cost
 from observer_rt.estimation.predictor import Window, open_loop_errors
 from observer_rt.estimation.scalars import PARAMETERS, Parameter, learned_of, network_of
 from observer_rt.model.effective import coefficients
+from observer_rt.model.line.interface import rest_line
+from observer_rt.model.line.wave import RESOLVED
 from observer_rt.model.network import HIDDEN, flow_changes
+from observer_rt.model.parameters import LineOutflow
 from tests.differences import differences
-from tests.estimation.conftest import Case, event_inputs, innovations_at, simulated_event, worn_theta
+from tests.estimation.conftest import (
+    SAMPLE_RATE,
+    Case,
+    event_inputs,
+    innovations_at,
+    make_case,
+    simulated_event,
+    worn_theta,
+)
 
 BURN_IN = 20
 HEALTHY = np.zeros(PARAMETERS)
@@ -180,3 +191,46 @@ def test_open_loop_error_leaves_the_time_before_the_opening_out(nominal: Case) -
     window = window._replace(start=start)
     errors = open_loop_errors(window, nominal.setting, learned_of(HEALTHY, nominal.c))
     assert np.sum(errors[window.opening :] ** 2) < 0.02 * 0.01**2 * window.output.size
+
+
+@pytest.mark.parametrize("together", [1, 3, 5])
+def test_samples_that_count_together_count_by_their_mean(together: int) -> None:
+    """In units of the mean's own standard deviation; one that is left over at the end does not count."""
+    e = np.random.default_rng(5).normal(0.0, 3.0 * SIGMA, 10 + 7 * together + together - 1)
+    z = np.abs(e[10 : 10 + 7 * together].reshape(7, together).mean(axis=1)) / (SIGMA / math.sqrt(together))
+    expected = np.where(z <= 4.0, 0.5 * z**2, 4.0 * (z - 2.0)).sum()
+    assert robust_cost(e, 10, SIGMA, together) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.slow
+def test_short_waves_do_not_count_on_a_line_of_cells() -> None:
+    """Value, gradient and information are those of means over the time that cells resolve."""
+    nominal = load_injector()
+    line = nominal.line.model_copy(update={"model": "wave"})
+    case = make_case(nominal.model_copy(update={"line": line, "line_outflow": LineOutflow.SEAT}))
+    window, theta = made_up_event(case), worn_theta(7)
+    cost = cost_of(case, window)
+    linearised = cost.linearised(theta)
+    samples = round(RESOLVED * SAMPLE_RATE)
+    counted = (window.output.size - BURN_IN) // samples * samples
+    z = cost.innovations[BURN_IN:][:counted].reshape(-1, samples).sum(axis=1) / (SIGMA * math.sqrt(samples))
+    slopes = cost.slopes[BURN_IN:][:counted].reshape(-1, samples, PARAMETERS).sum(axis=1)
+    slopes /= SIGMA * math.sqrt(samples)
+    weights = np.minimum(1.0, 4.0 / np.abs(z))
+    assert (weights < 1.0).any()
+    assert linearised.value == pytest.approx(
+        np.where(weights < 1.0, 4.0 * (np.abs(z) - 2.0), 0.5 * z**2).sum(), rel=1e-9
+    )
+    np.testing.assert_allclose(linearised.gradient, slopes.T @ (weights * z), rtol=1e-9, atol=1e-6)
+    expected = slopes.T @ (weights[:, None] * slopes)
+    np.testing.assert_allclose(linearised.information, expected, atol=1e-9 * np.abs(expected).max())
+
+
+def made_up_event(case: Case) -> Window:
+    """An injection with a line pressure that nothing explains."""
+    inputs = event_inputs()
+    start = np.zeros(case.c.states + 1)
+    rest_line(start[:-1], float(inputs[0, 0]), case.c.line)
+    start[-1] = inputs[0, 0]
+    output = inputs[:, 0] - 0.04 * inputs[:, 1] + np.random.default_rng(2).normal(0.0, 1e-3, len(inputs))
+    return Window(inputs, output, np.arange(len(inputs)) < 100, start, 100)

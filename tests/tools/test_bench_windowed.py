@@ -31,7 +31,11 @@ def test_wear_is_learned_from_windows(score: CaseScore) -> None:
     assert abs(score.event_errors_pct()[2:]).max() < 2.0
     assert score.valid[:2] == (False, False)
     assert score.valid[-1]
-    assert set(score.reasons) == {"", "TOO_FEW_EVENTS"}  # each is at a rail pressure of its own
+    assert set(score.reasons) == {
+        "",
+        "TOO_FEW_EVENTS",
+        "OUTSIDE_LEARNED_RANGE",
+    }  # each is at a rail pressure of its own
 
 
 def test_samples_and_reports_are_those_of_the_whole_recording() -> None:

@@ -17,7 +17,8 @@ from tools.benchmarks.runs import Task
 from tools.benchmarks.scoring import bench_for_case, part_of, recording_of, with_signals
 
 SEED = 1
-SOON = (Reason.STARTING, Reason.TOO_FEW_EVENTS)  # until an event was judged, as after every start
+# until an event was judged, as after every start, and at points that few events do not reach
+SOON = (Reason.STARTING, Reason.TOO_FEW_EVENTS, Reason.OUTSIDE_LEARNED_RANGE)
 FEW_AT_REST = ("openings_every 4.2",)  # ten openings are one event there
 NAMES = sorted(name_of(entry) for entry in alone())
 LARGEST = {name.rsplit(" ", 1)[0]: name for name in sorted(NAMES, key=lambda n: float(n.split(" ")[1]))}

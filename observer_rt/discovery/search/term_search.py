@@ -85,8 +85,8 @@ class TermFit:
 
     @property
     def spread(self) -> float:
-        """Mean square of the normalised residuals, 1 at least."""
-        return max(1.0, float(np.mean(self.residuals.z**2)))
+        """Mean square of the normalised residuals as `statistic` counts it, 1 at least."""
+        return max(1.0, self.residuals.squares / self.residuals.z.size)
 
 
 def no_terms(problem: TermProblem) -> TermFit:
@@ -412,9 +412,9 @@ def _fitted(chosen: tuple[int, ...], found: Minimum) -> TermFit:
 
 
 def _least(about: TermFit, share: float) -> float:
-    """What a term must gain: more the more is left, and a share of that."""
-    z = about.residuals.z
-    return max(LEAST_GAIN * about.spread, share * max(0.0, float(z @ z) - z.size))
+    """What a term must gain: more the more is left, and a share of that, as `statistic` counts it."""
+    left = about.residuals.squares - about.residuals.z.size
+    return max(LEAST_GAIN * about.spread, share * max(0.0, left))
 
 
 def _price(one: TermFit) -> float:

@@ -19,7 +19,7 @@ from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.scalars import SCALARS, Parameter, Scalars, Theta, sensor_lag
 from observer_rt.observer.learning.disturbances.colour import Colour
 from observer_rt.observer.learning.disturbances.noise_levels import mask_of
-from observer_rt.observer.learning.indicators import NOT_FITTED, Healthy
+from observer_rt.observer.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.observer.stream.state import Constants, Reason
 
 # A phase is coloured when some statistic, pooled over recent events, exceeds white noise by this many of its
@@ -192,6 +192,9 @@ class Examiner:
         """
         if window is None:
             return Examination((Objection(Reason.NOT_JUDGED),), self.statistics, self._passed)
+        expected = self._healthy.expected(window, constants.coefficients, constants.interval)
+        if expected is not None:
+            innovations = innovations._replace(values=innovations.values - expected)
         if self.colour is not None:
             innovations = Innovations(
                 self.colour.whitening.of(innovations.values, window.masked), self.colour.sigma

@@ -18,6 +18,7 @@ from observer_rt.estimation.scalars import Parameter, Scalars, Theta
 from observer_rt.observer.learning.adequacy import BURN_IN, tempering
 from observer_rt.observer.learning.disturbances.clipping import EndsOfRange
 from observer_rt.observer.learning.disturbances.colour import (
+    LAGS,
     SEGMENT,
     Colour,
     RestingNoise,
@@ -30,7 +31,9 @@ from observer_rt.observer.learning.disturbances.noise_levels import Sigmas, mask
 from observer_rt.observer.learning.disturbances.pressure_gains import moved, offset_move
 from observer_rt.observer.learning.fitting import EventFit, EventFitter, theta_limits
 from observer_rt.observer.learning.forgetting import FORGOTTEN, Cause, Forgotten
+from observer_rt.observer.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.observer.learning.memory import Tracker
+from observer_rt.observer.learning.overdispersion import Overdispersion
 from observer_rt.observer.learning.trend import Trend
 
 FIRST_ITERATIONS = 8
@@ -45,13 +48,20 @@ class ChangingFit(Tracker):
     """Fits event after event; what moves on is seen in what they contradict together."""
 
     _trend: Trend
+    _overdispersion: Overdispersion
 
-    def __init__(self, scalars: Scalars, pressure_scale: float) -> None:
-        """pressure_scale: p_0 [Pa]."""
+    def __init__(self, scalars: Scalars, pressure_scale: float, overdispersion: float) -> None:
+        """pressure_scale: p_0 [Pa]; overdispersion: of the healthy injector."""
         self._gate = scalars.gate
         self._limits = theta_limits(pressure_scale, scalars)
         self._wide, self._drift = scalars.prior(pressure_scale), scalars.drift(pressure_scale)
         self._trend = Trend()
+        self._overdispersion = Overdispersion(overdispersion)
+
+    @property
+    def overdispersion(self) -> float:
+        """By what an event's cost is to be divided."""
+        return self._overdispersion.factor
 
     def forget(self) -> None:
         """The events before were judged by another measure."""
@@ -73,6 +83,7 @@ class ChangingFit(Tracker):
         prior = prior.widened(self._trend.extra_after(first.standard_scores(prior.covariance), self._drift))
         fit = fitter.fit(first, prior, ITERATIONS)
         if score <= CHANGE_SCORE:
+            self._overdispersion.add(score)
             return fit
         other = fitter.fit(fit.linearisation, prior.widened(self._wide), iterations)
         much_better = other.linearisation.value < fit.linearisation.value - 0.5 * CHANGE_GAIN
@@ -141,20 +152,29 @@ class EventReader(Tracker):
     _fit: ChangingFit
 
     def __init__(
-        self, interval: float, pressure_scale: float, scalars: Scalars, colour: Colour | None
+        self,
+        interval: float,
+        pressure_scale: float,
+        scalars: Scalars,
+        colour: Colour | None,
+        healthy: Healthy = NOT_FITTED,
     ) -> None:
-        """interval: of samples [s]; pressure_scale: p_0 [Pa]; colour: that is known."""
+        """interval: of samples [s]; pressure_scale: p_0 [Pa]; colour: that is known.
+
+        healthy: what the model leaves unexplained of a healthy injector.
+        """
         self.colour = colour
         """Of the innovations, None while they are white."""
         self.burn_in = round(BURN_IN / interval)
         self._interval, self._scalars = interval, scalars
-        self._shortest = round(SEGMENT / interval)
+        self._shortest = max(round(SEGMENT / interval), LAGS + 1)
         self._at_rest = RestingNoise(interval)
         self._slow_rail = SlowRail(interval)
         self._jitter = TimeJitter()
         self._outliers = OutlierSearch()
         self._range = EndsOfRange()
-        self._fit = ChangingFit(scalars, pressure_scale)
+        self._fit = ChangingFit(scalars, pressure_scale, healthy.overdispersion)
+        self._healthy = healthy
 
     def explained(self, window: Window, believed: Believed) -> Explained | None:
         """An event fitted; None if no fit is finite. Raises numpy.linalg.LinAlgError when singular."""
@@ -193,6 +213,8 @@ class EventReader(Tracker):
             None if self.colour is None else self.colour.whitening,
             believed.offset,
             self._jitter.levels(window, believed.sigmas.innovation),
+            self._fit.overdispersion,
+            self._healthy.expected(window, believed.setting.coefficients, self._interval),
         )
 
     def temper(self, statistics: PhaseStatistics, rail_noise: float) -> float:

@@ -25,6 +25,7 @@ from observer_rt.observer.stream.state import Reason
 FREEZE_AFTER = 2  # events
 SET_ASIDE_AFTER = 2  # events
 RELEASE_AFTER = 3
+CHANGES = 5  # sudden ones, with no two events in a row that passed between, that an injector may have
 UNEXPLAINED = (
     Reason.MODEL_INADEQUATE,
     Reason.LIFT_SENSOR_LAG,
@@ -39,16 +40,19 @@ class Mistrust(Tracker):
 
     A sudden change is one such event, changes all the time are many; a scale that is not known is enough by itself.
     Until then an event that passed makes up for one that did not; afterwards several in a row must pass, for some
-    operating points contradict a wrong model more than others.
+    operating points contradict a wrong model more than others. So many changes meanwhile are none: the model does
+    not fit.
     """
 
     _events: int
     _passed: int
+    _changes: int
     _because: Objection | None
 
     def __init__(self) -> None:
         self._events = 0
         self._passed = 0
+        self._changes = 0
         self._because = None
 
     @property
@@ -58,6 +62,7 @@ class Mistrust(Tracker):
 
     def after(self, found: Collection[Objection]) -> Objection | None:
         """Take in what an event was found to be; why the nominal model is to be carried from it on, None if not."""
+        self._changes += any(objection.reason is Reason.SUDDEN_CHANGE for objection in found)
         unexplained = next((objection for objection in found if objection.reason in UNEXPLAINED), None)
         if unexplained is not None:
             counts = SET_ASIDE_AFTER if unexplained.reason is Reason.AMBIGUOUS_SCALE else 1
@@ -67,8 +72,15 @@ class Mistrust(Tracker):
         elif not found:
             self._events, self._passed = max(self._events - 1, 0), self._passed + 1
             if self._passed >= BELIEVED_AFTER:
-                self._events, self._because = 0, None
-        return self._because
+                self._events, self._changes, self._because = 0, 0, None
+        return self._because and self.told([self._because])[0]
+
+    def told(self, found: Sequence[Objection]) -> tuple[Objection, ...]:
+        """What speaks against an event taken in, one change too many as a model that is inadequate."""
+        if self._changes <= CHANGES:
+            return tuple(found)
+        inadequate = Objection(Reason.MODEL_INADEQUATE)
+        return tuple(inadequate if each.reason is Reason.SUDDEN_CHANGE else each for each in found)
 
 
 class Freezer(Tracker):
@@ -94,12 +106,6 @@ class Freezer(Tracker):
         elif self._good >= RELEASE_AFTER:
             self._frozen = False
         return self._frozen
-
-
-SOON, SELDOM = (
-    8,
-    8,
-)  # events that are tried after one that did not pass, then one of so many: it takes twice as long
 
 
 class BelievedSoFar(NamedTuple):
@@ -143,9 +149,8 @@ class Checkpoint(Tracker):
 
     @property
     def is_worth_trying(self) -> bool:
-        """Whether the next event may be explained by it and not by what is believed now."""
-        is_due = 0 < self._failed <= SOON or self._failed % SELDOM == 1
-        return self.is_known and self._passed == 0 and is_due
+        """Whether the next event may be explained by it and not by what is believed now: takes twice as long."""
+        return self.is_known and self._failed > 0 and self._passed == 0
 
     @property
     def believed(self) -> BelievedSoFar:
@@ -211,5 +216,17 @@ def is_better(
     Rail-pressure noise makes that error wander, so a better theta often raises it a little: asked to lower it
     strictly, the worst of 20 worn injectors stays 0.88 % off in mass, with this tolerance 0.45 %.
     """
-    after, before = (sum(e.error(one, colour, scalars) for e in events) for one in (theta, in_force))
+    after, before = (_error(events, one, colour, scalars) for one in (theta, in_force))
     return after < TOLERANCE * before
+
+
+def best_explaining(
+    events: Sequence[Rehearsed], candidates: Sequence[Theta], colour: Colour | None, scalars: Scalars
+) -> Theta:
+    """The theta (m,) with the lowest re-simulated output error of events; of equal ones the first."""
+    errors = [_error(events, theta, colour, scalars) for theta in candidates]
+    return candidates[int(np.argmin(np.nan_to_num(errors, nan=np.inf)))]
+
+
+def _error(events: Sequence[Rehearsed], theta: Theta, colour: Colour | None, scalars: Scalars) -> float:
+    return sum(event.error(theta, colour, scalars) for event in events)

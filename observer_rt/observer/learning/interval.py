@@ -54,15 +54,19 @@ def resimulated(
     return Resimulated(run, by_inputs, covariance, carried_covariance, setting.interval)
 
 
-def volume_interval(event: Resimulated, window: slice) -> tuple[float, float]:
-    """95 % interval of the volume [m3] injected in a window of the event, round the re-simulated volume."""
+def volume_interval(event: Resimulated, window: slice, published: float) -> tuple[float, float]:
+    """95 % interval of the volume [m3] injected in a window of the event, with the published volume in it.
+
+    It is that of the re-simulated volume; one published that was not known so well, nan: none was, is at its end.
+    """
     volume = _volume(event, window)
     gradient = np.trapezoid(event.run.slopes[window], axis=0) * event.interval
     by_parameters = float(gradient @ event.covariance @ gradient)
     by_inputs = float(event.by_inputs.volume[window][-1])
     by_model = (event.systematic * volume) ** 2
     sigma = float(np.sqrt(by_parameters + by_inputs + by_model))
-    return volume - 1.96 * sigma, volume + 1.96 * sigma
+    low, high = volume - 1.96 * sigma, volume + 1.96 * sigma
+    return (low, high) if math.isnan(published) else (min(low, published), max(high, published))
 
 
 def is_revised(event: Resimulated, window: slice, volume: float) -> bool:

@@ -16,7 +16,7 @@ from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.scalars import SCALARS, Scalars, Theta
 from observer_rt.observer.learning.adequacy import Objection
 from observer_rt.observer.learning.disturbances.colour import Colour
-from observer_rt.observer.learning.indicators import SAME_RATE
+from observer_rt.observer.learning.healthy import SAME_RATE
 from observer_rt.observer.learning.interval import EVERYWHERE, EventPoint, KnownFlow, Resimulated
 from observer_rt.observer.learning.memory import NOTHING, Memory, Remembered
 from observer_rt.observer.stream.phi import Phi, StructuredPhi
@@ -30,7 +30,7 @@ class Adoption(StrEnum):
     ADOPTED = "adopted"
     REJECTED = "rejected"  # the new theta does not lower the re-simulated output error
     FAILED = "failed"  # singular information, or no finite cost
-    SET_ASIDE = "set aside"  # events in a row are not explained: the nominal model is carried meanwhile
+    SET_ASIDE = "set aside"  # events in a row are not explained: what explains them best is carried meanwhile
     FROZEN = "frozen"  # the standstill contradicts the model: nothing learned from it may be used
 
 

@@ -193,7 +193,8 @@ class SlowedSensor(Tracker):
         """
         if is_sudden and self._before is None:
             self._before = before
-        if self._before is not None and lag < self._before + SLOWED:
+        # what is believed may be of a sensor that leads, which none does: beyond that no lag would come back
+        if self._before is not None and lag < max(self._before, 0.0) + SLOWED:
             self._before = None
         return self._before is not None
 

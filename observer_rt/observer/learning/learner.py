@@ -26,6 +26,7 @@ from observer_rt.observer.learning.adequacy import (
 )
 from observer_rt.observer.learning.disturbances.coil_current import Energizing
 from observer_rt.observer.learning.disturbances.colour import OffsetSince
+from observer_rt.observer.learning.disturbances.held_rail import HeldRail
 from observer_rt.observer.learning.disturbances.noise_levels import Sigmas, median
 from observer_rt.observer.learning.disturbances.pressure_gains import PressureGains
 from observer_rt.observer.learning.explained import Believed, EventReader, Explained
@@ -36,10 +37,12 @@ from observer_rt.observer.learning.fallback import (
     Freezer,
     Mistrust,
     Rehearsed,
+    best_explaining,
     is_better,
 )
 from observer_rt.observer.learning.forgetting import FORGOTTEN, Cause, Forgotten
-from observer_rt.observer.learning.indicators import NOT_FITTED, Healthy, nozzle_change
+from observer_rt.observer.learning.healthy import NOT_FITTED, Healthy
+from observer_rt.observer.learning.indicators import nozzle_change
 from observer_rt.observer.learning.interval import (
     UNSEEN,
     Resimulated,
@@ -98,6 +101,7 @@ class Learner(Tracker):
     """Learns event after event. Pure: no clock, no thread; the caller decides where it runs."""
 
     _reader: EventReader
+    _held_rail: HeldRail
     _freezer: Freezer
     _mistrust: Mistrust
     _checkpoint: Checkpoint
@@ -106,6 +110,7 @@ class Learner(Tracker):
     _lift_lag: LiftLagSearch
     _energizing: Energizing
     _pressure_gains: PressureGains
+    _passed_with: NDArray[np.float64]
 
     def __init__(
         self,
@@ -129,8 +134,9 @@ class Learner(Tracker):
         self._statistics = knowledge.statistics
         self._learned_at = knowledge.learned_at
         colour = knowledge.colour_at(constants.interval)
-        self._reader = EventReader(constants.interval, self._scale, scalars, colour)
+        self._reader = EventReader(constants.interval, self._scale, scalars, colour, healthy)
         self._offset_since = OffsetSince()
+        self._held_rail = HeldRail()
         self._gains_for = lru_cache(maxsize=2)(gain_schedule)  # most events find the same line, noise and lag
         self._schedule = self._gains(self._theta)
         self._previous: Rehearsed | None = None
@@ -142,6 +148,7 @@ class Learner(Tracker):
         self._lift_lag = LiftLagSearch()
         self._energizing = Energizing(constants.interval, self._wide)
         self._pressure_gains = PressureGains()
+        self._passed_with = self._theta.copy()
         self.recall(knowledge.memory_at(constants.interval))
 
     @property
@@ -169,7 +176,9 @@ class Learner(Tracker):
         outcome = self._learn(window, standstill, in_force, constants or self._constants)
         passed = not outcome.objections
         self._checkpoint.after(self._believed_now, self._reader, passed)
-        if not passed:
+        if passed:
+            self._passed_with = outcome.knowledge.in_force
+        else:
             self._forget(Cause.NOT_PASSED)
         memory = Memory(self._constants.interval, self.memory())
         outcome = replace(outcome, knowledge=replace(outcome.knowledge, memory=memory))
@@ -184,7 +193,10 @@ class Learner(Tracker):
         if standstill.noise is not None:
             self._hear(standstill.noise)
         self._schedule = self._gains(self._theta)
-        if (objection := implausible(window, self._scale)) is not None:
+        objection = implausible(window, self._scale)
+        if self._held_rail.is_held_after(window, standstill, constants.rail_every):
+            objection = Objection(Reason.INPUT_FROZEN)
+        if objection is not None:
             return replace(self._outcome(Adoption.FAILED, window, in_force), objections=(objection,))
         try:
             event, believed = self._explained(window, standstill)
@@ -202,7 +214,8 @@ class Learner(Tracker):
         again = self._resimulated(event.window, carried)
         self._lag_doubt.take_in(None if lag is None else lateness_of(lag, again.run))
         doubts = self._doubts(event)
-        better = self._is_better(event.window, in_force)
+        rehearsed = self._rehearsed(event.window)
+        better = is_better(rehearsed, self._theta, in_force, self._reader.colour, self._scalars)
         if self._freezer.is_frozen_after(self._statistics):
             return _because(self._frozen(event.window, in_force), is_clipped, is_disturbed)
         adoption = Adoption.ADOPTED if better or believed.again else Adoption.REJECTED
@@ -211,10 +224,12 @@ class Learner(Tracker):
         told = self._lift_lag.told(outcome.objections, partial(self._lift_lag_in, event, believed))
         outcome = replace(outcome, objections=told)
         because = self._mistrust.after(outcome.objections)
+        outcome = replace(outcome, objections=self._mistrust.told(outcome.objections))
         if because is not None:
-            nominal = replace(outcome.knowledge, in_force=np.zeros_like(in_force))
+            carried_on = self._carried_after(because, rehearsed)
             reasons = outcome.objections or (because,)
-            return replace(outcome, adoption=Adoption.SET_ASIDE, knowledge=nominal, objections=reasons)
+            knowledge = replace(outcome.knowledge, in_force=carried_on.copy())
+            return replace(outcome, adoption=Adoption.SET_ASIDE, knowledge=knowledge, objections=reasons)
         if self._checkpoint.is_known and any(each.reason in UNEXPLAINED for each in outcome.objections):
             as_before = replace(outcome.knowledge, in_force=in_force.copy())
             outcome = replace(outcome, adoption=Adoption.REJECTED, knowledge=as_before)
@@ -335,6 +350,7 @@ class Learner(Tracker):
         statistics = self._statistics_of(event)
         here = event.fit.linearisation
         temper = self._reader.temper(statistics, self._noise.rail_pressure / self._scale)
+        temper = max(temper / event.cost.temper, 1.0)
         self._belief = event.fit.prior.updated(here.information / temper, here.vector / temper)
         self._theta, self._active = here.theta, event.fit.active
         self._reader.colour = event.colour
@@ -406,13 +422,26 @@ class Learner(Tracker):
             self._forget(Cause.SUDDEN_CHANGE)
         return doubts
 
-    def _is_better(self, window: Window, in_force: NDArray[np.float64]) -> bool:
-        """Whether the new theta does better in this event and the one before than that in force, (m,)."""
+    def _rehearsed(self, window: Window) -> Sequence[Rehearsed]:
+        """This event, and the one before, to be run open loop."""
         offset = float(self._theta[Parameter.LINE_PRESSURE_OFFSET])
         before, now = self._previous, Rehearsed(window, self._setting(), offset)
         self._previous = now
-        events = [now] if before is None else [before, now]
-        return is_better(events, self._theta, in_force, self._reader.colour, self._scalars)
+        return [now] if before is None else [before, now]
+
+    def _carried_after(self, because: Objection, events: Sequence[Rehearsed]) -> Theta:
+        """What is carried (m,) where events are not explained: of all that once explained some what is best at them.
+
+        What was learned from them explains nothing. The nominal model where the scale is not known: another one
+        explains the pressures as well, with other masses.
+        """
+        nominal = np.zeros_like(self._theta)
+        if because.reason is Reason.AMBIGUOUS_SCALE:
+            return nominal
+        candidates = [nominal, self._passed_with]
+        if self._checkpoint.is_known:
+            candidates.append(self._checkpoint.believed.theta)
+        return best_explaining(events, candidates, self._reader.colour, self._scalars)
 
     def _lift_lag_in(self, event: Explained, believed: Believed, expected: float) -> LiftLag:
         """The lag of the lift that explains an event best; expected: [s]."""
@@ -524,18 +553,22 @@ class Learner(Tracker):
         return self._gains_for(learned.coefficients, self._noise, rate, lag, sensor.fraction, every)
 
     def _setting(self) -> Setting:
-        constants = self._constants
-        sensor = constants.sensor
-        return Setting(
-            interval=constants.interval,
-            substeps=constants.substeps,
-            coefficients=constants.coefficients,
-            gain=self._schedule.gains[-1].copy(),
-            late=sensor.fraction,
-            lag=sensor.lag,
-            offset=sensor.offset,
-            program=constants.program,
-        )
+        return setting_of(self._constants, self._schedule.gains[-1].copy())
+
+
+def setting_of(constants: Constants, gain: NDArray[np.float64]) -> Setting:
+    """How x~ is followed over an event with a gain (states,)."""
+    sensor = constants.sensor
+    return Setting(
+        interval=constants.interval,
+        substeps=constants.substeps,
+        coefficients=constants.coefficients,
+        gain=gain,
+        late=sensor.fraction,
+        lag=sensor.lag,
+        offset=sensor.offset,
+        program=constants.program,
+    )
 
 
 def _because(outcome: Outcome, is_clipped: bool, is_disturbed: bool) -> Outcome:

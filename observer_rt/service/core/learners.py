@@ -19,7 +19,7 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import LineOutflow
-from observer_rt.observer.learning.indicators import Healthy, healthy_of, holds_at
+from observer_rt.observer.learning.healthy import Healthy, healthy_of, holds_at
 from observer_rt.observer.learning.knowledge import EventLearner, Knowledge
 from observer_rt.observer.learning.learner import Learner
 from observer_rt.observer.paper_scheme.learner import PaperLearner

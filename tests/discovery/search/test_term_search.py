@@ -115,6 +115,22 @@ def test_what_may_be_the_own_error_of_a_model_is_no_term() -> None:
         assert len(best.chosen) == count
 
 
+@pytest.mark.parametrize("size", [0.5, 3.0, 300.0, 5000.0])
+def test_a_term_is_found_however_large_it_is_against_the_noise(size: float) -> None:
+    """What it gains counts linearly beyond some sigma, and so does what it must gain."""
+    cause, *others = white(4)
+
+    class Wide(Regression):
+        def __init__(self, equations: str, columns: Floats, y: Floats) -> None:
+            super().__init__(equations, columns, y)
+            self.candidates = tuple(Term(equation, Range(-1e4, 1e4, 0.01)) for equation in equations)
+
+    y = size * cause + np.random.default_rng(0).normal(size=cause.size)
+    result = TermSearch(Wide("abcd", np.column_stack((cause, *others)), y), in_turn).run()
+    assert result.best.chosen == (0,)
+    assert result.adequate
+
+
 def test_a_rival_of_another_equation_is_listed() -> None:
     cause, other, noise = white(3)
     result = searched("aabc", [cause, 0.999 * cause, cause + 0.01 * noise, other], 2.0 * cause)

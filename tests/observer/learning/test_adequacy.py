@@ -27,7 +27,7 @@ from observer_rt.observer.learning.adequacy import (
     pooled,
     tempering,
 )
-from observer_rt.observer.learning.indicators import NOT_FITTED
+from observer_rt.observer.learning.healthy import NOT_FITTED
 from observer_rt.observer.observer import Durations, constants_for
 from observer_rt.observer.stream.state import Reason
 from tests.observer.sample_stream import NOMINAL

@@ -7,7 +7,7 @@ import pytest
 
 from observer_rt.estimation.phases import BLOCKS, PHASES, Phase, PhaseStatistics
 from observer_rt.observer.learning.adequacy import Objection, inadequate_phase, objections
-from observer_rt.observer.learning.indicators import NOT_FITTED, healthy_of
+from observer_rt.observer.learning.healthy import NOT_FITTED, healthy_of
 from observer_rt.observer.stream.state import Reason
 from tests.baselines import WHITE, baseline
 

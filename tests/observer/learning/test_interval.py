@@ -1,9 +1,12 @@
 """The intervals of an injected volume and of a rate against the distribution they claim."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from observer_rt.estimation.open_loop import InputVariance, OpenLoop
 from observer_rt.observer.learning.interval import Resimulated, is_revised, rate_sigma, volume_interval
@@ -32,7 +35,21 @@ def event(seed: int) -> Resimulated:
 
 
 def test_volume_without_doubt_about_parameters_and_inputs() -> None:
-    assert volume_interval(event(1), WHOLE) == pytest.approx((VOLUME, VOLUME))
+    assert volume_interval(event(1), WHOLE, VOLUME) == pytest.approx((VOLUME, VOLUME))
+
+
+@given(
+    published=st.floats(0.5 * VOLUME, 1.5 * VOLUME) | st.just(math.nan),
+    systematic=st.floats(0.0, 0.1),
+)
+def test_a_published_volume_lies_within_its_interval(published: float, systematic: float) -> None:
+    known = replace(event(1), systematic=systematic)
+    low, high = volume_interval(known, WHOLE, published)
+    learned = volume_interval(known, WHOLE, math.nan)
+    assert not published < low
+    assert not published > high
+    assert low <= learned[0] <= learned[1] <= high
+    assert {low, high} <= {*learned, published}
 
 
 @pytest.mark.parametrize(("share", "revised"), [(0.97, True), (0.99, False), (1.01, False), (1.03, True)])
@@ -55,7 +72,7 @@ def test_width_of_the_volume_follows_from_parameters_and_inputs() -> None:
     draws = random.normal(size=(20_000, SIZE)) @ root.T
     volumes = np.trapezoid(RATE[:, None] + spread.run.slopes @ draws.T, dx=INTERVAL, axis=0)
     volumes += by_inputs * random.normal(size=volumes.size)
-    low, high = volume_interval(spread, WHOLE)
+    low, high = volume_interval(spread, WHOLE, VOLUME)
     assert 0.5 * (low + high) == pytest.approx(VOLUME)
     assert (high - low) / (2 * 1.96) == pytest.approx(volumes.std(), rel=0.02)
     assert np.mean((low < volumes) & (volumes < high)) == pytest.approx(0.95, abs=0.01)

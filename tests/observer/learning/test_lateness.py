@@ -133,6 +133,16 @@ def test_a_sensor_that_becomes_slower_all_at_once_is_at_fault_until_it_is_as_bef
     assert not sensor.after(before, before, is_sudden=False)
 
 
+def test_a_sensor_that_seemed_to_lead_is_healthy_again_without_a_lag() -> None:
+    """What was believed of signals that were none may be a lead, which is kept in a state file, too."""
+    sensor = SlowedSensor()
+    assert sensor.after(-2.0 * SLOWED, 2.0 * SLOWED, is_sudden=True)
+    again = SlowedSensor()
+    again.recall(sensor.memory())
+    for healthy in (sensor, again):
+        assert not healthy.after(0.0, 0.0, is_sudden=False)
+
+
 def test_a_delay_with_which_the_model_is_not_stable_tells_nothing() -> None:
     case = make_case(NOMINAL)
     lagging = np.zeros(PARAMETERS)

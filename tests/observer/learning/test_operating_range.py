@@ -119,8 +119,8 @@ def test_an_injection_unlike_those_learned_from_is_not_valid(
     """The fourth is; it is learned from, and all after it are valid and right."""
     outcome = recorded_at(rails, openings, seed=3)
     reports = evaluate(bench_at(100e3), [recording_of(outcome)]).evaluations[0].reports
-    few = Reason.TOO_FEW_EVENTS
-    assert [each.reason for each in reports] == [few, few, Reason.NONE, few, Reason.NONE, Reason.NONE]
+    few, outside = Reason.TOO_FEW_EVENTS, Reason.OUTSIDE_LEARNED_RANGE
+    assert [each.reason for each in reports] == [few, few, Reason.NONE, outside, Reason.NONE, Reason.NONE]
     true = windows_of(outcome, 100e3).masses(outcome.truth.injection_rate, Injector().density)
     for report, mass in zip(reports, true, strict=True):
         assert not report.valid or report.mass == pytest.approx(mass, rel=0.02)

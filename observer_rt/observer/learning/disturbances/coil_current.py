@@ -25,6 +25,7 @@ BEFORE_OPENING = (
 )
 EDGE_CLIP = 3.0  # standard deviations for which an innovation counts at most: one event alone is an outlier
 SEEN_FOR = 0.25e-3  # s, until x~ has taken a step for its own
+FEWEST = 2  # samples of it: at a low sample rate no edge is seen
 STANDS_OUT = 4.5  # standard deviations
 OF_ONE_EVENT = 4.0  # of these at most, so that it must recur
 COMMON = 0.6  # of it, up to which steps may stand out that are no edge: then the standstill is not understood at all
@@ -51,6 +52,7 @@ class EdgeSearch(Tracker):
             round(duration / interval)
             for duration in (SHORTEST_DELAY, LONGEST_DELAY, SEEN_FOR, BEFORE_OPENING)
         )
+        self._seen_for = max(self._seen_for, FEWEST)
         places = self.longest + self._seen_for
         self._products, self._squares = np.zeros(places), np.zeros(places)
         self._whole = np.zeros((2, places))  # the same without limits: how high, and where

@@ -11,9 +11,10 @@ import typer
 from rich.table import Table
 
 from tools.benchmarks import ablation as parts
-from tools.benchmarks import bars, peers
+from tools.benchmarks import bars, peers, worn_lines
 from tools.benchmarks import command_line as cli
 from tools.benchmarks.cases import CLASSES, LUMP_CLASSES, WAVE_CLASSES, Case, Group, make_case, on_real_line
+from tools.benchmarks.discovery.real_line.discrepancies import Discrepancy
 from tools.benchmarks.figures import save_figures
 from tools.benchmarks.report import (
     NOTHING,
@@ -274,7 +275,7 @@ def _spread(values: Sequence[float]) -> dict[str, float]:
 
 @cli.app.command(
     epilog="Examples: tools/bench accuracy --cases 10 --classes orifice_area,line_friction; "
-    "tools/bench accuracy --tier B --variant step --cases 3"
+    "tools/bench accuracy --tier B --seed 7; tools/bench accuracy --tier B --variant step --cases 3"
 )
 def accuracy(
     cases: Annotated[
@@ -289,7 +290,10 @@ def accuracy(
         bool, typer.Option("--ablation", help="Instead: our observer with one part changed each.")
     ] = False,
     tier: cli.TierOption = cli.Tier.A,
-    variant: Annotated[Variant, typer.Option(help="Of tier B's line.")] = Variant.PLAIN,
+    variant: Annotated[
+        Variant | None,
+        typer.Option(help="Tier B: all classes of faults on this line (else: wear alone, on seven lines)."),
+    ] = None,
     model: cli.ModelOption = None,
     measured_rate: Annotated[
         bool,
@@ -301,6 +305,14 @@ def accuracy(
 ) -> None:
     """Error of mass and rate on independent plants, against the true rate, class by class."""
     default, usual, folder = LUMP_CLASSES, CASES, "accuracy"
+    if tier is cli.Tier.B and not (variant or classes or model or measured_rate):
+        lines = tuple(Discrepancy)
+        plan = Plan(lines, cases or worn_lines.CASES, seed, workers, out or Path("build/worn-lines"), False)
+        with cli.resumable("what is scored is"):
+            worn = worn_lines.run_worn_lines(plan)
+            put_out(as_json, worn_lines.json_document(worn), worn_lines.shown(worn))
+        return
+    variant = variant or Variant.PLAIN
     if ablation:
         default, usual = parts.CLASSES_TRIED, ABLATION_CASES
     elif tier is cli.Tier.B:

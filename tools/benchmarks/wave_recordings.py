@@ -130,10 +130,17 @@ def maker_file(length: float = 1.0) -> str:
 
 
 def fit_model(
-    recordings: Sequence[Path], maker: Path, fitted: Path, program: Sequence[str] = OUR_PROGRAM
+    recordings: Sequence[Path],
+    maker: Path,
+    fitted: Path,
+    program: Sequence[str] = OUR_PROGRAM,
+    more: Sequence[str] = (),
 ) -> str:
-    """Have `fit` make an injector file of recordings, from the maker's; what it says. Raises RunError."""
-    options = ["--model", str(maker), "--output", str(fitted), "--force"]
+    """Have `fit` make an injector file of recordings, from the maker's; what it says. Raises RunError.
+
+    more: options of `fit`.
+    """
+    options = ["--model", str(maker), "--output", str(fitted), "--force", *more]
     command = [*program, "fit", *map(str, recordings), *options]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:

@@ -28,7 +28,15 @@ from tools.benchmarks.faults.scenario import Group, Kind, Placed, Scenario
 from tools.benchmarks.plant import Measured
 
 _LATE = frozenset(
-    {"NOT_JUDGED", "NOT_LEARNED", "MODEL_INADEQUATE", "CONTRADICTED", "REVISED", "TOO_FEW_EVENTS"}
+    {
+        "NOT_JUDGED",
+        "NOT_LEARNED",
+        "MODEL_INADEQUATE",
+        "CONTRADICTED",
+        "REVISED",
+        "TOO_FEW_EVENTS",
+        "OUTSIDE_LEARNED_RANGE",
+    }
 )
 HUNG = Kind("learner_hung", Group.PROCESS, _LATE)
 FAILING = Kind("learner_failing", Group.PROCESS, _LATE)

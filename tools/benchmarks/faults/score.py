@@ -104,7 +104,7 @@ def _found_after(valid: NDArray[np.bool_], begin: float, end: float, interval: f
     return float(gone[0] * interval) if gone.size else None
 
 
-_NOTHING_WRONG = ("NONE", "TOO_FEW_EVENTS")
+_NOTHING_WRONG = ("NONE", "TOO_FEW_EVENTS", "OUTSIDE_LEARNED_RANGE")
 
 
 def _named(scenario: Scenario, published: Published, begin: float) -> tuple[str, ...]:

@@ -211,10 +211,14 @@ def bench_of(
     around = Surroundings(starts=starts, supply=(supply,), before_noise=(*plant.mounting, *steps))
     events = tuple(Event(rail_pressure, (shot,), faults) for shot in shots)
     seed = int(rng.integers(2**62))
-    of_needle = np.random.default_rng([rig.seed, rig.number, zlib.crc32(b"needle")])
-    opening, closing = 1.0 + NEEDLE_SPREAD * of_needle.uniform(-1.0, 1.0, 2)
-    needle = Needle(0.80 * opening, 0.90 * closing)
-    return Bench(plant.part, needle, events, noise=noise, seed=seed, line=plant.line, around=around)
+    return Bench(plant.part, needle_of(rig), events, noise=noise, seed=seed, line=plant.line, around=around)
+
+
+def needle_of(rig: Rig) -> Needle:
+    """The needle of a rig."""
+    rng = np.random.default_rng([rig.seed, rig.number, zlib.crc32(b"needle")])
+    opening, closing = 1.0 + NEEDLE_SPREAD * rng.uniform(-1.0, 1.0, 2)
+    return Needle(0.80 * opening, 0.90 * closing)
 
 
 @dataclass(frozen=True)

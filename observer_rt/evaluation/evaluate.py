@@ -275,7 +275,7 @@ def _passages(log: LoggedSignals, evaluation: Evaluation) -> list[Passage]:
     return passages
 
 
-_OF_A_START = (Reason.STARTING, Reason.TOO_FEW_EVENTS, Reason.JUMPED)
+_OF_A_START = (Reason.STARTING, Reason.TOO_FEW_EVENTS, Reason.OUTSIDE_LEARNED_RANGE, Reason.JUMPED)
 
 
 def second_opinion(

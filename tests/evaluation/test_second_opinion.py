@@ -19,7 +19,7 @@ def test_wear_shows_in_its_own_indicator() -> None:
     assert (
         opinion.valid == 3
     )  # all but the two of a start, and the first at a higher rail pressure than those
-    assert set(opinion.reasons) <= {"OUTSIDE_LEARNED_RANGE"}
+    assert opinion.reasons == {}
 
 
 def test_an_offset_is_in_pascal() -> None:

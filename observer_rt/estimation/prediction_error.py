@@ -240,6 +240,15 @@ class EventCost:
         """(n, m) of the innovations where J was last linearised."""
         self.unfiltered = self.innovations = NO_RATE
 
+    def beyond_noise(self, value: float) -> float:
+        """chi2 of the innovations beyond that of noise, where J is `value`."""
+        return 2.0 * self.temper * value - self.terms
+
+    @property
+    def terms(self) -> int:
+        """How many squares J sums."""
+        return (self._window.output.size - self.burn_in) // self._together
+
     def value(self, theta: NDArray[np.float64]) -> float:
         """J(theta), inf where the prediction is not finite; leaves the innovations behind."""
         learned = learned_of(theta, self._setting.coefficients, self._scalars)

@@ -143,8 +143,8 @@ _UNFIT = {
     ),
     Reason.LIFT_SENSOR_LAG: (
         "a needle lift recorded late would explain",
-        "state lag_us or filter_delay_us of [signals.needle_lift] in the bench file; `observer-rt discover` names "
-        "its size",
+        "`observer-rt discover` tells it from a changed nozzle; if it names needle_lift_sensor_lag, state lag_us of "
+        "[signals.needle_lift] in the bench file",
     ),
 }
 """Why the results of many injections are worth nothing, and what to do about it."""

@@ -64,6 +64,18 @@ def test_value_is_half_the_sum_of_squares(nominal: Case) -> None:
     np.testing.assert_array_equal(cost.innovations, e)
 
 
+@pytest.mark.parametrize("temper", [1.0, 2.5])
+def test_chi2_beyond_noise_is_that_of_the_innovations_however_much_they_are_tempered(
+    nominal: Case, temper: float
+) -> None:
+    window = simulated_event(nominal, HEALTHY, event_inputs(), seed=3)
+    cost = EventCost(window, nominal.setting, SIGMA, BURN_IN, temper=temper)
+    beyond = cost.beyond_noise(cost.value(HEALTHY))
+    z = innovations_at(nominal, window, HEALTHY)[BURN_IN:] / SIGMA
+    assert cost.terms == z.size
+    assert beyond == pytest.approx(z @ z - z.size, rel=1e-9)
+
+
 def test_a_noisier_sample_counts_as_a_smaller_one(nominal: Case) -> None:
     """Value, gradient and information of innovations and slopes over their level."""
     theta = worn_theta(7)
@@ -218,6 +230,7 @@ def test_short_waves_do_not_count_on_a_line_of_cells() -> None:
     slopes /= SIGMA * math.sqrt(samples)
     weights = np.minimum(1.0, 4.0 / np.abs(z))
     assert (weights < 1.0).any()
+    assert cost.terms == len(z)
     assert linearised.value == pytest.approx(
         np.where(weights < 1.0, 4.0 * (np.abs(z) - 2.0), 0.5 * z**2).sum(), rel=1e-9
     )

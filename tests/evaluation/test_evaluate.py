@@ -113,7 +113,9 @@ def test_what_is_learned_and_every_mass_have_an_interval() -> None:
         low, high = injection["mass_ci95_mg"]
         assert low <= injection["mass_mg"] <= high
         assert low < injection["measured_mass_mg"] < high
-        if injection["number"] > 1:  # the first is published with the nominal model: its interval reaches that far
+        if (
+            injection["number"] > 1
+        ):  # the first is published with the nominal model: its interval reaches that far
             assert high - low < 0.02 * injection["mass_mg"]
 
 

@@ -209,6 +209,12 @@ FIRST_ITERATIONS, ITERATIONS = 8, 3
 LEAST = 3e-6  # s, that is told
 ENOUGH = 16.0  # chi2 an event, that a lag must explain: 4 sigma
 MOST_OF_IT = 0.6  # share of what is beyond noise
+NEARLY_ALL = 0.85  # the same, where what is left would still be too much, as on a fitted line
+MISSED, MISSED_SHARE = (
+    4.0,
+    0.01,
+)  # chi2 an event, or of what is explained, that one lag for all may leave: another
+# injector seems late by more at some pressures than at others, a sensor does not
 SOON, SELDOM = (
     6,
     8,
@@ -217,12 +223,16 @@ SOON, SELDOM = (
 
 @dataclass(frozen=True)
 class LiftLag:
-    """By what a lift seems late [s]; chi2 of so many samples beyond noise, without that and with it."""
+    """By what a lift seems late [s]; chi2 of so many innovations beyond noise, without that and with it.
+
+    missed: how much more is left by the lag that was expected.
+    """
 
     lag: float
     without: float
     left: float
     samples: int
+    missed: float = 0.0
 
 
 def lift_lag_of(
@@ -259,7 +269,7 @@ def lift_lag_of(
             step *= SHORTER
         if abs(step) < CLOSE:
             break
-    return LiftLag(best.lag, first.excess, best.excess, best.samples)
+    return LiftLag(best.lag, first.excess, best.excess, best.cost.terms, other.excess - best.excess)
 
 
 class LiftLagSearch(Tracker):
@@ -271,11 +281,13 @@ class LiftLagSearch(Tracker):
     _without: float
     _left: float
     _lags: float
+    _missed: float
 
     def __init__(self) -> None:
         self._asked = 0
         self._events, self._samples = 0.0, 0.0
-        self._without, self._left, self._lags = 0.0, 0.0, 0.0
+        self._without, self._left = 0.0, 0.0
+        self._lags, self._missed = 0.0, 0.0
 
     def told(self, found: Sequence[Objection], ask: Callable[[float], LiftLag]) -> tuple[Objection, ...]:
         """What speaks against an event; a model that is inadequate by a lift that is late, or early, by that name."""
@@ -301,11 +313,14 @@ class LiftLagSearch(Tracker):
         self._asked += 1
         if self._asked <= SOON or self._asked % SELDOM == 0:
             self._take_in(ask(self._lag or USUAL))
-        explained = self._without - self._left
-        is_much = explained > ENOUGH * self._events and explained > MOST_OF_IT * self._without
-        if not is_much or self._left > (RELEVANT_VARIANCE - 1.0) * self._samples:
+        explained, enough = self._without - self._left, ENOUGH * self._events
+        if self._without < enough or explained < max(enough, MOST_OF_IT * self._without):
             return None
-        return self._lag if abs(self._lag) > LEAST else None
+        is_adequate = self._left <= (RELEVANT_VARIANCE - 1.0) * self._samples
+        if not (is_adequate or explained > NEARLY_ALL * self._without):
+            return None
+        is_alike = self._missed <= max(MISSED * self._events, MISSED_SHARE * explained)
+        return self._lag if is_alike and abs(self._lag) > LEAST else None
 
     @property
     def _lag(self) -> float:
@@ -317,6 +332,8 @@ class LiftLagSearch(Tracker):
         explained = event.without - event.left
         if not math.isfinite(explained):
             return
+        missed = event.missed if self._events else 0.0  # only then it was that of others
+        self._missed = REMEMBERED * self._missed + missed
         self._events = REMEMBERED * self._events + 1.0
         self._samples = REMEMBERED * self._samples + event.samples
         self._without = REMEMBERED * self._without + event.without
@@ -333,14 +350,9 @@ class _Fitted:
     fit: EventFit
 
     @property
-    def samples(self) -> int:
-        """How many count."""
-        return int(self.fit.innovations.size) - self.cost.burn_in
-
-    @property
     def excess(self) -> float:
         """chi2 beyond that of noise."""
-        return 2.0 * self.fit.linearisation.value - self.samples
+        return self.cost.beyond_noise(self.fit.linearisation.value)
 
 
 def _earlier(window: Window, lag: float, interval: float) -> Window:

@@ -1,5 +1,6 @@
 """A needle lift recorded late is named as that, another wrong model is not."""
 
+from dataclasses import replace
 from itertools import count
 
 import numpy as np
@@ -20,6 +21,8 @@ EXPLAINED = LiftLag(16e-6, without=300.0, left=10.0, samples=1200)
 OF_ANOTHER_CAUSE = LiftLag(16e-6, without=300.0, left=200.0, samples=1200)
 SMALL = LiftLag(16e-6, without=12.0, left=0.0, samples=1200)
 STILL_WRONG = LiftLag(60e-6, without=9000.0, left=2000.0, samples=1200)
+NEARLY_ALL = LiftLag(28e-6, without=2000.0, left=180.0, samples=240)
+NO_MORE_THAN_NOISE = LiftLag(16e-6, without=-490.0, left=-640.0, samples=1200)
 
 
 @pytest.mark.parametrize("wear", [0.0, 0.25])
@@ -57,7 +60,18 @@ def test_what_explains_recent_events_is_told() -> None:
     assert [search.found_after(lambda _: EXPLAINED) for _ in range(3)] == pytest.approx([16e-6] * 3)
 
 
-@pytest.mark.parametrize("event", [OF_ANOTHER_CAUSE, SMALL, STILL_WRONG])
+def test_on_a_fitted_line_something_may_be_left() -> None:
+    assert LiftLagSearch().found_after(lambda _: NEARLY_ALL) == pytest.approx(28e-6)
+
+
+def test_a_lag_that_differs_from_event_to_event_is_none() -> None:
+    """As a nozzle with other holes gives: the sensor would be as slow at every rail pressure."""
+    search, of_others = LiftLagSearch(), replace(EXPLAINED, missed=30.0)
+    assert search.found_after(lambda _: of_others) is not None  # nothing was expected yet
+    assert [search.found_after(lambda _: of_others) for _ in range(3)] == [None] * 3
+
+
+@pytest.mark.parametrize("event", [OF_ANOTHER_CAUSE, SMALL, STILL_WRONG, NO_MORE_THAN_NOISE])
 def test_what_does_not_is_not(event: LiftLag) -> None:
     search = LiftLagSearch()
     assert [search.found_after(lambda _: event) for _ in range(10)] == [None] * 10

@@ -140,8 +140,8 @@ REASONS: Mapping[Reason, Words] = {
     ),
     Reason.LIFT_SENSOR_LAG: Words(
         "the needle lift seems to be recorded late",
-        "run `observer-rt discover`: a changed nozzle can look alike; if it names needle_lift_sensor_lag, state lag_us "
-        "of [signals.needle_lift] (docs/time.md)",
+        "run `observer-rt discover`: a changed nozzle can look alike; if it names needle_lift_sensor_lag, state "
+        "lag_us of [signals.needle_lift] (docs/time.md)",
     ),
     Reason.INPUT_PROTECTION: Words(
         "the end-to-end protection of an input is INVALID, it is not taken",

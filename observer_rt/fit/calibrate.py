@@ -5,7 +5,7 @@ Chosen is the simplest of those that explain recordings they were not fitted to 
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date
 from enum import StrEnum
 from pathlib import Path
@@ -22,6 +22,7 @@ from observer_rt.evidence.appearance import healthy_remainder
 from observer_rt.evidence.likelihood import evidence_of
 from observer_rt.evidence.measurement import Measurement, rail_pressure_before
 from observer_rt.evidence.reading import shortened
+from observer_rt.fit.odd_recording import OddRecording, odd_recording
 from observer_rt.fit.parts import Part, Weighed, parts_of, share_between_samples, thinned
 from observer_rt.fit.problem import INERTANCE, STRUCTURES, FreeParameter, Structure, interval
 from observer_rt.fit.residuals import Comparison, UnexplainedSignal, compared, worst_parts
@@ -155,7 +156,8 @@ class Calibrated:
     """What a fit found.
 
     file: the injector before; choice: of structures, compared on few events; fitted: the chosen one on many; kept:
-    parameters the recordings do not tell, as in the file; comparison: before and after.
+    parameters the recordings do not tell, as in the file; comparison: before and after; odd: the recording that the
+    others contradict, asked where the model is inadequate.
     """
 
     file: InjectorParameters
@@ -165,6 +167,7 @@ class Calibrated:
     kept: tuple[FreeParameter, ...]
     level: FlowLevel
     comparison: Comparison
+    odd: OddRecording | None = None
 
     @property
     def injector(self) -> InjectorParameters:
@@ -256,7 +259,8 @@ def calibrate(
     progress((len(structures) + 1) / steps)
     offsets = best.minimum.at.theta[len(best.calibration.free) :]
     comparison = compared(file, best.injector, offsets, best.calibration.parts)
-    return Calibrated(file, found, choice, best, kept, level, comparison)
+    done = Calibrated(file, found, choice, best, kept, level, comparison)
+    return replace(done, odd=odd_recording(best.calibration, best.minimum.at)) if done.inadequate else done
 
 
 def _tried(

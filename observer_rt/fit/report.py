@@ -95,6 +95,12 @@ def _fit_words(done: Calibrated) -> str:
 
 def _to_try(done: Calibrated) -> str:
     """By the most probable cause."""
+    if done.odd is not None:
+        with_it, without_it = done.odd.chi2
+        return (
+            f"leave out {_name(done, done.odd.recording)}: the others contradict it (without it chi2 is at most "
+            f"{without_it:.3g}, instead of {with_it:.3g}). Was the injector worn there, or another one?"
+        )
     worst = done.inadequate[0]
     if done.left.chi2[worst] > _FOREIGN:
         return _OF_FOREIGN
@@ -102,6 +108,10 @@ def _to_try(done: Calibrated) -> str:
         return _TRY[Phase.STANDSTILL]
     slow = max(map(share_between_samples, done.found)) > WORTH_A_WORD
     return _TRY[worst] + (_OF_INSTANTS if slow else "")
+
+
+def _name(done: Calibrated, recording: int) -> str:
+    return str(done.found[recording].recording.path or recording)
 
 
 def oddities(done: Calibrated) -> list[str]:
@@ -131,7 +141,7 @@ SCHEMA = 1
 def as_json(done: Calibrated, baseline: Baseline, warnings: Sequence[str]) -> dict[str, Any]:
     """The fit as a document. Numbers that are not there are null."""
     structure = done.fitted.structure
-    names = [str(one.recording.path or number) for number, one in enumerate(done.found)]
+    names = [_name(done, number) for number in range(len(done.found))]
     parts = zip(done.fitted.calibration.parts, done.offsets.tolist(), strict=True)
     document = {
         "schema": SCHEMA,
@@ -140,6 +150,7 @@ def as_json(done: Calibrated, baseline: Baseline, warnings: Sequence[str]) -> di
         "gate_chi2": GATE,
         "tolerated_share": TOLERATED,
         "inadequate_phases": [phase_name(phase) for phase in done.inadequate],
+        "odd_recording": None if done.odd is None else names[done.odd.recording],
         "structure": {
             "name": structure.name,
             "line_outflow": structure.outflow,

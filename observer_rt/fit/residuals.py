@@ -117,7 +117,7 @@ def held_out(calibration: Calibration, at: Quadratic) -> HeldOut | None:
     total = no_statistics()
     shifts = []
     for number in range(parts):
-        theta = _without(calibration, at, number)
+        theta = without(calibration, at, [number])
         one, all_in = calibration.judge(theta, number), calibration.judge(at.theta, number)
         if one is None or all_in is None:
             return None
@@ -126,15 +126,19 @@ def held_out(calibration: Calibration, at: Quadratic) -> HeldOut | None:
     return HeldOut(unexplained(total), np.array(shifts))
 
 
-def _without(calibration: Calibration, at: Quadratic, number: int) -> NDArray[np.float64]:
-    """theta by all parts but one, its own offset as it is."""
-    own = calibration.residuals_of(at.theta, number)
-    assert own is not None  # it is part of the minimum
-    part = linearise(OnePart(calibration, number), at.theta, own, calibration.ranges)
-    kept = np.flatnonzero(np.arange(at.theta.size) != len(calibration.free) + number)
-    information = (at.information - part.information)[np.ix_(kept, kept)]
+def without(calibration: Calibration, at: Quadratic, left_out: Sequence[int]) -> NDArray[np.float64]:
+    """theta by all parts but some, their own offsets as they are."""
+    information, gradient = at.information.copy(), at.gradient.copy()
+    for number in left_out:
+        own = calibration.residuals_of(at.theta, number)
+        assert own is not None  # it is part of the minimum
+        part = linearise(OnePart(calibration, number), at.theta, own, calibration.ranges)
+        information -= part.information
+        gradient -= part.gradient
+    theirs = [len(calibration.free) + number for number in left_out]
+    kept = np.setdiff1d(np.arange(at.theta.size), theirs)
     theta = at.theta.copy()
-    theta[kept] -= np.linalg.pinv(information, hermitian=True) @ (at.gradient - part.gradient)[kept]
+    theta[kept] -= np.linalg.pinv(information[np.ix_(kept, kept)], hermitian=True) @ gradient[kept]
     lowest = np.array([r.lowest for r in calibration.ranges])
     highest = np.array([r.highest for r in calibration.ranges])
     return np.clip(theta, lowest, highest)

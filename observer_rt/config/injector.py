@@ -128,9 +128,9 @@ class ModelConfig(Section):
 class NoiseConfig(Section):
     """Noise of one sample (standard deviation), used until enough standstill was seen."""
 
-    rail_pressure_MPa: Annotated[float, Field(gt=0, le=20)] = 0.10  # noqa: N815 - units as on screens
-    line_pressure_MPa: Annotated[float, Field(gt=0, le=20)] = 0.15  # noqa: N815
-    needle_lift_um: Annotated[float, Field(gt=0, le=200)] = 0.4
+    rail_pressure_MPa: Annotated[float, Field(gt=0, le=5)] = 0.10  # noqa: N815 - units as on screens
+    line_pressure_MPa: Annotated[float, Field(gt=0, le=5)] = 0.15  # noqa: N815
+    needle_lift_um: Annotated[float, Field(gt=0, le=20)] = 0.4
 
 
 class E2EConfig(Section):

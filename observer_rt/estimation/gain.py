@@ -1,13 +1,14 @@
 """The steady and the starting gain of the identification system, from noise levels and sample rate."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.foundation.compiled import compiled
 from observer_rt.foundation.small_arrays import product, propagate
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.sensor import lagged_slopes, recorded_mean
 
@@ -25,6 +26,17 @@ class NoiseLevels:
     rail_pressure: float  # Pa
     line_pressure: float  # Pa
     needle_lift: float  # m
+
+    @property
+    def is_of_sensors(self) -> bool:
+        """Whether sensors can be so noisy: beyond that one is broken, or no opening of the needle would show."""
+        levels = zip(astuple(self), astuple(LARGEST_NOISE), strict=True)
+        return all(0.0 < level <= largest for level, largest in levels)
+
+
+LARGEST_NOISE = NoiseLevels(
+    rail_pressure=5 * MEGAPASCAL, line_pressure=5 * MEGAPASCAL, needle_lift=20 * MICROMETRE
+)
 
 
 @dataclass(frozen=True)

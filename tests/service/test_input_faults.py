@@ -70,6 +70,9 @@ def undisturbed(way: Callable[[Recording], Sequence[InjectionReport]]) -> dict[i
 @given(fault=FAULTS)
 @example(fault=InputFault(Role.NEEDLE_LIFT, "floating", BEGIN - 0.02, BEGIN + 0.48, 0.2, 50.0, 1))
 @example(fault=InputFault(Role.LINE_PRESSURE, "hum", BEGIN - 0.02, BEGIN + 0.48, 0.05, 50.0, 1))
+@example(fault=InputFault(Role.RAIL_PRESSURE, "bursts", 0.388, 0.648, 0.26, 60.0, 283))
+@example(fault=InputFault(Role.RAIL_PRESSURE, "noise", 0.4156, 0.828, 0.0365, 150.0, 897))
+@example(fault=InputFault(Role.LINE_PRESSURE, "hum", 0.40628, 1.0237, 0.01915, 50.0, 808))
 def test_the_third_injection_after_a_fault_is_valid(
     way: Callable[[Recording], Sequence[InjectionReport]], fault: InputFault
 ) -> None:

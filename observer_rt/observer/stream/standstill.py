@@ -216,7 +216,7 @@ class Standstill:
 
     samples: int
     offset: float
-    noise: NoiseLevels | None  # None until ENOUGH_SAMPLES
+    noise: NoiseLevels | None  # None until ENOUGH_SAMPLES, and of signals that no sensors give
     lift: LiftFigures = field(default_factory=LiftFigures)
 
 
@@ -244,7 +244,7 @@ def standstill_of(
         line_pressure=max(FLOOR.line_pressure, pressure_scale * measured[1]),
         needle_lift=max(FLOOR.needle_lift, measured[2]),
     )
-    return Standstill(samples, offset, noise)
+    return Standstill(samples, offset, noise if noise.is_of_sensors else None)
 
 
 def _level(measured: float, stated: float, squares: int) -> float:

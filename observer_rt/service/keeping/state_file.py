@@ -16,14 +16,13 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, Field, PlainSerializer, PlainValidator, ValidationError
 
 from observer_rt import __version__
-from observer_rt.estimation.gain import NoiseLevels
+from observer_rt.estimation.gain import LARGEST_NOISE, NoiseLevels
 from observer_rt.estimation.gating import Belief
 from observer_rt.estimation.phases import PhaseStatistics
 from observer_rt.estimation.prediction_error import Whitening
 from observer_rt.estimation.scalars import SCALARS, sensor_lag
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.file_kinds import LEARNED_STATE, refuse_other_kind
-from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 from observer_rt.model.parameters import InjectorParameters, Scaling
 from observer_rt.observer.learning.adequacy import LARGEST_LAG, is_worn_beyond_limits
 from observer_rt.observer.learning.disturbances.colour import ORDERS, Colour
@@ -45,9 +44,6 @@ BEGUN_ANEW = "nothing, if another injector was mounted: learning begins anew; el
 ASIDE = ".set-aside-"  # in the name of what is set aside, before its number
 LARGEST_FILE = 1 << 20  # bytes, far more than any state takes
 PRESSURE_SCALE = float(Scaling.model_fields["pressure"].default)  # p_0 unless the injector says otherwise, Pa
-LARGEST_NOISE = NoiseLevels(  # beyond these the sensor is broken, or the needle would never count as open
-    rail_pressure=10 * MEGAPASCAL, line_pressure=10 * MEGAPASCAL, needle_lift=20 * MICROMETRE
-)
 
 
 def problem_of(knowledge: Knowledge, pressure_scale: float) -> str | None:
@@ -79,7 +75,7 @@ def problem_of(knowledge: Knowledge, pressure_scale: float) -> str | None:
     if not all(np.all(np.isfinite(sums) & (sums >= 0.0)) for sums in vars(knowledge.statistics).values()):
         return "the statistics of the innovations are no sums of squares"
     for signal, sigma in asdict(knowledge.noise).items():
-        if not (math.isfinite(sigma) and 0.0 < sigma <= getattr(LARGEST_NOISE, signal)):
+        if not 0.0 < sigma <= getattr(LARGEST_NOISE, signal):
             return f"the noise of the {signal.replace('_', ' ')} is {sigma:g} (SI units)"
     if not np.all(np.isfinite(knowledge.learned_at)):
         return "the operating points learned at are not finite numbers"

@@ -27,6 +27,7 @@ REMEMBERED = 0.85  # weight of the events before an event
 RAIL_MOTION = 0.66e-3  # s: what is slower is the rail's own motion
 RAIL_BLOCK = 0.16e-3  # s: what is faster the line does not hear
 LOUDEST = 4.0  # times the mean square of those before, or of the newest: no event counts for more, for it may be none
+GONE = 30.0  # times the mean square of the newest: what was so loud before is over, and tells nothing of it
 MARGIN = 12.0  # of the BIC: so much better than white noise must a colour be
 QUIET = 0.7  # of the expected standard deviation
 # Of the BIC, within which the fastest high pass is taken: hum that keeps step with the events is steeper elsewhere
@@ -130,7 +131,7 @@ class RestingNoise(Tracker):
         weight, before = self._weights(segments)
         self._products *= REMEMBERED * before
         self._by_lag *= REMEMBERED * before
-        self._count *= REMEMBERED
+        self._count *= REMEMBERED if before > 0.0 else 0.0
         for values in segments:
             _take_in(values, weight, self._choices, self._products, self._by_lag)
             self._count += len(values) - ORDERS
@@ -146,6 +147,8 @@ class RestingNoise(Tracker):
         square, known = float(np.mean(passed**2)), float(self._products[1, 0, 0] / self._count)
         if not min(square, known) > 0.0:
             return 1.0, 1.0
+        if known > GONE * square:
+            return 1.0, 0.0
         return math.sqrt(min(1.0, LOUDEST * known / square)), min(1.0, LOUDEST * square / known)
 
     def colour(self, before: Colour | None, expected: float = 0.0) -> Colour | None:

@@ -127,7 +127,8 @@ class Receiver:
     def __init__(self, time: NDArray[np.float64]) -> None:
         """time: of the recording's samples [s]."""
         self._time = time
-        self._moves = [0]  # by which the device's index was ahead of the recording's, the newest last
+        # by which the device's index was ahead of the recording's, from which sample on, the newest last
+        self._moves = [(0, 0)]
         self._newest = 0
         self._placed: dict[int, int] = {}  # sample of every index of which a rate came
         self.published = Published(np.full(time.size, np.nan), np.zeros(time.size, np.bool_))
@@ -139,9 +140,10 @@ class Receiver:
 
     def note_sent(self, time: float, moved: int) -> None:
         """A frame was sent at a time [s] of the recording, its index so far ahead."""
-        if moved != self._moves[-1]:
-            self._moves.append(moved)
-        self._newest = max(self._newest, round(time / (self._time[1] - self._time[0])))
+        sample = round(time / (self._time[1] - self._time[0]))
+        if moved != self._moves[-1][0]:
+            self._moves.append((moved, sample))
+        self._newest = max(self._newest, sample)
 
     def take(self, frames: Sequence[OutputFrame]) -> None:
         """Published frames, each to its samples."""
@@ -172,9 +174,9 @@ class Receiver:
 
     def _sample(self, index: int) -> int:
         """Sample of the recording that an index means: of the newest numbering in which it can have been sent."""
-        for moved in reversed(self._moves):
+        for moved, since in reversed(self._moves):
             sample = (index - moved) & 0xFFFFFFFF
-            if sample <= self._newest + bus_faults.BLOCK_SAMPLES:
+            if since - bus_faults.BLOCK_SAMPLES <= sample <= self._newest + bus_faults.BLOCK_SAMPLES:
                 return sample
         return self._time.size
 

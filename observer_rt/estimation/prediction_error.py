@@ -247,7 +247,7 @@ class EventCost:
     @property
     def terms(self) -> int:
         """How many squares J sums."""
-        return (self._window.output.size - self.burn_in) // self._together
+        return int(self._window.output.size - self.burn_in) // self._together
 
     def value(self, theta: NDArray[np.float64]) -> float:
         """J(theta), inf where the prediction is not finite; leaves the innovations behind."""

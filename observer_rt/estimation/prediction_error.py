@@ -235,7 +235,7 @@ class EventCost:
         self.burn_in = burn_in
         self.temper = temper
         self._expected = expected
-        self._together = max(1, round(setting.coefficients.line.resolved / setting.interval))
+        self._together: int = max(1, round(setting.coefficients.line.resolved / setting.interval))
         self.slopes = NO_SLOPES
         """(n, m) of the innovations where J was last linearised."""
         self.unfiltered = self.innovations = NO_RATE
@@ -247,7 +247,7 @@ class EventCost:
     @property
     def terms(self) -> int:
         """How many squares J sums."""
-        return int(self._window.output.size - self.burn_in) // self._together
+        return (self._window.output.size - self.burn_in) // self._together
 
     def value(self, theta: NDArray[np.float64]) -> float:
         """J(theta), inf where the prediction is not finite; leaves the innovations behind."""

@@ -210,11 +210,9 @@ LEAST = 3e-6  # s, that is told
 ENOUGH = 16.0  # chi2 an event, that a lag must explain: 4 sigma
 MOST_OF_IT = 0.6  # share of what is beyond noise
 NEARLY_ALL = 0.85  # the same, where what is left would still be too much, as on a fitted line
-MISSED, MISSED_SHARE = (
-    4.0,
-    0.01,
-)  # chi2 an event, or of what is explained, that one lag for all may leave: another
-# injector seems late by more at some pressures than at others, a sensor does not
+# What one lag for all may leave, chi2 an event, or of what is explained: another injector seems late by more at some
+# rail pressures than at others, a sensor does not.
+MISSED, MISSED_SHARE = 10.0, 0.015
 SOON, SELDOM = (
     6,
     8,

@@ -356,8 +356,17 @@ class TermSearch:
         for share in (1.0, 0.3):  # of what was scored, should the model have no solution there
             found = fit(_Sized(self._problem, chosen), share * start, ranges, ITERATIONS)
             if found is not None:
-                return _fitted(chosen, found)
+                return None if self._has_twins(chosen, found) else _fitted(chosen, found)
         return None
+
+    def _has_twins(self, chosen: tuple[int, ...], found: Minimum) -> bool:
+        """Whether two terms are one, each taking a part of a coefficient beyond the bounds of either."""
+        information = found.at.information
+        return any(
+            self._problem.candidates[chosen[one]].equation == self._problem.candidates[chosen[other]].equation
+            and information[one, other] ** 2 > SAME**2 * information[one, one] * information[other, other]
+            for one, other in combinations(range(len(chosen)), 2)
+        )
 
     def _simplest(self, fits: Sequence[TermFit], nothing: TermFit) -> TermFit:
         """The best fit, or one of fewer terms and equations that explains all but the model's own error."""

@@ -131,6 +131,15 @@ def test_a_term_is_found_however_large_it_is_against_the_noise(size: float) -> N
     assert result.adequate
 
 
+def test_a_term_beyond_its_bounds_is_not_taken_twice() -> None:
+    cause, other = white(2)
+    twin = cause + 0.01 * other
+    result = searched("aab", [cause, twin, other], 15.0 * cause)
+    assert result.best.chosen in {(0,), (1,)}
+    np.testing.assert_allclose(result.best.theta, 10.0)
+    assert not result.adequate
+
+
 def test_a_rival_of_another_equation_is_listed() -> None:
     cause, other, noise = white(3)
     result = searched("aabc", [cause, 0.999 * cause, cause + 0.01 * noise, other], 2.0 * cause)

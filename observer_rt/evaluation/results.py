@@ -195,7 +195,8 @@ def print_evaluation(
         say(console, f"not valid for {reason.name}: {_ranges(numbers)}")
         if reason is Reason.OUTSIDE_LEARNED_RANGE:
             say(console, f"({beyond_learned(evaluation.reports[numbers[-1] - 1])})")
-    if Reason.TOO_FEW_EVENTS in not_valid and sum(map(len, not_valid.values())) < count:
+    # with a learned state only the first is not valid, and there is nothing to gain any more
+    if len(not_valid.get(Reason.TOO_FEW_EVENTS, ())) > 1 and sum(map(len, not_valid.values())) < count:
         say(
             console,
             "(they were learned from: --save-state FILE, then --state FILE has all but the first valid)",

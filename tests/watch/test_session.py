@@ -60,6 +60,7 @@ _JSON = st.recursive(
 @example("[" * 100_000)
 @example('["choose", 7]')
 @example('["drawn", 1e999]')
+@example('["drawn", -2]')
 def test_whatever_is_said_is_a_button_or_nothing(message: str | bytes) -> None:
     """And a button that there is not does no harm."""
     found = pressed(message)

@@ -69,7 +69,7 @@ class Session:
         """What the browser says: a button that was pressed, or `drawn`, with the number of a message."""
         match button:
             case "drawn":
-                self._drawn = min(value, self._number)
+                self._drawn = min(max(value, self._drawn), self._number)
                 return
             case "hold":
                 self._hold(self._watching.injectors() if self._held is None else None)

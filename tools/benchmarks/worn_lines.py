@@ -22,10 +22,10 @@ from tools.benchmarks.discovery.real_line.discrepancies import Discrepancy, plan
 from tools.benchmarks.plant import Bench, Event, Outcome, Shot, Surroundings, event_start, record
 from tools.benchmarks.plant_parameters import Faults
 from tools.benchmarks.report import NOTHING, Columns, Shown, mean, percentile, table_of
-from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Crash, Plan, Task
+from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Crash, Plan, Task, digest_of
 from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore, windows_of
 from tools.benchmarks.scoring import bench_at, recording_of, score_evaluation
-from tools.benchmarks.wave_recordings import FITTED, NEW_PART, fit_model, write_recordings
+from tools.benchmarks.wave_recordings import FITTED, NEW_PART, fit_model, kept_fit, write_recordings
 
 CASES = 9  # of a discrepancy
 EVENTS = 20
@@ -88,11 +88,16 @@ def run_worn_lines(plan: Plan) -> WornResults:
 
 
 def fitted_model(discrepancy: Discrepancy, plan: Plan) -> Path:
-    """The injector file that `fit` makes of healthy recordings of a plant. Raises RunError where it fails."""
-    folder = plan.out / f"{discrepancy}-{plan.master_seed}"
-    model = folder / FITTED
-    if model.exists():
-        return model
+    """The injector file that `fit` makes of healthy recordings of a plant, anew if the code changed.
+
+    Raises RunError where it fails.
+    """
+    model = plan.out / f"{discrepancy}-{plan.master_seed}" / FITTED
+    return kept_fit(model, digest_of((PACKAGE, BENCHMARKS)), partial(_fit, discrepancy, plan, model))
+
+
+def _fit(discrepancy: Discrepancy, plan: Plan, model: Path) -> None:
+    folder = model.parent
     benches = healthy_benches(Rig(discrepancy.number, False, plan.master_seed))
     outcomes = {f"healthy_{number}": record(bench) for number, bench in enumerate(benches)}
     paths = list(write_recordings(folder, outcomes.items()))
@@ -108,7 +113,6 @@ def fitted_model(discrepancy: Discrepancy, plan: Plan) -> Path:
         weighed.write_text("\n".join(["recording,mass_mg", *rows]) + "\n")
         more = ["--mass", str(weighed)]
     fit_model(paths, folder / NEW_PART, model, more=more)
-    return model
 
 
 def _mean_mass_mg(outcome: Outcome, density: float) -> float:

@@ -12,10 +12,10 @@ from tools.benchmarks.discovery.asking import Asking, generate, seal
 from tools.benchmarks.discovery.cases import GIVEN
 from tools.benchmarks.discovery.real_line.cases import HIDING, RealPlan, Rig, hidden_text
 from tools.benchmarks.runs import BENCHMARKS, PACKAGE, digest_of
-from tools.benchmarks.wave_recordings import FITTED, NEW_PART, OUR_PROGRAM, fit_model, maker_file
+from tools.benchmarks.wave_recordings import FITTED, NEW_PART, OUR_PROGRAM, fit_model, kept_fit, maker_file
 
 HERE = Path(__file__).parent
-HEALTHY, FIT_LOG, MADE_BY, CASES = "healthy", "fit.txt", "made_by.txt", "cases"
+HEALTHY, FIT_LOG, CASES = "healthy", "fit.txt", "cases"
 NOMINAL_SOURCES = tuple(
     BENCHMARKS / f"{name}.py"
     for name in (
@@ -49,16 +49,15 @@ def fitted_model(rig: Rig, sealed: Path, folder: Path, program: Sequence[str] = 
 
     Raises RunError where `fit` fails.
     """
-    fitted, made_by = folder / FITTED, folder / MADE_BY
-    state = f"{state_of_the_code()} {rig}"
-    if fitted.exists() and made_by.exists() and made_by.read_text() == state:
-        return fitted
-    recordings = generate(RealPlan.__module__, "healthy", sealed, rig.name, str(folder / HEALTHY))
-    maker = folder / NEW_PART
-    maker.write_text(maker_file())
-    (folder / FIT_LOG).write_text(fit_model(recordings, maker, fitted, program))
-    made_by.write_text(state)
-    return fitted
+    fitted = folder / FITTED
+
+    def fit() -> None:
+        recordings = generate(RealPlan.__module__, "healthy", sealed, rig.name, str(folder / HEALTHY))
+        maker = folder / NEW_PART
+        maker.write_text(maker_file())
+        (folder / FIT_LOG).write_text(fit_model(recordings, maker, fitted, program))
+
+    return kept_fit(fitted, f"{state_of_the_code()} {rig}", fit)
 
 
 def fitted_models(

@@ -70,7 +70,6 @@ def fit(
     from observer_rt.fit.report import print_fit
 
     decoder = decoder_of(bench, injector, lenient, model)
-    paths = without_copies(without_truths(recordings, messages), messages)
     start, source = load_injector(model), InjectorFile.read(model)
     if output.resolve() == model.resolve():
         raise UserError(
@@ -80,6 +79,7 @@ def fit(
         if path is not None:
             check_destination(name, path, suffixes)
             refuse_existing(name, [path], force)
+    paths = without_copies(without_truths(recordings, messages), messages)
     read = partial(open_source, bench=decoder, from_channels=from_channel or (), console=messages)
     most = MOST_SAMPLES if mass is None else sys.maxsize  # whole: masses go by the injection's number
     stated = () if decoder is None else effects_on_one_raster(decoder.injector)

@@ -59,11 +59,17 @@ def without_copies(paths: Sequence[Path], console: Console) -> list[Path]:
 
     A file that is given twice stays, and is refused as such.
     """
-    kept: dict[str, Path] = {}
-    result = []
+    sizes = []
     for path in paths:
         with file_errors(path):
-            first = kept.setdefault(file_hash(path), path)
+            sizes.append(path.stat().st_size)
+    kept: dict[str, Path] = {}
+    result = []
+    for path, size in zip(paths, sizes, strict=True):
+        first = path
+        if sizes.count(size) > 1:  # else it is no copy, and need not be read for that
+            with file_errors(path):
+                first = kept.setdefault(file_hash(path), path)
         if first is not path and first.resolve() != path.resolve():
             say(console, f"warning: {path} is left out: a copy of {first}")
         else:

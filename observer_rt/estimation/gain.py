@@ -1,7 +1,7 @@
 """The steady and the starting gain of the identification system, from noise levels and sample rate."""
 
 import math
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,10 +28,11 @@ class NoiseLevels:
     needle_lift: float  # m
 
     @property
-    def is_of_sensors(self) -> bool:
-        """Whether sensors can be so noisy: beyond that one is broken, or no opening of the needle would show."""
-        levels = zip(astuple(self), astuple(LARGEST_NOISE), strict=True)
-        return all(0.0 < level <= largest for level, largest in levels)
+    def implausible(self) -> tuple[str, ...]:
+        """Signals so noisy that a sensor is broken, or no opening of the needle would show; or without noise."""
+        return tuple(
+            name for name, level in vars(self).items() if not 0.0 < level <= getattr(LARGEST_NOISE, name)
+        )
 
 
 LARGEST_NOISE = NoiseLevels(

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 
 from observer_rt.config.bench import Bench, BenchInjector, load_bench
 from observer_rt.config.injector import Meaning, SamplingConfig
-from observer_rt.estimation.gain import GainSchedule
-from observer_rt.estimation.healthy_shape import EventStretch, ShapeFit, expected
-from observer_rt.estimation.phases import Phase, PhaseStatistics
+from observer_rt.estimation.healthy_shape import EventStretch, ShapeFit
+from observer_rt.estimation.phases import Phase, no_statistics
 from observer_rt.estimation.prediction_error import EventCost
 from observer_rt.estimation.predictor import Setting, Window
 from observer_rt.estimation.scalars import Parameter, Theta
@@ -23,11 +22,10 @@ from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.model.baseline import Baseline, HealthyShape, ObserverRemainder, PhaseFigures
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.observer.learning.adequacy import BURN_IN, Innovations, event_statistics
-from observer_rt.observer.learning.healthy import NOT_FITTED, stretch_of
+from observer_rt.observer.learning.healthy import NOT_FITTED, Healthy, stretch_of
 from observer_rt.observer.learning.knowledge import Knowledge, Outcome
 from observer_rt.observer.learning.learner import Learner, setting_of
 from observer_rt.observer.learning.overdispersion import TemperedEvent, overdispersion_of
-from observer_rt.observer.stream.phi import StructuredPhi
 from observer_rt.observer.stream.standstill import Standstill
 from observer_rt.observer.stream.state import Constants
 from observer_rt.recording.signals.recording import Recording
@@ -51,36 +49,19 @@ class _HealthyEvent:
 
     def cost(self, shape: HealthyShape | None = None) -> EventCost:
         """Its cost, the shape taken out."""
-        burn_in = round(BURN_IN / self.setting.interval)
-        mean = None
-        if shape is not None:
-            scale = self.setting.coefficients.pressure_scale
-            mean = (
-                expected(shape, stretch_of(self.window, self.setting.coefficients, self.setting.interval))
-                / scale
-            )
-        return EventCost(self.window, self.setting, self.sigma, burn_in, expected=mean)
+        interval = self.setting.interval
+        expected = Healthy(shape=shape).expected(self.window, self.setting.coefficients, interval)
+        return EventCost(self.window, self.setting, self.sigma, round(BURN_IN / interval), expected=expected)
 
 
-class _Listener:
+class _Listener(Learner):
     """A learner that keeps what it is given."""
 
     def __init__(
         self, heard: list[_HealthyEvent], _: BenchInjector, constants: Constants, start: Knowledge
     ) -> None:
-        self._learner = Learner(constants, start)
-        self._constants = constants
+        super().__init__(constants, start)
         self._heard = heard
-
-    @property
-    def schedule(self) -> GainSchedule:
-        """Gains of the learner."""
-        return self._learner.schedule
-
-    @property
-    def phi(self) -> StructuredPhi:
-        """What x^ carries."""
-        return self._learner.phi
 
     def learn(
         self, window: Window, standstill: Standstill, in_force: Theta, constants: Constants | None = None
@@ -88,12 +69,10 @@ class _Listener:
         """Keep an event, and learn from it."""
         theta = np.zeros_like(in_force)
         theta[Parameter.LINE_PRESSURE_OFFSET] = standstill.offset
-        covariance = self._learner.belief.covariance
-        outcome = self._learner.learn(window, standstill, in_force, constants)
-        setting = setting_of(constants or self._constants, outcome.schedule.gains[-1].copy())
-        self._heard.append(
-            _HealthyEvent(window, setting, outcome.schedule.innovation_sigma, theta, covariance)
-        )
+        covariance = self.belief.covariance
+        outcome = super().learn(window, standstill, in_force, constants)
+        setting, sigma = setting_of(self._constants, outcome.schedule), outcome.schedule.innovation_sigma
+        self._heard.append(_HealthyEvent(window, setting, sigma, theta, covariance))
         return outcome
 
 
@@ -136,15 +115,13 @@ def _remainder(heard: Sequence[Sequence[_HealthyEvent]]) -> ObserverRemainder:
     statistics, tempered = [], []
     for number, events in enumerate(heard):
         shape = fit.shape(number if several else None)
-        found: list[PhaseStatistics] = []
+        total = no_statistics()
         for event in events:
             cost = event.cost(shape)
             tempered.append(TemperedEvent(cost.linearised(event.theta), event.covariance))
             innovations = Innovations(cost.innovations, event.sigma)
-            found.append(event_statistics(event.window, innovations, event.setting.interval, NOT_FITTED))
-        total = found[0]
-        for one in found[1:]:
-            total = total.faded(1.0, one)
+            found = event_statistics(event.window, innovations, event.setting.interval, NOT_FITTED)
+            total = total.faded(1.0, found)
         statistics.append(total)
     return ObserverRemainder(
         variance=PhaseFigures.of({p.name: max(one.variance(p) for one in statistics) for p in Phase}),

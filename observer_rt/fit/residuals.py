@@ -71,10 +71,10 @@ def line_statistics(trial: Trial, one: JudgedModel) -> PhaseStatistics:
     return phase_statistics(one.z, 1.0, trial.phases, 0)
 
 
-def pooled(calibration: Calibration, judged: Sequence[JudgedModel]) -> UnexplainedSignal:
-    """Of the line pressure of all parts together."""
+def pooled(trials: Sequence[Trial], judged: Sequence[JudgedModel]) -> UnexplainedSignal:
+    """Of the line pressure of parts together."""
     total = no_statistics()
-    for trial, one in zip(calibration.trials, judged, strict=True):
+    for trial, one in zip(trials, judged, strict=True):
         total = total.faded(1.0, line_statistics(trial, one))
     return unexplained(total)
 
@@ -114,16 +114,15 @@ def held_out(calibration: Calibration, at: Quadratic) -> HeldOut | None:
     parts = len(calibration.parts)
     if parts < 2:
         return None
-    total = no_statistics()
-    shifts = []
+    left_out, shifts = [], []
     for number in range(parts):
         theta = without(calibration, at, [number])
         one, all_in = calibration.judge(theta, number), calibration.judge(at.theta, number)
         if one is None or all_in is None:
             return None
-        total = total.faded(1.0, line_statistics(calibration.trials[number], one))
+        left_out.append(one)
         shifts.append(float(np.sum(one.masses) / np.sum(all_in.masses)) - 1.0)
-    return HeldOut(unexplained(total), np.array(shifts))
+    return HeldOut(pooled(calibration.trials, left_out), np.array(shifts))
 
 
 def without(calibration: Calibration, at: Quadratic, left_out: Sequence[int]) -> NDArray[np.float64]:

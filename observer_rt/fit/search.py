@@ -107,7 +107,7 @@ def fitted(
         return FailedStructure(
             structure, "has no finite solution on these recordings from the numbers it was started with"
         )
-    left = pooled(calibration, judged)
+    left = pooled(calibration.trials, judged)
     return Fitted(structure, calibration, found, judged, left, held_out(calibration, found.at))
 
 

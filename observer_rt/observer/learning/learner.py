@@ -553,17 +553,17 @@ class Learner(Tracker):
         return self._gains_for(learned.coefficients, self._noise, rate, lag, sensor.fraction, every)
 
     def _setting(self) -> Setting:
-        return setting_of(self._constants, self._schedule.gains[-1].copy())
+        return setting_of(self._constants, self._schedule)
 
 
-def setting_of(constants: Constants, gain: NDArray[np.float64]) -> Setting:
-    """How x~ is followed over an event with a gain (states,)."""
+def setting_of(constants: Constants, schedule: GainSchedule) -> Setting:
+    """How x~ is followed over an event."""
     sensor = constants.sensor
     return Setting(
         interval=constants.interval,
         substeps=constants.substeps,
         coefficients=constants.coefficients,
-        gain=gain,
+        gain=schedule.gains[-1].copy(),
         late=sensor.fraction,
         lag=sensor.lag,
         offset=sensor.offset,

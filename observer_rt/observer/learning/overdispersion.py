@@ -21,6 +21,15 @@ LARGEST = 8.0  # factor; a model worse than that is inadequate
 _ROUNDS = 10  # in which the factor settles
 
 
+def _within(factor: float) -> float:
+    return min(max(factor, 1.0), LARGEST)
+
+
+def _ratio(score: float) -> float:
+    """Of a score to the usual one."""
+    return min(score / USUAL_SCORE, LARGEST_RATIO)
+
+
 class Overdispersion(Tracker):
     """Follows the factor on the variance of what events say of the parameters, at least 1."""
 
@@ -34,12 +43,11 @@ class Overdispersion(Tracker):
     @property
     def factor(self) -> float:
         """On the variance; an event's log likelihood is divided by it."""
-        return min(max(self._sum / self._weight, 1.0), LARGEST)
+        return _within(self._sum / self._weight)
 
     def add(self, score: float) -> None:
         """Take in the score of an event against what was believed, tempered by the factor."""
-        ratio = min(score / USUAL_SCORE, LARGEST_RATIO)
-        self._sum = REMEMBERED * self._sum + ratio * self.factor
+        self._sum = REMEMBERED * self._sum + _ratio(score) * self.factor
         self._weight = REMEMBERED * self._weight + 1.0
 
 
@@ -51,7 +59,7 @@ class TemperedEvent(NamedTuple):
 
     def ratio(self, factor: float) -> float:
         """Of its score to the usual one, tempered by a factor."""
-        return min(self.cost.tempered(factor).score(self.covariance) / USUAL_SCORE, LARGEST_RATIO)
+        return _ratio(self.cost.tempered(factor).score(self.covariance))
 
 
 def overdispersion_of(events: Sequence[TemperedEvent]) -> float:
@@ -59,5 +67,5 @@ def overdispersion_of(events: Sequence[TemperedEvent]) -> float:
     factor = 1.0
     for _ in range(_ROUNDS):
         mean = float(np.mean([event.ratio(factor) for event in events]))
-        factor = min(max(factor * mean, 1.0), LARGEST)
+        factor = _within(factor * mean)
     return factor

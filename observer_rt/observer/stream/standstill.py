@@ -244,7 +244,7 @@ def standstill_of(
         line_pressure=max(FLOOR.line_pressure, pressure_scale * measured[1]),
         needle_lift=max(FLOOR.needle_lift, measured[2]),
     )
-    return Standstill(samples, offset, noise if noise.is_of_sensors else None)
+    return Standstill(samples, offset, None if noise.implausible else noise)
 
 
 def _level(measured: float, stated: float, squares: int) -> float:

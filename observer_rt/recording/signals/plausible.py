@@ -183,9 +183,7 @@ def implausible(survey: Survey) -> Iterator[Implausible]:
     rail, line, lift = (
         survey.signals.get(name) for name in ("rail_pressure", "line_pressure", "needle_lift")
     )
-    if rail is None or line is None or lift is None:
-        return
-    if not (rail.count and line.count and lift.count):
+    if rail is None or line is None or lift is None or not (rail.count and line.count and lift.count):
         return
     yield from _lift(lift)
     opens = lift.highest > OPEN

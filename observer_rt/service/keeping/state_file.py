@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, Field, PlainSerializer, PlainValidator, ValidationError
 
 from observer_rt import __version__
-from observer_rt.estimation.gain import LARGEST_NOISE, NoiseLevels
+from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.estimation.gating import Belief
 from observer_rt.estimation.phases import PhaseStatistics
 from observer_rt.estimation.prediction_error import Whitening
@@ -74,9 +74,10 @@ def problem_of(knowledge: Knowledge, pressure_scale: float) -> str | None:
             return f"{name} is not symmetric and positive definite"
     if not all(np.all(np.isfinite(sums) & (sums >= 0.0)) for sums in vars(knowledge.statistics).values()):
         return "the statistics of the innovations are no sums of squares"
-    for signal, sigma in asdict(knowledge.noise).items():
-        if not 0.0 < sigma <= getattr(LARGEST_NOISE, signal):
-            return f"the noise of the {signal.replace('_', ' ')} is {sigma:g} (SI units)"
+    if odd := knowledge.noise.implausible:
+        return (
+            f"the noise of the {odd[0].replace('_', ' ')} is {getattr(knowledge.noise, odd[0]):g} (SI units)"
+        )
     if not np.all(np.isfinite(knowledge.learned_at)):
         return "the operating points learned at are not finite numbers"
     lift = knowledge.lift

@@ -99,14 +99,13 @@ class Session:
         said: dict[str, Any] = {}
         if self._controls != (controls := self._buttons()):
             self._controls = said["controls"] = controls
-        columns, letters = self._new_injections(shown)
-        if slow := self._slow_letters(live, shown):
-            letters |= slow
-        else:
+        columns, numbers = self._new_injections(shown)
+        slow = self._changed(self._slow_letters(live, shown))
+        if not slow:
             columns |= self._next_group(shown[self._chosen])
-        if changed := {name: html for name, html in letters.items() if self._letters.get(name) != html}:
-            said["letters"] = changed
-            self._letters |= changed
+        if letters := self._changed(numbers) | slow:
+            said["letters"] = letters
+            self._letters |= letters
         if not said and not columns:
             return None
         if columns:
@@ -155,7 +154,7 @@ class Session:
         return columns, letters
 
     def _slow_letters(self, live: Sequence[Seen], shown: Sequence[Seen]) -> dict[str, str]:
-        """States, faults and ages, by the element they stand in; nothing where none is due, or changed."""
+        """States, faults and ages, by the element they stand in; nothing where none is due."""
         now = time.monotonic()
         if now < self._letters_due:
             return {}
@@ -165,6 +164,10 @@ class Session:
         for place, (seen, then_seen) in enumerate(zip(live, shown, strict=True)):
             letters[f"banner_{place}"] = banner_html(seen, watching.is_over)
             letters[f"numbers_{place}"] = numbers_html(then_seen, watching.now)
+        return letters
+
+    def _changed(self, letters: Mapping[str, str]) -> dict[str, str]:
+        """Those that are not drawn as they are."""
         return {name: html for name, html in letters.items() if self._letters.get(name) != html}
 
     def _next_group(self, seen: Seen) -> dict[str, Columns]:

@@ -7,7 +7,7 @@ resolution=newest # or lowest: the oldest versions that pyproject.toml allows, f
 needed_python='import sys; sys.exit(sys.version_info < (3, 11))'
 
 # Mends a bare Debian or Ubuntu in one go; tools/vcan needs iproute2.
-bare_system="sudo apt-get update && sudo apt-get install -y python3-venv iproute2"
+bare_system="sudo apt-get update && sudo apt-get install -y python3-venv python3-dev gcc iproute2"
 
 say() { printf '%s\n' "$*" >&2; }
 
@@ -79,6 +79,26 @@ make_venv() { # with the interpreter $1: an environment that has pip
     fi
 }
 
+has_headers() { # of Python, for the compiled core
+    "$venv/bin/python" -c 'import sys, sysconfig; from pathlib import Path
+sys.exit(not (Path(sysconfig.get_path("include")) / "Python.h").is_file())'
+}
+
+ensure_headers() { # and a compiler; without root's rights the headers alone: the build brings a compiler of its own
+    local version unpacked=$repository/build/python-headers
+    if has_headers && command -v cc >/dev/null; then return; fi
+    if may_install && install_packages gcc libc6-dev python3-dev && has_headers; then return; fi
+    version=$("$venv/bin/python" -c 'import sys; print("%d.%d" % sys.version_info[:2])')
+    if has_headers || [ -f "$unpacked/usr/include/python$version/Python.h" ]; then return; fi
+    mkdir -p "$unpacked"
+    if command -v dpkg >/dev/null && (cd "$unpacked" && apt-get -qq download "libpython$version-dev" >/dev/null 2>&1) &&
+        dpkg -x "$unpacked"/libpython*.deb "$unpacked"; then
+        rm -f "$unpacked"/*.deb
+    else
+        fail "Python's headers are missing, which the compiled core is built with" "$bare_system"
+    fi
+}
+
 installed_state() { # what the stamp says when nothing needs to be done
     sha256sum "$repository/pyproject.toml"
     echo "$venv"
@@ -113,6 +133,7 @@ ensure_venv() { # extras ("" or "[dev]"); several at once take turns
             say "making $venv with $python"
             make_venv "$python"
         fi
+        ensure_headers
         install_package "$extras"
         installed_state >"$stamp"
         installed_state >"$venv/.installed" # the extras include the plain package

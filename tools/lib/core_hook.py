@@ -11,28 +11,41 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 sys.path.insert(0, str(Path(__file__).parent))
 import build_core
 
-# The wheel's machine, where it is not this one: set by tools/wheel.
-PLATFORM_VARIABLE = "OBSERVER_RT_WHEEL_PLATFORM"
+# What `zig cc -target` calls the machine of a wheel, where it is not this one; set by tools/wheel.
+TARGET_VARIABLE = "OBSERVER_RT_TARGET"
 
 
 class CoreHook(BuildHookInterface):  # type: ignore[type-arg]
     """Makes a wheel one of this processor's, for every CPython from 3.11 on."""
 
     def dependencies(self) -> list[str]:
-        """ziglang, whose `zig cc` is a C compiler, where the machine has none."""
-        return [] if build_core.compiler() else ["ziglang"]
+        """ziglang, whose `zig cc` is a C compiler, where the machine has none or another one is meant."""
+        return ["ziglang"] if _target() or build_core.compiler() == build_core.ZIG else []
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Build beside the sources for an editable install, else into the wheel."""
+        target = _target()
         build_data["pure_python"] = False
-        build_data["tag"] = f"cp311-abi3-{os.environ.get(PLATFORM_VARIABLE) or f'linux_{platform.machine()}'}"
+        build_data["tag"] = f"cp311-abi3-{_platform(target)}"
         try:
             if version == "editable":
                 build_core.build_in_place()
             else:
-                built = build_core.build(build_core.PORTABLE)
+                built = build_core.build(build_core.Kind(f"core-{target or 'portable'}", target=target))
                 build_data["force_include"] |= {
                     str(path): f"observer_rt/core/{name}" for name, path in built.items()
                 }
         except build_core.CoreBuildError as error:
             sys.exit(f"observer-rt: {error}")
+
+
+def _target() -> str:
+    return os.environ.get(TARGET_VARIABLE, "")
+
+
+def _platform(target: str) -> str:
+    """Of a wheel's name; x86_64-linux-gnu.2.17 is manylinux_2_17_x86_64."""
+    if not target:
+        return f"linux_{platform.machine()}"
+    processor, _, libc = target.partition("-linux-gnu.")
+    return f"manylinux_{libc.replace('.', '_')}_{processor}"

@@ -180,6 +180,7 @@ def _run(command: list[str], kind: Kind) -> None:
     environment = os.environ | {
         "PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
     }
+    environment.pop("LD_PRELOAD", None)  # what the tests of the checked build run with
     if not kind.target:  # else the machine file names it; the machine itself is asked for nothing
         environment["CC"] = compiler()
     program = shutil.which(command[0], path=environment["PATH"])

@@ -1,0 +1,131 @@
+"""The build of the compiled core: a wheel that needs no compiler, an edit that is built upon import."""
+
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).parents[2]
+BUILDER = REPOSITORY / "tools" / "lib" / "build_core.py"
+LAW = """
+\"\"\"A trial.\"\"\"
+from {package}.law cimport doubled
+
+def twice(double value):
+    \"\"\"Two times it.\"\"\"
+    return doubled(value)
+"""
+HEADER = "cdef inline double doubled(double value) noexcept nogil:\n    return {factor}.0 * value\n"
+
+
+def run(command: list[str], **options: object) -> str:
+    """Output of a command that must succeed."""
+    ran = subprocess.run(command, capture_output=True, text=True, **options)  # type: ignore[call-overload]
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    return str(ran.stdout)
+
+
+@pytest.fixture
+def package(tmp_path: Path) -> Path:
+    """A package laid out as this one, with a core of one law and one module."""
+    core = tmp_path / "observer_rt" / "core"
+    core.mkdir(parents=True)
+    (tmp_path / "tools" / "lib").mkdir(parents=True)
+    shutil.copy(BUILDER, tmp_path / "tools" / "lib")
+    for name in ("__init__.py", "meson.build", "meson.options"):
+        shutil.copy(REPOSITORY / "observer_rt" / "core" / name, core)
+    (core.parent / "__init__.py").touch()
+    (core / "trial.pyx").write_text(LAW.format(package="observer_rt.core"))
+    (core / "law.pxd").write_text(HEADER.format(factor=2))
+    return tmp_path
+
+
+def twice(package: Path, value: float) -> float:
+    """Asked of a process that imports the package's core."""
+    program = f"from observer_rt.core.trial import twice; print(twice({value}))"
+    return float(run([sys.executable, "-c", program], cwd=package, env=environment()))
+
+
+def environment() -> dict[str, str]:
+    return {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "LD_PRELOAD")}
+
+
+def test_importing_builds_what_was_edited(package: Path) -> None:
+    assert twice(package, 3.0) == 6.0
+    built = (package / "observer_rt" / "core" / "trial.abi3.so").stat().st_mtime_ns
+    assert twice(package, 4.0) == 8.0
+    assert (package / "observer_rt" / "core" / "trial.abi3.so").stat().st_mtime_ns == built
+    (package / "observer_rt" / "core" / "law.pxd").write_text(HEADER.format(factor=3))  # which trial.pyx includes
+    assert twice(package, 3.0) == 9.0
+
+
+def test_a_module_whose_source_is_gone_goes(package: Path) -> None:
+    twice(package, 1.0)
+    (package / "observer_rt" / "core" / "other.pyx").write_text("value = 1\n")
+    (package / "observer_rt" / "core" / "trial.pyx").unlink()
+    program = "import observer_rt.core.other as o; print(o.value); import observer_rt.core.trial"
+    ran = subprocess.run(
+        [sys.executable, "-c", program], cwd=package, env=environment(), capture_output=True, text=True
+    )
+    assert ran.stdout == "1\n"
+    assert "ModuleNotFoundError" in ran.stderr
+
+
+@pytest.mark.parametrize("wrong", ["cdef int f(int[::1] x):\n    return x[-1]\n", "def f(:\n"])
+def test_what_does_not_compile_without_warning_is_said_with_its_line(package: Path, wrong: str) -> None:
+    (package / "observer_rt" / "core" / "trial.pyx").write_text(wrong)
+    ran = subprocess.run(
+        [sys.executable, str(package / "tools" / "lib" / "build_core.py")],
+        capture_output=True,
+        text=True,
+        env=environment(),
+    )
+    assert ran.returncode == 1
+    assert "trial.pyx:" in ran.stderr
+    assert "Traceback" not in ran.stderr
+
+
+def test_without_headers_the_command_that_brings_them_is_named(package: Path) -> None:
+    program = (
+        "import sys, sysconfig; sys.path.insert(0, 'tools/lib'); import build_core\n"
+        "build_core.sysconfig.get_path = lambda name: '/nowhere'\n"
+        "build_core.build_in_place()"
+    )
+    ran = subprocess.run([sys.executable, "-c", program], cwd=package, capture_output=True, text=True, env=environment())
+    assert "sudo apt-get install python3-dev" in ran.stderr
+
+
+@pytest.mark.slow
+def test_a_wheel_observes_in_an_environment_without_compiler(tmp_path: Path) -> None:
+    here, fresh = Path(sysconfig.get_path("purelib")), tmp_path / "fresh"
+    pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--no-input"]
+    run(
+        [*pip, "wheel", "-q", "--no-deps", "--no-build-isolation", "-w", str(tmp_path), str(REPOSITORY)],
+        env=environment() | {"PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"},
+    )
+    (wheel,) = tmp_path.glob("observer_rt-*-cp311-abi3-*.whl")
+    run([sys.executable, "-m", "venv", "--without-pip", str(fresh)])
+    python = fresh / "bin" / "python"
+    run([*pip, "--python", str(python), "install", "-q", "--no-deps", "--no-index", str(wheel)])
+    site = Path(run([str(python), "-c", "import sysconfig; print(sysconfig.get_path('purelib'))"]).strip())
+    # What it depends on, as it is here; not the package itself, whose editable install a .pth file names.
+    for folder in here.iterdir():
+        if not (folder.name.startswith(("observer_rt", "_observer_rt", "_editable")) or folder.suffix == ".pth"):
+            target = site / folder.name
+            if not target.exists():
+                target.symlink_to(folder)
+    empty = tmp_path / "home"
+    empty.mkdir()
+    said = run(
+        [str(python), "-m", "observer_rt", "demo", "--figure", str(tmp_path / "rates.png")],
+        cwd=empty,
+        env={"HOME": str(empty), "PATH": str(fresh / "bin")},
+    )
+    assert "observer" in said
+    assert (tmp_path / "rates.png").exists()
+    where = run([str(python), "-c", "import observer_rt.core; print(observer_rt.core.__file__)"], cwd=empty)
+    assert where.startswith(str(fresh))

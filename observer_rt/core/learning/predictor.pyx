@@ -1,0 +1,307 @@
+"""The identification system x~ and the observer x^ over an event's samples, with their derivatives by theta."""
+
+from libc.math cimport ceil
+from libc.stdint cimport int64_t
+
+from numpy import array, zeros
+
+from observer_rt.core.model.hydraulics cimport Seat, seat_area_slope
+from observer_rt.core.model.model cimport (
+    Carried, Model, Terms, Weights, advance_over, correct, empty_sac, flow_slopes, predict,
+    rate_after, shown_under_terms, trusted_under_terms, under_terms
+)
+from observer_rt.core.model.records cimport (
+    SAC, Coefficients, FlowSlopes, Forced, Gradient, Inputs, Interval, Knot, LaggedSlopes, Tangent
+)
+from observer_rt.core.model.sensor cimport lagged_slopes
+
+cdef double DRAINING = 0.2e-3  # s, in which the sac is certainly empty behind a shut needle
+
+
+cdef class Followed:
+    """A window's samples and a model, as `follow` goes along them."""
+
+    cdef const double[:, :] inputs
+    cdef const double[:] output
+    cdef const unsigned char[:] resting
+    cdef const double[:, :] knots
+    cdef const unsigned char[:] masked
+    cdef Model model
+    cdef Weights weights
+    cdef Terms terms
+    cdef Forced forced
+    cdef Interval interval
+
+    def __init__(self, window, setting, learned, clock) -> None:
+        self.inputs, self.output, self.resting = window.inputs, window.output, window.resting.view("u1")
+        self.knots, self.masked = window.knots, window.masked.view("u1")
+        samples = self.output.shape[0]
+        if self.inputs.shape[0] < samples or self.inputs.shape[1] != 2 or self.resting.shape[0] < samples:
+            raise ValueError("arrays of a window do not fit each other")
+        if 0 < self.knots.shape[0] < samples:
+            raise ValueError("a window has fewer knots than samples")
+        self.model, self.weights = Model(learned.coefficients), Weights(learned.network)
+        self.terms = Terms(setting.program, clock.time, clock.injections)
+        self.forced.coefficients, self.forced.network = self.model.coefficients, self.weights.network
+        self.interval.length, self.interval.substeps = setting.interval, setting.substeps
+
+    cdef void force(self, const double* x, int64_t k) noexcept nogil:
+        """Between sample k and the one before it, from a state x (n,) on, under the terms in force."""
+        cdef Knot knot
+        self.interval.start.rail, self.interval.start.area = self.inputs[k - 1, 0], self.inputs[k - 1, 1]
+        self.interval.end.rail, self.interval.end.area = self.inputs[k, 0], self.inputs[k, 1]
+        knot.share = knot.area = 0.0
+        if self.knots.shape[0] > 0:
+            knot.share, knot.area = self.knots[k - 1, 0], self.knots[k - 1, 1]
+        under_terms(
+            x, &self.interval, knot, &self.model.coefficients, &self.weights.network, &self.terms.forcing, &self.forced
+        )
+
+    cdef bint is_masked(self, int64_t k) noexcept nogil:
+        """Whether y of sample k does not count."""
+        return k < self.masked.shape[0] and self.masked[k] != 0
+
+
+def follow(window, setting, learned, int64_t corrected, double[:] errors, double[:] rate, gradient, double[:, :] slopes):
+    """x~ before sample `corrected`, from there on x^: it follows x~ and then runs open loop; its last state (n,).
+
+    window, setting, learned, gradient: named tuples of estimation.predictor. errors: (n,) y - o - (indicated
+    pressure), before the correction, errors[0] is 0; rate: of injection, before the correction [m3/s], (n,), or (0,)
+    if not wanted. With a gradient of 0 (else None), slopes (n, m) becomes d(errors)/dtheta.
+    """
+    cdef Followed it = Followed(window, setting, learned, window.clock)
+    cdef Gradient of_gradient
+    cdef Gradient* g = NULL
+    cdef Carried carried
+    cdef const double[::1] lag_of, gain = setting.gain
+    cdef double[::1] before, indicated_by, error_by
+    cdef double lag = setting.lag + learned.lag, offset = setting.offset + learned.offset, late = setting.late
+    cdef double interval = setting.interval, indicated, shown, trusted
+    cdef int64_t k, j, samples = it.output.shape[0], n = it.model.coefficients.states
+    cdef bint is_measured
+    state = array(window.start[:n])
+    cdef double[::1] x = state
+    if len(window.start) != n + 1 or gain.shape[0] < n or errors.shape[0] < samples or 0 < rate.shape[0] < samples:
+        raise ValueError("what is followed does not fit the model or the window")
+    indicated = window.start[n]
+    if gradient is not None:
+        carried = Carried(gradient.tangent)
+        lag_of, before, indicated_by, error_by = gradient.lag, gradient.before, gradient.indicated, gradient.error
+        if slopes.shape[0] < samples or slopes.shape[1] > carried.tangent.m or carried.tangent.n != n:
+            raise ValueError("the slopes fit neither the window nor the gradient")
+        of_gradient.tangent = carried.tangent
+        of_gradient.lag, of_gradient.before = &lag_of[0], &before[0]
+        of_gradient.indicated, of_gradient.error = &indicated_by[0], &error_by[0]
+        g = &of_gradient
+    errors[:1] = 0.0
+    rate[:1] = 0.0
+    slopes[:1] = 0.0
+    with nogil:
+        for k in range(1, samples):
+            it.force(&x[0], k)
+            shown = predict(&x[0], &indicated, &it.forced, late, lag, g)
+            shown = shown_under_terms(shown, &it.forced, &it.terms.forcing)
+            if rate.shape[0] > 0:
+                rate[k] = rate_after(&x[0], &it.forced)
+            is_measured = not it.is_masked(k)
+            errors[k] = it.output[k] - offset - shown if is_measured else 0.0
+            if g != NULL:
+                for j in range(slopes.shape[1]):
+                    slopes[k, j] = g.error[j] if is_measured else 0.0
+            if k < corrected and is_measured:
+                trusted = trusted_under_terms(errors[k], interval, &it.terms.forcing)
+                correct(&x[0], &indicated, trusted, &gain[0], n, g)
+            if it.resting[k] != 0 and it.forced.interval.end.area <= 0.0:
+                empty_sac(&x[0], NULL if g == NULL else &g.tangent)
+    return state
+
+
+def run_open_loop(window, setting, learned, double[::1] x, tangent, clock, result) -> None:
+    """Fill `result`, an `estimation.open_loop.OpenLoop` of zeros, from the opening on.
+
+    x (n,): the state one sample before, moved on with it; clock: of then; tangent: at least m + n columns wide.
+    """
+    cdef Followed it = Followed(window, setting, learned, clock)
+    cdef Carried carried = Carried(tangent)
+    cdef double[::1] rate = result.rate, relaxation = result.relaxation, by_area = result.by_area
+    cdef double[:, ::1] slopes = result.slopes, gradient = result.gradient
+    cdef double[:, :, ::1] transition = result.transition
+    cdef int64_t n = x.shape[0], m = slopes.shape[1], samples = it.output.shape[0], last = samples - 1, i, j, k
+    cdef int64_t first = max(<int64_t> window.opening, <int64_t> 1), drained
+    cdef double interval = setting.interval
+    cdef FlowSlopes flows
+    cdef Inputs u
+    t = &carried.tangent
+    if t.n != n or t.m < m + n or n != it.model.coefficients.states or rate.shape[0] < samples:
+        raise ValueError("what is run open loop does not fit the model or the window")
+    while last > 0 and it.inputs[last, 1] <= 0.0:
+        last -= 1
+    drained = last + 1 + <int64_t> ceil(DRAINING / interval)
+    with nogil:
+        for k in range(first, min(drained, samples)):
+            it.force(&x[0], k)
+            for i in range(n):
+                for j in range(n):
+                    t.by[i * t.m + m + j] = 1.0 if i == j else 0.0
+            advance_over(&x[0], &it.forced.interval, it.forced.knot, &it.forced.coefficients, &it.forced.network, t)
+            if it.resting[k] != 0 and it.forced.interval.end.area <= 0.0:
+                empty_sac(&x[0], t)
+            for i in range(n):
+                for j in range(n):
+                    transition[k, i, j] = t.by[i * t.m + m + j]
+            u = it.forced.interval.end
+            u.area = max(u.area, 0.0)
+            if u.area <= 0.0 and x[SAC] == 0.0:
+                continue
+            flow_slopes(&x[0], u, &it.forced.coefficients, &it.forced.network, t.sigmas, &flows)
+            _take_flows(
+                &flows, u.area, &it.forced.coefficients, t, &rate[k], &slopes[k, 0], m, &gradient[k, 0], n, &relaxation[k],
+                &by_area[k],
+            )
+
+
+cdef void _take_flows(
+    const FlowSlopes* flows, double area, const Coefficients* c, const Tangent* t, double* rate, double* slopes, int64_t m,
+    double* gradient, int64_t states, double* relaxation, double* by_area
+) noexcept nogil:
+    """A sample's rate after its flows, their slopes and the state's; whichever line there is."""
+    cdef double nozzle_flow = c.nozzle.flow
+    cdef int64_t i, j, neuron
+    theta = &t.theta
+    rate[0] = nozzle_flow * flows.q_h
+    for i in range(3):
+        gradient[i] = nozzle_flow * flows.h_x[i]
+    gradient[states] = nozzle_flow * flows.h_area
+    slopes[theta.nozzle_bias] = nozzle_flow * flows.h_change
+    for neuron in range(t.neurons):
+        slopes[theta.nozzle_weight + neuron] = nozzle_flow * flows.h_change * t.sigmas[neuron]
+    slopes[theta.back_pressure] = nozzle_flow * flows.h_back_pressure
+    slopes[theta.back_pressure + 1] = nozzle_flow * flows.h_back_pressure * area
+    for j in range(m):
+        for i in range(3):
+            slopes[j] += gradient[i] * t.by[i * t.m + j]
+    # the sac by itself: how its pressure's rate of change goes with that pressure, and with the area
+    relaxation[0] = c.sac.a6 * flows.h_x[2] - c.sac.a5 * flows.s_x[2]
+    if area > 0.0:
+        by_area[0] = (c.sac.a5 * flows.s_area - c.sac.a6 * flows.h_area) / relaxation[0]
+
+
+def propagate_noise(
+    const double[:] areas, int64_t opening, run, double interval, seat, start, const double[::1] rail, double lift,
+    double[::1] rate, double[::1] volume
+) -> None:
+    """Covariance of [x, A_S, volume] from sample to sample, whichever line there is: see `input_variance`.
+
+    areas: (n,) A_S; run: an `OpenLoop`; start: variances of x~_1 and x~_2; rail: sigma of the rail pressure's noise in x
+    (states,); lift: sigma. rate, volume (n,): variances, filled from the opening on.
+
+    x~ at the opening errs as the steady Kalman filter says: K R, as much in Q_L as in p_L, for the line hardly damped
+    turns one into the other. Rail noise, linear between samples, is white to Q_L. The area reaches p_S with the lag
+    of the sac.
+    """
+    cdef int64_t states = rail.shape[0], size = states + 2, area = states, end = states + 1, k, i, j
+    cdef double[:, ::1] gradients = run.gradient
+    cdef double[:, :, ::1] transitions = run.transition
+    cdef const double[::1] relaxations = run.relaxation, areas_by = run.by_area
+    cdef double[:, ::1] covariance = zeros((size, size)), change = zeros((size, size)), moved = zeros((size, size))
+    cdef double[:, ::1] scratch = zeros((size, size))
+    cdef double[::1] by_rail = zeros(size), by_area = zeros(size), gradient = zeros(size), half = zeros(size)
+    cdef Seat of_seat = seat._asdict()
+    cdef LaggedSlopes lag
+    cdef double by_start, by_end, opened, total
+    cdef bint moves
+    covariance[0, 0], covariance[1, 1] = start
+    by_rail[:states] = rail
+    by_area[area] = 1.0
+    with nogil:
+        for k in range(max(opening, <int64_t> 1), rate.shape[0]):
+            moves = False
+            for i in range(states):
+                for j in range(states):
+                    moves = moves or transitions[k, i, j] != 0.0
+            if not moves:  # drained: x^ was followed no further
+                for i in range(k, volume.shape[0]):
+                    volume[i] = covariance[end, end]
+                break
+            by_start, by_end = 0.0, 0.0
+            if relaxations[k] > 0.0:
+                lag = lagged_slopes(0.0, 0.0, 0.0, interval, 1.0 / relaxations[k])
+                by_start, by_end = lag.by_start, lag.by_end
+            for i in range(end):
+                half[i] = 0.5 * interval * gradients[k, i]
+            for i in range(states):
+                for j in range(states):
+                    change[i, j] = transitions[k, i, j]
+            change[2, area] = areas_by[k] * by_start
+            by_area[2] = areas_by[k] * by_end
+            for j in range(end):
+                change[end, j] = 0.5 * interval * gradients[k - 1, j]
+                for i in range(states):
+                    change[end, j] += half[i] * change[i, j]
+            change[end, end] = 1.0
+            total = 0.0
+            for i in range(states):
+                total += half[i] * rail[i]
+            by_rail[end] = total
+            by_area[end] = half[2] * by_area[2] + half[area]
+            opened = lift * seat_area_slope(areas[k], &of_seat)
+            _propagate(change, covariance, moved, scratch)
+            for i in range(size):
+                for j in range(size):
+                    covariance[i, j] += by_rail[i] * by_rail[j] + opened * opened * by_area[i] * by_area[j]
+            for i in range(end):
+                gradient[i] = gradients[k, i]
+            for i in range(end):
+                total = 0.0
+                for j in range(size):
+                    total += covariance[i, j] * gradient[j]
+                rate[k] += gradient[i] * total
+            volume[k] = covariance[end, end]
+            if areas[k] > 0.0 and areas[k - 1] <= 0.0:
+                for i in range(size):
+                    covariance[end, i] = 0.0
+                    covariance[i, end] = 0.0
+
+
+cdef void _propagate(
+    double[:, ::1] transition, double[:, ::1] covariance, double[:, ::1] moved, double[:, ::1] scratch
+) noexcept nogil:
+    """transition @ covariance into `moved`, and that @ transition.T into `covariance`; all (m, m).
+
+    The transition of a line of cells is nearly empty, and always on the left here.
+    """
+    cdef int64_t m = covariance.shape[0], i, j
+    cdef double kept
+    _multiply(transition, covariance, moved)
+    for i in range(m):
+        for j in range(m):
+            scratch[i, j] = moved[j, i]
+    _multiply(transition, scratch, covariance)
+    for i in range(m):
+        for j in range(i):
+            kept = covariance[i, j]
+            covariance[i, j] = covariance[j, i]
+            covariance[j, i] = kept
+
+
+cdef void _multiply(double[:, ::1] left, double[:, ::1] right, double[:, ::1] result) noexcept nogil:
+    """left @ right into `result`, another array; what is 0 in `left` costs nothing."""
+    cdef int64_t i, j, k
+    cdef double factor
+    for i in range(result.shape[0]):
+        for j in range(result.shape[1]):
+            result[i, j] = 0.0
+        for k in range(right.shape[0]):
+            factor = left[i, k]
+            if factor != 0.0:
+                for j in range(result.shape[1]):
+                    result[i, j] += factor * right[k, j]
+
+
+def sum_of_squares(const double[:] errors) -> float:
+    """In the order of the samples."""
+    cdef double total = 0.0
+    cdef int64_t k
+    for k in range(errors.shape[0]):
+        total += errors[k] * errors[k]
+    return total

@@ -1,0 +1,183 @@
+# The closed end of a staggered line: its last cell and the sac, stepped together and implicitly.
+#
+# p_L by the midpoint rule, p_S by backward Euler over each half step. So a sac of any volume will do; one that relaxes
+# far faster than the step is where its flows balance, its filling included.
+
+cdef enum:
+    MOST_ITERATIONS = 40
+
+cdef double CLOSE = 1e-9  # of p_0: pressures this close solve the step at the closed end
+cdef double SPARE = 0.1  # of p_0, by which p_S may leave the range of the pressures round it
+
+
+cdef void move_end(
+    double* x, Inputs mean, Inputs end, double step, const Coefficients* c, const Network* network, Tangent* t
+) noexcept nogil:
+    """The end cell's pressure and p_S a step [s] on, with the flow into the cell as it is.
+
+    mean, end: inputs over the step and at its end.
+    """
+    line = &c.line.wave
+    cdef double half = 0.5 * step, before = x[0], soft = stiffness(x[0], &line.softness), sac = 0.0, middle
+    cdef double[3] solved
+    cdef int64_t j
+    if is_at_rest(x, mean) and end.area <= 0.0:
+        middle = (before + half * soft * line.a1 * (x[1] - line.outflow)) / (1.0 + half * soft * line.leak)
+    else:
+        middle = _solve_end(x, mean, half, half * soft, c, network, &sac)
+    solved[0], solved[1], solved[2] = middle, x[1], sac
+    if t != NULL:
+        _end_rows(t, x, solved, mean, half, half, c, network)
+    x[0], x[SAC] = middle, sac
+    if c.kind == MEAN_WAVE:  # the integral of p_L; p_L is that in the step's middle
+        x[c.states - 1] += step * x[0]
+        if t != NULL:
+            for j in range(t.m):
+                t.by[(t.n - 1) * t.m + j] += step * t.by[j]
+    if t != NULL:
+        _beyond_middle(t)
+    x[0] = 2.0 * middle - before
+    if is_at_rest(x, end):
+        return
+    _solve_end(x, end, half, 0.0, c, network, &sac)
+    if t != NULL:
+        solved[0], solved[1], solved[2] = x[0], x[1], sac
+        _end_rows(t, x, solved, end, half, 0.0, c, network)
+    x[SAC] = sac
+
+
+cdef double _solve_end(
+    const double* x, Inputs u, double sac_step, double line_step, const Coefficients* c, const Network* network,
+    double* solved_sac
+) noexcept nogil:
+    """p_L and p_S after implicit steps [s] at the inputs u; a line_step of 0 leaves p_L where it is.
+
+    Newton's method; phi's network counts by its slope along p_S only. A step out of the range in which p_S must lie
+    goes half the way to its end instead.
+    """
+    line, sac = &c.line.wave, &c.sac
+    cdef double p_0 = x[0], flow = x[1], s_0 = x[SAC], p = x[0], s = x[SAC]
+    cdef double inflow = line.a1 * (flow - line.outflow)
+    cdef double lowest = min(s_0, p_0, 0.0) - SPARE, highest = max(s_0, p_0, 0.0) + SPARE
+    cdef double back_pressure = back_pressure_at(u.area, network)
+    cdef double nozzle_change, seat_change, by_sac_h, by_sac_s, sigma, bend, through_nozzle, through_seat, q_h, q_s
+    cdef double h_s, s_p, s_s, line_error, sac_error, pp, ps, sp, ss, whole, by_p, by_s, unused
+    cdef double[3] state
+    cdef int64_t iteration, neuron
+    state[1] = flow
+    for iteration in range(<int64_t> MOST_ITERATIONS):
+        state[0], state[2] = p, s
+        nozzle_change, by_sac_h, seat_change, by_sac_s = network.bias[0], 0.0, network.bias[1], 0.0
+        for neuron in range(network.neurons):
+            sigma = activation(state, u, network.hidden + 6 * neuron)
+            bend = (1.0 - sigma * sigma) * network.hidden[6 * neuron + 2]
+            nozzle_change += network.output[neuron] * sigma
+            seat_change += network.output[network.neurons + neuron] * sigma
+            by_sac_h += network.output[neuron] * bend
+            by_sac_s += network.output[network.neurons + neuron] * bend
+        through_nozzle = nozzle_law(s, u.area, back_pressure, &c.nozzle)
+        through_seat = seat_law(p, s, u.area, &c.seat)
+        q_h, q_s = through_nozzle * (1.0 + nozzle_change), through_seat * (1.0 + seat_change)
+        h_s = nozzle_law_slopes(s, u.area, back_pressure, &c.nozzle, &unused) * (1.0 + nozzle_change)
+        h_s += through_nozzle * by_sac_h
+        s_p = seat_law_slopes(p, s, u.area, &c.seat, &unused) * (1.0 + seat_change)
+        s_s = through_seat * by_sac_s - s_p
+        line_error = p - p_0 - line_step * (inflow - line.leak * p - line.a2_nozzle * q_h - line.a2_seat * q_s)
+        sac_error = s - s_0 - sac_step * (sac.a5 * q_s - sac.a6 * q_h)
+        pp = 1.0 + line_step * (line.leak + line.a2_seat * s_p)
+        ps = line_step * (line.a2_nozzle * h_s + line.a2_seat * s_s)
+        sp = -sac_step * sac.a5 * s_p
+        ss = 1.0 + sac_step * (sac.a6 * h_s - sac.a5 * s_s)
+        whole = pp * ss - ps * sp
+        by_p = (ps * sac_error - ss * line_error) / whole
+        by_s = (sp * line_error - pp * sac_error) / whole
+        if s + by_s < lowest:
+            by_s = 0.5 * (lowest - s)
+        elif s + by_s > highest:
+            by_s = 0.5 * (highest - s)
+        p += by_p
+        s += by_s
+        if fabs(by_p) + fabs(by_s) < CLOSE:
+            break
+    solved_sac[0] = s
+    return p
+
+
+cdef void _end_rows(
+    Tangent* t, const double* x, const double* solved, Inputs u, double sac_step, double line_step, const Coefficients* c,
+    const Network* network
+) noexcept nogil:
+    """Derivatives of p_L and p_S through the implicit steps [s] from x to `solved`, by implicit differentiation."""
+    line, sac, theta = &c.line.wave, &c.sac, &t.theta
+    cdef double* line_row = t.moved
+    cdef double* sac_row = t.moved + t.m
+    cdef double* kept = t.moved + 2 * t.m
+    cdef double* of_line = t.by
+    cdef double* of_flow = t.by + t.m
+    cdef double* of_sac = t.by + SAC * t.m
+    cdef double p = solved[0], flow = solved[1], soft = stiffness(x[0], &line.softness), fill = line_step * soft
+    cdef double q_h = 0.0, q_s = 0.0, pp = 1.0 + fill * line.leak, ps = 0.0, sp = 0.0, ss = 1.0
+    cdef double h_flow = 0.0, s_flow = 0.0, line_by_h, sac_by_h, line_by_s, sac_by_s, inflow, net, by_pressure
+    cdef double by_air, by_slope, soften, by_flow, sac_by_flow, whole, from_sac, from_line
+    cdef bint rest = is_at_rest(solved, u) and x[SAC] == 0.0
+    cdef FlowSlopes flows
+    cdef int64_t j, neuron
+    memcpy(line_row, of_line, t.m * sizeof(double))
+    memcpy(sac_row, of_sac, t.m * sizeof(double))
+    if not rest:
+        flow_slopes(solved, u, c, network, t.sigmas, &flows)
+        q_h, q_s = flows.q_h, flows.q_s
+        h_flow, s_flow = flows.h_x[1], flows.s_x[1]
+        pp += fill * (line.a2_nozzle * flows.h_x[0] + line.a2_seat * flows.s_x[0])
+        ps = fill * (line.a2_nozzle * flows.h_x[2] + line.a2_seat * flows.s_x[2])
+        sp = -sac_step * (sac.a5 * flows.s_x[0] - sac.a6 * flows.h_x[0])
+        ss = 1.0 - sac_step * (sac.a5 * flows.s_x[2] - sac.a6 * flows.h_x[2])
+        line_by_h, sac_by_h = -fill * line.a2_nozzle, -sac_step * sac.a6
+        line_by_s, sac_by_s = -fill * line.a2_seat, sac_step * sac.a5
+        _add_flow(line_row, sac_row, theta.nozzle_bias, line_by_h, sac_by_h, flows.h_change)
+        for neuron in range(t.neurons):
+            _add_flow(
+                line_row, sac_row, theta.nozzle_weight + neuron, line_by_h, sac_by_h, flows.h_change * t.sigmas[neuron]
+            )
+        _add_flow(line_row, sac_row, theta.seat_bias, line_by_s, sac_by_s, flows.s_change)
+        _add_flow(line_row, sac_row, theta.back_pressure, line_by_h, sac_by_h, flows.h_back_pressure)
+        _add_flow(line_row, sac_row, theta.back_pressure + 1, line_by_h, sac_by_h, flows.h_back_pressure * u.area)
+    if line_step > 0.0:
+        inflow = flow - line.outflow
+        net = line.a1 * inflow - line.leak * p - line.a2_nozzle * q_h - line.a2_seat * q_s
+        by_pressure = stiffness_slopes(x[0], &line.softness, &by_air, &by_slope)
+        t.by_coefficient[WAVE_A1] = fill * inflow
+        t.by_coefficient[WAVE_A2_NOZZLE] = -fill * q_h
+        t.by_coefficient[WAVE_A2_SEAT] = -fill * q_s
+        t.by_coefficient[WAVE_LEAK] = -fill * p
+        t.by_coefficient[WAVE_AIR] = line_step * by_air * net
+        t.by_coefficient[WAVE_STIFFNESS_SLOPE] = line_step * by_slope * net
+        add_coefficients(t, t.moved, 0, 1)  # its first row is that of the line
+        soften = line_step * by_pressure * net
+        by_flow = fill * (line.a1 - line.a2_nozzle * h_flow - line.a2_seat * s_flow)
+        for j in range(t.m):
+            line_row[j] += soften * of_line[j] + by_flow * of_flow[j]
+    sac_by_flow = sac_step * (sac.a5 * s_flow - sac.a6 * h_flow)
+    whole = pp * ss - ps * sp
+    for j in range(t.m):
+        from_sac = sac_row[j] + sac_by_flow * of_flow[j]
+        from_line = line_row[j]
+        kept[j] = of_line[j]
+        of_line[j] = (ss * from_line - ps * from_sac) / whole
+        of_sac[j] = (pp * from_sac - sp * from_line) / whole
+
+
+cdef inline void _add_flow(
+    double* line_row, double* sac_row, int64_t column, double by_line, double by_sac, double change
+) noexcept nogil:
+    """What a parameter that changes a flow does to both rows."""
+    line_row[column] += by_line * change
+    sac_row[column] += by_sac * change
+
+
+cdef void _beyond_middle(Tangent* t) noexcept nogil:
+    """The derivatives of p_L from the middle of the step to its end; row 2 of the scratch holds those before it."""
+    cdef const double* before = t.moved + 2 * t.m
+    cdef int64_t j
+    for j in range(t.m):
+        t.by[j] = 2.0 * t.by[j] - before[j]

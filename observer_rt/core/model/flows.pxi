@@ -1,0 +1,111 @@
+# The network part of phi, N = W tanh(V z) + b, and the flows through seat and nozzle with it, with their slopes.
+
+cdef inline double activation(const double* x, Inputs u, const double* row) noexcept nogil:
+    """Output sigma_i = tanh(v_i z) of one hidden neuron (9); row: v_i."""
+    return fast_tanh(row[0] * x[0] + row[1] * x[1] + row[2] * x[2] + row[3] * u.rail + row[4] * u.area + row[5])
+
+
+cdef inline double back_pressure_at(double u_2, const Network* network) noexcept nogil:
+    """Rise of p_C at a seat area, in units of p_0."""
+    return network.back_pressure[0] + network.back_pressure[1] * u_2
+
+
+cdef inline bint is_at_rest(const double* x, Inputs u) noexcept nogil:
+    """Needle shut and sac at chamber pressure: no flow, so phi vanishes whatever the network says."""
+    return u.area <= 0.0 and x[SAC] == 0.0
+
+
+cdef inline void model_flows(const double* x, Inputs u, const Coefficients* c, double* q_h, double* q_s) noexcept nogil:
+    """Normalised flows of the model alone: q_H of (23) through the nozzle, q_S of (21) through the seat."""
+    q_h[0] = nozzle_law(x[SAC], u.area, 0.0, &c.nozzle)
+    q_s[0] = seat_law(x[0], x[SAC], u.area, &c.seat)
+
+
+cdef inline void changed_flows(
+    const double* x, Inputs u, const Coefficients* c, const Network* network, double* q_h, double* q_s
+) noexcept nogil:
+    """Normalised flows with phi: (N_H, N_S) = W tanh(V z) + b (7), with z = [x u 1], are their relative changes."""
+    cdef double nozzle_change = network.bias[0], seat_change = network.bias[1], sigma
+    cdef int64_t neuron
+    for neuron in range(network.neurons):
+        sigma = activation(x, u, network.hidden + 6 * neuron)
+        nozzle_change += network.output[neuron] * sigma
+        seat_change += network.output[network.neurons + neuron] * sigma
+    q_h[0] = nozzle_law(x[SAC], u.area, back_pressure_at(u.area, network), &c.nozzle) * (1.0 + nozzle_change)
+    q_s[0] = seat_law(x[0], x[SAC], u.area, &c.seat) * (1.0 + seat_change)
+
+
+cdef double injection_rate(const double* x, Inputs u, const Coefficients* c, const Network* network) noexcept nogil:
+    """Q_H^ of `fault_and_rate` [m3/s]."""
+    cdef double q_h, q_s
+    if is_at_rest(x, u):
+        return 0.0
+    changed_flows(x, u, c, network, &q_h, &q_s)
+    return c.nozzle.flow * q_h
+
+
+cdef double fault_and_rate(
+    const double* x, Inputs u, const Coefficients* c, const Network* network, double* phi
+) noexcept nogil:
+    """The injection rate Q_H^ [m3/s], and phi(x, u) = G(x, u) N of (2), (27), its three rows [1/s].
+
+    Q_H^ is the model's nozzle flow plus what phi says of it. Nozzle form: Q_H,model - (V_L p0/K_L) phi_1; seat form:
+    Q_H,model - (V_S p0/K_C) phi_3 - (V_L p0/K_L) phi_1. Both balances give Q_H,model (1 + N_H) when phi = G N, which
+    is what is computed.
+    """
+    cdef double nozzle_flow, seat_flow, q_h, q_s, d_q_h, d_q_s
+    phi[0] = phi[1] = phi[2] = 0.0
+    if is_at_rest(x, u):
+        return 0.0
+    model_flows(x, u, c, &nozzle_flow, &seat_flow)
+    changed_flows(x, u, c, network, &q_h, &q_s)
+    d_q_h = q_h - nozzle_flow
+    d_q_s = q_s - seat_flow
+    # of every line the same places
+    phi[0] = -c.line.lump.a2_nozzle * d_q_h - c.line.lump.a2_seat * d_q_s
+    phi[2] = sac_rate(d_q_h, d_q_s, &c.sac)
+    return c.nozzle.flow * q_h
+
+
+cdef void flow_slopes(
+    const double* x, Inputs u, const Coefficients* c, const Network* network, double* sigmas, FlowSlopes* result
+) noexcept nogil:
+    """`changed_flows` with their derivatives; sigmas (q,) becomes the activations of the hidden neurons."""
+    cdef double back_pressure = back_pressure_at(u.area, network)
+    cdef double nozzle_flow = nozzle_law(x[SAC], u.area, back_pressure, &c.nozzle)
+    cdef double seat_flow = seat_law(x[0], x[SAC], u.area, &c.seat)
+    cdef double nozzle_change = network.bias[0], seat_change = network.bias[1]
+    cdef double h_1 = 0.0, h_2 = 0.0, h_3 = 0.0, h_area = 0.0, s_1 = 0.0, s_2 = 0.0, s_3 = 0.0, s_area = 0.0
+    cdef double sigma, bend, to_nozzle, to_seat, by_sac, by_chamber, by_difference, by_area
+    cdef const double* row
+    cdef int64_t neuron
+    for neuron in range(network.neurons):
+        row = network.hidden + 6 * neuron
+        sigma = activation(x, u, row)
+        sigmas[neuron] = sigma
+        nozzle_change += network.output[neuron] * sigma
+        seat_change += network.output[network.neurons + neuron] * sigma
+        bend = 1.0 - sigma * sigma
+        to_nozzle = nozzle_flow * network.output[neuron] * bend
+        to_seat = seat_flow * network.output[network.neurons + neuron] * bend
+        h_1 += to_nozzle * row[0]
+        h_2 += to_nozzle * row[1]
+        h_3 += to_nozzle * row[2]
+        h_area += to_nozzle * row[4]
+        s_1 += to_seat * row[0]
+        s_2 += to_seat * row[1]
+        s_3 += to_seat * row[2]
+        s_area += to_seat * row[4]
+    by_sac = nozzle_law_slopes(x[SAC], u.area, back_pressure, &c.nozzle, &by_chamber)
+    by_chamber *= 1.0 + nozzle_change
+    by_difference = seat_law_slopes(x[0], x[SAC], u.area, &c.seat, &by_area)
+    by_difference *= 1.0 + seat_change
+    result.q_h = nozzle_flow * (1.0 + nozzle_change)
+    result.q_s = seat_flow * (1.0 + seat_change)
+    result.h_x[0], result.h_x[1], result.h_x[2] = h_1, h_2, h_3 + by_sac * (1.0 + nozzle_change)
+    result.s_x[0], result.s_x[1], result.s_x[2] = s_1 + by_difference, s_2, s_3 - by_difference
+    result.h_area = h_area + by_chamber * (c.nozzle.chamber_rise_with_seat + network.back_pressure[1])
+    result.s_area = s_area + by_area * (1.0 + seat_change)
+    result.h_change = nozzle_flow
+    result.s_change = seat_flow
+    result.h_back_pressure = by_chamber

@@ -1,0 +1,239 @@
+# The terms in force, once a sample, and what they change over the interval.
+#
+# A term is a law of the state at the start of an interval and of the inputs in its middle, one of the sensor of the
+# pressure at its end. What it changes is what a model has anyway: coefficients of the line, the constants of the
+# network, the inputs.
+
+cdef enum:
+    # places in `Forcing.past`
+    PAST_TIME = 0  # s
+    PAST_INJECTIONS = 1
+    PAST_SINCE = 2  # ms
+    PAST_LIFT = 3  # mm
+    PAST_PRESSURE = 4  # MPa
+    PAST_AREA = 5
+    PAST_OF_FLOWS = 6  # whether a law reads the flow through seat or nozzle
+    PAST_OF_SENSOR = 7  # whether one is of the sensor
+    # and in `Forcing.variables`
+    VARIABLE_LINE_PRESSURE = 1
+    VARIABLE_SEAT_FLOW = 5
+    VARIABLE_NOZZLE_FLOW = 6
+    VARIABLE_RATES = 9  # of lift, rail pressure and line pressure
+    VARIABLE_OPEN = 15
+    LIFT_ITERATIONS = 5  # of a lift whose flow coefficient depends on it
+
+cdef double LEAST_LIFT = 0.02e-6  # m, from which on a term holds a needle open that is seen to be shut
+cdef double MEGAPASCAL = 1e6
+cdef double MILLIMETRE = 1e-3
+cdef double MILLISECOND = 1e-3
+cdef double MM3_PER_MS = 1e-6
+
+
+cdef void begin_forcing(Forcing* f, double time, double injections) noexcept nogil:
+    """The program is about to begin, the needle shut."""
+    cdef int64_t i
+    f.first_of_sensor = sensor_rows(f.program, f.rows)
+    for i in range(8):
+        f.past[i] = 0.0
+    f.past[PAST_OF_SENSOR] = 1.0 if f.first_of_sensor < f.rows else 0.0
+    f.past[PAST_OF_FLOWS] = (
+        1.0 if reads(f.program, f.rows, VARIABLE_SEAT_FLOW) or reads(f.program, f.rows, VARIABLE_NOZZLE_FLOW) else 0.0
+    )
+    f.past[PAST_TIME], f.past[PAST_INJECTIONS], f.past[PAST_PRESSURE] = time, injections, NAN
+    for i in range(3 * f.rows):
+        f.memory[i] = NAN
+    for i in range(<int64_t> VARIABLES):
+        f.variables[i] = 0.0
+
+
+cdef void under_terms(
+    const double* x, const Interval* interval, Knot knot, const Coefficients* c, const Network* network, Forcing* f,
+    Forced* forced
+) noexcept nogil:
+    """The interval from a state x (n,) on as the terms in force change it; as it is where there are none.
+
+    Without terms, coefficients and network of `forced` are left: they must be those given, once for all samples.
+    """
+    forced.interval, forced.knot = interval[0], knot
+    if f.rows > 0:
+        forced.coefficients, forced.network = c[0], network[0]
+        _force(x, interval, knot, c, network, f, forced)
+
+
+cdef void _force(
+    const double* x, const Interval* interval, Knot knot, const Coefficients* c, const Network* network, Forcing* f,
+    Forced* forced
+) noexcept nogil:
+    cdef double pressure = MEGAPASCAL / c.pressure_scale, flow = MM3_PER_MS / c.flow_scale, more, lift, area
+    cdef double* totals = f.totals  # in the order of `TermEquation`
+    cdef bint moves, bends
+    _observe(x, interval, c, network, f)
+    run_program(f.program, 0, f.first_of_sensor, f.rows, f.variables, f.memory, interval.length / MILLISECOND, totals)
+    f.bias[0] = network.bias[0] + totals[3]
+    f.bias[1] = network.bias[1] + totals[2]
+    f.back_pressure[0] = network.back_pressure[0] + totals[6] * pressure
+    f.back_pressure[1] = network.back_pressure[1]
+    forced.network.bias, forced.network.back_pressure = f.bias, f.back_pressure
+    _change_line(&forced.coefficients, totals[4], totals[5], totals[1] * flow, totals[0] * pressure)
+    more, lift = totals[9] * pressure, totals[8] * MILLIMETRE
+    moves = f.variables[VARIABLE_OPEN] > 0.0
+    area = lifted(interval.end.area, lift, moves, &c.seat)
+    f.past[PAST_AREA] = area
+    bends = interval.start.area > 0.0 or knot.area > 0.0 or interval.end.area > 0.0
+    forced.interval.start.rail = interval.start.rail + more
+    forced.interval.start.area = lifted(interval.start.area, lift, moves, &c.seat)
+    forced.interval.end.rail = interval.end.rail + more
+    forced.interval.end.area = area
+    forced.knot.share = knot.share if bends else 0.0
+    forced.knot.area = lifted(knot.area, lift, moves, &c.seat)
+
+
+cdef void _change_line(
+    Coefficients* c, double stiffness_share, double inertance_share, double outflow, double loss
+) noexcept nogil:
+    """The line with stiffness and inertance times 1 + a share, and with an outflow of its end and a loss along it."""
+    cdef double less = 1.0 / (1.0 + inertance_share) - 1.0, stiff, inert
+    cdef double* values = c.line.values
+    cdef int64_t i
+    for i in range(c.size):
+        stiff = inert = 0.0
+        if c.kind == LUMP or c.kind == MEAN_LUMP:
+            stiff = 1.0 if i <= LUMP_A2_SEAT or i == LUMP_LEAK else 0.0
+            inert = 1.0 if i == LUMP_A3 or i == LUMP_A4 else 0.0
+        else:
+            stiff = 1.0 if i <= WAVE_A2_SEAT or i == WAVE_B or i == WAVE_B_NEAR or i == WAVE_LEAK else 0.0
+            inert = 1.0 if WAVE_A3 <= i <= WAVE_A4 + 1 else 0.0  # with that of the inlet
+        values[i] = values[i] * (1.0 + stiffness_share * stiff) * (1.0 + less * inert)
+    values[c.size - 2] = outflow
+    values[c.size - 1] = loss
+
+
+cdef double rate_after(const double* x, const Forced* forced) noexcept nogil:
+    """The injection rate [m3/s] at the end of an interval under terms, x (n,) being the state there."""
+    cdef Inputs u = forced.interval.end
+    u.area = max(u.area, 0.0)
+    return injection_rate(x, u, &forced.coefficients, &forced.network)
+
+
+cdef double shown_under_terms(double shown, const Forced* forced, Forcing* f) noexcept nogil:
+    """What is recorded at the end of an interval of a line pressure that the sensor would show, in units of p_0.
+
+    Terms of the sensor see that pressure: for what rings it must not be late.
+    """
+    cdef double duration, line_pressure
+    c = &forced.coefficients
+    if not f.past[PAST_OF_SENSOR] > 0.0:
+        return shown
+    duration = forced.interval.length
+    line_pressure = (shown * c.pressure_scale + c.chamber_pressure) / MEGAPASCAL
+    f.variables[VARIABLE_LINE_PRESSURE] = line_pressure
+    if duration > 0.0:
+        f.variables[VARIABLE_RATES + 2] = (line_pressure - f.past[PAST_PRESSURE]) * MILLISECOND / duration
+    run_program(f.program, f.first_of_sensor, f.rows, f.rows, f.variables, f.memory, duration / MILLISECOND, f.totals)
+    return shown + f.totals[EQUATION_SENSOR] * MEGAPASCAL / c.pressure_scale
+
+
+cdef bint is_shut_under_terms(const Forcing* f) noexcept nogil:
+    """Whether no term held the needle open at the end of the last interval."""
+    return f.past[PAST_AREA] <= 0.0
+
+
+cdef double trusted_under_terms(double innovation, double interval, Forcing* f) noexcept nogil:
+    """An innovation as the state is corrected by it, an interval [s] after the last: without what the sensor rings.
+
+    With it the gain would feed the resonance.
+    """
+    if not f.past[PAST_OF_SENSOR] > 0.0:
+        return innovation
+    return without_ringing(f.program, f.first_of_sensor, f.rows, f.memory, innovation, interval / MILLISECOND)
+
+
+cdef void _observe(
+    const double* x, const Interval* interval, const Coefficients* c, const Network* network, Forcing* f
+) noexcept nogil:
+    """The variables of laws, in printed units, by the state at the start of an interval and the inputs in its middle.
+
+    One of no length is an instant: what changes with time stays.
+    """
+    cdef double duration = interval.length / MILLISECOND
+    cdef double* past = f.past
+    cdef double* seen = f.variables
+    cdef double q_h = 0.0, q_s = 0.0, unit, chamber, line_pressure, lift_rate, rail_rate, line_rate, through_nozzle, rise
+    cdef Inputs u
+    u.rail = 0.5 * (interval.start.rail + interval.end.rail)
+    u.area = 0.5 * (max(interval.start.area, 0.0) + max(interval.end.area, 0.0))
+    cdef bint is_open = u.area > 0.0
+    cdef double lift = lift_at(u.area, &c.seat) / MILLIMETRE
+    if is_open and past[PAST_LIFT] <= 0.0:
+        past[PAST_INJECTIONS] += 1.0
+        past[PAST_SINCE] = 0.0
+    if past[PAST_OF_FLOWS] > 0.0 and not is_at_rest(x, u):
+        changed_flows(x, u, c, network, &q_h, &q_s)
+    unit = c.pressure_scale / MEGAPASCAL
+    chamber = c.chamber_pressure / MEGAPASCAL
+    line_pressure = x[0] * unit + chamber
+    lift_rate, rail_rate, line_rate = seen[VARIABLE_RATES], seen[VARIABLE_RATES + 1], seen[VARIABLE_RATES + 2]
+    if duration > 0.0:
+        lift_rate = (lift - past[PAST_LIFT]) / duration
+        rail_rate = (interval.end.rail - interval.start.rail) * unit / duration
+        rise = line_pressure - past[PAST_PRESSURE]
+        line_rate = 0.0 if isnan(rise) else rise / duration
+        past[PAST_LIFT], past[PAST_PRESSURE] = lift, line_pressure
+    through_nozzle = c.nozzle.flow / MM3_PER_MS
+    # in the order of `Variable`
+    seen[0] = u.rail * unit + chamber
+    seen[1] = line_pressure
+    seen[2] = x[2] * unit + chamber
+    seen[3] = chamber
+    seen[4] = x[1] * c.flow_scale / MM3_PER_MS
+    seen[5] = q_s * through_nozzle * c.sac.a5 / c.sac.a6
+    seen[6] = q_h * through_nozzle
+    seen[7] = lift
+    seen[8] = NAN  # the largest lift, a number in every program
+    seen[9] = lift_rate
+    seen[10] = rail_rate
+    seen[11] = line_rate
+    seen[12] = past[PAST_SINCE]
+    seen[13] = past[PAST_TIME]
+    seen[14] = max(past[PAST_INJECTIONS], 1.0)
+    seen[15] = 1.0 if is_open else 0.0
+    seen[16] = 0.0 if is_open else 1.0
+    seen[17] = 1.0 if is_open and lift_rate > 0.0 else 0.0
+    seen[18] = 1.0 if is_open and lift_rate < 0.0 else 0.0
+    past[PAST_SINCE] += duration
+    past[PAST_TIME] += interval.length
+
+
+cdef double lift_at(double u_2, const Seat* seat) noexcept nogil:
+    """The lift x_N [m] that opens a normalised seat area, the inverse of `normalised_area`; 0 for a shut needle."""
+    cdef double lift, share
+    cdef int64_t iteration
+    if u_2 <= 0.0:
+        return 0.0
+    lift = _lift_of_area(u_2 * seat.area_scale, seat)
+    if seat.loss != 0.0:
+        for iteration in range(<int64_t> LIFT_ITERATIONS):
+            share = 1.0 - seat.loss * exp(-lift / seat.loss_lift)
+            lift = _lift_of_area(u_2 * seat.area_scale / share, seat)
+    return lift
+
+
+cdef inline double _lift_of_area(double area, const Seat* seat) noexcept nogil:
+    cdef double bend = sin(2.0 * seat.half_cone_angle)
+    cdef double scaled = area / (pi * sin(seat.half_cone_angle))
+    return 2.0 * scaled / (seat.diameter + sqrt(max(seat.diameter * seat.diameter - 2.0 * bend * scaled, 0.0)))
+
+
+cdef double lifted(double u_2, double lift, bint moves, const Seat* seat) noexcept nogil:
+    """A normalised seat area with so much lift [m] added; a needle seen to be shut may stay so, or be held open.
+
+    moves: whether the needle is on a ramp, of which a negative area is the foot, see `between`.
+    """
+    cdef double measured, true
+    if lift == 0.0:
+        return u_2
+    measured = lift_at(fabs(u_2), seat)
+    true = lift + (measured if u_2 > 0.0 else (-measured if moves else 0.0))
+    if u_2 <= 0.0 and true < LEAST_LIFT:
+        return u_2
+    return normalised_area(true, seat)

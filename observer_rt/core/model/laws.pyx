@@ -1,0 +1,84 @@
+"""Laws of single elements, for Python: orifices, seat, nozzle, sensor, and the neuron; see the headers of the same names."""
+
+from observer_rt.core.model cimport hydraulics, network, sensor
+from observer_rt.core.model.hydraulics cimport Nozzle, Seat
+
+
+def root(double difference, double transition) -> float:
+    """Signed square root of a pressure difference, linear below the transition pressure."""
+    return hydraulics.root(difference, transition)
+
+
+def root_slope(double difference, double transition) -> float:
+    """Derivative of `root` with respect to the pressure difference."""
+    return hydraulics.root_slope(difference, transition)
+
+
+def seat_area(double lift, double seat_diameter, double half_cone_angle) -> float:
+    """Flow area of the needle seat A_S(x_N) [m2] at a lift [m]; 0 for a closed needle; diameter [m], angle [rad]."""
+    return hydraulics.seat_area(lift, seat_diameter, half_cone_angle)
+
+
+def seat_area_slope(double u_2, seat) -> float:
+    """Derivative dA_S/dx_N [m] of `seat_area` at the lift that opens u_2 = A_S/A_0; 0 for a closed needle."""
+    cdef Seat of_seat = seat._asdict()
+    return hydraulics.seat_area_slope(u_2, &of_seat)
+
+
+def normalised_area(double lift, seat) -> float:
+    """u_2 = A_S(x_N)/A_0 of a lift [m]; a flow coefficient that depends on the lift is part of it."""
+    cdef Seat of_seat = seat._asdict()
+    return hydraulics.normalised_area(lift, &of_seat)
+
+
+def seat_law(double x_1, double x_3, double u_2, seat) -> float:
+    """Normalised seat flow q_S of (21)."""
+    cdef Seat of_seat = seat._asdict()
+    return hydraulics.seat_law(x_1, x_3, u_2, &of_seat)
+
+
+def seat_law_slopes(double x_1, double x_3, double u_2, seat) -> tuple[float, float]:
+    """Derivatives of `seat_law` with respect to the pressure difference x_1 - x_3 and to u_2."""
+    cdef Seat of_seat = seat._asdict()
+    cdef double by_area = 0.0
+    by_difference = hydraulics.seat_law_slopes(x_1, x_3, u_2, &of_seat, &by_area)
+    return by_difference, by_area
+
+
+def nozzle_law(double x_3, double u_2, double back_pressure, nozzle) -> float:
+    """Normalised nozzle flow q_H of (23), against a chamber pressure that rises while the needle is open."""
+    cdef Nozzle of_nozzle = nozzle._asdict()
+    return hydraulics.nozzle_law(x_3, u_2, back_pressure, &of_nozzle)
+
+
+def nozzle_law_slopes(double x_3, double u_2, double back_pressure, nozzle) -> tuple[float, float]:
+    """Derivatives of `nozzle_law` with respect to x_3 and to the back-pressure."""
+    cdef Nozzle of_nozzle = nozzle._asdict()
+    cdef double by_back_pressure = 0.0
+    by_sac = hydraulics.nozzle_law_slopes(x_3, u_2, back_pressure, &of_nozzle, &by_back_pressure)
+    return by_sac, by_back_pressure
+
+
+def lagged(double indicated, double pressure_start, double pressure_end, double interval, double lag) -> float:
+    """What a sensor with time constant `lag` [s] indicates an interval [s] later; exact for a linear pressure."""
+    return sensor.lagged(indicated, pressure_start, pressure_end, interval, lag)
+
+
+def lagged_slopes(
+    double indicated, double pressure_start, double pressure_end, double interval, double lag
+) -> tuple[float, float, float, float]:
+    """Derivatives of `lagged` with respect to indicated, pressure_start, pressure_end and lag [1/s]."""
+    slopes = sensor.lagged_slopes(indicated, pressure_start, pressure_end, interval, lag)
+    return slopes.by_indicated, slopes.by_start, slopes.by_end, slopes.by_lag
+
+
+def recorded_mean(
+    double indicated_before, double indicated, double pressure_mean, double lag_share, double fraction
+) -> float:
+    """What is recorded of the mean over a sample interval of a lagged signal, a `fraction` of a sample late."""
+    return sensor.recorded_mean(indicated_before, indicated, pressure_mean, lag_share, fraction)
+
+
+def fast_tanh(double argument) -> float:
+    """tanh to within 1e-12."""
+    return network.fast_tanh(argument)

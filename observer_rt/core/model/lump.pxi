@@ -1,0 +1,288 @@
+# The feed line as one lump, (19)-(20): a flow with inertia and friction into one volume, by classical Runge-Kutta.
+
+cdef enum:
+    # places of the lump's coefficients
+    LUMP_A1 = 0
+    LUMP_A2_NOZZLE = 1
+    LUMP_A2_SEAT = 2
+    LUMP_A3 = 3
+    LUMP_A4 = 4
+    LUMP_LEAK = 5
+    LUMP_AIR = 6
+    LUMP_STIFFNESS_SLOPE = 7
+
+cdef double LOWEST_PRESSURE = 0.01  # of p_0, at which entrained air is taken to soften the line no further
+cdef double LOWEST_STIFFNESS = 0.05  # of K_L, below which a pressure-dependent bulk modulus does not fall
+cdef double LINE_STEP = 0.1  # radians of the line's fastest motion an RK4 step may span while nothing flows
+
+
+cdef inline double _fuel_stiffness(double x_1, const Softness* line) noexcept nogil:
+    """K(p_L)/K_L of the fuel without air."""
+    if line.stiffness_slope == 0.0:
+        return 1.0
+    return max(1.0 + line.stiffness_slope * (x_1 - line.stiffness_pressure), LOWEST_STIFFNESS)
+
+
+cdef inline double stiffness(double x_1, const Softness* line) noexcept nogil:
+    """K_eff/K_L at the normalised pressure x_1: 1/K_eff = 1/K(p_L) + g/p_L."""
+    cdef double fuel = _fuel_stiffness(x_1, line), pressure
+    if line.air == 0.0:
+        return fuel
+    pressure = max(x_1 + line.chamber_pressure, LOWEST_PRESSURE)
+    return fuel * (pressure / (pressure + fuel * line.air))
+
+
+cdef inline double stiffness_slopes(double x_1, const Softness* line, double* by_air, double* by_slope) noexcept nogil:
+    """Derivative of `stiffness` with respect to x_1, and those to `air` and to `stiffness_slope`."""
+    cdef double fuel = _fuel_stiffness(x_1, line)
+    cdef double absolute = x_1 + line.chamber_pressure
+    cdef double pressure = max(absolute, LOWEST_PRESSURE)
+    cdef double sum_ = pressure + fuel * line.air
+    cdef double square = sum_ * sum_
+    cdef double by_fuel = pressure * pressure / square if fuel > LOWEST_STIFFNESS else 0.0
+    cdef double by_pressure = fuel * fuel * line.air / square if absolute > LOWEST_PRESSURE else 0.0
+    by_air[0] = -fuel * fuel * pressure / square
+    by_slope[0] = by_fuel * (x_1 - line.stiffness_pressure)
+    return by_pressure + by_fuel * line.stiffness_slope
+
+
+cdef inline void lump_rates(
+    const double* x, double rail, double q_h, double q_s, const Coefficients* c, double* rate, int n
+) noexcept nogil:
+    """p_L' of (20), Q_L' of (19) and p_S' of (22), normalised [1/s]; of a mean, p_L, whose integral is the last state."""
+    line = &c.line.lump
+    rate[0] = stiffness(x[0], &line.softness) * (
+        line.a1 * (x[1] - line.outflow) - line.a2_nozzle * q_h - line.a2_seat * q_s - line.leak * x[0]
+    )
+    rate[1] = line.a3 * (rail - line.loss - x[0]) - line.a4 * x[1] * fabs(x[1])
+    rate[SAC] = sac_rate(q_h, q_s, &c.sac)
+    if n == 4:
+        rate[3] = x[0]
+
+
+cdef inline void lump_slopes(
+    const double* x, double rail, double q_h, double q_s, const LumpLine* line, Tangent* t, double* by_state, int n
+) noexcept nogil:
+    """Derivatives of `lump_rates`; of the coefficients, of those that anything changes."""
+    cdef double by_air, by_slope
+    cdef double soft = stiffness(x[0], &line.softness)
+    cdef double by_pressure = stiffness_slopes(x[0], &line.softness, &by_air, &by_slope)
+    cdef double inflow = line.a1 * (x[1] - line.outflow) - line.a2_nozzle * q_h - line.a2_seat * q_s - line.leak * x[0]
+    cdef double* first = t.by_coefficient
+    cdef double* second = t.by_coefficient + t.size
+    by_state[0] = by_pressure * inflow - soft * line.leak
+    by_state[1] = soft * line.a1
+    by_state[n] = -line.a3
+    by_state[n + 1] = -2.0 * line.a4 * fabs(x[1])
+    t.by_flow[0] = -soft * line.a2_nozzle
+    t.by_flow[1] = -soft * line.a2_seat
+    first[LUMP_A1] = soft * (x[1] - line.outflow)
+    first[LUMP_A2_NOZZLE] = -soft * q_h
+    first[LUMP_A2_SEAT] = -soft * q_s
+    first[LUMP_LEAK] = -soft * x[0]
+    first[LUMP_AIR] = by_air * inflow
+    first[LUMP_STIFFNESS_SLOPE] = by_slope * inflow
+    second[LUMP_A3] = rail - line.loss - x[0]
+    second[LUMP_A4] = -x[1] * fabs(x[1])
+    if n == 4:
+        by_state[3 * n] = 1.0
+
+
+cdef inline void right_hand_side(
+    const double* x, Inputs u, const Coefficients* c, const Network* network, double* rate, int n
+) noexcept nogil:
+    """x' = f(x, u) + phi(x, u) of (25)-(26) [1/s].
+
+    x = [p_L, Q_L, p_S, ..], u = [p_R, A_S], normalised by (24). phi = G(x, u) N with G the nozzle and seat flows: the
+    network changes q_H and q_S by the factors 1 + N_H and 1 + N_S.
+    """
+    cdef double q_h = 0.0, q_s = 0.0
+    if not is_at_rest(x, u):
+        changed_flows(x, u, c, network, &q_h, &q_s)
+    lump_rates(x, u.rail, q_h, q_s, c, rate, n)
+
+
+cdef inline void tangent_rates(
+    const double* x, Inputs u, const Coefficients* c, const Network* network, Tangent* t, int stage, double* rate, int n
+) noexcept nogil:
+    """x' = f + phi and its derivatives [1/s] at a stage of a step: by the state, and by the tangent's numbers.
+
+    Of those by the numbers, which are 0 at first, only what may differ from 0 is written.
+    """
+    cdef FlowSlopes flows
+    cdef double* by_state = t.by_state + stage * n * n
+    cdef double* by_number = t.by_number + stage * n * t.m
+    cdef double* of_row
+    cdef double by_h, by_s, total
+    cdef int64_t row, i, k, neuron
+    theta = &t.theta
+    memset(by_state, 0, n * n * sizeof(double))
+    memset(&flows, 0, sizeof(flows))
+    if not is_at_rest(x, u):
+        flow_slopes(x, u, c, network, t.sigmas, &flows)
+    lump_slopes(x, u.rail, flows.q_h, flows.q_s, &c.line.lump, t, by_state, n)
+    t.by_flow[2 * SAC], t.by_flow[2 * SAC + 1] = -c.sac.a6, c.sac.a5
+    for row in range(n):
+        by_h, by_s = t.by_flow[2 * row], t.by_flow[2 * row + 1]
+        if by_h == 0.0 and by_s == 0.0:
+            continue
+        of_row = by_number + row * t.m
+        for i in range(3):
+            by_state[row * n + i] += by_h * flows.h_x[i] + by_s * flows.s_x[i]
+        of_row[theta.nozzle_bias] = by_h * flows.h_change
+        for neuron in range(t.neurons):
+            of_row[theta.nozzle_weight + neuron] = by_h * flows.h_change * t.sigmas[neuron]
+        of_row[theta.seat_bias] = by_s * flows.s_change
+        of_row[theta.back_pressure] = by_h * flows.h_back_pressure
+        of_row[theta.back_pressure + 1] = by_h * flows.h_back_pressure * u.area
+    for row in range(n):
+        if row == SAC:  # nothing of the line fills it
+            continue
+        total = 0.0
+        of_row = by_number + row * t.m
+        for k in range(theta.pairs):
+            total += t.by_coefficient[row * t.size + theta.coefficients[k]] * theta.slopes[k]
+            if k + 1 == theta.pairs or theta.columns[k + 1] != theta.columns[k]:
+                of_row[theta.columns[k]] = total
+                total = 0.0
+    lump_rates(x, u.rail, flows.q_h, flows.q_s, c, rate, n)
+
+
+cdef inline void _rates(
+    const double* x, Inputs u, const Coefficients* c, const Network* network, Tangent* t, int stage, double* rate, int n
+) noexcept nogil:
+    if t == NULL:
+        right_hand_side(x, u, c, network, rate, n)
+    else:
+        tangent_rates(x, u, c, network, t, stage, rate, n)
+
+
+cdef inline void _runge_kutta_step(
+    double* x, Inputs start, Inputs middle, Inputs end, double step, const Coefficients* c, const Network* network,
+    Tangent* t, int n
+) noexcept nogil:
+    """One classical RK4 step [s], x (n,) in place, with the inputs at its start, middle and end.
+
+    t: NULL, or the tangent that moves with it.
+    """
+    cdef double[4] first
+    cdef double[4] second
+    cdef double[4] third
+    cdef double[4] fourth
+    cdef double[4] there
+    cdef double half = 0.5 * step
+    cdef int i
+    _rates(x, start, c, network, t, 0, first, n)
+    for i in range(n):
+        there[i] = x[i] + half * first[i]
+    _rates(there, middle, c, network, t, 1, second, n)
+    for i in range(n):
+        there[i] = x[i] + half * second[i]
+    _rates(there, middle, c, network, t, 2, third, n)
+    for i in range(n):
+        there[i] = x[i] + step * third[i]
+    _rates(there, end, c, network, t, 3, fourth, n)
+    if t != NULL:
+        _move_tangent(t, step, n)
+    for i in range(n):
+        x[i] = x[i] + step / 6.0 * ((first[i] + 2.0 * (second[i] + third[i])) + fourth[i])
+
+
+cdef inline void _move_tangent(Tangent* t, double step, int n) noexcept nogil:
+    """The derivatives over a step [s]: the derivative of an RK4 step is the RK4 step of the derivatives."""
+    cdef double[4][WIDTH] start
+    cdef double[4][WIDTH] there
+    cdef double[4][WIDTH] rate
+    cdef double[4][WIDTH] before
+    cdef double[4][WIDTH] total
+    cdef double along, factor
+    cdef const double* by_state
+    cdef const double* by_number
+    cdef int64_t column
+    cdef int stage, row, i, j
+    for column in range(0, t.m, 4):
+        for row in range(n):
+            for j in range(WIDTH):
+                start[row][j] = there[row][j] = t.by[row * t.m + column + j]
+        for stage in range(4):
+            by_state = t.by_state + stage * n * n
+            by_number = t.by_number + stage * n * t.m + column
+            for row in range(n):
+                for j in range(WIDTH):
+                    rate[row][j] = by_state[row * n] * there[0][j]
+                for i in range(1, n):
+                    factor = by_state[row * n + i]
+                    for j in range(WIDTH):
+                        rate[row][j] = rate[row][j] + factor * there[i][j]
+                for j in range(WIDTH):
+                    rate[row][j] = rate[row][j] + by_number[row * t.m + j]
+            along = step if stage == 2 else 0.5 * step
+            for row in range(n):
+                for j in range(WIDTH):
+                    there[row][j] = start[row][j] + along * rate[row][j]
+                    if stage == 0:
+                        total[row][j] = rate[row][j]
+                    elif stage == 2:
+                        total[row][j] = total[row][j] + 2.0 * (before[row][j] + rate[row][j])
+                    elif stage == 3:
+                        total[row][j] = total[row][j] + rate[row][j]
+                    before[row][j] = rate[row][j]
+        for row in range(n):
+            for j in range(WIDTH):
+                t.by[row * t.m + column + j] = start[row][j] + step / 6.0 * total[row][j]
+
+
+cdef inline Inputs between(Inputs start, Inputs end, double share) noexcept nogil:
+    """Inputs at a share (0..1) of the way between two samples.
+
+    A negative area is a shut seat: a sample at which the needle is shut may carry the negative area from which, or
+    to which, the ramp leads, so that the seat opens and shuts between the samples where the needle does.
+    """
+    cdef Inputs u
+    u.rail = start.rail + share * (end.rail - start.rail)
+    u.area = max(start.area + share * (end.area - start.area), 0.0)
+    return u
+
+
+cdef inline int64_t _steps_in(const double* x, const Interval* interval, const Coefficients* c) noexcept nogil:
+    """RK4 steps an interval needs: `substeps` for the sac, far fewer while only the line moves."""
+    cdef double fastest
+    if is_at_rest(x, interval.start) and interval.end.area <= 0.0:
+        fastest = sqrt(c.line.lump.a1 * c.line.lump.a3)  # of inertia against compliance [rad/s]
+        return min(interval.substeps, <int64_t> ceil(interval.length * fastest / LINE_STEP))
+    return interval.substeps
+
+
+cdef inline void _advance(
+    double* x, const Interval* interval, const Coefficients* c, const Network* network, Tangent* t, int n
+) noexcept nogil:
+    """State x (n,) one sample interval later, in place, in RK4 steps."""
+    cdef int64_t steps = _steps_in(x, interval, c), i
+    cdef double count = <double> steps
+    for i in range(steps):
+        _runge_kutta_step(
+            x, between(interval.start, interval.end, i / count), between(interval.start, interval.end, (i + 0.5) / count),
+            between(interval.start, interval.end, (i + 1.0) / count), interval.length / count, c, network, t, n,
+        )
+    empty_if_drained(x, interval, t)
+
+
+cdef inline void _advance_lump(
+    double* x, const Interval* interval, Knot knot, const Coefficients* c, const Network* network, Tangent* t, int n
+) noexcept nogil:
+    """The same up to a knot, at which the area may bend, and from it on."""
+    cdef Interval part = interval[0]
+    cdef Inputs bend
+    cdef bint flows = interval.start.area > 0.0 or knot.area > 0.0 or interval.end.area > 0.0
+    cdef double rest = 1.0 - knot.share
+    if not (0.0 < knot.share < 1.0 and flows):
+        _advance(x, interval, c, network, t, n)
+        return
+    bend.rail = interval.start.rail + knot.share * (interval.end.rail - interval.start.rail)
+    bend.area = knot.area
+    part.end, part.length = bend, knot.share * interval.length
+    part.substeps = <int64_t> ceil(knot.share * interval.substeps)
+    _advance(x, &part, c, network, t, n)
+    part.start, part.end, part.length = bend, interval.end, rest * interval.length
+    part.substeps = <int64_t> ceil(rest * interval.substeps)
+    _advance(x, &part, c, network, t, n)

@@ -1,0 +1,58 @@
+# The model over a sample interval, its terms and the sensor, as loops of the core call it.
+
+from libc.stdint cimport int64_t
+
+from observer_rt.core.model.hydraulics cimport Seat
+from observer_rt.core.model.records cimport (
+    Coefficients, FlowSlopes, Forced, Forcing, Gradient, Inputs, Interval, Knot, Network, Tangent
+)
+
+
+cdef class Model:
+    cdef Coefficients coefficients
+
+
+cdef class Weights:
+    cdef Network network
+    cdef tuple lent
+
+
+cdef class Terms:
+    cdef Forcing forcing
+    cdef tuple lent
+
+
+cdef class Carried:
+    cdef Tangent tangent
+    cdef tuple lent
+
+
+cdef double injection_rate(const double* x, Inputs u, const Coefficients* c, const Network* network) noexcept nogil
+cdef double fault_and_rate(
+    const double* x, Inputs u, const Coefficients* c, const Network* network, double* phi
+) noexcept nogil
+cdef void flow_slopes(
+    const double* x, Inputs u, const Coefficients* c, const Network* network, double* sigmas, FlowSlopes* result
+) noexcept nogil
+cdef void advance_over(
+    double* x, const Interval* interval, Knot knot, const Coefficients* c, const Network* network, Tangent* t
+) noexcept nogil
+cdef void fine_step(
+    double* x, Inputs start, Inputs middle, Inputs end, double step, const Coefficients* c, const Network* network
+) noexcept nogil
+cdef void rest_line(double* x, double pressure, const Coefficients* c) noexcept nogil
+cdef void begin_mean(double* x, Tangent* t, const Coefficients* c) noexcept nogil
+cdef void empty_sac(double* x, Tangent* t) noexcept nogil
+cdef void begin_forcing(Forcing* f, double time, double injections) noexcept nogil
+cdef void under_terms(
+    const double* x, const Interval* interval, Knot knot, const Coefficients* c, const Network* network, Forcing* f,
+    Forced* forced
+) noexcept nogil
+cdef double rate_after(const double* x, const Forced* forced) noexcept nogil
+cdef double shown_under_terms(double shown, const Forced* forced, Forcing* f) noexcept nogil
+cdef bint is_shut_under_terms(const Forcing* f) noexcept nogil
+cdef double trusted_under_terms(double innovation, double interval, Forcing* f) noexcept nogil
+cdef double predict(
+    double* x, double* indicated, const Forced* forced, double late, double lag, Gradient* gradient
+) noexcept nogil
+cdef void correct(double* x, double* indicated, double innovation, const double* gain, int64_t n, Gradient* g) noexcept nogil

@@ -1,0 +1,43 @@
+"""The model over a sample interval: flows, lines, phi, terms and the sensor, with derivatives.
+
+One unit, for its parts call each other at every stage of every step; a file for each of them.
+"""
+
+from libc.math cimport (
+    INFINITY, NAN, ceil, copysign, cos, exp, expm1, fabs, isfinite, isnan, log, pi, pow, rint, sin, sqrt, tanh
+)
+from libc.stdint cimport int64_t
+from libc.string cimport memcpy, memset
+
+from observer_rt.core.model.hydraulics cimport (
+    Seat, normalised_area, nozzle_law, nozzle_law_slopes, sac_rate, seat_law, seat_law_slopes
+)
+from observer_rt.core.model.network cimport fast_tanh
+from observer_rt.core.model.records cimport *
+from observer_rt.core.model.sensor cimport lagged, lagged_slopes, recorded, recorded_mean
+
+cdef double EMPTY_SAC = 1e-7  # of p_0: a shut, drained sac this close to chamber pressure is at it
+
+
+cdef void empty_sac(double* x, Tangent* t) noexcept nogil:
+    """p_S is at chamber pressure, whatever the parameters."""
+    x[SAC] = 0.0
+    if t != NULL:
+        memset(t.by + SAC * t.m, 0, t.m * sizeof(double))
+
+
+cdef inline void empty_if_drained(double* x, const Interval* interval, Tangent* t) noexcept nogil:
+    """A sac that has drained behind a shut needle is at exactly chamber pressure."""
+    if interval.start.area <= 0.0 and interval.end.area <= 0.0 and fabs(x[SAC]) < EMPTY_SAC:
+        empty_sac(x, t)
+
+
+include "flows.pxi"
+include "lump.pxi"
+include "wave.pxi"
+include "closed_end.pxi"
+include "interval.pxi"
+include "terms.pxi"
+include "forcing.pxi"
+include "predict.pxi"
+include "python.pxi"

@@ -1,0 +1,78 @@
+# The identification system x~ from sample to sample: prediction by the model with phi and the sensor, correction.
+
+cdef enum:
+    COLUMN_OFFSET = 7  # of theta: the line-pressure sensor's
+
+
+cdef double predict(
+    double* x, double* indicated, const Forced* forced, double late, double lag, Gradient* gradient
+) noexcept nogil:
+    """x (n,) one sample on, in place, and what the sensor indicates then; what is recorded of it without terms.
+
+    gradient: to be moved with it, NULL for none.
+    """
+    cdef double before = x[0], indicated_before = indicated[0], moved
+    cdef LaggedSlopes slopes
+    c, interval = &forced.coefficients, &forced.interval
+    cdef bint is_mean = c.kind == MEAN_LUMP or c.kind == MEAN_WAVE
+    if gradient == NULL:
+        begin_mean(x, NULL, c)
+        advance_over(x, interval, forced.knot, c, &forced.network, NULL)
+        moved = lagged(indicated_before, before, x[0], interval.length, lag)
+    else:
+        memcpy(gradient.before, gradient.tangent.by, gradient.tangent.m * sizeof(double))
+        begin_mean(x, &gradient.tangent, c)
+        advance_over(x, interval, forced.knot, c, &forced.network, &gradient.tangent)
+        moved = lagged(indicated_before, before, x[0], interval.length, lag)
+        slopes = lagged_slopes(indicated_before, before, x[0], interval.length, lag)
+        _predict_gradient(gradient, &slopes, late, interval.length, lag, moved - indicated_before, is_mean)
+    indicated[0] = moved
+    if is_mean:
+        return recorded_mean(indicated_before, moved, x[c.states - 1] / interval.length, lag / interval.length, late)
+    return recorded(indicated_before, moved, late)
+
+
+cdef void _predict_gradient(
+    Gradient* g, const LaggedSlopes* slopes, double late, double interval, double lag, double rise, bint is_mean
+) noexcept nogil:
+    """The gradient through the sensor, with its slopes; rise: of what it indicates."""
+    cdef const double* first = g.tangent.by
+    cdef const double* last = g.tangent.by + (g.tangent.n - 1) * g.tangent.m
+    cdef double before, predicted, integrated, shown, lag_share = lag / interval
+    cdef int64_t j
+    for j in range(g.tangent.m):
+        before = g.indicated[j]
+        predicted = slopes.by_indicated * before + slopes.by_start * g.before[j] + slopes.by_end * first[j]
+        predicted = predicted + slopes.by_lag * g.lag[j]
+        if is_mean:
+            integrated = last[j] - rise * g.lag[j]
+            shown = recorded_mean(before, predicted, integrated / interval, lag_share, late)
+        else:
+            shown = recorded(before, predicted, late)
+        g.error[j] = -1.0 * shown
+        g.indicated[j] = predicted
+    g.error[COLUMN_OFFSET] -= 1.0
+
+
+cdef void correct(double* x, double* indicated, double innovation, const double* gain, int64_t n, Gradient* g) noexcept nogil:
+    """x~ (n,) after a measurement, in place, and the indicated pressure: x~ + K e~.
+
+    The plus sign is that of an observer (the paper prints (5) with a minus). p_S gets no gain; its place in `gain`
+    (n,) is the indicated pressure's.
+    """
+    cdef int64_t i
+    for i in range(n):
+        if i != SAC:
+            x[i] += gain[i] * innovation
+            if g != NULL:
+                _add_times(gain[i], g.error, g.tangent.by + i * g.tangent.m, g.tangent.m)
+    if g != NULL:
+        _add_times(gain[SAC], g.error, g.indicated, g.tangent.m)
+    indicated[0] = indicated[0] + gain[SAC] * innovation
+
+
+cdef inline void _add_times(double factor, const double* values, double* result, int64_t count) noexcept nogil:
+    """Values times a factor onto others."""
+    cdef int64_t j
+    for j in range(count):
+        result[j] = result[j] + factor * values[j]

@@ -1,0 +1,263 @@
+# What Python calls.
+
+from numpy import full, zeros
+
+
+cdef class Model:
+    """The coefficients of a `model.effective.Coefficients`, as loops of the core have them."""
+
+    def __init__(self, coefficients) -> None:
+        _fill(&self.coefficients, coefficients)
+
+
+cdef class Weights:
+    """A `model.network.Network`, lent: what is written into its arrays counts at once."""
+
+    def __init__(self, network) -> None:
+        cdef double[:, ::1] hidden = network.hidden, output = network.output
+        cdef double[::1] bias = network.bias, back_pressure = network.back_pressure
+        n = &self.network
+        n.neurons = hidden.shape[0]
+        if output.shape[1] != n.neurons or bias.shape[0] != 2 or back_pressure.shape[0] != 2:
+            raise ValueError("weights of a network do not fit each other")
+        if n.neurons:
+            n.hidden, n.output = &hidden[0, 0], &output[0, 0]
+        n.bias, n.back_pressure = &bias[0], &back_pressure[0]
+        self.lent = (network.hidden, network.output, network.bias, network.back_pressure)
+
+
+cdef class Terms:
+    """A program of terms (n, 2) about to begin, the needle shut, at a time [s] after so many injections."""
+
+    def __init__(self, program, double time=0.0, double injections=0.0) -> None:
+        cdef const double[:, ::1] rows = program
+        memory, scratch = full(3 * len(program), NAN), zeros(12 + VARIABLES + TOTALS)
+        cdef double[::1] of_memory = memory, of_scratch = scratch
+        f = &self.forcing
+        f.rows = rows.shape[0]
+        if f.rows:
+            f.program, f.memory = &rows[0, 0], &of_memory[0]
+        f.past, f.bias, f.back_pressure = &of_scratch[0], &of_scratch[8], &of_scratch[10]
+        f.variables, f.totals = &of_scratch[12], &of_scratch[12 + VARIABLES]
+        self.lent = (program, memory, scratch)
+        begin_forcing(f, time, injections)
+
+
+cdef class Carried:
+    """A `model.right_hand_side.Tangent`, lent."""
+
+    def __init__(self, tangent) -> None:
+        cdef double[:, ::1] by = tangent.by, moved = tangent.moved
+        cdef double[:, :, ::1] by_state = tangent.by_state, by_number = tangent.by_number
+        cdef double[:, ::1] by_flow = tangent.slopes.by_flow, by_coefficient = tangent.slopes.by_coefficient
+        cdef double[::1] sigmas = tangent.sigmas
+        cdef const int64_t[::1] columns = tangent.theta.line_columns, coefficients = tangent.theta.line_coefficients
+        cdef const double[::1] slopes = tangent.theta.line_slopes
+        t = &self.tangent
+        t.n, t.m, t.size, t.neurons = by.shape[0], by.shape[1], by_coefficient.shape[1], sigmas.shape[0]
+        fits = (
+            moved.shape[0] == t.n and moved.shape[1] == t.m and t.m % WIDTH == 0
+            and by_state.shape[0] == 4 and by_state.shape[1] == t.n and by_state.shape[2] == t.n
+            and by_number.shape[0] == 4 and by_number.shape[1] == t.n and by_number.shape[2] == t.m
+            and by_flow.shape[0] == t.n and by_flow.shape[1] == 2 and by_coefficient.shape[0] == t.n
+            and columns.shape[0] == coefficients.shape[0] == slopes.shape[0]
+        )
+        if not fits:
+            raise ValueError("arrays of a tangent do not fit each other")
+        t.by, t.moved, t.by_state, t.by_number = &by[0, 0], &moved[0, 0], &by_state[0, 0, 0], &by_number[0, 0, 0]
+        t.by_flow, t.by_coefficient = &by_flow[0, 0], &by_coefficient[0, 0]
+        if t.neurons:
+            t.sigmas = &sigmas[0]
+        theta = &t.theta
+        theta.nozzle_bias, theta.nozzle_weight = tangent.theta.nozzle_bias, tangent.theta.nozzle_weight
+        theta.seat_bias, theta.back_pressure = tangent.theta.seat_bias, tangent.theta.back_pressure
+        theta.pairs = slopes.shape[0]
+        if theta.pairs:
+            theta.columns, theta.coefficients, theta.slopes = &columns[0], &coefficients[0], &slopes[0]
+        self.lent = (tangent,)
+
+
+cdef void _fill(Coefficients* c, coefficients) except *:
+    line = coefficients.line
+    cdef int64_t i
+    if len(line) > MOST_COEFFICIENTS:
+        raise ValueError(f"a line of {len(line)} coefficients, at most {MOST_COEFFICIENTS}")
+    c.cells = int(line.cells) if "cells" in line._fields else 0
+    c.kind = (WAVE if c.cells else LUMP) + (1 if line.averaged else 0)
+    c.states, c.size = 3 + line.further, len(line)
+    for i in range(c.size):
+        c.line.values[i] = line[i]
+    c.seat, c.nozzle, c.sac = coefficients.seat._asdict(), coefficients.nozzle._asdict(), coefficients.sac._asdict()
+    c.pressure_scale, c.flow_scale = coefficients.pressure_scale, coefficients.flow_scale
+    c.area_scale, c.chamber_pressure = coefficients.area_scale, coefficients.chamber_pressure
+    c.density, c.compression = coefficients.density, coefficients.compression
+
+
+cdef Inputs _inputs(u) except *:
+    cdef Inputs result
+    result.rail, result.area = u
+    return result
+
+
+cdef void _require_states(const double[::1] x, const Coefficients* c) except *:
+    if x.shape[0] != c.states:
+        raise ValueError(f"{x.shape[0]} states, {c.states} are wanted")
+
+
+def advance_state(double[::1] x, interval, coefficients, network, tangent=None, knot=(0.0, 0.0)) -> None:
+    """State x (n,) one `integrator.Interval` later, in place.
+
+    knot: share (0..1) of the interval after which the area bends, and the normalised area there; a share of 0: it does
+    not. tangent: the `Tangent` that moves with it, None for none.
+    """
+    cdef Model model = Model(coefficients)
+    cdef Weights weights = Weights(network)
+    cdef Carried carried = None if tangent is None else Carried(tangent)
+    cdef Interval of_interval
+    cdef Knot at
+    _require_states(x, &model.coefficients)
+    of_interval.start, of_interval.end = _inputs(interval.start), _inputs(interval.end)
+    of_interval.length, of_interval.substeps = interval.length, interval.substeps
+    at.share, at.area = knot
+    advance_over(
+        &x[0], &of_interval, at, &model.coefficients, &weights.network, NULL if carried is None else &carried.tangent
+    )
+
+
+def rest_state(double[::1] x, double pressure, coefficients) -> None:
+    """The line's states in x (n,) become those of a line at rest at a normalised pressure; p_S is left."""
+    cdef Model model = Model(coefficients)
+    _require_states(x, &model.coefficients)
+    rest_line(&x[0], pressure, &model.coefficients)
+
+
+def rates_of_change(const double[::1] x, u, coefficients, network, tangent=None) -> list[float]:
+    """x' = f(x, u) + phi(x, u) of (25)-(26) [1/s] of a lump, x (3,) or with its mean (4,).
+
+    tangent: its first stage becomes the derivatives.
+    """
+    cdef Model model = Model(coefficients)
+    cdef Weights weights = Weights(network)
+    cdef Carried carried
+    cdef double[4] rate
+    cdef int n = <int> model.coefficients.states
+    _require_states(x, &model.coefficients)
+    if model.coefficients.cells:
+        raise ValueError("a line of cells has no rates: it is stepped")
+    if tangent is None:
+        right_hand_side(&x[0], _inputs(u), &model.coefficients, &weights.network, rate, n)
+    else:
+        carried = Carried(tangent)
+        tangent_rates(&x[0], _inputs(u), &model.coefficients, &weights.network, &carried.tangent, 0, rate, n)
+    return [rate[i] for i in range(n)]
+
+
+def flows_with_changes(const double[::1] x, u, coefficients, network) -> tuple[float, float]:
+    """Normalised flows with phi: q_H through the nozzle, q_S through the seat."""
+    cdef Model model = Model(coefficients)
+    cdef Weights weights = Weights(network)
+    cdef double q_h = 0.0, q_s = 0.0
+    changed_flows(&x[0], _inputs(u), &model.coefficients, &weights.network, &q_h, &q_s)
+    return q_h, q_s
+
+
+def changes_of_flow(const double[::1] x, u, network) -> tuple[float, float]:
+    """(N_H, N_S) = W tanh(V z) + b (7), with z = [x u 1]; relative changes of Q_H and Q_S."""
+    cdef Weights weights = Weights(network)
+    n = &weights.network
+    nozzle, seat = n.bias[0], n.bias[1]
+    for neuron in range(n.neurons):
+        sigma = activation(&x[0], _inputs(u), n.hidden + 6 * neuron)
+        nozzle += n.output[neuron] * sigma
+        seat += n.output[n.neurons + neuron] * sigma
+    return nozzle, seat
+
+
+def slopes_of_flows(const double[::1] x, u, coefficients, network, double[::1] sigmas) -> dict[str, object]:
+    """Flows with phi and their derivatives, by name; sigmas (q,) becomes the activations of the hidden neurons."""
+    cdef Model model = Model(coefficients)
+    cdef Weights weights = Weights(network)
+    cdef FlowSlopes found
+    if sigmas.shape[0] != weights.network.neurons:
+        raise ValueError("as many activations as neurons are wanted")
+    flow_slopes(&x[0], _inputs(u), &model.coefficients, &weights.network, &sigmas[0] if len(sigmas) else NULL, &found)
+    return found
+
+
+def fault_with_rate(const double[::1] x, u, coefficients, network) -> tuple[tuple[float, float, float], float]:
+    """phi(x, u) of (2), (27), its three rows [1/s], and the injection rate Q_H^ [m3/s]."""
+    cdef Model model = Model(coefficients)
+    cdef Weights weights = Weights(network)
+    cdef double[3] phi
+    rate = fault_and_rate(&x[0], _inputs(u), &model.coefficients, &weights.network, phi)
+    return (phi[0], phi[1], phi[2]), rate
+
+
+def rate_of_injection(const double[::1] x, u, coefficients, network) -> float:
+    """Q_H^ [m3/s]."""
+    cdef Model model = Model(coefficients)
+    cdef Weights weights = Weights(network)
+    return injection_rate(&x[0], _inputs(u), &model.coefficients, &weights.network)
+
+
+def totals_of_terms(
+    const double[:, ::1] program, const double[:, ::1] variables, double[::1] memory, double interval_ms
+) -> object:
+    """What a program (n, 2) makes of many moments: variables (k, 19) in the units of `Variable`; totals (k, 10).
+
+    memory (3 n,): what rows remember, nan: nothing yet; moves on by `interval_ms` from moment to moment.
+    """
+    totals = zeros((variables.shape[0], TOTALS))
+    cdef double[:, ::1] result = totals
+    cdef int64_t k, rows = program.shape[0]
+    if variables.shape[1] != VARIABLES or memory.shape[0] != 3 * rows:
+        raise ValueError("variables or memory do not fit the program")
+    for k in range(variables.shape[0] if rows else 0):
+        run_program(&program[0, 0], 0, rows, rows, &variables[k, 0], &memory[0], interval_ms, &result[k, 0])
+    return totals
+
+
+def first_row_of_sensor(const double[:, ::1] program) -> int:
+    """From which row on a program (n, 2) is the sensor's."""
+    return sensor_rows(&program[0, 0], program.shape[0]) if program.shape[0] else 0
+
+
+def lift_of_area(double u_2, seat) -> float:
+    """The lift x_N [m] that opens a normalised seat area; 0 for a shut needle."""
+    cdef Seat of_seat = seat._asdict()
+    return lift_at(u_2, &of_seat)
+
+
+def stiffness_of(double x_1, line) -> float:
+    """K_eff/K_L of a line at the normalised pressure x_1."""
+    cdef Softness softness
+    softness.air, softness.stiffness_slope = line.air, line.stiffness_slope
+    softness.stiffness_pressure, softness.chamber_pressure = line.stiffness_pressure, line.chamber_pressure
+    return stiffness(x_1, &softness)
+
+
+globals().update(STEP=WAVE_STEP, MEMORIES=MEMORIES, FORGETTING=tuple(FORGETTING), WEIGHTS=tuple(WEIGHTS), COLUMNS=COLUMNS)
+
+
+def steps_in(double interval) -> int:
+    """Steps of a wave's line in an interval [s]."""
+    return steps_over(interval)
+
+
+def fading_of(int64_t number, double step) -> tuple[float, float]:
+    """What a step [s] keeps of w_(number + 1), and what it takes of a change of the mean flow."""
+    cdef double take = 0.0
+    keep = fading(number, step, &take)
+    return keep, take
+
+
+def pull_of(int64_t number, double step, double memory) -> tuple[float, float]:
+    """Pull [1/s] in the middle of a step [s] by w_(number + 1) before it, and by the change of flow in it."""
+    cdef double by_flow = 0.0
+    by_memory = pull_in_middle(number, step, memory, &by_flow)
+    return by_memory, by_flow
+
+
+def value_across_joint(double share, double far, double near) -> float:
+    """Inertia of a face or compliance of a cell, of which a share (0 to 1) is on the far side of the joint."""
+    return across_joint(share, far, near)

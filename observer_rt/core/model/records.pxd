@@ -1,0 +1,186 @@
+# The model as its functions are given it: coefficients, network, inputs, and what carries derivatives along.
+
+from libc.stdint cimport int64_t
+
+from observer_rt.core.model.hydraulics cimport Nozzle, Sac, Seat
+
+cdef enum:
+    MOST_COEFFICIENTS = 24  # of a line
+    SAC = 2  # place of p_S in x
+    MEMORIES = 3  # states of a wave's line that remember its flow
+    WIDTH = 4  # columns reckoned together
+    COLUMNS = 8  # a multiple of which tangents are wide
+
+# Kinds of line, each also with the integral of p_L as its last state.
+cdef enum:
+    LUMP = 0
+    MEAN_LUMP = 1
+    WAVE = 2
+    MEAN_WAVE = 3
+
+
+# How a line softens, the same fields of every line.
+cdef struct Softness:
+    double air  # K g / p_0: how much entrained air softens the line, 0 without any
+    double stiffness_slope  # n p_0/K_L: how K_L grows with the line pressure, 0 when it does not
+    double stiffness_pressure  # where it is K_L, normalised as x_1
+    double chamber_pressure  # p_C/p_0
+
+
+cdef struct LumpLine:
+    double a1  # line inflow, 1/s
+    double a2_nozzle  # line drained by the nozzle flow; 0 in the form that the seat flow drains
+    double a2_seat  # line drained by the seat flow, the mass-conserving form
+    double a3  # line inertia
+    double a4  # line friction
+    double leak  # line drained by p_L - p_C, 0 for a tight injector
+    Softness softness
+    double outflow  # of the end, by terms, in units of Q_0
+    double loss  # of pressure along the line, by terms, in units of p_0
+
+
+cdef struct WaveLine:
+    # Rates [1/s] normalised by (24), of one cell or face; "near" is the part at the injector.
+    double a1  # end cell, inflow
+    double a2_nozzle  # end cell, drained by the nozzle flow
+    double a2_seat  # end cell, drained by the seat flow
+    double a3  # inertia of a face
+    double a3_near
+    double a4  # friction, over the whole line that of the lump
+    double a4_inlet  # of a throttle at the rail, added to that of the first face
+    double memory  # sqrt(nu_w)/R [s^-1/2] of the friction that remembers
+    double b  # compliance of a cell
+    double b_near
+    double damping  # nu/h2: what evens out the flows of neighbouring faces
+    double leak  # end cell, drained by p_L - p_C
+    Softness softness
+    double cells  # n
+    double joint  # where the parts meet, in cells from the rail
+    double outflow  # as of the lump, by terms
+    double loss  # likewise, spread evenly over the faces
+
+
+cdef union Line:
+    LumpLine lump
+    WaveLine wave
+    double[MOST_COEFFICIENTS] values
+
+
+cdef struct Coefficients:
+    int64_t kind
+    int64_t states  # n of x
+    int64_t cells  # of a wave's line
+    int64_t size  # coefficients of the line
+    Line line
+    Seat seat
+    Nozzle nozzle
+    Sac sac
+    double pressure_scale  # p_0, Pa
+    double flow_scale  # Q_0, m3/s
+    double area_scale  # A_0, m2
+    double chamber_pressure  # p_C, Pa
+    double density  # rho_C, kg/m3
+    double compression  # p_0/K_L, of the nominal line
+
+
+cdef struct Network:
+    int64_t neurons  # q
+    const double* hidden  # V (q, 6)
+    const double* output  # W (2, q)
+    const double* bias  # b (2,)
+    const double* back_pressure  # (2,)
+
+
+cdef struct Inputs:
+    double rail  # p_R
+    double area  # A_S
+
+
+cdef struct Interval:
+    Inputs start
+    Inputs end
+    double length  # s
+    int64_t substeps  # RK4 steps at most
+
+
+cdef struct Knot:
+    double share  # of the interval, after which the area bends; 0: it does not
+    double area
+
+
+# How a parameter vector theta acts: the columns of the network's parameters, the slopes of the line's.
+cdef struct ByTheta:
+    int64_t nozzle_bias
+    int64_t nozzle_weight
+    int64_t seat_bias
+    int64_t back_pressure
+    int64_t pairs  # of coefficients and columns; those of a column follow each other
+    const int64_t* columns
+    const int64_t* coefficients
+    const double* slopes
+
+
+# Derivatives carried with a state: of n states by m numbers, theta first; the rest is scratch.
+cdef struct Tangent:
+    int64_t n
+    int64_t m
+    int64_t size  # coefficients of the line
+    int64_t neurons
+    double* by  # (n, m)
+    double* moved  # (n, m)
+    double* by_state  # (4, n, n), of x' by x at the stages of a step
+    double* by_number  # (4, n, m), of x' by the numbers, x held
+    double* by_flow  # (n, 2): of x' by q_H, q_S
+    double* by_coefficient  # (n, size)
+    double* sigmas  # (neurons,)
+    ByTheta theta
+
+
+# Flows with phi and their derivatives with respect to x_1..x_3, u_2, and what the network adds.
+cdef struct FlowSlopes:
+    double q_h
+    double q_s
+    double[3] h_x
+    double[3] s_x
+    double h_area
+    double s_area
+    double h_change  # by N_H: the flow without it
+    double s_change  # by N_S
+    double h_back_pressure
+
+
+cdef struct LaggedSlopes:
+    double by_indicated
+    double by_start
+    double by_end
+    double by_lag  # 1/s
+
+
+# A program of terms, and what is remembered from sample to sample; the rest is scratch.
+cdef struct Forcing:
+    int64_t rows
+    int64_t first_of_sensor  # row from which on the program is the sensor's
+    const double* program  # (rows, 2)
+    double* memory  # (3 rows,): what rows remember of laws and of innovations; the stack
+    double* past  # (8,)
+    double* variables  # in the order of `Variable`
+    double* totals  # by `TermEquation`, in its units
+    double* bias  # (2,)
+    double* back_pressure  # (2,)
+
+
+# A sample interval under terms: inputs, model and network.
+cdef struct Forced:
+    Interval interval
+    Knot knot
+    Coefficients coefficients
+    Network network
+
+
+# What carries the filtered gradient d e~/d theta along; all but the state's tangent as wide as that is.
+cdef struct Gradient:
+    Tangent tangent
+    const double* lag  # of the sensor's lag [s]
+    double* before  # of p_L one sample before
+    double* indicated
+    double* error  # of the innovation

@@ -1,0 +1,55 @@
+# The line-pressure sensor: a first-order lag, its signal recorded late, and an offset added elsewhere.
+
+from libc.math cimport exp
+
+from observer_rt.core.model.records cimport LaggedSlopes
+
+
+cdef inline double recorded(double indicated_before, double indicated, double fraction) noexcept nogil:
+    """What is recorded of a signal a `fraction` of a sample late, linear between samples; also of its slopes."""
+    return indicated - fraction * (indicated - indicated_before)
+
+
+cdef inline double recorded_mean(
+    double indicated_before, double indicated, double pressure_mean, double lag_share, double fraction
+) noexcept nogil:
+    """As `recorded`, of the mean over a sample interval instead of the value at its end; also of its slopes.
+
+    pressure_mean: of the pressure; lag_share: lag over interval. The mean of a lagged signal is exactly that of the
+    pressure less lag/T times its rise; a `fraction` of a sample earlier, as of the parabola through all three.
+    """
+    cdef double rise = indicated - indicated_before
+    cdef double mean = pressure_mean - lag_share * rise
+    cdef double bend = 3.0 * rise - 6.0 * (mean - indicated_before)
+    return mean - fraction * rise + fraction * fraction * bend
+
+
+cdef inline double lagged(
+    double indicated, double pressure_start, double pressure_end, double interval, double lag
+) noexcept nogil:
+    """What a sensor with time constant `lag` [s] indicates an interval [s] later; exact for a linear pressure."""
+    cdef double decay, ramp
+    if lag < 1e-3 * interval:
+        return pressure_end - lag / interval * (pressure_end - pressure_start)
+    decay = exp(-interval / lag)
+    ramp = 1.0 - lag / interval * (1.0 - decay)
+    return decay * indicated + (1.0 - decay) * pressure_start + ramp * (pressure_end - pressure_start)
+
+
+cdef inline LaggedSlopes lagged_slopes(
+    double indicated, double pressure_start, double pressure_end, double interval, double lag
+) noexcept nogil:
+    """Derivatives of `lagged`."""
+    cdef LaggedSlopes result
+    cdef double rise = pressure_end - pressure_start, share, decay, ramp, decay_slope, ramp_slope
+    if lag < 1e-3 * interval:
+        share = lag / interval
+        result.by_indicated, result.by_start, result.by_end, result.by_lag = 0.0, share, 1.0 - share, -rise / interval
+        return result
+    decay = exp(-interval / lag)
+    ramp = 1.0 - lag / interval * (1.0 - decay)
+    decay_slope = decay * interval / (lag * lag)
+    ramp_slope = -(1.0 - decay) / interval + lag / interval * decay_slope
+    result.by_indicated, result.by_start, result.by_end = decay, 1.0 - decay - ramp, ramp
+    result.by_lag = (indicated - pressure_start) * decay_slope + rise * ramp_slope
+    return result

@@ -1,0 +1,1 @@
+"""Loops over signals of recordings, and small matrices."""

@@ -1,0 +1,1 @@
+"""From a received frame to the frames it causes."""

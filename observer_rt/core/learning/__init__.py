@@ -1,0 +1,1 @@
+"""What learning does with every sample of an event."""

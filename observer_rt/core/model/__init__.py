@@ -1,0 +1,1 @@
+"""The injector's equations and how they are stepped."""

@@ -1,0 +1,178 @@
+"""Builds the compiled core, observer_rt/core, by meson and ninja, and puts its modules beside their sources.
+
+usage: build_core.py [module ...]     e.g. model/integrator; without one: all of them
+"""
+
+import fcntl
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+CORE = REPOSITORY / "observer_rt" / "core"
+BUILD = REPOSITORY / "build"
+STATE = BUILD / "core-state"  # which sources, of which build, the modules beside them were made of
+UNPACKED_HEADERS = BUILD / "python-headers" / "usr" / "include"
+SUFFIX = ".abi3.so"
+CHECKED_VARIABLE = "OBSERVER_RT_CHECKED_CORE"  # set: the build with bounds checks and sanitizers
+
+
+class CoreBuildError(Exception):
+    """The compiled core cannot be built; the text says why and what mends it."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """How the core is compiled, in a folder of its own."""
+
+    folder: str
+    machine: tuple[str, ...] = ()
+    """Flags of the compiler that choose the processor."""
+    checked: bool = False
+    """With bounds checks, address and undefined behaviour sanitizers."""
+
+
+HERE = Kind("core", ("-march=native",))
+CHECKED = Kind("core-checked", checked=True)
+PORTABLE = Kind("core-portable")
+"""For any processor of this architecture."""
+
+
+def rebuild_if_edited() -> None:
+    """Build anew when a source has changed since the modules were put beside them."""
+    if not _is_current(_sources_state()):
+        build_in_place()
+
+
+def build_in_place(modules: Sequence[str] = ()) -> None:
+    """Build all modules (or these), and put them beside their sources; several processes at once take turns.
+
+    Raises:
+        CoreBuildError: without Cython, meson, ninja, a C compiler or Python's headers, or when compiling fails.
+    """
+    BUILD.mkdir(exist_ok=True)
+    with (BUILD / "core-lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not modules and _is_current(_sources_state()):  # another process was first
+            return
+        for name, built in build(_kind(), modules).items():
+            _place(built, CORE / name)
+        if not modules:
+            for orphan in set(CORE.rglob(f"*{SUFFIX}")) - {CORE / (name + SUFFIX) for name in _module_names()}:
+                orphan.unlink()
+            STATE.write_text(_sources_state())
+
+
+def build(kind: Kind, modules: Sequence[str] = ()) -> dict[str, Path]:
+    """The file that was built for each path in the core; errors as of `build_in_place`."""
+    names = modules or _module_names()
+    folder = BUILD / kind.folder
+    _configure(folder, kind)
+    targets = {name + SUFFIX: name.replace("/", ".") + SUFFIX for name in names}
+    _run(["ninja", "-C", str(folder), *targets.values()])
+    return {name: folder / target for name, target in targets.items()}
+
+
+def compiler() -> str | None:
+    """The C compiler's command, as `$CC` or as found; None where only ziglang could do."""
+    named = os.environ.get("CC")
+    return named or next((name for name in ("cc", "gcc", "clang") if shutil.which(name)), None)
+
+
+def _kind() -> Kind:
+    return CHECKED if CHECKED_VARIABLE in os.environ else HERE
+
+
+def _is_current(state: str) -> bool:
+    return STATE.is_file() and STATE.read_text() == state
+
+
+def _sources_state() -> str:
+    """What the modules beside the sources are made of: a line a file, each module among them."""
+    times = [f"{path} {path.stat().st_mtime_ns}" for path in _sources()]
+    there = [name for name in _module_names() if (CORE / (name + SUFFIX)).exists()]
+    return "\n".join([_kind().folder, *times, *there])
+
+
+def _sources() -> list[Path]:
+    return sorted(path for ending in ("*.pyx", "*.pxd", "meson.build") for path in CORE.rglob(ending))
+
+
+def _module_names() -> list[str]:
+    sources = (path for path in _sources() if path.suffix == ".pyx")
+    return ["views", *(path.relative_to(CORE).with_suffix("").as_posix() for path in sources)]
+
+
+def _place(built: Path, target: Path) -> None:
+    """By rename: processes that run keep the module that they have loaded."""
+    if not target.exists() or target.stat().st_mtime_ns != built.stat().st_mtime_ns:
+        temporary = target.with_suffix(".new")
+        shutil.copy2(built, temporary)
+        temporary.replace(target)
+
+
+def _configure(folder: Path, kind: Kind) -> None:
+    modules = [name for name in _module_names() if name != "views"]
+    options = [
+        f"-Dmodules={','.join(modules)}",
+        f"-Dpython_headers={','.join(str(folder) for folder in _headers())}",
+        f"-Dmachine={','.join(kind.machine)}",
+        f"-Dchecked={'true' if kind.checked else 'false'}",
+    ]
+    tools = folder.with_suffix(".tools")
+    # By this Python, not by where the command is: that is a passing folder where pip builds apart.
+    tools.write_text(f"[binaries]\ncython = ['{sys.executable}', '-m', 'cython']\n")
+    asked = folder / "asked-for"
+    wanted = "\n".join([*options, str(compiler()), str((CORE / "meson.build").stat().st_mtime_ns)])
+    if asked.is_file() and asked.read_text() == wanted:
+        return
+    setup = ["meson", "setup", "--native-file", str(tools), *options, str(folder), str(CORE)]
+    try:
+        _run([*setup, "--reconfigure"] if asked.is_file() else setup)
+    except CoreBuildError:  # as where an option has become another: begin anew
+        if not asked.is_file():
+            raise
+        shutil.rmtree(folder)
+        _run(setup)
+    asked.write_text(wanted)
+
+
+def _headers() -> list[Path]:
+    """Folders to look for headers in: this Python's, or where tools/lib/venv.sh has unpacked them."""
+    own = Path(sysconfig.get_path("include"))
+    if (own / "Python.h").is_file():
+        return [own]
+    unpacked = UNPACKED_HEADERS / f"python{sys.version_info.major}.{sys.version_info.minor}"
+    if (unpacked / "Python.h").is_file():
+        return [unpacked, UNPACKED_HEADERS]
+    raise CoreBuildError(
+        f"Python's headers are missing: no Python.h in {own}. On Debian and Ubuntu: sudo apt-get install python3-dev"
+    )
+
+
+def _run(command: list[str]) -> None:
+    environment = os.environ | {
+        "PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
+    }
+    if compiler() is None:
+        environment["CC"] = f"{sys.executable} -m ziglang cc"
+    program = shutil.which(command[0], path=environment["PATH"])
+    if program is None:
+        raise CoreBuildError(
+            f"{command[0]} is missing, which builds the compiled core: pip install -e '.[dev]' in {REPOSITORY}"
+        )
+    ran = subprocess.run([program, *command[1:]], env=environment, capture_output=True, text=True)
+    if ran.returncode:
+        raise CoreBuildError(f"the compiled core cannot be built:\n{(ran.stdout + ran.stderr)[-4000:]}")
+
+
+if __name__ == "__main__":
+    try:
+        build_in_place(sys.argv[1:])
+    except CoreBuildError as error:
+        sys.exit(str(error))

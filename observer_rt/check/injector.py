@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from observer_rt.core.stream.stream import dead_band
 from observer_rt.bus.alignment.timekeeping import LINE_SLOPE
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.mapping.bus_map import (
@@ -42,7 +43,7 @@ from observer_rt.model.stability import MAX_SUBSTEPS, fastest_rate
 from observer_rt.observer.learning.knowledge import no_knowledge
 from observer_rt.observer.observer import Durations, constants_for
 from observer_rt.observer.paper_scheme.systems import doubts_about_gain
-from observer_rt.observer.stream.front_end import dead_band, noise_gain
+from observer_rt.observer.stream.front_end import noise_gain
 from observer_rt.observer.stream.state import MAX_EVENT
 from observer_rt.recording.replay.framing import message_timing
 from observer_rt.service.compiled.constants import bench_constants, configured_noise, rail_every

@@ -13,6 +13,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.stream.stream import dead_band
 from observer_rt.bus.can_frame import frame_key
 from observer_rt.bus.database import e2e
 from observer_rt.bus.database.codec import decode
@@ -41,7 +42,6 @@ from observer_rt.model.integrator import advance_over
 from observer_rt.model.line.interface import rest_line
 from observer_rt.model.network import constant_network
 from observer_rt.model.right_hand_side import fault_and_rate
-from observer_rt.observer.stream.front_end import dead_band
 from observer_rt.observer.stream.state import RING
 from observer_rt.service.compiled.constants import bench_constants, configured_noise
 from observer_rt.service.core.core import Core

@@ -19,6 +19,7 @@ BUILD = REPOSITORY / "build"
 STATE = BUILD / "core-state"  # which sources, of which build, the modules beside them were made of
 UNPACKED_HEADERS = BUILD / "python-headers" / "usr" / "include"
 SUFFIX = ".abi3.so"
+ZIG = f"{sys.executable} -m ziglang cc"
 CHECKED_VARIABLE = "OBSERVER_RT_CHECKED_CORE"  # set: the build with bounds checks and sanitizers
 
 
@@ -35,12 +36,12 @@ class Kind:
     """Flags of the compiler that choose the processor."""
     checked: bool = False
     """With bounds checks, address and undefined behaviour sanitizers."""
+    target: str = ""
+    """Another machine, or an older C library than this one's, as `zig cc -target` names it: x86_64-linux-gnu.2.17."""
 
 
 HERE = Kind("core", ("-march=native",))
 CHECKED = Kind("core-checked", checked=True)
-PORTABLE = Kind("core-portable")
-"""For any processor of this architecture."""
 
 
 def rebuild_if_edited() -> None:
@@ -63,7 +64,9 @@ def build_in_place(modules: Sequence[str] = ()) -> None:
         for name, built in build(_kind(), modules).items():
             _place(built, CORE / name)
         if not modules:
-            for orphan in set(CORE.rglob(f"*{SUFFIX}")) - {CORE / (name + SUFFIX) for name in _module_names()}:
+            for orphan in set(CORE.rglob(f"*{SUFFIX}")) - {
+                CORE / (name + SUFFIX) for name in _module_names()
+            }:
                 orphan.unlink()
             STATE.write_text(_sources_state())
 
@@ -74,14 +77,14 @@ def build(kind: Kind, modules: Sequence[str] = ()) -> dict[str, Path]:
     folder = BUILD / kind.folder
     _configure(folder, kind)
     targets = {name + SUFFIX: name.replace("/", ".") + SUFFIX for name in names}
-    _run(["ninja", "-C", str(folder), *targets.values()])
+    _run(["ninja", "-C", str(folder), *targets.values()], kind)
     return {name: folder / target for name, target in targets.items()}
 
 
-def compiler() -> str | None:
-    """The C compiler's command, as `$CC` or as found; None where only ziglang could do."""
+def compiler() -> str:
+    """The C compiler's command, as `$CC` or as found; that of ziglang where there is none."""
     named = os.environ.get("CC")
-    return named or next((name for name in ("cc", "gcc", "clang") if shutil.which(name)), None)
+    return named or next((name for name in ("cc", "gcc", "clang") if shutil.which(name)), ZIG)
 
 
 def _kind() -> Kind:
@@ -125,21 +128,39 @@ def _configure(folder: Path, kind: Kind) -> None:
         f"-Dchecked={'true' if kind.checked else 'false'}",
     ]
     tools = folder.with_suffix(".tools")
-    # By this Python, not by where the command is: that is a passing folder where pip builds apart.
-    tools.write_text(f"[binaries]\ncython = ['{sys.executable}', '-m', 'cython']\n")
+    tools.write_text(_machine_file(kind))
     asked = folder / "asked-for"
-    wanted = "\n".join([*options, str(compiler()), str((CORE / "meson.build").stat().st_mtime_ns)])
+    wanted = "\n".join([*options, compiler(), kind.target, str((CORE / "meson.build").stat().st_mtime_ns)])
     if asked.is_file() and asked.read_text() == wanted:
         return
-    setup = ["meson", "setup", "--native-file", str(tools), *options, str(folder), str(CORE)]
+    files = "--cross-file" if kind.target else "--native-file"
+    setup = ["meson", "setup", files, str(tools), *options, str(folder), str(CORE)]
     try:
-        _run([*setup, "--reconfigure"] if asked.is_file() else setup)
+        _run([*setup, "--reconfigure"] if asked.is_file() else setup, kind)
     except CoreBuildError:  # as where an option has become another: begin anew
         if not asked.is_file():
             raise
         shutil.rmtree(folder)
-        _run(setup)
+        _run(setup, kind)
     asked.write_text(wanted)
+
+
+def _machine_file(kind: Kind) -> str:
+    # By this Python, not by where the command is: that is a passing folder where pip builds apart.
+    lines = ["[binaries]", f"cython = ['{sys.executable}', '-m', 'cython']"]
+    if kind.target:
+        processor = kind.target.partition("-")[0]
+        lines += [
+            f"c = ['{sys.executable}', '-m', 'ziglang', 'cc', '-target', '{kind.target}']",
+            "[host_machine]",
+            "system = 'linux'",
+            f"cpu_family = '{processor}'",
+            f"cpu = '{processor}'",
+            "endian = 'little'",
+            "[properties]",
+            "needs_exe_wrapper = true",
+        ]
+    return "\n".join(lines) + "\n"
 
 
 def _headers() -> list[Path]:
@@ -155,12 +176,12 @@ def _headers() -> list[Path]:
     )
 
 
-def _run(command: list[str]) -> None:
+def _run(command: list[str], kind: Kind) -> None:
     environment = os.environ | {
         "PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
     }
-    if compiler() is None:
-        environment["CC"] = f"{sys.executable} -m ziglang cc"
+    if not kind.target:  # else the machine file names it; the machine itself is asked for nothing
+        environment["CC"] = compiler()
     program = shutil.which(command[0], path=environment["PATH"])
     if program is None:
         raise CoreBuildError(

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt import __version__
+from observer_rt.core.stream.stream import dead_band
 from observer_rt.bus.alignment.alignment import is_stale, make_alignment, progress
 from observer_rt.bus.alignment.timekeeping import MessageTiming, make_timekeeping, timing_of
 from observer_rt.bus.database.e2e import E2EState
@@ -24,7 +25,6 @@ from observer_rt.config.signals import Role
 from observer_rt.evidence.noise import SlowNoise
 from observer_rt.observer.learning.knowledge import Knowledge, no_knowledge
 from observer_rt.observer.observer import make_observer, samples_at
-from observer_rt.observer.stream.front_end import dead_band
 from observer_rt.observer.stream.standstill import LiftFigures, Standstill, lift_figures, standstill_of
 from observer_rt.observer.stream.state import RING, Reason, State
 from observer_rt.observer.stream.validity import Surroundings, state_of_service

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.stream.stream import OFFSET_FOLLOWS
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.injector import Training
 from observer_rt.config.signals import Role
@@ -24,7 +25,6 @@ from observer_rt.observer.learning.knowledge import EventLearner, Knowledge
 from observer_rt.observer.learning.learner import Learner
 from observer_rt.observer.paper_scheme.learner import PaperLearner
 from observer_rt.observer.paper_scheme.systems import check_gain
-from observer_rt.observer.stream.pair import OFFSET_FOLLOWS
 from observer_rt.observer.stream.state import Constants, Observer
 
 LearnerFactory = Callable[[BenchInjector, Constants, Knowledge], EventLearner]

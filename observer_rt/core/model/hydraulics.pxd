@@ -1,0 +1,130 @@
+# Seat, sac and nozzle, (21)-(23): flows through the areas a lift opens, the orifice law they share, slopes.
+
+from libc.math cimport exp, fabs, pi, sin, sqrt
+
+
+cdef struct Seat:
+    double transition  # of the orifice law, in units of p_0
+    double area_scale  # A_0, m2
+    double diameter  # d_S, m
+    double half_cone_angle  # rad
+    double loss  # a of alpha_S (1 - a exp(-x_N/x_c)), 0 for a constant coefficient
+    double loss_lift  # x_c, m
+
+
+cdef struct Nozzle:
+    double transition  # of the orifice law, in units of p_0
+    double flow  # Q_H = flow * root(x_3), m3/s
+    double critical_excess  # N_crit - 1, 0 without cavitation
+    double vapour_margin  # (p_C - p_v)/p_0
+    double chamber_rise  # of p_C while the needle is open, in units of p_0
+    double chamber_rise_with_seat  # the same for every unit of u_2
+
+
+cdef struct Sac:
+    double a5  # filled through the seat
+    double a6  # drained through the nozzle
+
+
+cdef inline double root(double difference, double transition) noexcept nogil:
+    """Signed square root of a pressure difference, smooth through zero.
+
+    d / (d^2 + t^2)^(1/4): sgn(d) sqrt|d| for |d| >> t, linear below the transition pressure t, so that the
+    orifice laws (21), (23) hold for reversed flow and have a bounded slope 1/sqrt(t).
+    """
+    return difference / sqrt(sqrt(difference * difference + transition * transition))
+
+
+cdef inline double root_slope(double difference, double transition) noexcept nogil:
+    """Derivative of `root` with respect to the pressure difference."""
+    cdef double square = difference * difference
+    cdef double sum_of_squares = square + transition * transition
+    return (sum_of_squares - 0.5 * square) / (sum_of_squares * sqrt(sqrt(sum_of_squares)))
+
+
+cdef inline double seat_law(double x_1, double x_3, double u_2, const Seat* seat) noexcept nogil:
+    """Normalised seat flow q_S of (21)."""
+    return u_2 * root(x_1 - x_3, seat.transition)
+
+
+cdef inline double seat_law_slopes(double x_1, double x_3, double u_2, const Seat* seat, double* by_area) noexcept nogil:
+    """Derivative of `seat_law` with respect to the pressure difference x_1 - x_3; by_area: that to u_2."""
+    cdef double difference = x_1 - x_3
+    by_area[0] = root(difference, seat.transition)
+    return u_2 * root_slope(difference, seat.transition)
+
+
+cdef inline double seat_area(double lift, double seat_diameter, double half_cone_angle) noexcept nogil:
+    """Flow area of the needle seat A_S(x_N) [m2]; 0 for a closed needle.
+
+    pi x_N sin(b/2) (d_S - x_N/2 sin b), with b/2 the half cone angle [rad]; lift and diameter in m.
+    """
+    if lift <= 0.0:
+        return 0.0
+    return pi * lift * sin(half_cone_angle) * (seat_diameter - 0.5 * lift * sin(2.0 * half_cone_angle))
+
+
+cdef inline double seat_area_slope(double u_2, const Seat* seat) noexcept nogil:
+    """Derivative dA_S/dx_N [m] of `seat_area` at the lift that opens u_2 = A_S/A_0; 0 for a closed needle."""
+    cdef double whole, square
+    if u_2 <= 0.0:
+        return 0.0
+    whole = pi * sin(seat.half_cone_angle)
+    square = seat.diameter * seat.diameter - 2.0 * sin(2.0 * seat.half_cone_angle) * (u_2 * seat.area_scale) / whole
+    return whole * sqrt(max(square, 0.0))
+
+
+cdef inline double normalised_area(double lift, const Seat* seat) noexcept nogil:
+    """u_2 = A_S(x_N)/A_0 of a lift [m]; a flow coefficient that depends on the lift is part of it."""
+    cdef double area = seat_area(lift, seat.diameter, seat.half_cone_angle) / seat.area_scale
+    if seat.loss != 0.0:
+        area *= 1.0 - seat.loss * exp(-lift / seat.loss_lift)
+    return area
+
+
+cdef inline double nozzle_law(double x_3, double u_2, double back_pressure, const Nozzle* nozzle) noexcept nogil:
+    """Normalised nozzle flow q_H of (23), against a chamber pressure that rises while the needle is open (u_2 > 0).
+
+    It rises by what the model knows and by `back_pressure`, in units of p_0.
+    Where the cavitation number N = (p_S - p_v)/(p_S - p_C) is below N_crit, the flow coefficient falls by
+    sqrt(N/N_crit): the flow then follows sqrt(p_S - p_v) (Nurick 1976, J. Fluids Eng. 98, 681).
+    """
+    cdef double difference = x_3, margin = nozzle.vapour_margin, flow
+    cdef double rise = nozzle.chamber_rise + nozzle.chamber_rise_with_seat * u_2 + back_pressure
+    if rise != 0.0 and u_2 > 0.0:
+        difference -= rise
+        margin += rise
+    flow = root(difference, nozzle.transition)
+    if nozzle.critical_excess != 0.0 and margin < nozzle.critical_excess * difference:
+        flow *= sqrt((1.0 + margin / difference) / (1.0 + nozzle.critical_excess))
+    return flow
+
+
+cdef inline double nozzle_law_slopes(
+    double x_3, double u_2, double back_pressure, const Nozzle* nozzle, double* by_back_pressure
+) noexcept nogil:
+    """Derivative of `nozzle_law` with respect to x_3; by_back_pressure: that to the back-pressure.
+
+    That with respect to u_2 is `nozzle.chamber_rise_with_seat` times the latter.
+    """
+    cdef double difference = x_3, margin = nozzle.vapour_margin, rise, slope, critical, loss, flow, by_margin
+    if u_2 > 0.0:
+        rise = nozzle.chamber_rise + nozzle.chamber_rise_with_seat * u_2 + back_pressure
+        difference -= rise
+        margin += rise
+    slope = root_slope(difference, nozzle.transition)
+    if nozzle.critical_excess != 0.0 and margin < nozzle.critical_excess * difference:
+        critical = 1.0 + nozzle.critical_excess
+        loss = sqrt((1.0 + margin / difference) / critical)
+        flow = root(difference, nozzle.transition)
+        by_margin = flow / (2.0 * critical * loss * difference)
+        slope = slope * loss - by_margin * margin / difference
+        by_back_pressure[0] = by_margin - slope if u_2 > 0.0 else 0.0
+        return slope
+    by_back_pressure[0] = -slope if u_2 > 0.0 else 0.0
+    return slope
+
+
+cdef inline double sac_rate(double q_h, double q_s, const Sac* sac) noexcept nogil:
+    """p_S' of (22), normalised [1/s]."""
+    return sac.a5 * q_s - sac.a6 * q_h

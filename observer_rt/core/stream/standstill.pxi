@@ -99,7 +99,7 @@ cdef void forget_other_noise(Observer* observer) noexcept nogil:
     if min(before, since) >= ENOUGH_SAMPLES:
         rail, line = memory.rail_squares_before, memory.line_squares_before
         within = exp(CONTRADICTED * sqrt(4.0 * _SPREAD * (1.0 / before + 1.0 / since)))
-        share = since / before
+        share = <double> since / before
         if _differ(memory.rail_squares - rail, share * rail, within) or _differ(
             memory.line_squares - line, share * line, within
         ):

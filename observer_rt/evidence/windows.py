@@ -14,7 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.stream.stream import dead_band, ramp_slope_of_means as slope_of_means
+from observer_rt.core.stream.stream import dead_band
+from observer_rt.core.stream.stream import ramp_slope_of_means as slope_of_means
 from observer_rt.estimation.phases import AFTERGLOW, EDGE, phases_of
 from observer_rt.estimation.predictor import Window
 from observer_rt.evidence.measurement import (

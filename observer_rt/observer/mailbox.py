@@ -4,13 +4,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from observer_rt.core.stream.stream import SLOTS, SLOW_PEAK
+from observer_rt.core.stream.stream import PENDING_EVENTS, RING, SLOTS, SLOW_PEAK
 from observer_rt.estimation.gain import GainSchedule
 from observer_rt.estimation.scalars import learned_of
 from observer_rt.observer.learning.adequacy import Objection
 from observer_rt.observer.learning.interval import EVERYWHERE, KnownFlow
 from observer_rt.observer.learning.knowledge import Adoption, Knowledge, Outcome
-from observer_rt.observer.stream.state import PENDING_EVENTS, RING, Observer, Reason
+from observer_rt.observer.stream.state import Observer, Reason
 
 
 def begin_with(observer: Observer, knowledge: Knowledge, schedule: GainSchedule) -> None:

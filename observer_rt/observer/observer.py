@@ -8,7 +8,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.stream.stream import LONG_PAST, REACH, Stream, copy_window, dead_band
+from observer_rt.core.stream.stream import (
+    INJECTIONS,
+    LONG_PAST,
+    PENDING_EVENTS,
+    REACH,
+    RING,
+    Stream,
+    copy_window,
+    dead_band,
+)
 from observer_rt.estimation.predictor import Window
 from observer_rt.foundation.continuity import Break, make_recorded
 from observer_rt.foundation.referenced import bind
@@ -25,16 +34,20 @@ from observer_rt.observer.learning.adequacy import Innovations
 from observer_rt.observer.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.observer.learning.knowledge import EventLearner, Knowledge
 from observer_rt.observer.mailbox import begin_with
-from observer_rt.observer.stream.front_end import confirming_samples, noise_gain, ramp_samples, samples_ahead, toe_samples, undoing_of
+from observer_rt.observer.stream.front_end import (
+    confirming_samples,
+    noise_gain,
+    ramp_samples,
+    samples_ahead,
+    toe_samples,
+    undoing_of,
+)
 from observer_rt.observer.stream.standstill import Standstill, standstill_of
 from observer_rt.observer.stream.state import (
     CHANNEL,
     EVENT,
     INJECTION,
-    INJECTIONS,
     MEMORY,
-    PENDING_EVENTS,
-    RING,
     SAMPLE,
     Constants,
     Observer,
@@ -126,13 +139,24 @@ def make_observer(
     states, parameters = constants.coefficients.states, knowledge.in_force.size
     verdicts = no_verdicts(parameters, learner.schedule, learner.phi)
     memory, recorded, ring = np.zeros(1, MEMORY), make_recorded(), np.zeros(RING, SAMPLE)
-    x_tilde, x_hat, gains = np.zeros((RING, states)), np.zeros((RING, states)), np.zeros_like(learner.schedule.gains)
+    x_tilde, x_hat, gains = (
+        np.zeros((RING, states)),
+        np.zeros((RING, states)),
+        np.zeros_like(learner.schedule.gains),
+    )
     lent = (
         *(memory, recorded, ring, x_tilde, x_hat, gains),
-        *(np.zeros(PENDING_EVENTS, EVENT), np.zeros(INJECTIONS, INJECTION), np.zeros(3, CHANNEL), np.zeros(parameters)),
+        *(
+            np.zeros(PENDING_EVENTS, EVENT),
+            np.zeros(INJECTIONS, INJECTION),
+            np.zeros(3, CHANNEL),
+            np.zeros(parameters),
+        ),
     )
     stream = Stream(*lent, verdicts.slots, verdicts.gains, verdicts.theta)
-    observer = with_constants(Observer(constants, *lent, learner.phi, verdicts, stream, None, None), constants)
+    observer = with_constants(
+        Observer(constants, *lent, learner.phi, verdicts, stream, None, None), constants
+    )
     memory = observer.memory[0]
     memory["hidden"] = zero_network().hidden
     memory["phi_version"] = knowledge.phi_version

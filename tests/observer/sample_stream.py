@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from observer_rt.core.stream.stream import INJECTIONS, RING
 
 from observer_rt.config.bench import load_injector
 from observer_rt.estimation.gain import NoiseLevels
@@ -24,7 +25,7 @@ from observer_rt.observer.observer import (
     samples_at,
 )
 from observer_rt.observer.stream.standstill import RestingLift, Standstill, standstill_of
-from observer_rt.observer.stream.state import INJECTIONS, LIFT, RING, Observer, sample_dtype
+from observer_rt.observer.stream.state import LIFT, Observer, sample_dtype
 from observer_rt.observer.stream.state import RAIL as RAIL_CHANNEL
 
 NOISE = NoiseLevels(rail_pressure=0.1e6, line_pressure=0.15e6, needle_lift=0.4e-6)

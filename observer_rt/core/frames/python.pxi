@@ -405,13 +405,18 @@ cdef void _lend_publisher(Publisher* lent, publisher) except *:
 # What Python works with, too.
 globals().update(
     BATCH=BATCH,
+    CLOCK_STEP=CLOCK_STEP,
     ENOUGH_POINTS=ENOUGH_POINTS,
     ERRORS=ERRORS,
     FRAMES=FRAMES,
+    GRACE=GRACE,
     IMPOSSIBLE=(IMPOSSIBLE[0], IMPOSSIBLE[1], IMPOSSIBLE[2]),
     LATENCIES=LATENCIES,
     PATIENCE=PATIENCE,
     READINGS=READINGS,
+    PERIOD=PERIOD,
+    POINTS=POINTS,
     WAITING=WAITING,
+    WINDOW=WINDOW,
     WAIT_MS=WAIT_MS,
 )

@@ -57,5 +57,3 @@ def undoing_of(inputs: InputTerms, interval: float) -> Undoing:
 def noise_gain(lag: float) -> float:
     """By what the white noise of a lift is multiplied where a lag of its sensor [samples] is undone."""
     return math.sqrt(1.0 + 0.5 * lag**2)  # of central differences
-
-

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.stream.stream import INJECTIONS, MAX_EVENT, PENDING_EVENTS, RING, Stream
+from observer_rt.core.stream.stream import Stream
 from observer_rt.foundation.continuity import Break, Doubt
 from observer_rt.model.effective import Coefficients, InputTerms
 from observer_rt.model.network import ARGUMENTS, HIDDEN

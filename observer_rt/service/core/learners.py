@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.stream.stream import OFFSET_FOLLOWS
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.injector import Training
 from observer_rt.config.signals import Role
+from observer_rt.core.stream.stream import OFFSET_FOLLOWS
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.evidence.noise import SlowNoise, slow_noise
 from observer_rt.foundation.continuity import Doubt

@@ -23,6 +23,7 @@ from observer_rt.check.findings import Finding, Said, graded, ruled
 from observer_rt.config.bench import PACKAGE_DATA, BenchInjector
 from observer_rt.config.channels import effects_after_alignment
 from observer_rt.config.signals import OptionalRole, Role
+from observer_rt.core.stream.stream import MAX_EVENT, dead_band
 from observer_rt.estimation.gain import gain_schedule
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import (
@@ -42,8 +43,7 @@ from observer_rt.model.stability import MAX_SUBSTEPS, fastest_rate
 from observer_rt.observer.learning.knowledge import no_knowledge
 from observer_rt.observer.observer import Durations, constants_for
 from observer_rt.observer.paper_scheme.systems import doubts_about_gain
-from observer_rt.observer.stream.front_end import dead_band, noise_gain
-from observer_rt.observer.stream.state import MAX_EVENT
+from observer_rt.observer.stream.front_end import noise_gain
 from observer_rt.recording.replay.framing import message_timing
 from observer_rt.service.compiled.constants import bench_constants, configured_noise, rail_every
 from observer_rt.service.core.learners import doubt_about_fit, make_learner

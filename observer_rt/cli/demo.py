@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from rich.table import Table
 from rich.text import Text
 
-from observer_rt.bus.database.codec import decode
 from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.bus.mapping.output_messages import RateMessage
 from observer_rt.config.bench import Bench, load_bench
 from observer_rt.config.bench_file import LinkConfig
+from observer_rt.core.frames.frames import decode_signals
 from observer_rt.evaluation.curves import RateCurves
 from observer_rt.evaluation.figures import MassRow, Picture, plot_injections
 from observer_rt.foundation.console import stop_on_signals
@@ -185,7 +185,7 @@ def _listening(config: LinkConfig, message: RateMessage, samples: int) -> Iterat
     def listen() -> None:
         while not stop.is_set():
             if (frame := link.receive(0.05)) is not None:
-                decode(np.frombuffer(frame.payload, np.uint8), message.page.table, values)
+                decode_signals(np.frombuffer(frame.payload, np.uint8), message.page.table, values)
                 index = int(values[index_place])
                 rates = values[-message.samples :][: samples - index]
                 rate[index : index + len(rates)] = rates * MM3_PER_MS

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.stream.stream import dead_band
 from observer_rt.discovery.search.adequacy import SIGNIFICANT
 from observer_rt.estimation.phases import Phase
 from observer_rt.evidence.likelihood import Evidence
@@ -15,7 +16,6 @@ from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS
 from observer_rt.model.effect import Apparent, Effect, Place
 from observer_rt.model.effective import Coefficients, EffectiveModel
 from observer_rt.model.effects import VOCABULARY
-from observer_rt.observer.stream.front_end import dead_band
 
 SETTLED = 15e-3  # s after a closing, from which the line is at rest but for some ringing
 _FEWEST_BLOCKS = 4

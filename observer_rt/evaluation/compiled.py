@@ -5,13 +5,14 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.stream.stream import RING
 from observer_rt.foundation.compiled import compiled
 from observer_rt.foundation.continuity import Break
 from observer_rt.foundation.small_arrays import copy_vector
 from observer_rt.model.borrowed import borrowed
 from observer_rt.model.forcing import borrowed_forcing, rate_after, under_terms
 from observer_rt.model.integrator import Interval, advance_over
-from observer_rt.observer.stream.state import RING, Observer, State
+from observer_rt.observer.stream.state import Observer, State
 from observer_rt.observer.stream.stepper import Stepper, coefficients_in_force, network_in_force
 
 FOLLOWED = np.dtype([("position", np.int64), ("flows", np.bool_)], align=True)

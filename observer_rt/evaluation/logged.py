@@ -14,11 +14,11 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.config.channels import as_sent
 from observer_rt.config.injector import Meaning
+from observer_rt.core.stream.stream import RING
 from observer_rt.foundation.compiling import show_compiling
 from observer_rt.foundation.console import progress_bar, say
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effective import Coefficients
-from observer_rt.observer.stream.state import RING
 from observer_rt.recording.canlog.can_log import NANOSECONDS
 from observer_rt.recording.channels import InputFrames, chosen_channels
 from observer_rt.recording.formats import is_log, open_recording

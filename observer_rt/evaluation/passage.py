@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.stream.stream import RING
 from observer_rt.evaluation.compiled import begin_samples, note_samples
 from observer_rt.foundation.units import MM3_PER_MS
-from observer_rt.observer.stream.state import RING, Observer, State
+from observer_rt.observer.stream.state import Observer, State
 from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE
 from observer_rt.recording.signals.table_writers import TABLE_WRITERS, TableWriter, WrittenColumn
 from observer_rt.service.reports.injection_report import InjectionReport

@@ -13,13 +13,13 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from observer_rt.core.stream.stream import FURTHEST_ZERO
 from observer_rt.estimation.scalars import SCALARS
 from observer_rt.evaluation.curves import SHOWN, InjectionResult, injection_json
 from observer_rt.evaluation.evaluate import Evaluation
 from observer_rt.foundation.console import say
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND
 from observer_rt.model.effective import Coefficients
-from observer_rt.observer.stream.lift_step import FURTHEST_ZERO
 from observer_rt.observer.stream.state import Reason
 from observer_rt.service.reports.injection_report import WEAR, Field, beyond_learned
 

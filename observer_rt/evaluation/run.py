@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 from observer_rt.bus.links.link import BusFrame, FrameBlock, blocks_of
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus
 from observer_rt.config.bench import Bench, BenchInjector
+from observer_rt.core.stream.stream import RING
 from observer_rt.evaluation.compiled import FOLLOWED, copy_indices, nominal_rates
 from observer_rt.evaluation.passage import Passage, Signal
 from observer_rt.observer.learning.knowledge import Knowledge, no_knowledge
 from observer_rt.observer.observer import make_observer, with_constants
-from observer_rt.observer.stream.state import RING, Observer
+from observer_rt.observer.stream.state import Observer
 from observer_rt.recording.replay.recording_frames import Device
 from observer_rt.recording.signals.recording import Chunk
 from observer_rt.recording.signals.stream import SignalStream

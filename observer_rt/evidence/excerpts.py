@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from observer_rt.core.stream.stream import LOOK_BACK, dead_band
 from observer_rt.evidence.measurement import (
     COUNTED_LEAD,
     LEAD,
@@ -29,7 +30,6 @@ from observer_rt.evidence.measurement import (
     refuse_slow,
 )
 from observer_rt.evidence.noise import white_noise
-from observer_rt.observer.stream.front_end import LOOK_BACK, dead_band
 from observer_rt.recording.signals.recording import Chunk, Recording
 from observer_rt.recording.signals.stream import SignalStream, copied, cut, followed
 

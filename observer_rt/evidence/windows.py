@@ -14,6 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.stream.stream import dead_band
+from observer_rt.core.stream.stream import ramp_slope_of_means as slope_of_means
 from observer_rt.estimation.phases import AFTERGLOW, EDGE, phases_of
 from observer_rt.estimation.predictor import Window
 from observer_rt.evidence.measurement import (
@@ -30,7 +32,6 @@ from observer_rt.model.effective import Coefficients, InputTerms
 from observer_rt.model.forcing import Clock
 from observer_rt.model.hydraulics import normalised_area
 from observer_rt.model.line.interface import rest_line
-from observer_rt.observer.stream.front_end import dead_band, slope_of_means
 
 WIDTH = 50e-6  # s, of the kernel: it leaves what a rail does up to some 3 kHz
 REACH = 4.0  # widths to either side

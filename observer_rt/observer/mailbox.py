@@ -4,23 +4,22 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from observer_rt.core.stream.stream import PENDING_EVENTS, RING, SLOTS, SLOW_PEAK
 from observer_rt.estimation.gain import GainSchedule
 from observer_rt.estimation.scalars import learned_of
 from observer_rt.observer.learning.adequacy import Objection
 from observer_rt.observer.learning.interval import EVERYWHERE, KnownFlow
 from observer_rt.observer.learning.knowledge import Adoption, Knowledge, Outcome
-from observer_rt.observer.stream.judgement import SLOW_PEAK, carry_on, expect, judged
-from observer_rt.observer.stream.state import PENDING_EVENTS, RING, Observer, Reason
-from observer_rt.observer.stream.verdict import SLOTS
+from observer_rt.observer.stream.state import Observer, Reason
 
 
 def begin_with(observer: Observer, knowledge: Knowledge, schedule: GainSchedule) -> None:
     """Carry what is known at the start."""
     _write(observer, 0, knowledge, schedule, EVERYWHERE)
-    carry_on(observer, 0)
+    observer.stream.carry_on(0)
     observer.memory["innovation_sigma"] = schedule.innovation_sigma
     observer.memory["familiar"] = True
-    expect(observer, 0.0)
+    observer.stream.expect(0.0)
 
 
 def has_room(observer: Observer, number: int) -> bool:
@@ -78,7 +77,7 @@ def judge(
         post_examined(observer, number, objections, is_coloured)
     else:
         post_learned(observer, number, outcome, is_coloured)
-    judged(observer)
+    observer.stream.judged()
 
 
 def _post(
@@ -100,7 +99,7 @@ def _post(
 
 def _at_rest(observer: Observer, number: int) -> float:
     """Mean square of the innovations at rest, of half as many samples before an event's end as are remembered."""
-    end = int(observer.memory[0]["events"][number % PENDING_EVENTS]["window_end"]) + 1
+    end = int(observer.events[number % PENDING_EVENTS]["window_end"]) + 1
     rows = observer.ring[np.arange(max(end - RING // 2, 0), end) % RING]
     at_rest = rows["innovation"][rows["resting"]]
     return float(np.mean(at_rest**2)) if at_rest.size else np.nan
@@ -113,7 +112,7 @@ def _write(
     constants = observer.constants
     learned = learned_of(knowledge.in_force, constants.coefficients, knowledge.scalars)
     verdict = observer.verdicts.slots[slot]
-    verdict["theta"] = knowledge.in_force
+    observer.verdicts.theta[slot] = knowledge.in_force
     verdict["output"] = learned.network.output
     verdict["bias"] = learned.network.bias
     verdict["back_pressure"] = learned.network.back_pressure

@@ -8,10 +8,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.stream.stream import (
+    INJECTIONS,
+    LONG_PAST,
+    PENDING_EVENTS,
+    REACH,
+    RING,
+    Stream,
+    copy_window,
+    dead_band,
+)
 from observer_rt.estimation.predictor import Window
-from observer_rt.foundation.compiled import compiled
 from observer_rt.foundation.continuity import Break, make_recorded
-from observer_rt.foundation.referenced import Bound, bind
+from observer_rt.foundation.referenced import bind
 from observer_rt.foundation.units import MILLISECOND
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import averaged
@@ -27,55 +36,26 @@ from observer_rt.observer.learning.knowledge import EventLearner, Knowledge
 from observer_rt.observer.mailbox import begin_with
 from observer_rt.observer.stream.front_end import (
     confirming_samples,
-    dead_band,
     noise_gain,
     ramp_samples,
     samples_ahead,
     toe_samples,
     undoing_of,
 )
-from observer_rt.observer.stream.lift_step import LONG_PAST
-from observer_rt.observer.stream.outliers import REACH, SLOWEST_FILTER
 from observer_rt.observer.stream.standstill import Standstill, standstill_of
 from observer_rt.observer.stream.state import (
-    LINE,
-    PENDING_EVENTS,
-    RING,
+    CHANNEL,
+    EVENT,
+    INJECTION,
+    MEMORY,
     SAMPLE,
     Constants,
     Observer,
     Timing,
-    observer_dtype,
     sample_dtype,
 )
 from observer_rt.observer.stream.stepper import Stepper, step
 from observer_rt.observer.stream.verdict import no_verdicts
-
-_MASK = RING - 1
-
-
-@compiled
-def copy_window(
-    ring: NDArray[np.void],
-    start: int,
-    late: int,
-    inputs: NDArray[np.float64],
-    output: NDArray[np.float64],
-    resting: NDArray[np.bool_],
-    knots: NDArray[np.float64],
-    masked: NDArray[np.bool_],
-) -> None:
-    """As many samples as the arrays of a `Window` have, from a position on; late: samples y is recorded late."""
-    for number in range(output.size):
-        row, recorded = ring[(start + number) & _MASK], ring[(start + number + late) & _MASK]
-        inputs[number, 0] = row.rail_pressure
-        inputs[number, 1] = row.seat_area
-        output[number] = recorded.line_pressure
-        resting[number] = row.resting
-        knots[number, 0] = row.lift_after
-        knots[number, 1] = row.lift_area
-        masked[number] = (recorded.bridged >> LINE) & 1 != 0
-
 
 SETTLE = 3 * MILLISECOND
 GOOD = 1 * MILLISECOND
@@ -85,6 +65,7 @@ WINDOW_LEAD = 0.15 * MILLISECOND
 WINDOW_TAIL = 0.5 * MILLISECOND
 LEARNING_LEAD = 1 * MILLISECOND
 BRIDGE = 0.5 * MILLISECOND
+SLOWEST_FILTER = 21e-6  # s of a sample period, up to which three samples are short for a line
 QUICKEST = 2.0  # times the speeds of the injector file, of which rail pressure and wear make up to 1.4
 
 
@@ -155,22 +136,26 @@ def make_observer(
     constants: Constants, knowledge: Knowledge, learner: EventLearner, healthy: Healthy = NOT_FITTED
 ) -> Observer:
     """An observer with empty memory that carries `knowledge`; healthy: what its model leaves unexplained."""
-    observer = with_constants(
-        Observer(
-            constants,
-            np.zeros(1, observer_dtype(knowledge.in_force.size)),
-            make_recorded(),
-            np.zeros(RING, SAMPLE),
-            np.zeros((RING, constants.coefficients.states)),
-            np.zeros((RING, constants.coefficients.states)),
-            np.zeros_like(learner.schedule.gains),
-            learner.phi,
-            no_verdicts(knowledge.in_force.size, learner.schedule, learner.phi),
-            Bound(0, 0),
-            None,
-            None,
+    states, parameters = constants.coefficients.states, knowledge.in_force.size
+    verdicts = no_verdicts(parameters, learner.schedule, learner.phi)
+    memory, recorded, ring = np.zeros(1, MEMORY), make_recorded(), np.zeros(RING, SAMPLE)
+    x_tilde, x_hat, gains = (
+        np.zeros((RING, states)),
+        np.zeros((RING, states)),
+        np.zeros_like(learner.schedule.gains),
+    )
+    lent = (
+        *(memory, recorded, ring, x_tilde, x_hat, gains),
+        *(
+            np.zeros(PENDING_EVENTS, EVENT),
+            np.zeros(INJECTIONS, INJECTION),
+            np.zeros(3, CHANNEL),
+            np.zeros(parameters),
         ),
-        constants,
+    )
+    stream = Stream(*lent, verdicts.slots, verdicts.gains, verdicts.theta)
+    observer = with_constants(
+        Observer(constants, *lent, learner.phi, verdicts, stream, None, None), constants
     )
     memory = observer.memory[0]
     memory["hidden"] = zero_network().hidden
@@ -195,7 +180,7 @@ def make_observer(
 
 
 def with_constants(observer: Observer, constants: Constants) -> Observer:
-    """The same memory with other constants."""
+    """The same observer, that goes on with other constants."""
     if observer.stepper is None:
         of_line = len(constants.coefficients.line)
         forcings = [forcing_of(constants.program, Clock(), of_line) for _ in ("x~", "x^")]
@@ -216,12 +201,14 @@ def with_constants(observer: Observer, constants: Constants) -> Observer:
         *forcings,
     )
     bound, kept = bind(step, stepper)
-    return observer._replace(constants=constants, step=bound, stepper=stepper, kept=kept)
+    observer.stream.put_constants(constants)
+    observer.stream.bind(bound.code, bound.data)
+    return observer._replace(constants=constants, stepper=stepper, kept=kept)
 
 
 def event_window(observer: Observer, number: int) -> Window | None:
     """Learning window of the `number`-th closed event (0, 1, ..), copied; None when it cannot be learned."""
-    event = observer.memory[0]["events"][number % PENDING_EVENTS]
+    event = observer.events[number % PENDING_EVENTS]
     if not event["learnable"]:
         return None
     start, end = _window_of(observer, event)
@@ -266,7 +253,7 @@ def samples_at(observer: Observer, start: int, end: int) -> NDArray[np.void]:
 def event_innovations(observer: Observer, number: int) -> Innovations:
     """Innovations of the live x~ over the learning window of a closed event, copied."""
     memory = observer.memory[0]
-    start, end = _window_of(observer, memory["events"][number % PENDING_EVENTS])
+    start, end = _window_of(observer, observer.events[number % PENDING_EVENTS])
     innovations = remembered(observer.ring["innovation"], start, end)
     return Innovations(innovations.copy(), float(memory["innovation_sigma"]))
 
@@ -283,7 +270,7 @@ def event_standstill(observer: Observer, number: int) -> Standstill:
 
     Not what is known when somebody asks: that depends on how many samples a frame carries.
     """
-    event = observer.memory[0]["events"][number % PENDING_EVENTS]
+    event = observer.events[number % PENDING_EVENTS]
     stated = observer.memory[0]["stated_noise"]
     return standstill_of(event, observer.constants.coefficients.pressure_scale, stated)
 
@@ -311,5 +298,4 @@ def was_shut(observer: Observer, begin: float, end: float) -> bool:
 
 def in_force(observer: Observer) -> NDArray[np.float64]:
     """The parameter vector theta (m,) the observer carries."""
-    memory = observer.memory[0]
-    return np.array(memory["theta"])
+    return observer.theta.copy()

@@ -21,10 +21,10 @@ from threading import Event
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.database.e2e import protect
 from observer_rt.bus.links.descriptor import DescriptorLink
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench import Bench, BenchInjector
+from observer_rt.core.frames.frames import protect_frame
 from observer_rt.estimation.predictor import NO_RATE, NO_SLOPES, Setting, Window, follow
 from observer_rt.estimation.scalars import nothing_learned
 from observer_rt.foundation.compilation import collect_seldom, is_complete, note_complete
@@ -226,7 +226,7 @@ def _slow_frames(bus: BusMap) -> Iterator[TimedFrame]:
     """One of every message with optional inputs."""
     for layout in (slow.layout for slow in bus.slow):
         payload = np.zeros(layout.length, np.uint8)
-        protect(payload, layout.length, layout.protection, 0)
+        protect_frame(payload, layout.length, layout.protection, 0)
         identifier, is_extended = layout.frame_id, layout.is_extended
         yield TimedFrame(0.0, identifier, is_extended, layout.is_fd, payload.tobytes(), bus=layout.bus)
 

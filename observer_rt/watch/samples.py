@@ -15,9 +15,7 @@ from numpy.typing import NDArray
 
 from observer_rt.bus.can_frame import frame_key
 from observer_rt.bus.database import e2e
-from observer_rt.bus.database.codec import decode
 from observer_rt.bus.database.lookup import MessageLayout
-from observer_rt.bus.database.multiplexing import is_selected
 from observer_rt.bus.links.link import BusFrame
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.output_messages import (
@@ -29,6 +27,8 @@ from observer_rt.bus.mapping.output_messages import (
 )
 from observer_rt.bus.mapping.timing import Numbering
 from observer_rt.config.bench import BenchInjector
+from observer_rt.core.frames.frames import carries, decode_signals
+from observer_rt.core.stream.stream import RING, dead_band
 from observer_rt.estimation.predictor import Setting, Window, forced_before
 from observer_rt.estimation.scalars import Learned
 from observer_rt.foundation.compiled import compiled, inner_separate
@@ -41,8 +41,6 @@ from observer_rt.model.integrator import advance_over
 from observer_rt.model.line.interface import rest_line
 from observer_rt.model.network import constant_network
 from observer_rt.model.right_hand_side import fault_and_rate
-from observer_rt.observer.stream.front_end import dead_band
-from observer_rt.observer.stream.state import RING
 from observer_rt.service.compiled.constants import bench_constants, configured_noise
 from observer_rt.service.core.core import Core
 
@@ -94,7 +92,7 @@ def _rates_of(message: RateMessage) -> Callable[[Payload], Rates | None]:
 
     def read(payload: Payload) -> Rates | None:
         values = np.empty(page.table.size)
-        decode(payload, page.table, values)
+        decode_signals(payload, page.table, values)
         if index_at is None or np.isnan(values[index_at]):
             return None
         return Rates(int(values[index_at]), values[-message.samples :])
@@ -111,9 +109,9 @@ def _values_of(
 
     def read(payload: Payload) -> SummaryValues | StatusValues | None:
         for number, page in enumerate(message.pages):
-            if is_selected(payload, page.selection, 0, page.selection.conditions.size):
+            if carries(payload, page.selection, 0, page.selection.conditions.size):
                 values = np.empty(page.table.size)
-                decode(payload, page.table, values)
+                decode_signals(payload, page.table, values)
                 collected[page.places] = values
                 missing.discard(number)
         if missing:

@@ -4,8 +4,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+from observer_rt.core.stream.stream import INJECTIONS, RING
 
 from observer_rt.config.bench import load_injector
 from observer_rt.estimation.gain import NoiseLevels
@@ -25,9 +25,8 @@ from observer_rt.observer.observer import (
     samples_at,
 )
 from observer_rt.observer.stream.standstill import RestingLift, Standstill, standstill_of
-from observer_rt.observer.stream.state import INJECTIONS, LIFT, RING, Observer, sample_dtype
+from observer_rt.observer.stream.state import LIFT, Observer, sample_dtype
 from observer_rt.observer.stream.state import RAIL as RAIL_CHANNEL
-from observer_rt.observer.stream.step import advance_stream, take_recorded
 
 NOISE = NoiseLevels(rail_pressure=0.1e6, line_pressure=0.15e6, needle_lift=0.4e-6)
 NOMINAL = load_injector()
@@ -54,12 +53,7 @@ def _push_all(
     if rail.size:
         rows["broken"][0] = broken
     observer.recorded[places] = rows
-    _take(observer, recorded + rail.size)
-
-
-@njit(cache=True, nogil=True)
-def _take(observer, end):  # type: ignore[no-untyped-def]
-    take_recorded(observer, end, 0)
+    observer.stream.take(recorded + rail.size, 0)
 
 
 @dataclass
@@ -150,7 +144,7 @@ class Stream:
         """Injections begun, in order."""
         begun = int(self.observer.memory["injections_begun"][0])
         assert begun <= INJECTIONS
-        records: NDArray[np.void] = self.observer.memory["injections"][0][:begun]
+        records: NDArray[np.void] = self.observer.injections[:begun]
         return records
 
     def count(self, name: str) -> int:
@@ -163,7 +157,7 @@ class Stream:
         return standstill_of(self.observer.memory[0], self.observer.constants.coefficients.pressure_scale)
 
     def _advance(self) -> None:
-        while advance_stream(self.observer):
+        while self.observer.stream.advance():
             self._keep()
             position = self.count("processed")
             waiting_index = int(self.observer.ring[position % RING]["index"])

@@ -3,6 +3,7 @@ no code with it, and has nothing left to learn."""
 
 import numpy as np
 import pytest
+from observer_rt.core.stream.stream import REACH
 
 from observer_rt.config.bench import load_injector
 from observer_rt.estimation.scalars import NOZZLE, OFFSET, SEAT
@@ -10,7 +11,6 @@ from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import VOCABULARY, sized
 from observer_rt.observer.observer import Durations, constants_for
 from observer_rt.observer.stream.front_end import samples_ahead
-from observer_rt.observer.stream.outliers import REACH
 from tests.observer.plant_runs import GATED, in_force, run_plant
 from tests.observer.sample_stream import RAIL, Stream
 from tools.benchmarks.plant_parameters import Faults

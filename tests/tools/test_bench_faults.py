@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from observer_rt.core.frames.frames import check_frame
 
-from observer_rt.bus.database.e2e import check
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.recording.replay.framing import Framer, whole
@@ -55,7 +55,9 @@ def test_frames_change_from_the_fault_on_and_bear_right_check_sums(outcome: Outc
     assert found != frames
     layout = bus.input_layouts[0]
     wrong = [
-        f for f in found if not check(np.frombuffer(f.payload, np.uint8), layout.length, layout.protection)
+        f
+        for f in found
+        if not check_frame(np.frombuffer(f.payload, np.uint8), layout.length, layout.protection)
     ]
     assert bool(wrong) == (name == "wrong_crc")
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from observer_rt.core.frames.frames import check_frame
 
-from observer_rt.bus.database.e2e import check
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import PACKAGE_DATA, load_bench, load_injector
 from observer_rt.service.core.core import Core
@@ -115,7 +115,7 @@ def test_sender_goes_on_with_index_counter_and_crc(folder: Path, traffic: Traffi
     assert frames["data"][:20].tobytes() == loop["data"][-20:].tobytes()  # as the framer wrote them
     protection = map_bus(bench_at(SAMPLE_RATE)).input_layouts[0].protection
     for place, payload in enumerate(frames["data"]):
-        assert check(payload, 64, protection)
+        assert check_frame(payload, 64, protection)
         assert payload[2] == (first + place) % 256
         assert index_of(payload.tobytes()) == (first + place) * SAMPLES
         assert payload[8:].tobytes() == loop["data"][(first + place) % traffic.frames][8:].tobytes()

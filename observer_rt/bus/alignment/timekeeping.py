@@ -18,32 +18,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.alignment.clock import (
-    CLOCK,
-    ENOUGH_POINTS,
-    Jitter,
-    delay_of,
-    forget,
-    index_at,
-    jitter_of,
-    make_clock,
-    take_stamp,
-    time_of,
-)
+from observer_rt.bus.alignment.clock import CLOCK, Jitter, jitter_of, make_clock
 from observer_rt.bus.mapping.bus_map import BusMap, layout_of
 from observer_rt.bus.mapping.timing import Joining, Numbering
-from observer_rt.foundation.compiled import compiled, inner, inner_separate, separate
-from observer_rt.foundation.continuity import Doubt
-from observer_rt.foundation.referenced import referenced
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLISECOND
-
-SURE = 0.75  # cycles short of a whole turn of the counter, up to which a delay is surely no loss
-DECIDED = 0.5  # the same, from which on frames are lost
-UNUSUAL = 2.0  # times the usual greatest delay, and SURE of a cycle less than one, a delay means trouble
-SLIPPED = (
-    0.5  # cycles beyond what is not known, by which all delays of a window grew: frames were lost unseen
-)
-OLD_FRAMES_OF_RESTART = 3  # consecutive old frames that mean: the device began anew
 
 COUNTING = np.dtype(
     [
@@ -73,69 +51,6 @@ def make_counting(modulus: int) -> NDArray[np.void]:
     return counting
 
 
-@separate
-def count_frame(counting, clock, sequence: int, stamp: int) -> int:  # type: ignore[no-untyped-def]
-    """Give a frame its `number`; `Count`. `sequence`: its counter; the clock counts in samples."""
-    if not counting.begun:
-        _count_anew(counting, sequence)
-        return Count.NEXT
-    cycle = clock.samples * clock.interval
-    turn = counting.modulus * cycle
-    step = (sequence - counting.sequence) % counting.modulus if counting.modulus > 1 else 1
-    number = counting.number + step
-    delay = delay_of(clock, (number + 1) * clock.samples - 1, stamp)
-    if delay >= turn - DECIDED * cycle and sees_losses(counting, clock):
-        number += counting.modulus * math.floor((delay + DECIDED * cycle) / turn)
-    elif step == 0:
-        return Count.REPEATED
-    elif delay < -DECIDED * cycle - clock.residual:
-        # it cannot have come before it was sent
-        counting.old += 1
-        if counting.modulus == 1 or counting.old >= OLD_FRAMES_OF_RESTART or delay + turn < -DECIDED * cycle:
-            _count_anew(counting, sequence)
-            return Count.ANEW
-        return Count.OLD
-    counting.number = number
-    counting.sequence = sequence
-    counting.old = 0
-    return Count.NEXT
-
-
-@inner
-def sees_losses(counting, clock) -> bool:  # type: ignore[no-untyped-def]
-    """Whether delays like those of the last window leave no doubt of how many frames were lost."""
-    cycle = clock.samples * clock.interval
-    return bool(clock.points >= ENOUGH_POINTS and clock.spread < (counting.modulus - SURE) * cycle)
-
-
-@compiled
-def is_sure(counting, clock) -> bool:  # type: ignore[no-untyped-def]
-    """Whether the frames of this window and the last are numbered without doubt."""
-    cycle = clock.samples * clock.interval
-    latest = max(clock.spread, clock.latest)
-    return bool(
-        clock.residual < math.inf
-        and latest < (counting.modulus - SURE) * cycle
-        and latest < UNUSUAL * clock.usual + (1.0 - SURE) * cycle
-    )
-
-
-@compiled
-def has_slipped(clock) -> bool:  # type: ignore[no-untyped-def]
-    """Whether the window just ended shows that frames were lost before it, unseen among their delays."""
-    return bool(clock.raised > SLIPPED * clock.samples * clock.interval + clock.residual)
-
-
-@inner
-def _count_anew(counting, sequence: int) -> None:  # type: ignore[no-untyped-def]
-    counting.begun = True
-    counting.number = 0
-    counting.sequence = sequence
-    counting.old = 0
-
-
-UNSURE = 0.25  # samples from the nearest of the grid, beyond which it may be the wrong one
-
 SHIFT = np.dtype(
     [
         ("known", np.bool_),
@@ -154,7 +69,6 @@ TIMEKEEPING = np.dtype(
 )
 
 
-@referenced()
 class Timekeeping(NamedTuple):
     """Clocks and counts of all messages, one row each."""
 
@@ -178,116 +92,6 @@ def make_timekeeping(timing: NDArray[np.void], samples: NDArray[np.int64], leadi
         clocks[number] = make_clock(float(row["interval"]), int(samples[number]), float(row["shortest"]))[0]
         counts[number] = make_counting(int(row["modulus"]))[0]
     return Timekeeping(memory, timing, clocks, counts, np.zeros(count, SHIFT))
-
-
-@inner
-def number_frame(keeping: Timekeeping, message: int, sequence: int, stamp: int) -> int:
-    """`Count` of a frame without index, whose number is then in `counts`; `sequence`: its counter."""
-    outcome: int = count_frame(keeping.counts[message], keeping.clocks[message], sequence, stamp)
-    if outcome == Count.ANEW:
-        forget(keeping.clocks[message])
-        keeping.shifts[message].known = False
-    return outcome
-
-
-@inner_separate
-def note_frame(keeping: Timekeeping, message: int, last: int, stamp: int) -> None:
-    """A frame that ends in the sample `last`, by the message's own index or number, was received at `stamp`."""
-    clock = keeping.clocks[message]
-    if not take_stamp(clock, last, stamp):
-        return
-    if keeping.timing[message].numbering != Numbering.INDEX and has_slipped(clock):
-        keeping.counts[message].begun = False
-        forget(clock)
-    if keeping.timing[message].joining == Joining.NEAREST:
-        _find_nearest(keeping, message, last)
-
-
-@inner
-def begin_anew(keeping: Timekeeping, message: int) -> None:
-    """A message begins a new index: when that is the grid's, what was tied to the old grid is free again."""
-    forget(keeping.clocks[message])
-    keeping.shifts[message].known = False
-    if keeping.timing[message].joining != Joining.INDEX:
-        return
-    for m in range(keeping.timing.size):
-        keeping.shifts[m].known = False
-        if keeping.timing[m].joining == Joining.INDEX:
-            forget(keeping.clocks[m])
-
-
-@inner
-def has_place(keeping: Timekeeping, message: int) -> bool:
-    """Whether it is known where the message's samples lie on the grid."""
-    joining = keeping.timing[message].joining
-    if joining == Joining.NEAREST:
-        return bool(keeping.shifts[message].known)
-    leading = keeping.clocks[keeping.memory[0].leading]
-    return bool(joining != Joining.CLOCK or (leading.points > 0 and keeping.clocks[message].points > 0))
-
-
-@inner
-def place_of(keeping: Timekeeping, message: int, index: int) -> float:
-    """Where on the grid a sample lies that has `index` by the message's own index or number."""
-    timing = keeping.timing[message]
-    if timing.joining == Joining.RATIO:
-        return float(index * timing.steps)
-    leading = keeping.memory[0].leading
-    grid = keeping.clocks[leading]
-    sampled = time_of(keeping.clocks[message], index, grid.first_stamp) - 1e9 * timing.delay
-    return float(index_at(grid, sampled + 1e9 * keeping.timing[leading].delay, grid.first_stamp))
-
-
-@compiled
-def place_at(keeping: Timekeeping, time: int) -> float:
-    """Where on the grid a sample lies that was taken at `time` [ns], by the clock of the stamps; nan: not known."""
-    leading = keeping.memory[0].leading
-    grid = keeping.clocks[leading]
-    if not grid.begun:
-        return math.nan
-    sent = time - grid.first_stamp + 1e9 * keeping.timing[leading].delay
-    return float(index_at(grid, sent, grid.first_stamp))
-
-
-@compiled
-def is_prompt(keeping: Timekeeping, tolerance: float) -> bool:
-    """Whether the frames of the grid came when its clock says, to `tolerance` [s], as far as was seen lately."""
-    grid = keeping.clocks[keeping.memory[0].leading]
-    early = grid.offset + grid.drift * grid.lowest_at - grid.lowest
-    return bool(max(early, grid.latest) < 1e9 * tolerance)
-
-
-@inner_separate
-def doubt_of(keeping: Timekeeping) -> int:
-    """`Doubt` in the times of samples that come together now."""
-    if not keeping.memory[0].by_stamps:
-        return Doubt.NONE
-    grid = keeping.clocks[keeping.memory[0].leading]
-    for m in range(keeping.timing.size):
-        timing = keeping.timing[m]
-        if timing.numbering != Numbering.INDEX and not is_sure(keeping.counts[m], keeping.clocks[m]):
-            return Doubt.TIME_BASE
-        if timing.joining == Joining.NEAREST and not abs(keeping.shifts[m].off) < UNSURE:
-            return Doubt.TIME_BASE
-        if timing.joining == Joining.CLOCK:
-            unknown = grid.residual + keeping.clocks[m].residual
-            if not unknown <= 1e9 * timing.tolerance:
-                return Doubt.TIME_BASE
-    return Doubt.NONE
-
-
-@inner
-def _find_nearest(keeping: Timekeeping, message: int, last: int) -> None:
-    """Where the clocks place the sample `last`: the nearest sample of the grid is its own."""
-    shift = keeping.shifts[message]
-    leading = keeping.clocks[keeping.memory[0].leading]
-    if leading.points < ENOUGH_POINTS or keeping.clocks[message].points < ENOUGH_POINTS:
-        return
-    ahead = place_of(keeping, message, last) - last
-    if not shift.known:
-        shift.known = True
-        shift.samples = math.floor(ahead + 0.5)
-    shift.off = ahead - shift.samples
 
 
 LINE_SLOPE = 0.125 * MEGAPASCAL / MICROSECOND  # Pa/s, steepest of the line pressure when the needle opens

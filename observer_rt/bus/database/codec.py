@@ -21,7 +21,7 @@ from cantools.database.can import Message, Signal
 from numpy.typing import NDArray
 
 from observer_rt.bus.database.lookup import find_signal, reserved_codes
-from observer_rt.foundation.compiled import compiled, inner, separate
+from observer_rt.core.frames.frames import raw_value
 from observer_rt.foundation.errors import UserError
 
 # How the bits of a field are to be read.
@@ -147,166 +147,15 @@ def _set_reserved_codes(signal: Signal, row: np.void, place: str) -> None:
 
 def _nearest_ordinary(code: int, reserved: list[int], row: np.void, place: str) -> int:
     """The code nearest to `code` whose value is within the limits and not reserved."""
-    value = _raw_value(np.uint64(code), row)
+    value = raw_value(np.uint64(code), row)
     if not row["lowest"] <= value <= row["highest"]:
         return code  # clamping keeps every number away from it
     mask = int(row["mask"])
     # At most the other reserved code stands between.
     for distance in range(1, len(reserved) + 1):
         for candidate in ((code - distance) & mask, (code + distance) & mask):
-            raw = _raw_value(np.uint64(candidate), row)
+            raw = raw_value(np.uint64(candidate), row)
             wrapped_round = row["kind"] < FLOAT16 and abs(raw - value) > distance
             if candidate not in reserved and not wrapped_round and row["lowest"] <= raw <= row["highest"]:
                 return candidate
     raise UserError(place, "all codes within its range are reserved", "correct GenSigSNA or GenSigError")
-
-
-@separate
-def decode(payload: NDArray[np.uint8], table: NDArray[np.void], out: NDArray[np.float64]) -> None:
-    """Physical values, in the units of the bus database, of the signals in `table`.
-
-    `payload`: the bytes of one frame, at least as long as the message (not checked here). `out`: as many
-    as `table` has rows; NaN where the signal is not available or in error.
-    """
-    for i in range(table.size):
-        signal = table[i]
-        bits = field_bits(payload, signal)
-        if (signal.has_not_available and bits == signal.not_available) or (
-            signal.has_error and bits == signal.error
-        ):
-            out[i] = np.nan
-            continue
-        raw = _raw_value(bits, signal)
-        # An unscaled float passes as it is: adding zero would lose the sign of -0.0.
-        if signal.kind >= FLOAT16 and signal.scale == 1.0 and signal.offset == 0.0:
-            out[i] = raw
-        else:
-            out[i] = raw * signal.scale + signal.offset
-
-
-@separate
-def encode(values: NDArray[np.float64], table: NDArray[np.void], payload: NDArray[np.uint8]) -> None:
-    """Write physical values, in the units of the bus database, into `payload` in place.
-
-    `values`: as many as `table` has rows; NaN means not available. `payload`: at least as long as the message
-    (not checked here); bits of other signals stay as they are.
-    """
-    for i in range(table.size):
-        signal = table[i]
-        put_bits(payload, signal, _bits(values[i], signal))
-
-
-@inner
-def encode_column(values, signal, payloads):  # type: ignore[no-untyped-def]
-    """As `encode`, one signal of many frames: values (n,), payloads (n, length); `signal`: one row of a table."""
-    # a field of whole bytes, as most are, is written byte by byte
-    is_whole = signal.shift == 0 and signal.mask == (~np.uint64(0) >> np.uint64(64 - 8 * signal.byte_count))
-    first, step, count = signal.first_byte, signal.step, signal.byte_count
-    for row in range(values.size):
-        bits = _bits(values[row], signal)
-        if not is_whole:
-            put_bits(payloads[row], signal, bits)
-            continue
-        position = first
-        for _ in range(count):
-            payloads[row, position] = bits & np.uint64(0xFF)
-            bits >>= np.uint64(8)
-            position += step
-
-
-@inner
-def field_bits(payload, signal):  # type: ignore[no-untyped-def]
-    """The bits of a signal's field as they are; `signal`: one row of a table."""
-    bits = np.uint64(payload[signal.first_byte]) >> signal.shift
-    filled = np.uint64(8) - signal.shift
-    position = signal.first_byte
-    for _ in range(1, signal.byte_count):
-        position += signal.step
-        bits |= np.uint64(payload[position]) << filled
-        filled += np.uint64(8)
-    return bits & signal.mask
-
-
-@compiled
-def put_bits(payload, signal, bits):  # type: ignore[no-untyped-def]
-    """Write the low bits of `bits` into a signal's field, in place."""
-    bits &= signal.mask
-    low_bits = np.uint64(8) - signal.shift
-    position = signal.first_byte
-    kept = ~(signal.mask << signal.shift) & np.uint64(0xFF)
-    payload[position] = (np.uint64(payload[position]) & kept) | ((bits << signal.shift) & np.uint64(0xFF))
-    for _ in range(1, signal.byte_count):
-        position += signal.step
-        kept = ~(signal.mask >> low_bits) & np.uint64(0xFF)
-        payload[position] = (np.uint64(payload[position]) & kept) | ((bits >> low_bits) & np.uint64(0xFF))
-        low_bits += np.uint64(8)
-
-
-@compiled
-def _raw_value(bits, signal):  # type: ignore[no-untyped-def]
-    """The number a field holds, before scale and offset."""
-    if signal.kind == UNSIGNED:
-        return np.float64(bits)
-    if signal.kind == SIGNED:
-        return np.float64(np.int64((bits ^ signal.sign) - signal.sign))
-    if signal.kind == FLOAT32:
-        return np.float64(np.uint32(bits).view(np.float32))
-    if signal.kind == FLOAT64:
-        return np.uint64(bits).view(np.float64)
-    return _float16_value(bits)
-
-
-@inner
-def _bits(value, signal):  # type: ignore[no-untyped-def]
-    """The field that stands for a physical value; for a signed one the bits above the field are set too."""
-    if np.isnan(value):
-        if signal.has_not_available:
-            return signal.not_available
-        if signal.kind < FLOAT16:
-            value = 0.0
-    raw = (value - signal.offset) / signal.scale
-    if raw < signal.lowest:
-        raw = signal.lowest
-    elif raw > signal.highest:
-        raw = signal.highest
-    if signal.kind == UNSIGNED:
-        bits = np.uint64(np.rint(raw))
-    elif signal.kind == SIGNED:
-        bits = np.uint64(np.int64(np.rint(raw))) & signal.mask
-    elif signal.kind == FLOAT32:
-        bits = np.uint64(np.float32(raw).view(np.uint32))
-    elif signal.kind == FLOAT64:
-        bits = np.float64(raw).view(np.uint64)
-    else:
-        bits = _float16_bits(raw)
-    if signal.has_not_available and bits == signal.not_available:
-        return signal.instead_of_not_available
-    if signal.has_error and bits == signal.error:
-        return signal.instead_of_error
-    return bits
-
-
-@inner
-def _float16_value(bits):  # type: ignore[no-untyped-def]
-    exponent = np.int64(bits >> np.uint64(10)) & 0x1F
-    fraction = np.float64(bits & np.uint64(0x3FF))
-    if exponent == 0x1F:
-        magnitude = np.inf if fraction == 0.0 else np.nan
-    elif exponent == 0:
-        magnitude = fraction * 2.0**-24
-    else:
-        magnitude = (fraction + 1024.0) * 2.0 ** (exponent - 25)
-    return math.copysign(magnitude, -1.0 if bits & np.uint64(0x8000) else 1.0)
-
-
-@inner
-def _float16_bits(raw):  # type: ignore[no-untyped-def]
-    """Rounded half to even; `raw` is NaN or within +-65504."""
-    if np.isnan(raw):
-        return np.uint64(0x7E00)
-    # Below 2^-14 the step is 2^-24 and there is no hidden bit; above, eleven bits count.
-    exponent = math.frexp(raw)[1] if abs(raw) >= 2.0**-14 else -13
-    significand = np.int64(np.rint(abs(raw) * 2.0 ** (11 - exponent)))
-    # Adding, not or-ing: the hidden bit and a carry out of the fraction raise the exponent.
-    bits = significand + ((exponent + 13) << 10)
-    return np.uint64(bits | (0x8000 if math.copysign(1.0, raw) < 0.0 else 0))

@@ -12,11 +12,10 @@ import numpy as np
 from cantools.database.can import Message, Signal
 from numpy.typing import NDArray
 
-from observer_rt.bus.database.codec import field_bits, put_bits, signal_table
+from observer_rt.bus.database.codec import signal_table
 from observer_rt.bus.database.lookup import find_signal
-from observer_rt.foundation.compiled import compiled
+from observer_rt.core.frames.frames import put_signal_bits
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.referenced import referenced
 
 CONDITION = np.dtype([("selector", np.int64), ("value", np.uint64)], align=True)
 
@@ -33,7 +32,6 @@ Conditions: TypeAlias = frozenset[Condition]
 """All must hold; none: the signal is in every frame."""
 
 
-@referenced()
 class Selection(NamedTuple):
     """Conditions as compiled functions see them.
 
@@ -120,7 +118,7 @@ def blank_frame(message: Message, kind: Mapping[str, int]) -> NDArray[np.uint8]:
     """A frame of `message` of one kind: its selectors set, all else 0."""
     payload = np.zeros(message.length, np.uint8)
     for signal, value in zip(signal_table(message, list(kind)), kind.values(), strict=True):
-        put_bits(payload, signal, np.uint64(value))
+        put_signal_bits(payload, signal, np.uint64(value))
     return payload
 
 
@@ -131,19 +129,3 @@ def compile_conditions(message: Message, conditions: Conditions) -> Selection:
     return Selection(
         signal_table(message, [condition.selector for condition in in_order]), np.array(rows, CONDITION)
     )
-
-
-@compiled
-def is_selected(payload: NDArray[np.uint8], selection: Selection, first: int, count: int) -> bool:
-    """Whether a frame meets the conditions in rows [first, first + count) of `selection`."""
-    row, end = first, first + count
-    while row < end:
-        selector = selection.conditions[row].selector
-        bits = field_bits(payload, selection.selectors[selector])
-        is_met = False
-        while row < end and selection.conditions[row].selector == selector:
-            is_met |= selection.conditions[row].value == bits
-            row += 1
-        if not is_met:
-            return False
-    return True

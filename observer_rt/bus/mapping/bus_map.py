@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from observer_rt.bus.can_frame import STANDARD_MASK, frame_key
 from observer_rt.bus.database.catalogue import BenchDatabases, BusMessage, named
-from observer_rt.bus.database.codec import FLOAT16, FLOAT32, FLOAT64, decode, encode
+from observer_rt.bus.database.codec import FLOAT16, FLOAT32, FLOAT64
 from observer_rt.bus.database.lookup import MessageLayout, from_unit, signal_names
 from observer_rt.bus.mapping.input_tables import (
     INPUT_GROUP,
@@ -43,6 +43,7 @@ from observer_rt.bus.mapping.output_messages import (
 from observer_rt.bus.mapping.timing import INDEX_BITS, Following, following, map_timing, number_signal
 from observer_rt.config.bench import Bench, BenchInjector
 from observer_rt.config.signals import Role
+from observer_rt.core.frames.frames import decode_signals, encode_signals
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import LENGTH_UNITS, PRESSURE_UNITS
 
@@ -363,9 +364,9 @@ def role_range(bus: BusMap, role: Role) -> RoleRange:
         values = []
         for signal in _samples(bus, role):
             payload = np.zeros(int(message["length"]), np.uint8)
-            encode(np.array([value]), signal, payload)
+            encode_signals(np.array([value]), signal, payload)
             decoded = np.empty(1)
-            decode(payload, signal, decoded)
+            decode_signals(payload, signal, decoded)
             values.append(float(decoded[0]) * role_factor(bus, role))
         ends.append(values)
     return RoleRange(max(ends[0]), min(ends[1]))

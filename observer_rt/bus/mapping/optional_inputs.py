@@ -16,7 +16,7 @@ from cantools.database.can import Message
 from numpy.typing import NDArray
 
 from observer_rt.bus.database.catalogue import BenchDatabases, BusMessage, named
-from observer_rt.bus.database.codec import encode, signal_table
+from observer_rt.bus.database.codec import signal_table
 from observer_rt.bus.database.lookup import (
     MessageLayout,
     find_signal,
@@ -25,7 +25,7 @@ from observer_rt.bus.database.lookup import (
     stated_unit,
     unknown_unit,
 )
-from observer_rt.bus.database.multiplexing import compile_conditions, conditions_of, is_selected
+from observer_rt.bus.database.multiplexing import compile_conditions, conditions_of
 from observer_rt.bus.mapping.input_tables import (
     ENERGIZING,
     OPTIONAL_INPUT,
@@ -50,6 +50,7 @@ from observer_rt.config.signals import (
     SlowQuantityConfig,
     SlowSignalConfig,
 )
+from observer_rt.core.frames.frames import carries, encode_signals
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import (
     MASS_UNITS,
@@ -310,6 +311,6 @@ def say_nothing(inputs: Inputs, slow: Sequence[SlowMessage]) -> None:
             first = int(row["first_kind"])
             for blank in inputs.kinds["blank"][first : first + int(row["kind_count"])]:
                 for each in message.inputs:
-                    if is_selected(blank, each.selection, 0, len(each.selection.conditions)):
+                    if carries(blank, each.selection, 0, len(each.selection.conditions)):
                         count = len(each.names)
-                        encode(np.full(count, each.default), each.table[-count:], blank)
+                        encode_signals(np.full(count, each.default), each.table[-count:], blank)

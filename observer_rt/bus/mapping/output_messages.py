@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from observer_rt.bus.can_frame import CLASSIC_LENGTH, FD_LENGTHS, length_code, length_of
 from observer_rt.bus.database.codec import signal_table
-from observer_rt.bus.database.e2e import PROFILES, shortest_frame
+from observer_rt.bus.database.e2e import PROFILES
 from observer_rt.bus.database.lookup import MessageLayout, signal_names
 from observer_rt.bus.database.multiplexing import (
     Condition,
@@ -21,6 +21,7 @@ from observer_rt.bus.database.multiplexing import (
     frame_kinds,
     meets,
 )
+from observer_rt.core.frames.frames import shortest_protected
 from observer_rt.foundation.errors import UserError
 
 HEADER_SIGNALS = ("SampleIndex", "Valid", "Learning", "State")
@@ -181,7 +182,7 @@ def protected_layout(message: Message, bus: int) -> MessageLayout:
             f"is protected by E2E profile {layout.e2e_profile}",
             f"only the profiles {', '.join(map(str, PROFILES))} are supported; 0 takes its frames without a check",
         )
-    if layout.e2e_profile is not None and layout.length < shortest_frame(layout.e2e_profile):
+    if layout.e2e_profile is not None and layout.length < shortest_protected(layout.e2e_profile):
         raise UserError(
             f"message {layout.name}",
             f"has {layout.length} bytes, which E2E profile {layout.e2e_profile} does not fit in",

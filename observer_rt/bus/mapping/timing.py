@@ -11,7 +11,7 @@ import numpy as np
 from cantools.database.can import Message, Signal
 from numpy.typing import NDArray
 
-from observer_rt.bus.database.e2e import UNPROTECTED, counter_values
+from observer_rt.bus.database.e2e import UNPROTECTED
 from observer_rt.bus.database.lookup import MessageLayout, find_signal
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.bus.mapping.output_messages import frame_time
@@ -20,6 +20,7 @@ from observer_rt.config.bench_file import LinkConfig
 from observer_rt.config.channels import undone_in_alignment
 from observer_rt.config.injector import Meaning
 from observer_rt.config.signals import Role
+from observer_rt.core.frames.frames import values_of_counter
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MICROSECOND, MILLISECOND
 
@@ -223,7 +224,7 @@ def _map_message(
     elif signal is not None:
         numbering, modulus = Numbering.COUNTER, 1 << signal.length
     elif layout.e2e_data_id is not None:
-        numbering, modulus = Numbering.E2E_COUNTER, counter_values(layout.e2e_profile or UNPROTECTED)
+        numbering, modulus = Numbering.E2E_COUNTER, values_of_counter(layout.e2e_profile or UNPROTECTED)
     row["numbering"], row["modulus"] = numbering, modulus
     row["steps"] = steps = _steps(fitted, message, roles)
     row["interval"] = steps / fitted.config.sampling.rate_hz

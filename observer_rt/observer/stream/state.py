@@ -6,19 +6,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.stream.stream import Stream
 from observer_rt.foundation.continuity import Break, Doubt
-from observer_rt.foundation.referenced import Bound, referenced
 from observer_rt.model.effective import Coefficients, InputTerms
 from observer_rt.model.network import ARGUMENTS, HIDDEN
 from observer_rt.model.sensor import Sensor
 from observer_rt.observer.stream.phi import Phi
-from observer_rt.observer.stream.verdict import Verdicts, carried
+from observer_rt.observer.stream.verdict import CARRIED, Verdicts
 
-RING = 1 << 15  # samples remembered: 0.33 s at 100 kHz
-MAX_EVENT = RING // 2  # samples; a longer event is not learned
 RAIL, LIFT, LINE = range(3)  # numbers of the channels
-PENDING_EVENTS = 512  # closed, not yet judged: the longest learning delay over the shortest event gap
-INJECTIONS = 1024  # finished, not yet reported; of more, the oldest are forgotten
 
 
 class State(IntEnum):
@@ -240,10 +236,8 @@ _OBSERVER = [
     ("events_judged", np.int64),
     ("waits_for_verdicts", np.bool_),  # else an event without one when it is due is not judged
     ("waiting", np.bool_),  # the head of `events` is due and must be judged before going on
-    ("events", EVENT, (PENDING_EVENTS,)),
     ("events_closed", np.int64),
     ("events_taken", np.int64),
-    ("injections", INJECTION, (INJECTIONS,)),
     ("injections_begun", np.int64),
     ("injections_reported", np.int64),
     *_RESTING_LIFT,
@@ -284,7 +278,6 @@ _OBSERVER = [
     ("line_squares_before", np.float64),
     *_STANDSTILL,
     # outliers
-    ("channels", CHANNEL, (3,)),
     ("accepted_innovation", np.float64),  # the last of x~ that did not leap
     ("leaping", np.int64),  # samples since
     # counters
@@ -308,12 +301,10 @@ def sample_dtype(states: int) -> np.dtype[np.void]:
     return np.dtype(_SAMPLE + pair, align=True)
 
 
-def observer_dtype(parameters: int) -> np.dtype[np.void]:
-    """The observer's memory, for so many parameters."""
-    return np.dtype(_OBSERVER + carried(parameters), align=True)
+MEMORY = np.dtype(_OBSERVER + CARRIED, align=True)
+"""What there is one of."""
 
 
-@referenced()
 class Timing(NamedTuple):
     """Durations in samples."""
 
@@ -346,7 +337,6 @@ class Undoing(NamedTuple):
     ahead: int  # samples that must be known beyond one
 
 
-@referenced("coefficients.line", "program")
 class Constants(NamedTuple):
     """What does not change while the observer runs; the stream does not see the line."""
 
@@ -364,19 +354,22 @@ class Constants(NamedTuple):
     program: NDArray[np.float64]  # of the terms in force
 
 
-@referenced("phi", "verdicts.phi", "stepper", "kept")
 class Observer(NamedTuple):
-    """The observer as compiled functions see it: constants and preallocated memory."""
+    """Constants, preallocated memory, and the compiled functions that work on it."""
 
     constants: Constants
-    memory: NDArray[np.void]  # (1,) `observer_dtype`
+    memory: NDArray[np.void]  # (1,) `MEMORY`
     recorded: NDArray[np.void]  # (RECORDED_RING,) `RECORDED`
     ring: NDArray[np.void]  # (RING,) `SAMPLE`
     x_tilde: NDArray[np.float64]  # (RING, states) of the samples in the ring
     x_hat: NDArray[np.float64]
     gains: NDArray[np.float64]  # (n, states) gain schedule in force
+    events: NDArray[np.void]  # (PENDING_EVENTS,) `EVENT`: the n-th closed one at n % PENDING_EVENTS
+    injections: NDArray[np.void]  # (INJECTIONS,) `INJECTION`
+    channels: NDArray[np.void]  # (3,) `CHANNEL`
+    theta: NDArray[np.float64]  # (m,) in force
     phi: Phi  # of x^
     verdicts: Verdicts
-    step: Bound  # `stepper.step` of the line and the phi at hand
-    stepper: Any  # the `Stepper` it is bound to
+    stream: Stream
+    stepper: Any  # the `Stepper` that steps the pair
     kept: Any  # while it may be called

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.stream.stream import RING
 from observer_rt.estimation.predictor import correct, predict
 from observer_rt.foundation.compiled import addressed, inlined, inner, inner_separate
 from observer_rt.foundation.referenced import referenced
@@ -27,7 +28,6 @@ from observer_rt.model.line.interface import line_from, rest_line
 from observer_rt.model.network import Network
 from observer_rt.model.sensor import Sensor
 from observer_rt.observer.stream.phi import Phi, advance_x_hat, put_into, read_phi
-from observer_rt.observer.stream.state import RING
 
 _MASK = RING - 1
 

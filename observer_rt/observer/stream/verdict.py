@@ -10,12 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.stream.stream import MOST_COEFFICIENTS, SLOTS
 from observer_rt.estimation.gain import GainSchedule
 from observer_rt.model.network import HIDDEN, OUTPUTS
 from observer_rt.observer.stream.phi import Phi
-
-MOST_COEFFICIENTS = 24  # of a line
-SLOTS = 8  # events that may have a verdict before they are taken
 
 
 class Taken(IntEnum):
@@ -39,25 +37,22 @@ _FINDING = np.dtype(
 )
 
 
-def carried(parameters: int) -> list[tuple[Any, ...]]:
-    """Fields of theta as the loop carries it, for so many parameters."""
-    return [
-        ("theta", np.float64, (parameters,)),
-        ("output", np.float64, (OUTPUTS, HIDDEN)),
-        ("bias", np.float64, (OUTPUTS,)),
-        ("back_pressure", np.float64, (2,)),
-        ("learned_offset", np.float64),
-        ("lag", np.float64),  # s
-        ("line", np.float64, (MOST_COEFFICIENTS,)),  # its coefficients with what was learned of it
-        # where the flow is known well enough: rail pressures, and p_S / p_L
-        ("rail_from", np.float64),
-        ("rail_to", np.float64),
-        ("filled_to", np.float64),
-    ]
+CARRIED: list[tuple[Any, ...]] = [
+    ("output", np.float64, (OUTPUTS, HIDDEN)),
+    ("bias", np.float64, (OUTPUTS,)),
+    ("back_pressure", np.float64, (2,)),
+    ("learned_offset", np.float64),
+    ("lag", np.float64),  # s
+    ("line", np.float64, (MOST_COEFFICIENTS,)),  # its coefficients with what was learned of it
+    # where the flow is known well enough: rail pressures, and p_S / p_L
+    ("rail_from", np.float64),
+    ("rail_to", np.float64),
+    ("filled_to", np.float64),
+]
+"""Fields of theta as the loop carries it."""
 
-
-def _verdict_dtype(parameters: int) -> np.dtype[np.void]:
-    fields = [
+_VERDICT = np.dtype(
+    [
         ("examined", _FINDING),
         ("learned", _FINDING),
         (
@@ -68,9 +63,10 @@ def _verdict_dtype(parameters: int) -> np.dtype[np.void]:
         ("is_adopted", np.bool_),
         ("innovation_sigma", np.float64),
         ("noise", np.float64, (3,)),  # of the channels
-        *carried(parameters),
-    ]
-    return np.dtype(fields, align=True)
+        *CARRIED,
+    ],
+    align=True,
+)
 
 
 class Verdicts(NamedTuple):
@@ -78,14 +74,16 @@ class Verdicts(NamedTuple):
 
     slots: NDArray[np.void]
     gains: NDArray[np.float64]  # (2 SLOTS, n, states) gain schedules
+    theta: NDArray[np.float64]  # (2 SLOTS, m)
     phi: Phi  # arrays as of what x^ carries, with a first dimension 2 SLOTS
 
 
 def no_verdicts(parameters: int, schedule: GainSchedule, phi: Phi) -> Verdicts:
-    """Slots for an observer that carries such a schedule and such a phi."""
+    """Slots for an observer that carries so many parameters, such a schedule and such a phi."""
     held: Any = phi
     return Verdicts(
-        np.zeros(2 * SLOTS, _verdict_dtype(parameters)),
+        np.zeros(2 * SLOTS, _VERDICT),
         np.zeros((2 * SLOTS, *schedule.gains.shape)),
+        np.zeros((2 * SLOTS, parameters)),
         type(held)(*(np.zeros((2 * SLOTS, *array.shape)) for array in held)),
     )

@@ -9,17 +9,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.database.codec import encode_column
-from observer_rt.bus.database.e2e import protect
-from observer_rt.bus.database.multiplexing import is_selected
 from observer_rt.bus.mapping.bus_map import BusMap, message_of, role_range, role_resolution
-from observer_rt.bus.mapping.input_tables import MAX_INPUTS, ROLES
+from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.bus.mapping.timing import Numbering
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench
 from observer_rt.config.signals import Role
-from observer_rt.foundation.compiled import compiled, inner
+from observer_rt.core.frames.frames import frames_of_message
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.small_arrays import copy_vector
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIMETRE, MILLISECOND
 from observer_rt.recording.signals.plausible import Survey
 from observer_rt.recording.signals.recording import Recording
@@ -185,8 +181,11 @@ class Framer:
         steps = int(message_timing(self._bus, number)["steps"])
         first_index = -(-(self.next_index + span.start) // steps)  # of its own samples
         first = first_index * steps - self.next_index
-        payloads = _payloads(
-            values[first : span.end : steps], first_index, inputs, number, self._counters[number]
+        sampled = np.ascontiguousarray(values[first : span.end : steps])
+        blocks = -(-len(sampled) // int(message["samples"])) * int(message["kind_count"])
+        payloads = np.empty((blocks, int(message["length"])), np.uint8)
+        frames_of_message(
+            sampled, first_index, inputs, number, self._counters[number], payloads, np.empty(blocks)
         )
         count, length = payloads.shape
         self._counters[number] += count
@@ -236,57 +235,6 @@ def _merged(messages: Sequence[Framed]) -> Framed:
         begins = starts[:-1][numbers[order] == number]
         data[begins[:, None] + np.arange(payloads.shape[1])] = payloads
     return Framed(numbers[order], due[order], starts, data)
-
-
-@compiled
-def _payloads(values, index, inputs, number, counter):  # type: ignore[no-untyped-def]
-    """Frames (n, length) of one input message for samples (m, MAX_INPUTS) [SI] from `index` on."""
-    message = inputs.messages[number]
-    kinds = message.kind_count
-    blocks = (values.shape[0] + message.samples - 1) // message.samples
-    result = np.empty((blocks * kinds, message.length), np.uint8)
-    for kind in range(kinds):
-        blank = inputs.kinds[message.first_kind + kind].blank[: message.length]
-        frames = result[kind::kinds]
-        for frame in range(blocks):
-            copy_vector(blank, frames[frame])
-        for g in range(message.first_group, message.first_group + message.group_count):
-            group = inputs.groups[g]
-            if is_selected(blank, inputs.selection, group.first_condition, group.condition_count):
-                _fill(frames, values, (index, message.samples), (counter + kind, kinds), inputs, group)
-    for frame in range(blocks * kinds):
-        protect(result[frame], message.length, message.protection, counter + frame)
-    return result
-
-
-@inner
-def _fill(frames, values, index, counter, inputs, group):  # type: ignore[no-untyped-def]
-    """Encode a group in all frames that carry it; index, counter: of the first of them, and steps to the next."""
-    column = np.empty(frames.shape[0])
-    for position in range(group.signal_count):
-        _column(column, values, position, index, counter, inputs, group)
-        encode_column(column, inputs.signals[group.first_signal + position], frames)
-
-
-@inner
-def _column(column, values, position, index, counter, inputs, group):  # type: ignore[no-untyped-def]
-    """What one signal of a group says in all frames."""
-    timing, samples = inputs.timing[group.stream], index[1]
-    for role in range(MAX_INPUTS):
-        inside = position - group.position[role]
-        if (inputs.streams[group.stream].roles >> role) & 1 and 0 <= inside < group.samples:
-            for frame in range(column.size):
-                row = frame * samples + group.offset + inside
-                column[frame] = values[row, role] / group.factor[role] if row < values.shape[0] else np.nan
-            return
-    if position == 0 and timing.numbering == _BY_INDEX:
-        for frame in range(column.size):
-            column[frame] = (index[0] + frame * samples) & 0xFFFFFFFF
-    elif position == 0 and timing.numbering == _BY_COUNTER:
-        for frame in range(column.size):
-            column[frame] = (counter[0] + frame * counter[1]) % timing.modulus
-    else:
-        column[:] = np.nan
 
 
 _SHOWN_UNIT = {

@@ -21,18 +21,17 @@ from observer_rt.bus.mapping.bus_map import BusMap, stream_of
 from observer_rt.bus.mapping.output_messages import StatusValues
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.signals import Role
+from observer_rt.core.stream.stream import RING, dead_band
 from observer_rt.evidence.noise import SlowNoise
 from observer_rt.observer.learning.knowledge import Knowledge, no_knowledge
 from observer_rt.observer.observer import make_observer, samples_at
-from observer_rt.observer.stream.front_end import dead_band
 from observer_rt.observer.stream.standstill import LiftFigures, Standstill, lift_figures, standstill_of
-from observer_rt.observer.stream.state import RING, Reason, State
+from observer_rt.observer.stream.state import Reason, State
 from observer_rt.observer.stream.validity import Surroundings, state_of_service
-from observer_rt.service.compiled.by_reference import CompiledPipeline
 from observer_rt.service.compiled.constants import bench_constants, configured_noise
 from observer_rt.service.compiled.input_memory import make_input_memory
-from observer_rt.service.compiled.pipeline import Pipeline, make_receiver, make_supervised
-from observer_rt.service.compiled.publisher import flush, make_publisher
+from observer_rt.service.compiled.pipeline import CompiledPipeline, Pipeline, make_receiver, make_supervised
+from observer_rt.service.compiled.publisher import make_publisher
 from observer_rt.service.core.learners import LearnerFactory, healthy_injector, make_learner, slow_noise_of
 from observer_rt.service.core.messages import Counters, OutputFrame, ResultFrames, counted
 from observer_rt.service.core.optional_inputs import OptionalInputs
@@ -197,7 +196,7 @@ class Core:
         self.compiled.observer.memory["waits_for_verdicts"] = True
         self._go_on(self.compiled.proceed())
         self._results.collect_rates()
-        flush(self.compiled.pipeline.publisher)
+        self.compiled.flush()
         self._results.collect_rates()
         return self._results.taken()
 

@@ -12,13 +12,13 @@ from operator import itemgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.alignment.timekeeping import is_prompt, place_at
 from observer_rt.bus.mapping.optional_inputs import NANOSECONDS, EnergizingLayout, EnergizingSignal
 from observer_rt.bus.mapping.timing import SLOTS
+from observer_rt.core.frames.frames import is_grid_prompt, place_by_time
+from observer_rt.core.stream.stream import INJECTIONS, RING
 from observer_rt.foundation.units import MICROSECOND, MILLISECOND
 from observer_rt.observer.observer import was_shut
-from observer_rt.observer.stream.state import INJECTIONS, RING
-from observer_rt.service.compiled.by_reference import CompiledPipeline
+from observer_rt.service.compiled.pipeline import CompiledPipeline
 from observer_rt.service.reports.injection_report import CommandedOpening
 from observer_rt.service.reports.news import Mismatch
 
@@ -225,7 +225,7 @@ class EnergizingWatch:
         self._doubtful_until: int | None = None  # index up to which stamps did not tell when commands came
         self._newest = 0  # index of the last processed sample
         self._commands = self._missing = self._uncommanded = 0
-        place_at(self._keeping, 0)  # compiled before the first command comes
+        place_by_time(self._keeping, 0)  # compiled before the first command comes
 
     def take(self, values: NDArray[np.float64], stamp: int, follows: bool, processed: int) -> None:
         """Take what a frame says, as of `EnergizingLayout.reading`; processed: samples when it came."""
@@ -301,7 +301,7 @@ class EnergizingWatch:
 
     def _place(self, moment: int) -> float:
         """Index of a moment; nan while the clock of the stamps is not known."""
-        return float(moment) if self._reader.by_index else place_at(self._keeping, moment)
+        return float(moment) if self._reader.by_index else place_by_time(self._keeping, moment)
 
     def _command_of(self, opening: int) -> Command | None:
         """The command that an opening belongs to, None if there is none."""
@@ -320,7 +320,7 @@ class EnergizingWatch:
     @property
     def _has_time(self) -> bool:
         """Whether it is known when commands came: not so while stamps leave their clock, such as after it was set."""
-        return self._reader.by_index or is_prompt(self._keeping, LATE_STAMP)
+        return self._reader.by_index or is_grid_prompt(self._keeping, LATE_STAMP)
 
     def _may_be_lost(self, opening: int) -> bool:
         """Whether the command of an opening may be elsewhere than it seems, in lost frames, or still to come."""
@@ -340,7 +340,10 @@ class EnergizingWatch:
         """Indices of the openings whose injections are not reported yet."""
         memory = self._compiled.observer.memory[0]
         first, end = int(memory["injections_reported"]), int(memory["injections_begun"])
-        return [int(memory["injections"][n % INJECTIONS]["opening_index"]) for n in range(first, end)]
+        return [
+            int(self._compiled.observer.injections[n % INJECTIONS]["opening_index"])
+            for n in range(first, end)
+        ]
 
     def _forget(self, before: int) -> None:
         """The index began anew after `before`: the commands of the old count have no openings any more."""

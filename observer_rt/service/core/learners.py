@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.injector import Training
 from observer_rt.config.signals import Role
+from observer_rt.core.stream.stream import OFFSET_FOLLOWS
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.evidence.noise import SlowNoise, slow_noise
 from observer_rt.foundation.continuity import Doubt
@@ -24,7 +25,6 @@ from observer_rt.observer.learning.knowledge import EventLearner, Knowledge
 from observer_rt.observer.learning.learner import Learner
 from observer_rt.observer.paper_scheme.learner import PaperLearner
 from observer_rt.observer.paper_scheme.systems import check_gain
-from observer_rt.observer.stream.pair import OFFSET_FOLLOWS
 from observer_rt.observer.stream.state import Constants, Observer
 
 LearnerFactory = Callable[[BenchInjector, Constants, Knowledge], EventLearner]

@@ -5,11 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from observer_rt.bus.database.codec import encode
-from observer_rt.bus.database.e2e import protect
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.output_messages import OutputMessage, StatusValues, SummaryValues
+from observer_rt.core.frames.frames import encode_signals, protect_frame
 from observer_rt.estimation.scalars import NOZZLE, OFFSET, SEAT
 from observer_rt.foundation.units import CUBIC_MILLIMETRE, MEGAPASCAL, MILLIGRAM, MM3_PER_MS
 from observer_rt.service.compiled.pipeline import Pipeline
@@ -49,8 +48,8 @@ class FrameWriter:
         frames = []
         for page in self._message.pages:
             payload = page.blank.copy()
-            encode(in_order[page.places], page.table, payload)
-            protect(payload, layout.length, layout.protection, self._counter)
+            encode_signals(in_order[page.places], page.table, payload)
+            protect_frame(payload, layout.length, layout.protection, self._counter)
             self._counter += 1
             frames.append(output_frame(layout, payload.tobytes()))
         return frames

@@ -9,10 +9,10 @@ import numpy as np
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.input_tables import ENERGIZING
 from observer_rt.config.bench import BenchInjector
+from observer_rt.core.frames.frames import READINGS
 from observer_rt.observer.stream.state import Reason
-from observer_rt.service.compiled.by_reference import CompiledPipeline
 from observer_rt.service.compiled.constants import bench_constants
-from observer_rt.service.compiled.input_memory import READINGS
+from observer_rt.service.compiled.pipeline import CompiledPipeline
 from observer_rt.service.core.energizing import EnergizingFigures, EnergizingWatch
 from observer_rt.service.reports.injection_report import CommandedOpening, InjectionReport
 from observer_rt.service.reports.news import Listener, MeasuredMass

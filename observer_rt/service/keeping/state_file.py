@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, Field, PlainSerializer, PlainValidator, ValidationError
 
 from observer_rt import __version__
+from observer_rt.core.stream.stream import FURTHEST_ZERO, MOST_CROSSTALK
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.estimation.gating import Belief
 from observer_rt.estimation.phases import PhaseStatistics
@@ -29,8 +30,6 @@ from observer_rt.observer.learning.disturbances.colour import ORDERS, Colour
 from observer_rt.observer.learning.interval import EventPoint
 from observer_rt.observer.learning.knowledge import Knowledge, no_knowledge
 from observer_rt.observer.learning.memory import NOTHING, Memory
-from observer_rt.observer.stream.lift_step import FURTHEST_ZERO
-from observer_rt.observer.stream.lift_zero import MOST_CROSSTALK
 from observer_rt.observer.stream.standstill import RestingLift
 
 VERSION = 4

@@ -1,4 +1,4 @@
-"""The pump's memory: buffers that the kernel fills, and what Python reads and writes beside the loop."""
+"""The pump's memory: what Python reads and writes beside the loop."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -8,15 +8,7 @@ from numpy.typing import NDArray
 
 from observer_rt.bus.can_frame import BIT_RATE_SWITCH, CLASSIC_MTU, EXTENDED_FLAG, FD_MTU
 from observer_rt.bus.database.lookup import MessageLayout
-from observer_rt.foundation.referenced import referenced
-from observer_rt.service.pump.libc import IOVEC, MMSGHDR, POLLFD, POLLIN
-
-BATCH = 16  # frames that one system call may bring
-SLOT = FD_MTU + 8  # bytes of a frame with its stamp behind it, as a feeder gives it
-CONTROL_WORDS = 16  # of 8 bytes: room for three time stamps and a count of lost frames
-ERRORS = 64  # error frames remembered until Python has read them
-WAITING = 512  # results: some 0.15 s at 100 kHz, after which the oldest serve nobody
-
+from observer_rt.core.frames.frames import ERRORS, LATENCIES, WAITING
 
 BUS = np.dtype(
     [
@@ -47,46 +39,27 @@ PUMP = np.dtype(
         ("size", np.int64),  # of a frame as the kernel takes it
         ("first_waiting", np.int64),
         ("end_waiting", np.int64),
+        ("largest_latency", np.int64),  # ns, from the stamp of a frame until its rates are sent
+        ("latencies", np.int64, (LATENCIES,)),  # how many rates took so long, four to an octave from 1 us on
     ],
     align=True,
 )
 
 
-@referenced()
 class Pump(NamedTuple):
-    """All memory of the pump; buffers of bus b begin at b * BATCH."""
+    """What Python reads and writes beside the loop."""
 
     memory: NDArray[np.void]  # (1,) PUMP
     buses: NDArray[np.void]  # BUS
-    polled: NDArray[np.void]  # POLLFD
-    frames: NDArray[np.uint8]  # as the kernel gives them
-    words: NDArray[np.uint32]  # the same memory
-    stamps: NDArray[np.int64]  # the same memory
-    control: NDArray[np.int64]
-    headers: NDArray[np.void]  # MMSGHDR
-    vectors: NDArray[np.void]  # IOVEC
     errors: NDArray[np.void]  # ERROR, ERRORS of every bus
     arrivals: NDArray[np.void]  # ARRIVAL
     waiting: NDArray[np.uint8]  # WAITING results as the kernel takes them
-    event: NDArray[np.uint64]  # (1,) what is written to wake Python
-    clock: NDArray[np.int64]  # (2,) seconds, nanoseconds
 
 
 def make_pump(buses: int, watched: Sequence[MessageLayout], result: MessageLayout | None) -> Pump:
     """Memory for so many buses; watched: messages whose arrivals are counted; result: that of the rates, if any."""
-    places = buses * BATCH
-    frames = np.zeros(places * SLOT, np.uint8)
-    control = np.zeros(places * CONTROL_WORDS, np.int64)
-    vectors, headers = np.zeros(places, IOVEC), np.zeros(places, MMSGHDR)
-    vectors["base"] = frames.ctypes.data + np.arange(places, dtype=np.uint64) * SLOT
-    vectors["length"] = SLOT
-    headers["iov"] = vectors.ctypes.data + np.arange(places, dtype=np.uint64) * IOVEC.itemsize
-    headers["iov_count"] = 1
-    headers["control"] = control.ctypes.data + np.arange(places, dtype=np.uint64) * CONTROL_WORDS * 8
     arrivals = np.zeros(len(watched), ARRIVAL)
     arrivals["key"] = [each.key for each in watched]
-    polled = np.zeros(buses, POLLFD)
-    polled["events"] = POLLIN
     memory = np.zeros(1, PUMP)
     memory["bus"] = -1
     if result is not None:
@@ -97,16 +70,7 @@ def make_pump(buses: int, watched: Sequence[MessageLayout], result: MessageLayou
     return Pump(
         memory,
         np.zeros(buses, BUS),
-        polled,
-        frames,
-        frames.view(np.uint32),
-        frames.view(np.int64),
-        control,
-        headers,
-        vectors,
         np.zeros(buses * ERRORS, ERROR),
         arrivals,
         np.zeros(WAITING * FD_MTU, np.uint8),
-        np.ones(1, np.uint64),
-        np.zeros(2, np.int64),
     )

@@ -1,5 +1,6 @@
 """From the links of a daemon through its core and back: a compiled loop in a thread of its own, fed by threads."""
 
+import errno
 import os
 import select
 import socket
@@ -16,12 +17,11 @@ from observer_rt.bus.links.receiver import LONGEST_WAIT, BusDownError
 from observer_rt.bus.links.socketcan import SocketCanLink
 from observer_rt.bus.mapping.bus_map import BusMap, layout_of
 from observer_rt.bus.mapping.timing import SLOTS
-from observer_rt.foundation.referenced import Kept
+from observer_rt.core.frames.frames import ERRORS, WAIT_MS, WAITING, PumpLoop
 from observer_rt.service.core.core import Core
 from observer_rt.service.core.messages import OutputFrame, output_frame
 from observer_rt.service.port import RETRY
-from observer_rt.service.pump import libc, loop
-from observer_rt.service.pump.memory import BUS, ERRORS, WAITING, make_pump
+from observer_rt.service.pump.memory import BUS, make_pump
 from observer_rt.service.rights import hurry
 from observer_rt.service.watch.arrivals import Arrivals
 
@@ -180,8 +180,7 @@ class FramePump:
         self._layouts = (*bus.received, *bus.sent)
         self._rate = bus.rate.layout if bus.rate else None
         self._pump = make_pump(len(links), self._layouts, self._rate)
-        self._held = Kept(self._pump)
-        self._compiled = loop.compiled_for(self._held, core.compiled.held)
+        self._compiled = PumpLoop(*self._pump)
         self._errors_read = [0] * len(links)
         self._unsent = 0
         self._turns = -1
@@ -237,7 +236,7 @@ class FramePump:
     def leave_out(self, bus: int) -> None:
         """Neither receive from a bus nor send to it any more; results on their way to its link are given up."""
         self._left_out.add(bus)
-        self._pump.buses[bus]["failure"] = libc.ENETDOWN
+        self._pump.buses[bus]["failure"] = errno.ENETDOWN
         if isinstance(end := self._ends[bus], Feeder) and (unsent := end.end()):
             self._on_unsent(len(unsent))
 
@@ -251,7 +250,7 @@ class FramePump:
         self._ends[bus] = link
         # wakes now and then for what Python has to say; sending never waits
         os.set_blocking(link.descriptor, True)
-        wait = _TIMEVAL.pack(0, loop.WAIT_MS * 1000)
+        wait = _TIMEVAL.pack(0, WAIT_MS * 1000)
         with socket.socket(fileno=os.dup(link.descriptor)) as same:
             same.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, wait)
         state = self._pump.buses[bus]
@@ -293,7 +292,7 @@ class FramePump:
         """The thread of the compiled loop."""
         try:
             hurry(self._processor)
-            while self._compiled(self._held, self._core.compiled.held, self._wake):
+            while self._compiled.run(self._core.compiled.path, self._wake):
                 self._may_go_on.clear()
                 if self._pump.memory["is_to_stop"][0]:  # nobody answers any more
                     return

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.stream.stream import INJECTIONS, PENDING_EVENTS
 from observer_rt.estimation.predictor import Window
 from observer_rt.observer.learning.adequacy import Examination, Examiner, Innovations, Objection
 from observer_rt.observer.learning.healthy import Healthy
@@ -17,9 +18,9 @@ from observer_rt.observer.mailbox import has_room, post_examined, post_learned
 from observer_rt.observer.observer import event_innovations, event_standstill, event_window, in_force
 from observer_rt.observer.stream.phi import Phi
 from observer_rt.observer.stream.standstill import Standstill, resting_lift_of
-from observer_rt.observer.stream.state import INJECTIONS, PENDING_EVENTS, Constants, Reason
+from observer_rt.observer.stream.state import Constants, Reason
 from observer_rt.observer.stream.verdict import Taken
-from observer_rt.service.compiled.by_reference import CompiledPipeline
+from observer_rt.service.compiled.pipeline import CompiledPipeline
 
 
 @dataclass(frozen=True)
@@ -128,7 +129,7 @@ class Judging:
         self._compiled = compiled
         memory = compiled.observer.memory  # stays where it is: views spare a look-up a frame
         self._events_closed, self._events_taken = memory["events_closed"], memory["events_taken"]
-        self._events = memory["events"][0]
+        self._events = compiled.observer.events
         self._waits_for_verdicts = memory["waits_for_verdicts"]
         self._learner = learner
         self._learner_after = learner_after
@@ -346,4 +347,4 @@ class Judging:
         memory = self._compiled.observer.memory[0]
         while memory["injections_reported"] < judged.event["injections"]:
             memory["injections_reported"] += 1
-            yield memory["injections"][(int(memory["injections_reported"]) - 1) % INJECTIONS]
+            yield self._compiled.observer.injections[(int(memory["injections_reported"]) - 1) % INJECTIONS]

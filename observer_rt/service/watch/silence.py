@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.alignment.alignment import IMPOSSIBLE
 from observer_rt.bus.mapping.bus_map import BusMap, RoleRange, role_range, role_resolution
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.config.signals import Role
+from observer_rt.core.frames.frames import IMPOSSIBLE
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 from observer_rt.service.core.learners import SIGNALS

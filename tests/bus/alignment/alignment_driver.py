@@ -4,9 +4,10 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from observer_rt.core.frames.frames import decide_samples, place_samples, store_value
 
-from observer_rt.bus.alignment.alignment import Alignment, decide, make_alignment, store
-from observer_rt.bus.alignment.placing import Placing, place_block
+from observer_rt.bus.alignment.alignment import Alignment, make_alignment
+from observer_rt.bus.alignment.placing import Placing
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.config.signals import Role
 from observer_rt.foundation.continuity import RECORDED_RING, Break, make_recorded
@@ -79,7 +80,7 @@ class Aligner:
 
     def take(self, block: Block) -> Placing:
         raw = block.index % WRAP
-        placing, start = place_block(self._alignment, block.message, raw, block.count, block.contiguous)
+        placing, start = place_samples(self._alignment, block.message, raw, block.count, block.contiguous)
         if placing in (Placing.ACCEPTED, Placing.RESTARTED):
             for k in range(block.count):
                 for role in self.roles[block.message]:
@@ -87,8 +88,8 @@ class Aligner:
                     if k >= block.count - block.missing:
                         number = np.nan
                     number = self.bad.get((role, block.index + k), number)
-                    store(self._alignment, self.place_at(start + k), self.role_of(role), number)
-            decide(self._alignment)
+                    store_value(self._alignment, self.place_at(start + k), self.role_of(role), number)
+            decide_samples(self._alignment)
         take_rows(self._alignment, self.rows)
         return Placing(placing)
 

@@ -5,16 +5,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-
-from observer_rt.bus.alignment.clock import (
+from observer_rt.core.frames.frames import (
     WINDOW,
-    delay_of,
-    index_at,
-    jitter_of,
-    make_clock,
-    take_stamp,
-    time_of,
+    delay_by_clock,
+    index_by_clock,
+    take_clock_stamp,
+    time_by_clock,
 )
+
+from observer_rt.bus.alignment.clock import jitter_of, make_clock
 
 EPOCH = 1_700_000_000_000_000_000  # ns
 INTERVAL = 50e-6  # s
@@ -30,13 +29,13 @@ def sent(seconds: float, drift: float = 0.0, samples: int = 1) -> NDArray[np.flo
 def fed(stamps: NDArray[np.float64], samples: int = 1, shortest: float = 0.0) -> NDArray[np.void]:
     clock = make_clock(INTERVAL, samples, shortest)
     for number, stamp in enumerate(stamps):
-        take_stamp(clock[0], (number + 1) * samples - 1, EPOCH + round(stamp))
+        take_clock_stamp(clock, (number + 1) * samples - 1, EPOCH + round(stamp))
     return clock
 
 
 def error(clock: NDArray[np.void], sent_last: float, last: int) -> float:
     """s by which the clock is wrong about the last sample."""
-    came: float = time_of(clock[0], last, EPOCH)
+    came: float = time_by_clock(clock, last, EPOCH)
     return (came - sent_last - DELAY) * 1e-9
 
 
@@ -109,9 +108,9 @@ def test_receivers_clock_set_anew_is_noticed_and_learned(step: float) -> None:
 def test_time_and_index_are_inverse() -> None:
     clock = fed(sent(2.0, 40e-6) + DELAY)
     for index in (0.0, 123.25, 1e6, 1e9):
-        assert index_at(clock[0], time_of(clock[0], index, EPOCH - 17), EPOCH - 17) == pytest.approx(
-            index, abs=1e-4
-        )
+        assert index_by_clock(
+            clock, time_by_clock(clock, index, EPOCH - 17), EPOCH - 17
+        ) == pytest.approx(index, abs=1e-4)
 
 
 def test_jitter_is_that_of_the_delays() -> None:
@@ -129,4 +128,6 @@ def test_delay_is_that_over_the_promptest() -> None:
     taken = sent(2.0)
     clock = fed(taken + DELAY)
     last = taken.size - 1
-    assert delay_of(clock[0], last, EPOCH + round(taken[-1] + DELAY + 70e3)) == pytest.approx(70e3, abs=2.0)
+    assert delay_by_clock(clock, last, EPOCH + round(taken[-1] + DELAY + 70e3)) == pytest.approx(
+        70e3, abs=2.0
+    )

@@ -5,9 +5,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from observer_rt.core.frames.frames import (
+    count_one_frame,
+    forget_clock,
+    has_clock_slipped,
+    is_numbered_for_sure,
+    take_clock_stamp,
+)
 
-from observer_rt.bus.alignment.clock import forget, make_clock, take_stamp
-from observer_rt.bus.alignment.timekeeping import Count, count_frame, has_slipped, is_sure, make_counting
+from observer_rt.bus.alignment.clock import make_clock
+from observer_rt.bus.alignment.timekeeping import Count, make_counting
 
 EPOCH = 1_700_000_000_000_000_000  # ns
 CYCLE = 100e-6  # s
@@ -29,21 +36,21 @@ class Counter:
     def take(self, number: int, come: float) -> None:
         """The `number`-th frame sent comes at `come` [s]."""
         stamp = EPOCH + round(come * 1e9)
-        counting, clock = self._counting[0], self._clock[0]
-        outcome = Count(count_frame(counting, clock, number % self.modulus, stamp))
+        counting, clock = self._counting, self._clock
+        outcome = Count(count_one_frame(counting, clock, number % self.modulus, stamp))
         if outcome in (Count.REPEATED, Count.OLD):
             self.dropped.append(outcome)
             return
         if outcome is Count.ANEW:
-            forget(clock)
+            forget_clock(clock)
         if counting["number"] == 0:
             self.anew.append(len(self.numbers))
-        if take_stamp(clock, int(counting["number"]), stamp) and has_slipped(clock):
+        if take_clock_stamp(clock, int(counting["number"][0]), stamp) and has_clock_slipped(clock):
             counting["begun"] = False
-            forget(clock)
-        self.numbers.append(int(counting["number"]))
+            forget_clock(clock)
+        self.numbers.append(int(counting["number"][0]))
         self.sent.append(number)
-        self.sure.append(bool(is_sure(counting, clock)))
+        self.sure.append(bool(is_numbered_for_sure(counting, clock)))
 
     def take_all(self, numbers: NDArray[np.int64], come: NDArray[np.float64]) -> "Counter":
         for number, moment in zip(numbers.tolist(), come.tolist(), strict=True):

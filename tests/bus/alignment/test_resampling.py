@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
+from observer_rt.core.frames.frames import decide_samples, follow_grid, place_samples, store_value
 
-from observer_rt.bus.alignment.alignment import decide, is_stale, make_alignment, store
-from observer_rt.bus.alignment.placing import follow, place_block
+from observer_rt.bus.alignment.alignment import is_stale, make_alignment
 from observer_rt.bus.mapping.input_tables import MAX_INPUTS, ROLES
 from observer_rt.bus.mapping.timing import SLOTS, Following
 from observer_rt.config.signals import Role
@@ -42,11 +42,11 @@ class Joined:
         return is_stale(self._alignment)
 
     def grid(self, start: int, count: int = 1) -> None:
-        _, first = place_block(self._alignment, GRID, start, count, True)
+        _, first = place_samples(self._alignment, GRID, start, count, True)
         for index in range(first, first + count):
             for role in range(MAX_INPUTS):
                 if not (self._roles >> role) & 1:
-                    store(self._alignment, index, role, 1e-7)
+                    store_value(self._alignment, index, role, 1e-7)
         self._take()
 
     def rails(self, positions: Iterable[float], value: Callable[[float], float] = line) -> None:
@@ -59,11 +59,11 @@ class Joined:
         for position in positions:
             values = np.full(MAX_INPUTS, np.nan)
             values[role] = value(position)
-            follow(self._alignment, FOLLOWER, position, values)
+            follow_grid(self._alignment, FOLLOWER, position, values)
             self._take()
 
     def _take(self) -> None:
-        decide(self._alignment)
+        decide_samples(self._alignment)
         take_rows(self._alignment, self.rows)
 
     @property
@@ -219,12 +219,12 @@ def test_means_on_the_grid_count_half_a_sample_before() -> None:
     )
     values = np.zeros(MAX_INPUTS)
     for start in range(0, 60, 5):
-        place_block(alignment, 0, start, 5, True)
+        place_samples(alignment, 0, start, 5, True)
         for index in range(start, start + 5):
-            store(alignment, index, ROLES.index(Role.LINE_PRESSURE), 1e6 + index)
+            store_value(alignment, index, ROLES.index(Role.LINE_PRESSURE), 1e6 + index)
             values[RAIL], values[LIFT] = line(index - 0.5), 1e-6 * index
-            follow(alignment, 0, index - 0.5, values)
-        decide(alignment)
+            follow_grid(alignment, 0, index - 0.5, values)
+        decide_samples(alignment)
     rows = alignment.recorded[: int(alignment.memory[0]["decided"])]
     assert [row["index"] for row in rows] == list(range(59))  # the last one waits for the next
     for row in rows:
@@ -240,14 +240,14 @@ def test_means_on_the_grid_count_half_a_sample_before() -> None:
 
 def test_samples_that_wait_for_a_message_of_the_grid_are_told() -> None:
     alignment = make_alignment([None, None], CLOSED_LIFT, make_recorded())
-    place_block(alignment, 0, 0, 1, True)
-    place_block(alignment, 1, 0, 1, True)
-    decide(alignment)
+    place_samples(alignment, 0, 0, 1, True)
+    place_samples(alignment, 1, 0, 1, True)
+    decide_samples(alignment)
     assert not is_stale(alignment)
     for start in range(1, SLOTS // 2 + 1):
-        place_block(alignment, 0, start, 1, True)
-        decide(alignment)
+        place_samples(alignment, 0, start, 1, True)
+        decide_samples(alignment)
         assert not is_stale(alignment)
-    place_block(alignment, 0, SLOTS // 2 + 1, 1, True)
-    decide(alignment)
+    place_samples(alignment, 0, SLOTS // 2 + 1, 1, True)
+    decide_samples(alignment)
     assert is_stale(alignment)

@@ -8,9 +8,10 @@ import pytest
 from cantools.database.can import Message, Signal
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
+from observer_rt.core.frames.frames import carries, decode_signals, encode_signals
 
-from observer_rt.bus.database.codec import decode, encode, signal_table
-from observer_rt.bus.database.multiplexing import compile_conditions, conditions_of, is_selected
+from observer_rt.bus.database.codec import signal_table
+from observer_rt.bus.database.multiplexing import compile_conditions, conditions_of
 from tests.bus.database.random_databases import (
     Field,
     RandomMessage,
@@ -49,7 +50,7 @@ def selected(message: Message, payload: bytes) -> list[str]:
     names = []
     for signal in message.signals:
         selection = compile_conditions(message, conditions_of(message, signal.name))
-        if is_selected(frame, selection, 0, len(selection.conditions)):
+        if carries(frame, selection, 0, len(selection.conditions)):
             names.append(signal.name)
     return names
 
@@ -74,7 +75,7 @@ def test_decode(random: RandomMessage, data: st.DataObject) -> None:
     raw = message.decode(payload, decode_choices=False, scaling=False)
     assert sorted(selected(message, payload)) == sorted(expected)
     got = np.zeros(len(expected))
-    decode(np.frombuffer(payload, np.uint8), signal_table(message, list(expected)), got)
+    decode_signals(np.frombuffer(payload, np.uint8), signal_table(message, list(expected)), got)
     for (name, value), ours in zip(expected.items(), got.tolist(), strict=True):
         one = next(f for f in random.fields if f.name == name)
         if bits_of(one, raw[name]) in reserved(one):
@@ -125,7 +126,7 @@ def test_encode(random: RandomMessage, data: st.DataObject) -> None:
         codes[name] = _reference_code(one, message.get_signal_by_name(name), value)
     expected = message.encode(codes, scaling=False, strict=False)
     frame = np.zeros(message.length, np.uint8)
-    encode(np.array(list(ours.values())), signal_table(message, list(ours)), frame)
+    encode_signals(np.array(list(ours.values()), float), signal_table(message, list(ours)), frame)
     if frame.tobytes() == expected:
         return
     # A reserved code is stepped over to a neighbour: to which one, either way round, is ours to choose.
@@ -176,7 +177,7 @@ def test_the_bit_walk_of_these_tests(is_big_endian: bool) -> None:
 def decoded(message: Message, payload: bytes) -> dict[str, float]:
     names = [signal.name for signal in message.signals]
     out = np.zeros(len(names))
-    decode(np.frombuffer(payload, np.uint8), signal_table(message, names), out)
+    decode_signals(np.frombuffer(payload, np.uint8), signal_table(message, names), out)
     return dict(zip(names, out.tolist(), strict=True))
 
 
@@ -186,7 +187,7 @@ def test_encoding_changes_no_bit_of_other_signals(random: RandomMessage, data: s
     before = data.draw(st.binary(min_size=random.size, max_size=random.size))
     chosen = data.draw(st.sampled_from(random.fields))
     after = np.frombuffer(before, np.uint8).copy()
-    encode(np.array([1.0]), signal_table(random.load(), [chosen.name]), after)
+    encode_signals(np.array([1.0]), signal_table(random.load(), [chosen.name]), after)
     own = np.frombuffer(with_bits(bytes(random.size), chosen, (1 << chosen.length) - 1), np.uint8)
     assert not np.any((after ^ np.frombuffer(before, np.uint8)) & ~own)
 
@@ -213,13 +214,13 @@ def test_a_mutated_table_is_told_from_cantools(is_big_endian: bool, mutated: str
     message, payload = RandomMessage(8, [one]).load(), bytes.fromhex("0123456789abcdef")
     table, out, buffer = signal_table(message, ["Value"]), np.zeros(1), np.zeros(8, np.uint8)
     expected = message.decode(payload)["Value"]
-    decode(np.frombuffer(payload, np.uint8), table, out)
+    decode_signals(np.frombuffer(payload, np.uint8), table, out)
     assert out[0] == expected
     if mutated == "step":
         table["step"] *= -1
     else:
         table[mutated] += table[mutated].dtype.type(1)
-    decode(np.frombuffer(payload, np.uint8), table, out)
+    decode_signals(np.frombuffer(payload, np.uint8), table, out)
     assert out[0] != expected
-    encode(np.array([expected]), table, buffer)
+    encode_signals(np.array([expected]), table, buffer)
     assert buffer.tobytes() != message.encode({"Value": expected})

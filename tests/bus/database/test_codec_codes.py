@@ -11,8 +11,9 @@ from cantools.database.can import Message, Signal
 from cantools.database.conversion import BaseConversion
 from hypothesis import given
 from hypothesis import strategies as st
+from observer_rt.core.frames.frames import decode_signals, encode_signals
 
-from observer_rt.bus.database.codec import decode, encode, signal_table
+from observer_rt.bus.database.codec import signal_table
 from observer_rt.foundation.errors import UserError
 
 
@@ -41,13 +42,13 @@ def float_message(length: int) -> Message:
 
 def decoded(message: Message, payload: bytes) -> float:
     out = np.zeros(1)
-    decode(np.frombuffer(payload, np.uint8), signal_table(message, ["Value"]), out)
+    decode_signals(np.frombuffer(payload, np.uint8), signal_table(message, ["Value"]), out)
     return float(out[0])
 
 
 def encoded(message: Message, value: float) -> bytes:
     payload = np.zeros(8, np.uint8)
-    encode(np.array([value]), signal_table(message, ["Value"]), payload)
+    encode_signals(np.array([value]), signal_table(message, ["Value"]), payload)
     return payload.tobytes()
 
 
@@ -131,7 +132,7 @@ def test_floats_keep_nan_and_clamp_infinity(length: int, largest: float) -> None
 def test_half_precision_decodes_like_numpy() -> None:
     table, out = signal_table(float_message(16), ["Value"]), np.zeros(1)
     for pattern in range(1 << 16):
-        decode(np.frombuffer(struct.pack("<Q", pattern), np.uint8), table, out)
+        decode_signals(np.frombuffer(struct.pack("<Q", pattern), np.uint8), table, out)
         expected = np.float64(np.uint16(pattern).view(np.float16))
         assert (np.isnan(out[0]) and np.isnan(expected)) or out[0].tobytes() == expected.tobytes()
 
@@ -147,7 +148,7 @@ def test_a_range_in_which_no_code_lies_says_nothing() -> None:
     assert encoded(message, 77.0)[0] == 77
     assert encoded(message, 1e9)[0] == 255
     table, values = signal_table(message, ["Value"]), np.empty(1)
-    decode(np.frombuffer(b"\x07" + bytes(7), np.uint8), table, values)
+    decode_signals(np.frombuffer(b"\x07" + bytes(7), np.uint8), table, values)
     assert values[0] == 7.0
 
 

@@ -13,8 +13,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numba import njit
 from numpy.typing import NDArray
+from observer_rt.core.frames.frames import (
+    check_frame,
+    counter_in,
+    crc_of_profile_5,
+    protect_frame,
+    status_by_counter,
+    take_into_state,
+)
 
 from observer_rt.bus.database.e2e import (
     DATA_IDS,
@@ -26,13 +33,7 @@ from observer_rt.bus.database.e2e import (
     UNPROTECTED,
     E2EState,
     E2EStatus,
-    check,
-    classify,
-    crc16,
-    frame_counter,
-    protect,
     protection_of,
-    supervise,
 )
 
 DATA_ID = 0x0100
@@ -44,31 +45,31 @@ def frame_of(payload: bytes) -> NDArray[np.uint8]:
 
 def protected(length: int = 64, data_id: int = DATA_ID, counter: int = 7) -> NDArray[np.uint8]:
     frame = np.random.default_rng(length).integers(0, 256, length).astype(np.uint8)
-    protect(frame, length, protection_of(PROFILE_5, data_id), counter)
+    protect_frame(frame, length, protection_of(PROFILE_5, data_id), counter)
     return frame
 
 
 def test_crc_of_the_catalogue_check_string() -> None:
     """CRC-16/CCITT-FALSE of "123456789" is 0x29B1: the last two characters serve as the data id."""
     payload = frame_of(b"\0\0" + b"1234567")
-    assert crc16(payload, 9, ord("8") | ord("9") << 8) == 0x29B1
+    assert crc_of_profile_5(payload, 9, ord("8") | ord("9") << 8) == 0x29B1
 
 
 def test_only_the_protected_length_counts() -> None:
     buffer = np.zeros(64, np.uint8)
     buffer[:48] = protected(48)
     buffer[48:] = 0xAA
-    assert check(buffer, 48, protection_of(PROFILE_5, DATA_ID))
-    assert not check(buffer, 64, protection_of(PROFILE_5, DATA_ID))
+    assert check_frame(buffer, 48, protection_of(PROFILE_5, DATA_ID))
+    assert not check_frame(buffer, 64, protection_of(PROFILE_5, DATA_ID))
 
 
 def test_every_single_bit_flip_is_caught() -> None:
     frame = protected()
     for bit in range(8 * 64):
         frame[bit // 8] ^= 1 << (bit % 8)
-        assert not check(frame, 64, protection_of(PROFILE_5, DATA_ID)), f"bit {bit}"
+        assert not check_frame(frame, 64, protection_of(PROFILE_5, DATA_ID)), f"bit {bit}"
         frame[bit // 8] ^= 1 << (bit % 8)
-    assert check(frame, 64, protection_of(PROFILE_5, DATA_ID))
+    assert check_frame(frame, 64, protection_of(PROFILE_5, DATA_ID))
 
 
 @pytest.mark.parametrize("first", range(0, 64, 9))
@@ -78,21 +79,23 @@ def test_bursts_up_to_sixteen_bits_are_caught(first: int) -> None:
         damaged = frame.copy()
         damaged[first % 63] ^= burst & 0xFF
         damaged[first % 63 + 1] ^= burst >> 8
-        assert not check(damaged, 64, protection_of(PROFILE_5, DATA_ID))
+        assert not check_frame(damaged, 64, protection_of(PROFILE_5, DATA_ID))
 
 
 def test_another_messages_frame_is_caught() -> None:
     frame = protected()
     assert not any(
-        check(frame, 64, protection_of(PROFILE_5, other)) for other in range(0x10000) if other != DATA_ID
+        check_frame(frame, 64, protection_of(PROFILE_5, other))
+        for other in range(0x10000)
+        if other != DATA_ID
     )
 
 
 def test_frames_of_the_wrong_length_fail() -> None:
     frame = protected()
-    assert not check(frame, 63, protection_of(PROFILE_5, DATA_ID))
-    assert not check(frame, 65, protection_of(PROFILE_5, DATA_ID))
-    assert not check(frame, 2, protection_of(PROFILE_5, DATA_ID))
+    assert not check_frame(frame, 63, protection_of(PROFILE_5, DATA_ID))
+    assert not check_frame(frame, 65, protection_of(PROFILE_5, DATA_ID))
+    assert not check_frame(frame, 2, protection_of(PROFILE_5, DATA_ID))
 
 
 @pytest.mark.parametrize(
@@ -102,7 +105,7 @@ def test_frames_of_the_wrong_length_fail() -> None:
 def test_every_counter_boundary(profile: int, modulus: int, most: int) -> None:
     """most: the largest step that is taken; with 1 no loss is tolerated."""
     for last in range(modulus):
-        status = [classify((last + d) % modulus, last, True, most, profile) for d in range(modulus)]
+        status = [status_by_counter((last + d) % modulus, last, True, most, profile) for d in range(modulus)]
         assert status[:2] == [E2EStatus.REPEATED, E2EStatus.OK]
         assert status[2 : most + 1] == [E2EStatus.OK_SOME_LOST] * (most - 1)
         assert status[most + 1 :] == [E2EStatus.WRONG_SEQUENCE] * (modulus - 1 - most)
@@ -110,24 +113,24 @@ def test_every_counter_boundary(profile: int, modulus: int, most: int) -> None:
 
 @pytest.mark.parametrize("counter", [0, 1, 254, 255])
 def test_the_first_frame_is_initial_whatever_its_counter(counter: int) -> None:
-    assert classify(counter, counter, False, 1, PROFILE_5) is E2EStatus.INITIAL
-    assert classify(counter, 0, False, 1, PROFILE_5) is E2EStatus.INITIAL
+    assert status_by_counter(counter, counter, False, 1, PROFILE_5) == E2EStatus.INITIAL
+    assert status_by_counter(counter, 0, False, 1, PROFILE_5) == E2EStatus.INITIAL
 
 
 def test_profile_1_catches_every_flipped_bit_and_every_burst_of_eight_bits_in_the_contents() -> None:
     frame = np.arange(8, dtype=np.uint8)
-    protect(frame, 8, protection_of(PROFILE_1, DATA_ID), 7)
+    protect_frame(frame, 8, protection_of(PROFILE_1, DATA_ID), 7)
     good = int.from_bytes(frame.tobytes(), "big")
     bursts = [burst << first for first in range(49) for burst in range(1, 256, 2)]
     for damage in (*bursts, *(1 << bit for bit in range(64))):
-        assert not check(
+        assert not check_frame(
             frame_of((good ^ damage).to_bytes(8, "big")), 8, protection_of(PROFILE_1, DATA_ID)
         ), hex(damage)
 
 
 def test_profile_1_needs_two_bytes() -> None:
-    assert not check(np.zeros(8, np.uint8), 1, protection_of(PROFILE_1, 0))
-    assert not check(np.zeros(1, np.uint8), 2, protection_of(PROFILE_1, 0))
+    assert not check_frame(np.zeros(8, np.uint8), 1, protection_of(PROFILE_1, 0))
+    assert not check_frame(np.zeros(1, np.uint8), 2, protection_of(PROFILE_1, 0))
 
 
 Id = int | bytes
@@ -204,16 +207,16 @@ def test_a_profile_is_that_of_the_reference(name: str, data: st.DataObject, numb
     payload = data.draw(st.binary(min_size=it.lengths[0], max_size=it.lengths[1]))
     data_id = data.draw(it.ids)
     frame, length, row = frame_of(payload), len(payload), protection_of(it.profile, data_id)
-    assert check(frame, length, row) == it.check(payload, data_id)
-    protect(frame, length, row, number)
+    assert check_frame(frame, length, row) == it.check(payload, data_id)
+    protect_frame(frame, length, row, number)
     assert frame.tobytes() == it.protected(payload, data_id, number % it.modulus)
-    assert check(frame, length, row)
-    assert frame_counter(frame, it.profile) == number % it.modulus
+    assert check_frame(frame, length, row)
+    assert counter_in(frame, it.profile) == number % it.modulus
     other = data_id ^ 1 if isinstance(data_id, int) else bytes(each ^ 1 for each in data_id)
-    assert not check(frame, length, protection_of(it.profile, other))
+    assert not check_frame(frame, length, protection_of(it.profile, other))
     for bit in range(8 * length):
         frame[bit // 8] ^= 1 << (bit % 8)
-        assert check(frame, length, row) == it.check(frame.tobytes(), data_id), f"bit {bit}"
+        assert check_frame(frame, length, row) == it.check(frame.tobytes(), data_id), f"bit {bit}"
         frame[bit // 8] ^= 1 << (bit % 8)
 
 
@@ -230,7 +233,7 @@ def crc8h2f_of(content: bytes) -> int:
 def test_the_crc_of_profile_2_is_crc_8h2f_of_the_catalogue() -> None:
     assert crc8h2f_of(b"123456789") == 0xDF
     frame = frame_of(b"\0" + b"\x32" + b"345678")
-    protect(frame, 8, protection_of(PROFILE_2, bytes(DATA_IDS)), 2)
+    protect_frame(frame, 8, protection_of(PROFILE_2, bytes(DATA_IDS)), 2)
     assert frame[0] == crc8h2f_of(b"2345678\0")
 
 
@@ -260,15 +263,6 @@ class StateMachine:
             self.state = E2EState.INVALID
 
 
-@njit
-def states_of(memory, statuses):  # type: ignore[no-untyped-def]
-    found = np.empty_like(statuses)
-    for n, status in enumerate(statuses):
-        supervise(memory[0], status)
-        found[n] = memory[0].state
-    return found
-
-
 @given(
     st.integers(1, 62),
     st.lists(st.integers(0, 10), min_size=4, max_size=4),
@@ -285,11 +279,15 @@ def test_states_are_those_of_the_plain_state_machine(
     for status in statuses:
         plain.take(status)
         expected.append(plain.state)
-    assert states_of(memory, np.array(statuses, np.int64)).tolist() == expected
+    found = []
+    for status in statuses:
+        take_into_state(memory, status)
+        found.append(int(memory["state"][0]))
+    assert found == expected
 
 
 def test_an_unprotected_frame_stays_as_it_is() -> None:
     frame = frame_of(bytes(range(8)))
-    protect(frame, 8, protection_of(UNPROTECTED, DATA_ID), 3)
+    protect_frame(frame, 8, protection_of(UNPROTECTED, DATA_ID), 3)
     assert frame.tobytes() == bytes(range(8))
-    assert check(frame, 8, protection_of(UNPROTECTED, DATA_ID))
+    assert check_frame(frame, 8, protection_of(UNPROTECTED, DATA_ID))

@@ -1,8 +1,5 @@
 """When innovations have left what noise can do."""
 
-from types import SimpleNamespace
-from typing import Any
-
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
@@ -14,39 +11,31 @@ from observer_rt.observer.learning.knowledge import no_knowledge
 from observer_rt.observer.learning.learner import Learner
 from observer_rt.observer.mailbox import judge
 from observer_rt.observer.observer import Durations, constants_for, make_observer
-from observer_rt.observer.stream.pair import end_contradiction, watch
-from observer_rt.observer.stream.state import Reason
+from observer_rt.observer.stream.state import Observer, Reason
 from tests.observer.sample_stream import NOISE, NOMINAL, Stream
 
 SIGMA = 0.002  # of p_0
 
 
-def memory() -> Any:
-    """As of an observer that runs, between two events."""
-    return SimpleNamespace(
-        innovation_weight=1.0 / SIGMA**2,
-        surprise=0.0,
-        synchronised=True,
-        contradicted=False,
-        contradicted_in=-1,
-        doubted=0,
-        in_event=False,
-        event_number=7,
-    )
+def running() -> Observer:
+    """An observer that runs, between two events."""
+    observer = Stream().observer
+    of = observer.memory[0]
+    of["innovation_weight"], of["synchronised"], of["event_number"] = 1.0 / SIGMA**2, True, 7
+    return observer
 
 
-def contradicted_at(scores: ArrayLike, of: Any, doubt: Doubt = Doubt.NONE) -> int | None:
+def contradicted_at(scores: ArrayLike, observer: Observer, doubt: Doubt = Doubt.NONE) -> int | None:
     """Number of the innovation [standard deviations] with which the contradiction is seen."""
-    observer = SimpleNamespace(memory=[of])
     for k, score in enumerate(np.atleast_1d(np.asarray(scores, float))):
-        watch.py_func(observer, SIGMA * float(score), int(doubt))
-        if of.contradicted:
+        observer.stream.watch(SIGMA * float(score), int(doubt))
+        if observer.memory[0]["contradicted"]:
             return k
     return None
 
 
 def test_white_noise_contradicts_nothing() -> None:
-    assert contradicted_at(np.random.default_rng(3).normal(size=50_000), memory()) is None
+    assert contradicted_at(np.random.default_rng(3).normal(size=50_000), running()) is None
 
 
 def test_three_spikes_contradict_nothing() -> None:
@@ -54,30 +43,30 @@ def test_three_spikes_contradict_nothing() -> None:
     spikes[100::200] = 50.0
     spikes[101::200] = -50.0
     spikes[102::200] = 50.0
-    assert contradicted_at(spikes, memory()) is None
+    assert contradicted_at(spikes, running()) is None
 
 
 @pytest.mark.parametrize("period", [3, 12, 10_000])
 def test_a_line_that_swings_otherwise_contradicts_soon(period: int) -> None:
     """Innovations of both signs do not make up for each other."""
     swing = 4.0 * np.cos(2.0 * np.pi * np.arange(40) / period)
-    found = contradicted_at(swing, memory())
+    found = contradicted_at(swing, running())
     assert found is not None
     assert found < 16
 
 
 def test_it_lasts_until_an_event_that_can_tell() -> None:
-    shut, opened = memory(), memory()
-    opened.in_event = True
+    shut, opened = running(), running()
+    opened.memory["in_event"] = True
     assert contradicted_at([6.0] * 20, shut) is not None
     assert contradicted_at([6.0] * 20, opened) is not None
-    assert (shut.contradicted_in, opened.contradicted_in) == (8, 7)
+    assert [int(each.memory["contradicted_in"][0]) for each in (shut, opened)] == [8, 7]
 
 
 def test_what_is_not_to_be_trusted_contradicts_nothing() -> None:
-    assert contradicted_at([9.0] * 100, memory(), Doubt.TIME_BASE) is None
-    doubted = memory()
-    doubted.doubted = 16
+    assert contradicted_at([9.0] * 100, running(), Doubt.TIME_BASE) is None
+    doubted = running()
+    doubted.memory["doubted"] = 16
     assert contradicted_at([9.0] * 100, doubted) is None
 
 
@@ -92,25 +81,23 @@ def test_what_a_fitted_model_leaves_of_a_healthy_injector_is_no_contradiction(
     learner = Learner(constants, knowledge)
     observer = make_observer(constants, knowledge, learner, healthy)
     scale = learner.schedule.innovation_sigma / SIGMA
-    record = observer.memory.view(np.recarray)[0]
-    record.synchronised = True
+    observer.memory["synchronised"] = True
     swing = 3.0 * scale * np.cos(2.0 * np.pi * np.arange(100) / 10_000)
-    assert (contradicted_at(swing, record) is not None) == contradicts
+    assert (contradicted_at(swing, observer) is not None) == contradicts
 
 
 @pytest.mark.parametrize(("resting", "ends"), [(True, True), (False, False)])
 def test_a_contradiction_at_rest_is_over_when_the_channel_is_well_again(resting: bool, ends: bool) -> None:
-    constants = constants_for(NOMINAL, 100e3, Durations(), 2)
-    of = memory()
-    of.contradicted, of.contradicted_at_rest, of.calm = True, False, 0
-    observer = SimpleNamespace(memory=[of], constants=constants)
-    end_contradiction.py_func(observer, resting, True)
-    assert of.contradicted
-    for score in np.random.default_rng(1).normal(size=2 * constants.timing.good):
-        if of.contradicted:
-            watch.py_func(observer, SIGMA * score, 0)
-            end_contradiction.py_func(observer, resting, False)
-    assert of.contradicted is not ends
+    observer = running()
+    of, stream = observer.memory[0], observer.stream
+    of["contradicted"] = True
+    stream.end_contradiction(resting, True)
+    assert of["contradicted"]
+    for score in np.random.default_rng(1).normal(size=2 * observer.constants.timing.good):
+        if of["contradicted"]:
+            stream.watch(SIGMA * score, 0)
+            stream.end_contradiction(resting, False)
+    assert bool(of["contradicted"]) is not ends
 
 
 @pytest.mark.parametrize(
@@ -122,7 +109,7 @@ def test_what_contradicted_in_an_event_of_doubtful_samples_is_over_with_it(
 ) -> None:
     observer = Stream().observer
     of = observer.memory[0]
-    of["events"][0]["number"], of["events"][0]["doubtful"] = event, doubtful
+    observer.events[0]["number"], observer.events[0]["doubtful"] = event, doubtful
     of["contradicted"], of["contradicted_in"] = True, 7
     judge(observer, (Objection(Reason.NOT_JUDGED),), None)
     assert bool(of["contradicted"]) is lasts

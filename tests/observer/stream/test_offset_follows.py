@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from observer_rt.core.stream.stream import FURTHEST_OFFSET
 
 from observer_rt.foundation.units import MEGAPASCAL
-from observer_rt.observer.stream.pair import FURTHEST_OFFSET
 from tests.observer.sample_stream import NOISE, RAIL, Stream
 
 SAMPLES = 3000

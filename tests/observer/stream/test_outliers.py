@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from observer_rt.core.stream.stream import CHANGE_MEMORY as MEMORY
+from observer_rt.core.stream.stream import CLOSE, FEWEST_REPEATS, RESTLESS, STEP
 
 from observer_rt.observer.observer import Durations
-from observer_rt.observer.stream.outliers import CLOSE, FEWEST_REPEATS, MEMORY, RESTLESS, STEP
 from observer_rt.observer.stream.state import LIFT, LINE, RAIL, Reason
 from tests.observer.sample_stream import NOISE, Stream, place, stroke
 from tests.observer.sample_stream import RAIL as PRESSURE
@@ -317,7 +318,7 @@ def test_nor_is_a_spike_of_the_lift(at: int) -> None:
 def first_event(channels: list[NDArray[np.float64]]) -> np.void:
     """As it closed."""
     stream, _ = observed(channels, events_required=0)
-    event: np.void = stream.observer.memory["events"][0][0]
+    event: np.void = stream.observer.events[0]
     return event
 
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from observer_rt.core.stream.stream import ENOUGH_SAMPLES
 
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.model.effects import sized
 from observer_rt.observer.observer import event_standstill
-from observer_rt.observer.stream.standstill import ENOUGH_SAMPLES
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import SimulatedNoise, simulate
 from tests.observer.sample_stream import NOISE, NOMINAL, RAIL, Stream, stroke

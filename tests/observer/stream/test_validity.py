@@ -3,22 +3,32 @@
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numba import njit
+from observer_rt.core.stream.stream import reason_and_state
 
 from observer_rt.foundation.continuity import Doubt
 from observer_rt.observer.stream.state import Reason, State
 from observer_rt.observer.stream.validity import (
     InjectionFacts,
-    SampleFacts,
     Surroundings,
     contested,
     reason_of_injection,
-    reason_of_sample,
-    state_of_sample,
     state_of_service,
 )
 
-WELL = SampleFacts(0, True, 0, 0, False, False, 2, 2, True, 0, False, True)
+WELL = {
+    "unsynchronised_by": 0,
+    "is_synchronised": True,
+    "doubt": 0,
+    "doubted": 0,
+    "is_lift_beyond": False,
+    "is_lift_dead": False,
+    "events": 2,
+    "events_required": 2,
+    "is_familiar": True,
+    "judgement": 0,
+    "is_contradicted": False,
+    "has_learned": True,
+}
 SETTLES = [Reason.STARTING, Reason.JUMPED, Reason.SAMPLES_LOST, Reason.NEEDLE_STUCK]
 IN_ORDER: list[tuple[dict[str, int], Reason]] = [
     ({"is_synchronised": False, "unsynchronised_by": Reason.SAMPLES_LOST}, Reason.SAMPLES_LOST),
@@ -33,15 +43,8 @@ IN_ORDER: list[tuple[dict[str, int], Reason]] = [
 ]
 
 
-@njit
-def decided(facts):  # type: ignore[no-untyped-def]
-    reason = reason_of_sample(facts)
-    return reason, state_of_sample(facts, reason)
-
-
 def of_sample(**facts: int) -> tuple[Reason, State]:
-    typed = {name: type(getattr(WELL, name))(value) for name, value in facts.items()}
-    reason, state = decided(WELL._replace(**typed))
+    reason, state = reason_and_state(WELL | facts)
     return Reason(reason), State(state)
 
 

@@ -5,9 +5,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from observer_rt.core.frames.frames import GRACE
 
 from observer_rt.recording.replay.framing import Span, TimedFrame
-from observer_rt.service.compiled.input_memory import GRACE
 from tests.benches import SAMPLE_RATE
 from tests.device import Device, core_of, hand, simulated
 from tests.service.core.test_fuel_temperature import BLOCK, bench, sensor

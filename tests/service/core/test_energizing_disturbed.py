@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from observer_rt.core.frames.frames import READINGS
 
 from observer_rt.bus.links.link import BusFrame, Frame, block_of
 from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.recording.signals.recording import Recording
-from observer_rt.service.compiled.input_memory import READINGS
 from observer_rt.simulation.schedule import Shot
 from tests.benches import SAMPLE_RATE
 from tests.device import INDICES, core_of, damaged, later, merged, run

@@ -1,7 +1,6 @@
 """The optional input `fuel_temperature`: the model follows it, and nothing is valid without it."""
 
 import gc
-import weakref
 from collections.abc import Sequence
 from functools import cache
 from itertools import pairwise
@@ -201,18 +200,6 @@ def test_nobody_keeps_the_constants_of_other_fuel(tmp_path: Path) -> None:
     assert now.constants != before
     observers = [one for one in gc.get_objects() if type(one) is Observer and one.memory is now.memory]
     assert [one.constants for one in observers] == [now.constants] * len(observers)
-
-
-def test_what_compiled_code_is_at_work_with_stays(tmp_path: Path) -> None:
-    core = core_of(bench(tmp_path))
-    at_work = core.compiled.held
-    stepper = weakref.ref(core.compiled.observer.kept[1])  # the leaves it is called with
-    core.compiled.change_constants(core.compiled.observer.constants)
-    gc.collect()
-    assert stepper() is not None
-    del at_work
-    gc.collect()
-    assert stepper() is None
 
 
 def test_a_recording_is_taken_to_be_at_the_reference(tmp_path: Path) -> None:

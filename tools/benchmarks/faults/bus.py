@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.random import Generator
+from observer_rt.core.frames.frames import protect_frame
 
-from observer_rt.bus.database.e2e import protect
 from observer_rt.bus.mapping.bus_map import BusMap
 from tools.benchmarks.faults.scenario import Group, Kind, Placed
 
@@ -134,7 +134,7 @@ def _rewritten(frame: Sent, bus: BusMap, moved: int = 0, counter: int | None = N
     index = (index_of(frame.payload) + moved) & 0xFFFFFFFF
     payload[_INDEX_AT : _INDEX_AT + 4] = np.frombuffer(struct.pack("<I", index), np.uint8)
     said = int(payload[_COUNTER_AT]) if counter is None else counter
-    protect(payload, layout.length, layout.protection, said)
+    protect_frame(payload, layout.length, layout.protection, said)
     return replace(frame, payload=payload.tobytes(), moved=frame.moved + moved)
 
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numba import njit
+from observer_rt.core.stream.stream import RING
 
 from observer_rt.estimation.scalars import Parameter
-from observer_rt.foundation.continuity import RECORDED_RING, Break
+from observer_rt.foundation.continuity import RECORDED, RECORDED_RING, Break
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND, MILLISECOND
 from observer_rt.model.line.lump import LumpLine
 from observer_rt.model.network import ARGUMENTS, HIDDEN
@@ -18,9 +18,7 @@ from observer_rt.model.sensor import LAG_UNIT
 from observer_rt.observer.learning.knowledge import no_knowledge
 from observer_rt.observer.learning.learner import Learner
 from observer_rt.observer.observer import make_observer
-from observer_rt.observer.stream.pair import step_pair
-from observer_rt.observer.stream.state import RING, Observer
-from observer_rt.observer.stream.step import advance_stream, take_recorded
+from observer_rt.observer.stream.state import Observer
 from observer_rt.service.compiled.constants import bench_constants, configured_noise
 from observer_rt.simulation.schedule import Event, Shot
 from tools.benchmarks.arrays import Array
@@ -52,18 +50,18 @@ _MASK = RECORDED_RING - 1
 _START, _NONE = int(Break.START), int(Break.NONE)
 
 
-@njit(cache=True, nogil=True)
 def run_samples(observer: Observer, inputs: Array, first_index: int) -> None:
-    """Samples (n, 3) of rail pressure [Pa], needle lift [m] and line pressure [Pa], one by one through the step."""
-    for k in range(inputs.shape[0]):
-        number = observer.memory[0].recorded
-        row = observer.recorded[number & _MASK]
-        row.index = first_index + k
-        for channel in range(3):
-            row.values[channel] = inputs[k, channel]
-        row.broken = _START if first_index + k == 0 else _NONE
-        take_recorded(observer, number + 1, 0)
-        advance_stream(observer)
+    """Samples (n, 3) of rail pressure [Pa], needle lift [m] and line pressure [Pa] through the step, as many at once."""
+    for first in range(0, len(inputs), RECORDED_RING):
+        block = inputs[first : first + RECORDED_RING]
+        number = int(observer.memory["recorded"][0])
+        rows = np.zeros(len(block), RECORDED)
+        rows["index"] = first_index + first + np.arange(len(block))
+        rows["values"] = block
+        rows["broken"] = np.where(rows["index"] == 0, _START, _NONE)
+        observer.recorded[np.arange(number, number + len(block)) & _MASK] = rows
+        observer.stream.take(number + len(block), 0)
+        observer.stream.advance()
 
 
 def loaded_observer(model: Path | None = None) -> Observer:
@@ -140,13 +138,6 @@ class SampleTimes:
     substeps: int
 
 
-@njit(cache=True, nogil=True)
-def step_samples(observer: Observer, first: int, end: int) -> None:
-    """The pair and its rate at positions [first, end) of the ring, which were gone through before."""
-    for position in range(first, end):
-        step_pair(observer, position)
-
-
 class OpenNeedle:
     """An observer that has everything it can have learned in force, in the middle of an injection."""
 
@@ -164,7 +155,7 @@ class OpenNeedle:
 
     def ours(self) -> Array:
         """Injection rates [m3/s] of the open samples, by compiled Python."""
-        step_samples(self.observer, self.first, self.end)
+        self.observer.stream.step_pairs(self.first, self.end)
         rows = self.observer.ring[self.first : self.end]
         return np.array(rows["injection_rate"])
 

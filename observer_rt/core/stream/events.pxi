@@ -1,27 +1,11 @@
-"""Events (openings closer than the event gap), their injections, and the queue of events to be judged."""
-
-import math
-
-from observer_rt.foundation.compiled import inner, inner_separate
-from observer_rt.foundation.small_arrays import copy_vector
-from observer_rt.observer.stream.standstill import forget_other_noise
-from observer_rt.observer.stream.state import (
-    INJECTIONS,
-    MAX_EVENT,
-    PENDING_EVENTS,
-    RING,
-    Observer,
-)
-
-_MASK = RING - 1
+# Events (openings closer than the event gap), their injections, and the queue of events to be judged.
 
 
-@inner
-def begin_injection(observer: Observer, position: int) -> None:
+cdef void begin_injection(Observer* observer, int64_t position) noexcept nogil:
     """The needle opens at `position`: an injection begins, and an event with it unless one is under way."""
-    memory = observer.memory[0]
-    timing = observer.constants.timing
-    row = observer.ring[position & _MASK]
+    memory = observer.memory
+    timing = &observer.constants.timing
+    row = &observer.ring[position & MASK]
     memory.opening = position
     memory.falls = 0
     if not memory.in_event:
@@ -32,41 +16,40 @@ def begin_injection(observer: Observer, position: int) -> None:
         memory.event_doubtful = 0
     if memory.injections_begun - memory.injections_reported == INJECTIONS:
         memory.injections_reported += 1
-    injection = memory.injections[memory.injections_begun % INJECTIONS]
+    injection = &observer.injections[memory.injections_begun % INJECTIONS]
     memory.injections_begun += 1
     injection.number = memory.injections_begun
     injection.event = memory.event_number
     injection.start = max(position - timing.window_lead, memory.segment_start)
     injection.end = -1
-    injection.start_index = observer.ring[injection.start & _MASK].index
+    injection.start_index = observer.ring[injection.start & MASK].index
     injection.opening_index = row.index
     injection.opening_seen = position > memory.segment_start
     injection.rail_pressure = row.rail_pressure
     injection.known_from, injection.known_to = memory.rail_from, memory.rail_to
 
 
-@inner
-def part_events(observer: Observer, position: int) -> None:
+cdef void part_events(Observer* observer, int64_t position) noexcept nogil:
     """The shut needle is about to open at `position`: an event that has lasted its gap ends here.
 
     Not while the sac may still be filled: only after a needle that was shut long enough for x^ to follow x~. One that
     goes on without such a pause ends when it is too long to be learned from. The first ones, before which nothing is
     valid, need not last: openings every 4 ms would make three of them an event, and the learning wait for it.
     """
-    memory = observer.memory[0]
-    timing = observer.constants.timing
+    cdef bint is_at_rest, is_first, is_over
+    memory = observer.memory
+    timing = &observer.constants.timing
     lasted = position - memory.event_opening
-    is_at_rest = observer.ring[position & _MASK].index - memory.shut_since > timing.settle
+    is_at_rest = observer.ring[position & MASK].index - memory.shut_since > timing.settle
     is_first = memory.events_closed < observer.constants.events_required
     is_over = is_at_rest and (is_first or lasted >= timing.event_gap)
     if memory.in_event and (lasted > MAX_EVENT or is_over):
         close_event(observer, position - 1)
 
 
-@inner
-def forget_opening(observer: Observer) -> None:
+cdef void forget_opening(Observer* observer) noexcept nogil:
     """The opening under way was none, nor its event where it has no other; another is not to be learned from."""
-    memory = observer.memory[0]
+    memory = observer.memory
     memory.injections_begun -= 1
     memory.needle_open = False
     if memory.opening == memory.event_opening:
@@ -76,34 +59,33 @@ def forget_opening(observer: Observer) -> None:
         memory.event_learnable = False
 
 
-@inner
-def follow_injection(observer: Observer, position: int) -> None:
+cdef void follow_injection(Observer* observer, int64_t position) noexcept nogil:
     """At a processed sample: end the injection's window when its tail is over, the event when its gap is."""
-    memory = observer.memory[0]
-    timing = observer.constants.timing
+    memory = observer.memory
+    timing = &observer.constants.timing
     if not memory.in_event:
         return
     if memory.needle_open:
         _end_window(observer, memory.injections_begun - 2, position)  # if its tail reaches into this opening
         return
-    shut_for = observer.ring[position & _MASK].index - memory.shut_since
+    shut_for = observer.ring[position & MASK].index - memory.shut_since
     if shut_for >= timing.window_tail:
         _end_window(observer, memory.injections_begun - 1, position)
     if shut_for >= timing.event_gap:
         close_event(observer, position)
 
 
-@inner
-def close_event(observer: Observer, position: int) -> None:
+cdef void close_event(Observer* observer, int64_t position) noexcept nogil:
     """The event ends; `position` is the last sample of its learning window. It waits to be judged."""
-    memory = observer.memory[0]
-    timing = observer.constants.timing
+    cdef bint long_enough
+    memory = observer.memory
+    timing = &observer.constants.timing
     _end_window(observer, memory.injections_begun - 1, position)
     forget_other_noise(observer)
     memory.in_event = False
-    event = memory.events[memory.events_closed % PENDING_EVENTS]
+    event = &observer.events[memory.events_closed % PENDING_EVENTS]
     event.number = memory.event_number
-    shut_at = min(memory.shut_since + timing.event_gap, observer.ring[position & _MASK].index)
+    shut_at = min(memory.shut_since + timing.event_gap, observer.ring[position & MASK].index)
     event.due_index = shut_at + timing.learning_delay
     event.opening = memory.event_opening
     event.window_start = max(memory.event_opening - timing.learning_lead, memory.segment_start)
@@ -116,7 +98,7 @@ def close_event(observer: Observer, position: int) -> None:
         and position - event.window_start < MAX_EVENT
     )
     event.doubtful = memory.event_doubtful
-    event.closed_index = observer.ring[position & _MASK].index
+    event.closed_index = observer.ring[position & MASK].index
     event.judged_before = memory.events_judged
     event.injections = memory.injections_begun
     event.rest_count = memory.rest_count
@@ -132,80 +114,76 @@ def close_event(observer: Observer, position: int) -> None:
     memory.events_closed += 1  # last: from here on others may read it
 
 
-@inner
-def break_event(observer: Observer, position: int) -> None:
+cdef void break_event(Observer* observer, int64_t position) noexcept nogil:
     """The stream breaks after `position`: an event under way ends here, unlearnable if the needle was open."""
-    memory = observer.memory[0]
+    memory = observer.memory
     if not memory.in_event:
         return
     if memory.needle_open:
         memory.event_learnable = False
-        memory.shut_since = observer.ring[position & _MASK].index + 1
+        memory.shut_since = observer.ring[position & MASK].index + 1
     close_event(observer, position)
     memory.needle_open = False
 
 
-@inner
-def note_closed_late(observer: Observer, index: int) -> None:
+cdef void note_closed_late(Observer* observer, int64_t index) noexcept nogil:
     """That the last event was over, only the sample `index` showed."""
-    memory = observer.memory[0]
-    memory.events[(memory.events_closed - 1) % PENDING_EVENTS].closed_index = index
+    memory = observer.memory
+    observer.events[(memory.events_closed - 1) % PENDING_EVENTS].closed_index = index
 
 
-@inner
-def make_all_due(observer: Observer) -> None:
+cdef void make_all_due(Observer* observer) noexcept nogil:
     """Judge the waiting events at once: the index they were due at will not come, or no sample will."""
-    memory = observer.memory[0]
+    memory = observer.memory
     for i in range(memory.events_taken, memory.events_closed):
-        memory.events[i % PENDING_EVENTS].due_index = -1
+        observer.events[i % PENDING_EVENTS].due_index = -1
 
 
-@inner
-def judgement_due(observer: Observer, index: int) -> bool:
+cdef bint judgement_due(Observer* observer, int64_t index) noexcept nogil:
     """Whether the oldest closed event must be judged before the sample `index`, at which the needle does not
     open.
 
     Outside every event, or where x^ follows x~ or is not available: nothing that is being integrated changes.
     """
-    memory = observer.memory[0]
+    cdef bint is_at_rest
+    memory = observer.memory
     is_at_rest = not memory.needle_open and index - memory.shut_since > observer.constants.timing.settle
     if memory.in_event and memory.synchronised and not is_at_rest:
         return False
-    return bool(memory.events[memory.events_taken % PENDING_EVENTS].due_index <= index)
+    return observer.events[memory.events_taken % PENDING_EVENTS].due_index <= index
 
 
-@inner_separate
-def _end_window(observer: Observer, injections_before: int, position: int) -> None:
+cdef void _end_window(Observer* observer, int64_t injections_before, int64_t position) noexcept nogil:
     """Integrate an injection up to the processed sample `position` if its window is still open: trapezoidal rule."""
-    memory = observer.memory[0]
+    memory = observer.memory
     if injections_before < 0:
         return
-    injection = memory.injections[injections_before % INJECTIONS]
+    injection = &observer.injections[injections_before % INJECTIONS]
     if injection.end >= 0:
         return
     injection.end = position
-    injection.end_index = observer.ring[position & _MASK].index
+    injection.end_index = observer.ring[position & MASK].index
     injection.phi_version = memory.phi_version
-    injection.state = observer.ring[position & _MASK].state
-    place = ((injection.start + position) // 2) & _MASK
-    middle = observer.ring[place]
-    copy_vector(observer.x_hat[place], injection.middle_x)
+    injection.state = observer.ring[position & MASK].state
+    place = ((injection.start + position) // 2) & MASK
+    middle = &observer.ring[place]
+    copy_numbers(observer.x_hat + place * observer.states, injection.middle_x, 3)
     injection.middle_u[0] = middle.rail_pressure
     injection.middle_u[1] = middle.seat_area
     volume = 0.0
     peak = 0.0
     reason = 0
     for k in range(max(injection.start, position - MAX_EVENT), position + 1):
-        row = observer.ring[k & _MASK]
+        row = &observer.ring[k & MASK]
         if reason == 0:
             reason = row.reason
         peak = max(peak, row.injection_rate)
         if k > injection.start:
-            previous = observer.ring[(k - 1) & _MASK]
+            previous = &observer.ring[(k - 1) & MASK]
             volume += 0.5 * (previous.injection_rate + row.injection_rate)
     injection.volume = volume * observer.constants.interval
-    if math.isnan(volume):
-        peak = math.nan
+    if isnan(volume):
+        peak = NAN
     injection.peak_rate = peak
     injection.reason = reason
     injection.valid = reason == 0

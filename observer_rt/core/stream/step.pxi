@@ -1,107 +1,49 @@
-"""The observer over its stream of samples: what happens, in which order, at every sample."""
+# The observer over its stream of samples: what happens, in which order, at every sample.
 
-from typing import Any
-
-import numpy as np
-
-from observer_rt.foundation.compiled import inlined, inner, inner_separate, separate
-from observer_rt.foundation.continuity import RECORDED_RING, Break, Doubt
-from observer_rt.observer.stream.events import (
-    begin_injection,
-    break_event,
-    follow_injection,
-    judgement_due,
-    make_all_due,
-    note_closed_late,
-    part_events,
-)
-from observer_rt.observer.stream.front_end import (
-    LOWEST,
-    STEPPED,
-    area_at,
-    area_between_lifts,
-    is_recorded_shut,
-    keep_sinking,
-    known,
-    leaps_about,
-    open_from,
-    opens_at,
-    shut_area,
-    stays_low,
-    true_lift,
-    true_rail_pressure,
-)
-from observer_rt.observer.stream.judgement import follow_filling, given_up, judged, look_at_familiarity
-from observer_rt.observer.stream.lift_step import come_to_rest, lingers
-from observer_rt.observer.stream.lift_zero import (
-    follow_lift,
-    is_beyond_limit,
-    look_at_opening,
-    look_at_rest,
-    look_at_start,
-    take_out_zero,
-)
-from observer_rt.observer.stream.outliers import inspect
-from observer_rt.observer.stream.pair import INJECTIONS_UNSEEN, start_pair, step_pair
-from observer_rt.observer.stream.standstill import gather
-from observer_rt.observer.stream.state import LIFT, LINE, MAX_EVENT, RAIL, RING, Observer, Reason
-from observer_rt.observer.stream.validity import SampleFacts, reason_of_sample, state_of_sample
-
-_MASK = RING - 1
-_RECORDED_MASK = RECORDED_RING - 1
-_RESTLESS = MAX_EVENT + RING // 8  # samples without standstill; a needle that is open as long is stuck
-_NONE = int(Break.NONE)
-_JUMP = int(Break.JUMP)
-_RESTART = int(Break.RESTART)
-_NO_DOUBT = int(Doubt.NONE)
-_NO_REASON = int(Reason.NONE)
-_NUMERICAL = int(Reason.NUMERICAL)
-_NEEDLE_STUCK = int(Reason.NEEDLE_STUCK)
-_NO_STANDSTILL = int(Reason.NO_STANDSTILL)
-_LIFT_ZERO = int(Reason.LIFT_ZERO)
-_FROZEN = int(Doubt.FROZEN)
+cdef enum:
+    _RESTLESS = MAX_EVENT + RING // 8  # samples without standstill; a needle that is open as long is stuck
 
 
-@inner_separate
-def take_recorded(observer: Observer, end: int, doubt: int) -> None:
+cdef void take_recorded(Observer* observer, int64_t end, int64_t doubt) noexcept nogil:
     """Take in the recorded samples up to the number `end`; `doubt` (Doubt) says why they are not to be trusted."""
-    memory = observer.memory[0]
+    memory = observer.memory
     ahead = observer.constants.undoing.ahead
     while memory.recorded < end:
         number = memory.recorded
-        sample = observer.recorded[number & _RECORDED_MASK]
-        if sample.broken != _NONE:
+        sample = &observer.recorded[number & RECORDED_MASK]
+        if sample.broken != BREAK_NONE:
             _give_on(observer, number)  # nothing follows what waits
             memory.unbroken_since = number
         sample.doubt = doubt
         memory.recorded += 1
-        if doubt != _NO_DOUBT:
+        if doubt != DOUBT_NONE:
             for earlier in range(memory.given_on, number):
-                observer.recorded[earlier & _RECORDED_MASK].doubt = doubt
+                observer.recorded[earlier & RECORDED_MASK].doubt = doubt
         _give_on(observer, memory.recorded - ahead)
 
 
-@inner_separate
-def _give_on(observer: Observer, end: int) -> None:
+cdef void _give_on(Observer* observer, int64_t end) noexcept nogil:
     """Append the recorded samples up to the number `end`, with what is stated of their channels undone."""
-    memory = observer.memory[0]
+    cdef bint is_stated
+    memory = observer.memory
     is_stated = observer.constants.undoing.stated
     while memory.given_on < end:
         number = memory.given_on
-        sample = observer.recorded[number & _RECORDED_MASK]
+        sample = &observer.recorded[number & RECORDED_MASK]
         rail_pressure = true_rail_pressure(observer, number) if is_stated else sample.values[RAIL]
         lift = true_lift(observer, number) if is_stated else sample.values[LIFT]
         _append(observer, sample, rail_pressure, lift)
         memory.given_on += 1
 
 
-@inlined
-def _append(observer: Observer, sample: Any, rail_pressure: float, needle_lift: float) -> None:
+cdef inline void _append(
+    Observer* observer, Recorded* sample, double rail_pressure, double needle_lift
+) noexcept nogil:
     """Into the ring, normalised."""
-    c = observer.constants.coefficients
-    inputs = observer.constants.inputs
-    memory = observer.memory[0]
-    row = observer.ring[memory.received & _MASK]
+    c = &observer.constants
+    inputs = &observer.constants.inputs
+    memory = observer.memory
+    row = &observer.ring[memory.received & MASK]
     row.index = sample.index
     at_rail = inputs.rail_factor * rail_pressure + inputs.rail_shift
     row.rail_pressure = (at_rail - c.chamber_pressure) / c.pressure_scale
@@ -113,24 +55,23 @@ def _append(observer: Observer, sample: Any, rail_pressure: float, needle_lift: 
     row.broken = sample.broken
     row.bridged = 0
     row.doubt = sample.doubt
-    if sample.doubt != _NO_DOUBT:  # it may have begun with samples that still wait for their look-ahead
+    if sample.doubt != DOUBT_NONE:  # it may have begun with samples that still wait for their look-ahead
         first = max(memory.processed, memory.received - observer.constants.timing.lookahead)
         for position in range(first, memory.received):
-            observer.ring[position & _MASK].doubt = sample.doubt
-    if sample.broken != _NONE:
+            observer.ring[position & MASK].doubt = sample.doubt
+    if sample.broken != BREAK_NONE:
         memory.newest_break = memory.received
     memory.received += 1
     if sample.interpolated:
         memory.interpolated += 1
 
 
-@separate
-def advance_stream(observer: Observer) -> bool:
+cdef bint advance_stream(Observer* observer) noexcept nogil:
     """Process every sample whose look-ahead is complete.
 
     Returns True when it stopped because an event must be judged first (`memory.waiting`).
     """
-    memory = observer.memory[0]
+    memory = observer.memory
     if memory.draining:
         _give_on(observer, memory.recorded)
     while memory.processed < memory.received:
@@ -147,36 +88,33 @@ def advance_stream(observer: Observer) -> bool:
         memory.processed += 1
     if memory.draining:
         _finish(observer)
-    return bool(memory.waiting)
+    return memory.waiting
 
 
-@inlined
-def _inspect_ahead(observer: Observer, position: int) -> None:
+cdef inline void _inspect_ahead(Observer* observer, int64_t position) noexcept nogil:
     """Look for outliers among the samples that must be known at `position`.
 
     Not among all that are received: what is found depends on what was judged before, and by then more or fewer have
     come as a frame carries more or fewer.
     """
-    memory = observer.memory[0]
+    memory = observer.memory
     for k in range(memory.inspected, position + known(observer, position) + 1):
-        row = observer.ring[k & _MASK]
+        row = &observer.ring[k & MASK]
         outlier = inspect(observer, k)
-        if row.doubt == _NO_DOUBT:
+        if row.doubt == DOUBT_NONE:
             row.doubt = outlier
         memory.inspected = k + 1
 
 
-@inner
-def _cut_short(observer: Observer, position: int) -> bool:
+cdef bint _cut_short(Observer* observer, int64_t position) noexcept nogil:
     """Whether a break follows within the look-ahead, so that it will never be longer."""
     following = position + known(observer, position) + 1
-    return bool(following < observer.memory[0].received)
+    return following < observer.memory.received
 
 
-@inner_separate
-def _finish(observer: Observer) -> None:
+cdef void _finish(Observer* observer) noexcept nogil:
     """No sample will come: end the event under way and have every closed one judged."""
-    memory = observer.memory[0]
+    memory = observer.memory
     break_event(observer, memory.processed - 1)
     make_all_due(observer)
     while memory.events_taken < memory.events_closed and judged(observer):
@@ -184,12 +122,12 @@ def _finish(observer: Observer) -> None:
     memory.waiting = memory.events_taken < memory.events_closed
 
 
-@inner_separate
-def _process(observer: Observer, position: int) -> bool:
+cdef bint _process(Observer* observer, int64_t position) noexcept nogil:
     """One sample; False, with nothing done, when an event must be judged before it."""
-    memory = observer.memory[0]
-    row = observer.ring[position & _MASK]
-    if row.broken != _NONE:
+    cdef bint opens
+    memory = observer.memory
+    row = &observer.ring[position & MASK]
+    if row.broken != BREAK_NONE:
         _end_segment(observer, position)
     take_out_zero(observer, position)
     opens = not memory.needle_open and opens_at(observer, position)
@@ -203,7 +141,7 @@ def _process(observer: Observer, position: int) -> bool:
             return False
         if not given_up(observer):
             break
-    if row.broken != _NONE:
+    if row.broken != BREAK_NONE:
         _begin_segment(observer, position)
     _move_needle(observer, position, opens)
     if position == memory.segment_start + observer.constants.timing.good:
@@ -213,7 +151,7 @@ def _process(observer: Observer, position: int) -> bool:
     if (position - memory.opening) % observer.constants.timing.settle == 0:
         look_at_rest(observer, position)
     row.resting = not memory.needle_open and row.index - memory.shut_since > observer.constants.timing.settle
-    if row.broken != _NONE:
+    if row.broken != BREAK_NONE:
         start_pair(observer, position)
     elif not step_pair(observer, position):
         _recover(observer, position)
@@ -225,22 +163,20 @@ def _process(observer: Observer, position: int) -> bool:
     return True
 
 
-@inner
-def _end_segment(observer: Observer, position: int) -> None:
+cdef void _end_segment(Observer* observer, int64_t position) noexcept nogil:
     """The stream broke before `position`: finish what was under way (harmless when done twice)."""
-    row = observer.ring[position & _MASK]
-    if position > 0 and observer.memory[0].in_event:
+    row = &observer.ring[position & MASK]
+    if position > 0 and observer.memory.in_event:
         break_event(observer, position - 1)
         note_closed_late(observer, row.index)
-    if row.broken == _RESTART:
+    if row.broken == BREAK_RESTART:
         make_all_due(observer)
 
 
-@inner
-def _begin_segment(observer: Observer, position: int) -> None:
-    memory = observer.memory[0]
-    row = observer.ring[position & _MASK]
-    if row.broken != _JUMP:
+cdef void _begin_segment(Observer* observer, int64_t position) noexcept nogil:
+    memory = observer.memory
+    row = &observer.ring[position & MASK]
+    if row.broken != BREAK_JUMP:
         # the needle may have moved meanwhile: nothing is known of the sac
         memory.shut_since = row.index
         memory.needle_open = False
@@ -251,11 +187,10 @@ def _begin_segment(observer: Observer, position: int) -> None:
     memory.breaks += 1
 
 
-@inner_separate
-def _move_needle(observer: Observer, position: int, opens: bool) -> None:
+cdef void _move_needle(Observer* observer, int64_t position, bint opens) noexcept nogil:
     """Dead band and events; the seat area of a closed needle is 0 or, beside an opening, negative."""
-    memory = observer.memory[0]
-    row = observer.ring[position & _MASK]
+    memory = observer.memory
+    row = &observer.ring[position & MASK]
     if opens:
         part_events(observer, position)
         memory.needle_open = True
@@ -282,56 +217,55 @@ def _move_needle(observer: Observer, position: int, opens: bool) -> None:
     row.seat_area = area_between_lifts(observer, position)
 
 
-@inner
-def _recover(observer: Observer, position: int) -> None:
+cdef void _recover(Observer* observer, int64_t position) noexcept nogil:
     """A state is not finite: start anew here, valid again only after a standstill."""
-    memory = observer.memory[0]
+    memory = observer.memory
     memory.numerical_resets += 1
     memory.synchronised = False
     memory.event_learnable = False
-    memory.unsynchronised_by = _NUMERICAL
+    memory.unsynchronised_by = REASON_NUMERICAL
     start_pair(observer, position)
 
 
-@inner
-def _settle(observer: Observer, position: int) -> None:
+cdef void _settle(Observer* observer, int64_t position) noexcept nogil:
     """Re-synchronised once x~ is good and the sac at rest; stays so until the stream breaks."""
-    memory = observer.memory[0]
+    cdef bint is_stuck
+    memory = observer.memory
     if not memory.needle_open:
         memory.closed_since_start += 1
-    if observer.ring[position & _MASK].resting and (
+    if observer.ring[position & MASK].resting and (
         memory.closed_since_start >= observer.constants.timing.good
     ):
         memory.synchronised = True
-        memory.unsynchronised_by = _NO_REASON
-    if observer.ring[position & _MASK].resting:
+        memory.unsynchronised_by = REASON_NONE
+    if observer.ring[position & MASK].resting:
         memory.rested = position
     is_stuck = memory.needle_open and position - memory.opening > MAX_EVENT
     if is_stuck or position - memory.rested > _RESTLESS:
         memory.synchronised = False
-        memory.unsynchronised_by = _NEEDLE_STUCK if is_stuck else _NO_STANDSTILL
+        memory.unsynchronised_by = REASON_NEEDLE_STUCK if is_stuck else REASON_NO_STANDSTILL
         memory.event_learnable = False
 
 
-@inner
-def _is_only_rest_held(observer: Observer, position: int) -> bool:
+cdef bint _is_only_rest_held(Observer* observer, int64_t position) noexcept nogil:
     """Whether all that is wrong with a sample is that the lift of a needle at rest is held.
 
     Had the needle moved meanwhile, the lift would leap when it is let go, or the line would ring.
     """
-    memory = observer.memory[0]
-    row = observer.ring[position & _MASK]
-    timing = observer.constants.timing
+    cdef bint is_at_rest
+    memory = observer.memory
+    row = &observer.ring[position & MASK]
+    timing = &observer.constants.timing
     is_at_rest = not memory.needle_open and row.index - memory.shut_since > timing.bounce
-    others = max(memory.channels[RAIL].bridged, memory.channels[LINE].bridged)
-    return bool(is_at_rest and row.doubt == _FROZEN and others <= timing.bridge)
+    others = max(observer.channels[RAIL].bridged, observer.channels[LINE].bridged)
+    return is_at_rest and row.doubt == DOUBT_FROZEN and others <= timing.bridge
 
 
-@inner_separate
-def _mark(observer: Observer, position: int) -> None:
+cdef void _mark(Observer* observer, int64_t position) noexcept nogil:
     """Validity, reason and state of the processed sample; its rate is not available while not synchronised."""
-    memory = observer.memory[0]
-    row = observer.ring[position & _MASK]
+    cdef bint is_doubted
+    memory = observer.memory
+    row = &observer.ring[position & MASK]
     follow_filling(observer, position)
     facts = SampleFacts(
         memory.unsynchronised_by,
@@ -347,15 +281,15 @@ def _mark(observer: Observer, position: int) -> None:
         memory.contradicted or memory.halted_in > 0,
         memory.phi_version > 0,
     )
-    row.reason = reason_of_sample(facts)
-    row.valid = row.reason == _NO_REASON
-    row.state = state_of_sample(facts, row.reason)
+    row.reason = reason_of_sample(&facts)
+    row.valid = row.reason == REASON_NONE
+    row.state = state_of_sample(&facts, row.reason)
     if not memory.synchronised:
-        row.injection_rate = np.nan
+        row.injection_rate = NAN
         return
-    is_doubted = row.doubt == _NO_DOUBT and memory.doubted != _NO_REASON
-    if is_doubted or (row.doubt != _NO_DOUBT and not _is_only_rest_held(observer, position)):
+    is_doubted = row.doubt == DOUBT_NONE and memory.doubted != REASON_NONE
+    if is_doubted or (row.doubt != DOUBT_NONE and not _is_only_rest_held(observer, position)):
         memory.event_learnable = False
         memory.event_doubtful = row.reason
-    elif row.reason == _LIFT_ZERO:
+    elif row.reason == REASON_LIFT_ZERO:
         memory.event_doubtful = row.reason

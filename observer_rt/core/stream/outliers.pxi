@@ -1,66 +1,54 @@
-"""Samples that no sensor means: spikes, frozen and clipped stretches, dropouts. Recognised one by one.
+# Samples that no sensor means: spikes, frozen and clipped stretches, dropouts. Recognised one by one.
+#
+# A value that must not be used is marked in `bridged` of its sample. For a line pressure x~ then goes on by the model,
+# without correction, and what is learned leaves it out; a rail pressure or lift is replaced by its neighbours or held.
 
-A value that must not be used is marked in `bridged` of its sample. For a line pressure x~ then goes on by the model,
-without correction, and what is learned leaves it out; a rail pressure or lift is replaced by its neighbours or held.
-"""
+cdef enum:
+    REACH = 3  # samples of the longest spike
+    FEWEST_REPEATS = 4  # that are a frozen value: so many samples wait for their look-ahead
+    FEWEST_AFTER_LEAP = 2
+    MOST_SAMPLES = RING  # more than ever may be bridged
+    WELL_KNOWN = 1000  # samples from which on the share of equal neighbours is known
+    STAYED = 6  # samples of a lift that may have been held before it leaps
+    LET_GO = 4  # samples after which it has not come back: no spike
+    ENOUGH_OPENINGS = 3  # that tell the stop
 
-import math
+cdef double STEP = 5.5  # standard deviations from one sample to the next, by which a spike goes away and comes back: with 4.5
+cdef double STRAIGHT = 4.0  # the same, by which an open lift's steps beside a spike may differ from the line across it,
+cdef double AWAY = 10.0  # .. and by which the spike leaves that line: a needle that turns round comes no further
+cdef double RESTLESS = 4.9  # the same of a channel's mean change: of white noise as much
+cdef double CHANGE_MEMORY = 64.0  # samples, of that mean
+cdef double CLOSE = 0.7  # of these: it comes back so near to where it was, and the channel was so steady before
+cdef double UNLIKELY = log(1e-8)  # probability a sample of so many equal values by chance
+cdef double UNLIKELY_AFTER_LEAP = log(1e-4)
+cdef double COARSE = 0.2  # share of equal neighbours, from which on they are no noise: a needle on its seat, a held value
+cdef double DROPOUT = 30.0  # standard deviations by which a value that then stays is a dropout
+cdef double BACK = 0.5  # of the leap: less is left after a spike
+cdef double WIDE = 0.5  # of the lift at the stop, above which the seat is so wide that a lift held there changes no flow
+cdef double LEAP = 10.0  # of e~ from one sample to the next; a wrong model's grows over several
 
-import numpy as np
-
-from observer_rt.foundation.compiled import inlined, inner, inner_separate
-from observer_rt.foundation.continuity import Doubt
-from observer_rt.observer.stream.front_end import OFF_SEAT
-from observer_rt.observer.stream.state import LIFT, LINE, RAIL, RING, Observer
-
-SLOWEST_FILTER = 21e-6  # s of a sample period, up to which three samples are short for a line
-REACH = 3  # samples of the longest spike
-STEP = 5.5  # standard deviations from one sample to the next, by which a spike goes away and comes back: with 4.5
 # noise does so three times a second at 100 kHz, with 5.5 once in ten seconds
-STRAIGHT = 4.0  # the same, by which an open lift's steps beside a spike may differ from the line across it,
-AWAY = 10.0  # .. and by which the spike leaves that line: a needle that turns round comes no further
-RESTLESS = 4.9  # the same of a channel's mean change: of white noise as much
-MEMORY = 64.0  # samples, of that mean
-CLOSE = 0.7  # of these: it comes back so near to where it was, and the channel was so steady before
-UNLIKELY = math.log(1e-8)  # probability a sample of so many equal values by chance
-FEWEST_REPEATS = 4  # that are a frozen value: so many samples wait for their look-ahead
-UNLIKELY_AFTER_LEAP = math.log(1e-4)
-FEWEST_AFTER_LEAP = 2
-MOST_SAMPLES = RING  # more than ever may be bridged
-COARSE = 0.2  # share of equal neighbours, from which on they are no noise: a needle on its seat, a held value
-WELL_KNOWN = 1000  # samples from which on the share of equal neighbours is known
-DROPOUT = 30.0  # standard deviations by which a value that then stays is a dropout
-STAYED = 6  # samples of a lift that may have been held before it leaps
-LET_GO = 4  # samples after which it has not come back: no spike
-BACK = 0.5  # of the leap: less is left after a spike
-WIDE = 0.5  # of the lift at the stop, above which the seat is so wide that a lift held there changes no flow
-ENOUGH_OPENINGS = 3  # that tell the stop
-LEAP = 10.0  # of e~ from one sample to the next; a wrong model's grows over several
-_MASK = RING - 1
-_RAIL, _LIFT, _LINE = np.int64(RAIL), np.int64(LIFT), np.int64(LINE)  # no literals: one code for all three
-_NONE, _FROZEN, _CLIPPED = int(Doubt.NONE), int(Doubt.FROZEN), int(Doubt.CLIPPED)
 
 
-@inlined
-def inspect(observer: Observer, position: int) -> int:
+cdef inline int64_t inspect(Observer* observer, int64_t position) noexcept nogil:
     """Look at a sample after those before it, and again at those; why it is not to be trusted (`Doubt`)."""
-    channels = observer.memory[0].channels
-    row = observer.ring[position & _MASK]
-    doubt = _NONE
+    cdef bint is_fast
+    channels = observer.channels
+    row = &observer.ring[position & MASK]
+    doubt = DOUBT_NONE
     if not row.interpolated and row.broken == 0:
-        if _is_odd(channels[LINE], position, row.line_pressure, RESTLESS):
-            doubt = _look(observer, position, _LINE, row.line_pressure)
-        if _is_odd(channels[LIFT], position, row.needle_lift, 0.0):
-            doubt = max(doubt, _look(observer, position, _LIFT, row.needle_lift))
+        if _is_odd(&channels[LINE], position, row.line_pressure, RESTLESS):
+            doubt = _look(observer, position, LINE, row.line_pressure)
+        if _is_odd(&channels[LIFT], position, row.needle_lift, 0.0):
+            doubt = max(doubt, _look(observer, position, LIFT, row.needle_lift))
         # of a slower rail pressure most values are made up
         is_fast = observer.constants.rail_every <= 1.0
-        if is_fast and _is_odd(channels[RAIL], position, row.rail_pressure, RESTLESS):
-            doubt = max(doubt, _look(observer, position, _RAIL, row.rail_pressure))
+        if is_fast and _is_odd(&channels[RAIL], position, row.rail_pressure, RESTLESS):
+            doubt = max(doubt, _look(observer, position, RAIL, row.rail_pressure))
     return doubt
 
 
-@inlined
-def _is_odd(channel, position: int, value: float, restless: float) -> bool:  # type: ignore[no-untyped-def]
+cdef inline bint _is_odd(Channel* channel, int64_t position, double value, double restless) noexcept nogil:
     """Take in a value of a channel; whether there is more to be done than for most of them, and for the next.
 
     restless: means of its changes that are no step either, 0 for a lift.
@@ -69,7 +57,7 @@ def _is_odd(channel, position: int, value: float, restless: float) -> bool:  # t
     channel.last = value
     if value == last:
         channel.run += 1
-        return bool(channel.run == 1 or channel.run >= channel.needed or position < channel.until)
+        return channel.run == 1 or channel.run >= channel.needed or position < channel.until
     if channel.run > 0:
         if channel.run < channel.needed:
             channel.repeats += channel.run
@@ -82,30 +70,29 @@ def _is_odd(channel, position: int, value: float, restless: float) -> bool:  # t
     limit = max(STEP * channel.noise, restless * channel.change)
     channel.change += (
         (step if step < limit else limit) - channel.change
-    ) / MEMORY  # no number is not taken in
+    ) / CHANGE_MEMORY  # no number is not taken in
     if step > limit:
         channel.until = max(channel.until, position + 2)
         return True
-    return bool(position < channel.until)
+    return position < channel.until
 
 
-@inlined
-def accepted(memory, longest: int, innovation: float) -> bool:  # type: ignore[no-untyped-def]
+cdef inline bint accepted(ObserverMemory* memory, int64_t longest, double innovation) noexcept nogil:
     """Whether an innovation of x~ [p_0] may correct it: not where it leaps, for `longest` samples at most."""
+    cdef bint is_leap
     leap = innovation - memory.accepted_innovation
-    is_leap = math.inf > leap * leap * memory.innovation_weight > LEAP * LEAP
+    is_leap = INFINITY > leap * leap * memory.innovation_weight > LEAP * LEAP
     if is_leap and memory.synchronised and memory.leaping < longest:
         memory.leaping += 1
     else:
         memory.accepted_innovation = innovation
         memory.leaping = 0
-    return bool(memory.leaping == 0)
+    return memory.leaping == 0
 
 
-@inner_separate
-def _look(observer: Observer, position: int, number: int, value: float) -> int:
+cdef int64_t _look(Observer* observer, int64_t position, int64_t number, double value) noexcept nogil:
     """Do what is to be done about a channel whose value at a position is odd; its `Doubt`."""
-    channel = observer.memory[0].channels[number]
+    channel = &observer.channels[number]
     if channel.run > 0:
         _follow_run(observer, position, number, value)
     elif channel.bridged > 0:
@@ -113,42 +100,41 @@ def _look(observer: Observer, position: int, number: int, value: float) -> int:
     if channel.bridged > 0:
         channel.until = max(channel.until, position + 2)
     if number == LIFT and (_was_held(observer, value) or _was_let_go(observer, position)):
-        return _FROZEN
+        return DOUBT_FROZEN
     if number == LIFT:
         _mend_open_lift(observer, position)
     else:
         _mend(observer, position, number)
-    return int(_doubt(channel, number, observer.constants.timing.bridge))
+    return _doubt(channel, number, observer.constants.timing.bridge)
 
 
-@inner
-def _was_held(observer: Observer, value: float) -> bool:
+cdef bint _was_held(Observer* observer, double value) noexcept nogil:
     """Whether a lift that moves again has moved while it was held: a needle cannot be bridged."""
-    memory = observer.memory[0]
-    channel = memory.channels[LIFT]
+    cdef bint has_moved
+    memory = observer.memory
+    channel = &observer.channels[LIFT]
     if channel.run > 0 or not channel.is_held:
         return False
     channel.is_held = False
     has_moved = abs(value - channel.held) > DROPOUT * channel.noise
-    return bool(has_moved and not channel.is_dropout and not _is_wide_open(memory, min(value, channel.held)))
+    return has_moved and not channel.is_dropout and not _is_wide_open(memory, min(value, channel.held))
 
 
-@inner
-def _is_wide_open(memory, lift: float) -> bool:  # type: ignore[no-untyped-def]
+cdef bint _is_wide_open(ObserverMemory* memory, double lift) noexcept nogil:
     """Whether at a lift, as recorded [m], the seat limits no flow."""
-    return bool(memory.stop_openings >= ENOUGH_OPENINGS and lift - memory.zero > WIDE * memory.stop)
+    return memory.stop_openings >= ENOUGH_OPENINGS and lift - memory.zero > WIDE * memory.stop
 
 
-@inner_separate
-def _was_let_go(observer: Observer, position: int) -> bool:
+cdef bint _was_let_go(Observer* observer, int64_t position) noexcept nogil:
     """Whether the lift leapt from where it stayed, some samples before a position, quicker than a needle, for good.
 
     So it is with one that was held ahead of its noise.
     """
-    memory = observer.memory[0]
+    cdef bint is_repeated
+    memory = observer.memory
     quickest = observer.constants.quickest + memory.lift_on
     if abs(_lift_over(observer, position - 1, position)) > quickest:
-        channel = memory.channels[LIFT]
+        channel = &observer.channels[LIFT]
         channel.until = max(channel.until, position + LET_GO + 1)
     last = position - LET_GO - 1
     if not _follows(observer, position, LET_GO + 1 + STAYED):
@@ -168,31 +154,27 @@ def _was_let_go(observer: Observer, position: int) -> bool:
     return True
 
 
-@inlined
-def _lowest(observer: Observer, position: int) -> float:
+cdef inline double _lowest(Observer* observer, int64_t position) noexcept nogil:
     """Of the recorded lifts [m] at a position and the one after it."""
     ring = observer.ring
-    return float(min(ring[position & _MASK].needle_lift, ring[(position + 1) & _MASK].needle_lift))
+    return min(ring[position & MASK].needle_lift, ring[(position + 1) & MASK].needle_lift)
 
 
-@inlined
-def _lift_over(observer: Observer, begin: int, end: int) -> float:
+cdef inline double _lift_over(Observer* observer, int64_t begin, int64_t end) noexcept nogil:
     """Recorded lift [m] at a position over that at another one."""
-    return float(observer.ring[end & _MASK].needle_lift - observer.ring[begin & _MASK].needle_lift)
+    return observer.ring[end & MASK].needle_lift - observer.ring[begin & MASK].needle_lift
 
 
-@inner
-def value_of(row, channel: int) -> float:  # type: ignore[no-untyped-def]
+cdef double value_of(Sample* row, int64_t channel) noexcept nogil:
     """Of a sample, by number of the channel."""
     if channel == RAIL:
-        return float(row.rail_pressure)
+        return row.rail_pressure
     if channel == LIFT:
-        return float(row.needle_lift)
-    return float(row.line_pressure)
+        return row.needle_lift
+    return row.line_pressure
 
 
-@inner
-def _replace(row, channel: int, value: float) -> None:  # type: ignore[no-untyped-def]
+cdef void _replace(Sample* row, int64_t channel, double value) noexcept nogil:
     if channel == RAIL:
         row.rail_pressure = value
     elif channel == LIFT:
@@ -202,10 +184,10 @@ def _replace(row, channel: int, value: float) -> None:  # type: ignore[no-untype
         row.line_pressure = value
 
 
-@inner
-def _follow_run(observer: Observer, position: int, number: int, value: float) -> None:
+cdef void _follow_run(Observer* observer, int64_t position, int64_t number, double value) noexcept nogil:
     """A channel has the value of the sample before: bridge it, once that is no chance."""
-    channel = observer.memory[0].channels[number]
+    cdef bint longest, is_again
+    channel = &observer.channels[number]
     longest = observer.constants.timing.bridge
     if channel.run == 1:
         _note_run(observer, position, number, value)
@@ -221,27 +203,25 @@ def _follow_run(observer: Observer, position: int, number: int, value: float) ->
         channel.held = value
         channel.is_held = True
         # those before may have been used by now: how many depends on what a frame carries
-        repeats = channel.needed - int(not channel.is_dropout)
+        repeats = channel.needed - (0 if channel.is_dropout else 1)
         for k in range(min(repeats, observer.constants.timing.lookahead)):
             _bridge(observer, position - 1 - k, number)
     _bridge(observer, position, number)
     channel.bridged = min(channel.bridged, 2 * longest + 1)
 
 
-@inner
-def _note_run(observer: Observer, position: int, number: int, value: float) -> None:
+cdef void _note_run(Observer* observer, int64_t position, int64_t number, double value) noexcept nogil:
     """Two samples, the second at `position`, have one value: how many must follow, and what it was before them."""
-    channel = observer.memory[0].channels[number]
+    channel = &observer.channels[number]
     channel.needed = MOST_SAMPLES
-    if position <= observer.memory[0].segment_start + 1 or not math.isfinite(value):
+    if position <= observer.memory.segment_start + 1 or not isfinite(value):
         return
-    channel.instead = value_of(observer.ring[(position - 2) & _MASK], number)
+    channel.instead = value_of(&observer.ring[(position - 2) & MASK], number)
     channel.is_dropout = abs(value - channel.instead) > DROPOUT * channel.noise
     channel.needed = repeats_needed(channel.repeats, position, channel.is_dropout)
 
 
-@inner
-def repeats_needed(repeats: int, samples: int, is_dropout: bool) -> int:
+cdef int64_t repeats_needed(int64_t repeats, int64_t samples, bint is_dropout) noexcept nogil:
     """Equal neighbours in a row that are no chance, where so many of all samples had one; fewer after a leap."""
     if samples < WELL_KNOWN:
         return MOST_SAMPLES
@@ -249,47 +229,44 @@ def repeats_needed(repeats: int, samples: int, is_dropout: bool) -> int:
     if chance > COARSE:
         return MOST_SAMPLES
     if is_dropout:
-        return max(FEWEST_AFTER_LEAP, math.ceil(UNLIKELY_AFTER_LEAP / math.log(chance)))
-    return max(FEWEST_REPEATS, math.ceil(UNLIKELY / math.log(chance)))
+        return max(FEWEST_AFTER_LEAP, <int64_t> ceil(UNLIKELY_AFTER_LEAP / log(chance)))
+    return max(FEWEST_REPEATS, <int64_t> ceil(UNLIKELY / log(chance)))
 
 
-@inner
-def _doubt(channel, number: int, longest: int) -> int:  # type: ignore[no-untyped-def]
+cdef int64_t _doubt(Channel* channel, int64_t number, int64_t longest) noexcept nogil:
     """Of a channel, so many of whose last samples were bridged; inputs that are clipped are wrong from the start."""
     if channel.is_clipped and number != LINE:
         longest = 0
     if channel.bridged <= longest:
-        return _NONE
-    return _CLIPPED if channel.is_clipped else _FROZEN
+        return DOUBT_NONE
+    return DOUBT_CLIPPED if channel.is_clipped else DOUBT_FROZEN
 
 
-@inner
-def _bridge(observer: Observer, position: int, number: int) -> None:
+cdef void _bridge(Observer* observer, int64_t position, int64_t number) noexcept nogil:
     """Do not use a value: of an input, hold the one before a dropout."""
-    channel = observer.memory[0].channels[number]
-    row = observer.ring[position & _MASK]
+    channel = &observer.channels[number]
+    row = &observer.ring[position & MASK]
     row.bridged |= 1 << number
     channel.bridged += 1
-    observer.memory[0].bridged += 1
+    observer.memory.bridged += 1
     if channel.is_dropout and number != LINE:
         _replace(row, number, channel.instead)
 
 
-@inner_separate
-def _mend(observer: Observer, position: int, number: int) -> None:
+cdef void _mend(Observer* observer, int64_t position, int64_t number) noexcept nogil:
     """Put a straight line in the place of the few values before a position that leapt away from it and came back."""
-    memory = observer.memory[0]
+    memory = observer.memory
     if not observer.constants.timing.filtered or not _follows(observer, position, 2 * REACH + 1):
         return
-    limit = max(STEP * memory.channels[number].noise, RESTLESS * memory.channels[number].change)
-    here = value_of(observer.ring[position & _MASK], number)
-    back = abs(here - value_of(observer.ring[(position - 1) & _MASK], number))
-    if back <= limit or not math.isfinite(back):
+    limit = max(STEP * observer.channels[number].noise, RESTLESS * observer.channels[number].change)
+    here = value_of(&observer.ring[position & MASK], number)
+    back = abs(here - value_of(&observer.ring[(position - 1) & MASK], number))
+    if back <= limit or not isfinite(back):
         return
     for width in range(1, REACH + 1):
         last = position - width - 1
-        before = value_of(observer.ring[last & _MASK], number)
-        away = abs(value_of(observer.ring[(last + 1) & _MASK], number) - before)
+        before = value_of(&observer.ring[last & MASK], number)
+        away = abs(value_of(&observer.ring[(last + 1) & MASK], number) - before)
         close = CLOSE * min(away, back)
         rise = here - before
         if away > limit and (
@@ -297,22 +274,22 @@ def _mend(observer: Observer, position: int, number: int) -> None:
             and min(abs(rise), abs(rise - (width + 1) * _slope(observer, last, number))) < close
         ):
             for k in range(1, width + 1):
-                row = observer.ring[(last + k) & _MASK]
+                row = &observer.ring[(last + k) & MASK]
                 _replace(row, number, before + rise * k / (width + 1))
                 row.bridged |= 1 << number
             memory.spikes += width
             return
 
 
-@inner_separate
-def _mend_open_lift(observer: Observer, position: int) -> None:
+cdef void _mend_open_lift(Observer* observer, int64_t position) noexcept nogil:
     """Put the straight line that an open needle moves on in the place of the few values that leapt away from it.
 
     A needle stops as suddenly as a spike begins, and turns round; but it does not go on where it would have been.
     """
+    cdef bint is_straight
     if not observer.constants.timing.filtered or not _follows(observer, position, REACH + 4):
         return
-    memory = observer.memory[0]
+    memory = observer.memory
     after, last = _lift(observer, position - 1), _lift(observer, position)
     for width in range(1, REACH + 1):
         first = position - 1 - width
@@ -320,59 +297,56 @@ def _mend_open_lift(observer: Observer, position: int) -> None:
         if min(before, after) < memory.lift_on:
             return
         slope = (after - before) / (width + 1)
-        noise = memory.channels[LIFT].noise
+        noise = observer.channels[LIFT].noise
         close = STRAIGHT * noise
         is_straight = (
             abs(before - _lift(observer, first - 2) - slope) < close and abs(last - after - slope) < close
         )
         if is_straight and _least_away(observer, first, width, before, slope) > AWAY * noise:
             for k in range(width):
-                row = observer.ring[(first + k) & _MASK]
-                _replace(row, _LIFT, before + slope * (k + 1) + memory.zero)
+                row = &observer.ring[(first + k) & MASK]
+                _replace(row, LIFT, before + slope * (k + 1) + memory.zero)
                 row.bridged |= 1 << LIFT
             memory.spikes += width
             return
 
 
-@inner
-def _least_away(observer: Observer, first: int, width: int, before: float, slope: float) -> float:
+cdef double _least_away(
+    Observer* observer, int64_t first, int64_t width, double before, double slope
+) noexcept nogil:
     """By how much at least so many lifts from `first` on are above a line, or below it."""
-    least, most = math.inf, -math.inf
+    least, most = INFINITY, -INFINITY
     for k in range(width):
         away = _lift(observer, first + k) - before - slope * (k + 1)
         least, most = min(least, away), max(most, away)
     return max(least, -most)
 
 
-@inner
-def _lift(observer: Observer, position: int) -> float:
+cdef double _lift(Observer* observer, int64_t position) noexcept nogil:
     """As recorded, without its zero [m]."""
-    return float(observer.ring[position & _MASK].needle_lift - observer.memory[0].zero)
+    return observer.ring[position & MASK].needle_lift - observer.memory.zero
 
 
-@inner
-def _follows(observer: Observer, position: int, samples: int) -> bool:
+cdef bint _follows(Observer* observer, int64_t position, int64_t samples) noexcept nogil:
     """Whether so many samples, `position` the last of them, follow each other."""
     if position < samples:
         return False
-    breaks = 0
+    cdef int64_t breaks = 0
     for k in range(samples):
-        breaks += observer.ring[(position - k) & _MASK].broken != 0
+        breaks += observer.ring[(position - k) & MASK].broken != 0
     return breaks == 0
 
 
-@inner
-def _slope(observer: Observer, position: int, number: int) -> float:
+cdef double _slope(Observer* observer, int64_t position, int64_t number) noexcept nogil:
     """Of a channel [a sample], at a position and the two before it."""
-    later, earlier = observer.ring[position & _MASK], observer.ring[(position - 2) & _MASK]
-    return float(0.5 * (value_of(later, number) - value_of(earlier, number)))
+    later, earlier = &observer.ring[position & MASK], &observer.ring[(position - 2) & MASK]
+    return 0.5 * (value_of(later, number) - value_of(earlier, number))
 
 
-@inner
-def _is_steady(observer: Observer, position: int, number: int, close: float) -> bool:
+cdef bint _is_steady(Observer* observer, int64_t position, int64_t number, double close) noexcept nogil:
     """Whether a channel changed by less than that at a position and the one before it: else it rings."""
     for k in range(2):
-        later, earlier = observer.ring[(position - k) & _MASK], observer.ring[(position - k - 1) & _MASK]
+        later, earlier = &observer.ring[(position - k) & MASK], &observer.ring[(position - k - 1) & MASK]
         if abs(value_of(later, number) - value_of(earlier, number)) >= close:
             return False
     return True

@@ -1,41 +1,43 @@
-"""The lift a shut needle shows: its zero, followed, and what the line pressure adds to it; both are no motion.
+# The lift a shut needle shows: its zero, followed, and what the line pressure adds to it; both are no motion.
+#
+# How far the needle opens: the lift at which long openings stay, for the scale of the sensor.
 
-How far the needle opens: the lift at which long openings stay, for the scale of the sensor.
-"""
+cdef enum:
+    REMEMBERED = 20  # openings
+    EDGE = 3  # samples in which a lift steps
+    CROSSTALK_SAMPLES = 2000
+    RECENT = 4000  # samples since a step, by when its mean is the running one
+    LATELY = 256  # squares of the noise: it has fallen where ..
+    _BEGINNING = 1000  # samples; afterwards every second one is looked at
+    _LOOK = 32  # of these after which dead band and crosstalk are worked out
 
-import math
-
-from observer_rt.foundation.compiled import inlined, inner, inner_separate
-from observer_rt.foundation.continuity import Break
-from observer_rt.observer.stream.events import forget_opening
-from observer_rt.observer.stream.front_end import dead_band, known
-from observer_rt.observer.stream.lift_step import (
-    FURTHEST_ZERO,
-    QUICK_RATE,
-    START_LIMIT,
-    expect_steps,
-    follow_step,
-    forget_step,
-    shift_zero,
-    since_step,
-)
-from observer_rt.observer.stream.standstill import (
-    DIFFERENCE_GAIN,
-    ENOUGH_SAMPLES,
-    LIFT_MEMORY,
-    square_of_difference,
-)
-from observer_rt.observer.stream.state import RING, Observer, Reason
-
-NEAR = 0.1  # share by which a lift may differ from the highest so far and be that of the same stop
-REMEMBERED = 20  # openings
+cdef double NEAR = 0.1  # share by which a lift may differ from the highest so far and be that of the same stop
+cdef double ZERO_RATE = 800.0  # 1/s: share of a sample in the running zero over the sample interval
+cdef double NEAR_RATE = 1600.0  # 1/s
+cdef double MOVES = 0.2e-6  # m, rms of a mean over its own mean, from which on the zero moves; and ..
+cdef double MOVES_BEYOND = 0.2  # .. standard deviations of a sample: eight times what white noise does at 100 kHz
+cdef double MOVES_RATE = 25.0  # 1/s, of that mean square
+cdef double MOVES_ON = 5e-3  # s without standstill in which the zero goes on as before
+cdef double CLIP = 0.6  # of the dead band, three sigma: by more a sample does not count
+cdef double CALM = 0.7e6  # Pa, rms of a line pressure in which no injection rings
+cdef double AS_CALM = 1.5  # times the mean square before: a calm line rings no more than that
+cdef double LEAST_SWING = 0.5e6  # Pa about its mean, from which on a sample counts: hum is less
+cdef double FADE = 2e-5  # a sample
+cdef double FOUND = 8.0
+cdef double LOST = 5.0  # standard deviations from which on it is taken out, and below which no more
+cdef double FADE_LATELY = 4e-3  # a sample, of shorter sums: it is gone where ..
+cdef double GONE = 6.0
+cdef double SHARE_LEFT = 0.5  # .. they differ by so many standard deviations, and no more than that of it is left
+cdef double LEAST_NOISE = 0.1e-6  # m
+cdef double MOST_CROSSTALK = 0.5e-12  # m/Pa
+cdef double FALLEN = 4.0  # .. their mean is so much less than that of all
+cdef double _WRONG_SWING = 50e6  # Pa: a jump of the rail, or no number
 
 
-@inner
-def follow_opening(observer: Observer, position: int) -> None:
+cdef void follow_opening(Observer* observer, int64_t position) noexcept nogil:
     """At a sample with the needle open: note where it stays, the highest such lift of the opening."""
-    memory = observer.memory[0]
-    lift = observer.ring[position & _MASK].lift
+    memory = observer.memory
+    lift = observer.ring[position & MASK].lift
     if not abs(lift - memory.level) <= memory.lift_on:
         memory.level, memory.level_count = lift, 1
         return
@@ -45,10 +47,9 @@ def follow_opening(observer: Observer, position: int) -> None:
         memory.highest = max(memory.highest, memory.level)
 
 
-@inner
-def take_opening(observer: Observer) -> None:
+cdef void take_opening(Observer* observer) noexcept nogil:
     """The needle is shut: the highest lift at which it stayed is that of the stop, if it is not far below others."""
-    memory = observer.memory[0]
+    memory = observer.memory
     highest = memory.highest
     memory.highest, memory.level_count = 0.0, 0
     if highest > (1.0 + NEAR) * memory.stop:
@@ -56,54 +57,21 @@ def take_opening(observer: Observer) -> None:
     elif highest > (1.0 - NEAR) * memory.stop:
         memory.stop_openings += 1
         memory.stop += (highest - memory.stop) / min(memory.stop_openings, REMEMBERED)
-
-
-ZERO_RATE = 800.0  # 1/s: share of a sample in the running zero over the sample interval
 # of a zero that moves on too fast for a mean, as hum lets it: its level and slope are those of a mean and its mean
-NEAR_RATE = 1600.0  # 1/s
-MOVES = 0.2e-6  # m, rms of a mean over its own mean, from which on the zero moves; and ..
-MOVES_BEYOND = 0.2  # .. standard deviations of a sample: eight times what white noise does at 100 kHz
-MOVES_RATE = 25.0  # 1/s, of that mean square
-MOVES_ON = 5e-3  # s without standstill in which the zero goes on as before
-CLIP = 0.6  # of the dead band, three sigma: by more a sample does not count
-CALM = 0.7e6  # Pa, rms of a line pressure in which no injection rings
-AS_CALM = 1.5  # times the mean square before: a calm line rings no more than that
-EDGE = 3  # samples in which a lift steps
 # of the line pressure in the lift:
-LEAST_SWING = 0.5e6  # Pa about its mean, from which on a sample counts: hum is less
-FADE = 2e-5  # a sample
-CROSSTALK_SAMPLES = 2000
-FOUND, LOST = 8.0, 5.0  # standard deviations from which on it is taken out, and below which no more
-FADE_LATELY = 4e-3  # a sample, of shorter sums: it is gone where ..
-GONE, SHARE_LEFT = (
-    6.0,
-    0.5,
-)  # .. they differ by so many standard deviations, and no more than that of it is left
-LEAST_NOISE = 0.1e-6  # m
-MOST_CROSSTALK = 0.5e-12  # m/Pa
-RECENT = 4000  # samples since a step, by when its mean is the running one
-LATELY = 256  # squares of the noise: it has fallen where ..
-FALLEN = 4.0  # .. their mean is so much less than that of all
-_WRONG_SWING = 50e6  # Pa: a jump of the rail, or no number
-_BEGINNING = 1000  # samples; afterwards every second one is looked at
-_LOOK = 32  # of these after which dead band and crosstalk are worked out
-_MASK = RING - 1
-_START = int(Break.START)
-_LIFT_ZERO = int(Reason.LIFT_ZERO)
 
 
-@inlined
-def take_out_zero(observer: Observer, position: int) -> None:
+cdef inline void take_out_zero(Observer* observer, int64_t position) noexcept nogil:
     """Work out the lift of all samples known at `position`: the recorded one without what a shut needle shows.
 
     Not when they are received: how many come at once must not matter.
     """
-    memory = observer.memory[0]
+    memory = observer.memory
     end = position + known(observer, position) + 1
     if memory.lifted == 0:
         _begin(observer, end)
     for k in range(memory.lifted, end):
-        row = observer.ring[k & _MASK]
+        row = &observer.ring[k & MASK]
         row.lift = row.needle_lift - memory.zero
         if memory.crosstalk != 0.0:
             pressed = memory.crosstalk * (row.line_pressure - memory.line_mean)
@@ -112,14 +80,13 @@ def take_out_zero(observer: Observer, position: int) -> None:
     memory.lifted = end
 
 
-@inner_separate
-def _begin(observer: Observer, end: int) -> None:
+cdef void _begin(Observer* observer, int64_t end) noexcept nogil:
     """At the first samples, up to `end`: what was known before them of the lift is a start.
 
     Forgotten where it would make a needle open that else is shut. The line's mean is that of the rail until it is
     known: it may ring, or fill.
     """
-    memory = observer.memory[0]
+    memory = observer.memory
     if memory.crosstalk != 0.0:
         memory.line_mean = observer.ring[0].rail_pressure
     lift = 0.0
@@ -129,21 +96,20 @@ def _begin(observer: Observer, end: int) -> None:
         shift_zero(observer, end, -memory.zero)
 
 
-@inlined
-def is_beyond_limit(observer: Observer) -> bool:
+cdef inline bint is_beyond_limit(Observer* observer) noexcept nogil:
     """Whether the zero has gone further than drift does: the needle may not be shut at all."""
-    return bool(abs(observer.memory[0].zero) >= FURTHEST_ZERO)
+    return abs(observer.memory.zero) >= FURTHEST_ZERO
 
 
-@inner_separate
-def follow_lift(observer: Observer, position: int) -> None:
+cdef void follow_lift(Observer* observer, int64_t position) noexcept nogil:
     """Take the lift at `position` into its zero, its noise and its crosstalk, if the needle is shut and at rest.
 
     Else into what is known of its stop.
     """
-    memory = observer.memory[0]
+    cdef bint has_begun
+    memory = observer.memory
     interval = observer.constants.interval
-    row = observer.ring[position & _MASK]
+    row = &observer.ring[position & MASK]
     shut_for = row.index - memory.shut_since
     if memory.needle_open:
         _move_on(observer, position)
@@ -160,7 +126,7 @@ def follow_lift(observer: Observer, position: int) -> None:
         return
     follow_step(observer, position, min((2.0 if has_begun else 1.0) * QUICK_RATE * interval, 1.0))
     lift = row.needle_lift - memory.zero
-    if not math.isfinite(lift):
+    if not isfinite(lift):
         return
     swing = _swing(observer, row.line_pressure)
     memory.zero_count += 1
@@ -173,7 +139,7 @@ def follow_lift(observer: Observer, position: int) -> None:
     added = memory.crosstalk * swing if memory.crosstalk_count >= CROSSTALK_SAMPLES else 0.0
     left = min(max(lift - added, -clip), clip)
     _follow(observer, position, memory.zero + left, share)
-    pressed = abs(swing) * observer.constants.coefficients.pressure_scale
+    pressed = abs(swing) * observer.constants.pressure_scale
     if pressed > LEAST_SWING and abs(lift) < memory.lift_on + MOST_CROSSTALK * pressed:
         memory.swing_squares += swing * swing - FADE * memory.swing_squares
         memory.swing_lifts += swing * lift - FADE * memory.swing_lifts
@@ -183,17 +149,16 @@ def follow_lift(observer: Observer, position: int) -> None:
     if shut_for > observer.constants.timing.bounce + 4 and (memory.zero_count % 2 == 0 or not has_begun):
         _gather_noise(observer, position, left)
     if memory.zero_count % _LOOK == 0:
-        opens, shuts = dead_band(math.sqrt(max(memory.lift_variance, memory.spread)))
+        opens = opening_band(sqrt(max(memory.lift_variance, memory.spread)))
         if memory.lift_count >= ENOUGH_SAMPLES or opens > memory.lift_on:
-            memory.lift_on, memory.lift_off = opens, shuts
+            memory.lift_on, memory.lift_off = opens, 0.5 * opens
         expect_steps(observer)
         _find_crosstalk(observer)
 
 
-@inlined
-def _follow(observer: Observer, position: int, lift: float, share: float) -> None:
+cdef inline void _follow(Observer* observer, int64_t position, double lift, double share) noexcept nogil:
     """The zero after a shut needle's lift [m], taken into its mean by a share: the mean, or where it moves to."""
-    memory = observer.memory[0]
+    memory = observer.memory
     interval = observer.constants.interval
     if position - memory.stepped < RECENT:
         share = max(share, since_step(observer, position))
@@ -213,39 +178,37 @@ def _follow(observer: Observer, position: int, lift: float, share: float) -> Non
     memory.zero = min(max(memory.zero, -FURTHEST_ZERO), FURTHEST_ZERO)
 
 
-@inlined
-def _move_on(observer: Observer, position: int) -> None:
+cdef inline void _move_on(Observer* observer, int64_t position) noexcept nogil:
     """The zero at a sample that does not show it."""
-    memory = observer.memory[0]
+    memory = observer.memory
     if memory.zero_slope != 0.0 and (position - memory.followed) * observer.constants.interval < MOVES_ON:
         shift_zero(observer, memory.lifted, memory.zero_slope)
 
 
-@inlined
-def _swing(observer: Observer, line_pressure: float) -> float:
+cdef inline double _swing(Observer* observer, double line_pressure) noexcept nogil:
     """Line pressure about its running mean, which begins anew after a jump."""
-    memory = observer.memory[0]
+    memory = observer.memory
     swing = line_pressure - memory.line_mean
-    if abs(swing) * observer.constants.coefficients.pressure_scale <= _WRONG_SWING:
-        return float(swing)
-    if math.isfinite(line_pressure):
+    if abs(swing) * observer.constants.pressure_scale <= _WRONG_SWING:
+        return swing
+    if isfinite(line_pressure):
         memory.line_mean = line_pressure
     return 0.0
 
 
-@inner
-def _gather_noise(observer: Observer, position: int, left: float) -> None:
+cdef void _gather_noise(Observer* observer, int64_t position, double left) noexcept nogil:
     """From a sample whose lift is `left` [m] about the zero."""
-    memory = observer.memory[0]
+    memory = observer.memory
     ring = observer.ring
     square = square_of_difference(
-        ring[(position - 4) & _MASK].needle_lift,
-        ring[(position - 3) & _MASK].needle_lift,
-        ring[(position - 2) & _MASK].needle_lift,
-        ring[(position - 1) & _MASK].needle_lift,
-        ring[position & _MASK].needle_lift,
+        ring[(position - 4) & MASK].needle_lift,
+        ring[(position - 3) & MASK].needle_lift,
+        ring[(position - 2) & MASK].needle_lift,
+        ring[(position - 1) & MASK].needle_lift,
+        ring[position & MASK].needle_lift,
         DIFFERENCE_GAIN * memory.lift_variance * memory.lift_count,
         memory.lift_count,
+        1.0,
     )
     memory.lift_count += 1
     share = 1.0 / min(memory.lift_count, LIFT_MEMORY)
@@ -257,10 +220,10 @@ def _gather_noise(observer: Observer, position: int, left: float) -> None:
         memory.lift_variance = min(memory.lift_variance, FALLEN * memory.variance_lately)
 
 
-@inner
-def _find_crosstalk(observer: Observer) -> None:
+cdef void _find_crosstalk(Observer* observer) noexcept nogil:
     """Whether the ringing line pressure shows in the lift of the shut needle: a regression."""
-    memory = observer.memory[0]
+    cdef bint is_there
+    memory = observer.memory
     if memory.crosstalk_count < CROSSTALK_SAMPLES:
         return
     if _is_crosstalk_gone(observer):
@@ -269,37 +232,36 @@ def _find_crosstalk(observer: Observer) -> None:
     slope = memory.swing_lifts / memory.swing_squares
     needed = FOUND if memory.crosstalk == 0.0 else LOST
     is_there = slope**2 * memory.swing_squares > needed**2 * max(memory.spread, LEAST_NOISE**2)
-    most = MOST_CROSSTALK * observer.constants.coefficients.pressure_scale
+    most = MOST_CROSSTALK * observer.constants.pressure_scale
     memory.crosstalk = slope if is_there and abs(slope) < most else 0.0
 
 
-@inner
-def _is_crosstalk_gone(observer: Observer) -> bool:
+cdef bint _is_crosstalk_gone(Observer* observer) noexcept nogil:
     """Whether the last samples contradict the crosstalk, which was that of a sensor at fault."""
-    memory = observer.memory[0]
+    cdef bint is_another
+    memory = observer.memory
     if memory.crosstalk == 0.0 or memory.squares_lately == 0.0:
         return False
     lately = memory.lifts_lately / memory.squares_lately
     left = (memory.crosstalk - lately) ** 2 * memory.squares_lately
     is_another = left > GONE**2 * max(memory.spread, LEAST_NOISE**2)
-    return bool(is_another and lately / memory.crosstalk < SHARE_LEFT)
+    return is_another and lately / memory.crosstalk < SHARE_LEFT
 
 
-@inner
-def _forget_crosstalk(observer: Observer) -> None:
+cdef void _forget_crosstalk(Observer* observer) noexcept nogil:
     """It is looked for anew."""
-    memory = observer.memory[0]
+    memory = observer.memory
     memory.crosstalk = 0.0
     memory.crosstalk_count = 0
     memory.swing_squares = memory.swing_lifts = memory.squares_lately = memory.lifts_lately = 0.0
 
 
-@inner_separate
-def look_at_start(observer: Observer, position: int) -> None:
+cdef void look_at_start(Observer* observer, int64_t position) noexcept nogil:
     """A moment after the samples began: in a line at rest the needle was shut before, whatever lift it showed."""
-    memory = observer.memory[0]
+    cdef bint has_opened
+    memory = observer.memory
     start = memory.segment_start
-    if observer.ring[start & _MASK].broken != _START:
+    if observer.ring[start & MASK].broken != BREAK_START:
         return
     has_opened = memory.event_number > 0
     if has_opened and not (memory.needle_open and memory.opening == start and memory.event_number == 1):
@@ -307,13 +269,13 @@ def look_at_start(observer: Observer, position: int) -> None:
     lifts, lift_squares, lines, line_squares = 0.0, 0.0, 0.0, 0.0
     count = position - start
     for k in range(start, position):
-        row = observer.ring[k & _MASK]
+        row = &observer.ring[k & MASK]
         lifts += row.lift
         lift_squares += row.lift * row.lift
-        line = row.line_pressure - observer.ring[start & _MASK].line_pressure
+        line = row.line_pressure - observer.ring[start & MASK].line_pressure
         lines += line
         line_squares += line * line
-    scale = observer.constants.coefficients.pressure_scale
+    scale = observer.constants.pressure_scale
     if not (line_squares / count - (lines / count) ** 2) * scale**2 < CALM**2:
         return
     if has_opened:
@@ -322,22 +284,21 @@ def look_at_start(observer: Observer, position: int) -> None:
             return
         forget_opening(observer)
         shift_zero(observer, start, lifts / count)
-        observer.ring[position & _MASK].lift_area = 0.0
-        observer.ring[position & _MASK].seat_area = 0.0
-    memory.shut_since = observer.ring[start & _MASK].index - observer.constants.timing.settle
+        observer.ring[position & MASK].lift_area = 0.0
+        observer.ring[position & MASK].seat_area = 0.0
+    memory.shut_since = observer.ring[start & MASK].index - observer.constants.timing.settle
 
 
-@inner_separate
-def look_at_opening(observer: Observer, position: int) -> None:
+cdef void look_at_opening(Observer* observer, int64_t position) noexcept nogil:
     """A while after an opening: a low lift that stepped and stays, in a line as calm as before, is of a shut needle.
 
     A connection that moved, or a drift that is gone: had the needle opened, the line pressure would have fallen.
     """
-    memory = observer.memory[0]
+    memory = observer.memory
     opening, count = memory.opening, position - memory.opening
     if opening - count < memory.segment_start:
         return
-    scale = observer.constants.coefficients.pressure_scale
+    scale = observer.constants.pressure_scale
     before = _mean_drop(observer, opening - count, opening)
     swing_before = _square_drop(observer, opening - count, opening, before) * scale**2
     swing = _square_drop(observer, opening, position, before) * scale**2
@@ -345,29 +306,29 @@ def look_at_opening(observer: Observer, position: int) -> None:
         return
     lifts, squares = 0.0, 0.0
     for k in range(opening + EDGE, position):
-        lift = observer.ring[k & _MASK].lift
+        lift = observer.ring[k & MASK].lift
         lifts += lift / (count - EDGE)
         squares += lift * lift / (count - EDGE)
     if not (squares - lifts**2 < memory.lift_on**2 and abs(memory.zero + lifts) < FURTHEST_ZERO):
         return
     forget_opening(observer)
     shift_zero(observer, opening, lifts)
-    row = observer.ring[position & _MASK]
+    row = &observer.ring[position & MASK]
     row.lift_area = 0.0
     row.seat_area = 0.0
     memory.shut_since = row.index
 
 
-@inner_separate
-def look_at_rest(observer: Observer, position: int) -> None:
+cdef void look_at_rest(Observer* observer, int64_t position) noexcept nogil:
     """Now and then: a low lift that has stayed is of a shut needle, if the line pressure has it so.
 
     Its zero stepped while it was open, or while nothing was heard of it. Of a needle that sticks just off its seat
     the line pressure is as the model has it. Where nothing is valid, time tells.
     A lift below its zero is never a motion.
     """
-    memory, timing = observer.memory[0], observer.constants.timing
-    before = observer.ring[(position - 1) & _MASK]
+    cdef bint needs_time, is_steady
+    memory, timing = observer.memory, &observer.constants.timing
+    before = &observer.ring[(position - 1) & MASK]
     needs_time = memory.needle_open and not memory.contradicted
     count = timing.stays if needs_time else timing.settle
     begin = position - count
@@ -377,7 +338,7 @@ def look_at_rest(observer: Observer, position: int) -> None:
         return
     level, squares, trend, length = 0.0, 0.0, 0.0, 0.0
     for k in range(begin, position):
-        lift, along = observer.ring[k & _MASK].lift, k - 0.5 * (begin + position - 1)
+        lift, along = observer.ring[k & MASK].lift, k - 0.5 * (begin + position - 1)
         level += lift / count
         squares += lift * lift / count
         trend += along * lift
@@ -392,45 +353,41 @@ def look_at_rest(observer: Observer, position: int) -> None:
         shift_zero(observer, position, level)
 
 
-@inner
-def _is_line_full(observer: Observer, begin: int, end: int) -> bool:
+cdef bint _is_line_full(Observer* observer, int64_t begin, int64_t end) noexcept nogil:
     """Whether the line pressure's mean over samples [begin, end) is the rail pressure's: the line feeds nothing."""
-    drop = _mean_drop(observer, begin, end) + observer.memory[0].offset
-    return bool(abs(drop) * observer.constants.coefficients.pressure_scale < CALM)
+    drop = _mean_drop(observer, begin, end) + observer.memory.offset
+    return abs(drop) * observer.constants.pressure_scale < CALM
 
 
-@inner
-def _shut_at_rest(observer: Observer, begin: int) -> None:
+cdef void _shut_at_rest(Observer* observer, int64_t begin) noexcept nogil:
     """The needle was shut from `begin` on: what the lift showed before is forgotten.
 
     If nothing but time told so, an event must pass before anything is valid.
     """
-    memory = observer.memory[0]
+    memory = observer.memory
     if not memory.contradicted:
         memory.halted_in = memory.event_number + 1
     memory.needle_open = False
-    memory.shut_since = observer.ring[begin & _MASK].index
+    memory.shut_since = observer.ring[begin & MASK].index
     memory.event_learnable = False
-    memory.event_doubtful = _LIFT_ZERO
+    memory.event_doubtful = REASON_LIFT_ZERO
     _forget_crosstalk(observer)
     memory.stop = 0.0
     memory.stop_openings = 0
 
 
-@inner
-def _mean_drop(observer: Observer, start: int, end: int) -> float:
+cdef double _mean_drop(Observer* observer, int64_t start, int64_t end) noexcept nogil:
     """Mean of rail less line pressure over samples [start, end)."""
     total = 0.0
     for k in range(start, end):
-        total += observer.ring[k & _MASK].rail_pressure - observer.ring[k & _MASK].line_pressure
+        total += observer.ring[k & MASK].rail_pressure - observer.ring[k & MASK].line_pressure
     return total / (end - start)
 
 
-@inner
-def _square_drop(observer: Observer, start: int, end: int, about: float) -> float:
+cdef double _square_drop(Observer* observer, int64_t start, int64_t end, double about) noexcept nogil:
     """Mean square of the same about a value."""
     total = 0.0
     for k in range(start, end):
-        drop = observer.ring[k & _MASK].rail_pressure - observer.ring[k & _MASK].line_pressure - about
+        drop = observer.ring[k & MASK].rail_pressure - observer.ring[k & MASK].line_pressure - about
         total += drop * drop
     return total / (end - start)

@@ -1,0 +1,187 @@
+# A device's clock as the receive stamps show it: a straight line under the stamps of its frames.
+#
+# A frame is never received before it was sent, so the delays of frames are positive, and the least of them are the
+# same again and again: the line through the lowest stamps of many short windows (the lower convex hull, as used for
+# one-way delays in packet networks: Moon, Skelly, Towsley, INFOCOM 1999) gives offset and drift of the clock, whatever
+# jitter lies above it. How far these lowest stamps scatter about the line is what is not known of the clock.
+
+
+cdef enum:
+    ENOUGH_POINTS = 4  # from which on the line is trusted
+
+
+cdef double WINDOW = 0.2e9  # ns
+cdef double MAX_DRIFT = 500e-6  # of any clock worth the name; more is a wrong sample rate in the bench file
+cdef double CLOCK_STEP = 1e6  # ns that the lowest stamps of a window may leave the line by before the clock counts as set anew
+cdef double PROMPT = 2e3  # ns of delay, within which a frame came without waiting
+cdef double FEW_PROMPT = 1.0 / 3.0  # share of such frames, below which it is not sure that any did
+cdef double LEAST_OF_DELAYS = 0.75
+cdef double USUAL_GAIN = 0.25  # of the greatest delay of a window, in what is usual
+cdef double FEW_TOGETHER = 0.1
+
+
+# Of the mean delay, that the least one may then have: batches beat with the cycle.
+# Share of frames closer than a bus can carry them, above which stamps are those of batches.
+
+
+cdef void forget(Clock* clock) noexcept nogil:
+    """Begin anew: the index or the stamps no longer continue those before."""
+    clock.begun = False
+    clock.points = 0
+    clock.offset = 0.0
+    clock.drift = 0.0
+    clock.residual = INFINITY
+    clock.spread = 0.0
+    clock.latest = 0.0
+    clock.usual = 0.0
+    clock.raised = 0.0
+
+
+cdef double excess(Clock* clock, int64_t index, int64_t stamp) noexcept nogil:
+    """ns by which a stamp lies after the nominal time of the sample `index`."""
+    return (stamp - clock.first_stamp) - (index - clock.first_index) * clock.interval
+
+
+cdef double delay_of(Clock* clock, int64_t index, int64_t stamp) noexcept nogil:
+    """ns by which a stamp lies above the line; 0 for the first one."""
+    if not clock.begun:
+        return 0.0
+    line = clock.offset + clock.drift * (index - clock.first_index)
+    return excess(clock, index, stamp) - line
+
+
+cdef bint take_stamp(Clock* clock, int64_t index, int64_t stamp) noexcept nogil:
+    """Note that the frame whose last sample is `index` was received at `stamp` [ns].
+
+    True when that ended a window, so that line, residual and spread are new.
+    """
+    if not clock.begun:
+        clock.begun = True
+        clock.first_index = index
+        clock.first_stamp = stamp
+        _open_window(clock, 0.0)
+    place = <double> (index - clock.first_index)
+    above = excess(clock, index, stamp)
+    delay = above - clock.offset - clock.drift * place
+    if clock.points < ENOUGH_POINTS and delay < 0.0:
+        clock.offset += delay  # the lowest stamp so far
+        delay = 0.0
+    elif clock.points >= ENOUGH_POINTS:
+        clock.delays += 1
+        clock.delay_sum += delay
+        clock.delay_squares += delay * delay
+        clock.delay_max = max(clock.delay_max, delay)
+    clock.latest = max(clock.latest, delay)
+    clock.waited += delay
+    clock.prompt += delay < PROMPT
+    clock.frames += 1
+    if clock.frames > 1 and stamp - clock.last_stamp < clock.shortest:
+        clock.together += 1
+    clock.last_stamp = stamp
+    if above < clock.lowest:
+        clock.lowest = above
+        clock.lowest_at = place
+    now = <double> (stamp - clock.first_stamp)
+    if now < clock.window_end:
+        return False
+    _close_window(clock, now)
+    return True
+
+
+cdef double time_of(Clock* clock, double index, int64_t epoch) noexcept nogil:
+    """Time [ns after the stamp `epoch`] at which the frame that ends in sample `index` came, had it no jitter."""
+    place = index - clock.first_index
+    return (clock.first_stamp - epoch) + clock.offset + place * (clock.interval + clock.drift)
+
+
+cdef double index_at(Clock* clock, double time, int64_t epoch) noexcept nogil:
+    """The inverse of `time_of`: the sample, with its fraction, at a time [ns after the stamp `epoch`]."""
+    since = time - (clock.first_stamp - epoch) - clock.offset
+    return clock.first_index + since / (clock.interval + clock.drift)
+
+
+cdef void _open_window(Clock* clock, double start) noexcept nogil:
+    clock.window_end = start + WINDOW
+    clock.lowest = INFINITY
+    clock.latest = 0.0
+    clock.frames = 0
+    clock.prompt = 0
+    clock.waited = 0.0
+    clock.together = 0
+
+
+cdef void _close_window(Clock* clock, double now) noexcept nogil:
+    """Take the lowest stamp of the window into the line, or begin a new line when it does not belong to it."""
+    off_line = clock.lowest - clock.offset - clock.drift * clock.lowest_at
+    clock.raised = off_line if clock.points >= ENOUGH_POINTS else 0.0
+    if clock.points >= ENOUGH_POINTS and abs(off_line) > CLOCK_STEP:
+        clock.points = 0
+        clock.drift = 0.0
+        clock.offset = clock.lowest
+        clock.residual = INFINITY
+    row = clock.points % POINTS
+    clock.places[row] = clock.lowest_at
+    clock.excesses[row] = clock.lowest
+    clock.points += 1
+    clock.spread = clock.latest
+    if clock.points <= ENOUGH_POINTS:
+        clock.usual = max(clock.usual, clock.spread)
+    else:
+        clock.usual += USUAL_GAIN * (clock.spread - clock.usual)
+    if clock.points >= ENOUGH_POINTS:
+        _draw_line(clock)
+        if clock.together > FEW_TOGETHER * clock.frames:
+            # all frames of a batch carry its time: when each was sent lies somewhere within a cycle
+            clock.residual += clock.samples * clock.interval
+        if clock.prompt < FEW_PROMPT * clock.frames:
+            clock.residual += LEAST_OF_DELAYS * clock.waited / clock.frames
+    _open_window(clock, now)
+
+
+cdef void _draw_line(Clock* clock) noexcept nogil:
+    """The edge of the lower convex hull under the middle of the points, and how far the points are from it."""
+    cdef double x[POINTS]
+    cdef double y[POINTS]
+    cdef double distances[POINTS]
+    cdef int64_t order[POINTS]
+    cdef int64_t hull[POINTS]
+    cdef int64_t count = min(clock.points, POINTS), size = 0, edge = 0, k, a, b
+    cdef double middle = 0.0
+    ascending(clock.places, count, order)
+    for k in range(count):
+        x[k], y[k] = clock.places[order[k]], clock.excesses[order[k]]
+    for k in range(count):
+        while size >= 2 and _is_above(x, y, hull[size - 2], hull[size - 1], k):
+            size -= 1
+        hull[size] = k
+        size += 1
+        middle += x[k]
+    middle /= count
+    while edge < size - 2 and x[hull[edge + 1]] < middle:
+        edge += 1
+    a, b = hull[edge], hull[edge + 1]
+    clock.drift = (y[b] - y[a]) / (x[b] - x[a])
+    clock.offset = y[a] - clock.drift * x[a]
+    clock.residual = INFINITY
+    if abs(clock.drift) <= MAX_DRIFT * clock.interval:
+        # not their greatest: in some windows every frame may have been late
+        for k in range(count):
+            distances[k] = y[k] - clock.offset - clock.drift * x[k]
+        ascending(distances, count, order)
+        clock.residual = distances[order[3 * count // 4]]
+
+
+cdef void ascending(const double* values, int64_t count, int64_t* order) noexcept nogil:
+    """Places of a few values in ascending order, equal ones as they come."""
+    cdef int64_t k, i, place
+    for k in range(count):
+        place, i = k, k
+        while i > 0 and values[order[i - 1]] > values[place]:
+            order[i] = order[i - 1]
+            i -= 1
+        order[i] = place
+
+
+cdef bint _is_above(const double* x, const double* y, int64_t a, int64_t b, int64_t c) noexcept nogil:
+    """Whether point b lies on or above the straight line from a to c."""
+    return (y[b] - y[a]) * (x[c] - x[a]) >= (y[c] - y[a]) * (x[b] - x[a])

@@ -1,0 +1,140 @@
+# Signals of a bus database, by tables that say where their bits are: decoded and encoded see bus.database.codec.
+
+cdef enum:
+    UNSIGNED = 0
+    SIGNED = 1
+    FLOAT16 = 2
+    FLOAT32 = 3
+    FLOAT64 = 4
+
+
+cdef void decode(const uint8_t* payload, const Signal* table, int64_t count, double* out) noexcept nogil:
+    """Physical values, in the units of the bus database, of the signals in `table`; NaN: not available, in error."""
+    cdef uint64_t bits
+    for i in range(count):
+        signal = &table[i]
+        bits = field_bits(payload, signal)
+        if (signal.has_not_available and bits == signal.not_available) or (
+            signal.has_error and bits == signal.error
+        ):
+            out[i] = NAN
+            continue
+        raw = raw_number(bits, signal)
+        # An unscaled float passes as it is: adding zero would lose the sign of -0.0.
+        if signal.kind >= FLOAT16 and signal.scale == 1.0 and signal.offset == 0.0:
+            out[i] = raw
+        else:
+            out[i] = raw * signal.scale + signal.offset
+
+
+cdef void encode(const double* values, const Signal* table, int64_t count, uint8_t* payload) noexcept nogil:
+    """Write physical values into `payload` in place; NaN means not available. Other signals' bits stay."""
+    for i in range(count):
+        put_bits(payload, &table[i], _bits(values[i], &table[i]))
+
+
+cdef uint64_t field_bits(const uint8_t* payload, const Signal* signal) noexcept nogil:
+    """The bits of a signal's field as they are."""
+    cdef uint64_t bits = <uint64_t> payload[signal.first_byte] >> signal.shift
+    cdef uint64_t filled = 8 - signal.shift
+    cdef int64_t position = signal.first_byte
+    for _ in range(1, signal.byte_count):
+        position += signal.step
+        bits |= <uint64_t> payload[position] << filled
+        filled += 8
+    return bits & signal.mask
+
+
+cdef void put_bits(uint8_t* payload, const Signal* signal, uint64_t bits) noexcept nogil:
+    """Write the low bits of `bits` into a signal's field, in place."""
+    cdef uint64_t low_bits = 8 - signal.shift
+    cdef uint64_t kept = ~(signal.mask << signal.shift) & 0xFF
+    cdef int64_t position = signal.first_byte
+    bits &= signal.mask
+    payload[position] = <uint8_t> ((payload[position] & kept) | ((bits << signal.shift) & 0xFF))
+    for _ in range(1, signal.byte_count):
+        position += signal.step
+        kept = ~(signal.mask >> low_bits) & 0xFF
+        payload[position] = <uint8_t> ((payload[position] & kept) | ((bits >> low_bits) & 0xFF))
+        low_bits += 8
+
+
+cdef double raw_number(uint64_t bits, const Signal* signal) noexcept nogil:
+    """The number a field holds, before scale and offset."""
+    cdef uint32_t low
+    cdef float single
+    cdef double number
+    if signal.kind == UNSIGNED:
+        return <double> bits
+    if signal.kind == SIGNED:
+        return <double> <int64_t> ((bits ^ signal.sign) - signal.sign)
+    if signal.kind == FLOAT32:
+        low = <uint32_t> bits
+        memcpy(&single, &low, sizeof(single))
+        return single
+    if signal.kind == FLOAT64:
+        memcpy(&number, &bits, sizeof(number))
+        return number
+    return _float16_value(bits)
+
+
+cdef uint64_t _bits(double value, const Signal* signal) noexcept nogil:
+    """The field that stands for a physical value; for a signed one the bits above the field are set too."""
+    cdef uint64_t bits
+    cdef uint32_t low
+    cdef float single
+    cdef double raw
+    if isnan(value):
+        if signal.has_not_available:
+            return signal.not_available
+        if signal.kind < FLOAT16:
+            value = 0.0
+    raw = (value - signal.offset) / signal.scale
+    if raw < signal.lowest:
+        raw = signal.lowest
+    elif raw > signal.highest:
+        raw = signal.highest
+    if signal.kind == UNSIGNED:
+        bits = <uint64_t> rint(raw)
+    elif signal.kind == SIGNED:
+        bits = <uint64_t> <int64_t> rint(raw) & signal.mask
+    elif signal.kind == FLOAT32:
+        single = <float> raw
+        memcpy(&low, &single, sizeof(low))
+        bits = low
+    elif signal.kind == FLOAT64:
+        memcpy(&bits, &raw, sizeof(bits))
+    else:
+        bits = _float16_bits(raw)
+    if signal.has_not_available and bits == signal.not_available:
+        return signal.instead_of_not_available
+    if signal.has_error and bits == signal.error:
+        return signal.instead_of_error
+    return bits
+
+
+cdef double _float16_value(uint64_t bits) noexcept nogil:
+    cdef int exponent = <int> ((bits >> 10) & 0x1F)
+    cdef double magnitude, fraction = <double> (bits & 0x3FF)
+    if exponent == 0x1F:
+        magnitude = INFINITY if fraction == 0.0 else NAN
+    elif exponent == 0:
+        magnitude = ldexp(fraction, -24)
+    else:
+        magnitude = ldexp(fraction + 1024.0, exponent - 25)
+    return copysign(magnitude, -1.0 if bits & 0x8000 else 1.0)
+
+
+cdef uint64_t _float16_bits(double raw) noexcept nogil:
+    """Rounded half to even; `raw` is NaN or within +-65504."""
+    cdef int exponent = -13
+    cdef int64_t bits
+    if isnan(raw):
+        return 0x7E00
+    # Below 2^-14 the step is 2^-24 and there is no hidden bit; above, eleven bits count.
+    if fabs(raw) >= ldexp(1.0, -14):
+        frexp(raw, &exponent)
+    bits = <int64_t> rint(ldexp(fabs(raw), 11 - exponent))
+    # Adding, not or-ing: the hidden bit and a carry out of the fraction raise the exponent.
+    bits += (exponent + 13) << 10
+    return <uint64_t> (bits | (0x8000 if copysign(1.0, raw) < 0.0 else 0))

@@ -1,0 +1,102 @@
+# Optional inputs while frames are taken: values that count until they are too old, readings that wait for Python.
+
+
+cdef enum:
+    LEARNING_ENABLE = 0  # numbers of the optional roles
+    FUEL_TEMPERATURE = 2
+    READINGS = 4096  # that wait: 0.8 s of blocks of 20 levels at 100 kHz
+
+
+cdef double LOWEST_TEMPERATURE = 233.15  # K
+cdef double HIGHEST_TEMPERATURE = 423.15
+cdef double GRACE = 1.0  # s a value still counts after its sender said that it has none
+cdef double KELVIN_STEP = 0.1  # K, below which the model stays: .04 % of the bulk modulus, less than injections differ by
+cdef double PERIOD = 0.1  # s between two changes of the model
+
+
+cdef void take_inputs(
+    InputMemory* heard, const Inputs* inputs, Observer* observer, int64_t number, const uint8_t* payload, int64_t status, int64_t stamp
+) noexcept nogil:
+    """Take what a good frame of a message says, before its samples; what stays away grows older with them.
+
+    status: by its protection, OK without. A frame with the counter of the one before brings nothing new.
+    """
+    cdef bint follows
+    _grow_older(heard, observer)
+    message = &inputs.messages[number]
+    if status != E2E_REPEATED:
+        follows = status == E2E_OK or status == E2E_INITIAL
+        for n in range(message.first_optional, message.first_optional + message.optional_count):
+            row = &inputs.optional[n]
+            heard.newest[n].follows &= 1 if follows else 0
+            if is_selected(payload, &inputs.selection, row.first_condition, row.condition_count):
+                _read(heard, inputs, observer, n, payload, stamp)
+    _take_effect(heard, inputs, observer)
+
+
+cdef void _grow_older(InputMemory* heard, Observer* observer) noexcept nogil:
+    """Time is that of the samples, whose index may begin anew."""
+    memory = heard.memory
+    received = observer.memory.received
+    if received == 0:
+        return
+    index = observer.ring[(received - 1) & MASK].index
+    if memory.newest >= 0:
+        elapsed = max(index - memory.newest, 0)
+        memory.since_change += elapsed
+        for n in range(heard.newest_count):
+            heard.newest[n].left -= elapsed
+    memory.newest = index
+
+
+cdef void _read(
+    InputMemory* heard, const Inputs* inputs, Observer* observer, int64_t n, const uint8_t* payload, int64_t stamp
+) noexcept nogil:
+    """Decode the input `n`: keep its value, or have its reading wait for Python."""
+    cdef bint is_under_way
+    memory, stream = heard.memory, observer.memory
+    row, newest = &inputs.optional[n], &heard.newest[n]
+    values = heard.values + (memory.came % READINGS) * heard.width
+    decode(payload, inputs.signals + row.first_signal, row.signal_count, values)
+    if row.is_placed and isnan(values[0]):
+        return
+    for k in range(1 if row.is_placed else 0, row.signal_count):
+        values[k] = values[k] * row.factor + row.origin
+    samples = 1.0 / observer.constants.interval
+    if row.role == FUEL_TEMPERATURE and not LOWEST_TEMPERATURE <= values[0] <= HIGHEST_TEMPERATURE:
+        newest.left = min(newest.left, GRACE * samples)
+    elif row.role == FUEL_TEMPERATURE or row.role == LEARNING_ENABLE:
+        newest.value = values[0]
+        newest.left = row.timeout * samples
+        memory.is_assumed &= 1 if row.role != FUEL_TEMPERATURE else 0
+    else:
+        begun = stream.injections_begun
+        is_under_way = begun > 0 and observer.injections[(begun - 1) % INJECTIONS].end < 0
+        reading = &heard.readings[memory.came % READINGS]
+        reading.row = n
+        reading.stamp = stamp
+        reading.follows = newest.follows
+        reading.processed = stream.processed
+        reading.closed = begun - (1 if is_under_way else 0)
+        newest.follows = True
+        memory.came += 1  # last: from here on Python may read it
+
+
+cdef void _take_effect(InputMemory* heard, const Inputs* inputs, Observer* observer) noexcept nogil:
+    """What counts now, of what is known and of what was for too long: whether to learn, and the fuel wanted.
+
+    The model changes outside events only; nothing is valid while the fuel is not known.
+    """
+    cdef bint is_known, is_in_force, is_near, is_too_soon
+    memory, stream = heard.memory, observer.memory
+    for n in range(heard.newest_count):
+        value = heard.newest[n].value if heard.newest[n].left > 0.0 else NAN
+        if inputs.optional[n].role == LEARNING_ENABLE:
+            memory.learning = memory.may_learn and value != 0.0
+        elif inputs.optional[n].role == FUEL_TEMPERATURE:
+            memory.measured = value
+            is_known, is_in_force = not isnan(value), not isnan(memory.fuel_temperature)
+            is_near = abs(value - memory.fuel_temperature) < KELVIN_STEP
+            is_too_soon = memory.since_change * observer.constants.interval < PERIOD
+            memory.is_due = is_known and not (is_near or is_too_soon or stream.in_event)
+            stream.doubted = REASON_NONE if memory.is_assumed or (is_known and is_in_force) else REASON_INPUT_STALE

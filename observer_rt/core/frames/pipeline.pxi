@@ -1,0 +1,202 @@
+# From one received frame to the frames it causes: check, decode, align, observe, publish. Compiled.
+
+
+cdef enum:
+    MAX_COUNTER_STEP = 15  # larger steps of the E2E counter are a wrong sequence, not a few lost frames
+
+
+cdef inline bint handle(
+    Pipeline* pipeline, int64_t key, const uint8_t* payload, int64_t size, int64_t stamp
+) noexcept nogil:
+    """Take one frame, received at `stamp` [ns]; `key` as by `frame_key.frame_key`.
+
+    Frames caused are in the publisher's `out`. Returns True when Python must do something first, as of `proceed`.
+    """
+    for number in range(pipeline.inputs.message_count):
+        if pipeline.inputs.messages[number].key == key:
+            _take(pipeline, number, payload, size, stamp)
+            return proceed(pipeline)
+    return False
+
+
+cdef void listen(Pipeline* pipeline, int64_t key, const uint8_t* payload, int64_t size, int64_t stamp) noexcept nogil:
+    """Take one frame as `handle` does, but observe nothing: its samples only go into the observer's ring."""
+    for number in range(pipeline.inputs.message_count):
+        if pipeline.inputs.messages[number].key == key:
+            _take(pipeline, number, payload, size, stamp)
+            return
+
+
+cdef bint proceed(Pipeline* pipeline) noexcept nogil:
+    """Observe what is aligned and publish what is observed.
+
+    Returns True when to go on it needs a new model (`InputMemory`), or the judgement of an event (`observer.judge`).
+    """
+    cdef bint waiting
+    if pipeline.heard.memory.is_due:
+        return True
+    waiting = advance_stream(pipeline.observer)
+    publish(&pipeline.publisher, pipeline.observer)
+    return waiting
+
+
+cdef void _take(Pipeline* pipeline, int64_t number, const uint8_t* payload, int64_t size, int64_t stamp) noexcept nogil:
+    """Check, decode and align one frame of an input message; what fails a check is counted and dropped."""
+    cdef bint follows, contiguous
+    receiver = pipeline.receiver
+    message = &pipeline.inputs.messages[number]
+    receiver.frames += message.group_count > 0
+    status = _received(pipeline, number, payload, size)
+    if status == E2E_LENGTH_ERROR or status == E2E_CRC_ERROR:
+        return
+    profile = message.protection.profile
+    supervised = &pipeline.supervised[number]
+    if supervised.state == E2E_INVALID:
+        supervised.refused += 1
+        return
+    counter = frame_counter(payload, profile)
+    if pipeline.inputs.optional_count > 0:
+        take_inputs(&pipeline.heard, &pipeline.inputs, pipeline.observer, number, payload, status, stamp)
+        pipeline.publisher.memory.learning = pipeline.heard.memory.learning
+    if message.group_count == 0:
+        return
+    last = receiver.last_counter[number]
+    status = classify(counter, last, last >= 0, _max_step(profile), profile)
+    follows = profile != UNPROTECTED and status == E2E_OK
+    cdef int64_t found = 0, placed = 0
+    cdef bint restarted = False
+    for g in range(message.first_group, message.first_group + message.group_count):
+        group = &pipeline.inputs.groups[g]
+        if not is_selected(payload, &pipeline.inputs.selection, group.first_condition, group.condition_count):
+            continue
+        found |= 1 << group.stream
+        contiguous = follows and receiver.interrupted[group.stream] == 0
+        placing = _take_group(pipeline, group, payload, counter, contiguous, stamp)
+        if placing == PLACING_ACCEPTED or placing == PLACING_RESTARTED:
+            placed |= 1 << group.stream
+            restarted |= placing == PLACING_RESTARTED
+    if found != 0 and placed == 0:
+        return
+    for g in range(message.first_group, message.first_group + message.group_count):
+        stream = pipeline.inputs.groups[g].stream
+        if (placed >> stream) & 1:
+            receiver.interrupted[stream] = 0
+        elif not follows:
+            receiver.interrupted[stream] = 1
+    if (
+        not restarted
+        and (status == E2E_WRONG_SEQUENCE or status == E2E_REPEATED)
+        and profile != UNPROTECTED
+    ):
+        receiver.sequence_errors += 1
+    receiver.last_counter[number] = counter
+    decide(&pipeline.alignment)
+    decided = pipeline.alignment.memory.decided
+    if decided > pipeline.observer.memory.recorded:
+        take_recorded(pipeline.observer, decided, doubt_of(&pipeline.keeping))
+
+
+cdef int64_t _received(Pipeline* pipeline, int64_t number, const uint8_t* payload, int64_t size) noexcept nogil:
+    """What a frame is worth by its length and its protection, which takes note of it; OK without protection."""
+    receiver, message = pipeline.receiver, &pipeline.inputs.messages[number]
+    supervised, profile = &pipeline.supervised[number], message.protection.profile
+    cdef int64_t status = E2E_OK
+    if size != message.length and size != message.padded_length:
+        receiver.length_errors += 1
+        status = E2E_LENGTH_ERROR
+    elif not check(payload, size, message.length, &message.protection):
+        receiver.crc_errors += 1
+        status = E2E_CRC_ERROR
+    elif profile != UNPROTECTED:
+        counter, last = frame_counter(payload, profile), supervised.counter
+        status = classify(counter, last, last >= 0, _max_step(profile), profile)
+        supervised.counter = counter
+    if profile != UNPROTECTED:
+        supervise(supervised, status)
+    return status
+
+
+cdef int64_t _max_step(int64_t profile) noexcept nogil:
+    return min(<int64_t> MAX_COUNTER_STEP, counter_values(profile) // 2)
+
+
+cdef int64_t _take_group(
+    Pipeline* pipeline, const InputGroup* group, const uint8_t* payload, int64_t counter, bint contiguous,
+    int64_t stamp
+) noexcept nogil:
+    """Decode and align the samples of one group: its `Placing`.
+
+    counter: of the end-to-end protection; contiguous: it was without gap since the stream's last frame.
+    """
+    cdef bint is_nearest
+    cdef int64_t start, shift, placing
+    keeping = &pipeline.keeping
+    decode(payload, pipeline.inputs.signals + group.first_signal, group.signal_count, pipeline.receiver.values)
+    raw_index = _raw_index(pipeline, group, counter, stamp)
+    if raw_index < 0:
+        return PLACING_OLD
+    is_nearest = keeping.timing[group.stream].joining == JOINING_NEAREST
+    shift = 0
+    if is_nearest:
+        shift = keeping.shifts[group.stream].samples
+    placing = place_block(
+        &pipeline.alignment, group.stream, raw_index + shift, group.samples, contiguous, &start
+    )
+    if placing == PLACING_ACCEPTED or placing == PLACING_RESTARTED:
+        if placing == PLACING_RESTARTED:
+            begin_anew(keeping, group.stream)
+        if not is_nearest:
+            note_frame(keeping, group.stream, start + group.samples - 1, stamp)
+        _store(pipeline, group, start)
+    return placing
+
+
+cdef int64_t _raw_index(
+    Pipeline* pipeline, const InputGroup* group, int64_t counter, int64_t stamp
+) noexcept nogil:
+    """Index of the group's first sample as sent or, where none is sent, as counted; -1: the frame is dropped."""
+    keeping, stream = &pipeline.keeping, group.stream
+    timing = &keeping.timing[stream]
+    values = pipeline.receiver.values
+    if timing.numbering == NUMBERING_INDEX:
+        return (<int64_t> values[0] + group.offset) & INDEX_MASK
+    cdef int64_t sequence = 0
+    if timing.numbering == NUMBERING_E2E_COUNTER:
+        sequence = counter
+    elif timing.modulus > 1:
+        if isnan(values[0]):
+            return -1
+        sequence = <int64_t> values[0]
+    outcome = number_frame(keeping, stream, sequence, stamp)
+    if outcome == COUNT_REPEATED:
+        pipeline.alignment.memory.repeated += 1
+        return -1
+    if outcome == COUNT_OLD:
+        pipeline.alignment.memory.old += 1
+        return -1
+    raw_index = keeping.counts[stream].number * group.samples
+    if timing.joining == JOINING_NEAREST:
+        # its clock goes by its own count, which says where on the grid it belongs
+        note_frame(keeping, stream, raw_index + group.samples - 1, stamp)
+        if not has_place(keeping, stream):
+            return -1
+    return raw_index
+
+
+cdef void _store(Pipeline* pipeline, const InputGroup* group, int64_t start) noexcept nogil:
+    """The decoded samples of a group, the first of which is `start`, onto the grid."""
+    receiver = pipeline.receiver
+    roles = pipeline.inputs.streams[group.stream].roles
+    on_grid = pipeline.alignment.streams[group.stream].on_grid
+    follower = &pipeline.alignment.followers[group.stream]
+    if not on_grid and not has_place(&pipeline.keeping, group.stream):
+        return
+    for k in range(group.samples):
+        for role in range(MAX_INPUTS):
+            if (roles >> role) & 1:
+                receiver.sample[role] = receiver.values[group.position[role] + k] * group.factor[role]
+                if not (follower.roles >> role) & 1:
+                    store(&pipeline.alignment, start + k, role, receiver.sample[role], False, 0.0)
+        if follower.roles != 0:
+            place = <double> (start + k) if on_grid else place_of(&pipeline.keeping, group.stream, start + k)
+            follow(&pipeline.alignment, group.stream, place - follower.early, receiver.sample)

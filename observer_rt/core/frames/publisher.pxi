@@ -1,0 +1,64 @@
+# Samples of the observer into injection-rate frames: every index once, in blocks that carry their index.
+
+
+cdef enum:
+    # places of the header's signals
+    SAMPLE_INDEX = 0
+    VALID = 1
+    LEARNING = 2
+    STATE = 3
+    FRAMES = 512  # that one input frame can cause at the most, with a wide margin
+
+
+cdef void publish(Publisher* publisher, Observer* observer) noexcept nogil:
+    """Frames of all blocks completed by the samples processed since the last call."""
+    memory = publisher.memory
+    samples = memory.samples
+    if samples == 0:
+        return
+    rates = publisher.values + (publisher.signals - samples)
+    while memory.published < observer.memory.processed:
+        row = &observer.ring[memory.published & MASK]
+        if memory.filled > 0 and (row.broken == BREAK_RESTART or row.index >= memory.block_start + samples):
+            flush(publisher)
+        if memory.filled == 0:
+            memory.block_start = row.index
+            memory.block_valid = True
+            for k in range(samples):
+                rates[k] = NAN
+        place = row.index - memory.block_start
+        rates[place] = row.injection_rate / 1e-6  # mm3/ms
+        memory.block_valid = memory.block_valid and row.valid and place == memory.filled
+        memory.filled = place + 1
+        memory.block_state = row.state
+        memory.published += 1
+        if memory.filled == samples:
+            flush(publisher)
+
+
+cdef void flush(Publisher* publisher) noexcept nogil:
+    """The block under way into a frame, not valid if anything is missing of it; nothing without a block."""
+    cdef bint is_complete
+    memory = publisher.memory
+    if memory.filled == 0:
+        return
+    is_complete = memory.filled == memory.samples
+    _put(publisher, SAMPLE_INDEX, memory.block_start & INDEX_MASK)
+    _put(publisher, VALID, memory.block_valid and is_complete and not memory.contested)
+    _put(publisher, LEARNING, memory.learning)
+    _put(publisher, STATE, STATE_DEGRADED if memory.contested else memory.block_state)
+    frame = &publisher.out[memory.frames]
+    memset(frame.payload, 0, LONGEST_FRAME)
+    frame.length = memory.length
+    encode(publisher.values, publisher.table, publisher.signals, frame.payload)
+    protect(frame.payload, memory.length, &memory.protection, memory.counter)
+    memory.counter += 1
+    memory.filled = 0
+    memory.frames += 1
+
+
+cdef void _put(Publisher* publisher, int64_t signal, double value) noexcept nogil:
+    """One signal of the header, where the message has it."""
+    place = publisher.memory.header[signal]
+    if place >= 0:
+        publisher.values[place] = value

@@ -1,0 +1,422 @@
+# What Python calls.
+
+def decode_signals(const uint8_t[::1] payload, const Signal[::1] table, double[::1] out) -> None:
+    """Physical values `out` (n,), in the units of the bus database, of the signals in `table` (n,).
+
+    payload: the bytes of one frame, at least as long as the message; NaN: not available, or in error.
+    """
+    _require(out.shape[0] >= table.shape[0], "values")
+    if table.shape[0]:
+        decode(&payload[0], &table[0], table.shape[0], &out[0])
+
+
+def encode_signals(const double[::1] values, const Signal[::1] table, uint8_t[::1] payload) -> None:
+    """Write physical values (n,), in the units of the bus database, into `payload` in place; NaN: not available."""
+    _require(values.shape[0] >= table.shape[0], "values")
+    if table.shape[0]:
+        encode(&values[0], &table[0], table.shape[0], &payload[0])
+
+
+def put_signal_bits(uint8_t[::1] payload, signal, uint64_t bits) -> None:
+    """Write the low bits of `bits` into a signal's field, in place; signal: one row of a table."""
+    cdef const Signal[::1] row = atleast_1d(signal)
+    put_bits(&payload[0], &row[0], bits)
+
+
+def raw_value(uint64_t bits, signal) -> float:
+    """The number a field holds, before scale and offset; signal: one row of a table."""
+    cdef const Signal[::1] row = atleast_1d(signal)
+    return raw_number(bits, &row[0])
+
+
+def carries(const uint8_t[::1] payload, selection, int64_t first, int64_t count) -> bool:
+    """Whether a frame meets the conditions in rows [first, first + count) of a `multiplexing.Selection`."""
+    cdef Selection lent
+    if count == 0:
+        return True
+    _lend_selection(&lent, selection)
+    _require(0 <= first and first + count <= len(selection.conditions), "conditions")
+    return is_selected(&payload[0], &lent, first, count)
+
+
+def crc_of_profile_5(const uint8_t[::1] payload, int64_t length, int64_t data_id) -> int:
+    """CRC of profile 5 over the first `length` bytes of `payload` (at least 3) and the 16-bit `data_id`."""
+    _require(3 <= length <= payload.shape[0], "bytes")
+    return crc16(&payload[0], length, data_id)
+
+
+def protect_frame(uint8_t[::1] payload, int64_t length, protection, int64_t counter) -> None:
+    """Write the counter of the message's `counter`-th frame and then the CRC, in place; protection: `e2e.PROTECTION`."""
+    cdef const Protection[::1] row = atleast_1d(protection)
+    if row[0].profile != UNPROTECTED:
+        _require(shortest_frame(row[0].profile) <= length <= payload.shape[0], "bytes")
+        protect(&payload[0], length, &row[0], counter)
+
+
+def check_frame(const uint8_t[::1] payload, int64_t length, protection) -> bool:
+    """Whether the CRC in a frame is that of its first `length` bytes and its data id: see bus.database.e2e."""
+    cdef const Protection[::1] row = atleast_1d(protection)
+    return check(&payload[0] if payload.shape[0] else NULL, payload.shape[0], length, &row[0])
+
+
+def values_of_counter(int64_t profile) -> int:
+    """How many values the counter of a profile takes before it begins again at 0."""
+    return counter_values(profile)
+
+
+def shortest_protected(int64_t profile) -> int:
+    """Bytes that CRC and counter of a profile take."""
+    return shortest_frame(profile)
+
+
+def counter_in(const uint8_t[::1] payload, int64_t profile) -> int:
+    """Counter of a frame whose length was checked; 0 for an unprotected message."""
+    _require(payload.shape[0] >= shortest_frame(profile) or profile == UNPROTECTED, "bytes")
+    return frame_counter(&payload[0], profile)
+
+
+def status_by_counter(int64_t counter, int64_t last_counter, bint seen, int64_t max_delta, int64_t profile) -> int:
+    """E2EStatus of a frame with a good CRC, by its counter: see bus.database.e2e."""
+    return classify(counter, last_counter, seen, max_delta, profile)
+
+
+def take_into_state(Supervision[::1] memory, int64_t status) -> None:
+    """Take one frame of a message into its state machine, (1,) `e2e.SUPERVISION`."""
+    supervise(&memory[0], status)
+
+
+def forget_clock(Clock[::1] clock) -> None:
+    """Begin anew: the index or the stamps no longer continue those before."""
+    forget(&clock[0])
+
+
+def take_clock_stamp(Clock[::1] clock, int64_t index, int64_t stamp) -> bool:
+    """Note that the frame whose last sample is `index` came at `stamp` [ns]; whether that ended a window."""
+    return take_stamp(&clock[0], index, stamp)
+
+
+def delay_by_clock(Clock[::1] clock, int64_t index, int64_t stamp) -> float:
+    """ns by which a stamp lies above the line; 0 for the first one."""
+    return delay_of(&clock[0], index, stamp)
+
+
+def time_by_clock(Clock[::1] clock, double index, int64_t epoch) -> float:
+    """Time [ns after the stamp `epoch`] at which the frame that ends in sample `index` came, had it no jitter."""
+    return time_of(&clock[0], index, epoch)
+
+
+def index_by_clock(Clock[::1] clock, double time, int64_t epoch) -> float:
+    """The sample, with its fraction, at a time [ns after the stamp `epoch`]."""
+    return index_at(&clock[0], time, epoch)
+
+
+def count_one_frame(Counting[::1] counting, Clock[::1] clock, int64_t sequence, int64_t stamp) -> int:
+    """Give a frame its number; `Count`. sequence: its counter; the clock counts in samples."""
+    return count_frame(&counting[0], &clock[0], sequence, stamp)
+
+
+def is_numbered_for_sure(Counting[::1] counting, Clock[::1] clock) -> bool:
+    """Whether the frames of this window and the last are numbered without doubt."""
+    return is_sure(&counting[0], &clock[0])
+
+
+def has_clock_slipped(Clock[::1] clock) -> bool:
+    """Whether the window just ended shows that frames were lost before it, unseen among their delays."""
+    return has_slipped(&clock[0])
+
+
+def place_by_time(keeping, int64_t time) -> float:
+    """Where on the grid a sample lies that was taken at `time` [ns], by the clock of the stamps; nan: not known."""
+    cdef Timekeeping lent
+    _lend_timekeeping(&lent, keeping)
+    return place_at(&lent, time)
+
+
+def is_grid_prompt(keeping, double tolerance) -> bool:
+    """Whether the frames of the grid came when its clock says, to `tolerance` [s], as far as was seen lately."""
+    cdef Timekeeping lent
+    _lend_timekeeping(&lent, keeping)
+    return is_prompt(&lent, tolerance)
+
+
+def store_value(alignment, int64_t index, int64_t role, double value, bint interpolated=False, double share=0.0) -> None:
+    """Put one value [SI] of a role at its index on the grid: see alignment.pxi."""
+    cdef Alignment lent
+    _lend_alignment(&lent, alignment)
+    store(&lent, index, role, value, interpolated, share)
+
+
+def decide_samples(alignment) -> None:
+    """Write to the ring what all messages have passed."""
+    cdef Alignment lent
+    _lend_alignment(&lent, alignment)
+    decide(&lent)
+
+
+def place_samples(alignment, int64_t message, int64_t raw_index, int64_t count, bint contiguous) -> tuple[int, int]:
+    """Where a block of `count` samples belongs: (Placing, unwrapped index of its first sample)."""
+    cdef Alignment lent
+    cdef int64_t first = 0, placing
+    _lend_alignment(&lent, alignment)
+    placing = place_block(&lent, message, raw_index, count, contiguous, &first)
+    return placing, first
+
+
+def follow_grid(alignment, int64_t message, double position, const double[::1] values) -> None:
+    """Take one sample of a follower: where it lies on the grid, and its values (MAX_INPUTS,) [SI]."""
+    cdef Alignment lent
+    _require(values.shape[0] == MAX_INPUTS, "values")
+    _lend_alignment(&lent, alignment)
+    follow(&lent, message, position, &values[0])
+
+
+def frames_of_message(
+    const double[:, ::1] values, int64_t index, inputs, int64_t number, int64_t counter, uint8_t[:, ::1] frames,
+    double[::1] column
+) -> None:
+    """Frames (n, length) of one input message for samples (m, MAX_INPUTS) [SI] from `index` on; column: (n,) room."""
+    cdef Inputs lent
+    cdef const InputKind[::1] kinds = inputs.kinds
+    cdef const Timing[::1] timing = inputs.timing
+    cdef const InputMessage* message
+    cdef const InputGroup* group
+    cdef const double* samples = &values[0, 0] if values.shape[0] else NULL
+    cdef int64_t kind, frame, g, blocks
+    cdef int64_t length = frames.shape[1]
+    _lend_inputs(&lent, inputs)
+    message = &lent.messages[number]
+    _require(values.shape[1] == MAX_INPUTS and length == message.length <= LONGEST_FRAME, "samples or bytes")
+    if frames.shape[0] == 0:
+        return
+    blocks = frames.shape[0] // message.kind_count
+    with nogil:
+        for kind in range(message.kind_count):
+            blank = kinds[message.first_kind + kind].blank
+            for frame in range(blocks):
+                memcpy(&frames[frame * message.kind_count + kind, 0], blank, length)
+            for g in range(message.first_group, message.first_group + message.group_count):
+                group = &lent.groups[g]
+                if is_selected(blank, &lent.selection, group.first_condition, group.condition_count):
+                    fill_group(
+                        samples, values.shape[0], index, message.samples, counter + kind, message.kind_count, &lent,
+                        &kinds[0], &timing[0], group, &frames[kind, 0], blocks, message.kind_count * length, &column[0],
+                    )
+        for frame in range(frames.shape[0]):
+            protect(&frames[frame, 0], length, &message.protection, counter + frame)
+
+
+cdef class FramePath:
+    """All memory of the way from a received frame to the rates it causes, lent; each array is checked field by field."""
+
+    cdef Pipeline pipeline
+    cdef object lent
+
+    def __init__(self, inputs, receiver, supervised, heard, keeping, alignment, Stream stream, publisher) -> None:
+        cdef Receiver[::1] of_receiver = receiver
+        cdef Supervision[::1] of_supervised = supervised
+        p = &self.pipeline
+        _lend_inputs(&p.inputs, inputs)
+        _require(len(supervised) == p.inputs.message_count, "supervised messages")
+        p.receiver, p.supervised = &of_receiver[0], &of_supervised[0]
+        _lend_heard(&p.heard, heard)
+        _require(p.heard.newest_count == p.inputs.optional_count, "optional inputs")
+        _lend_timekeeping(&p.keeping, keeping)
+        _lend_alignment(&p.alignment, alignment)
+        p.observer = &stream.observer
+        _lend_publisher(&p.publisher, publisher)
+        self.lent = (inputs, receiver, supervised, heard, keeping, alignment, stream, publisher)
+
+    def listen(self, int64_t key, const uint8_t[::1] payload, int64_t stamp) -> None:
+        """Take one frame, but observe nothing: its samples only go into the observer's ring."""
+        listen(&self.pipeline, key, &payload[0] if payload.shape[0] else NULL, payload.shape[0], stamp)
+
+    def take_many(
+        self, const int64_t[::1] keys, const int64_t[::1] stamps, const int64_t[::1] starts, const uint8_t[::1] data,
+        int64_t first, int64_t full
+    ) -> tuple[int, bool]:
+        """Take frames from `first` on: number of the next one, and whether Python must do something first.
+
+        Stops where taking them one by one would have Python do something: also when an event has closed or an input
+        is to be read, when `full` rates are ready, and after every frame where that is asked for.
+        """
+        cdef int64_t number, closed
+        cdef const uint8_t* payload = &data[0] if data.shape[0] else NULL
+        cdef bint waits = False, is_over
+        p = &self.pipeline
+        closed = p.observer.memory.events_closed
+        _require(stamps.shape[0] >= keys.shape[0] and starts.shape[0] > keys.shape[0], "frames")
+        with nogil:
+            number, is_over = first, False
+            while number < keys.shape[0] and not is_over:
+                waits = handle(p, keys[number], payload + starts[number], starts[number + 1] - starts[number], stamps[number])
+                number += 1
+                is_over = (
+                    waits
+                    or p.observer.memory.events_closed != closed
+                    or p.publisher.memory.frames >= full
+                    or p.heard.memory.looks_at_each
+                    or p.heard.memory.came != p.heard.memory.read
+                )
+        return number, waits
+
+    def proceed(self) -> bool:
+        """Observe what is aligned and publish it; whether Python must do something first."""
+        cdef bint waits
+        with nogil:
+            waits = proceed(&self.pipeline)
+        return waits
+
+    def flush(self) -> None:
+        """The block of rates under way into a frame, not valid if anything is missing of it."""
+        flush(&self.pipeline.publisher)
+
+
+cdef class PumpLoop:
+    """The pump's loop over sockets, with the buffers that the kernel fills.
+
+    memory (1,), buses (b,), errors (b ERRORS,), arrivals (a,): records of `service.pump.memory`; waiting (WAITING 72,).
+    """
+
+    cdef Pumped pump
+    cdef object lent
+
+    def __init__(self, memory, buses, errors, arrivals, waiting) -> None:
+        cdef PumpMemory[::1] of_memory = memory
+        cdef PumpBus[::1] of_buses = buses
+        cdef ErrorFrame[::1] of_errors = errors
+        cdef Arrival[::1] of_arrivals = arrivals
+        cdef uint8_t[::1] of_waiting = waiting
+        cdef int64_t place, places
+        _require(len(errors) == len(buses) * ERRORS and len(waiting) == WAITING * CANFD_MTU and len(buses) > 0, "records")
+        self.lent = (memory, buses, errors, arrivals, waiting)
+        p = &self.pump
+        p.memory, p.bus_count, p.buses, p.errors = &of_memory[0], of_buses.shape[0], &of_buses[0], &of_errors[0]
+        p.arrival_count = of_arrivals.shape[0]
+        if p.arrival_count:
+            p.arrivals = &of_arrivals[0]
+        p.waiting = &of_waiting[0]
+        places = p.bus_count * BATCH
+        p.polled = <pollfd*> calloc(p.bus_count, sizeof(pollfd))
+        p.frames = <uint8_t*> calloc(places, SLOT_BYTES)
+        p.control = <uint8_t*> calloc(places, CONTROL_BYTES)
+        p.headers = <mmsghdr*> calloc(places, sizeof(mmsghdr))
+        p.vectors = <iovec*> calloc(places, sizeof(iovec))
+        if p.polled == NULL or p.frames == NULL or p.control == NULL or p.headers == NULL or p.vectors == NULL:
+            raise MemoryError("buffers of the pump")
+        for place in range(places):
+            p.vectors[place].iov_base, p.vectors[place].iov_len = p.frames + place * SLOT_BYTES, SLOT_BYTES
+            header = &p.headers[place].msg_hdr
+            header.msg_iov, header.msg_iovlen = &p.vectors[place], 1
+            header.msg_control = p.control + place * CONTROL_BYTES
+
+    def __dealloc__(self):
+        free(self.pump.polled)
+        free(self.pump.frames)
+        free(self.pump.control)
+        free(self.pump.headers)
+        free(self.pump.vectors)
+
+    def run(self, FramePath path, int wake) -> bool:
+        """Pump until asked to stop (False), or until Python must do something first; to be called again then.
+
+        wake: descriptor written to when something happened that Python waits for.
+        """
+        cdef bint waits
+        with nogil:
+            waits = run_pump(&self.pump, &path.pipeline, wake)
+        return waits
+
+
+cdef void _require(bint is_met, str what) except *:
+    if not is_met:
+        raise ValueError(f"{what} do not fit what is given with them")
+
+
+cdef void _lend_selection(Selection* lent, selection) except *:
+    cdef const Signal[::1] selectors = selection.selectors
+    cdef const Condition[::1] conditions = selection.conditions
+    lent.selectors = &selectors[0] if selectors.shape[0] else NULL
+    lent.conditions = &conditions[0] if conditions.shape[0] else NULL
+
+
+cdef void _lend_inputs(Inputs* lent, inputs) except *:
+    cdef const InputMessage[::1] messages = inputs.messages
+    cdef const InputStream[::1] streams = inputs.streams
+    cdef const InputGroup[::1] groups = inputs.groups
+    cdef const OptionalInput[::1] optional = inputs.optional
+    cdef const Signal[::1] signals = inputs.signals
+    lent.message_count, lent.messages = messages.shape[0], &messages[0]
+    lent.streams, lent.groups = &streams[0], &groups[0]
+    lent.optional_count = optional.shape[0]
+    lent.optional = &optional[0] if optional.shape[0] else NULL
+    lent.signals = &signals[0] if signals.shape[0] else NULL
+    _lend_selection(&lent.selection, inputs.selection)
+
+
+cdef void _lend_timekeeping(Timekeeping* lent, keeping) except *:
+    cdef const TimekeepingMemory[::1] memory = keeping.memory
+    cdef const Timing[::1] timing = keeping.timing
+    cdef Clock[::1] clocks = keeping.clocks
+    cdef Counting[::1] counts = keeping.counts
+    cdef Shift[::1] shifts = keeping.shifts
+    _require(timing.shape[0] == clocks.shape[0] == counts.shape[0] == shifts.shape[0], "clocks")
+    lent.memory, lent.messages, lent.timing = &memory[0], timing.shape[0], &timing[0]
+    lent.clocks, lent.counts, lent.shifts = &clocks[0], &counts[0], &shifts[0]
+
+
+cdef void _lend_alignment(Alignment* lent, alignment) except *:
+    cdef AlignmentMemory[::1] memory = alignment.memory
+    cdef GridStream[::1] streams = alignment.streams
+    cdef Follower[::1] followers = alignment.followers
+    cdef Slot[::1] slots = alignment.slots
+    cdef Recorded[::1] recorded = alignment.recorded
+    _require(
+        streams.shape[0] == followers.shape[0] == MAX_INPUTS
+        and slots.shape[0] == SLOTS and recorded.shape[0] == RECORDED_RING, "rings"
+    )
+    lent.memory, lent.streams, lent.followers = &memory[0], &streams[0], &followers[0]
+    lent.slots, lent.recorded = &slots[0], &recorded[0]
+
+
+cdef void _lend_heard(InputMemory* lent, heard) except *:
+    cdef HeardMemory[::1] memory = heard.memory
+    cdef HeardValue[::1] newest = heard.newest
+    cdef Reading[::1] readings = heard.readings
+    cdef double[:, ::1] values = heard.values
+    _require(readings.shape[0] == values.shape[0] == READINGS, "readings")
+    lent.memory, lent.newest_count, lent.readings, lent.width = &memory[0], newest.shape[0], &readings[0], values.shape[1]
+    if newest.shape[0]:
+        lent.newest = &newest[0]
+    if values.shape[1]:
+        lent.values = &values[0, 0]
+
+
+cdef void _lend_publisher(Publisher* lent, publisher) except *:
+    cdef PublisherMemory[::1] memory = publisher.memory
+    cdef const Signal[::1] table = publisher.table
+    cdef double[::1] values = publisher.values
+    cdef OutFrame[::1] out = publisher.out
+    lent.memory, lent.signals = &memory[0], table.shape[0]
+    if table.shape[0]:
+        _require(values.shape[0] == table.shape[0] and out.shape[0] == FRAMES, "rates")
+        lent.table, lent.values, lent.out = &table[0], &values[0], &out[0]
+
+
+# What Python works with, too.
+globals().update(
+    BATCH=BATCH,
+    CLOCK_STEP=CLOCK_STEP,
+    ENOUGH_POINTS=ENOUGH_POINTS,
+    ERRORS=ERRORS,
+    FRAMES=FRAMES,
+    GRACE=GRACE,
+    IMPOSSIBLE=(IMPOSSIBLE[0], IMPOSSIBLE[1], IMPOSSIBLE[2]),
+    LATENCIES=LATENCIES,
+    PATIENCE=PATIENCE,
+    READINGS=READINGS,
+    PERIOD=PERIOD,
+    POINTS=POINTS,
+    WAITING=WAITING,
+    WINDOW=WINDOW,
+    WAIT_MS=WAIT_MS,
+)

@@ -1,0 +1,183 @@
+# When samples were taken: which number a frame has, where its samples lie on the grid, how well that is known.
+#
+# Frames without an index are counted: by a counter where they carry one, and by a loop locked on their stamps.
+#
+# The n-th frame of a cyclic message was sent at t0 + n x cycle; its stamp lies later by a delay that is never
+# negative. So a frame that comes late is late, not one of the next cycle: frames are lost only when the delay reaches
+# the time in which the counter comes round (one cycle where there is no counter) and delays like that do not occur
+# otherwise.
+#
+# How regularly the input messages come, and how well the time of their samples is known.
+
+
+cdef enum:
+    OLD_FRAMES_OF_RESTART = 3  # consecutive old frames that mean: the device began anew
+
+
+cdef double SURE = 0.75  # cycles short of a whole turn of the counter, up to which a delay is surely no loss
+cdef double DECIDED = 0.5  # the same, from which on frames are lost
+cdef double UNUSUAL = 2.0  # times the usual greatest delay, and SURE of a cycle less than one, a delay means trouble
+cdef double SLIPPED = 0.5  # cycles beyond what is not known, by which all delays of a window grew: frames were lost unseen
+cdef double UNSURE = 0.25  # samples from the nearest of the grid, beyond which it may be the wrong one
+
+
+cdef int64_t count_frame(Counting* counting, Clock* clock, int64_t sequence, int64_t stamp) noexcept nogil:
+    """Give a frame its `number`; `Count`. `sequence`: its counter; the clock counts in samples."""
+    if not counting.begun:
+        _count_anew(counting, sequence)
+        return COUNT_NEXT
+    cycle = clock.samples * clock.interval
+    turn = counting.modulus * cycle
+    cdef int64_t step = 1
+    if counting.modulus > 1:
+        step = (sequence - counting.sequence) % counting.modulus
+        step += counting.modulus if step < 0 else 0
+    number = counting.number + step
+    delay = delay_of(clock, (number + 1) * clock.samples - 1, stamp)
+    if delay >= turn - DECIDED * cycle and sees_losses(counting, clock):
+        number += counting.modulus * <int64_t> floor((delay + DECIDED * cycle) / turn)
+    elif step == 0:
+        return COUNT_REPEATED
+    elif delay < -DECIDED * cycle - clock.residual:
+        # it cannot have come before it was sent
+        counting.old += 1
+        if counting.modulus == 1 or counting.old >= OLD_FRAMES_OF_RESTART or delay + turn < -DECIDED * cycle:
+            _count_anew(counting, sequence)
+            return COUNT_ANEW
+        return COUNT_OLD
+    counting.number = number
+    counting.sequence = sequence
+    counting.old = 0
+    return COUNT_NEXT
+
+
+cdef bint sees_losses(Counting* counting, Clock* clock) noexcept nogil:
+    """Whether delays like those of the last window leave no doubt of how many frames were lost."""
+    cycle = clock.samples * clock.interval
+    return clock.points >= ENOUGH_POINTS and clock.spread < (counting.modulus - SURE) * cycle
+
+
+cdef bint is_sure(Counting* counting, Clock* clock) noexcept nogil:
+    """Whether the frames of this window and the last are numbered without doubt."""
+    cycle = clock.samples * clock.interval
+    latest = max(clock.spread, clock.latest)
+    return (
+        clock.residual < INFINITY
+        and latest < (counting.modulus - SURE) * cycle
+        and latest < UNUSUAL * clock.usual + (1.0 - SURE) * cycle
+    )
+
+
+cdef bint has_slipped(Clock* clock) noexcept nogil:
+    """Whether the window just ended shows that frames were lost before it, unseen among their delays."""
+    return clock.raised > SLIPPED * clock.samples * clock.interval + clock.residual
+
+
+cdef void _count_anew(Counting* counting, int64_t sequence) noexcept nogil:
+    counting.begun = True
+    counting.number = 0
+    counting.sequence = sequence
+    counting.old = 0
+
+
+cdef int64_t number_frame(
+    const Timekeeping* keeping, int64_t message, int64_t sequence, int64_t stamp
+) noexcept nogil:
+    """`Count` of a frame without index, whose number is then in `counts`; `sequence`: its counter."""
+    outcome = count_frame(&keeping.counts[message], &keeping.clocks[message], sequence, stamp)
+    if outcome == COUNT_ANEW:
+        forget(&keeping.clocks[message])
+        keeping.shifts[message].known = False
+    return outcome
+
+
+cdef void note_frame(const Timekeeping* keeping, int64_t message, int64_t last, int64_t stamp) noexcept nogil:
+    """A frame that ends in the sample `last`, by the message's own index or number, was received at `stamp`."""
+    clock = &keeping.clocks[message]
+    if not take_stamp(clock, last, stamp):
+        return
+    if keeping.timing[message].numbering != NUMBERING_INDEX and has_slipped(clock):
+        keeping.counts[message].begun = False
+        forget(clock)
+    if keeping.timing[message].joining == JOINING_NEAREST:
+        _find_nearest(keeping, message, last)
+
+
+cdef void begin_anew(const Timekeeping* keeping, int64_t message) noexcept nogil:
+    """A message begins a new index: when that is the grid's, what was tied to the old grid is free again."""
+    forget(&keeping.clocks[message])
+    keeping.shifts[message].known = False
+    if keeping.timing[message].joining != JOINING_INDEX:
+        return
+    for m in range(keeping.messages):
+        keeping.shifts[m].known = False
+        if keeping.timing[m].joining == JOINING_INDEX:
+            forget(&keeping.clocks[m])
+
+
+cdef bint has_place(const Timekeeping* keeping, int64_t message) noexcept nogil:
+    """Whether it is known where the message's samples lie on the grid."""
+    joining = keeping.timing[message].joining
+    if joining == JOINING_NEAREST:
+        return keeping.shifts[message].known
+    leading = &keeping.clocks[keeping.memory.leading]
+    return joining != JOINING_CLOCK or (leading.points > 0 and keeping.clocks[message].points > 0)
+
+
+cdef double place_of(const Timekeeping* keeping, int64_t message, int64_t index) noexcept nogil:
+    """Where on the grid a sample lies that has `index` by the message's own index or number."""
+    timing = &keeping.timing[message]
+    if timing.joining == JOINING_RATIO:
+        return <double> (index * timing.steps)
+    leading = keeping.memory.leading
+    grid = &keeping.clocks[leading]
+    sampled = time_of(&keeping.clocks[message], index, grid.first_stamp) - 1e9 * timing.delay
+    return index_at(grid, sampled + 1e9 * keeping.timing[leading].delay, grid.first_stamp)
+
+
+cdef double place_at(const Timekeeping* keeping, int64_t time) noexcept nogil:
+    """Where on the grid a sample lies that was taken at `time` [ns], by the clock of the stamps; nan: not known."""
+    leading = keeping.memory.leading
+    grid = &keeping.clocks[leading]
+    if not grid.begun:
+        return NAN
+    sent = time - grid.first_stamp + 1e9 * keeping.timing[leading].delay
+    return index_at(grid, sent, grid.first_stamp)
+
+
+cdef bint is_prompt(const Timekeeping* keeping, double tolerance) noexcept nogil:
+    """Whether the frames of the grid came when its clock says, to `tolerance` [s], as far as was seen lately."""
+    grid = &keeping.clocks[keeping.memory.leading]
+    early = grid.offset + grid.drift * grid.lowest_at - grid.lowest
+    return max(early, grid.latest) < 1e9 * tolerance
+
+
+cdef int64_t doubt_of(const Timekeeping* keeping) noexcept nogil:
+    """`Doubt` in the times of samples that come together now."""
+    if not keeping.memory.by_stamps:
+        return DOUBT_NONE
+    grid = &keeping.clocks[keeping.memory.leading]
+    for m in range(keeping.messages):
+        timing = &keeping.timing[m]
+        if timing.numbering != NUMBERING_INDEX and not is_sure(&keeping.counts[m], &keeping.clocks[m]):
+            return DOUBT_TIME_BASE
+        if timing.joining == JOINING_NEAREST and not abs(keeping.shifts[m].off) < UNSURE:
+            return DOUBT_TIME_BASE
+        if timing.joining == JOINING_CLOCK:
+            unknown = grid.residual + keeping.clocks[m].residual
+            if not unknown <= 1e9 * timing.tolerance:
+                return DOUBT_TIME_BASE
+    return DOUBT_NONE
+
+
+cdef void _find_nearest(const Timekeeping* keeping, int64_t message, int64_t last) noexcept nogil:
+    """Where the clocks place the sample `last`: the nearest sample of the grid is its own."""
+    shift = &keeping.shifts[message]
+    leading = &keeping.clocks[keeping.memory.leading]
+    if leading.points < ENOUGH_POINTS or keeping.clocks[message].points < ENOUGH_POINTS:
+        return
+    ahead = place_of(keeping, message, last) - last
+    if not shift.known:
+        shift.known = True
+        shift.samples = <int64_t> floor(ahead + 0.5)
+    shift.off = ahead - shift.samples

@@ -1,0 +1,342 @@
+# From measured lift to seat area: stated lags undone, dead band with hysteresis, look-back to the foot of the ramp.
+#
+# A lift recorded too low (`lift_offset` > 0) does not show the lowest part of a ramp, its toe: there the ramp is
+# extended to where the needle leaves or meets its seat. So it is in the first and the last sample of a lift that are
+# means, for they hold only a part of a ramp.
+#
+# Stated lags are undone sample by sample. A rail pressure that is late is taken from later samples, on a straight line
+# between two. A lift y whose sensor has the time constant tau is y + tau y', by central differences: they leave ramps
+# as straight as they are, and what they take from one sample beside a corner they give to the next.
+
+cdef enum:
+    LOOK_BACK = 3  # samples before the crossing of the dead band whose raw lift counts
+    CONFIRM = 2  # consecutive samples that shut the needle
+    FEWEST_OPENING = 2
+    LEAPS = 3  # quicker than a needle, within the look-ahead, by which a lift is none: a spike has two
+
+cdef double DEAD_BAND_SIGMAS = 5.0
+cdef double DEAD_BAND_FLOOR = 2.0e-6  # m
+cdef double FOOT = 0.3  # of the dead band, above which these samples are the foot of a ramp
+cdef double SLOWEST_OPENING = 0.3  # m/s
+cdef double LOWEST = 15e-6  # m, below which a needle does not stop when it opens
+cdef double STEPPED = 30e-6  # m, below which one that does is likely none: its sensor has stepped
+cdef double OFF_SEAT = 40e-6  # m, by which a lift may leap from its seat: where its sensor's offset is not that of the seat
+
+
+cdef double opening_band(double lift_noise) noexcept nogil:
+    """Lift [m] above which the needle is open, from the lift noise [m]; below half of it it is shut again."""
+    return max(DEAD_BAND_FLOOR, DEAD_BAND_SIGMAS * lift_noise)
+
+
+cdef int64_t known(Observer* observer, int64_t position) noexcept nogil:
+    """How many samples after `position` are received and follow it without a break (at most the look-ahead)."""
+    memory = observer.memory
+    count = min(memory.received - 1 - position, observer.constants.timing.lookahead)
+    if memory.newest_break <= position:
+        return count
+    for ahead in range(count):
+        if observer.ring[(position + ahead + 1) & MASK].broken != 0:
+            return ahead
+    return count
+
+
+cdef bint opens_at(Observer* observer, int64_t position) noexcept nogil:
+    """Whether the needle counts as open from `position` on: it is recorded so, or its ramp begins before."""
+    foot = _foot_ahead(observer, position, 0)
+    if foot <= 0:
+        return foot == 0
+    return _ramp_lift(observer, position, foot) > 0.0
+
+
+cdef void open_from(Observer* observer, int64_t position) noexcept nogil:
+    """Note the ramp of a needle that opens at `position`: where it is first recorded, and how it gets there."""
+    memory = observer.memory
+    foot = max(_foot_ahead(observer, position, 0), 0)
+    memory.foot = position + foot
+    memory.rise = _rise(observer, position + foot, known(observer, position) - foot)
+    memory.foot_lift = _lift_before_foot(observer, position + foot, memory.rise)
+    memory.fall = 0.0
+
+
+cdef int64_t _foot_ahead(Observer* observer, int64_t position, int64_t nearest) noexcept nogil:
+    """Samples from `position` to the first recorded as open, from `nearest` to a toe beyond; -1 if there is none.
+
+    One more where that is a mean over a part of the ramp only.
+    """
+    ahead = known(observer, position)
+    for distance in range(nearest, min(nearest + observer.constants.timing.toe, ahead) + 1):
+        if _opens_within(observer, position + distance, min(ahead - distance, _reach(observer))):
+            return distance + _is_partial(observer, position + distance)
+    return -1
+
+
+cdef int64_t _is_partial(Observer* observer, int64_t position) noexcept nogil:
+    """1 where a ramp begins within the mean that `position`, recorded as open, is; else 0."""
+    cdef bint is_first
+    if not observer.constants.means:
+        return 0
+    is_first = position <= observer.memory.segment_start
+    return is_first or not _opens_within(observer, position - 1, _reach(observer))
+
+
+cdef inline int64_t _reach(Observer* observer) noexcept nogil:
+    """`samples_ahead`."""
+    return LOOK_BACK + observer.constants.timing.confirm - 1
+
+
+cdef bint _opens_within(Observer* observer, int64_t position, int64_t samples) noexcept nogil:
+    """Whether `position` is recorded as open: it crosses the dead band there, or within the next `samples`.
+
+    Up to LOOK_BACK samples before the crossing belong to the opening while they stand out of the noise.
+    """
+    threshold = observer.memory.lift_on
+    run = 0
+    for ahead in range(samples + 1):
+        lift = observer.ring[(position + ahead) & MASK].lift
+        if lift > threshold:
+            run += 1
+            if run == observer.constants.timing.confirm:
+                return True
+        elif run > 0 or lift < FOOT * threshold:
+            return False
+    return False
+
+
+cdef bint stays_low(Observer* observer, int64_t position, double highest) noexcept nogil:
+    """Whether a needle long at rest that is recorded as open from `position` on does not rise on.
+
+    highest: [m], below which that is looked at. Then its zero has stepped: no needle stops just off its seat. (Asked
+    for at an opening only, for calls cost much.)
+    """
+    memory = observer.memory
+    timing = &observer.constants.timing
+    ring = observer.ring
+    if ring[position & MASK].index - memory.shut_since <= timing.bounce:
+        return False
+    ahead = known(observer, position)
+    first = 0
+    while first < ahead and not ring[(position + first) & MASK].lift > memory.lift_on:
+        first += 1
+    last = min(first + timing.confirm - 1, ahead)
+    half = (last - first + 1) // 2
+    if half == 0:
+        return False
+    earlier, later = 0.0, 0.0
+    for k in range(half):
+        earlier += ring[(position + first + k) & MASK].lift / half
+        later += ring[(position + last - k) & MASK].lift / half
+    slowest = 0.5 * SLOWEST_OPENING * observer.constants.interval * half
+    return later - earlier < min(memory.lift_on, slowest) and 0.5 * (earlier + later) < highest
+
+
+cdef bint leaps_about(Observer* observer, int64_t position) noexcept nogil:
+    """Whether the lift that opens at `position` is no needle's: noise in another unit, a loose connection."""
+    memory, ring = observer.memory, observer.ring
+    quickest = observer.constants.quickest + memory.lift_on + OFF_SEAT
+    cdef int64_t leaps = 0
+    for k in range(position, position + known(observer, position) + 1):
+        leaps += abs(ring[k & MASK].lift - ring[(k - 1) & MASK].lift) > quickest
+    return leaps >= LEAPS
+
+
+cdef double _recorded_lift(Observer* observer, int64_t position) noexcept nogil:
+    """True lift [m] of an open needle, from the recorded one."""
+    inputs = &observer.constants.inputs
+    return inputs.lift_factor * observer.ring[position & MASK].lift + inputs.lift_shift
+
+
+cdef double slope_of_means(double partial, double full, double slope, double tolerance) noexcept nogil:
+    """Slope [m a sample] of a straight ramp from 0, of lifts [m] that are means.
+
+    partial: over the period in which the ramp begins; full: over the next one; slope: from there on, which is the
+    ramp's unless that ends too soon: then `partial` would be larger, by more than `tolerance`.
+    """
+    if full <= 0.0:
+        return max(slope, 0.0)
+    if slope > 0.0:
+        share = max(full / slope - 0.5, 0.0)  # of the period in which the ramp begins
+        if 0.5 * slope * share * share <= partial + tolerance:
+            return slope
+    ratio = max(partial, 0.0) / full
+    return full / (ratio + sqrt(ratio * ratio + ratio) + 0.5)
+
+
+cdef double _slope_of_means(
+    Observer* observer, int64_t outermost, int64_t inwards, double slope
+) noexcept nogil:
+    """The same of the ramp whose outermost sample is `outermost`, the next one `inwards` (1 or -1) of it."""
+    factor = observer.constants.inputs.lift_factor
+    partial = factor * observer.ring[outermost & MASK].lift
+    full = factor * observer.ring[(outermost + inwards) & MASK].lift
+    return slope_of_means(partial, full, slope, observer.memory.lift_off)
+
+
+cdef double _rise(Observer* observer, int64_t foot, int64_t ahead) noexcept nogil:
+    """Slope [m a sample] of the ramp whose first recorded sample is at `foot`; its first interval may be cut."""
+    length = min(observer.constants.timing.ramp, ahead)
+    first = 1 if length > 1 else 0
+    if length == 0:
+        return 0.0
+    rise = _recorded_lift(observer, foot + length) - _recorded_lift(observer, foot + first)
+    rise = max(rise / (length - first), 0.0)
+    if observer.constants.means:
+        return _slope_of_means(observer, foot - 1, 1, rise)
+    return rise
+
+
+cdef double _lift_before_foot(Observer* observer, int64_t foot, double rise) noexcept nogil:
+    """Lift [m] a sample before the first recorded one: above the shift of the lift it would have been recorded.
+
+    Of means it was, and does not count.
+    """
+    if observer.constants.means:
+        return _recorded_lift(observer, foot) - rise
+    return min(_recorded_lift(observer, foot) - rise, observer.constants.inputs.lift_shift)
+
+
+cdef double _ramp_lift(Observer* observer, int64_t position, int64_t foot) noexcept nogil:
+    """Lift [m] at `position`, `foot` samples before the first recorded as open (0: the recorded one)."""
+    if foot <= 0:
+        return _recorded_lift(observer, position)
+    rise = _rise(observer, position + foot, known(observer, position) - foot)
+    if rise == 0.0:
+        return 0.0
+    return _lift_before_foot(observer, position + foot, rise) - (foot - 1) * rise
+
+
+cdef bint is_recorded_shut(Observer* observer, int64_t position) noexcept nogil:
+    """Whether an open needle is recorded as shut from `position` on (not while the ramp is still to come)."""
+    if position < observer.memory.foot:
+        return False
+    if observer.constants.means and _ends_within(observer, position):
+        return _lift_before_end(observer, position) <= 0.0
+    return _no_lift_from(observer, position)
+
+
+cdef bint _no_lift_from(Observer* observer, int64_t position) noexcept nogil:
+    """Whether the lift of an open needle is within the dead band from `position` on."""
+    memory = observer.memory
+    # a ramp whose toe is missing ends at once: what is below the dead band is noise
+    threshold = memory.lift_on if observer.constants.timing.toe > 0 else memory.lift_off
+    ahead = known(observer, position)
+    for distance in range(min(ahead + 1, CONFIRM)):
+        if observer.ring[(position + distance) & MASK].lift > threshold:
+            return False
+    return not _opens_within(observer, position, min(ahead, _reach(observer)))
+
+
+cdef bint _ends_within(Observer* observer, int64_t position) noexcept nogil:
+    """Whether a ramp ends within the mean that `position` is, and samples before it tell that ramp."""
+    return bool(
+        position - 1 >= observer.memory.foot
+        and known(observer, position) > 0
+        and not _no_lift_from(observer, position)
+        and _no_lift_from(observer, position + 1)
+    )
+
+
+cdef double _lift_before_end(Observer* observer, int64_t position) noexcept nogil:
+    """Lift [m] at `position` on the ramp that ends within it."""
+    last, before = _recorded_lift(observer, position - 1), _recorded_lift(observer, position - 2)
+    return last - _slope_of_means(observer, position, -1, before - last)
+
+
+cdef bint keep_sinking(Observer* observer, int64_t position) noexcept nogil:
+    """Whether a needle recorded as shut has still to sink to its seat; moves it down its ramp by a sample."""
+    memory = observer.memory
+    timing = &observer.constants.timing
+    if timing.toe == 0:
+        return False
+    if memory.fall > 0.0:
+        memory.sinking_lift -= memory.fall
+    else:
+        beyond = 2 if observer.constants.means else 1
+        last = position - beyond  # its interval may be cut, as at the foot of the opening
+        length = min(timing.ramp, last - max(memory.event_opening, memory.foot))
+        final = 1 if length > 1 else 0
+        if length > 0:
+            fall = _recorded_lift(observer, last - length) - _recorded_lift(observer, last - final)
+            memory.fall = max(fall / (length - final), 0.0)
+        highest = max(_recorded_lift(observer, position), observer.constants.inputs.lift_shift)
+        memory.sinking_lift = min(_recorded_lift(observer, last) - beyond * memory.fall, highest)
+    if memory.fall == 0.0 or memory.sinking_lift <= 0.0:
+        memory.fall = 0.0
+        return False
+    return True
+
+
+cdef double area_at(Observer* observer, int64_t position) noexcept nogil:
+    """Normalised seat area of an open needle."""
+    memory = observer.memory
+    if position < memory.foot:
+        lift = memory.foot_lift - (memory.foot - 1 - position) * memory.rise
+    elif memory.fall > 0.0:
+        lift = memory.sinking_lift
+    elif observer.constants.means and _ends_within(observer, position):
+        lift = _lift_before_end(observer, position)
+    else:
+        lift = _recorded_lift(observer, position)
+    return normalised_area(lift, &observer.constants.seat)
+
+
+cdef double shut_area(Observer* observer, int64_t position) noexcept nogil:
+    """Normalised seat area of a closed needle: 0, or beside an opening the negative area its ramp comes from.
+
+    The ramp of the two samples beyond is extrapolated, so that an area linear between samples reaches 0 where the
+    needle leaves or meets its seat, and not at the sample before or after.
+    """
+    virtual = 0.0
+    seat = &observer.constants.seat
+    foot = _foot_ahead(observer, position, 1) if known(observer, position) >= 2 else -1
+    if foot > 0:
+        first = _ramp_lift(observer, position + 1, foot - 1)
+        if first > 0.0 or foot == 1:
+            second = _ramp_lift(observer, position + 2, foot - 2)
+            virtual = 2.0 * normalised_area(first, seat) - normalised_area(second, seat)
+    elif position >= observer.memory.segment_start + 2:
+        last = observer.ring[(position - 1) & MASK].lift_area
+        before = observer.ring[(position - 2) & MASK].lift_area
+        if last > 0.0:
+            virtual = 2.0 * last - before
+    return min(virtual, 0.0)
+
+
+cdef double area_between_lifts(Observer* observer, int64_t position) noexcept nogil:
+    """Normalised seat area at the time of a sample, on the straight line between two areas where the lift was taken.
+
+    So the corners of the ramps stay where they were recorded; the lift itself, brought to the times of the samples,
+    would lose them.
+    """
+    row = &observer.ring[position & MASK]
+    if row.lift_after == 0.0 or position == observer.memory.segment_start:
+        return row.lift_area
+    before = &observer.ring[(position - 1) & MASK]
+    since = 1.0 - before.lift_after
+    return before.lift_area + (row.lift_area - before.lift_area) * since / (since + row.lift_after)
+
+
+cdef double true_rail_pressure(Observer* observer, int64_t number) noexcept nogil:
+    """Of the `number`-th sample [Pa]; at the ends of a stretch that of its first or last sample."""
+    memory = observer.memory
+    undoing = &observer.constants.undoing
+    last = memory.recorded - 1
+    earlier = min(max(number + undoing.rail_late, memory.unbroken_since), last)
+    later = min(max(number + undoing.rail_late + 1, memory.unbroken_since), last)
+    start = observer.recorded[earlier & RECORDED_MASK].values[RAIL]
+    end = observer.recorded[later & RECORDED_MASK].values[RAIL]
+    return start + undoing.rail_fraction * (end - start)
+
+
+cdef double true_lift(Observer* observer, int64_t number) noexcept nogil:
+    """Of the `number`-th sample [m]; at the ends of a stretch from the one neighbour it has."""
+    memory = observer.memory
+    before = max(number - 1, memory.unbroken_since)
+    after = min(number + 1, memory.recorded - 1)
+    lift = observer.recorded[number & RECORDED_MASK].values[LIFT]
+    if after == before:
+        return lift
+    rise = (
+        observer.recorded[after & RECORDED_MASK].values[LIFT]
+        - observer.recorded[before & RECORDED_MASK].values[LIFT]
+    )
+    return lift + observer.constants.undoing.lift_lag * rise / (after - before)

@@ -1,0 +1,138 @@
+# What the closed needle tells: noise levels, the offset between line and rail pressure, the lift sensor.
+
+cdef enum:
+    ENOUGH_SAMPLES = 256  # of standstill, before measured noise may replace the stated
+    NOISE_MEMORY = 16_384  # squares of which the mean is formed at least; beyond twice as many the older count half
+    LIFT_MEMORY = 4_096  # squares the running mean of the lift remembers
+    _ORDER = 4  # differences: order 4 leaves the ringing of the line below the noise even at 20 kHz
+    _TRUSTED = 200  # squares, from which on their mean tells a spike
+    _REPEATED = 16  # samples
+
+cdef double CONTRADICTED = 5.0  # standard deviations of a measured level's logarithm, from which on it replaces the stated
+cdef double _SPREAD = 1.3  # n times the variance of that logarithm: neighbouring differences share samples
+cdef double DIFFERENCE_GAIN = 70.0  # sum of squares of 1 4 6 4 1
+cdef double _NEXT = -56.0  # sum of products of neighbours in 1 -4 6 -4 1
+cdef double _NEXT_BUT_ONE = 28.0  # and of those beyond them
+cdef double _SPIKE = 36.0  # times the mean square: six sigma
+
+
+cdef void gather(Observer* observer, int64_t position) noexcept nogil:
+    """Take the sample at `position` into the statistics of the standstill."""
+    memory = observer.memory
+    row = &observer.ring[position & MASK]
+    if not row.resting or row.interpolated or row.bridged != 0 or memory.unsynchronised_by == REASON_NUMERICAL:
+        memory.rest_run = 0
+        memory.at_highest = 0
+        memory.highest_line = max(memory.highest_line, row.line_pressure)
+        return
+    if _is_clipped(observer, position):
+        memory.rest_run = 0
+        return
+    memory.rest_run += 1
+    memory.rest_count += 1
+    memory.offset_sum += row.line_pressure - observer.constants.sensor.offset - row.rail_pressure
+    if memory.rest_run > _ORDER:
+        a = &observer.ring[(position - 4) & MASK]
+        b = &observer.ring[(position - 3) & MASK]
+        c = &observer.ring[(position - 2) & MASK]
+        d = &observer.ring[(position - 1) & MASK]
+        count = memory.difference_count
+        undone = observer.constants.undoing.rail_fraction if observer.constants.rail_every <= 1.0 else 0.0
+        memory.rail_squares += square_of_difference(
+            a.rail_pressure,
+            b.rail_pressure,
+            c.rail_pressure,
+            d.rail_pressure,
+            row.rail_pressure,
+            memory.rail_squares,
+            count,
+            smoothing(row.rail_share, undone),
+        )
+        memory.line_squares += square_of_difference(
+            a.line_pressure,
+            b.line_pressure,
+            c.line_pressure,
+            d.line_pressure,
+            row.line_pressure,
+            memory.line_squares,
+            count,
+            1.0,
+        )
+        memory.difference_count += 1
+        if memory.difference_count == 2 * NOISE_MEMORY:
+            _halve(observer)
+
+
+cdef bint _is_clipped(Observer* observer, int64_t position) noexcept nogil:
+    """Whether a rest's line pressure stays at the highest value of the run although the rail pressure does not stay.
+
+    Where its range ends, it says nothing.
+    """
+    cdef bint moves
+    memory, row = observer.memory, &observer.ring[position & MASK]
+    moves = row.rail_pressure != observer.ring[(position - 1) & MASK].rail_pressure
+    memory.at_highest = memory.at_highest + 1 if moves and row.line_pressure == memory.highest_line else 0
+    memory.highest_line = max(memory.highest_line, row.line_pressure)
+    return memory.at_highest >= _REPEATED
+
+
+cdef void _halve(Observer* observer) noexcept nogil:
+    """What is long past counts for less."""
+    memory = observer.memory
+    memory.difference_count = NOISE_MEMORY
+    memory.differences_before //= 2
+    memory.rail_squares *= 0.5
+    memory.line_squares *= 0.5
+    memory.rail_squares_before *= 0.5
+    memory.line_squares_before *= 0.5
+
+
+cdef bint _differ(double one, double other, double factor) noexcept nogil:
+    """Whether one exceeds the other by more than a factor."""
+    return one > factor * other or other > factor * one
+
+
+cdef void forget_other_noise(Observer* observer) noexcept nogil:
+    """An event closes: what was known before it goes where the noise has become another since."""
+    memory = observer.memory
+    before, since = memory.differences_before, memory.difference_count - memory.differences_before
+    if min(before, since) >= ENOUGH_SAMPLES:
+        rail, line = memory.rail_squares_before, memory.line_squares_before
+        within = exp(CONTRADICTED * sqrt(4.0 * _SPREAD * (1.0 / before + 1.0 / since)))
+        share = <double> since / before
+        if _differ(memory.rail_squares - rail, share * rail, within) or _differ(
+            memory.line_squares - line, share * line, within
+        ):
+            memory.difference_count = since
+            memory.rail_squares -= rail
+            memory.line_squares -= line
+    memory.differences_before = memory.difference_count
+    memory.rail_squares_before = memory.rail_squares
+    memory.line_squares_before = memory.line_squares
+
+
+cdef double smoothing(double share, double again) noexcept nogil:
+    """By what interpolation with this share of the later neighbour, and another one after it, reduce the square of a
+    fourth difference.
+
+    To the line, which follows slowly, an interpolated pressure is as noisy as its neighbours are.
+    """
+    first = (1.0 - share) * (1.0 - again)
+    second = share * (1.0 - again) + (1.0 - share) * again
+    third = share * again
+    squares = first * first + second * second + third * third
+    beside = 2.0 * (first * second + second * third)
+    return squares + (beside * _NEXT + 2.0 * first * third * _NEXT_BUT_ONE) / DIFFERENCE_GAIN
+
+
+cdef double square_of_difference(
+    double a, double b, double c, double d, double e, double total, int64_t count, double smoothed
+) noexcept nogil:
+    """Square of the fourth difference, a spike's limited to what the `count` squares before make plausible.
+
+    smoothed: by what interpolation reduced it.
+    """
+    square = (a - 4 * (b + d) + 6 * c + e) ** 2 / smoothed
+    if count < _TRUSTED:
+        return square
+    return min(square, _SPIKE * total / count)

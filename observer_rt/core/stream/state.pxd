@@ -1,0 +1,415 @@
+# Records of the stream, as numpy owns them, and what its functions are given of an observer.
+
+from libc.stdint cimport int64_t
+
+from observer_rt.core.model.hydraulics cimport Seat
+
+cdef enum:
+    RING = 32768  # samples remembered: 0.33 s at 100 kHz
+    MASK = 32767
+    RECORDED_RING = 8192
+    RECORDED_MASK = 8191
+    MAX_EVENT = 16384  # samples; a longer event is not learned
+    PENDING_EVENTS = 512  # closed, not yet judged
+    INJECTIONS = 1024  # finished, not yet reported
+    SLOTS = 8  # events that may have a verdict before they are taken
+    RAIL = 0
+    LIFT = 1
+    LINE = 2
+    HIDDEN = 5
+    ARGUMENTS = 6
+    OUTPUTS = 2
+    MOST_COEFFICIENTS = 24
+
+cdef enum:  # Break
+    BREAK_NONE = 0
+    BREAK_START = 1
+    BREAK_JUMP = 2
+    BREAK_LOSS = 3
+    BREAK_RESTART = 4
+
+cdef enum:  # Doubt
+    DOUBT_NONE = 0
+    DOUBT_TIME_BASE = 16
+    DOUBT_FROZEN = 24
+    DOUBT_CLIPPED = 25
+
+cdef enum:  # Reason
+    REASON_NONE = 0
+    REASON_STARTING = 1
+    REASON_JUMPED = 2
+    REASON_SAMPLES_LOST = 3
+    REASON_DEVICE_RESTARTED = 4
+    REASON_NUMERICAL = 5
+    REASON_NEEDLE_STUCK = 6
+    REASON_TOO_FEW_EVENTS = 7
+    REASON_INPUT_TIMEOUT = 8
+    REASON_MODEL_INADEQUATE = 9
+    REASON_PRESSURE_OFFSET = 10
+    REASON_SENSOR_LAG = 11
+    REASON_NOT_LEARNED = 12
+    REASON_SUDDEN_CHANGE = 13
+    REASON_AMBIGUOUS_SCALE = 14
+    REASON_UNTESTED = 15
+    REASON_TIME_BASE = 16
+    REASON_REVISED = 17
+    REASON_INPUT_STALE = 18
+    REASON_NOT_JUDGED = 19
+    REASON_CONTRADICTED = 20
+    REASON_SECOND_SENDER = 21
+    REASON_NO_STANDSTILL = 22
+    REASON_LIFT_ZERO = 23
+    REASON_INPUT_FROZEN = 24
+    REASON_INPUT_CLIPPED = 25
+    REASON_LIFT_SENSOR_LAG = 26
+    REASON_INPUT_PROTECTION = 27
+    REASON_OUTSIDE_LEARNED_RANGE = 28
+    REASON_LIFT_DEAD = 29
+
+cdef enum:  # State
+    STATE_STARTING = 0
+    STATE_WAITING_FOR_DATA = 1
+    STATE_RUNNING_NOMINAL = 2
+    STATE_ADAPTED = 3
+    STATE_DEGRADED = 4
+
+cdef enum:  # Taken
+    TAKEN_NOTHING = 0
+    TAKEN_EXAMINED = 1
+    TAKEN_LEARNED = 2
+
+cdef enum:  # Stepping
+    STEPPING_START = 0
+    STEPPING_PREDICT = 1
+    STEPPING_CORRECT = 2
+    STEPPING_PUT = 3
+
+
+cdef struct Recorded:
+    int64_t index
+    double values[3]  # rail pressure [Pa], needle lift [m], line pressure [Pa]
+    double shares[3]  # 0..1, by which it lies between two of its channel; of a lift, how much later
+    unsigned char interpolated
+    signed char broken  # Break
+    signed char doubt  # Doubt
+
+cdef struct Sample:
+    # as received, normalised by (24), lift in m
+    int64_t index
+    double rail_pressure
+    double needle_lift
+    double line_pressure
+    double lift_after  # share of an interval by which the lift was taken later than the rest
+    double rail_share  # in the rail pressure, of the later one of two neighbours
+    double lift  # m, the recorded one without what `lift_zero` takes for no motion
+    unsigned char interpolated
+    signed char broken  # Break
+    signed char doubt  # Doubt
+    signed char bridged  # a bit for every channel whose value does not count
+    # as computed
+    double lift_area  # normalised seat area when the lift was taken
+    double seat_area  # u2
+    unsigned char resting
+    double innovation  # e~ of x~, in units of p_0; 0 where the line pressure is not known
+    double indicated  # line pressure as the lagging sensor of x~ shows it, without offset
+    double phi[3]  # 1/s
+    double injection_rate  # m3/s, NaN while not synchronised
+    unsigned char valid
+    signed char state  # State
+    signed char reason  # Reason
+
+cdef struct Event:
+    int64_t number
+    int64_t due_index  # judged at the first sample >= this outside every event
+    int64_t window_start  # positions in the stream of samples
+    int64_t window_end
+    int64_t opening
+    unsigned char learnable
+    signed char doubtful  # Reason its samples are not to be trusted, 0 when they are
+    int64_t closed_index  # of the sample at which it closed
+    int64_t judged_before  # events, when it closed
+    int64_t injections  # begun, when it closed
+    signed char taken  # verdict.Taken, once it was judged
+    # up to the event's end
+    int64_t rest_count
+    double offset_sum
+    int64_t difference_count
+    double rail_squares
+    double line_squares
+    int64_t lift_count
+    double lift_variance  # m2, of the noise: a running mean
+    double zero  # m
+    double quick_squares  # m2, running mean of the square of `quick`
+    double crosstalk  # m of lift by the line pressure's p_0, as it is taken out; 0: none was found
+
+cdef struct Channel:
+    double noise  # standard deviation of a sample, as normalised as it is
+    double last  # value as it came
+    double change  # running mean from sample to sample
+    int64_t until  # position before which every sample is looked at
+    int64_t run  # samples in a row with the value of the one before
+    int64_t needed  # of them, until it is frozen
+    unsigned char is_dropout  # it leapt there
+    double instead  # value before it did
+    int64_t repeats  # of all samples, those that only by chance have the value of the one before
+    double held  # value at which it was frozen last
+    unsigned char is_held  # it has not moved since
+    unsigned char went_above  # it has been higher than that since,
+    unsigned char went_below  # and lower: no end of a range
+    unsigned char is_clipped  # it was the time before as well
+    int64_t bridged  # lately: samples that do not count less others since
+
+cdef struct Injection:
+    int64_t number
+    int64_t event
+    int64_t start  # position of the window's first sample
+    int64_t end  # position of its last, -1 while not known
+    int64_t start_index
+    int64_t end_index
+    double volume  # m3
+    double peak_rate  # m3/s
+    int64_t opening_index  # of its first sample with the needle open
+    unsigned char opening_seen  # else it was open when the samples began
+    double rail_pressure  # at its opening, normalised
+    double known_from  # rail pressures at which the flow was known then
+    double known_to
+    unsigned char valid
+    signed char reason  # Reason of its first sample that is not valid
+    int64_t phi_version
+    signed char state
+    double middle_x[3]  # x^ and inputs in the middle of the window
+    double middle_u[2]
+
+cdef struct ObserverMemory:
+    # numbers of recorded samples: recorded >= given_on
+    int64_t recorded  # taken in
+    int64_t given_on  # what is stated of their channels is undone
+    int64_t unbroken_since  # number of the first sample since the last break
+    # positions in the stream of samples: received >= inspected >= processed
+    int64_t received
+    int64_t inspected  # for outliers
+    int64_t processed
+    int64_t lifted  # as far as `lift` is known
+    int64_t newest_break  # position of the newest sample that does not follow the one before
+    int64_t segment_start  # position of the first sample since the last break
+    unsigned char draining  # no more samples will come: do without look-ahead
+    # parameters in force
+    double hidden[HIDDEN][ARGUMENTS]
+    double offset  # the learned one, moved by what the standstill shows
+    unsigned char offset_moves  # slow innovations at rest are the offset's, not the colour of the noise
+    signed char judgement  # Reason the last judged event did not pass, 0 when it did
+    int64_t untested  # events in a row that could not be tested
+    signed char doubted  # Reason all that comes now is not to be trusted, 0 when it is
+    unsigned char familiar  # the flow is known well enough for an injection as the last one
+    double sac_flow  # sums since it opened: of Q_H times p_S,
+    double line_flow  # and times p_L
+    double innovation_sigma  # standard deviation of e~, in units of p_0
+    double healthy_variance  # what e~ of a healthy injector has, over its square; 1 if the model is right
+    double innovation_weight  # 1 / their product
+    double surprise  # running mean of e~^2 by this weight
+    unsigned char contradicted  # it has left what noise can do, and no event passed since
+    unsigned char contradicted_at_rest  # by a channel, for the injector did nothing
+    int64_t calm  # samples since it was
+    double lowest_line  # line less rail pressure meanwhile
+    int64_t falls  # how often in a row such a one was an injection's, though no needle opened
+    int64_t contradicted_in  # number of the first event that can tell otherwise
+    int64_t halted_in  # number of the event in which a needle stopped too low, 0 once one has passed
+    double lift_on  # m
+    double lift_off
+    int64_t phi_version
+    # the pair x~, x^ is in the ring; what else it needs
+    int64_t since_start  # samples since x~ started
+    int64_t closed_since_start  # of these, with a closed needle
+    unsigned char synchronised
+    signed char unsynchronised_by  # Reason
+    # needle and event
+    unsigned char needle_open
+    int64_t shut_since  # index of the first closed sample
+    unsigned char in_event
+    unsigned char event_learnable
+    signed char event_doubtful  # Reason
+    int64_t event_number
+    int64_t event_opening
+    int64_t opening  # position of the last one
+    int64_t rested  # position of the last sample with the needle long shut
+    # the part of a ramp that a lift recorded too low does not show
+    int64_t foot  # position of the first sample whose recorded lift counts
+    double foot_lift  # m, lift at the sample before
+    double rise  # m a sample
+    double sinking_lift  # m, of a needle no longer recorded as open
+    double fall  # m a sample, 0 while the recorded lift counts
+    int64_t events_judged
+    unsigned char waits_for_verdicts  # else an event without one when it is due is not judged
+    unsigned char waiting  # the head of `events` is due and must be judged before going on
+    int64_t events_closed
+    int64_t events_taken
+    int64_t injections_begun
+    int64_t injections_reported
+    double zero  # m
+    double quick_squares  # m2, running mean of the square of `quick`
+    double crosstalk  # m of lift by the line pressure's p_0, as it is taken out; 0: none was found
+    double zero_mean  # m, running mean
+    double zero_near  # m, a shorter one, and
+    double zero_behind  # .. the running mean of that
+    double zero_moves  # m2, mean square of their difference
+    double zero_slope  # m a sample, 0 while that is noise
+    int64_t followed  # position of the last sample in them
+    double quick  # m, mean over some samples of the lift about its zero
+    double quick_limit  # m2, of its square: more is a step
+    int64_t quiet  # position of the last sample at which it was small
+    int64_t stepped  # position at which a step of the zero was found
+    double before_step  # m, the zero before it
+    double summit  # m, highest lift since it opened
+    int64_t zero_count
+    double spread  # m2, mean square of the lift about it: noise of any colour
+    double variance_lately  # m2, of the noise: a shorter mean
+    double line_mean  # of the line pressure, running as `zero` does
+    int64_t crosstalk_count
+    double swing_squares  # fading sums: of the line pressure about its mean,
+    double swing_lifts  # and of its products with the lift about its zero
+    double squares_lately  # shorter ones of the same
+    double lifts_lately
+    # where the lift of an open needle stays
+    double level  # m, mean of the samples that differ little, and
+    int64_t level_count  # .. how many they are
+    double highest  # m, of this opening, 0 where it stayed nowhere
+    double stop  # m, running mean of the openings that went furthest
+    int64_t stop_openings
+    # statistics of the standstill
+    double stated_noise[3]  # of rail and line pressure [p_0] and lift [m], until it is measured
+    int64_t rest_run
+    double highest_line  # line pressure of the run, normalised
+    int64_t at_highest  # samples of a rest in a row that repeat it exactly: its range ends there
+    int64_t differences_before  # what was known when the event before closed
+    double rail_squares_before
+    double line_squares_before
+    int64_t rest_count
+    double offset_sum
+    int64_t difference_count
+    double rail_squares
+    double line_squares
+    int64_t lift_count
+    double lift_variance  # m2, of the noise: a running mean
+    # outliers
+    double accepted_innovation  # the last of x~ that did not leap
+    int64_t leaping  # samples since
+    # counters
+    int64_t spikes
+    int64_t bridged
+    int64_t interpolated
+    int64_t lost
+    int64_t breaks
+    int64_t numerical_resets
+    int64_t doubtful_events  # judged
+    double output[OUTPUTS][HIDDEN]
+    double bias[OUTPUTS]
+    double back_pressure[2]
+    double learned_offset
+    double lag  # s
+    double line[MOST_COEFFICIENTS]  # its coefficients with what was learned of it
+    # where the flow is known well enough: rail pressures, and p_S / p_L
+    double rail_from
+    double rail_to
+    double filled_to
+
+cdef struct Finding:
+    int64_t number  # of the event it is on, from 1 in the order in which they closed
+    signed char reason  # Reason it did not pass, 0 when it did
+    unsigned char is_coloured  # the innovations are, by what is known of the noise
+    double at_rest  # mean square of coloured ones with the needle shut, nan: as it was
+
+cdef struct Verdict:
+    Finding examined
+    Finding learned
+    int64_t earlier  # the event's number, if what was learned from one before is to take force with it
+    # what was learned
+    unsigned char is_adopted
+    double innovation_sigma
+    double noise[3]  # of the channels
+    double output[OUTPUTS][HIDDEN]
+    double bias[OUTPUTS]
+    double back_pressure[2]
+    double learned_offset
+    double lag  # s
+    double line[MOST_COEFFICIENTS]  # its coefficients with what was learned of it
+    # where the flow is known well enough: rail pressures, and p_S / p_L
+    double rail_from
+    double rail_to
+    double filled_to
+
+cdef struct Timing:
+    int64_t settle  # closed needle after which the sac is at rest and x^ follows x~
+    int64_t good  # closed needle after which x~ is good again
+    int64_t event_gap
+    int64_t learning_delay
+    int64_t window_lead  # injection window: before the opening
+    int64_t window_tail  # and after the needle is shut
+    int64_t learning_lead  # learning window: before the event's first opening
+    int64_t lookahead  # samples the observer must know beyond the one in hand
+    int64_t toe  # most samples of an opening ramp that a lift recorded too low does not show
+    int64_t ramp  # samples beyond the first of a ramp from which its slope is taken
+    int64_t confirm  # samples in a row above the dead band that open the needle
+    int64_t bounce  # closed needle after which its lift is its zero
+    int64_t stays  # for which a low lift that the line pressure does not show is none of an open needle
+    int64_t bridge  # most samples of a channel that may be missing
+    unsigned char filtered  # samples come fast enough for a spike to be told from the line
+
+cdef struct Undoing:
+    unsigned char stated  # whether there is anything
+    int64_t rail_late  # samples; sample k + rail_late of the rail pressure is of the time `rail_fraction` (0..1) of a
+    double rail_fraction  # .. sample before k
+    double lift_lag  # samples: time constant of the lift's sensor
+    int64_t ahead  # samples that must be known beyond one
+
+cdef struct InputTerms:
+    double rail_factor
+    double rail_shift  # Pa
+    double lift_factor
+    double lift_shift  # m
+    double lift_lag  # s
+    double rail_delay  # s
+
+cdef struct Sensor:
+    double lag  # s
+    double offset  # in units of p_0
+    int64_t late  # samples
+    double fraction  # of a sample
+
+cdef struct Constants:
+    double pressure_scale  # p_0, Pa
+    double chamber_pressure  # p_C, Pa
+    Seat seat
+    unsigned char means  # samples are means over the sample period that ends at their time
+    InputTerms inputs
+    Sensor sensor
+    double interval  # s
+    Timing timing
+    int64_t events_required  # judged events before a sample can be valid
+    double rail_every  # samples to one of the rail pressure
+    Undoing undoing
+    double quickest  # m a sample: no needle is
+
+# What steps the pair: one of STEPPING_, at a position.
+ctypedef double (*Step)(void* stepper, int64_t what, int64_t position) noexcept nogil
+
+cdef struct Observer:
+    Constants constants
+    ObserverMemory* memory
+    Recorded* recorded  # (RECORDED_RING,)
+    Sample* ring  # (RING,)
+    int64_t states
+    double* x_tilde  # (RING, states)
+    double* x_hat
+    int64_t gain_rows
+    double* gains  # (gain_rows, states) gain schedule in force
+    Event* events  # (PENDING_EVENTS,)
+    Injection* injections  # (INJECTIONS,)
+    Channel* channels  # (3,)
+    int64_t parameters
+    double* theta  # (parameters,)
+    Verdict* verdicts  # (2 SLOTS,)
+    double* verdict_gains  # (2 SLOTS, gain_rows, states)
+    double* verdict_theta  # (2 SLOTS, parameters)
+    Step step
+    void* stepper
+

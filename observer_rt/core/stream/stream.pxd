@@ -1,0 +1,12 @@
+# The observer over its stream of samples, as other loops of the core call it.
+
+from libc.stdint cimport int64_t
+
+from observer_rt.core.stream.state cimport Observer
+
+cdef class Stream:
+    cdef Observer observer
+    cdef tuple lent
+
+cdef void take_recorded(Observer* observer, int64_t end, int64_t doubt) noexcept nogil
+cdef bint advance_stream(Observer* observer) noexcept nogil

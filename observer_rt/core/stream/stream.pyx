@@ -1,0 +1,203 @@
+"""The observer over its stream of samples: what happens, in which order, at every sample.
+
+One unit, for its parts call each other at every sample; a file for each of them.
+"""
+
+from libc.math cimport NAN, INFINITY, ceil, copysign, exp, fabs, isfinite, isnan, log, rint, sqrt
+from libc.stdint cimport int64_t
+from libc.string cimport memcpy
+
+from observer_rt.core.model.hydraulics cimport Seat, normalised_area
+from observer_rt.core.stream.state cimport *
+
+
+cdef inline void copy_numbers(const double* source, double* target, int64_t count) noexcept nogil:
+    memcpy(target, source, count * sizeof(double))
+
+
+include "front_end.pxi"
+include "standstill.pxi"
+include "events.pxi"
+include "lift_step.pxi"
+include "lift_zero.pxi"
+include "outliers.pxi"
+include "judgement.pxi"
+include "pair.pxi"
+include "validity.pxi"
+include "step.pxi"
+
+
+# What Python works with, too.
+globals().update(
+    CLOSE=CLOSE,
+    CONFIRM=CONFIRM,
+    DIFFERENCE_GAIN=DIFFERENCE_GAIN,
+    ENOUGH_SAMPLES=ENOUGH_SAMPLES,
+    CHANGE_MEMORY=CHANGE_MEMORY,
+    FEWEST_OPENING=FEWEST_OPENING,
+    FEWEST_REPEATS=FEWEST_REPEATS,
+    FOOT=FOOT,
+    FURTHEST_OFFSET=FURTHEST_OFFSET,
+    FURTHEST_ZERO=FURTHEST_ZERO,
+    INJECTIONS=INJECTIONS,
+    LIFT_MEMORY=LIFT_MEMORY,
+    LONG_PAST=LONG_PAST,
+    LOOK_BACK=LOOK_BACK,
+    MAX_EVENT=MAX_EVENT,
+    MOST_COEFFICIENTS=MOST_COEFFICIENTS,
+    MOST_CROSSTALK=MOST_CROSSTALK,
+    OFFSET_FOLLOWS=OFFSET_FOLLOWS,
+    PENDING_EVENTS=PENDING_EVENTS,
+    REACH=REACH,
+    RECORDED_RING=RECORDED_RING,
+    RESTLESS=RESTLESS,
+    RING=RING,
+    SLOTS=SLOTS,
+    SLOWEST_OPENING=SLOWEST_OPENING,
+    SLOW_PEAK=SLOW_PEAK,
+    STEP=STEP,
+)
+
+
+def dead_band(double lift_noise) -> tuple[float, float]:
+    """Lift [m] above which the needle is open and below which it is shut again, from the lift noise [m]."""
+    opens = opening_band(lift_noise)
+    return opens, 0.5 * opens
+
+
+def ramp_slope_of_means(double partial, double full, double slope, double tolerance) -> float:
+    """Slope [m a sample] of a straight ramp from 0, of lifts [m] that are means: see `front_end.pxi`."""
+    return slope_of_means(partial, full, slope, tolerance)
+
+
+def reason_and_state(facts) -> tuple[int, int]:
+    """Reason a sample is not valid, and State, by the facts of validity.pxi's `SampleFacts` (a dict)."""
+    cdef SampleFacts of_sample = facts
+    cdef int64_t reason = reason_of_sample(&of_sample)
+    return reason, state_of_sample(&of_sample, reason)
+
+
+cdef class Stream:
+    """An observer's memory, lent to the functions that run once a sample; each array is checked field by field.
+
+    memory (1,), recorded (RECORDED_RING,), ring (RING,), events (PENDING_EVENTS,), injections (INJECTIONS,), channels
+    (3,), verdicts (2 SLOTS,): records of `observer.stream.state`; x_tilde, x_hat (RING, states); gains (n, states);
+    theta (m,); verdict_gains (2 SLOTS, n, states); verdict_theta (2 SLOTS, m).
+    """
+
+    def __init__(
+        self, memory, recorded, ring, x_tilde, x_hat, gains, events, injections, channels, theta, verdicts,
+        verdict_gains, verdict_theta
+    ) -> None:
+        cdef ObserverMemory[::1] of_memory = memory
+        cdef Recorded[::1] of_recorded = recorded
+        cdef Sample[::1] of_ring = ring
+        cdef Event[::1] of_events = events
+        cdef Injection[::1] of_injections = injections
+        cdef Channel[::1] of_channels = channels
+        cdef Verdict[::1] of_verdicts = verdicts
+        cdef double[:, ::1] of_tilde = x_tilde, of_hat = x_hat, of_gains = gains, of_verdict_theta = verdict_theta
+        cdef double[::1] of_theta = theta
+        cdef double[:, :, ::1] of_verdict_gains = verdict_gains
+        expected = (1, RECORDED_RING, RING, RING, RING, PENDING_EVENTS, INJECTIONS, 3, 2 * SLOTS)
+        lent = memory, recorded, ring, x_tilde, x_hat, events, injections, channels, verdicts
+        found = tuple(len(each) for each in lent)
+        if found != expected or verdict_gains.shape != (2 * SLOTS, *gains.shape) or x_hat.shape != x_tilde.shape:
+            raise ValueError(f"records of an observer: {found} instead of {expected}, or gains of another shape")
+        if gains.shape[1] != x_tilde.shape[1] or verdict_theta.shape != (2 * SLOTS, len(theta)):
+            raise ValueError("states of the gains, or parameters of the verdicts, are not those of the observer")
+        self.lent = (*lent, gains, theta, verdict_gains, verdict_theta)
+        o = &self.observer
+        o.memory, o.recorded, o.ring = &of_memory[0], &of_recorded[0], &of_ring[0]
+        o.states, o.x_tilde, o.x_hat = of_tilde.shape[1], &of_tilde[0, 0], &of_hat[0, 0]
+        o.gain_rows, o.gains = of_gains.shape[0], &of_gains[0, 0]
+        o.events, o.injections, o.channels = &of_events[0], &of_injections[0], &of_channels[0]
+        o.parameters = of_theta.shape[0]
+        o.verdicts, o.verdict_gains = &of_verdicts[0], &of_verdict_gains[0, 0, 0]
+        if o.parameters:
+            o.theta, o.verdict_theta = &of_theta[0], &of_verdict_theta[0, 0]
+
+    def put_constants(self, constants) -> None:
+        """Go on with these `observer.stream.state.Constants`."""
+        c, coefficients = &self.observer.constants, constants.coefficients
+        c.pressure_scale, c.chamber_pressure = coefficients.pressure_scale, coefficients.chamber_pressure
+        c.seat = coefficients.seat._asdict()
+        c.means = constants.means
+        c.inputs = constants.inputs._asdict()
+        c.sensor = constants.sensor._asdict()
+        c.interval = constants.interval
+        c.timing = constants.timing._asdict()
+        c.events_required = constants.events_required
+        c.rail_every = constants.rail_every
+        c.undoing = constants.undoing._asdict()
+        c.quickest = constants.quickest
+
+    def bind(self, size_t code, size_t data) -> None:
+        """What steps the pair: address of a function of (data, what, position), and its data."""
+        self.observer.step = <Step> code
+        self.observer.stepper = <void*> data
+
+    def take(self, int64_t end, int64_t doubt) -> None:
+        """Take in the recorded samples up to the number `end`; doubt (Doubt): why they are not to be trusted."""
+        with nogil:
+            take_recorded(&self.observer, end, doubt)
+
+    def advance(self) -> bool:
+        """Process every sample whose look-ahead is complete; whether an event must be judged first."""
+        cdef bint waits
+        with nogil:
+            waits = advance_stream(&self.observer)
+        return waits
+
+    def judged(self) -> bool:
+        """Judge the oldest closed event by the verdict posted on it; False where there is none."""
+        return judged(&self.observer)
+
+    def carry_on(self, int64_t slot) -> None:
+        """Carry the theta, gains and noise of a slot from here on."""
+        carry_on(&self.observer, slot)
+
+    def expect(self, double at_rest) -> None:
+        """What innovations are to be like; at_rest: mean square of coloured ones with the needle shut [p_0^2]."""
+        expect(&self.observer, at_rest)
+
+    def step_pairs(self, int64_t first, int64_t end) -> None:
+        """The pair and its rate at positions [first, end) of the ring, which were gone through before."""
+        cdef int64_t position
+        with nogil:
+            for position in range(first, end):
+                step_pair(&self.observer, position)
+
+    def watch(self, double innovation, int64_t doubt) -> None:
+        """Take in an innovation of x~ [p_0], of a sample with such a Doubt; what contradicts the model stays so."""
+        watch(&self.observer, innovation, doubt)
+
+    def end_contradiction(self, bint is_resting, bint is_new) -> None:
+        """Whether a contradiction is over; is_resting: the needle is long shut; is_new: it came with this sample."""
+        end_contradiction(&self.observer, is_resting, is_new)
+
+
+def copy_window(
+    const Sample[::1] ring,
+    int64_t start,
+    int64_t late,
+    double[:, ::1] inputs,
+    double[::1] output,
+    unsigned char[::1] resting,
+    double[:, ::1] knots,
+    unsigned char[::1] masked,
+) -> None:
+    """As many samples as the arrays of a `Window` have, from a position on; late: samples y is recorded late."""
+    cdef int64_t number
+    cdef const Sample* row
+    cdef const Sample* recorded
+    with nogil:
+        for number in range(output.shape[0]):
+            row, recorded = &ring[(start + number) & MASK], &ring[(start + number + late) & MASK]
+            inputs[number, 0] = row.rail_pressure
+            inputs[number, 1] = row.seat_area
+            output[number] = recorded.line_pressure
+            resting[number] = row.resting
+            knots[number, 0] = row.lift_after
+            knots[number, 1] = row.lift_area
+            masked[number] = (recorded.bridged >> LINE) & 1 != 0

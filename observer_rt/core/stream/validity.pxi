@@ -1,0 +1,54 @@
+# Validity decided, here only: what is known of a sample, an injection or the service becomes state and reason.
+#
+# What is valid has no reason. docs/validity.md says who knows what, and when.
+
+
+cdef struct SampleFacts:
+    # What the stream knows at a sample; reasons are 0 where there is none.
+    int64_t unsynchronised_by  # Reason since which x~ has not settled
+    bint is_synchronised
+    int64_t doubt  # Doubt of the sample itself
+    int64_t doubted  # Reason a channel is doubted for
+    bint is_lift_beyond  # the zero of the lift has gone too far
+    bint is_lift_dead  # it does not show what the line pressure does
+    int64_t events  # judged, and of samples to be trusted
+    int64_t events_required
+    bint is_familiar  # the flow is known well enough for such an injection
+    int64_t judgement  # Reason the last judged event did not pass
+    bint is_contradicted  # by the innovations since, or by how the needle opened
+    bint has_learned  # something is in force
+
+
+cdef int64_t reason_of_sample(const SampleFacts* facts) noexcept nogil:
+    """Why the sample is not valid (Reason), the first that holds; 0: it is."""
+    if not facts.is_synchronised:
+        return facts.unsynchronised_by
+    if facts.doubt != DOUBT_NONE:
+        return facts.doubt
+    if facts.doubted != REASON_NONE:
+        return facts.doubted
+    if facts.is_lift_beyond:
+        return REASON_LIFT_ZERO
+    if facts.is_lift_dead:
+        return REASON_LIFT_DEAD
+    if facts.events < facts.events_required:
+        return REASON_TOO_FEW_EVENTS
+    if facts.judgement != REASON_NONE:
+        return facts.judgement
+    if facts.is_contradicted:
+        return REASON_CONTRADICTED
+    if not facts.is_familiar:
+        return REASON_OUTSIDE_LEARNED_RANGE
+    return facts.unsynchronised_by
+
+
+cdef int64_t state_of_sample(const SampleFacts* facts, int64_t reason) noexcept nogil:
+    """The State at the sample, which has a reason: degraded by what is wrong, not by what is only not known yet."""
+    cdef bint is_unsynchronised, is_doubted
+    if facts.unsynchronised_by == REASON_STARTING:
+        return STATE_STARTING
+    is_unsynchronised = facts.unsynchronised_by != REASON_NONE and facts.unsynchronised_by != REASON_JUMPED
+    is_doubted = facts.doubt != DOUBT_NONE or facts.doubted != REASON_NONE or facts.judgement != REASON_NONE
+    if is_unsynchronised or is_doubted or reason in (REASON_CONTRADICTED, REASON_LIFT_ZERO, REASON_LIFT_DEAD):
+        return STATE_DEGRADED
+    return STATE_ADAPTED if facts.has_learned else STATE_RUNNING_NOMINAL

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.stream.stepper import Stepper
 from observer_rt.core.stream.stream import (
     INJECTIONS,
     LONG_PAST,
@@ -20,12 +21,11 @@ from observer_rt.core.stream.stream import (
 )
 from observer_rt.estimation.predictor import Window
 from observer_rt.foundation.continuity import Break, make_recorded
-from observer_rt.foundation.referenced import bind
 from observer_rt.foundation.units import MILLISECOND
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import averaged
 from observer_rt.model.effects import effective_model
-from observer_rt.model.forcing import Clock, forcing_of
+from observer_rt.model.forcing import Clock
 from observer_rt.model.network import zero_network
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.sensor import sensor_of
@@ -54,7 +54,6 @@ from observer_rt.observer.stream.state import (
     Timing,
     sample_dtype,
 )
-from observer_rt.observer.stream.stepper import Stepper, step
 from observer_rt.observer.stream.verdict import no_verdicts
 
 SETTLE = 3 * MILLISECOND
@@ -181,29 +180,21 @@ def make_observer(
 
 def with_constants(observer: Observer, constants: Constants) -> Observer:
     """The same observer, that goes on with other constants."""
-    if observer.stepper is None:
-        of_line = len(constants.coefficients.line)
-        forcings = [forcing_of(constants.program, Clock(), of_line) for _ in ("x~", "x^")]
-    else:
-        forcings = [observer.stepper.of_tilde, observer.stepper.of_hat]
+    phi = observer.phi.carried(observer.verdicts.phi)
     stepper = Stepper(
+        observer.stream,
         constants.coefficients,
         constants.sensor,
         constants.interval,
         constants.substeps,
-        observer.memory,
-        observer.ring,
-        observer.x_tilde,
-        observer.x_hat,
-        observer.gains,
-        observer.phi,
-        observer.verdicts.phi,
-        *forcings,
+        constants.program,
+        phi,
     )
-    bound, kept = bind(step, stepper)
+    if observer.stepper is not None:
+        stepper.go_on_from(observer.stepper)
     observer.stream.put_constants(constants)
-    observer.stream.bind(bound.code, bound.data)
-    return observer._replace(constants=constants, stepper=stepper, kept=kept)
+    observer.stream.bind(stepper)
+    return observer._replace(constants=constants, stepper=stepper)
 
 
 def event_window(observer: Observer, number: int) -> Window | None:

@@ -14,7 +14,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.foundation.compiled import compiled, inner
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
 from observer_rt.model.parameters import InjectorParameters
@@ -265,26 +264,3 @@ def strokes(schedule: Schedule, parameters: InjectorParameters) -> tuple[Stroke,
                 f"start that shot at least {late / MILLISECOND:.3g} ms later",
             )
     return tuple(found for _, found in placed)
-
-
-@inner
-def _area_under_ramp(time: float) -> float:
-    return 0.5 * time * time if time > 0.0 else 0.0
-
-
-@inner
-def _area_under_stroke(time: float, s: Stroke) -> float:
-    """Integral of the unrounded lift up to `time`: four ramps [m s]."""
-    rise: float = _area_under_ramp(time - s.opening) - _area_under_ramp(time - s.top)
-    fall: float = _area_under_ramp(time - s.closing) - _area_under_ramp(time - s.closed)
-    return s.opening_speed * rise - s.closing_speed * fall
-
-
-@compiled
-def lift_of_stroke(time: float, s: Stroke) -> float:
-    """Lift [m] at `time` [s] with rounded corners; exactly 0 outside the stroke."""
-    half = 0.5 * CORNER_ROUNDING
-    if time <= s.opening - half or time >= s.closed + half:
-        return 0.0
-    area: float = _area_under_stroke(time + half, s) - _area_under_stroke(time - half, s)
-    return max(area / CORNER_ROUNDING, 0.0)

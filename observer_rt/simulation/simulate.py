@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.config.effects import effect_named, parameter_named, value_in_bounds
-from observer_rt.foundation.compiled import compiled
+from observer_rt.core.plant.plant import show_slowly
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.units import MEGAPASCAL, MM3_PER_MS
@@ -22,7 +22,6 @@ from observer_rt.model.effect import EffectParameter, SizedEffect
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.parameters import InjectorParameters
-from observer_rt.model.sensor import lagged
 from observer_rt.recording.signals.recording import TRUTH_SUFFIX, Recording
 from observer_rt.recording.signals.table_writers import (
     INJECTION_RATE,
@@ -173,12 +172,10 @@ def _measure(
     )
 
 
-@compiled
 def shown_slowly(values: NDArray[np.float64], interval: float, lag: float) -> NDArray[np.float64]:
     """Values (n,) at every interval [s], at rest before, as a sensor of this lag [s] shows them."""
-    shown = values.copy()
-    for k in range(1, values.size):
-        shown[k] = lagged(shown[k - 1], values[k - 1], values[k], interval, lag)
+    shown = np.empty_like(values)
+    show_slowly(values, interval, lag, shown)
     return shown
 
 

@@ -35,6 +35,11 @@ cdef void fine_step(
         move_end(x, middle, end, step, c, network, NULL)
 
 
+cdef void rates_at(const double* x, Inputs u, const Coefficients* c, const Network* network, double* rate) noexcept nogil:
+    """x' [1/s] of a lump, (3,) or with its mean (4,): see `right_hand_side`."""
+    right_hand_side(x, u, c, network, rate, <int> c.states)
+
+
 cdef void rest_line(double* x, double pressure, const Coefficients* c) noexcept nogil:
     """No flow, one normalised pressure; p_S is left."""
     cdef int64_t i

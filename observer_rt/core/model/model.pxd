@@ -27,6 +27,7 @@ cdef class Carried:
     cdef tuple lent
 
 
+cdef void rates_at(const double* x, Inputs u, const Coefficients* c, const Network* network, double* rate) noexcept nogil
 cdef double injection_rate(const double* x, Inputs u, const Coefficients* c, const Network* network) noexcept nogil
 cdef double fault_and_rate(
     const double* x, Inputs u, const Coefficients* c, const Network* network, double* phi

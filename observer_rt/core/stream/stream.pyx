@@ -77,6 +77,10 @@ def reason_and_state(facts) -> tuple[int, int]:
     return reason, state_of_sample(&of_sample, reason)
 
 
+cdef class PairStepper:
+    """What steps the pair x~ and x^ from sample to sample: a function, and what it works on."""
+
+
 cdef class Stream:
     """An observer's memory, lent to the functions that run once a sample; each array is checked field by field.
 
@@ -132,10 +136,10 @@ cdef class Stream:
         c.undoing = constants.undoing._asdict()
         c.quickest = constants.quickest
 
-    def bind(self, size_t code, size_t data) -> None:
-        """What steps the pair: address of a function of (data, what, position), and its data."""
-        self.observer.step = <Step> code
-        self.observer.stepper = <void*> data
+    def bind(self, PairStepper stepper) -> None:
+        """Have the pair stepped by another stepper from here on."""
+        self.observer.step, self.observer.stepper = stepper.step, stepper.stepper
+        self.bound = stepper
 
     def take(self, int64_t end, int64_t doubt) -> None:
         """Take in the recorded samples up to the number `end`; doubt (Doubt): why they are not to be trusted."""

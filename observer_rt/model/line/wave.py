@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.foundation.compiled import compiled, inlined, inner
+from observer_rt.core.model.model import MEMORIES, STEP, fading_of, pull_of, steps_in, value_across_joint
 from observer_rt.foundation.units import MICROSECOND
 from observer_rt.model.line.interface import register
 from observer_rt.model.line.lump import STIFFNESS_PRESSURE
@@ -30,66 +30,33 @@ if TYPE_CHECKING:
     from observer_rt.model.parameters import LineParameters as LineParameters
 
 NAMES = ("wave", "wave_two_part")  # of `line.model`; in two parts where their impedances differ
-STEP = 10e-6  # s, internal, whatever the sample period
 RESOLVED = 50e-6  # s over which means are those of a pipe: cells carry shorter waves otherwise
 MOST_OF_A_STEP = 8  # implicit steps of the sac in one of the line's
 STABLE = 0.98  # of what a step may be: crossed^2 + 2 damping step < 1
 FEWEST_CELLS, MOST_CELLS = 4, 64
 HALF_WAY = 0.5  # of the length, where two parts meet whose file does not say
 DAMPING = 0.5  # m2/s, of a line whose file does not say
-FORGETTING, WEIGHTS = (296.0, 4861.0, 44730.0), (46.75, 100.8, 297.2)
-"""Rates s_k [1/s] and weights [s^-1/2] by which 2/sqrt(pi t) = sum weight_k exp(-s_k t), to 7 % from .01 to 3 ms."""
-MEMORIES = len(FORGETTING)
 FASTER = 3.3e-3  # s^1/2, the integral of what that leaves below .01 ms: it adds to the inertance
 
 
-@inlined
-def steps_over(interval: float) -> int:
-    """Steps of about `STEP` in an interval [s]."""
-    return max(1, round(interval / STEP))
-
-
-@inlined
-def cells_of(x: NDArray[np.float64]) -> int:
-    """n of a state."""
-    cells: int = (x.shape[0] - MEMORIES) // 2 - 1  # of an averaged line, too
-    return cells
-
-
-@inlined
 def before_at(cells: int) -> int:
     """Place in x of p_n a step before."""
     return 2 * cells + 1
 
 
-@inlined
 def memory_at(number: int, cells: int) -> int:
     """Place in x of w_(number + 1)."""
     return 2 * cells + 2 + number
 
 
-@inlined
 def pressure_at(cell: int, cells: int) -> int:
     """Place in x of p_i, i = 1 .. n."""
     return 0 if cell == cells else 2 + cell
 
 
-@inlined
 def flow_at(face: int, cells: int) -> int:
     """Place in x of q_i, i = 1 .. n."""
     return 1 if face == cells else 1 + cells + face
-
-
-@compiled
-def rest(x: NDArray[np.float64], pressure: float) -> None:
-    """No flow, one pressure; p_S is left."""
-    cells = cells_of(x)
-    for i in range(1, cells + 1):
-        x[pressure_at(i, cells)] = pressure
-        x[flow_at(i, cells)] = 0.0
-    x[before_at(cells)] = pressure
-    for k in range(MEMORIES):
-        x[memory_at(k, cells)] = 0.0
 
 
 class _WaveCoefficients(NamedTuple):
@@ -117,11 +84,6 @@ class _WaveCoefficients(NamedTuple):
     loss: float = 0.0  # likewise, spread evenly over the faces
 
 
-def _without_rk4(line: "WaveLine") -> float:
-    """No RK4 step has to follow it."""
-    return 0.0
-
-
 class WaveLine(_WaveCoefficients):
     """See `interface.Line`."""
 
@@ -130,8 +92,6 @@ class WaveLine(_WaveCoefficients):
     resolved = RESOLVED
     of_stiffness = ("a1", "a2_nozzle", "a2_seat", "b", "b_near", "leak")
     of_inertance = ("a3", "a3_near", "a4", "a4_inlet")
-    fastest = staticmethod(_without_rk4)
-    rest = staticmethod(rest)
 
     @property
     def further(self) -> int:
@@ -201,18 +161,18 @@ class WaveLine(_WaveCoefficients):
 
     def substeps(self, of_sac: int, interval: float) -> int:
         """Implicit ones: a few in each step of the line while they resolve the sac, one where it is too fast."""
-        steps: int = steps_over(interval)
+        steps = steps_in(interval)
         each = math.ceil(of_sac / steps)
         return steps * (each if each <= MOST_OF_A_STEP else 1)
 
     def strain(self, interval: float) -> float:
         """See `interface.Line`."""
-        step = interval / steps_over(interval)
+        step = interval / steps_in(interval)
         return float((self.crossing * step) ** 2 + 2.0 * self.damping * step)
 
     def stepping(self, interval: float) -> str:
         """See `interface.Line`."""
-        step = interval / steps_over(interval)
+        step = interval / steps_in(interval)
         return (
             f"a line of {self.cells:.0f} cells, of which sound crosses {self.crossing * step:.2g} in its step of "
             f"{step / MICROSECOND:.3g} us"
@@ -226,7 +186,7 @@ class WaveLine(_WaveCoefficients):
 
     def transition(self, interval: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Of the steps themselves, without friction."""
-        steps = steps_over(interval)
+        steps = steps_in(interval)
         moved = np.linalg.matrix_power(self.one_step(interval / steps), steps)
         return moved[:-1, :-1], moved[:-1, -1]
 
@@ -241,7 +201,7 @@ class WaveLine(_WaveCoefficients):
         for i in range(1, n + 1):
             q, p = row[flow_at(i, n)], row[pressure_at(i, n)]
             before = size if i == 1 else row[pressure_at(i - 1, n)]
-            inertia = across_joint(self.joint - (i - 1), self.a3, self.a3_near)
+            inertia = value_across_joint(self.joint - (i - 1), self.a3, self.a3_near)
             flows[q, before] += step * inertia
             flows[q, p] -= step * inertia
             for neighbour in {max(i - 1, 1), min(i + 1, n)} - {i}:
@@ -253,7 +213,7 @@ class WaveLine(_WaveCoefficients):
                 flows[q, row[before_at(n)]] += stress
                 pressures[row[before_at(n)]] = np.eye(size + 1)[p]
             if i < n:
-                compliance = across_joint(self.joint - (i - 0.5), self.b, self.b_near)
+                compliance = value_across_joint(self.joint - (i - 0.5), self.b, self.b_near)
                 pressures[p, q] += step * compliance
                 pressures[p, row[flow_at(i + 1, n)]] -= step * compliance
             else:
@@ -270,13 +230,13 @@ class WaveLine(_WaveCoefficients):
         change[faces] -= 1.0 / len(faces)
         pull, by_change = np.zeros_like(change), 0.0
         for k in range(MEMORIES):
-            by_memory, by_flow = pull_in_middle(k, step, self.memory)
+            by_memory, by_flow = pull_of(k, step, self.memory)
             pull[first + k] = by_memory
             by_change += by_flow
         shift = -step / (1.0 + step * by_change) * (pull + by_change * change)
         flows[faces] += shift
         for k in range(MEMORIES):
-            keep, take = fading(k, step)
+            keep, take = fading_of(k, step)
             flows[first + k] = take * (change + shift)
             flows[first + k, first + k] += keep
 
@@ -301,21 +261,6 @@ class WaveLine(_WaveCoefficients):
         return MeanWaveLine(*self)
 
 
-@inlined
-def fading(number: int, step: float) -> tuple[float, float]:
-    """What a step [s] keeps of w_(number + 1), and what it takes of a change of the mean flow."""
-    half = 0.5 * step * FORGETTING[number]
-    return (1.0 - half) / (1.0 + half), 1.0 / (1.0 + half)
-
-
-@inlined
-def pull_in_middle(number: int, step: float, memory: float) -> tuple[float, float]:
-    """Pull [1/s] in the middle of a step [s] by w_(number + 1) before it, and by the change of flow in it."""
-    keep, take = fading(number, step)
-    half = 0.5 * memory * WEIGHTS[number]
-    return half * (1.0 + keep), half * take
-
-
 class MeanWaveLine(WaveLine):
     """The same with the integral of p_L [s] as its last state: of p_L in the middle of every step."""
 
@@ -333,7 +278,7 @@ class MeanWaveLine(WaveLine):
 
     def transition(self, interval: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Of the steps themselves, without friction, of an integral that begins anew."""
-        steps = steps_over(interval)
+        steps = steps_in(interval)
         step = interval / steps
         one = self.one_step(step)
         size = len(one)
@@ -346,30 +291,6 @@ class MeanWaveLine(WaveLine):
         matrix = moved[np.ix_(order, order)]
         matrix[:, -1] = 0.0
         return matrix, moved[order, size - 1]
-
-
-@inlined
-def across_joint(share: float, far: float, near: float) -> float:
-    """Inertia of a face or compliance of a cell, of which a share (0 to 1) is on the far side of the joint.
-
-    Inertances of parts of a face add up, volumes of parts of a cell do.
-    """
-    if share >= 1.0:
-        return far
-    if share <= 0.0:
-        return near
-    return 1.0 / (share / far + (1.0 - share) / near)
-
-
-@inner
-def across_joint_slopes(share: float, far: float, near: float) -> tuple[float, float]:
-    """Derivatives of `across_joint` with respect to the value far and near."""
-    if share >= 1.0:
-        return 1.0, 0.0
-    if share <= 0.0:
-        return 0.0, 1.0
-    square = across_joint(share, far, near) ** 2
-    return share * square / (far * far), (1.0 - share) * square / (near * near)
 
 
 def _parts(line: "LineParameters") -> tuple[float, float]:

@@ -1,16 +1,15 @@
 """The paper's network: three free rows phi = unit (W tanh(V z) + b), its cost (10) and gradient (13)."""
 
-import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.foundation.compiled import compiled, inlined
-from observer_rt.foundation.small_arrays import WIDTH, filled, load, store, sum_of, whole_vectors
-from observer_rt.model.network import ARGUMENTS, HIDDEN, activation, fast_tanh
+from observer_rt.core.paper.scheme import cost_of, gradient_of_cost
+from observer_rt.model.network import ARGUMENTS, HIDDEN
 
 ROWS = 3  # m, one output for every state
+LANES = 8  # samples that compiled code reckons together
 WEIGHTS = HIDDEN * ARGUMENTS + ROWS * HIDDEN + ROWS
 
 _HIDDEN_END = HIDDEN * ARGUMENTS
@@ -63,71 +62,6 @@ def no_fault() -> NDArray[np.float64]:
     return np.zeros(WEIGHTS)
 
 
-@compiled
-def free_fault(
-    x: tuple[float, float, float], u: tuple[float, float], network: FreeNetwork
-) -> tuple[float, float, float]:
-    """phi(z) of (7) with z = [x u 1], its three rows [1/s]."""
-    first, second, third = network.bias[0], network.bias[1], network.bias[2]
-    for neuron in range(HIDDEN):
-        sigma = activation(x, u, network.hidden, neuron)
-        first += network.output[0, neuron] * sigma
-        second += network.output[1, neuron] * sigma
-        third += network.output[2, neuron] * sigma
-    return network.unit * first, network.unit * second, network.unit * third
-
-
-@compiled
-def _value(cost: "FaultCost", p: NDArray[np.float64]) -> float:
-    """J of (10); leaves activations and errors behind. inf where it is not finite."""
-    z, sigmas, errors, n = cost.z, cost.sigmas, cost.errors, cost.counts.shape[0]
-    total = filled(0.0)
-    for first in range(0, n, WIDTH):
-        for neuron in range(HIDDEN):
-            argument = p[neuron * ARGUMENTS] * load(z, first)
-            for j in range(1, ARGUMENTS):
-                argument = argument + p[neuron * ARGUMENTS + j] * load(z, j * n + first)
-            store(sigmas, neuron * n + first, fast_tanh(argument))
-        for row in range(ROWS):
-            phi = filled(p[_OUTPUT_END + row])
-            for neuron in range(HIDDEN):
-                phi = phi + p[_HIDDEN_END + row * HIDDEN + neuron] * load(sigmas, neuron * n + first)
-            error = load(cost.counts, first) * (load(cost.target, row * n + first) - phi)
-            store(errors, row * n + first, error)
-            total = total + error * error
-    result = 0.5 * sum_of(total)
-    return result if math.isfinite(result) else math.inf
-
-
-@compiled
-def _find_gradient(cost: "FaultCost", p: NDArray[np.float64], gradient: NDArray[np.float64]) -> None:
-    """The gradient (13) at the p that J was asked for last, in the order of `free_network`.
-
-    (13) prints the slope of sigma_i as (sigma_i + 1)^2 / exp(2 v_i z), which is 1 - sigma_i^2 of tanh (9).
-    """
-    z, sigmas, errors, n = cost.z, cost.sigmas, cost.errors, cost.counts.shape[0]
-    sums = np.zeros(WEIGHTS * WIDTH)
-    for first in range(0, n, WIDTH):
-        for row in range(ROWS):
-            _add(sums, _OUTPUT_END + row, load(errors, row * n + first))
-        for neuron in range(HIDDEN):
-            sigma, back = load(sigmas, neuron * n + first), filled(0.0)
-            for row in range(ROWS):
-                error, place = load(errors, row * n + first), _HIDDEN_END + row * HIDDEN + neuron
-                back = back + p[place] * error
-                _add(sums, place, error * sigma)
-            back = back * (1.0 - sigma * sigma)
-            for j in range(ARGUMENTS):
-                _add(sums, neuron * ARGUMENTS + j, back * load(z, j * n + first))
-    for i in range(WEIGHTS):
-        gradient[i] = -sum_of(load(sums, i * WIDTH))
-
-
-@inlined
-def _add(sums: NDArray[np.float64], place: int, more: Any) -> None:
-    store(sums, place * WIDTH, load(sums, place * WIDTH) + more)
-
-
 class _Samples(NamedTuple):
     z: NDArray[np.float64]
     target: NDArray[np.float64]
@@ -145,25 +79,23 @@ class FaultCost(_Samples):
     """
 
     __slots__ = ()
-    compiled_value = staticmethod(_value)
-    compiled_gradient = staticmethod(_find_gradient)
 
     def value(self, theta: NDArray[np.float64]) -> float:
         """J; inf where it is not finite."""
-        return float(_value(self, theta))
+        return cost_of(self, theta)
 
     def value_and_gradient(self, theta: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
         """J and its gradient (48,)."""
         gradient = np.empty(WEIGHTS)
-        value = float(_value(self, theta))
-        _find_gradient(self, theta, gradient)
+        value = cost_of(self, theta)
+        gradient_of_cost(self, theta, gradient)
         return value, gradient
 
 
 def fault_cost(z: NDArray[np.float64], target: NDArray[np.float64], unit: float) -> FaultCost:
     """The cost of samples z: (n, 6) rows [x^ u 1]; target of phi: (n, 3) [1/s]; unit of the outputs [1/s]."""
     samples = len(z)
-    spare = whole_vectors(samples) - samples
+    spare = -samples % LANES
     columns = np.pad(np.hstack([z, target / unit, np.ones((samples, 1))]).T, ((0, 0), (0, spare)))
     n = samples + spare
     return FaultCost(

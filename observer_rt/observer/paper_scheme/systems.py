@@ -15,21 +15,17 @@ nozzle flow lacks is missed by line and sac in this ratio (27).
 The identification gain l of (5): between what the line does and what the samples show.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.estimation.predictor import Window
-from observer_rt.foundation.compiled import compiled, inlined, inner
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effective import Coefficients
-from observer_rt.model.hydraulics import empty_if_drained, nozzle_law
-from observer_rt.model.integrator import between, integrate
 from observer_rt.model.network import Network
-from observer_rt.model.right_hand_side import right_hand_side
-from observer_rt.observer.paper_scheme.network import FreeNetwork, free_fault
+from observer_rt.observer.paper_scheme.network import FreeNetwork
 
 
 class PaperSetting(NamedTuple):
@@ -61,127 +57,6 @@ class EventPass(NamedTuple):
 def design_vector(c: Coefficients) -> NDArray[np.float64]:
     """L = [1 0 a6/a2]^T (3,), which gives line and sac their share of the measured error."""
     return np.array([1.0, 0.0, c.sac.a6 / c.line.a2_nozzle])
-
-
-class _Driven(NamedTuple):
-    """The observer as RK4 sees it."""
-
-    setting: PaperSetting
-    network: FreeNetwork
-
-
-@inlined
-def _measured_between(
-    u_start: tuple[float, float, float], u_end: tuple[float, float, float], share: float
-) -> tuple[float, float, float]:
-    """Inputs and measured line pressure, linear between the samples."""
-    rail, area = between((u_start[0], u_start[1]), (u_end[0], u_end[1]), share)
-    return rail, area, u_start[2] + share * (u_end[2] - u_start[2])
-
-
-@inlined
-def _identification_rate(
-    x: Any, u: tuple[float, float, float], setting: PaperSetting, tangent: None, stage: int
-) -> Any:
-    """x~' of (5), with the plus sign."""
-    f = right_hand_side(x, (u[0], u[1]), setting.coefficients, setting.nominal)
-    return (f[0] + setting.gain * (u[2] - x[0]),) + f[1:]  # noqa: RUF005 - compiled code cannot unpack
-
-
-@inlined
-def _observer_rate(x: Any, u: tuple[float, float], driven: _Driven, tangent: None, stage: int) -> Any:
-    """x^' of (26)."""
-    f = right_hand_side(x, u, driven.setting.coefficients, driven.setting.nominal)
-    phi = free_fault(x, u, driven.network)
-    return (f[0] + phi[0], f[1] + phi[1], f[2] + phi[2]) + f[3:]  # noqa: RUF005
-
-
-@inner
-def identify(
-    x: NDArray[np.float64],
-    u_start: tuple[float, float],
-    u_end: tuple[float, float],
-    y_start: float,
-    y_end: float,
-    setting: PaperSetting,
-) -> None:
-    """x~ (n,) one sample later, in place; inputs and measured line pressure are linear between the samples."""
-    start, end = (u_start[0], u_start[1], y_start), (u_end[0], u_end[1], y_end)
-    line = setting.coefficients.line
-    integrate(
-        _identification_rate,
-        _measured_between,
-        x,
-        start,
-        end,
-        setting.interval,
-        setting.substeps,
-        setting,
-        None,
-        line,
-    )
-    empty_if_drained(x, u_start, u_end, None)
-
-
-@inner
-def observe(
-    x: NDArray[np.float64],
-    u_start: tuple[float, float],
-    u_end: tuple[float, float],
-    setting: PaperSetting,
-    network: FreeNetwork,
-) -> None:
-    """x^ (n,) one sample later, in place, inputs linear between the samples."""
-    system, line = _Driven(setting, network), setting.coefficients.line
-    integrate(
-        _observer_rate, between, x, u_start, u_end, setting.interval, setting.substeps, system, None, line
-    )
-
-
-@compiled
-def balanced_rate(x_3: float, u_2: float, phi_1: float, c: Coefficients) -> float:
-    """Q_H^ [m3/s] by the nozzle balance (Q_0/a_1)(a_2 root(x^3) - phi_1): phi_1 is the flow the model lacks.
-
-    The orifice law at x^3 alone is not the injection rate of a worn nozzle.
-    """
-    return float(c.flow_scale / c.line.a1 * (c.line.a2_nozzle * nozzle_law(x_3, u_2, 0.0, c.nozzle) - phi_1))
-
-
-@compiled
-def sweep(window: Window, setting: PaperSetting, network: FreeNetwork, result: EventPass) -> None:
-    """One pass over an event with fixed weights (10) into `result`.
-
-    x~ starts from the window's state. x^ is x~ up to the opening and, with an empty sac, once the needle has long
-    been shut again; in between it runs open loop on phi.
-    """
-    c = setting.coefficients
-    x_tilde = window.start[:-1].copy()
-    x = x_tilde.copy()
-    opened = False
-    for k in range(window.output.shape[0]):
-        u = (window.inputs[k, 0], window.inputs[k, 1])
-        u_read = (u[0], max(u[1], 0.0))
-        opened = opened or k >= window.opening
-        driven = opened and not window.resting[k]
-        if k > 0:
-            u_start = (window.inputs[k - 1, 0], window.inputs[k - 1, 1])
-            identify(x_tilde, u_start, u, window.output[k - 1], window.output[k], setting)
-            if driven:
-                observe(x, u_start, u, setting, network)
-        if window.resting[k]:
-            x_tilde[2] = 0.0
-        if not driven:
-            x[:] = x_tilde
-        phi = (0.0, 0.0, 0.0)
-        rate = 0.0
-        if driven:
-            phi = free_fault(x, u_read, network)
-            rate = balanced_rate(x[2], u_read[1], phi[0], c)
-        result.x[k] = x[:3]
-        result.phi[k, 0], result.phi[k, 1], result.phi[k, 2] = phi
-        result.rate[k] = rate
-        result.error[k] = window.output[k] - x_tilde[0]
-        result.driven[k] = driven
 
 
 def swept(window: Window, setting: PaperSetting, network: FreeNetwork) -> EventPass:

@@ -5,19 +5,15 @@ The paper's minimiser: BFGS on the inverse Hessian with an Armijo line search (1
 (17) is printed as the update of the Hessian but is, for the printed d and v, the DFP update of its inverse,
 while (16) divides by H. Here the BFGS update of the inverse is used.
 
-The search is one function for any cost: as Python, or, where the cost is one that compiled code knows, as a whole
-without the interpreter.
 """
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
-from numba.extending import overload, register_jitable
 from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Window
-from observer_rt.foundation.compiled import compiled
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.network import constant_network
 from observer_rt.observer.paper_scheme.network import (
@@ -35,11 +31,7 @@ MOST_TRIALS = 40  # so many that a first inverse far too large still gives a ste
 
 
 class Objective(Protocol):
-    """A cost J(theta) with its gradient; theta (m,).
-
-    A named tuple is asked for both in compiled code: `compiled_value(objective, theta)`, then
-    `compiled_gradient(objective, theta, gradient)` at the same theta.
-    """
+    """A cost J(theta) with its gradient; theta (m,)."""
 
     def value(self, theta: NDArray[np.float64]) -> float:
         """J(theta); inf outside the admissible region."""
@@ -72,21 +64,8 @@ def minimise(
     The update is skipped unless d'v > 0, and the inverse is reset to the first one when its direction does not
     lead downhill.
     """
-    search = _compiled_search if isinstance(objective, tuple) else _search
-    return BfgsMinimum(*search(objective, start, inverse_hessian, tolerance, max_iterations))
-
-
-def _search(
-    objective: Any,
-    start: NDArray[np.float64],
-    inverse_hessian: NDArray[np.float64],
-    tolerance: float,
-    max_iterations: int,
-) -> tuple[NDArray[np.float64], float, NDArray[np.float64], int, float, bool]:
-    """The fields of a `BfgsMinimum`."""
-    theta, inverse, gradient = start.copy(), inverse_hessian.copy(), np.empty_like(start)
-    value = _value(objective, theta)
-    _find_gradient(objective, theta, gradient)
+    theta, inverse = start.copy(), inverse_hessian.copy()
+    value, gradient = objective.value_and_gradient(theta)
     for iteration in range(max_iterations):
         direction = -(inverse @ gradient)
         slope = float(gradient @ direction)
@@ -95,26 +74,22 @@ def _search(
             direction = -(inverse @ gradient)
             slope = float(gradient @ direction)
         if 0.0 <= -slope <= tolerance:
-            return theta, value, gradient, iteration, -slope, True
+            return BfgsMinimum(theta, value, gradient, iteration, -slope, True)
         step = 0.0
         if slope < 0.0:  # or no number
             step, value = _armijo(objective, theta, value, direction, slope)
         if step == 0.0:
-            return theta, value, gradient, iteration, -slope, False
-        change = -gradient
-        theta = theta + step * direction
-        _find_gradient(objective, theta, gradient)
-        change = change + gradient
+            return BfgsMinimum(theta, value, gradient, iteration, -slope, False)
+        before, theta = gradient, theta + step * direction
+        _, gradient = objective.value_and_gradient(theta)
+        change = gradient - before
         _update(inverse, step * direction, change)
-    return theta, value, gradient, max_iterations, float(gradient @ (inverse @ gradient)), False
+    decrement = float(gradient @ (inverse @ gradient))
+    return BfgsMinimum(theta, value, gradient, max_iterations, decrement, False)
 
 
-_compiled_search = compiled(_search)
-
-
-@register_jitable
 def _armijo(
-    objective: Any,
+    objective: Objective,
     theta: NDArray[np.float64],
     value: float,
     direction: NDArray[np.float64],
@@ -126,14 +101,13 @@ def _armijo(
     """
     step = 1.0
     for _ in range(MOST_TRIALS):
-        trial = _value(objective, theta + step * direction)
+        trial = objective.value(theta + step * direction)
         if trial < value + SUFFICIENT_DECREASE * step * slope:
             return step, trial
         step *= 0.5
     return 0.0, value
 
 
-@register_jitable
 def _update(inverse: NDArray[np.float64], v: NDArray[np.float64], d: NDArray[np.float64]) -> None:
     """BFGS update of the inverse Hessian, in place, for a step v and a change of gradient d."""
     curvature = d @ v
@@ -143,27 +117,6 @@ def _update(inverse: NDArray[np.float64], v: NDArray[np.float64], d: NDArray[np.
     share = (1.0 + (d @ inverse_d) / curvature) / curvature
     for i in range(v.size):
         inverse[i] += (share * v[i] - inverse_d[i] / curvature) * v - (v[i] / curvature) * inverse_d
-
-
-def _value(objective: Any, theta: NDArray[np.float64]) -> Any:
-    return objective.value(theta)
-
-
-def _find_gradient(objective: Any, theta: NDArray[np.float64], gradient: NDArray[np.float64]) -> None:
-    """The gradient at the theta that the value was asked for last."""
-    gradient[:] = objective.value_and_gradient(theta)[1]
-
-
-@overload(_value, strict=False)
-def _compiled_value(objective: Any, theta: Any) -> Any:
-    value = objective.instance_class.compiled_value
-    return lambda objective, theta: value(objective, theta)
-
-
-@overload(_find_gradient, strict=False)
-def _compiled_gradient(objective: Any, theta: Any, gradient: Any) -> Any:
-    find = objective.instance_class.compiled_gradient
-    return lambda objective, theta, gradient: find(objective, theta, gradient)
 
 
 EPOCHS = 30

@@ -1,11 +1,12 @@
 """The observer's memory: one ring of samples and one record of everything else, both preallocated."""
 
 from enum import IntEnum
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.stream.stepper import Stepper
 from observer_rt.core.stream.stream import Stream
 from observer_rt.foundation.continuity import Break, Doubt
 from observer_rt.model.effective import Coefficients, InputTerms
@@ -371,5 +372,4 @@ class Observer(NamedTuple):
     phi: Phi  # of x^
     verdicts: Verdicts
     stream: Stream
-    stepper: Any  # the `Stepper` that steps the pair
-    kept: Any  # while it may be called
+    stepper: Stepper | None  # of the pair; None before it has one

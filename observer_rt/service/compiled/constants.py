@@ -7,7 +7,6 @@ from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLISECOND
 from observer_rt.model.effects import effective_model
-from observer_rt.model.line.interface import own_step
 from observer_rt.model.parameters import (
     HIGHEST_TEMPERATURE,
     LOWEST_TEMPERATURE,
@@ -86,7 +85,7 @@ def _require_integrable(fitted: BenchInjector, injector: InjectorParameters, con
     substeps = constants.substeps
     rate = fitted.config.sampling.rate_hz
     refuse_unstable_cells(str(fitted.parameters_path), injector, constants.coefficients, constants.interval)
-    if substeps <= MAX_SUBSTEPS or own_step(type(constants.coefficients.line)) is not None:
+    if substeps <= MAX_SUBSTEPS or constants.coefficients.line.resolved > 0.0:
         return
     model = effective_model(injector)
     fastest = fastest_rate(model.injector, model.departures)

@@ -1,0 +1,149 @@
+"""The simulated injector: the model's equations under wear, in fine steps with the exact needle lift."""
+
+from libc.math cimport INFINITY, fabs
+from libc.stdint cimport int64_t
+
+from observer_rt.core.model.hydraulics cimport normalised_area
+from observer_rt.core.model.model cimport (
+    Model, Terms, Weights, fine_step, rate_after, shown_under_terms, under_terms
+)
+from observer_rt.core.model.records cimport SAC, Coefficients, Forced, Inputs, Interval, Knot
+from observer_rt.core.model.sensor cimport lagged
+
+cdef double CORNER_ROUNDING = 0.03e-3  # s, window over which the corners of a stroke are rounded
+cdef double EMPTY_SAC = 1e-9  # of the pressure scale, below which a shut sac is at chamber pressure
+
+
+# One opening of the needle, before its corners are rounded.
+cdef struct Stroke:
+    double opening  # s: it leaves its seat
+    double top  # it reaches the stop, or, ballistic, turns
+    double closing  # it leaves the stop
+    double closed  # it is back on its seat
+    double opening_speed  # m/s
+    double closing_speed
+
+
+cdef inline double _area_under_ramp(double time) noexcept nogil:
+    return 0.5 * time * time if time > 0.0 else 0.0
+
+
+cdef inline double _area_under_stroke(double time, const Stroke* s) noexcept nogil:
+    """Integral of the unrounded lift up to `time`: four ramps [m s]."""
+    cdef double rise = _area_under_ramp(time - s.opening) - _area_under_ramp(time - s.top)
+    cdef double fall = _area_under_ramp(time - s.closing) - _area_under_ramp(time - s.closed)
+    return s.opening_speed * rise - s.closing_speed * fall
+
+
+cdef double rounded_lift(double time, const Stroke* s) noexcept nogil:
+    """Lift [m] at `time` [s] with rounded corners; exactly 0 outside the stroke."""
+    cdef double half = 0.5 * CORNER_ROUNDING
+    if time <= s.opening - half or time >= s.closed + half:
+        return 0.0
+    return max((_area_under_stroke(time + half, s) - _area_under_stroke(time - half, s)) / CORNER_ROUNDING, 0.0)
+
+
+cdef inline Stroke _stroke(const double[:, ::1] strokes, int64_t number) noexcept nogil:
+    """Row `number` of the table; past its end the needle stays shut: a stroke that never begins."""
+    cdef Stroke s
+    if number >= strokes.shape[0]:
+        s.opening = s.top = s.closing = s.closed = INFINITY
+        s.opening_speed = s.closing_speed = 0.0
+        return s
+    s.opening, s.top, s.closing = strokes[number, 0], strokes[number, 1], strokes[number, 2]
+    s.closed, s.opening_speed, s.closing_speed = strokes[number, 3], strokes[number, 4], strokes[number, 5]
+    return s
+
+
+cdef inline Inputs _inputs(double rail, double lift, const Coefficients* c) noexcept nogil:
+    cdef Inputs u
+    u.rail, u.area = rail, normalised_area(lift, &c.seat)
+    return u
+
+
+def lift_of_stroke(double time, stroke) -> float:
+    """Lift [m] at `time` [s] of a `schedule.Stroke` with rounded corners; exactly 0 outside the stroke."""
+    cdef Stroke s = stroke._asdict()
+    return rounded_lift(time, &s)
+
+
+def run_injector(
+    double[::1] x, int64_t number, double indicated, int64_t due, int64_t first, int64_t last, const double[::1] time,
+    const double[::1] rail, const double[:, ::1] strokes, int64_t steps, Model model, Weights weights, sensor, Terms terms,
+    double[:, ::1] states, double[::1] lift, double[::1] rate, double[::1] recorded
+) -> tuple[int, float, int]:
+    """Record samples first..last-1 and step the state x (n,) on to `last`; number: of the stroke under way or next.
+
+    indicated: what the sensor shows; due: the first sample of the line pressure not recorded yet. time [s], rail,
+    lift [m], rate [m3/s], recorded (k,); states (k, 3); strokes (m, 6).
+    """
+    cdef Stroke s = _stroke(strokes, number)
+    cdef Forced forced
+    cdef Interval interval
+    cdef Knot knot
+    cdef Inputs u, middle, end_u
+    cdef double delay = sensor.delay, lag = sensor.lag, step, start, before, shown, added, end, share, rail_middle, rail_end
+    cdef int64_t n, i, samples = time.shape[0]
+    c = &model.coefficients
+    f = &terms.forcing
+    fits = rail.shape[0] == lift.shape[0] == rate.shape[0] == recorded.shape[0] == states.shape[0] == samples
+    if not fits or strokes.shape[1] != 6 or x.shape[0] != c.states or not 0 <= first <= last <= samples:
+        raise ValueError("arrays of a simulation do not fit each other")
+    forced.coefficients, forced.network = model.coefficients, weights.network
+    with nogil:
+        for n in range(first, last):
+            lift[n] = rounded_lift(time[n], &s)
+            u = _inputs(rail[n], lift[n], c)
+            if u.area == 0.0 and fabs(x[SAC]) < EMPTY_SAC:
+                x[SAC] = 0.0  # at rest, not decaying towards denormal numbers
+            for i in range(3):
+                states[n, i] = x[i]
+            interval.start = interval.end = u
+            interval.length, interval.substeps = 0.0, 1
+            knot.share, knot.area = 0.0, u.area
+            under_terms(&x[0], &interval, knot, c, &weights.network, f, &forced)
+            rate[n] = rate_after(&x[0], &forced)
+            if n + 1 == samples:
+                shown = shown_under_terms(indicated, &forced, f)
+                for i in range(due, samples):
+                    recorded[i] = shown
+                break
+            step = (time[n + 1] - time[n]) / steps
+            for i in range(steps):
+                start = time[n] + i * step
+                if start > s.closed + CORNER_ROUNDING / 2.0:
+                    number += 1
+                    s = _stroke(strokes, number)
+                rail_middle = rail[n] + (i + 0.5) / steps * (rail[n + 1] - rail[n])
+                rail_end = rail[n] + (i + 1.0) / steps * (rail[n + 1] - rail[n])
+                middle = _inputs(rail_middle, rounded_lift(start + 0.5 * step, &s), c)
+                end_u = _inputs(rail_end, rounded_lift(start + step, &s), c)
+                before, shown = x[0], indicated
+                interval.start, interval.end, interval.length = u, end_u, step
+                knot.area = middle.area
+                under_terms(&x[0], &interval, knot, c, &weights.network, f, &forced)
+                middle.rail = middle.rail + forced.interval.end.rail - end_u.rail
+                middle.area = forced.knot.area
+                fine_step(
+                    &x[0], forced.interval.start, middle, forced.interval.end, step, &forced.coefficients, &forced.network
+                )
+                indicated = lagged(shown, before, x[0], step, lag)
+                added = shown_under_terms(indicated, &forced, f) - indicated
+                end = time[n] + (i + 1) * step if i + 1 < steps else time[n + 1]
+                while due < samples and time[due] - delay < end:
+                    share = max(time[due] - delay - start, 0.0) / step
+                    recorded[due] = shown + share * (indicated - shown) + added
+                    due += 1
+                u = end_u
+    return number, indicated, due
+
+
+def show_slowly(const double[::1] values, double interval, double lag, double[::1] shown) -> None:
+    """Values (n,) at every interval [s], at rest before, as a sensor of this lag [s] shows them, into `shown` (n,)."""
+    cdef int64_t k
+    if shown.shape[0] != values.shape[0]:
+        raise ValueError("as many shown as there are values")
+    if values.shape[0]:
+        shown[0] = values[0]
+    for k in range(1, values.shape[0]):
+        shown[k] = lagged(shown[k - 1], values[k - 1], values[k], interval, lag)

@@ -1,0 +1,231 @@
+"""What steps the pair x~ and x^ from sample to sample: the only part of the stream that knows line and phi."""
+
+from libc.math cimport NAN, isfinite, isnan
+from libc.stdint cimport int64_t
+from libc.string cimport memcpy
+
+from observer_rt.core.model.model cimport (
+    Model, Terms, advance_over, correct, fault_and_rate, is_shut_under_terms, predict, rate_after, rest_line,
+    shown_under_terms, trusted_under_terms, under_terms
+)
+from observer_rt.core.model.records cimport SAC, Coefficients, Forced, Forcing, Inputs, Interval, Knot, Network
+from observer_rt.core.stream.state cimport (
+    BREAK_NONE, HIDDEN, MASK, RING, STEPPING_CORRECT, STEPPING_PREDICT, STEPPING_START, Sample
+)
+from observer_rt.core.stream.stream cimport Stream
+
+
+cdef void _advance_structured(
+    void* phi, double* x, const Interval* interval, Knot knot, const Coefficients* c, const Network* network
+) noexcept nogil:
+    advance_over(x, interval, knot, c, network, NULL)
+
+
+cdef double _read_structured(
+    void* phi, const double* x, Inputs u, const Coefficients* c, const Network* network, double* rows
+) noexcept nogil:
+    return fault_and_rate(x, u, c, network, rows)
+
+
+cdef void _put_structured(void* phi, int64_t slot) noexcept nogil:
+    """Theta says it."""
+
+
+cdef class CarriedPhi:
+    """What x^ carries as phi: here phi = G(x, u) N of theta, the network that x~ carries as well.
+
+    Another kind puts functions of its own in the place of these three.
+    """
+
+    def __cinit__(self) -> None:
+        self.advance, self.read, self.put, self.phi = _advance_structured, _read_structured, _put_structured, NULL
+
+
+cdef class Stepper(PairStepper):
+    """An observer's model, on the memory of its stream.
+
+    coefficients, sensor: named tuples of the model; interval [s]; program (n, 2): of the terms in force.
+    """
+
+    def __init__(self, Stream stream, coefficients, sensor, double interval, int64_t substeps, program, CarriedPhi phi):
+        cdef Model model = Model(coefficients)
+        s, memory = &self.stepping, stream.observer.memory
+        if model.coefficients.states != stream.observer.states:
+            raise ValueError(f"a model of {model.coefficients.states} states for {stream.observer.states} of the observer")
+        self.stream, self.carried = stream, phi
+        self.terms_of_tilde, self.terms_of_hat = Terms(program), Terms(program)
+        s.coefficients = s.forced.coefficients = model.coefficients
+        s.network.neurons, s.network.hidden = HIDDEN, &memory.hidden[0][0]
+        s.network.output, s.network.bias = &memory.output[0][0], memory.bias
+        s.network.back_pressure = memory.back_pressure
+        s.forced.network = s.network
+        s.fraction, s.interval, s.substeps = sensor.fraction, interval, substeps
+        s.observer = &stream.observer
+        s.of_tilde, s.of_hat = &self.terms_of_tilde.forcing, &self.terms_of_hat.forcing
+        s.advance, s.read, s.put, s.phi = phi.advance, phi.read, phi.put, phi.phi
+        self.step, self.stepper = step, s
+
+    def go_on_from(self, Stepper before) -> None:
+        """Remember of the terms in force what the stepper before did."""
+        if before.terms_of_tilde.forcing.rows != self.terms_of_tilde.forcing.rows:
+            raise ValueError("other terms than before")
+        self.terms_of_tilde, self.terms_of_hat = before.terms_of_tilde, before.terms_of_hat
+        self.stepping.of_tilde, self.stepping.of_hat = &self.terms_of_tilde.forcing, &self.terms_of_hat.forcing
+
+    def nominal_rates(
+        self, Stream observed, int64_t position, bint flows, double[::1] held, int64_t first, double[::1] rates
+    ) -> tuple[int, bool]:
+        """Rates of this model [m3/s] at samples of an observer from the position `first` on; where, and whether it flows.
+
+        held (n,): the model's state at `position`, up to which it was followed; it flows while its last rate is not 0.
+
+        A needle that is shut with nothing flowing is passed over until it opens again or the line is at rest.
+        """
+        cdef int64_t place, number, now, i, found = -1  # position of the state to go on from, if that is not held
+        cdef Sample* ring = observed.observer.ring
+        cdef Sample* row
+        cdef double* x = &held[0]
+        cdef size_t size = self.stepping.observer.states * sizeof(double)
+        cdef int64_t states = self.stepping.observer.states
+        s = &self.stepping
+        if held.shape[0] != states or observed.observer.states != states:
+            raise ValueError("the state held is that of another model")
+        with nogil:
+            _take_line(s)
+            for place in range(rates.shape[0]):
+                now = first + place
+                row = &ring[now & MASK]
+                rates[place] = 0.0
+                if row.resting or row.broken != BREAK_NONE:
+                    position = found = now
+                    flows = False
+                elif row.seat_area > 0.0 or flows:
+                    if found >= 0:
+                        memcpy(x, observed.observer.x_tilde + (found & MASK) * states, size)
+                        found = -1
+                    if now - position >= RING:
+                        for i in range(states):
+                            x[i] = NAN
+                        position = now - 1
+                    for number in range(position + 1, now + 1):
+                        _force(s, ring, number, x, s.of_hat)
+                        advance_over(x, &s.forced.interval, s.forced.knot, &s.forced.coefficients, &s.forced.network, NULL)
+                        rates[place] = rate_after(x, &s.forced)
+                    position = now
+                    flows = rates[place] != 0.0
+                if isnan(row.injection_rate):
+                    rates[place] = NAN
+            if found >= 0:
+                memcpy(x, observed.observer.x_tilde + (found & MASK) * states, size)
+        return position, flows
+
+
+cdef double step(void* stepper, int64_t what, int64_t position) noexcept nogil:
+    """One of STEPPING_; 0 where that says nothing of a result.
+
+    After START and CORRECT the sample's row has injection rate and phi of x^.
+    """
+    s = <Stepping*> stepper
+    if what == STEPPING_PREDICT:
+        return _predict(s, position)
+    if what == STEPPING_CORRECT:
+        return _correct(s, position)
+    if what == STEPPING_START:
+        _start(s, position)
+    else:
+        s.put(s.phi, position)
+    return 0.0
+
+
+cdef inline double* _x_tilde(Stepping* s, int64_t position) noexcept nogil:
+    return s.observer.x_tilde + (position & MASK) * s.observer.states
+
+
+cdef inline double* _x_hat(Stepping* s, int64_t position) noexcept nogil:
+    return s.observer.x_hat + (position & MASK) * s.observer.states
+
+
+cdef inline void _take_line(Stepping* s) noexcept nogil:
+    """The line's coefficients as the observer's memory has them now."""
+    cdef size_t size = s.coefficients.size * sizeof(double)
+    memcpy(s.coefficients.line.values, s.observer.memory.line, size)
+    memcpy(s.forced.coefficients.line.values, s.observer.memory.line, size)
+
+
+cdef inline void _force(Stepping* s, const Sample* ring, int64_t position, const double* x, Forcing* forcing) noexcept nogil:
+    """The interval before a sample, in which the area may bend, from a state x (n,) on with the terms in force."""
+    cdef Interval interval
+    cdef Knot knot
+    before, row = &ring[(position - 1) & MASK], &ring[position & MASK]
+    interval.start.rail, interval.start.area = before.rail_pressure, before.seat_area
+    interval.end.rail, interval.end.area = row.rail_pressure, row.seat_area
+    interval.length, interval.substeps = s.interval, s.substeps
+    knot.share, knot.area = before.lift_after, before.lift_area
+    under_terms(x, &interval, knot, &s.coefficients, &s.network, forcing, &s.forced)
+
+
+cdef void _start(Stepping* s, int64_t position) noexcept nogil:
+    """x~ and x^ anew: p_L = y, Q_L = 0, empty sac."""
+    cdef int64_t i
+    row = &s.observer.ring[position & MASK]
+    x_tilde = _x_tilde(s, position)
+    _take_line(s)
+    rest_line(x_tilde, row.line_pressure - s.observer.memory.offset, &s.coefficients)
+    x_tilde[SAC] = 0.0
+    memcpy(_x_hat(s, position), x_tilde, s.observer.states * sizeof(double))
+    for i in range(3 * s.of_tilde.rows):
+        s.of_tilde.memory[i] = NAN
+    _read(s, position, &s.coefficients, &s.network)
+
+
+cdef double _predict(Stepping* s, int64_t position) noexcept nogil:
+    """x~ from the sample before; what the sensor is to record of it."""
+    cdef double indicated = s.observer.ring[(position - 1) & MASK].indicated, shown
+    x_tilde = _x_tilde(s, position)
+    memcpy(x_tilde, _x_tilde(s, position - 1), s.observer.states * sizeof(double))
+    _take_line(s)
+    _force(s, s.observer.ring, position, x_tilde, s.of_tilde)
+    shown = predict(x_tilde, &indicated, &s.forced, s.fraction, s.observer.memory.lag, NULL)
+    s.observer.ring[position & MASK].indicated = indicated
+    return shown_under_terms(shown, &s.forced, s.of_tilde)
+
+
+cdef double _correct(Stepping* s, int64_t position) noexcept nogil:
+    """x~ by the sample's innovation, then x^; nan where a state is no longer finite.
+
+    With the needle long shut x^ := x~, the sac at chamber pressure but for a term; else x^ runs open loop.
+    """
+    cdef double trusted, total = 0.0
+    cdef int64_t i, states = s.observer.states
+    row = &s.observer.ring[position & MASK]
+    x_tilde, x_hat = _x_tilde(s, position), _x_hat(s, position)
+    gain = s.observer.gains + min(s.observer.memory.since_start, s.observer.gain_rows - 1) * states
+    trusted = trusted_under_terms(row.innovation, s.interval, s.of_tilde)
+    correct(x_tilde, &row.indicated, trusted, gain, states, NULL)
+    _take_line(s)
+    if row.resting:
+        if is_shut_under_terms(s.of_tilde):
+            x_tilde[SAC] = 0.0
+        memcpy(x_hat, x_tilde, states * sizeof(double))
+        memcpy(s.of_hat.past, s.of_tilde.past, 8 * sizeof(double))
+        memcpy(s.of_hat.memory, s.of_tilde.memory, 3 * s.of_tilde.rows * sizeof(double))
+        _read(s, position, &s.coefficients, &s.network)
+    else:
+        memcpy(x_hat, _x_hat(s, position - 1), states * sizeof(double))
+        _force(s, s.observer.ring, position, x_hat, s.of_hat)
+        s.advance(s.phi, x_hat, &s.forced.interval, s.forced.knot, &s.forced.coefficients, &s.forced.network)
+        _read(s, position, &s.forced.coefficients, &s.forced.network)
+    for i in range(states):
+        total += x_hat[i] + x_tilde[i]
+    return 0.0 if isfinite(total) else NAN
+
+
+cdef void _read(Stepping* s, int64_t position, const Coefficients* c, const Network* network) noexcept nogil:
+    """Injection rate and phi of x^ into a sample's row; both are 0 at rest with an empty sac."""
+    cdef Inputs u
+    row, x_hat = &s.observer.ring[position & MASK], _x_hat(s, position)
+    row.phi[0] = row.phi[1] = row.phi[2] = 0.0
+    row.injection_rate = 0.0
+    if not row.resting or x_hat[SAC] != 0.0:  # a term may hold the needle open
+        u.rail, u.area = row.rail_pressure, max(row.seat_area, 0.0)
+        row.injection_rate = s.read(s.phi, x_hat, u, c, network, row.phi)

@@ -2,8 +2,8 @@
 
 import sys
 
-from observer_rt.foundation.compilation import collect_seldom
 from observer_rt.foundation.errors import InterruptionError
+from observer_rt.foundation.garbage import collect_seldom
 
 
 def main() -> None:

@@ -12,7 +12,6 @@ from observer_rt.check.buses import buses_findings
 from observer_rt.check.findings import Finding, Level, Said, as_json_document, as_table, failed, ruled
 from observer_rt.check.injector import channel_findings, mapping_findings, observer_findings, time_findings
 from observer_rt.check.machine import (
-    compiled_code_findings,
     interface_findings,
     read_controller,
     real_time_findings,
@@ -21,7 +20,6 @@ from observer_rt.check.machine import (
 )
 from observer_rt.config.bench import Bench, BenchInjector
 from observer_rt.evaluation.logged import LoggedSignals
-from observer_rt.foundation.compilation import compiled_code
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors, file_hash
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS
@@ -47,7 +45,6 @@ def checkup(bench: Bench, state: Path | None = None) -> list[Finding]:
     """
     findings = bench_findings(bench, state)
     findings += real_time_findings(this_host(bench.config.realtime.cpus, len(bench.injectors)))
-    findings += compiled_code_findings(compiled_code())
     if any(link.config.interface == "socketcan" for link in bench.config.buses):
         findings += socketcan_findings()
     for link in bench.config.buses:

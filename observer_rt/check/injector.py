@@ -37,7 +37,6 @@ from observer_rt.foundation.units import (
     ZERO_CELSIUS,
 )
 from observer_rt.model.effects import effective_model
-from observer_rt.model.line.interface import own_step
 from observer_rt.model.parameters import HIGHEST_TEMPERATURE, LOWEST_TEMPERATURE, at_temperature
 from observer_rt.model.stability import MAX_SUBSTEPS, fastest_rate
 from observer_rt.observer.learning.knowledge import no_knowledge
@@ -287,7 +286,7 @@ def observer_findings(fitted: BenchInjector) -> list[Finding]:
     integration = _integration(fitted)
     is_stable = integration[0].error is None
     fuel = fuel_findings(fitted) if is_stable else []
-    steps_itself = own_step(type(effective_model(fitted.parameters).coefficients.line)) is not None
+    steps_itself = effective_model(fitted.parameters).coefficients.line.fastest == 0.0
     observer = _observer(fitted) if is_stable or not steps_itself else []
     return [*integration, *fuel, *_fitted_model(fitted), *observer]
 

@@ -1,4 +1,4 @@
-"""Findings about the machine: real-time rights, memory, processors, compiled code, its SocketCAN interfaces."""
+"""Findings about the machine: real-time rights, memory, processors, its SocketCAN interfaces."""
 
 import json
 import os
@@ -12,7 +12,6 @@ from typing import Any
 from observer_rt.bus.can_frame import ARPHRD_CAN, FD_MTU
 from observer_rt.check.findings import Said, ruled
 from observer_rt.config.bench_file import LinkConfig
-from observer_rt.foundation.compilation import CompiledCode
 from observer_rt.service.rights import PRIORITY, REMEDY, Processors, Rights, processors, rights
 
 PROCESSORS = 2  # one for the loop, one for learning
@@ -43,12 +42,6 @@ def this_host(cpus: Sequence[int] | None = None, loops: int = 1) -> Host:
         processors=len(os.sched_getaffinity(0)),
         loops=processors(cpus, loops),
     )
-
-
-@ruled("compiled code")
-def compiled_code_findings(code: CompiledCode) -> Iterator[Said]:
-    """Whether what is compiled once is still there at the next start."""
-    yield not code.trouble, code.trouble or f"kept in {code.folder}", code.remedy
 
 
 @ruled("real time")

@@ -15,8 +15,6 @@ from observer_rt.cli.logs import convert, record, replay
 from observer_rt.cli.models import compare, discover, effects, fit
 from observer_rt.cli.offline import evaluate, reproduce, simulate
 from observer_rt.cli.options import messages
-from observer_rt.foundation.compilation import compiled_code
-from observer_rt.foundation.compiling import show_compiling
 from observer_rt.foundation.console import say
 from observer_rt.foundation.errors import ObserverError, UserError
 
@@ -75,8 +73,6 @@ def main() -> None:
     """Entry point of `observer-rt`."""
     try:
         try:
-            if (code := compiled_code()).folder is None:
-                raise UserError("cache", code.trouble, code.remedy)
             exit_code = app(standalone_mode=False)
         finally:
             sys.stdout.flush()  # so that what cannot be written shows here
@@ -127,13 +123,11 @@ def _version(show: bool) -> None:
 
 @app.callback()
 def _root(
-    context: typer.Context,
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
-    if context.invoked_subcommand != "run":  # whose log says it
-        show_compiling(messages)
+    """`observer-rt` without a command."""
 
 
 for _heading, _commands in {

@@ -34,7 +34,6 @@ from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import Notes
 from observer_rt.service.shown_injections import ComparedRate
 from observer_rt.service.view import View
-from observer_rt.service.warm_up import warm_up
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import SimulatedNoise, simulate
 
@@ -116,7 +115,6 @@ class Demo:
         inputs = [(layout.frame_id, layout.is_extended) for layout in bus.received]
         with contextlib.ExitStack() as stack:
             interrupted = stack.enter_context(stop_on_signals())
-            warm_up(self.bench, bus, interrupted)
             player_link = stack.enter_context(_open(self.link, []))
             daemon_link = stack.enter_context(_open(self.link, inputs))
             assert bus.rate is not None  # the example bench publishes it

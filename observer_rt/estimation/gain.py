@@ -6,16 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.foundation.compiled import compiled
-from observer_rt.foundation.small_arrays import product, propagate
+from observer_rt.core.learning.gain import solve_riccati
+from observer_rt.core.model.laws import lagged_slopes, recorded_mean
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 from observer_rt.model.effective import Coefficients
-from observer_rt.model.sensor import lagged_slopes, recorded_mean
 
 START_DURATION = 2e-3  # s, after which the gain is steady
 SHAPING = 3  # first-order lags that stand for the smoothing of the rail pressure
 SHAPE = 0.35  # time constant of each, in widths of the kernel: half the noise is left at the same frequency
-ASYMMETRIC = 1e-3  # of a covariance's standard deviations, that rounding may make of it
 START_FLOW_SIGMA = 1e-5  # m3/s (10 mm3/ms), of Q_L when x~ starts anew in a ringing line
 
 
@@ -95,9 +93,9 @@ def gain_schedule(
         shown, shown_before = (np.append(one, np.zeros(SHAPING)) for one in (shown, shown_before))
     gains = np.zeros((max(2, round(START_DURATION * sample_rate)), m + 1))
     matrices = transition, process, measurement, shown, shown_before, covariance, gains
-    variance = _riccati(*matrices, False)
+    variance = solve_riccati(*matrices, False)
     if not (variance >= measurement and np.isfinite(gains).all()):
-        variance = _riccati(*matrices, True)
+        variance = solve_riccati(*matrices, True)
     columns = [0, 1, m, *range(2, m)]
     return GainSchedule(np.ascontiguousarray(gains[:, columns]), math.sqrt(variance))
 
@@ -148,63 +146,3 @@ def _measurement(
     else:
         now[-1], before[-1] = 1.0 - late, late
     return now, before
-
-
-@compiled
-def _riccati(
-    transition: NDArray[np.float64],
-    process: NDArray[np.float64],
-    measurement: float,
-    shown: NDArray[np.float64],
-    shown_before: NDArray[np.float64],
-    covariance: NDArray[np.float64],
-    gains: NDArray[np.float64],
-    mends: bool,
-) -> float:
-    """Fill `gains` from a start `covariance` on; returns the last innovation variance.
-
-    Measured is `shown` of the state and `shown_before` of the one before, both (m,). States beyond the columns of
-    `gains` are not corrected. Rounding makes the covariance less symmetric, and more and more so where a mean is
-    measured with little noise: NaN is returned then, unless mends, which keeps it symmetric.
-    """
-    m, corrected = covariance.shape[0], gains.shape[1]
-    moved, scratch, now = np.empty((m, m)), np.empty((m, m)), covariance.copy()
-    column, row = np.empty(m), np.empty(m)
-    variance = measurement
-    for k in range(gains.shape[0]):
-        variance = measurement
-        for i in range(m):
-            column[i] = product(now, shown_before, i)
-        propagate(transition, now, moved, scratch)  # moved: of the state with the one before
-        for i in range(m):
-            earlier = column[i]
-            for j in range(m):
-                earlier += shown[j] * moved[j, i]
-            variance += shown_before[i] * earlier
-        for i in range(m):
-            before = product(moved, shown_before, i)
-            column[i] = row[i] = before
-            for j in range(m):
-                now[i, j] += process[i, j]
-        for i in range(m):
-            column[i] += product(now, shown, i)
-            for j in range(m):
-                row[j] += shown[i] * now[i, j]
-        for i in range(m):
-            variance += shown[i] * column[i]
-        for i in range(corrected):
-            gains[k, i] = column[i] / variance
-            for j in range(m):
-                now[i, j] -= gains[k, i] * row[j]
-        for i in range(corrected, m):
-            for j in range(corrected):
-                now[i, j] -= column[i] * gains[k, j]
-        if mends:
-            for i in range(m):
-                for j in range(i):
-                    now[i, j] = now[j, i] = 0.5 * (now[i, j] + now[j, i])
-    for i in range(m):
-        for j in range(i):
-            if not abs(now[i, j] - now[j, i]) <= ASYMMETRIC * math.sqrt(abs(now[i, i] * now[j, j])):
-                return math.nan
-    return variance

@@ -7,8 +7,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.estimation.predictor import Window
-from observer_rt.foundation.compiled import compiled
+from observer_rt.core.learning.phases import sum_innovations
 
 EDGE = 0.3e-3  # s after the needle leaves its seat, and before it is back on it
 AFTERGLOW = 0.05e-3  # s after it is shut that still count as closing
@@ -27,43 +26,6 @@ class Phase(IntEnum):
 
 
 PHASES = len(Phase)
-_STANDSTILL, _OPENING, _OPEN, _CLOSING, _AFTER = (int(phase) for phase in Phase)
-
-
-@compiled
-def phases_of(window: Window, edge: int, afterglow: int) -> NDArray[np.int8]:
-    """`Phase` of every sample of a window; edge and afterglow in samples.
-
-    An opening shorter than two edges is all opening in its first half and all closing in its second.
-    """
-    n = window.output.shape[0]
-    result = np.empty(n, np.int8)
-    shut_since = -n
-    k = 0
-    while k < n:
-        if window.inputs[k, 1] > 0.0:
-            end = k
-            while end < n and window.inputs[end, 1] > 0.0:
-                end += 1
-            for i in range(k, end):
-                from_start, to_end = i - k, end - 1 - i
-                if from_start < edge and from_start <= to_end:
-                    result[i] = _OPENING
-                elif to_end < edge:
-                    result[i] = _CLOSING
-                else:
-                    result[i] = _OPEN
-            shut_since = end
-            k = end
-            continue
-        if k - shut_since < afterglow:
-            result[k] = _CLOSING
-        elif window.resting[k] or k < window.opening:
-            result[k] = _STANDSTILL
-        else:
-            result[k] = _AFTER
-        k += 1
-    return result
 
 
 @dataclass(frozen=True)
@@ -163,7 +125,7 @@ def phase_statistics(
     result = no_statistics()
     if left_out is None:
         left_out = np.zeros(len(phases), np.bool_)
-    _gather(
+    sum_innovations(
         innovations[first:],
         sigma,
         limit,
@@ -178,46 +140,6 @@ def phase_statistics(
     return result
 
 
-@compiled
-def _gather(
-    innovations: NDArray[np.float64],
-    sigma: float,
-    limit: float,
-    phases: NDArray[np.int8],
-    left_out: NDArray[np.bool_],
-    lengths: NDArray[np.int64],
-    squares: NDArray[np.float64],
-    samples: NDArray[np.float64],
-    block_squares: NDArray[np.float64],
-    blocks: NDArray[np.float64],
-) -> None:
-    totals, counts = np.zeros(lengths.size), np.zeros(lengths.size, np.int64)
-    before = -1  # phase of the sample before, of those that count
-    for k in range(innovations.shape[0]):
-        if left_out[k]:
-            continue
-        phase = phases[k]
-        value = innovations[k]
-        if value > limit * sigma:
-            value = limit * sigma
-        elif value < -limit * sigma:
-            value = -limit * sigma
-        z = value / sigma
-        squares[phase] += z * z
-        samples[phase] += 1.0
-        for i in range(lengths.size):
-            if phase != before:
-                totals[i], counts[i] = 0.0, 0
-            totals[i] += z
-            counts[i] += 1
-            if counts[i] == lengths[i]:
-                block_squares[phase, i] += totals[i] * totals[i] / counts[i]
-                blocks[phase, i] += 1.0
-                totals[i], counts[i] = 0.0, 0
-        before = phase
-
-
-@compiled
 def _excess_beyond(
     squares: NDArray[np.float64],
     samples: NDArray[np.float64],
@@ -238,19 +160,16 @@ def _excess_beyond(
     return result
 
 
-@compiled
 def _quotient(total: float, count: float) -> float:
     return total / count if count > 0 else 1.0
 
 
-@compiled
 def _capped(sums: NDArray[np.float64], deviate: float, count: NDArray[np.float64]) -> NDArray[np.float64]:
     """Sums of `count` squares, at most those whose `deviate` is `deviate` (but for counts below 1)."""
     variance = 2.0 / (9.0 * np.maximum(count, 1.0))
     return np.minimum(sums, count * (1.0 - variance + deviate * np.sqrt(variance)) ** 3)
 
 
-@compiled
 def deviate(total: float, count: float) -> float:
     """Normal deviate as improbable as a sum `total` of `count` squares of standard normal numbers.
 
@@ -259,5 +178,5 @@ def deviate(total: float, count: float) -> float:
     if not count > 0:
         return 0.0
     variance = 2.0 / (9.0 * count)
-    found: float = (np.cbrt(total / count) - (1.0 - variance)) / math.sqrt(variance)
+    found: float = (math.cbrt(total / count) - (1.0 - variance)) / math.sqrt(variance)
     return found

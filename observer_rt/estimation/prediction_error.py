@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.learning.whitening import NO_HIGH_PASS, robust_cost, weigh, whiten
 from observer_rt.estimation.predictor import (
     NO_RATE,
     NO_SLOPES,
@@ -18,12 +19,8 @@ from observer_rt.estimation.predictor import (
     innovations_with_sensitivity,
 )
 from observer_rt.estimation.scalars import SCALARS, Parameter, Scalars, learned_of
-from observer_rt.foundation.compiled import compiled
-from observer_rt.foundation.small_arrays import WIDTH, copy_matrix, load, store
 from observer_rt.foundation.units import MEGAPASCAL
 
-LEVEL_SAMPLES = 20  # from whose mean the high pass starts: a start from 0 would ring for many samples
-NO_HIGH_PASS = -1.0
 NONE_MASKED = np.empty(0, np.bool_)
 
 
@@ -46,43 +43,8 @@ class Whitening:
         columns = values.reshape(values.shape[0], -1)
         result = np.empty_like(columns)
         forgetting = NO_HIGH_PASS if self.forgetting is None else self.forgetting
-        _whiten(columns, masked, forgetting, self.taps, result)
+        whiten(columns, masked, forgetting, self.taps, result)
         return result.reshape(values.shape)
-
-
-@compiled
-def _whiten(
-    values: NDArray[np.float64],
-    masked: NDArray[np.bool_],
-    forgetting: float,
-    taps: NDArray[np.float64],
-    result: NDArray[np.float64],
-) -> None:
-    """Values (n, m) down the columns."""
-    n, m = values.shape
-    passed = np.zeros((n, m))
-    before = np.zeros(m)
-    if forgetting != NO_HIGH_PASS:
-        count = min(LEVEL_SAMPLES, n - 1)
-        for k in range(1, 1 + count):
-            for j in range(m):
-                before[j] += values[k, j] / count
-    unknown = 0  # samples for which some tap still lies on an expected value
-    result[0] = 0.0
-    for k in range(1, n):
-        is_masked = masked.shape[0] > 0 and masked[k]
-        for j in range(m):
-            expected = 0.0
-            for i in range(min(taps.shape[0], k - 1)):
-                expected -= taps[i] * passed[k - 1 - i, j]
-            if forgetting == NO_HIGH_PASS:
-                passed[k, j] = expected if is_masked else values[k, j]
-            else:
-                kept = forgetting * passed[k - 1, j] - before[j]
-                passed[k, j] = expected if is_masked else values[k, j] + kept
-                before[j] = passed[k, j] - kept if is_masked else values[k, j]
-            result[k, j] = passed[k, j] - expected if unknown == 0 and not is_masked else 0.0
-        unknown = taps.shape[0] if is_masked else max(unknown - 1, 0)
 
 
 def forgetting_of(time_constant: float, interval: float) -> float:
@@ -90,62 +52,8 @@ def forgetting_of(time_constant: float, interval: float) -> float:
     return math.exp(-interval / time_constant)
 
 
-HUBER = 4.0  # sigma beyond which an innovation counts linearly
 OFFSET_SIGMA = 0.2 * MEGAPASCAL  # of the mean difference at rest between line and rail pressure
 _OFFSET = int(Parameter.LINE_PRESSURE_OFFSET)
-
-
-@compiled
-def robust_cost(e: NDArray[np.float64], first: int, sigma: float, together: int = 1) -> float:
-    """Huber cost of e[first:] / sigma: half the square up to HUBER, linear beyond.
-
-    together: so many samples count as one, their mean; what is left over at the end does not.
-    """
-    total = 0.0
-    spread = sigma * math.sqrt(together)
-    for start in range(first, e.shape[0] - together + 1, together):
-        error = e[start]
-        for k in range(start + 1, start + together):
-            error += e[k]
-        z = math.fabs(error) / spread
-        total += 0.5 * z * z if z <= HUBER else HUBER * (z - 0.5 * HUBER)
-    return total
-
-
-@compiled
-def weigh(
-    e: NDArray[np.float64],
-    slopes: NDArray[np.float64],
-    first: int,
-    sigma: float,
-    together: int,
-    gradient: NDArray[np.float64],
-    information: NDArray[np.float64],
-) -> None:
-    """Gradient (m,) and Gauss-Newton information (m, m) of `robust_cost`."""
-    gradient[:] = 0.0
-    m = gradient.shape[0]
-    width = -(-m // WIDTH) * WIDTH
-    row, total = np.zeros(width), np.zeros((m, width))
-    spread = sigma * math.sqrt(together)
-    for start in range(first, e.shape[0] - together + 1, together):
-        error = e[start]
-        for j in range(m):
-            row[j] = slopes[start, j]
-        for k in range(start + 1, start + together):
-            error += e[k]
-            for j in range(m):
-                row[j] += slopes[k, j]
-        z = error / spread
-        weight = 1.0 if math.fabs(z) <= HUBER else HUBER / math.fabs(z)
-        scale = weight / (spread * spread)
-        for i in range(m):
-            weighted = scale * row[i]
-            gradient[i] += weighted * error
-            for place in range(0, width, WIDTH):
-                there = i * width + place
-                store(total, there, load(total, there) + weighted * load(row, place))
-    copy_matrix(total[:, :m], information)
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,6 @@ from observer_rt.evaluation.evaluate import Evaluation, bench_for_all, evaluate_
 from observer_rt.evaluation.logged import LoggedSignals, in_runs, open_source, without_truths
 from observer_rt.evaluation.passage import SUFFIXES, TRACE_SUFFIX
 from observer_rt.evaluation.results import print_evaluation, write_document
-from observer_rt.foundation.compiling import show_compiling
 from observer_rt.foundation.console import (
     FIGURE_SUFFIXES,
     check_destination,
@@ -126,7 +125,6 @@ def evaluate_files(bench: Bench, given: Sequence[Path], options: EvaluateOptions
     paths = without_truths(given, console)
     _refuse_early(bench, paths, options)
     sources = [open_source(path, bench, options.from_channel, console) for path in paths]
-    show_compiling(console)
     model = model_hash(bench.injector.parameters)
     bench = _with_fuel(bench, sources, options)
     pressure_scale = bench.injector.parameters.scaling.pressure

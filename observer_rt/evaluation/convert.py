@@ -9,7 +9,6 @@ from rich.console import Console
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.evaluation.logged import LoggedSignals, open_source
-from observer_rt.foundation.compiling import show_compiling
 from observer_rt.foundation.console import check_destination, progress_bar, refuse_existing, say
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors, replacing
@@ -113,7 +112,6 @@ def _encoded(source: Path, target: Path, bench: Bench | None, console: Console) 
             "a recording of signals has no frames",
             "name a bench file by --bench, which says how they are sent",
         )
-    show_compiling(console)
     stream = open_source(source, bench, (), console)
     bench = bench_for(bench, stream)
     names = [link.config.channel for link in bench.config.buses]

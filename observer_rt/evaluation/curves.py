@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.evaluation.compiled import area, mean_flowing, rms_difference
 from observer_rt.evaluation.passage import Passage, Signal
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS
@@ -169,11 +168,12 @@ def injection_result(report: InjectionReport, passage: Passage, sample_rate: flo
     nominal, rate = trace.nominal_rate[window], trace.injection_rate[window]
 
     def mass(rate: NDArray[np.float64]) -> float:
-        return float(area(rate)) * (1.0 / sample_rate) * report.density
+        return float(np.trapezoid(rate)) * (1.0 / sample_rate) * report.density
 
     def rmse(rate: NDArray[np.float64]) -> float:
-        return math.nan if measured is None else float(rms_difference(rate, measured))
+        return math.nan if measured is None or not rate.size else math.sqrt(np.mean((rate - measured) ** 2))
 
+    flowing = trace.injection_rate_sigma[window][rate != 0.0]
     return InjectionResult(
         report=report,
         start=passage.time_at(report.start_index),
@@ -182,5 +182,5 @@ def injection_result(report: InjectionReport, passage: Passage, sample_rate: flo
         measured_mass=math.nan if measured is None else mass(measured),
         rate_rmse=rmse(rate),
         nominal_rate_rmse=rmse(nominal),
-        rate_ci95_halfwidth=1.96 * mean_flowing(trace.injection_rate_sigma[window], rate),
+        rate_ci95_halfwidth=1.96 * float(np.mean(flowing)) if flowing.size else math.nan,
     )

@@ -41,7 +41,6 @@ from observer_rt.service.core.learners import LearnerFactory, make_learner
 from observer_rt.service.core.messages import Counters, OutputFrame
 from observer_rt.service.reports.injection_report import InjectionReport
 from observer_rt.service.reports.news import MeasuredMass
-from observer_rt.service.warm_up import awaited, learning_compiled_beside
 
 __all__ = ["Evaluation", "History", "Trace", "evaluate", "evaluate_stream"]
 
@@ -216,15 +215,11 @@ def evaluate_stream(
     """
     evaluations = [Evaluation(source, curves_of) for source in sources]
     with ExitStack() as stack:
-        learner_of: LearnerFactory = make_learner
-        if learning and reads_ahead:
-            wait = stack.enter_context(learning_compiled_beside(bench.injector))
-            learner_of = awaited(make_learner, wait)
         for path, evaluation in zip(traces, evaluations, strict=False):
             stack.enter_context(file_errors(path))
             evaluation.writer = stack.enter_context(open_trace(path))
         begin = partial(ObserverRun, knowledge=knowledge, learning=learning, progress=progress)
-        run = _observed(bench, evaluations, partial(begin, learner_of=learner_of, reads_ahead=reads_ahead))
+        run = _observed(bench, evaluations, partial(begin, reads_ahead=reads_ahead))
     return evaluations, run.core.knowledge
 
 

@@ -15,7 +15,6 @@ from observer_rt.config.bench import Bench
 from observer_rt.config.channels import as_sent
 from observer_rt.config.injector import Meaning
 from observer_rt.core.stream.stream import RING
-from observer_rt.foundation.compiling import show_compiling
 from observer_rt.foundation.console import progress_bar, say
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effective import Coefficients
@@ -289,7 +288,6 @@ def open_source(
             "--bench", f"is missing: it says which signals the frames of {path} carry", "name a bench file"
         )
     else:
-        show_compiling(console)
         with progress_bar(console, f"decoding {path.name}", 1.0) as progress:
             source = LoggedSignals(bench, path, from_channels, progress)
     if not in_one_go:

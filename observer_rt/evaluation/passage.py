@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.stream.stream import RING
-from observer_rt.evaluation.compiled import begin_samples, note_samples
 from observer_rt.foundation.units import MM3_PER_MS
 from observer_rt.observer.stream.state import Observer, State
 from observer_rt.recording.signals.stream import SAMPLES_AT_ONCE
@@ -88,7 +87,8 @@ HELD = np.dtype(
 """What is remembered of a sample."""
 STATES = np.dtype([("x", np.float64, (3,)), ("phi", np.float64, (3,))], align=True)
 """And this, for whoever wants it: as much again."""
-_UNKNOWN = np.broadcast_to(np.nan, (1 << 32, 3))  # x or phi, of no memory
+_UNKNOWN = np.array([(*[math.nan] * 6, False, int(State.STARTING))], HELD)
+_NO_STATES = np.broadcast_to(np.nan, (1 << 32, 3))  # x or phi, of no memory
 
 
 class Passage:
@@ -148,7 +148,9 @@ class Passage:
             self._make_room(time.size)
         end = self._end + time.size
         rows = self._rows[self._end : end]
-        begin_samples(rows, self._states[self._end : end], np.ascontiguousarray(time))
+        rows[:] = _UNKNOWN
+        rows["time"] = time
+        self._states[self._end : end] = (math.nan, math.nan)
         if measured_rate is not None:
             self._is_measured = True
             rows["measured_rate"] = measured_rate
@@ -212,8 +214,24 @@ class Passage:
         if first < end:
             self._reach(int(index[end - 1]) + 1 - self.first_index)
             self._marks.append((position, int(index[first]) - self.first_index))
+        place = index - (self.first_index + self.first)
+        known = (place >= 0) & (place < len(self._remembered))
+        self._note_samples(observer, (position + np.flatnonzero(known)) % RING, place[known], nominal[known])
+
+    def _note_samples(
+        self, observer: Observer, rows: NDArray[np.int64], place: NDArray[np.int64], nominal: Signal
+    ) -> None:
+        """What the observer says in some rows (k,) of its ring, of samples that stand at such places."""
+        said, held = observer.ring[rows], self._remembered
+        held["line_pressure"][place] = np.where(said["interpolated"], np.nan, said["line_pressure"])
+        held["nominal_rate"][place] = nominal
+        for name in ("injection_rate", "valid", "state"):
+            held[name][place] = said[name]
         states = self._states[self._begin : self._end]
-        note_samples(observer, position, self.first_index + self.first, nominal, self._remembered, states)
+        if len(states):
+            flows = ~np.isnan(said["injection_rate"])
+            states["x"][place[flows]] = observer.x_hat[rows[flows], :3]
+            states["phi"][place[flows]] = said["phi"][flows]
 
     def note_report(self, report: InjectionReport) -> None:
         """Tell an injection and how sure its rate is."""
@@ -236,6 +254,6 @@ class Passage:
         if self.hearer.wants_states:
             x, phi = states["x"], states["phi"]
         else:
-            x = phi = _UNKNOWN[: end - begin]
+            x = phi = _NO_STATES[: end - begin]
         known = {each.name: rows[each.name] for each in fields(Trace) if each.name not in ("x", "phi")}
         return Trace(x=x, phi=phi, **known)

@@ -16,7 +16,6 @@ from observer_rt.bus.links.link import BusFrame, FrameBlock, blocks_of
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus
 from observer_rt.config.bench import Bench, BenchInjector
 from observer_rt.core.stream.stream import RING
-from observer_rt.evaluation.compiled import FOLLOWED, copy_indices, nominal_rates
 from observer_rt.evaluation.passage import Passage, Signal
 from observer_rt.observer.learning.knowledge import Knowledge, no_knowledge
 from observer_rt.observer.observer import make_observer, with_constants
@@ -57,7 +56,7 @@ class NominalModel:
         constants = bench_constants(fitted)
         start = no_knowledge(configured_noise(fitted), constants.coefficients.pressure_scale)
         self._nominal = make_observer(constants, start, make_learner(fitted, constants, start))
-        self._state = np.zeros(1, FOLLOWED)
+        self._position, self._flows = 0, False  # up to where it was followed, and whether it injected there
         self._x = np.full(constants.coefficients.states, np.nan)
 
     def rates(self, observer: Observer, first: int, end: int) -> Signal:
@@ -68,7 +67,9 @@ class NominalModel:
         rates = np.empty(end - first)
         if self._nominal.constants is not observer.constants:  # of fuel as warm as it is
             self._nominal = with_constants(self._nominal, observer.constants)
-        nominal_rates(observer, self._nominal.stepper, self._state, self._x, first, rates)
+        self._position, self._flows = self._nominal.stepper.nominal_rates(
+            observer.stream, self._position, self._flows, self._x, first, rates
+        )
         return rates
 
 
@@ -89,10 +90,9 @@ class _Reading:
         """What was processed since the last reading, by passage: position of the first sample, and all indices."""
         processed = self.core.processed
         position = max(self._seen, processed - RING)
-        index = np.empty(processed - position, np.int64)
-        rises = copy_indices(self.core.compiled.observer.ring, position, self._last_index, index)
+        index = self.core.compiled.observer.ring["index"][np.arange(position, processed) % RING]
         self._seen = processed
-        begins_anew = [] if rises else np.flatnonzero(np.diff(index, prepend=self._last_index) <= 0).tolist()
+        begins_anew = np.flatnonzero(np.diff(index, prepend=self._last_index) <= 0).tolist()
         for first, end in pairwise([0, *(row for row in begins_anew if row), len(index)]):
             if first in begins_anew:
                 self.passage += 1

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.estimation.prediction_error import HUBER, robust_cost
+from observer_rt.core.learning.whitening import HUBER, robust_cost
 
 MAX_ITERATIONS = 15
 MAX_TRIALS = 8  # of ever shorter steps in one iteration

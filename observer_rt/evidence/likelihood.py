@@ -4,13 +4,14 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.gain import GainSchedule, gain_schedule
 from observer_rt.estimation.phases import PhaseStatistics, no_statistics, phase_statistics
-from observer_rt.estimation.predictor import NO_SLOPES, Setting, Window, follow
+from observer_rt.estimation.predictor import NO_SLOPES, Setting, follow
 from observer_rt.estimation.scalars import Learned, nothing_learned
 from observer_rt.evidence.bounded_fit import Residuals
 from observer_rt.evidence.healthy_shape import expected_of
@@ -28,12 +29,10 @@ from observer_rt.evidence.windows import (
     rate_as_recorded,
     smoothing_of,
 )
-from observer_rt.foundation.compiled import compiled
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MM3_PER_MS
 from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.effective import EffectiveModel, InputTerms
-from observer_rt.model.forcing import Clock
 from observer_rt.model.hydraulics import Seat
 from observer_rt.model.line.interface import Line
 from observer_rt.model.stability import MAX_SUBSTEPS, in_stable_cells, substeps_needed
@@ -43,30 +42,18 @@ GAIN_ERROR = 0.005  # standard deviation of a measured rate's gain, once a recor
 _MOST_GAINS = 4096  # kept: those round a few candidates
 
 
-@compiled
 def predict(
     batch: Batch,
     setting: Setting,
     learned: Learned,
     innovation: NDArray[np.float64],
     rate: NDArray[np.float64],
-    no_slopes: NDArray[np.float64],
 ) -> None:
     """Innovations (n,), normalised, and injection rate [m3/s] (n,) of x~ over all windows of a recording."""
-    nothing_masked = np.empty(0, np.bool_)
-    for i in range(batch.openings.shape[0]):
-        first, end = batch.bounds[i], batch.bounds[i + 1]
-        window = Window(
-            batch.inputs[first:end],
-            batch.output[first:end],
-            batch.resting[first:end],
-            batch.starts[i],
-            batch.openings[i],
-            batch.knots[first:end],
-            nothing_masked,
-            Clock(batch.clocks[i, 0], batch.clocks[i, 1]),
-        )
-        follow(window, setting, learned, end - first, innovation[first:end], rate[first:end], None, no_slopes)
+    for i, (first, end) in enumerate(pairwise(batch.bounds)):
+        of_window = slice(first, end)
+        window = batch.window(i)
+        follow(window, setting, learned, end - first, innovation[of_window], rate[of_window], None, NO_SLOPES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,7 +171,7 @@ class Trial:
             interval, self._substeps_of(model), c, gain, share, sensor.lag, offset, model.program
         )
         innovation, rate = np.empty(batch.output.size), np.empty(batch.output.size)
-        predict(batch, setting, nothing_learned(c), innovation, rate, NO_SLOPES)
+        predict(batch, setting, nothing_learned(c), innovation, rate)
         return innovation, rate_as_recorded(self.measurement, rate)
 
     def _with_lift_lag(self, measurement: Measurement, lag: float) -> NDArray[np.float64]:

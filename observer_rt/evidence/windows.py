@@ -14,9 +14,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.evidence.areas import fill_areas
+from observer_rt.core.learning.phases import phases_of
+from observer_rt.core.model.model import rest_state
 from observer_rt.core.stream.stream import dead_band
-from observer_rt.core.stream.stream import ramp_slope_of_means as slope_of_means
-from observer_rt.estimation.phases import AFTERGLOW, EDGE, phases_of
+from observer_rt.estimation.phases import AFTERGLOW, EDGE
 from observer_rt.estimation.predictor import Window
 from observer_rt.evidence.measurement import (
     MARGIN,
@@ -27,11 +29,8 @@ from observer_rt.evidence.measurement import (
     shut_mask,
 )
 from observer_rt.evidence.openings import Opening, openings_without_lag, without_lag
-from observer_rt.foundation.compiled import compiled, inner
 from observer_rt.model.effective import Coefficients, InputTerms
 from observer_rt.model.forcing import Clock
-from observer_rt.model.hydraulics import normalised_area
-from observer_rt.model.line.interface import rest_line
 
 WIDTH = 50e-6  # s, of the kernel: it leaves what a rail does up to some 3 kHz
 REACH = 4.0  # widths to either side
@@ -214,7 +213,7 @@ def _areas_of(
     area = np.zeros(lift.size)
     if not openings:
         return area
-    _fill_areas(
+    fill_areas(
         lift,
         np.array([(o.first, o.last) for o in openings]),
         np.array([(o.rising.lift, o.rising.slope, o.falling.lift, o.falling.slope) for o in openings]),
@@ -222,91 +221,10 @@ def _areas_of(
         terms.lift_shift,
         FOOT_ROUNDING / measurement.interval,
         dead_band(measurement.noise.needle_lift)[1] if measurement.means else math.nan,
-        c,
+        c.seat,
         area,
     )
     return area
-
-
-@compiled
-def _fill_areas(
-    lift: NDArray[np.float64],
-    openings: NDArray[np.int64],
-    ramps: NDArray[np.float64],
-    factor: float,
-    shift: float,
-    rounding: float,
-    tolerance: float,
-    c: Coefficients,
-    area: NDArray[np.float64],
-) -> None:
-    """Normalised seat areas (n,): of the true lift while open, 0 while shut.
-
-    openings: (k, 2) first and last sample; ramps: (k, 4) lift and slope of the rising ramp, of the falling one.
-    tolerance: of `slope_of_means`, where samples are means and the first and last one of an opening are each over a
-    part of a ramp only, which is extended to it; else nan.
-
-    A sensor that reads too little misses the foot of a ramp, which is extended to where the needle leaves its seat.
-    Beside it stands the negative area the ramp comes from, see `integrator.between`.
-    """
-    for i in range(openings.shape[0]):
-        first, last = openings[i, 0], openings[i, 1]
-        for k in range(first, last + 1):
-            area[k] = _area(factor * lift[k] + shift, c)
-        rising, falling = (ramps[i, 0], ramps[i, 1]), (ramps[i, 2], ramps[i, 3])
-        if not math.isnan(tolerance):
-            rising = _ramp_of_means(lift[first], lift[first + 1], rising, tolerance)
-            falling = _ramp_of_means(lift[last], lift[last - 1], falling, tolerance)
-            area[first] = _area(factor * rising[0] + shift, c)
-            area[last] = _area(factor * falling[0] + shift, c)
-        hidden = max(shift, 0.0)
-        _extend(area, first, -1, factor * rising[0] + shift, factor * rising[1], hidden, rounding, c)
-        _extend(area, last, 1, factor * falling[0] + shift, factor * falling[1], hidden, rounding, c)
-
-
-@inner
-def _ramp_of_means(
-    partial: float, full: float, ramp: tuple[float, float], tolerance: float
-) -> tuple[float, float]:
-    """Lift [m] of a ramp at its outermost sample, and slope: as laid through it, where it is long enough for that."""
-    slope: float = slope_of_means(partial, full, ramp[1], tolerance)
-    return ramp if slope == ramp[1] else (full - slope, slope)
-
-
-@inner
-def _extend(
-    area: NDArray[np.float64],
-    k: int,
-    direction: int,
-    lift: float,
-    slope: float,
-    hidden: float,
-    rounding: float,
-    c: Coefficients,
-) -> None:
-    """Extend a ramp from its outermost sample k until it is shut; a lift above `hidden` would have been recorded.
-
-    What is hidden of the foot is taken to be rounded over 2 `rounding` samples: a needle has mass.
-    """
-    bend = min(slope * rounding, 4.0 * hidden)  # without a jump where nothing is hidden
-    while slope > 0.0 and 0 < k < area.shape[0] - 1 and area[k + direction] <= 0.0:
-        k += direction
-        lift = min(lift - slope, hidden)
-        foot = lift
-        if -bend < lift < bend:
-            foot = min((lift + bend) ** 2 / (4.0 * bend), hidden)
-        elif lift <= -bend:
-            foot = lift + bend
-        area[k] = _area(foot, c)
-        if foot <= 0.0:
-            break
-
-
-@inner
-def _area(lift: float, c: Coefficients) -> float:
-    """Normalised seat area, odd in the lift."""
-    area: float = normalised_area(abs(lift), c.seat)
-    return area if lift >= 0.0 else -area
 
 
 def batch_of(
@@ -328,7 +246,7 @@ def batch_of(
     for i, event in enumerate(measurement.events):
         mean = float(np.mean(output[event.start - beside : event.start + beside + 1]))
         starts[i, -1] = mean - offset / c.pressure_scale
-        rest_line(starts[i, :-1], starts[i, -1], c.line)
+        rest_state(starts[i, :-1], starts[i, -1], c)
     return Batch(
         np.ascontiguousarray(np.stack((inputs.rail[source], inputs.area[source]), axis=1)),
         output[rows.samples],

@@ -22,7 +22,6 @@ from observer_rt.config.bench import Bench
 from observer_rt.config.own_effects import OwnEffects
 from observer_rt.fleet.cluster import Broken, Jobs, Work
 from observer_rt.fleet.job import FailedFile, Task, evaluated, hashed
-from observer_rt.foundation.compilation import is_complete, note_complete
 from observer_rt.foundation.console import progress_bar, results, say
 from observer_rt.foundation.files import file_hash
 from observer_rt.model.effects import BUILT_IN
@@ -169,7 +168,6 @@ def read_injections(folder: Path, columns: Iterable[str] = SCHEMA.names) -> pa.T
 
 
 _WAITING = 4  # files at a worker, so that it need not wait for the next
-_COMPILED = "batch"  # in the cache: all code that evaluating a file needs
 
 
 @dataclass
@@ -203,18 +201,13 @@ def evaluate_all(work: Work, task: Task, paths: Sequence[Path], dataset: Dataset
 
 
 def _outcomes(work: Work, task: Task, paths: Sequence[Path], dataset: Dataset) -> Iterator[_Outcome]:
-    """What becomes of each file, as it becomes known; only as many are at work as keep the workers busy.
-
-    What is not compiled yet is compiled once, not by every worker.
-    """
+    """What becomes of each file, as it becomes known; only as many are at work as keep the workers busy."""
     jobs: Jobs[tuple[Path, str]] = Jobs(work.cluster.client)
     remaining = iter(paths)
     begun: set[str] = set()
-    compiled = is_complete(_COMPILED) or not work.cluster.local
 
     def begin_more() -> None:
-        room = (_WAITING * jobs.places if compiled else 1) - len(jobs)
-        for path in islice(remaining, max(0, room)):
+        for path in islice(remaining, max(0, _WAITING * jobs.places - len(jobs))):
             jobs.begin((path, ""), hashed, task.folder / path)
 
     for (path, sha256), result in jobs.outcomes(work.stop, begin_more):
@@ -226,9 +219,6 @@ def _outcomes(work: Work, task: Task, paths: Sequence[Path], dataset: Dataset) -
         elif isinstance(result, Broken):
             yield path, sha256, FailedFile(path, sha256, f"{path}: {result}")
         else:
-            if not compiled and isinstance(result, pa.Table) and result.num_rows:
-                note_complete(_COMPILED)
-                compiled = True
             yield path, sha256, result
 
 

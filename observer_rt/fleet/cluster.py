@@ -97,7 +97,7 @@ def _result(future: Any) -> Any:
 
 @dataclass(frozen=True)
 class Cluster:
-    """A `distributed.Client` of workers. local: started here for this command, with its compiled code and CPUs."""
+    """A `distributed.Client` of workers. local: started here for this command, with its CPUs."""
 
     client: Any
     local: bool
@@ -135,7 +135,7 @@ def connected(address: str | None, workers: int | None) -> Iterator[Cluster]:
             threads_per_worker=1,
             host="127.0.0.1",
             dashboard_address="127.0.0.1:0",  # None is not none, but port 8787
-            memory_limit=0,  # a file takes what it takes, whatever its length; compiling takes more for once
+            memory_limit=0,  # a file takes what it takes, whatever its length
             silence_logs=logging.ERROR,
         ) as processes,
         Client(processes) as client,

@@ -3,12 +3,12 @@
 import math
 from dataclasses import replace
 
+from observer_rt.core.model.model import steps_in
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MICROSECOND
 from observer_rt.model.effective import Coefficients, EffectiveModel, coefficients
 from observer_rt.model.hydraulics import full_lift_area
-from observer_rt.model.line.interface import line_fastest
-from observer_rt.model.line.wave import FEWEST_CELLS, STABLE, WaveLine, cells_for, steps_over
+from observer_rt.model.line.wave import FEWEST_CELLS, STABLE, WaveLine, cells_for
 from observer_rt.model.parameters import NO_DEPARTURES, Departures, InjectorParameters
 
 OVERSHOOT = 1.2  # of the rail pressure, that the closed end of a line reaches when a needle shuts
@@ -24,7 +24,7 @@ def refuse_unstable_cells(
     line = coefficients.line
     strain = line.strain(interval)
     if strain >= STABLE:
-        step = interval / steps_over(interval)
+        step = interval / steps_in(interval)
         raise UserError(
             f"{place}: line.cells",
             f"{line.cells:.0f} cells are not stable: sound crosses {line.crossing * step:.3g} of a cell in a step of "
@@ -76,7 +76,7 @@ def _fastest_rate(parameters: InjectorParameters, c: Coefficients) -> float:
     area = full_lift_area(parameters) / c.area_scale * (1.0 + max(-c.seat.loss, 0.0))
     seat = (c.sac.a5 + c.line.a2_seat) * area  # a seat that drains the line is faster
     of_sac = (seat + c.sac.a6) / math.sqrt(c.seat.transition)
-    return float(max(of_sac, line_fastest(c.line)))
+    return float(max(of_sac, c.line.fastest))
 
 
 def substeps_needed(

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.stream.stepper import Stepper
+from observer_rt.core.stream.stepper import CarriedPhi, Stepper
 from observer_rt.core.stream.stream import (
     INJECTIONS,
     LONG_PAST,
@@ -153,9 +153,8 @@ def make_observer(
         ),
     )
     stream = Stream(*lent, verdicts.slots, verdicts.gains, verdicts.theta)
-    observer = with_constants(
-        Observer(constants, *lent, learner.phi, verdicts, stream, None, None), constants
-    )
+    stepper = _bound_stepper(stream, constants, learner.phi.carried(verdicts.phi))
+    observer = Observer(constants, *lent, learner.phi, verdicts, stream, stepper)
     memory = observer.memory[0]
     memory["hidden"] = zero_network().hidden
     memory["phi_version"] = knowledge.phi_version
@@ -180,21 +179,29 @@ def make_observer(
 
 def with_constants(observer: Observer, constants: Constants) -> Observer:
     """The same observer, that goes on with other constants."""
-    phi = observer.phi.carried(observer.verdicts.phi)
+    carried = observer.phi.carried(observer.verdicts.phi)
+    stepper = _bound_stepper(observer.stream, constants, carried, observer.stepper)
+    return observer._replace(constants=constants, stepper=stepper)
+
+
+def _bound_stepper(
+    stream: Stream, constants: Constants, carried: CarriedPhi, before: Stepper | None = None
+) -> Stepper:
+    """What steps the pair by these constants from now on; before: what did so far."""
     stepper = Stepper(
-        observer.stream,
+        stream,
         constants.coefficients,
         constants.sensor,
         constants.interval,
         constants.substeps,
         constants.program,
-        phi,
+        carried,
     )
-    if observer.stepper is not None:
-        stepper.go_on_from(observer.stepper)
-    observer.stream.put_constants(constants)
-    observer.stream.bind(stepper)
-    return observer._replace(constants=constants, stepper=stepper)
+    if before is not None:
+        stepper.go_on_from(before)
+    stream.put_constants(constants)
+    stream.bind(stepper)
+    return stepper
 
 
 def event_window(observer: Observer, number: int) -> Window | None:

@@ -7,15 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import Bench
+from observer_rt.core.model.laws import normalised_area, root
+from observer_rt.core.model.model import fault_with_rate
 from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.scalars import PARAMETERS
 from observer_rt.evaluation.evaluate import evaluate
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLISECOND
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.effects import effective_model, sized
-from observer_rt.model.hydraulics import normalised_area, root
 from observer_rt.model.network import constant_network
-from observer_rt.model.right_hand_side import fault_and_rate
 from observer_rt.observer.learning.knowledge import Adoption, no_knowledge
 from observer_rt.observer.observer import LEARNING_LEAD, SETTLE, WINDOW_LEAD, WINDOW_TAIL, Durations
 from observer_rt.observer.paper_scheme.learner import PaperLearner
@@ -87,12 +87,7 @@ def true_fault(
 ) -> NDArray[np.float64]:
     """Phi of (27) (n, 3) [1/s] for v_H, v_S = 0, along the true x (n, 3) and u (n, 2)."""
     network = constant_network(nozzle=nozzle_wear)
-    return np.array(
-        [
-            fault_and_rate((row[0], row[1], row[2]), (col[0], col[1]), c, network)[0]
-            for row, col in zip(x, u, strict=True)
-        ]
-    )
+    return np.array([fault_with_rate(row, col, c, network)[0] for row, col in zip(x, u, strict=True)])
 
 
 def learning_window(

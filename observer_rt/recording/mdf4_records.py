@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.foundation.compiled import compiled, inner
+from observer_rt.core.recording.mdf4_records import LENGTH_SIZE, UNKNOWN_ID, VARIABLE, numbers_at, walk
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
 from observer_rt.recording.checksum import refuse_damaged
@@ -28,12 +28,9 @@ from observer_rt.recording.mdf4_blocks import (
 )
 
 ID_SIZES = (0, 1, 2, 4, 8)
-LENGTH_SIZE = 4  # bytes of the length before data of variable length
 LONGEST_EXPECTED = 64  # bytes of variable length that a frame has at the most
 RECORDS_AT_ONCE = 1 << 18
 UNFINISHED_LIST = "its list of data was not finished: whether records are missing cannot be seen"
-_UNKNOWN_ID = -1
-_VARIABLE = -1  # length of records that say their own
 
 
 def count_records(path: Path) -> CountedRecords:
@@ -51,9 +48,9 @@ def count_records(path: Path) -> CountedRecords:
                 for group in blocks.data_groups():
                     has_references = [bool(each.references) for each in group.channel_groups] == [True]
                     if group.id_size or (has_references and not blocks.is_open):
-                        walk = _Walk(blocks, group)
-                        walk.run()
-                        counts, said = walk.counts(), walk.remarks
+                        walked = _Walk(blocks, group)
+                        walked.run()
+                        counts, said = walked.counts(), walked.remarks
                     else:
                         counts, said = _of_one(blocks, group)
                     groups |= {  # of which more is known than what the heading says
@@ -101,7 +98,7 @@ class _Walk:
         self._ids = np.array([each.record_id if group.id_size else 0 for each in self._kinds], np.uint64)
         if np.unique(self._ids).size < self._ids.size:
             raise ValueError("two channel groups have the same record id")
-        lengths = (_VARIABLE if each.length is None else each.length for each in self._kinds)
+        lengths = (VARIABLE if each.length is None else each.length for each in self._kinds)
         self._lengths = np.fromiter(lengths, np.int64)
         self._found = np.zeros(self._ids.size, np.int64)
         self._fields = [_Field(each, reference) for each in self._kinds for reference in each.references]
@@ -131,7 +128,7 @@ class _Walk:
             data = waiting[0] if len(waiting) == 1 else np.concatenate(waiting)
             position = needed = 0
             while not needed:
-                count, position, needed = _walk(
+                count, position, needed = walk(
                     data,
                     position,
                     self._group.id_size,
@@ -143,9 +140,9 @@ class _Walk:
                 self._note(data, self._kind_of[:count], self._place_of[:count])
             done += position
             waiting, held = [data[position:]], data.size - position
-            if needed == _UNKNOWN_ID or needed > self._group.size - done:
+            if needed == UNKNOWN_ID or needed > self._group.size - done:
                 break
-        if done < self._group.size and (self._group.id_size or self._lengths.max() == _VARIABLE):
+        if done < self._group.size and (self._group.id_size or self._lengths.max() == VARIABLE):
             self._end(done, needed)
 
     def counts(self) -> dict[int, GroupCount]:
@@ -169,10 +166,10 @@ class _Walk:
         for number, kind in enumerate(self._kinds):
             if kind.place in self._variable:
                 places = place_of[kind_of == number]
-                self._variable[kind.place].take(_numbers(data, places, LENGTH_SIZE))
+                self._variable[kind.place].take(numbers_at(data, places, LENGTH_SIZE))
         for each in self._fields:
             places = place_of[kind_of == self._kinds.index(each.group)]
-            each.offsets.append(_numbers(data, places + each.reference.byte, each.reference.size))
+            each.offsets.append(numbers_at(data, places + each.reference.byte, each.reference.size))
 
     def _end(self, done: int, needed: int) -> None:
         """Judge what is left of the data: filled up, cut short, or damaged."""
@@ -182,7 +179,7 @@ class _Walk:
                 self.remarks.append(f"its last {rest} bytes are blank: its end may be missing")
             return
         name, byte = self._place(done)
-        if needed == _UNKNOWN_ID:
+        if needed == UNKNOWN_ID:
             raise _RecordError(f"no record has the id that stands at {name}", byte)
         longest = max((each.longest for each in self._variable.values()), default=0)
         expected = max(int(self._lengths.max()), LENGTH_SIZE + max(longest, LONGEST_EXPECTED))
@@ -275,54 +272,3 @@ class _VariableData:
     def unused(self) -> int:
         """How many nothing led to."""
         return 0 if self._used is None else int(self._used.size - np.count_nonzero(self._used))
-
-
-@compiled
-def _walk(
-    data: NDArray[np.uint8],
-    position: int,
-    id_size: int,
-    ids: NDArray[np.uint64],
-    lengths: NDArray[np.int64],
-    kind_of: NDArray[np.int64],
-    place_of: NDArray[np.int64],
-) -> tuple[int, int, int]:
-    """Note kind and place of records from a position on; how many, the position after them, and why it ends there.
-
-    That is the bytes the next one needs, 0 where there is no room to note it, or `_UNKNOWN_ID`. ids: rising.
-    """
-    for count in range(kind_of.size):
-        begin = position + id_size
-        if begin > data.size:
-            return count, position, id_size
-        kind = np.searchsorted(ids, _number(data, position, id_size))
-        if kind == ids.size or ids[kind] != _number(data, position, id_size):
-            return count, position, _UNKNOWN_ID
-        length = lengths[kind]
-        if length == _VARIABLE:
-            if begin + LENGTH_SIZE > data.size:
-                return count, position, id_size + LENGTH_SIZE
-            length = LENGTH_SIZE + np.int64(_number(data, begin, LENGTH_SIZE))
-        if begin + length > data.size:
-            return count, position, id_size + length
-        kind_of[count], place_of[count] = kind, begin
-        position = begin + length
-    return kind_of.size, position, 0
-
-
-@inner
-def _number(data: NDArray[np.uint8], place: int, size: int) -> np.uint64:
-    """Little-endian."""
-    number = np.uint64(0)
-    for byte in range(size):
-        number |= np.uint64(data[place + byte]) << np.uint64(8 * byte)
-    return number
-
-
-@compiled
-def _numbers(data: NDArray[np.uint8], places: NDArray[np.int64], size: int) -> NDArray[np.uint64]:
-    """Those at some places."""
-    result = np.empty(places.size, np.uint64)
-    for number in range(places.size):
-        result[number] = _number(data, places[number], size)
-    return result

@@ -85,8 +85,7 @@ class Daemon:
     def run(self, stop: threading.Event) -> None:
         """Serve until `stop` is set, then publish what is complete and a last status frame.
 
-        An interface that goes down or away is waited for, while the others are served. Call `warm_up` before the
-        links are opened: what is not compiled yet would be compiled while frames come in. Raises `RunError` when
+        An interface that goes down or away is waited for, while the others are served. Raises `RunError` when
         a link fails otherwise.
         """
         self._last_input = self._next_status = self._next_look = time.monotonic_ns()

@@ -8,7 +8,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -20,8 +20,6 @@ from observer_rt.bus.links.opening import SharedBus
 from observer_rt.bus.mapping.bus_map import BusMap, map_bench
 from observer_rt.config.bench import Bench, changes, content_of
 from observer_rt.config.bench_file import NAME_PLACE
-from observer_rt.foundation.compilation import compiled_code
-from observer_rt.foundation.compiling import tell_compiling
 from observer_rt.foundation.console import SignalledEvent, StopRequest, check_destination, stop_on_signals
 from observer_rt.foundation.errors import ObserverError, UserError
 from observer_rt.foundation.file_kinds import SERVICE_LOG
@@ -40,7 +38,6 @@ from observer_rt.service.reports.news import News, Once, Teller
 from observer_rt.service.rights import REMEDY, Processors, leave_to_loops, lock_memory, processors, rights
 from observer_rt.service.side_by_side import serve_side_by_side
 from observer_rt.service.view import Overview, View, draw
-from observer_rt.service.warm_up import warm_up
 from observer_rt.service.words import Topic
 
 _LOOK = 0.05  # s between two looks at what signals ask for
@@ -250,7 +247,7 @@ class Serving:
         with ExitStack() as stack:
             services = self._services(bench, maps, stack)
             if not self.is_ready:
-                self._get_ready(bench)
+                self._get_ready()
             if self.stop.is_set():
                 self.log.say(Topic.STOP, "stopped while it was starting")
                 return None
@@ -282,14 +279,8 @@ class Serving:
             )
         return services
 
-    def _get_ready(self, bench: Bench) -> None:
-        """Compile, and claim what the machine grants."""
-        tell_compiling(self.say, is_stopped=self.stop.is_set)
-        if trouble := compiled_code().trouble:
-            self.say(f"warning: {trouble}\n  remedy: {compiled_code().remedy}")
-        with suppress(KeyboardInterrupt):
-            self.warm_up(bench)
-        tell_compiling(self.say)
+    def _get_ready(self) -> None:
+        """Claim what the machine grants."""
         if self.stop.is_set():
             return
         self.notifier.ready()
@@ -301,11 +292,6 @@ class Serving:
         gc.collect()
         gc.freeze()  # a full collection would stop every Python loop for tens of milliseconds
         self.is_ready = True
-
-    def warm_up(self, bench: Bench) -> None:
-        """Compile and load what its injectors need."""
-        for alone, bus in zip(bench.each, map_bench(bench).injectors, strict=True):
-            warm_up(alone, bus, self.stop)
 
 
 @contextmanager
@@ -323,7 +309,6 @@ def reloading(
         if not (found := changes(content, content_of(after))):
             serving.say(f"{bench.path} is as it was: nothing to take over")
             return
-        serving.warm_up(after)
         patience = time.monotonic() + _PATIENCE
         while not all(each.is_between_events for each in services) and time.monotonic() < patience:
             time.sleep(_TURN)
@@ -349,7 +334,7 @@ def reloading(
             yield ended, lambda: next(iter(successors), None)
     finally:
         ended.set()
-        if not serving.stop.is_set():  # else it may be in the middle of compiling for another line
+        if not serving.stop.is_set():
             thread.join()
 
 
@@ -364,7 +349,7 @@ def serve(bench: Bench, options: RunOptions, console: Console, read_again: Calla
         log = stack.enter_context(_log(options, console, has_view))
         if options.view and not has_view:
             log.say(Topic.START, "no terminal for the view: one line an injection instead")
-        # from here on, so that a signal while compiling is not lost
+        # from here on, so that a signal while starting is not lost
         stop = stack.enter_context(stop_on_signals(reloads=True))
         stack.callback(gc.unfreeze)
         own = processors(bench.config.realtime.cpus, len(bench.injectors))

@@ -150,11 +150,6 @@ class WatchedInjector:
         self._injections: deque[SeenInjection] = deque(maxlen=KEPT)
         self._history = np.empty(0, HISTORY)
 
-    def prepare(self) -> None:
-        """Compile, or load, what frames will need, before they come."""
-        self._samples.prepare()
-        self._model(np.zeros(2), np.zeros(2))
-
     def begin(self, now: int) -> None:
         """Listening begins at a time [ns since 1970]."""
         self._arrivals.begin(now)

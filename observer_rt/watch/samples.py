@@ -28,19 +28,15 @@ from observer_rt.bus.mapping.output_messages import (
 from observer_rt.bus.mapping.timing import Numbering
 from observer_rt.config.bench import BenchInjector
 from observer_rt.core.frames.frames import carries, decode_signals
+from observer_rt.core.learning.predictor import run_from_rest
+from observer_rt.core.model.laws import normalised_area
+from observer_rt.core.model.model import rest_state
 from observer_rt.core.stream.stream import RING, dead_band
-from observer_rt.estimation.predictor import Setting, Window, forced_before
+from observer_rt.estimation.predictor import Setting, Window
 from observer_rt.estimation.scalars import Learned
-from observer_rt.foundation.compiled import compiled, inner_separate
 from observer_rt.foundation.units import MM3_PER_MS
-from observer_rt.model.borrowed import borrowed_network
 from observer_rt.model.effective import Coefficients
-from observer_rt.model.forcing import Forcing, borrowed_forcing, forcing_of
-from observer_rt.model.hydraulics import empty_sac, normalised_area
-from observer_rt.model.integrator import advance_over
-from observer_rt.model.line.interface import rest_line
 from observer_rt.model.network import constant_network
-from observer_rt.model.right_hand_side import fault_and_rate
 from observer_rt.service.compiled.constants import bench_constants, configured_noise
 from observer_rt.service.core.core import Core
 
@@ -169,10 +165,6 @@ class InputSamples:
         self.are_counted = bool(numbering != Numbering.INDEX)
         """Whether their index is not sent, but counted since the first one came."""
         self._keys = set(bus.inputs.messages["key"][: len(bus.input_layouts)].tolist())
-
-    def prepare(self) -> None:
-        """Compile, or load, what frames will need: an empty one is passed over."""
-        self._compiled.listen(min(self._keys), np.empty(0, np.uint8), 0)
 
     def take(self, came: BusFrame) -> bool:
         """A frame; one that brings no samples is passed over: False."""
@@ -307,7 +299,7 @@ class InjectionModel:
         lift = np.where(needle_lift < self._dead_band, 0.0, needle_lift)
         area = np.array([normalised_area(each, c.seat) for each in lift.tolist()])
         state = np.zeros(c.states)
-        rest_line(state, float(rail_pressure[0]), c.line)
+        rest_state(state, float(rail_pressure[0]), c)
         window = Window(
             inputs=np.column_stack([rail_pressure, area]),
             output=np.zeros(n),
@@ -317,41 +309,5 @@ class InjectionModel:
         )
         learned = Learned(constant_network(nozzle_wear, seat_wear), c, 0.0, 0.0)
         result = Modelled(np.zeros(n), np.zeros((3, n)))
-        _walk(window, self._setting, learned, state, result)
+        run_from_rest(window, self._setting, learned, state, result.rate, result.phi)
         return Modelled(result.rate / MM3_PER_MS, result.phi)
-
-
-@compiled
-def _walk(
-    window: Window,
-    setting: Setting,
-    learned: Learned,
-    x: NDArray[np.float64],
-    result: Modelled,
-) -> None:
-    """Fill `result`, rates in m3/s; x: the state at the first sample, which goes along."""
-    forcing = forcing_of(setting.program, window.clock, len(learned.coefficients.line))
-    _walk_under(window, setting, learned, x, result, forcing)
-
-
-@inner_separate
-def _walk_under(
-    window: Window,
-    setting: Setting,
-    learned: Learned,
-    x: NDArray[np.float64],
-    result: Modelled,
-    forcing: Forcing,
-) -> None:
-    """`_walk`, on arrays that are lent to it: what it made itself would be freed before the loop."""
-    forcing = borrowed_forcing(forcing)
-    learned = Learned(borrowed_network(learned.network), learned.coefficients, learned.offset, learned.lag)
-    for k in range(1, window.inputs.shape[0]):
-        forced = forced_before(window, setting, learned, x, k, forcing)
-        advance_over(x, forced.interval, forced.knot, forced.coefficients, forced.network, None)
-        if window.resting[k] and forced.interval.end[1] <= 0.0:
-            empty_sac(x, None)
-        phi, rate = fault_and_rate(x, forced.interval.end, forced.coefficients, forced.network)
-        result.rate[k] = rate
-        for row in range(3):
-            result.phi[row, k] = phi[row]

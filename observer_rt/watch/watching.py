@@ -229,8 +229,6 @@ class Watching:
 
     def start(self) -> None:
         """Begin to listen."""
-        for injector in self._injectors:
-            injector.prepare()
         if self.source.is_live:
             self._begin(time.time_ns())
         self._thread.start()

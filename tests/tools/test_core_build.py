@@ -59,7 +59,9 @@ def test_importing_builds_what_was_edited(package: Path) -> None:
     built = (package / "observer_rt" / "core" / "trial.abi3.so").stat().st_mtime_ns
     assert twice(package, 4.0) == 8.0
     assert (package / "observer_rt" / "core" / "trial.abi3.so").stat().st_mtime_ns == built
-    (package / "observer_rt" / "core" / "law.pxd").write_text(HEADER.format(factor=3))  # which trial.pyx includes
+    (package / "observer_rt" / "core" / "law.pxd").write_text(
+        HEADER.format(factor=3)
+    )  # which trial.pyx includes
     assert twice(package, 3.0) == 9.0
 
 
@@ -95,7 +97,9 @@ def test_without_headers_the_command_that_brings_them_is_named(package: Path) ->
         "build_core.sysconfig.get_path = lambda name: '/nowhere'\n"
         "build_core.build_in_place()"
     )
-    ran = subprocess.run([sys.executable, "-c", program], cwd=package, capture_output=True, text=True, env=environment())
+    ran = subprocess.run(
+        [sys.executable, "-c", program], cwd=package, capture_output=True, text=True, env=environment()
+    )
     assert "sudo apt-get install python3-dev" in ran.stderr
 
 
@@ -114,7 +118,9 @@ def test_a_wheel_observes_in_an_environment_without_compiler(tmp_path: Path) -> 
     site = Path(run([str(python), "-c", "import sysconfig; print(sysconfig.get_path('purelib'))"]).strip())
     # What it depends on, as it is here; not the package itself, whose editable install a .pth file names.
     for folder in here.iterdir():
-        if not (folder.name.startswith(("observer_rt", "_observer_rt", "_editable")) or folder.suffix == ".pth"):
+        if not (
+            folder.name.startswith(("observer_rt", "_observer_rt", "_editable")) or folder.suffix == ".pth"
+        ):
             target = site / folder.name
             if not target.exists():
                 target.symlink_to(folder)

@@ -103,7 +103,9 @@ def _sources_state() -> str:
 
 
 def _sources() -> list[Path]:
-    return sorted(path for ending in ("*.pyx", "*.pxd", "*.pxi", "meson.build") for path in CORE.rglob(ending))
+    return sorted(
+        path for ending in ("*.pyx", "*.pxd", "*.pxi", "meson.build") for path in CORE.rglob(ending)
+    )
 
 
 def _module_names() -> list[str]:

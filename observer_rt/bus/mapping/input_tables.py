@@ -33,7 +33,6 @@ from observer_rt.bus.database.multiplexing import (
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.signals import OptionalRole, Role
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.referenced import referenced
 
 
 @dataclass(frozen=True)
@@ -179,7 +178,6 @@ class OptionalInput:
     """What frames made of a recording say [units of the database], nan: not available."""
 
 
-@referenced()
 class Inputs(NamedTuple):
     """What compiled code needs to decode the input frames."""
 

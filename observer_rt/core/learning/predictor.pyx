@@ -5,9 +5,10 @@ from libc.stdint cimport int64_t
 
 from numpy import array, zeros
 
+from observer_rt.core.learning.matrices cimport propagate
 from observer_rt.core.model.hydraulics cimport Seat, seat_area_slope
 from observer_rt.core.model.model cimport (
-    Carried, Model, Terms, Weights, advance_over, correct, empty_sac, flow_slopes, predict,
+    Carried, Model, Terms, Weights, advance_over, correct, empty_sac, fault_and_rate, flow_slopes, predict,
     rate_after, shown_under_terms, trusted_under_terms, under_terms
 )
 from observer_rt.core.model.records cimport (
@@ -245,7 +246,7 @@ def propagate_noise(
             by_rail[end] = total
             by_area[end] = half[2] * by_area[2] + half[area]
             opened = lift * seat_area_slope(areas[k], &of_seat)
-            _propagate(change, covariance, moved, scratch)
+            propagate(change, covariance, moved, scratch)
             for i in range(size):
                 for j in range(size):
                     covariance[i, j] += by_rail[i] * by_rail[j] + opened * opened * by_area[i] * by_area[j]
@@ -263,39 +264,28 @@ def propagate_noise(
                     covariance[i, end] = 0.0
 
 
-cdef void _propagate(
-    double[:, ::1] transition, double[:, ::1] covariance, double[:, ::1] moved, double[:, ::1] scratch
-) noexcept nogil:
-    """transition @ covariance into `moved`, and that @ transition.T into `covariance`; all (m, m).
-
-    The transition of a line of cells is nearly empty, and always on the left here.
-    """
-    cdef int64_t m = covariance.shape[0], i, j
-    cdef double kept
-    _multiply(transition, covariance, moved)
-    for i in range(m):
-        for j in range(m):
-            scratch[i, j] = moved[j, i]
-    _multiply(transition, scratch, covariance)
-    for i in range(m):
-        for j in range(i):
-            kept = covariance[i, j]
-            covariance[i, j] = covariance[j, i]
-            covariance[j, i] = kept
-
-
-cdef void _multiply(double[:, ::1] left, double[:, ::1] right, double[:, ::1] result) noexcept nogil:
-    """left @ right into `result`, another array; what is 0 in `left` costs nothing."""
-    cdef int64_t i, j, k
-    cdef double factor
-    for i in range(result.shape[0]):
-        for j in range(result.shape[1]):
-            result[i, j] = 0.0
-        for k in range(right.shape[0]):
-            factor = left[i, k]
-            if factor != 0.0:
-                for j in range(result.shape[1]):
-                    result[i, j] += factor * right[k, j]
+def run_from_rest(window, setting, learned, double[::1] x, double[::1] rate, double[:, ::1] phi) -> None:
+    """Rate [m3/s] (n,) and phi [1/s] (3, n) of the model open loop; x: the state at the first sample, moved on."""
+    cdef Followed it = Followed(window, setting, learned, window.clock)
+    cdef double[3] rows
+    cdef int64_t k, row, samples = it.output.shape[0]
+    if x.shape[0] != it.model.coefficients.states or rate.shape[0] < samples or phi.shape[0] != 3:
+        raise ValueError("what is run does not fit the model or the window")
+    if phi.shape[1] < samples:
+        raise ValueError("what is run does not fit the window")
+    with nogil:
+        for k in range(1, samples):
+            it.force(&x[0], k)
+            advance_over(
+                &x[0], &it.forced.interval, it.forced.knot, &it.forced.coefficients, &it.forced.network, NULL
+            )
+            if it.resting[k] != 0 and it.forced.interval.end.area <= 0.0:
+                empty_sac(&x[0], NULL)
+            rate[k] = fault_and_rate(
+                &x[0], it.forced.interval.end, &it.forced.coefficients, &it.forced.network, rows
+            )
+            for row in range(3):
+                phi[row, k] = rows[row]
 
 
 def sum_of_squares(const double[:] errors) -> float:

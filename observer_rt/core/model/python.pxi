@@ -173,6 +173,13 @@ def changes_of_flow(const double[::1] x, u, network) -> tuple[float, float]:
     return nozzle, seat
 
 
+def activations_of(const double[::1] x, u, network) -> list[float]:
+    """tanh(V z) (q,) of the hidden neurons, with z = [x u 1]."""
+    cdef Weights weights = Weights(network)
+    n = &weights.network
+    return [activation(&x[0], _inputs(u), n.hidden + 6 * neuron) for neuron in range(n.neurons)]
+
+
 def slopes_of_flows(const double[::1] x, u, coefficients, network, double[::1] sigmas) -> dict[str, object]:
     """Flows with phi and their derivatives, by name; sigmas (q,) becomes the activations of the hidden neurons."""
     cdef Model model = Model(coefficients)

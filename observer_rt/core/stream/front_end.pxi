@@ -145,22 +145,6 @@ cdef double _recorded_lift(Observer* observer, int64_t position) noexcept nogil:
     return inputs.lift_factor * observer.ring[position & MASK].lift + inputs.lift_shift
 
 
-cdef double slope_of_means(double partial, double full, double slope, double tolerance) noexcept nogil:
-    """Slope [m a sample] of a straight ramp from 0, of lifts [m] that are means.
-
-    partial: over the period in which the ramp begins; full: over the next one; slope: from there on, which is the
-    ramp's unless that ends too soon: then `partial` would be larger, by more than `tolerance`.
-    """
-    if full <= 0.0:
-        return max(slope, 0.0)
-    if slope > 0.0:
-        share = max(full / slope - 0.5, 0.0)  # of the period in which the ramp begins
-        if 0.5 * slope * share * share <= partial + tolerance:
-            return slope
-    ratio = max(partial, 0.0) / full
-    return full / (ratio + sqrt(ratio * ratio + ratio) + 0.5)
-
-
 cdef double _slope_of_means(
     Observer* observer, int64_t outermost, int64_t inwards, double slope
 ) noexcept nogil:

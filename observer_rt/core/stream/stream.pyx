@@ -8,6 +8,7 @@ from libc.stdint cimport int64_t
 from libc.string cimport memcpy
 
 from observer_rt.core.model.hydraulics cimport Seat, normalised_area
+from observer_rt.core.stream.ramps cimport slope_of_means
 from observer_rt.core.stream.state cimport *
 
 
@@ -63,11 +64,6 @@ def dead_band(double lift_noise) -> tuple[float, float]:
     """Lift [m] above which the needle is open and below which it is shut again, from the lift noise [m]."""
     opens = opening_band(lift_noise)
     return opens, 0.5 * opens
-
-
-def ramp_slope_of_means(double partial, double full, double slope, double tolerance) -> float:
-    """Slope [m a sample] of a straight ramp from 0, of lifts [m] that are means: see `front_end.pxi`."""
-    return slope_of_means(partial, full, slope, tolerance)
 
 
 def reason_and_state(facts) -> tuple[int, int]:

@@ -24,7 +24,7 @@ from observer_rt.evidence.appearance import (
 )
 from observer_rt.evidence.bounded_fit import MAX_ITERATIONS, Minimum, Residuals, linearise
 from observer_rt.evidence.likelihood import Evidence
-from observer_rt.foundation.compilation import source_digest
+from observer_rt.foundation.source import source_digest
 from observer_rt.model.baseline import Appearance
 from observer_rt.model.effect import Effect, SizedEffect
 from observer_rt.model.effective import EffectiveModel

@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.estimation.prediction_error import HUBER
+from observer_rt.core.learning.whitening import HUBER
 from observer_rt.evidence.bounded_fit import Minimum, Range, Residuals, fit
 
 SAME = 0.998  # cosine of two signatures of one equation, from which on the weaker one is not fitted

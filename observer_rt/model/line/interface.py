@@ -26,7 +26,7 @@ def no_slopes(line: Any) -> Slopes:
 
 
 class Line(Protocol):
-    """The class of a line; its fields are numbers. Its closed end obeys p_L' ~ a1 x_2 - a2_nozzle q_H - a2_seat q_S."""
+    """A line as numbers, its fields. Its closed end obeys p_L' ~ a1 x_2 - a2_nozzle q_H - a2_seat q_S."""
 
     of_stiffness: ClassVar[tuple[str, ...]]  # coefficients in proportion to the bulk modulus
     of_inertance: ClassVar[tuple[str, ...]]  # in inverse proportion to the inertance
@@ -56,6 +56,10 @@ class Line(Protocol):
     @property
     def mode(self) -> float:
         """Angular frequency [rad/s] of the line's slowest motion, which p_L mostly shows."""
+
+    @property
+    def fastest(self) -> float:
+        """Angular frequency [rad/s] that RK4 must follow; 0 of a line with steps of its own."""
 
     @property
     def impedance(self) -> float:

@@ -70,6 +70,11 @@ class LumpLine(_LumpCoefficients):
         return math.sqrt(self.a1 * self.a3)
 
     @property
+    def fastest(self) -> float:
+        """The same: of inertance against compliance."""
+        return self.mode
+
+    @property
     def impedance(self) -> float:
         """Amplitude of p_L over that of x_2."""
         return math.sqrt(self.a1 / self.a3)

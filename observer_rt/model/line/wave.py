@@ -148,6 +148,11 @@ class WaveLine(_WaveCoefficients):
         return 0.5 * math.pi * self.crossing / self.cells
 
     @property
+    def fastest(self) -> float:
+        """None that RK4 must follow."""
+        return 0.0
+
+    @property
     def impedance(self) -> float:
         """p_L of a wave over x_2 of it."""
         return math.sqrt(self.b_near / self.a3_near)

@@ -7,13 +7,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.learning.phases import phases_of
 from observer_rt.estimation.phases import (
     AFTERGLOW,
     EDGE,
     Phase,
     PhaseStatistics,
     phase_statistics,
-    phases_of,
 )
 from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.scalars import SCALARS, Parameter, Scalars, Theta, sensor_lag

@@ -11,9 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.learning.predictor import sum_of_squares
 from observer_rt.estimation.gating import Belief
 from observer_rt.estimation.phases import Phase, PhaseStatistics, no_statistics
-from observer_rt.estimation.predictor import Setting, Window, open_loop_errors, sum_of_squares
+from observer_rt.estimation.predictor import Setting, Window, open_loop_errors
 from observer_rt.estimation.scalars import Scalars, Theta, learned_of
 from observer_rt.observer.learning.adequacy import BELIEVED_AFTER, SETTLED, Objection, inadequate_phase
 from observer_rt.observer.learning.disturbances.colour import Colour
@@ -201,7 +202,7 @@ class Rehearsed:
         errors = self._errors[key]
         if colour is not None:
             errors = colour.whitening.of(errors, window.masked)
-        return float(sum_of_squares(errors[window.opening :]))
+        return sum_of_squares(errors[window.opening :])
 
 
 def is_better(

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.model.model import activations_of, changes_of_flow
 from observer_rt.estimation.scalars import NOZZLE, SCALARS, SEAT, Parameter, Scalars, network_of
-from observer_rt.foundation.compiled import compiled
-from observer_rt.model.network import HIDDEN, Network, activation, back_pressure_at, flow_changes
+from observer_rt.model.network import HIDDEN
 
 LEAST_SAC_PRESSURE = 0.05  # of p_0, below which a change of the nozzle flow is not spoken of
 # Of v_S: the flanks tell it, where what sensors do within a few samples (resonance, bounce) looks like wear.
@@ -48,9 +48,7 @@ def indicators_of(
 
     None but those of nozzle and seat enters Q_H^.
     """
-    state = (float(x[0]), float(x[1]), float(x[2]))
-    inputs = (float(u[0]), float(u[1]))
-    nozzle, slopes = nozzle_change(theta, state, inputs)
+    nozzle, slopes = nozzle_change(theta, x, u)
 
     def estimate(effect: str, column: int) -> Estimate:
         if effect == NOZZLE:
@@ -65,29 +63,20 @@ def indicators_of(
 
 
 def nozzle_change(
-    theta: NDArray[np.float64], x: tuple[float, float, float], u: tuple[float, float]
+    theta: NDArray[np.float64], x: NDArray[np.float64], u: NDArray[np.float64]
 ) -> tuple[float, NDArray[np.float64]]:
-    """Relative change of the nozzle flow at a state with an open needle, and its derivatives (m,).
+    """Relative change of the nozzle flow at a state x (3,) and inputs u (2,), needle open; derivatives (m,).
 
     (1 + N_H) sqrt((x3 - d)/x3) - 1: network and back-pressure d together, the equivalent of v_H in (27).
     """
-    slopes = np.zeros(theta.size)
-    return float(_nozzle_change(network_of(theta), x, u, slopes)), slopes
-
-
-@compiled
-def _nozzle_change(
-    network: Network, x: tuple[float, float, float], u: tuple[float, float], slopes: NDArray[np.float64]
-) -> float:
-    """The change; slopes (m,), of zeros, becomes its derivatives."""
-    factor = 1.0 + flow_changes(x, u, network)[0]
-    x_3 = max(x[2], LEAST_SAC_PRESSURE)
-    against_chamber = math.sqrt(max(1.0 - back_pressure_at(u[1], network) / x_3, 0.0))
+    network, slopes, area = network_of(theta), np.zeros(theta.size), float(u[1])
+    factor = 1.0 + changes_of_flow(x, u, network)[0]
+    x_3 = max(float(x[2]), LEAST_SAC_PRESSURE)
+    back_pressure = float(network.back_pressure[0] + network.back_pressure[1] * area)
+    against_chamber = math.sqrt(max(1.0 - back_pressure / x_3, 0.0))
     slopes[_NOZZLE] = against_chamber
-    for neuron in range(HIDDEN):
-        slopes[_WEIGHTS + neuron] = against_chamber * activation(x, u, network.hidden, neuron)
+    slopes[_WEIGHTS : _WEIGHTS + HIDDEN] = against_chamber * np.array(activations_of(x, u, network))
     if against_chamber > 0.0:
         slopes[_BACK_PRESSURE] = -0.5 * factor / (x_3 * against_chamber)
-        slopes[_BACK_PRESSURE + 1] = slopes[_BACK_PRESSURE] * u[1]
-    change: float = factor * against_chamber - 1.0
-    return change
+        slopes[_BACK_PRESSURE + 1] = slopes[_BACK_PRESSURE] * area
+    return factor * against_chamber - 1.0, slopes

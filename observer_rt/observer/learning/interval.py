@@ -164,8 +164,8 @@ def known_flow(
     """
 
     def by_nozzle(rail_pressure: float) -> NDArray[np.float64]:
-        state = (rail_pressure, 0.0, _FILLED * rail_pressure)
-        change, slopes = nozzle_change(theta, state, (rail_pressure, point.area))
+        state = np.array([rail_pressure, 0.0, _FILLED * rail_pressure])
+        change, slopes = nozzle_change(theta, state, np.array([rail_pressure, point.area]))
         return slopes / max(1.0 + change, _LEAST_FLOW)
 
     injected, full = float(event.run.rate.sum()), by_nozzle(point.rail_pressure)

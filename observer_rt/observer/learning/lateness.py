@@ -20,9 +20,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.learning.whitening import HUBER
 from observer_rt.estimation.gating import prior_belief
 from observer_rt.estimation.open_loop import OpenLoop
-from observer_rt.estimation.prediction_error import HUBER, EventCost
+from observer_rt.estimation.prediction_error import EventCost
 from observer_rt.estimation.predictor import Setting, Window, innovations
 from observer_rt.estimation.scalars import SCALARS, Parameter, Scalars, learned_of, sensor_lag
 from observer_rt.observer.learning.adequacy import RELEVANT_VARIANCE, Objection

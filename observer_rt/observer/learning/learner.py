@@ -540,9 +540,8 @@ class Learner(Tracker):
     def _open_nozzle_change(self, window: Window) -> float:
         """N_H with the needle as open as it was in this event, at the steady sac pressure of the rail pressure."""
         widest = int(np.argmax(window.inputs[:, 1]))
-        rail_pressure, area = (float(value) for value in window.inputs[widest])
-        state = (rail_pressure, 0.0, 0.9 * rail_pressure)
-        return nozzle_change(self._theta, state, (rail_pressure, area))[0]
+        u = window.inputs[widest]
+        return nozzle_change(self._theta, np.array([u[0], 0.0, 0.9 * u[0]]), u)[0]
 
     def _gains(self, theta: Theta) -> GainSchedule:
         """Those of x~ with theta (m,): with others a line with waves may swing ever higher."""

@@ -1,4 +1,4 @@
-"""The pair of the paper over one event: identification system (5) and observer (26), compiled.
+"""The pair of the paper over one event: identification system (5) and observer (26).
 
 Erratum: (5) is printed with a minus, which with y - C x~ is positive feedback. Here
 
@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.paper.scheme import sweep
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.estimation.predictor import Window
 from observer_rt.foundation.errors import UserError

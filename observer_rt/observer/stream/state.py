@@ -356,7 +356,7 @@ class Constants(NamedTuple):
 
 
 class Observer(NamedTuple):
-    """Constants, preallocated memory, and the compiled functions that work on it."""
+    """Constants, preallocated memory, and what of the core works on it."""
 
     constants: Constants
     memory: NDArray[np.void]  # (1,) `MEMORY`
@@ -372,4 +372,4 @@ class Observer(NamedTuple):
     phi: Phi  # of x^
     verdicts: Verdicts
     stream: Stream
-    stepper: Stepper | None  # of the pair; None before it has one
+    stepper: Stepper  # of the pair

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.foundation.compiled import compiled
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIMETRE
 from observer_rt.model.baseline import Baseline
@@ -31,14 +30,17 @@ class SignalSurvey:
 
     def take(self, values: NDArray[np.float64]) -> None:
         """Go on with further samples (n,)."""
-        lowest, highest, total, change, count, gaps = _summed(np.ascontiguousarray(values))
-        self.lowest = min(self.lowest, lowest)
-        self.highest = max(self.highest, highest)
-        self.total += total
-        self.change += change
-        self.count += count
-        self.missing += values.size - count
-        self.gaps += gaps
+        is_there = ~np.isnan(values)
+        known = values[is_there]
+        self.gaps += int(np.count_nonzero(np.diff(is_there, prepend=True) & ~is_there))
+        self.missing += values.size - known.size
+        self.count += known.size
+        if known.size:
+            self.lowest = min(self.lowest, float(known.min()))
+            self.highest = max(self.highest, float(known.max()))
+            with np.errstate(invalid="ignore"):  # what is infinite is refused for that
+                self.total += float(known.sum())
+                self.change += float(np.abs(np.diff(known)).sum())
 
     @property
     def mean(self) -> float:
@@ -98,41 +100,16 @@ class Survey:
             self.openings.take(values)
 
 
-@compiled
-def _summed(values: NDArray[np.float64]) -> tuple[float, float, float, float, int, int]:
-    """Lowest, highest and sum of what is not NaN, the sum of its changes, how many, and runs of NaN."""
-    lowest, highest, total, change = math.inf, -math.inf, 0.0, 0.0
-    count = gaps = 0
-    last = math.nan
-    is_there = True
-    for value in values:
-        if math.isnan(value):
-            gaps += is_there
-            is_there = False
-            continue
-        is_there = True
-        lowest, highest = min(lowest, value), max(highest, value)
-        total += value
-        if count:
-            change += abs(value - last)
-        last = value
-        count += 1
-    return lowest, highest, total, change, count, gaps
-
-
-@compiled
 def _count_rises(
     lift: NDArray[np.float64], last: float, levels: NDArray[np.float64], counts: NDArray[np.int64]
 ) -> float:
     """Add to `counts` how often a lift rises through each of the rising levels; its last value, before it `last`."""
-    for value in lift:
-        if math.isnan(value):
-            continue
-        if value > last and value > levels[0]:
-            for number in range(levels.size):
-                counts[number] += last <= levels[number] < value
-        last = value
-    return last
+    values = lift[~np.isnan(lift)]
+    before = np.append(last, values[:-1])
+    rises = np.flatnonzero((values > before) & (values > levels[0]))
+    low, high = before[rises, None], values[rises, None]
+    counts += np.count_nonzero((low <= levels) & (levels < high), axis=0)
+    return float(values[-1]) if values.size else last
 
 
 PRESSURES = (5 * MEGAPASCAL, 400 * MEGAPASCAL)  # Pa, highest of a common-rail system that injects

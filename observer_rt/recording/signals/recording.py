@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.config.injector import Meaning
-from observer_rt.foundation.compiled import compiled
 from observer_rt.foundation.errors import UserError
 
 STEP_TOLERANCE = 0.2
@@ -58,12 +57,12 @@ class TimeGrid:
             self._period = float(np.median(np.diff(time)))
             self._step = float(time[-1] - time[0]) / (time.size - 1)
         first = 0 if self.samples else 1
-        row = int(_first_uneven(np.ascontiguousarray(time[first:]), before, self._period)) + first
+        row = _first_uneven(time[first:], before, self._period) + first
         if row >= first:
             before = float(time[row - 1]) if row else before
             return UnevenTime(self.samples + row, _describe_step(before, float(time[row]), self._period))
         for start in range(0, time.size, _ROWS):
-            part, number = np.ascontiguousarray(time[start : start + _ROWS]), self.samples + start
+            part, number = time[start : start + _ROWS], self.samples + start
             self._extremes += _farthest_of(part, self._begin, self._step, number)
         self.samples += time.size
         self._last = float(time[-1])
@@ -106,31 +105,20 @@ class TimeGrid:
         return int(rows[worst]), float(off_line[worst])
 
 
-@compiled
 def _first_uneven(time: NDArray[np.float64], before: float, period: float) -> int:
     """The first stamp that is not a period [s] after the one before it, which is `before` for row 0; -1: none."""
-    for row in range(time.size):
-        step = time[row] - before
-        if not (step > 0.0 and abs(step - period) <= STEP_TOLERANCE * period):
-            return row
-        before = time[row]
-    return -1
+    step = np.diff(time, prepend=before)
+    uneven = np.flatnonzero(~((step > 0.0) & (np.abs(step - period) <= STEP_TOLERANCE * period)))
+    return int(uneven[0]) if uneven.size else -1
 
 
-@compiled
 def _farthest_of(
     time: NDArray[np.float64], begin: float, step: float, first: int
 ) -> tuple[tuple[int, float], tuple[int, float]]:
     """Row and distance [s] of the stamps, those from row `first` on, that lie lowest and highest beside a grid."""
-    lowest = highest = time[0] - (begin + first * step)
-    low_row = high_row = first
-    for row in range(first + 1, first + time.size):
-        distance = time[row - first] - (begin + row * step)
-        if distance < lowest:
-            lowest, low_row = distance, row
-        elif distance > highest:
-            highest, high_row = distance, row
-    return (low_row, lowest), (high_row, highest)
+    distance = time - (begin + np.arange(first, first + time.size) * step)
+    lowest, highest = int(np.argmin(distance)), int(np.argmax(distance))
+    return (first + lowest, float(distance[lowest])), (first + highest, float(distance[highest]))
 
 
 def _describe_step(before: float, after: float, period: float) -> str:

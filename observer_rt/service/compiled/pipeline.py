@@ -95,7 +95,7 @@ class CompiledPipeline:
         self.path.listen(key, payload, stamp)
 
     def take_many(self, block: FrameBlock, first: int) -> tuple[int, bool]:
-        """Take frames of a block from `first` on: number of the next one, and whether Python must do something first."""
+        """Take frames of a block from `first` on: number of the next, and whether Python must do something first."""
         return self.path.take_many(block.keys, block.stamps, block.starts, block.data, first, FULL)
 
     def proceed(self) -> bool:

@@ -225,7 +225,6 @@ class EnergizingWatch:
         self._doubtful_until: int | None = None  # index up to which stamps did not tell when commands came
         self._newest = 0  # index of the last processed sample
         self._commands = self._missing = self._uncommanded = 0
-        place_by_time(self._keeping, 0)  # compiled before the first command comes
 
     def take(self, values: NDArray[np.float64], stamp: int, follows: bool, processed: int) -> None:
         """Take what a frame says, as of `EnergizingLayout.reading`; processed: samples when it came."""

@@ -108,9 +108,9 @@ def test_receivers_clock_set_anew_is_noticed_and_learned(step: float) -> None:
 def test_time_and_index_are_inverse() -> None:
     clock = fed(sent(2.0, 40e-6) + DELAY)
     for index in (0.0, 123.25, 1e6, 1e9):
-        assert index_by_clock(
-            clock, time_by_clock(clock, index, EPOCH - 17), EPOCH - 17
-        ) == pytest.approx(index, abs=1e-4)
+        assert index_by_clock(clock, time_by_clock(clock, index, EPOCH - 17), EPOCH - 17) == pytest.approx(
+            index, abs=1e-4
+        )
 
 
 def test_jitter_is_that_of_the_delays() -> None:

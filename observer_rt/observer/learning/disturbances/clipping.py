@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator
 
 from observer_rt.estimation.predictor import Window
-from observer_rt.foundation.compiled import compiled
 from observer_rt.observer.learning.disturbances.noise_levels import Sigmas, mask_of, median
 from observer_rt.observer.learning.memory import Tracker
 
@@ -114,7 +113,6 @@ def pile_of(
     return Pile(level, changing - constant if is_flat else 0.0)
 
 
-@compiled
 def _gather(
     y: NDArray[np.float64],
     innovations: NDArray[np.float64],
@@ -123,39 +121,30 @@ def _gather(
     first: int,
 ) -> tuple[int, float, float, float]:
     """The samples at the highest level, refined: how many, their mean, squares of y and innovations round it."""
-    means = _smoothed(y)
-    level, least = -np.inf, np.inf
-    for k in range(first, y.shape[0]):
-        if not masked[k]:
-            level, least = max(level, means[k]), min(least, means[k])
-    if not level - least >= MOVING * noise:
-        return 0, level, 0.0, 0.0
+    counted = ~masked[first:]
+    y, innovations, means = (values[first:][counted] for values in (y, innovations, _smoothed(y)))
+    if not means.size or not means.max() - means.min() >= MOVING * noise:
+        return 0, math.nan, 0.0, 0.0
+    level = float(means.max())
     for _ in range(REFINEMENTS):
-        samples, total, other, lowest = 0, 0.0, 0.0, level - AT_LEVEL * noise
-        for k in range(first, y.shape[0]):
-            if means[k] > lowest and not masked[k]:
-                samples, total, other = samples + 1, total + y[k], other + innovations[k]
+        at = means > level - AT_LEVEL * noise
+        samples = int(np.count_nonzero(at))
         if samples < FEWEST:
             return samples, level, 0.0, 0.0
-        level = total / samples
-    constant, changing = 0.0, 0.0
-    for k in range(first, y.shape[0]):
-        if means[k] > lowest and not masked[k]:
-            constant += (y[k] - level) ** 2
-            changing += (innovations[k] - other / samples) ** 2
-    return samples, level, constant, changing
+        level = float(y[at].mean())
+    changing = innovations[at]
+    return (
+        samples,
+        level,
+        float(np.sum((y[at] - level) ** 2)),
+        float(np.sum((changing - changing.mean()) ** 2)),
+    )
 
 
-@compiled
 def _smoothed(y: NDArray[np.float64]) -> NDArray[np.float64]:
     """Means (n,) over some neighbours; at both ends, where some are missing, of fewer."""
-    result, half = np.empty(y.shape[0]), SMOOTHED // 2
-    for k in range(y.shape[0]):
-        first, end, total = max(k - half, 0), min(k + half + 1, y.shape[0]), 0.0
-        for i in range(first, end):
-            total += y[i]
-        result[k] = total / (end - first)
-    return result
+    window = np.ones(SMOOTHED)
+    return np.convolve(y, window, "same") / np.convolve(np.ones(y.size), window, "same")
 
 
 def _is_explained(innovations: NDArray[np.float64], sigmas: Sigmas) -> bool:

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from observer_rt.estimation.prediction_error import EventCost
 from observer_rt.estimation.predictor import Window
-from observer_rt.foundation.compiled import compiled
 from observer_rt.observer.learning.fitting import EventFit
 from observer_rt.observer.learning.memory import Tracker
 
@@ -86,7 +85,6 @@ class EdgeSearch(Tracker):
         return Edge(float(products[before] / squares[before]), before)
 
 
-@compiled
 def _compare(
     innovations: NDArray[np.float64],
     shape: NDArray[np.float64],
@@ -99,11 +97,13 @@ def _compare(
 
     For every place of `products` and `squares` from the `shortest` on; `beside` the end nothing counts.
     """
-    n = innovations.shape[0]
-    for place in range(shortest, min(products.shape[0], n)):
-        for i in range(min(place - beside, shape.shape[0])):
-            products[place] += innovations[n - place + i] * shape[i]
-            squares[place] += shape[i] * shape[i]
+    n = innovations.size
+    of_shape = np.cumsum(shape**2)
+    for place in range(shortest, min(products.size, n)):
+        length = min(place - beside, shape.size)
+        if length > 0:
+            products[place] += innovations[n - place : n - place + length] @ shape[:length]
+            squares[place] += of_shape[length - 1]
 
 
 def with_step(window: Window, first: int, height: float) -> Window:

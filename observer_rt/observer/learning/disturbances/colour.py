@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.learning.whitening import NO_HIGH_PASS, high_passed, take_in_products
 from observer_rt.estimation.phases import BLOCKS, deviate
-from observer_rt.estimation.prediction_error import LEVEL_SAMPLES, NO_HIGH_PASS, Whitening, forgetting_of
+from observer_rt.estimation.prediction_error import Whitening, forgetting_of
 from observer_rt.estimation.predictor import Window
-from observer_rt.foundation.compiled import compiled
 from observer_rt.observer.learning.disturbances.masks import DIFFERENCE
 from observer_rt.observer.learning.disturbances.noise_levels import mask_of
 from observer_rt.observer.learning.memory import Tracker
@@ -69,7 +69,7 @@ class SlowRail(Tracker):
         self._squares *= REMEMBERED
         self._count *= REMEMBERED
         for values in segments:
-            passed = np.append(0.0, _passed(values[1:], self._forgetting))
+            passed = np.append(0.0, high_passed(values[1:], self._forgetting))
             blocks = passed[: passed.size // self._length * self._length].reshape(-1, self._length)
             self._squares += float(np.sum(blocks.mean(axis=1) ** 2)) * self._length
             self._count += len(blocks)
@@ -133,7 +133,7 @@ class RestingNoise(Tracker):
         self._by_lag *= REMEMBERED * before
         self._count *= REMEMBERED if before > 0.0 else 0.0
         for values in segments:
-            _take_in(values, weight, self._choices, self._products, self._by_lag)
+            take_in_products(values, weight, self._choices, self._products, self._by_lag)
             self._count += len(values) - ORDERS
 
     def _weights(self, segments: Sequence[NDArray[np.float64]]) -> tuple[float, float]:
@@ -143,7 +143,7 @@ class RestingNoise(Tracker):
         """
         if not (segments and self._count > 0.0):
             return 1.0, 1.0
-        passed = np.concatenate([_passed(values, self._choices[1]) for values in segments])
+        passed = np.concatenate([high_passed(values, self._choices[1]) for values in segments])
         square, known = float(np.mean(passed**2)), float(self._products[1, 0, 0] / self._count)
         if not min(square, known) > 0.0:
             return 1.0, 1.0
@@ -208,56 +208,6 @@ class RestingNoise(Tracker):
     def _taps(self, choice: int, order: int) -> NDArray[np.float64]:
         products = self._products[choice]
         return -np.linalg.solve(products[1 : order + 1, 1 : order + 1], products[1 : order + 1, 0])
-
-
-@compiled
-def _take_in(
-    values: NDArray[np.float64],
-    weight: float,
-    choices: NDArray[np.float64],
-    products: NDArray[np.float64],
-    by_lag: NDArray[np.float64],
-) -> None:
-    """Add what values (n,) times a weight have in common with those before them, behind each high pass (c,).
-
-    products (c, ORDERS + 1, ORDERS + 1): sums of products of those i and j samples before each, but for the first
-    ORDERS; by_lag (c, LAGS): n - ORDERS mean products of each with that so many samples before.
-    """
-    n = values.shape[0]
-    for choice in range(choices.shape[0]):
-        passed, sums = weight * _passed(values, choices[choice]), np.zeros(LAGS)
-        for k in range(n):
-            for lag in range(min(LAGS, k + 1)):
-                sums[lag] += passed[k] * passed[k - lag]
-        for lag in range(LAGS):
-            by_lag[choice, lag] += sums[lag] / (n - lag) * (n - ORDERS)
-        for i in range(ORDERS + 1):
-            for j in range(i, ORDERS + 1):
-                lag = j - i
-                total = sums[lag]
-                for k in range(lag, ORDERS - i):
-                    total -= passed[k] * passed[k - lag]
-                for k in range(n - i, n):
-                    total -= passed[k] * passed[k - lag]
-                products[choice, i, j] += total
-                if j > i:
-                    products[choice, j, i] += total
-
-
-@compiled
-def _passed(values: NDArray[np.float64], forgetting: float) -> NDArray[np.float64]:
-    """Values (n,) behind the high pass of a `Whitening`."""
-    if forgetting == NO_HIGH_PASS:
-        return values.copy()
-    passed, now, before = np.empty(values.shape[0]), 0.0, 0.0
-    level = min(LEVEL_SAMPLES, values.shape[0])
-    for k in range(level):
-        before += values[k] / level
-    for k in range(values.shape[0]):
-        now = values[k] + (forgetting * now - before)
-        before = values[k]
-        passed[k] = now
-    return passed
 
 
 _LAST_FIRST = np.array([*range(1, ORDERS + 1), 0])

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.estimation.predictor import Window
-from observer_rt.foundation.compiled import compiled
 from observer_rt.observer.learning.disturbances.noise_levels import Sigmas, loudness, mask_of, robust_sigma
 from observer_rt.observer.learning.memory import Tracker
 
@@ -54,7 +53,7 @@ def sharp_spikes_of(innovations: NDArray[np.float64], sigma: float, first: int) 
     counted = counted / sigma
     left, found = counted.copy(), list[tuple[int, int]]()
     for _ in range(MOST_SPIKES + 1):
-        total = np.concatenate(([0.0], np.cumsum(left)))
+        total = _summed(left)
         deviates = {
             width: _spread((total[width:] - total[:-width]) / np.sqrt(width)) for width in SHARP_WIDTHS
         }
@@ -70,19 +69,16 @@ def sharp_spikes_of(innovations: NDArray[np.float64], sigma: float, first: int) 
     return []
 
 
-@compiled
 def _largest(innovations: NDArray[np.float64], first: int) -> tuple[float, float]:
     """Leap of innovations (n,), and mean over the widths of a spike times the square root of the samples."""
-    n, leap, mean = innovations.shape[0], 0.0, 0.0
-    total = np.zeros(n + 1)
-    for k in range(first, n):
-        total[k + 1] = total[k] + innovations[k]
-        if k + 1 < n:
-            leap = max(leap, math.fabs(innovations[k + 1] - innovations[k]))
-        for width in SHARP_WIDTHS:
-            if k + 1 - first >= width:
-                mean = max(mean, math.fabs(total[k + 1] - total[k + 1 - width]) / math.sqrt(width))
-    return leap, mean
+    counted = innovations[first:]
+    total = _summed(counted)
+    leap = float(np.abs(np.diff(counted)).max(initial=0.0))
+    means = (
+        float(np.abs(total[width:] - total[:-width]).max(initial=0.0)) / math.sqrt(width)
+        for width in SHARP_WIDTHS
+    )
+    return leap, max(means)
 
 
 def _spread(deviates: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -121,64 +117,75 @@ def frozen_stretches(
     Or where it does so very much better for long: y may by chance be let go where it would have been.
     """
     y = window.output
-    levels = sigmas.innovation, sigmas.noise
-    spans = _find_held(y, innovations, mask_of(window), levels, first)
-    if len(spans) == 0:
+    spans = _find_held(y, innovations, mask_of(window), sigmas, first)
+    if not spans:
         return ()
     lowest, highest = np.partition(y, (2, -3))[[2, -3]]
     beyond = BEYOND * sigmas.noise
     return [
-        HeldStretch(int(start), int(end), level, not lowest + beyond < level < highest - beyond)
-        for start, end, level in spans.tolist()
+        HeldStretch(start, end, level, not lowest + beyond < level < highest - beyond)
+        for start, end, level in spans
     ]
 
 
-@compiled
 def _find_held(
     y: NDArray[np.float64],
     innovations: NDArray[np.float64],
     masked: NDArray[np.bool_],
-    sigmas: tuple[float, float],
+    sigmas: Sigmas,
     first: int,
-) -> NDArray[np.float64]:
-    """Stretches (k, 3): start, end, level, by what ends them: a leap of the innovations, or how long y was held."""
-    n, (innovation, noise) = y.shape[0], sigmas
-    found, count = np.empty((n // SHORTEST + 1, 3)), 0
-    sums, squares = np.zeros(n + 1), np.zeros(n + 1)  # of y - y[0]
-    explained, in_part = np.zeros(n + 1), np.zeros(n + 1)
-    is_leap, is_last = np.zeros(n + 1, np.bool_), np.zeros(n + 1, np.bool_)
-    for k in range(n):
-        height, deviate = y[k] - y[0], innovations[k] / innovation
-        sums[k + 1] = sums[k] + height
-        squares[k + 1] = squares[k] + height * height
-        explained[k + 1] = explained[k] + deviate * deviate
-        at_most = min(math.fabs(deviate), MOST_OF_A_HELD_ONE)
-        in_part[k + 1] = in_part[k] + at_most * at_most
-        is_leap[k] = k > 0 and math.fabs(innovations[k] - innovations[k - 1]) > JUMP * innovation
-    for end in range(first + LONG, n):
-        mean_square = (sums[end] - sums[end - LONG]) ** 2 / LONG
-        constant = (squares[end] - squares[end - LONG] - mean_square) / noise**2
-        better = in_part[end] - in_part[end - LONG] - constant
-        if constant < LONG + FLAT_STRETCH and better > MUCH_BETTER:
-            is_last[end - 1], is_last[end] = False, True
+) -> list[tuple[int, int, float]]:
+    """Stretches: start, end, level, by what ends them: a leap of the innovations, or how long y was held."""
+    deviates = innovations / sigmas.innovation
+    constants = _Constants(y, sigmas.noise)
+    explained = _summed(deviates**2)
+    in_part = _summed(np.minimum(np.abs(deviates), MOST_OF_A_HELD_ONE) ** 2)
+    ends = np.arange(first + LONG, y.size)
+    constant = constants.chi2(ends - LONG, ends)
+    held = constant < LONG + FLAT_STRETCH
+    held &= in_part[ends] - in_part[ends - LONG] - constant > MUCH_BETTER
+    is_last = np.zeros(y.size, np.bool_)
+    is_last[ends[held]] = True
+    is_last[:-1] &= ~is_last[1:]
+    is_leap = np.abs(np.diff(innovations, prepend=innovations[:1])) > JUMP * sigmas.innovation
+    found: list[tuple[int, int, float]] = []
     begin = first
-    for end in range(n):
-        if not (is_leap[end] or is_last[end]):
+    for end in np.flatnonzero(is_leap | is_last).tolist():
+        starts = np.arange(end - SHORTEST, max(end - LONGEST, begin) - 1, -1)
+        if not starts.size:
             continue
-        most, start = -np.inf, end
-        for length in range(SHORTEST, min(LONGEST, end - begin) + 1):
-            mean_square = (sums[end] - sums[end - length]) ** 2 / length
-            constant = (squares[end] - squares[end - length] - mean_square) / noise**2
-            better = explained[end] - explained[end - length] - constant
-            if better > most:
-                most, start = better, end - length
-        if most < BETTER or masked[start:end].any():
+        better = explained[end] - explained[starts] - constants.chi2(starts, end)
+        best = int(np.argmax(better))
+        start = int(starts[best])
+        if not better[best] >= BETTER or masked[start:end].any():
             continue
-        level = (sums[end] - sums[start]) / (end - start) + y[0]
-        if is_last[end] or math.fabs(y[end] - level) >= JUMP * innovation:
-            found[count, 0], found[count, 1], found[count, 2] = start, end, level
-            count, begin = count + 1, end + RECOVERY
-    return found[:count]
+        level = constants.level(start, end)
+        if is_last[end] or abs(y[end] - level) >= JUMP * sigmas.innovation:
+            found.append((start, end, level))
+            begin = end + RECOVERY
+    return found
+
+
+class _Constants:
+    """Constants that explain stretches of y (n,)."""
+
+    def __init__(self, y: NDArray[np.float64], noise: float) -> None:
+        self._origin, self._noise = float(y[0]), noise
+        self._sums, self._squares = _summed(y - y[0]), _summed((y - y[0]) ** 2)
+
+    def chi2(self, start: NDArray[np.int64], end: NDArray[np.int64] | int) -> NDArray[np.float64]:
+        """Of each stretch [start, end)."""
+        mean_square = (self._sums[end] - self._sums[start]) ** 2 / (end - start)
+        return (self._squares[end] - self._squares[start] - mean_square) / self._noise**2
+
+    def level(self, start: int, end: int) -> float:
+        """The mean of one."""
+        return float((self._sums[end] - self._sums[start]) / (end - start) + self._origin)
+
+
+def _summed(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Sums (n + 1,) of values (n,) up to each place."""
+    return np.concatenate(([0.0], np.cumsum(values)))
 
 
 DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])  # what the level of the noise is measured by at rest
@@ -190,35 +197,22 @@ MOST = 0.35  # share of an event, beyond which its noise is just not known
 
 def bursts_of(y: NDArray[np.float64], noise: float) -> list[HeldStretch]:
     """Stretches of y (n,) louder than its noise (standard deviation); fourth differences hide what is slow."""
-    loud = np.empty(y.size, np.bool_)
-    count = _find_loud(y, noise, loud)
-    if count == 0 or count > MOST * y.size:
+    loud = _are_loud(y, noise)
+    if not 0 < np.count_nonzero(loud) <= MOST * y.size:
         return []
     changes = np.flatnonzero(np.diff(loud, prepend=False, append=False))
     spans = zip(changes[::2], changes[1::2], strict=True)
     return [HeldStretch(int(start), int(end), float(np.mean(y[start:end])), False) for start, end in spans]
 
 
-@compiled
-def _find_loud(y: NDArray[np.float64], noise: float, loud: NDArray[np.bool_]) -> int:
-    """Which samples (n,) have a loud mean square round them, and how many."""
-    n, before = y.shape[0], LENGTH // 2
-    level = 0.0
-    for weight in DIFFERENCE:
-        level += weight * weight * noise * noise
-    sums = np.zeros(n + 1)
-    for k in range(n):
-        square = 1.0
-        if 2 <= k < n - 2:
-            difference = y[k - 2] - 4.0 * y[k - 1] + 6.0 * y[k] - 4.0 * y[k + 1] + y[k + 2]
-            square = min(difference * difference / level, MOST_OF_ONE)
-        sums[k + 1] = sums[k] + square
-    count = 0
-    for k in range(n):
-        first, end = max(k - before, 0), min(k - before + LENGTH, n)
-        loud[k] = sums[end] - sums[first] > LOUD * (end - first)
-        count += loud[k]
-    return count
+def _are_loud(y: NDArray[np.float64], noise: float) -> NDArray[np.bool_]:
+    """Which samples (n,) have a loud mean square round them."""
+    squares = np.ones(y.size)
+    differences = np.convolve(y, DIFFERENCE, "valid")
+    squares[2:-2] = np.minimum(differences**2 / (float(DIFFERENCE @ DIFFERENCE) * noise**2), MOST_OF_ONE)
+    sums, first = _summed(squares), np.arange(y.size) - LENGTH // 2
+    first, end = np.maximum(first, 0), np.minimum(first + LENGTH, y.size)
+    return np.asarray(sums[end] - sums[first] > LOUD * (end - first), np.bool_)
 
 
 MARGIN = 3  # a third of a stretch before it is masked as well: it may have begun unseen

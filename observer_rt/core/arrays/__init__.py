@@ -1,1 +1,0 @@
-"""Loops over signals of recordings, and small matrices."""

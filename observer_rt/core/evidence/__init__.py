@@ -1,0 +1,1 @@
+"""Loops over measured signals: the true seat areas of a lift."""

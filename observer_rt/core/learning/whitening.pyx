@@ -1,0 +1,170 @@
+"""Innovations made white, weighed robustly, and the sums by which their colour is found."""
+
+from libc.math cimport fabs, sqrt
+from libc.stdint cimport int64_t
+
+from numpy import empty, zeros
+
+cdef int64_t LEVEL_SAMPLES = 20  # from whose mean the high pass starts: a start from 0 would ring for many samples
+cdef double NO_HIGH_PASS = -1.0
+cdef double HUBER = 4.0  # sigma beyond which an innovation counts linearly
+cdef enum:
+    WIDTH = 4  # numbers in a vector of the processor: rows of sums are filled up to it
+
+globals().update(NO_HIGH_PASS=NO_HIGH_PASS, HUBER=HUBER)
+
+
+def whiten(
+    const double[:, :] values, masked, double forgetting, const double[::1] taps, double[:, ::1] result
+) -> None:
+    """Values (n, m) down the columns, see `prediction_error.Whitening`; masked: (n,), or (0,)."""
+    cdef int64_t n = values.shape[0], m = values.shape[1], i, j, k, count, unknown = 0
+    cdef const unsigned char[:] is_out = masked.view("u1")
+    cdef double[:, ::1] passed = zeros((n, m))
+    cdef double[::1] before = zeros(m)
+    cdef double expected, kept
+    cdef bint is_masked
+    if result.shape[0] != n or result.shape[1] != m or 0 < is_out.shape[0] < n:
+        raise ValueError("values, marks and result do not fit each other")
+    with nogil:
+        if forgetting != NO_HIGH_PASS:
+            count = min(LEVEL_SAMPLES, n - 1)
+            for k in range(1, 1 + count):
+                for j in range(m):
+                    before[j] += values[k, j] / <double> count
+        # unknown: samples for which some tap still lies on an expected value
+        result[:1] = 0.0
+        for k in range(1, n):
+            is_masked = is_out.shape[0] > 0 and is_out[k] != 0
+            for j in range(m):
+                expected = 0.0
+                for i in range(min(taps.shape[0], k - 1)):
+                    expected -= taps[i] * passed[k - 1 - i, j]
+                if forgetting == NO_HIGH_PASS:
+                    passed[k, j] = expected if is_masked else values[k, j]
+                else:
+                    kept = forgetting * passed[k - 1, j] - before[j]
+                    passed[k, j] = expected if is_masked else values[k, j] + kept
+                    before[j] = passed[k, j] - kept if is_masked else values[k, j]
+                result[k, j] = passed[k, j] - expected if unknown == 0 and not is_masked else 0.0
+            unknown = taps.shape[0] if is_masked else max(unknown - 1, 0)
+
+
+def robust_cost(const double[:] e, int64_t first, double sigma, int64_t together=1) -> float:
+    """Huber cost of e[first:] / sigma: half the square up to HUBER, linear beyond.
+
+    together: so many samples count as one, their mean; what is left over at the end does not.
+    """
+    cdef double total = 0.0, spread = sigma * sqrt(<double> together), error, z
+    cdef int64_t start = first, k
+    with nogil:
+        while start < e.shape[0] - together + 1:
+            error = e[start]
+            for k in range(start + 1, start + together):
+                error += e[k]
+            z = fabs(error) / spread
+            total += 0.5 * z * z if z <= HUBER else HUBER * (z - 0.5 * HUBER)
+            start += together
+    return total
+
+
+def weigh(
+    const double[:] e,
+    const double[:, :] slopes,
+    int64_t first,
+    double sigma,
+    int64_t together,
+    double[::1] gradient,
+    double[:, ::1] information,
+) -> None:
+    """Gradient (m,) and Gauss-Newton information (m, m) of `robust_cost`; slopes (n, m)."""
+    cdef int64_t m = gradient.shape[0], width = (m + WIDTH - 1) // WIDTH * WIDTH, start = first, i, j, k
+    cdef double[::1] row = zeros(width)
+    cdef double[:, ::1] total = zeros((m, width))
+    cdef double spread = sigma * sqrt(<double> together), error, z, weight, scale, weighted
+    cdef double* sums
+    if slopes.shape[0] != e.shape[0] or slopes.shape[1] != m:
+        raise ValueError("slopes do not fit the errors")
+    if information.shape[0] != m or information.shape[1] != m:
+        raise ValueError("the information does not fit the gradient")
+    gradient[:] = 0.0
+    with nogil:
+        while start < e.shape[0] - together + 1:
+            error = e[start]
+            for j in range(m):
+                row[j] = slopes[start, j]
+            for k in range(start + 1, start + together):
+                error += e[k]
+                for j in range(m):
+                    row[j] += slopes[k, j]
+            z = error / spread
+            weight = 1.0 if fabs(z) <= HUBER else HUBER / fabs(z)
+            scale = weight / (spread * spread)
+            for i in range(m):
+                weighted = scale * row[i]
+                gradient[i] += weighted * error
+                sums = &total[i, 0]
+                for j in range(width):
+                    sums[j] += weighted * row[j]
+            start += together
+        information[:, :] = total[:, :m]
+
+
+def high_passed(const double[:] values, double forgetting) -> object:
+    """Values (n,) behind the high pass of a `Whitening`."""
+    passed = empty(values.shape[0])
+    _pass(values, forgetting, passed)
+    return passed
+
+
+cdef void _pass(const double[:] values, double forgetting, double[::1] passed) noexcept nogil:
+    cdef double now = 0.0, before = 0.0
+    cdef int64_t k, level = min(LEVEL_SAMPLES, values.shape[0])
+    if forgetting == NO_HIGH_PASS:
+        passed[:] = values
+        return
+    for k in range(level):
+        before += values[k] / <double> level
+    for k in range(values.shape[0]):
+        now = values[k] + (forgetting * now - before)
+        before = values[k]
+        passed[k] = now
+
+
+def take_in_products(
+    const double[:] values, double weight, const double[::1] choices, double[:, :, ::1] products, double[:, ::1] by_lag
+) -> None:
+    """Add what values (n,) times a weight have in common with those before them, behind each high pass (c,).
+
+    products (c, p + 1, p + 1): sums of products of those i and j samples before each, but for the first p; by_lag
+    (c, l): n - p mean products of each with that so many samples before.
+    """
+    cdef int64_t n = values.shape[0], lags = by_lag.shape[1], orders = products.shape[1] - 1, choice, k, lag, i, j
+    cdef double[::1] passed = empty(n), sums = empty(lags)
+    cdef double total
+    if not (choices.shape[0] == products.shape[0] == by_lag.shape[0]) or products.shape[2] != orders + 1:
+        raise ValueError("sums are wanted of every high pass")
+    if n < max(lags, orders + 1):
+        raise ValueError("fewer values than lags")
+    with nogil:
+        for choice in range(choices.shape[0]):
+            _pass(values, choices[choice], passed)
+            for k in range(n):
+                passed[k] = weight * passed[k]
+            sums[:] = 0.0
+            for k in range(n):
+                for lag in range(min(lags, k + 1)):
+                    sums[lag] += passed[k] * passed[k - lag]
+            for lag in range(lags):
+                by_lag[choice, lag] += sums[lag] / <double> (n - lag) * <double> (n - orders)
+            for i in range(orders + 1):
+                for j in range(i, orders + 1):
+                    lag = j - i
+                    total = sums[lag]
+                    for k in range(lag, orders - i):
+                        total -= passed[k] * passed[k - lag]
+                    for k in range(n - i, n):
+                        total -= passed[k] * passed[k - lag]
+                    products[choice, i, j] += total
+                    if j > i:
+                        products[choice, j, i] += total

@@ -1,0 +1,1 @@
+"""Loops over recordings: records of a file."""

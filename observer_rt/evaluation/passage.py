@@ -216,7 +216,9 @@ class Passage:
             self._marks.append((position, int(index[first]) - self.first_index))
         place = index - (self.first_index + self.first)
         known = (place >= 0) & (place < len(self._remembered))
-        self._note_samples(observer, (position + np.flatnonzero(known)) % RING, place[known], nominal[known])
+        self._note_samples(
+            observer, (position + np.flatnonzero(known)) % len(observer.ring), place[known], nominal[known]
+        )
 
     def _note_samples(
         self, observer: Observer, rows: NDArray[np.int64], place: NDArray[np.int64], nominal: Signal

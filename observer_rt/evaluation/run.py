@@ -90,7 +90,8 @@ class _Reading:
         """What was processed since the last reading, by passage: position of the first sample, and all indices."""
         processed = self.core.processed
         position = max(self._seen, processed - RING)
-        index = self.core.compiled.observer.ring["index"][np.arange(position, processed) % RING]
+        ring = self.core.compiled.observer.ring["index"]
+        index = ring[np.arange(position, processed) % len(ring)]
         self._seen = processed
         begins_anew = np.flatnonzero(np.diff(index, prepend=self._last_index) <= 0).tolist()
         for first, end in pairwise([0, *(row for row in begins_anew if row), len(index)]):

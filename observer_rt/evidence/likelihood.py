@@ -9,9 +9,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.learning.predictor import follow
 from observer_rt.estimation.gain import GainSchedule, gain_schedule
 from observer_rt.estimation.phases import PhaseStatistics, no_statistics, phase_statistics
-from observer_rt.estimation.predictor import NO_SLOPES, Setting, follow
+from observer_rt.estimation.predictor import NO_SLOPES, Setting
 from observer_rt.estimation.scalars import Learned, nothing_learned
 from observer_rt.evidence.bounded_fit import Residuals
 from observer_rt.evidence.healthy_shape import expected_of

@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.learning.predictor import follow
 from observer_rt.estimation.gain import gain_schedule
-from observer_rt.estimation.predictor import NO_SLOPES, Setting, follow
+from observer_rt.estimation.predictor import NO_SLOPES, Setting
 from observer_rt.estimation.scalars import nothing_learned
 from observer_rt.evidence.measurement import JudgedEvent, Measurement
 from observer_rt.evidence.windows import (

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.model.model import STEP
 from observer_rt.evidence.bounded_fit import NORMAL_975, Quadratic, Range, Residuals
 from observer_rt.evidence.likelihood import JudgedModel, Trial
 from observer_rt.fit.parts import Part, standstill_offset
 from observer_rt.foundation.units import CUBIC_MILLIMETRE, MEGAPASCAL, MILLIMETRE
 from observer_rt.model.effective import EffectiveModel, coefficients
 from observer_rt.model.effects import effective_model
-from observer_rt.model.line.wave import DAMPING, FEWEST_CELLS, RESOLVED, STABLE, STEP, cells_for
+from observer_rt.model.line.wave import DAMPING, FEWEST_CELLS, RESOLVED, STABLE, cells_for
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
 
 CALM = 0.93  # of what a step may be, so that a fit can still move

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.bus.can_frame import frame_key
-from observer_rt.bus.database import e2e
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.links.link import BusFrame
 from observer_rt.bus.mapping.bus_map import BusMap
@@ -27,7 +26,7 @@ from observer_rt.bus.mapping.output_messages import (
 )
 from observer_rt.bus.mapping.timing import Numbering
 from observer_rt.config.bench import BenchInjector
-from observer_rt.core.frames.frames import carries, decode_signals
+from observer_rt.core.frames.frames import carries, check_frame, decode_signals
 from observer_rt.core.learning.predictor import run_from_rest
 from observer_rt.core.model.laws import normalised_area
 from observer_rt.core.model.model import rest_state
@@ -76,7 +75,7 @@ class ResultReader:
             return None
         layout, result_of = found
         payload = np.frombuffer(frame.payload, np.uint8)
-        if payload.size < layout.length or not e2e.check(payload, layout.length, layout.protection):
+        if payload.size < layout.length or not check_frame(payload, layout.length, layout.protection):
             self.refused += 1
             return None
         return result_of(payload)

@@ -17,7 +17,6 @@ from observer_rt.check.machine import (
     BitTiming,
     Controller,
     Host,
-    compiled_code_findings,
     controller_in,
     interface_findings,
     read_controller,
@@ -25,7 +24,6 @@ from observer_rt.check.machine import (
     socketcan_findings,
 )
 from observer_rt.config.bench_file import LinkConfig
-from observer_rt.foundation.compilation import CompiledCode
 from observer_rt.service.rights import Processors, Rights
 
 Network = Callable[..., Path]
@@ -249,13 +247,6 @@ def test_a_machine_that_may_keep_up_or_not(changes: dict[str, Any], remedy: str 
     findings = real_time_findings(replace(GOOD_HOST, **changes))
     assert len(findings) == 5
     assert_odd(findings, *([remedy] if remedy else []))
-
-
-def test_where_compiled_code_is_kept() -> None:
-    (kept,) = compiled_code_findings(CompiledCode(Path("/var/cache/ours")))
-    assert (kept.level, kept.text) == (Level.OK, "kept in /var/cache/ours")
-    (lost,) = compiled_code_findings(CompiledCode(Path("/tmp/ours"), "cannot be kept in /home", "make room"))
-    assert (lost.level, lost.text) == (Level.WARNING, "cannot be kept in /home; make room")
 
 
 def test_a_kernel_without_can_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

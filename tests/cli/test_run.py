@@ -8,7 +8,6 @@ import signal
 import socket
 import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import ClassVar
 
@@ -163,17 +162,16 @@ def test_without_a_terminal_the_view_gives_way_to_lines(command: Command, bench:
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_signal_while_starting_is_not_lost(bench: Path, tmp_path: Path, number: signal.Signals) -> None:
-    """From the first message on the process can be stopped, in the middle of compiling, too."""
+    """From the first message on the process can be stopped, ready or not."""
     state = tmp_path / "learned.json"
     process = module("run", "--bench", bench, "--state", state, environment={"HOME": str(tmp_path)})
     assert process.stderr is not None
     assert "no learned state" in process.stderr.readline()
-    time.sleep(0.2)
     process.send_signal(number)
     _, messages = process.communicate(timeout=120)
     assert process.returncode == 0, messages
     assert "Traceback" not in messages
-    assert "stopped while it was starting" in messages
+    assert "stop: " in messages
 
 
 def said_in(capture: Path, text: str) -> bool:

@@ -6,6 +6,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from observer_rt.core.model.laws import lagged
+from observer_rt.core.model.model import advance_state
 
 from observer_rt.config.bench import load_injector
 from observer_rt.estimation.gain import GainSchedule, NoiseLevels, gain_schedule
@@ -13,10 +15,10 @@ from observer_rt.estimation.predictor import Setting, Window, innovations
 from observer_rt.estimation.scalars import PARAMETERS, Parameter, learned_of
 from observer_rt.model.effective import Coefficients, coefficients
 from observer_rt.model.effects import effective_model, sized
-from observer_rt.model.integrator import Interval, advance
+from observer_rt.model.integrator import Interval
 from observer_rt.model.network import HIDDEN
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
-from observer_rt.model.sensor import LAG_UNIT, lagged
+from observer_rt.model.sensor import LAG_UNIT
 from observer_rt.model.stability import substeps_needed
 
 SAMPLE_RATE = 100e3
@@ -117,7 +119,9 @@ def simulated_event(
     indicated = [x[0]]
     for u_start, u_end in pairwise((float(rail), float(area)) for rail, area in inputs):
         before = x[0]
-        advance(x, Interval(u_start, u_end, setting.interval, setting.substeps), c, learned.network, None)
+        advance_state(
+            x, Interval(u_start, u_end, setting.interval, setting.substeps), c, learned.network, None
+        )
         lag = setting.lag + learned.lag
         indicated.append(lagged(indicated[-1], before, x[0], setting.interval, lag))
     shown = np.array(indicated)

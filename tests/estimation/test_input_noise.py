@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from observer_rt.core.model.laws import seat_area_slope
 
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.estimation.open_loop import input_variance, open_loop
 from observer_rt.estimation.predictor import Window
-from observer_rt.model.hydraulics import seat_area_slope
 from tests.estimation.conftest import NOISE, Case, event_inputs, simulated_event, worn_theta
 
 DRAWS = 300

@@ -6,6 +6,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from observer_rt.core.model.laws import lagged, recorded_mean
+from observer_rt.core.model.model import rest_state
 from scipy.linalg import expm, solve_discrete_are
 
 from observer_rt.config.bench import load_injector
@@ -13,8 +15,6 @@ from observer_rt.estimation.gain import gain_schedule
 from observer_rt.estimation.predictor import Setting, Window, innovations, innovations_with_sensitivity
 from observer_rt.estimation.scalars import PARAMETERS, learned_of
 from observer_rt.model.effective import Coefficients, averaged, coefficients
-from observer_rt.model.line.interface import rest_line
-from observer_rt.model.sensor import lagged, recorded_mean
 from observer_rt.model.stability import substeps_needed
 from tests.differences import differences
 from tests.estimation.conftest import NOISE, worn_theta
@@ -39,7 +39,7 @@ def event(setting: Setting) -> Window:
     area = np.interp(time, [1.03e-3, 1.3e-3, 2.1e-3, 2.38e-3], [0.0, 0.9, 0.9, 0.0])
     knots = np.column_stack([np.full(80, 0.5), np.append(0.5 * (area[1:] + area[:-1]), 0.0)])
     start = np.zeros(setting.coefficients.states + 1)
-    rest_line(start[:-1], 0.95, setting.coefficients.line)
+    rest_state(start[:-1], 0.95, setting.coefficients.line)
     start[-1] = 0.95
     output = 0.95 - 0.04 * area + np.random.default_rng(2).normal(0.0, 1e-3, 80)
     return Window(np.column_stack([np.full(80, 0.95), area]), output, time < 1e-3, start, 21, knots)
@@ -129,7 +129,7 @@ def test_innovations_of_means_are_white() -> None:
     rail = 0.95 + random.normal(0.0, NOISE.rail_pressure / c.pressure_scale, count)
     line = 0.95 + random.normal(0.0, NOISE.line_pressure / c.pressure_scale, count)
     start = np.zeros(c.states + 1)
-    rest_line(start[:-1], 0.95, c.line)
+    rest_state(start[:-1], 0.95, c.line)
     start[-1] = 0.95
     window = Window(np.column_stack([rail, np.zeros(count)]), line, np.ones(count, np.bool_), start, count)
     errors = np.empty(count)

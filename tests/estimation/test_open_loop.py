@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from observer_rt.core.model.model import advance_state, rate_of_injection
 
 from observer_rt.estimation.open_loop import open_loop
 from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.scalars import PARAMETERS, Parameter, learned_of
-from observer_rt.model.integrator import Interval, advance
-from observer_rt.model.right_hand_side import injection_rate
+from observer_rt.model.integrator import Interval
 from tests.differences import assert_columns_agree, differences
 from tests.estimation.conftest import Case, event_inputs, simulated_event, worn_theta
 
@@ -62,8 +62,8 @@ def test_rate_is_that_of_the_observer_in_open_loop(case: Case) -> None:
     expected = [0.0]
     for k in range(1, window.output.size):
         between = Interval(inputs[k - 1], inputs[k], 1e-5, case.setting.substeps)
-        advance(x, between, c, learned.network, None)
-        expected.append(injection_rate(x, inputs[k], c, learned.network))
+        advance_state(x, between, c, learned.network, None)
+        expected.append(rate_of_injection(x, inputs[k], c, learned.network))
     assert max(expected) > 40e-6  # m3/s
     np.testing.assert_allclose(rate, expected, atol=1e-12 * max(expected))
 

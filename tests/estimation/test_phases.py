@@ -5,17 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from observer_rt.core.learning.phases import phases_of
 from scipy.signal import lfilter
 from scipy.stats import chi2, norm
 
-from observer_rt.estimation.phases import (
-    BLOCKS,
-    Phase,
-    PhaseStatistics,
-    no_statistics,
-    phase_statistics,
-    phases_of,
-)
+from observer_rt.estimation.phases import BLOCKS, Phase, PhaseStatistics, no_statistics, phase_statistics
 from observer_rt.estimation.predictor import Window
 
 EDGE, AFTERGLOW = 30, 5  # samples at 100 kHz

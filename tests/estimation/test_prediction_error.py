@@ -5,15 +5,16 @@ import math
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from observer_rt.core.learning.whitening import robust_cost
+from observer_rt.core.model.model import changes_of_flow, rest_state
 
 from observer_rt.config.bench import load_injector
-from observer_rt.estimation.prediction_error import EventCost, robust_cost
+from observer_rt.estimation.prediction_error import EventCost
 from observer_rt.estimation.predictor import Window, open_loop_errors
 from observer_rt.estimation.scalars import PARAMETERS, Parameter, learned_of, network_of
 from observer_rt.model.effective import coefficients
-from observer_rt.model.line.interface import rest_line
 from observer_rt.model.line.wave import RESOLVED
-from observer_rt.model.network import HIDDEN, flow_changes
+from observer_rt.model.network import HIDDEN
 from observer_rt.model.parameters import LineOutflow
 from tests.differences import differences
 from tests.estimation.conftest import (
@@ -169,13 +170,13 @@ def test_meaning_of_a_parameter_vector() -> None:
     assert learned.coefficients == c._replace(line=changed)
     assert learned.offset == 0.3
     assert learned.lag == pytest.approx(40e-6)
-    assert flow_changes(x, u, learned.network) == (0.0, 0.0)
+    assert changes_of_flow(x, u, learned.network) == (0.0, 0.0)
     theta[Parameter.NOZZLE_BIAS] = 0.2
-    assert flow_changes(x, u, network_of(theta)) == (0.2, 0.0)
+    assert changes_of_flow(x, u, network_of(theta)) == (0.2, 0.0)
     theta[Parameter.SEAT_BIAS] = -0.1
-    assert flow_changes(x, u, network_of(theta)) == (0.2, -0.1)
+    assert changes_of_flow(x, u, network_of(theta)) == (0.2, -0.1)
     theta[Parameter.NOZZLE_WEIGHT + HIDDEN - 1] = 0.05
-    nozzle, seat = flow_changes(x, u, network_of(theta))
+    nozzle, seat = changes_of_flow(x, u, network_of(theta))
     assert nozzle == pytest.approx(0.2 + 0.05 * math.tanh(4 * u[1] - 3.2))
     assert seat == -0.1
 
@@ -243,7 +244,7 @@ def made_up_event(case: Case) -> Window:
     """An injection with a line pressure that nothing explains."""
     inputs = event_inputs()
     start = np.zeros(case.c.states + 1)
-    rest_line(start[:-1], float(inputs[0, 0]), case.c.line)
+    rest_state(start[:-1], float(inputs[0, 0]), case.c.line)
     start[-1] = inputs[0, 0]
     output = inputs[:, 0] - 0.04 * inputs[:, 1] + np.random.default_rng(2).normal(0.0, 1e-3, len(inputs))
     return Window(inputs, output, np.arange(len(inputs)) < 100, start, 100)

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from observer_rt.core.model.model import STEP
 from observer_rt.evidence.measurement import measurements
 from observer_rt.fit.calibrate import Calibrated, calibrate, judged_by
 from observer_rt.fit.problem import SAC, STIFFNESS, STRUCTURES, Structure, values_of, with_values
 from observer_rt.fit.search import FailedStructure
 from observer_rt.model.effective import coefficients
-from observer_rt.model.line.wave import STEP
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
 from tests.fit.healthy import NOMINAL, of_independent_plant, off_by_ten_percent
 from tools.benchmarks.plant import record, wave_injector

@@ -6,10 +6,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from observer_rt.core.model.model import advance_state
 
 from observer_rt.config.bench import load_injector
 from observer_rt.model.effective import Coefficients
-from observer_rt.model.integrator import Interval, advance, advance_over
+from observer_rt.model.integrator import Interval
 from observer_rt.model.network import Network, zero_network
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
 
@@ -43,23 +44,23 @@ def integrate() -> Trajectory:
             u_start = (float(inputs[n, 0]), float(inputs[n, 1]))
             u_end = u_start if zero_order_hold else (float(inputs[n + 1, 0]), float(inputs[n + 1, 1]))
             states[n + 1] = states[n]
-            advance(states[n + 1], Interval(u_start, u_end, interval, substeps), c, network, None)
+            advance_state(states[n + 1], Interval(u_start, u_end, interval, substeps), c, network)
         return states
 
     return run
 
 
 def advanced(x: State, interval: Interval, c: Coefficients, network: Network) -> State:
-    """`advance` without a tangent, as a function of the state."""
+    """`advance_state` without a tangent, as a function of the state."""
     return advanced_over(x, interval, (0.0, 0.0), c, network)
 
 
 def advanced_over(
     x: State, interval: Interval, knot: tuple[float, float], c: Coefficients, network: Network
 ) -> State:
-    """`advance_over` likewise."""
+    """`advance_state` likewise."""
     state = np.array(x)
-    advance_over(state, interval, knot, c, network, None)
+    advance_state(state, interval, c, network, knot=knot)
     return float(state[0]), float(state[1]), float(state[2])
 
 

@@ -5,14 +5,14 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from observer_rt.core.model.laws import normalised_area
+from observer_rt.core.model.model import rate_of_injection
 
 from observer_rt.config.bench import load_injector
 from observer_rt.model.effective import coefficients
 from observer_rt.model.effects import effective_model
-from observer_rt.model.hydraulics import normalised_area
 from observer_rt.model.integrator import Interval
 from observer_rt.model.network import zero_network
-from observer_rt.model.right_hand_side import injection_rate
 from observer_rt.model.stability import substeps_needed
 from observer_rt.simulation.plant import Truth, run_plant
 from observer_rt.simulation.schedule import Stroke
@@ -65,7 +65,7 @@ def _error(truth: Truth, integrate: Trajectory, sample_rate: float, zero_order_h
         )
         rate = np.array(
             [
-                injection_rate(tuple(x), tuple(u), C, zero_network())
+                rate_of_injection(tuple(x), tuple(u), C, zero_network())
                 for x, u in zip(states, inputs, strict=True)
             ]
         )

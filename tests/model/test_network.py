@@ -5,8 +5,7 @@ import math
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
-
-from observer_rt.model.network import fast_tanh
+from observer_rt.core.model.laws import fast_tanh
 
 
 @given(st.floats(-1e6, 1e6))

@@ -5,8 +5,7 @@ import math
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-
-from observer_rt.model.hydraulics import root, root_slope
+from observer_rt.core.model.laws import root, root_slope
 
 DIFFERENCES = st.floats(-3, 3, allow_nan=False)
 TRANSITIONS = st.floats(1e-4, 1e-1)

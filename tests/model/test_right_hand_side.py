@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from observer_rt.core.model.model import fault_with_rate, rate_of_injection, rates_of_change
 
 from observer_rt.model.effective import Coefficients, coefficients
 from observer_rt.model.integrator import Interval
 from observer_rt.model.network import Network, constant_network, zero_network
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
-from observer_rt.model.right_hand_side import fault_and_rate, injection_rate, right_hand_side
 from tests.model.conftest import advanced, physical_rates
 
 NO_FAULT = zero_network()
@@ -48,8 +48,8 @@ def test_equations_are_those_in_physical_units(
     c = coefficients(injector)
     network = constant_network(v_h, v_s)
     rates, q_h = physical_rates(x, u, v_h, v_s, injector)
-    np.testing.assert_allclose(right_hand_side(x, u, c, network), rates, rtol=1e-9, atol=1e-6)
-    assert injection_rate(x, u, c, network) == pytest.approx(q_h, rel=1e-9, abs=1e-15)
+    np.testing.assert_allclose(rates_of_change(x, u, c, network), rates, rtol=1e-9, atol=1e-6)
+    assert rate_of_injection(x, u, c, network) == pytest.approx(q_h, rel=1e-9, abs=1e-15)
 
 
 @over_forms
@@ -59,8 +59,8 @@ def test_flow_reverses_with_every_pressure(
 ) -> None:
     """f(-x, -u1, u2) = -f(x, u1, u2): there is no preferred direction in the equations."""
     c = coefficients(injector)
-    forward = right_hand_side(x, u, c, NO_FAULT)
-    backward = right_hand_side((-x[0], -x[1], -x[2]), (-u[0], u[1]), c, NO_FAULT)
+    forward = rates_of_change(x, u, c, NO_FAULT)
+    backward = rates_of_change((-x[0], -x[1], -x[2]), (-u[0], u[1]), c, NO_FAULT)
     np.testing.assert_array_equal(backward, [-rate for rate in forward])
 
 
@@ -77,11 +77,11 @@ def test_published_rate_obeys_both_balances(
     p_0 = injector.scaling.pressure
     line = injector.line.volume * p_0 / injector.fluid.bulk_modulus_line
     sac = injector.nozzle.sac_volume * p_0 / injector.fluid.bulk_modulus_sac
-    phi = fault_and_rate(x, u, c, network)[0]
-    expected = injection_rate(x, u, c, NO_FAULT) - line * phi[0]
+    phi = fault_with_rate(x, u, c, network)[0]
+    expected = rate_of_injection(x, u, c, NO_FAULT) - line * phi[0]
     if injector.line_outflow is LineOutflow.SEAT:
         expected -= sac * phi[2]
-    assert injection_rate(x, u, c, network) == pytest.approx(expected, rel=1e-9, abs=1e-15)
+    assert rate_of_injection(x, u, c, network) == pytest.approx(expected, rel=1e-9, abs=1e-15)
 
 
 @over_forms
@@ -93,15 +93,15 @@ def test_fault_is_what_the_network_adds(
     network: Network,
 ) -> None:
     c = coefficients(injector)
-    without = np.array(right_hand_side(x, u, c, NO_FAULT))
-    together = np.array(right_hand_side(x, u, c, network))
-    np.testing.assert_allclose(fault_and_rate(x, u, c, network)[0], together - without, rtol=1e-6, atol=1e-6)
-    assert fault_and_rate(x, u, c, network)[0][1] == 0.0
+    without = np.array(rates_of_change(x, u, c, NO_FAULT))
+    together = np.array(rates_of_change(x, u, c, network))
+    np.testing.assert_allclose(fault_with_rate(x, u, c, network)[0], together - without, rtol=1e-6, atol=1e-6)
+    assert fault_with_rate(x, u, c, network)[0][1] == 0.0
 
 
 def test_fault_of_the_nozzle_has_the_direction_of_the_paper(injector: InjectorParameters) -> None:
     """Nozzle wear acts along L = [1 0 12]^T in the paper's form, on the sac alone in the conserving one."""
-    phi = fault_and_rate((0.9, 1.0, 0.8), (0.95, 0.9), coefficients(injector), constant_network(nozzle=0.3))[
+    phi = fault_with_rate((0.9, 1.0, 0.8), (0.95, 0.9), coefficients(injector), constant_network(nozzle=0.3))[
         0
     ]
     assert phi[2] < 0.0
@@ -117,7 +117,7 @@ def test_steady_state_with_an_open_needle_in_closed_form(
     c = coefficients(injector)
     c = c._replace(seat=c.seat._replace(transition=1e-9), nozzle=c.nozzle._replace(transition=1e-9))
     steady = _steady_state(c, rail, area)
-    rates = right_hand_side(steady, (rail, area), c, NO_FAULT)
+    rates = rates_of_change(steady, (rail, area), c, NO_FAULT)
     np.testing.assert_allclose(rates, 0.0, atol=1e-8 * c.sac.a5)
     assert math.copysign(1.0, steady[1]) == math.copysign(1.0, rail)
 
@@ -148,9 +148,9 @@ def test_closed_needle_and_empty_sac_are_at_rest(injector: InjectorParameters) -
     c = coefficients(injector)
     worn = constant_network(0.5, 0.5)
     worn.bias[:] = 0.5
-    assert right_hand_side((0.95, 0.0, 0.0), (0.95, 0.0), c, worn) == (0.0, 0.0, 0.0)
-    assert injection_rate((0.95, 0.0, 0.0), (0.95, 0.0), c, worn) == 0.0
-    assert fault_and_rate((0.95, 0.3, 0.0), (0.95, 0.0), c, worn) == ((0.0, 0.0, 0.0), 0.0)
+    assert rates_of_change((0.95, 0.0, 0.0), (0.95, 0.0), c, worn) == [0.0, 0.0, 0.0]
+    assert rate_of_injection((0.95, 0.0, 0.0), (0.95, 0.0), c, worn) == 0.0
+    assert fault_with_rate((0.95, 0.3, 0.0), (0.95, 0.0), c, worn) == ((0.0, 0.0, 0.0), 0.0)
 
 
 def test_sac_of_a_closed_needle_empties_through_the_nozzle(injector: InjectorParameters) -> None:
@@ -173,20 +173,20 @@ def test_gas_blown_back_raises_the_sac_and_feeds_the_line(injector: InjectorPara
     """Chamber above sac above line: both flows are reversed."""
     c = coefficients(injector)
     x, u = (-0.3, 0.0, -0.1), (-0.3, 0.9)
-    assert injection_rate(x, u, c, NO_FAULT) < 0.0
-    rates = right_hand_side(x, u, c, NO_FAULT)
+    assert rate_of_injection(x, u, c, NO_FAULT) < 0.0
+    rates = rates_of_change(x, u, c, NO_FAULT)
     assert rates[0] > 0.0
-    assert right_hand_side((-0.1, 0.0, -0.1), u, c, NO_FAULT)[2] > 0.0
+    assert rates_of_change((-0.1, 0.0, -0.1), u, c, NO_FAULT)[2] > 0.0
 
 
 def test_nothing_leaves_an_open_nozzle_against_its_own_pressure(injector: InjectorParameters) -> None:
     """Back-pressure of 8 MPa at a seat open by half: 5 MPa from the start, 3 MPa that come with the seat."""
     c = coefficients(injector)
     network = NO_FAULT._replace(back_pressure=np.array([0.05, 0.06]))
-    assert injection_rate((0.95, 0.3, 0.08), (0.95, 0.5), c, network) == pytest.approx(0.0, abs=1e-15)
+    assert rate_of_injection((0.95, 0.3, 0.08), (0.95, 0.5), c, network) == pytest.approx(0.0, abs=1e-15)
     raised, as_before = ((0.95, 0.3, 0.5 + rise) for rise in (0.08, 0.0))
-    assert injection_rate(raised, (0.95, 0.5), c, network) == pytest.approx(
-        injection_rate(as_before, (0.95, 0.5), c, NO_FAULT)
+    assert rate_of_injection(raised, (0.95, 0.5), c, network) == pytest.approx(
+        rate_of_injection(as_before, (0.95, 0.5), c, NO_FAULT)
     )
     shut = (0.95, 0.0)
-    assert injection_rate(as_before, shut, c, network) == injection_rate(as_before, shut, c, NO_FAULT)
+    assert rate_of_injection(as_before, shut, c, network) == rate_of_injection(as_before, shut, c, NO_FAULT)

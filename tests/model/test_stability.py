@@ -5,6 +5,7 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from observer_rt.core.model.model import rates_of_change
 
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench
 from observer_rt.config.injector import SamplingConfig
@@ -13,7 +14,6 @@ from observer_rt.model.effective import coefficients
 from observer_rt.model.hydraulics import full_lift_area
 from observer_rt.model.network import constant_network, zero_network
 from observer_rt.model.parameters import InjectorParameters
-from observer_rt.model.right_hand_side import right_hand_side
 from observer_rt.model.stability import fastest_rate, substeps_needed
 from observer_rt.service.compiled.constants import bench_constants
 from tests.differences import differences
@@ -38,7 +38,7 @@ def test_fastest_rate_bounds_every_mode(
     u = (0.95, opened * full_lift_area(injector) / c.area_scale)
 
     def rates(x: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.array(right_hand_side((x[0], x[1], x[2]), u, c, zero_network()))
+        return np.array(rates_of_change((x[0], x[1], x[2]), u, c, zero_network()))
 
     modes = np.linalg.eigvals(differences(rates, np.array([x1, x2, x3]), 1e-6))
     assert np.abs(modes).max() <= fastest_rate(injector) * (1 + 1e-6)

@@ -13,7 +13,6 @@ from typing import Any, Self
 import pytest
 from rich.console import Console
 
-from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.links.link import BusCondition, Frame, Link, LinkDownError
 from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
@@ -30,7 +29,6 @@ from observer_rt.service.pump.pump import FramePump
 from observer_rt.service.reports.news import Notes
 from observer_rt.service.shown_injections import References
 from observer_rt.service.view import Overview, View
-from observer_rt.service.warm_up import warm_up
 from observer_rt.service.watch.arrivals import Arrivals
 from tests.benches import SAMPLE_RATE
 from tests.links import FakeLink
@@ -116,15 +114,12 @@ class HeardDaemon(Daemon):
         self,
         bench: Path | Bench,
         *links: Link,
-        is_warm: bool = False,
         references: References | None = None,
         **options: Any,
     ) -> None:
-        """is_warm: all that it calls was called before; references: of `View`; options: of `Daemon`."""
+        """references: of `View`; options: of `Daemon`."""
         loaded = bench if isinstance(bench, Bench) else load_bench(bench)
         bus = map_bus(loaded)
-        if is_warm:
-            warm_up(loaded, bus)
         self.notes, self.view = Notes(), View("title of the view", loaded.injector, references)
         super().__init__(loaded, bus, links, listeners=[self.notes, self.view.hear], **options)
         self.view.watch(self)
@@ -229,24 +224,6 @@ def bench_file(folder: Path, channel: str, interface: str = "virtual") -> Path:
     return write_bench(folder, interface, channel, SAMPLE_RATE)
 
 
-def assert_warm_up_takes_all(bench: Bench) -> None:
-    """Every message of the bench goes through the core that warms up, and none is refused."""
-    taken = set()
-
-    class Watched(Arrivals):
-        def set(self, layout: MessageLayout, frames: int, last: int) -> None:
-            taken.update([layout] if frames else [])
-            super().set(layout, frames, last)
-
-    bus = map_bus(bench)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("observer_rt.service.warm_up.Arrivals", Watched)
-        counters = warm_up(bench, bus).counters
-    assert taken >= set(bus.received)
-    assert counters.samples > 0
-    assert counters.crc_errors == counters.length_errors == 0
-
-
 @contextmanager
 def opened(path: Path, sending: bool) -> Iterator[list[Link]]:
     """A link to each bus of a bench, for the daemon or for the measuring devices."""
@@ -265,7 +242,6 @@ def opened(path: Path, sending: bool) -> Iterator[list[Link]]:
 def over_bus(path: Path, frames: Sequence[TimedFrame], speed: float = math.inf) -> tuple[Heard, Daemon]:
     """Frames played to a daemon over the buses of a bench; what is heard on the last, all in this process."""
     bench = load_bench(path)
-    warm_up(bench, map_bus(bench))
     results = bench.config.buses[-1].config
     with (
         listening(results.interface, results.channel) as listener,

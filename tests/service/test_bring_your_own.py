@@ -23,7 +23,6 @@ from observer_rt.recording.replay.recording_frames import RecordingPart
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.recording.signals.stream import HeldSignals
 from observer_rt.service.core.messages import OutputFrame
-from observer_rt.service.warm_up import warm_up
 from observer_rt.simulation.schedule import make_schedule
 from observer_rt.simulation.simulate import SimulatedNoise, simulate
 from tests.benches import sample_bench
@@ -178,7 +177,6 @@ def test_replay_and_daemon_on_a_bus(
     data = simulated(rate=10e3)
     frames = list(RecordingPart(HeldSignals(data), bus).frames())
     inputs = [(layout.frame_id, layout.is_extended) for layout in bus.input_layouts]
-    warm_up(bench, bus)
     heard: list[can.Message] = []
     with (
         can.Bus(interface=interface, channel=channel, can_filters=RESULTS) as listener,

@@ -88,7 +88,7 @@ def test_lost_frame_is_not_available_and_counted(bus: tuple[Path, float]) -> Non
 
 def test_states_before_frames_between_and_after(bench: Path, frames: list[TimedFrame]) -> None:
     link, waiting = ScriptedLink(frames), ScriptedLink()
-    with serving(HeardDaemon(bench, waiting, is_warm=True)):
+    with serving(HeardDaemon(bench, waiting)):
         until(lambda: len(waiting.statuses()) >= 2)
     for status in waiting.statuses():
         assert (status["State"], status["Reason"]) == (State.WAITING_FOR_DATA, Reason.STARTING)

@@ -38,7 +38,7 @@ def frames(bench: Path) -> list[TimedFrame]:
 
 def test_an_interface_that_goes_and_comes_back(bench: Path, frames: list[TimedFrame]) -> None:
     link = TroubledLink(frames[:FIRST])
-    daemon = HeardDaemon(bench, link, is_warm=True)
+    daemon = HeardDaemon(bench, link)
     with serving(daemon):
         until(lambda: daemon.core.counters.frames == FIRST)
         until(lambda: daemon.now()[0] in (State.RUNNING_NOMINAL, State.ADAPTED))
@@ -62,7 +62,7 @@ def test_an_interface_that_goes_and_comes_back(bench: Path, frames: list[TimedFr
 
 def test_a_changed_reason_is_told(bench: Path) -> None:
     link = TroubledLink()
-    daemon = HeardDaemon(bench, link, is_warm=True)
+    daemon = HeardDaemon(bench, link)
     with serving(daemon):
         link.plugged.clear()
         until(lambda: len(daemon.messages) == 1)
@@ -80,7 +80,7 @@ def test_a_device_that_comes_and_goes_is_told_once(bench: Path) -> None:
 
     link = LooseLink()
     link.plugged.clear()
-    daemon = HeardDaemon(bench, link, is_warm=True)
+    daemon = HeardDaemon(bench, link)
     with serving(daemon):
         until(lambda: daemon.troubles >= 5)
     assert len(daemon.messages) == 2
@@ -89,7 +89,7 @@ def test_a_device_that_comes_and_goes_is_told_once(bench: Path) -> None:
 
 def test_it_can_be_stopped_while_it_waits(bench: Path, frames: list[TimedFrame]) -> None:
     link = TroubledLink(frames)
-    daemon = HeardDaemon(bench, link, is_warm=True)
+    daemon = HeardDaemon(bench, link)
     with serving(daemon):
         until(lambda: daemon.core.counters.frames == len(frames))
         link.plugged.clear()
@@ -103,7 +103,7 @@ def test_a_full_transmit_queue_does_not_stop_the_observer(bench: Path) -> None:
     frames = frames_of(bench, recording)
     link = TroubledLink(frames)
     link.has_room = False
-    daemon = HeardDaemon(bench, link, is_warm=True)
+    daemon = HeardDaemon(bench, link)
     with serving(daemon):
         until(lambda: daemon.core.counters.frames == len(frames))
         until(lambda: bool(daemon.messages))
@@ -130,7 +130,7 @@ def test_a_full_transmit_queue_does_not_stop_the_observer(bench: Path) -> None:
 
 def test_what_the_controller_tells_is_passed_on(bench: Path) -> None:
     link = TroubledLink()
-    daemon = HeardDaemon(bench, link, is_warm=True)
+    daemon = HeardDaemon(bench, link)
     with serving(daemon):
         until(lambda: bool(link.statuses()))
         link.told = BusCondition(BusState.PASSIVE, passives=1, error_frames=1)
@@ -147,7 +147,7 @@ def test_what_the_controller_tells_is_passed_on(bench: Path) -> None:
 
 def test_frames_lost_before_the_loop_are_told(bench: Path) -> None:
     link = TroubledLink()
-    daemon = HeardDaemon(bench, link, is_warm=True)
+    daemon = HeardDaemon(bench, link)
     with serving(daemon):
         link.lost = 7
         until(lambda: bool(daemon.messages))
@@ -188,7 +188,7 @@ def four(tmp_path: Path) -> Path:
 def on_links(path: Path) -> tuple[HeardDaemon, list[TroubledLink]]:
     """A daemon and its links."""
     links = [TroubledLink() for _ in range(4)]
-    return HeardDaemon(path, *links, is_warm=True), links
+    return HeardDaemon(path, *links), links
 
 
 def has_taken(daemon: Daemon, frames: int) -> bool:

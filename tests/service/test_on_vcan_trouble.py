@@ -77,7 +77,7 @@ def test_the_daemon_stays_and_goes_on(
     path = bench_file(tmp_path, name, "socketcan")
     frames = frames_of(path, worn_recording())
     with opened(path, sending=False) as [link], opened(path, sending=True) as [player]:
-        daemon = HeardDaemon(path, link, is_warm=True)
+        daemon = HeardDaemon(path, link)
 
         def play_to_it(part: list[TimedFrame]) -> None:
             received = daemon.core.counters.frames + len(part)
@@ -137,7 +137,7 @@ def test_learning_that_hangs_costs_nothing_that_was_learned(
     learned = evaluate(load_bench(path), [recording]).knowledge
     learning = HeldLearning()
     with opened(path, sending=False) as [link], opened(path, sending=True) as [player]:
-        daemon = HeardDaemon(path, link, is_warm=True, knowledge=learned, learning=learning)
+        daemon = HeardDaemon(path, link, knowledge=learned, learning=learning)
 
         def play_to_it(part: list[TimedFrame]) -> list[InjectionReport]:
             received, heard = daemon.core.counters.frames + len(part), len(daemon.notes.injections)
@@ -236,7 +236,7 @@ def test_one_interface_of_several_goes_and_comes_back(
     frames = frames_of(path, worn_recording())
     first, during, last = frames[:600], frames[600:780], frames[780:]
     with opened(path, sending=False) as links, opened(path, sending=True) as players:
-        daemon = HeardDaemon(path, *links, is_warm=True)
+        daemon = HeardDaemon(path, *links)
         by_bus = dict(enumerate(players))
         with serving(daemon):
             until(daemon.ready.is_set)

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from observer_rt.core.plant.plant import lift_of_stroke
 
 from observer_rt.config.bench import load_injector
 from observer_rt.foundation.errors import UserError
@@ -17,7 +18,6 @@ from observer_rt.simulation.schedule import (
     Schedule,
     Shot,
     Stroke,
-    lift_of_stroke,
     make_schedule,
     parse_energizing_times,
     parse_rail_pressures,

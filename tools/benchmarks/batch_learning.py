@@ -11,22 +11,24 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from observer_rt.core.learning.predictor import follow
+from observer_rt.core.learning.whitening import HUBER, robust_cost
+from observer_rt.core.model.laws import lagged
+from observer_rt.core.paper.scheme import fault_of, observe_interval, rate_by_balance
 from observer_rt.estimation.gain import NoiseLevels, gain_schedule
 from observer_rt.estimation.gating import Belief, best_subset, prior_belief
-from observer_rt.estimation.prediction_error import HUBER, EventCost, Linearisation, robust_cost
-from observer_rt.estimation.predictor import NO_SLOPES, Setting, Window, correct, follow, innovations
+from observer_rt.estimation.prediction_error import EventCost, Linearisation
+from observer_rt.estimation.predictor import NO_SLOPES, Setting, Window, innovations
 from observer_rt.estimation.scalars import PARAMETERS, SCALARS, Learned, Parameter, learned_of
 from observer_rt.foundation.units import MILLISECOND
 from observer_rt.model.network import ARGUMENTS, HIDDEN, constant_network, zero_network
-from observer_rt.model.sensor import lagged
 from observer_rt.observer.learning.adequacy import BURN_IN
 from observer_rt.observer.learning.explained import FIRST_ITERATIONS, ITERATIONS
 from observer_rt.observer.learning.fitting import TOLERANCE, Cost, EventFitter, Limits, theta_limits
 from observer_rt.observer.learning.knowledge import EventLearner, OverheardLearner
-from observer_rt.observer.paper_scheme.network import FreeNetwork, free_fault
-from observer_rt.observer.paper_scheme.systems import PaperSetting, balanced_rate, design_vector, observe
+from observer_rt.observer.paper_scheme.network import FreeNetwork
+from observer_rt.observer.paper_scheme.systems import PaperSetting, design_vector
 from observer_rt.observer.paper_scheme.training import minimise
 from observer_rt.observer.stream.standstill import Standstill
 from observer_rt.observer.stream.state import Constants
@@ -210,7 +212,6 @@ class Correction(NamedTuple):
     lag: float
 
 
-@njit(cache=True, nogil=True)
 def sweep(
     window: Window,
     setting: PaperSetting,
@@ -232,18 +233,19 @@ def sweep(
         u_start = (window.inputs[k - 1, 0], window.inputs[k - 1, 1])
         u_end = (window.inputs[k, 0], window.inputs[k, 1])
         before = x[0]
-        observe(x, u_start, u_end, setting, network)
+        observe_interval(x, u_start, u_end, setting, network)
         indicated = lagged(indicated, before, x[0], setting.interval, correction.lag)
         innovation = window.output[k] - correction.offset - indicated
         innovations[k] = innovation
         if k < corrected:
-            indicated = correct(x, indicated, innovation, correction.gain, None)
+            x[:2] += correction.gain[:2] * innovation
+            indicated += correction.gain[2] * innovation
         rate[k] = 0.0
         if window.resting[k]:
             x[2] = 0.0
         else:
-            phi = free_fault(x, (u_end[0], max(u_end[1], 0.0)), network)
-            rate[k] = balanced_rate(x[2], u_end[1], phi[0], setting.coefficients)
+            phi = fault_of(x, (u_end[0], max(u_end[1], 0.0)), network)
+            rate[k] = rate_by_balance(x[2], u_end[1], phi[0], setting.coefficients)
 
 
 class DifferencedCost:

@@ -147,14 +147,14 @@ def _set_reserved_codes(signal: Signal, row: np.void, place: str) -> None:
 
 def _nearest_ordinary(code: int, reserved: list[int], row: np.void, place: str) -> int:
     """The code nearest to `code` whose value is within the limits and not reserved."""
-    value = raw_value(np.uint64(code), row)
+    value = raw_value(code, row)
     if not row["lowest"] <= value <= row["highest"]:
         return code  # clamping keeps every number away from it
     mask = int(row["mask"])
     # At most the other reserved code stands between.
     for distance in range(1, len(reserved) + 1):
         for candidate in ((code - distance) & mask, (code + distance) & mask):
-            raw = raw_value(np.uint64(candidate), row)
+            raw = raw_value(candidate, row)
             wrapped_round = row["kind"] < FLOAT16 and abs(raw - value) > distance
             if candidate not in reserved and not wrapped_round and row["lowest"] <= raw <= row["highest"]:
                 return candidate

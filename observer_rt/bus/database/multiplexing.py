@@ -118,7 +118,7 @@ def blank_frame(message: Message, kind: Mapping[str, int]) -> NDArray[np.uint8]:
     """A frame of `message` of one kind: its selectors set, all else 0."""
     payload = np.zeros(message.length, np.uint8)
     for signal, value in zip(signal_table(message, list(kind)), kind.values(), strict=True):
-        put_signal_bits(payload, signal, np.uint64(value))
+        put_signal_bits(payload, signal, value)
     return payload
 
 

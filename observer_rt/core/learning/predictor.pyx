@@ -63,7 +63,7 @@ cdef class Followed:
         return k < self.masked.shape[0] and self.masked[k] != 0
 
 
-def follow(window, setting, learned, int64_t corrected, double[:] errors, double[:] rate, gradient, double[:, :] slopes):
+def follow(window, setting, learned, int64_t corrected, double[:] errors, double[:] rate, gradient, double[:, :] slopes) -> object:
     """x~ before sample `corrected`, from there on x^: it follows x~ and then runs open loop; its last state (n,).
 
     window, setting, learned, gradient: named tuples of estimation.predictor. errors: (n,) y - o - (indicated

@@ -11,7 +11,7 @@ cdef double HUBER = 4.0  # sigma beyond which an innovation counts linearly
 cdef enum:
     WIDTH = 4  # numbers in a vector of the processor: rows of sums are filled up to it
 
-globals().update(NO_HIGH_PASS=NO_HIGH_PASS, HUBER=HUBER)
+globals().update(NO_HIGH_PASS=NO_HIGH_PASS, HUBER=HUBER, LEVEL_SAMPLES=LEVEL_SAMPLES)
 
 
 def whiten(

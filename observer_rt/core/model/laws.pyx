@@ -1,4 +1,4 @@
-"""Laws of single elements, for Python: orifices, seat, nozzle, sensor, and the neuron; see the headers of the same names."""
+"""Laws of single elements, for Python: orifices, seat, nozzle, sensor, neuron; see the headers of these names."""
 
 from observer_rt.core.model cimport hydraulics, network, sensor
 from observer_rt.core.model.hydraulics cimport Nozzle, Seat

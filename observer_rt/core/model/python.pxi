@@ -1,6 +1,6 @@
 # What Python calls.
 
-from numpy import full, zeros
+from numpy import ascontiguousarray, full, zeros
 
 
 cdef class Model:
@@ -104,6 +104,13 @@ cdef void _require_states(const double[::1] x, const Coefficients* c) except *:
         raise ValueError(f"{x.shape[0]} states, {c.states} are wanted")
 
 
+cdef const double[::1] _state(x):
+    cdef const double[::1] numbers = ascontiguousarray(x, "f8")
+    if numbers.shape[0] < 3:
+        raise ValueError(f"{numbers.shape[0]} states, at least 3 are wanted")
+    return numbers
+
+
 def advance_state(double[::1] x, interval, coefficients, network, tangent=None, knot=(0.0, 0.0)) -> None:
     """State x (n,) one `integrator.Interval` later, in place.
 
@@ -131,80 +138,87 @@ def rest_state(double[::1] x, double pressure, coefficients) -> None:
     rest_line(&x[0], pressure, &model.coefficients)
 
 
-def rates_of_change(const double[::1] x, u, coefficients, network, tangent=None) -> list[float]:
+def rates_of_change(x, u, coefficients, network, tangent=None) -> list[float]:
     """x' = f(x, u) + phi(x, u) of (25)-(26) [1/s] of a lump, x (3,) or with its mean (4,).
 
     tangent: its first stage becomes the derivatives.
     """
+    cdef const double[::1] state = _state(x)
     cdef Model model = Model(coefficients)
     cdef Weights weights = Weights(network)
     cdef Carried carried
     cdef double[4] rate
     cdef int n = <int> model.coefficients.states
-    _require_states(x, &model.coefficients)
+    _require_states(state, &model.coefficients)
     if model.coefficients.cells:
         raise ValueError("a line of cells has no rates: it is stepped")
     if tangent is None:
-        right_hand_side(&x[0], _inputs(u), &model.coefficients, &weights.network, rate, n)
+        right_hand_side(&state[0], _inputs(u), &model.coefficients, &weights.network, rate, n)
     else:
         carried = Carried(tangent)
-        tangent_rates(&x[0], _inputs(u), &model.coefficients, &weights.network, &carried.tangent, 0, rate, n)
+        tangent_rates(&state[0], _inputs(u), &model.coefficients, &weights.network, &carried.tangent, 0, rate, n)
     return [rate[i] for i in range(n)]
 
 
-def flows_with_changes(const double[::1] x, u, coefficients, network) -> tuple[float, float]:
+def flows_with_changes(x, u, coefficients, network) -> tuple[float, float]:
     """Normalised flows with phi: q_H through the nozzle, q_S through the seat."""
+    cdef const double[::1] state = _state(x)
     cdef Model model = Model(coefficients)
     cdef Weights weights = Weights(network)
     cdef double q_h = 0.0, q_s = 0.0
-    changed_flows(&x[0], _inputs(u), &model.coefficients, &weights.network, &q_h, &q_s)
+    changed_flows(&state[0], _inputs(u), &model.coefficients, &weights.network, &q_h, &q_s)
     return q_h, q_s
 
 
-def changes_of_flow(const double[::1] x, u, network) -> tuple[float, float]:
+def changes_of_flow(x, u, network) -> tuple[float, float]:
     """(N_H, N_S) = W tanh(V z) + b (7), with z = [x u 1]; relative changes of Q_H and Q_S."""
+    cdef const double[::1] state = _state(x)
     cdef Weights weights = Weights(network)
     n = &weights.network
     nozzle, seat = n.bias[0], n.bias[1]
     for neuron in range(n.neurons):
-        sigma = activation(&x[0], _inputs(u), n.hidden + 6 * neuron)
+        sigma = activation(&state[0], _inputs(u), n.hidden + 6 * neuron)
         nozzle += n.output[neuron] * sigma
         seat += n.output[n.neurons + neuron] * sigma
     return nozzle, seat
 
 
-def activations_of(const double[::1] x, u, network) -> list[float]:
+def activations_of(x, u, network) -> list[float]:
     """tanh(V z) (q,) of the hidden neurons, with z = [x u 1]."""
+    cdef const double[::1] state = _state(x)
     cdef Weights weights = Weights(network)
     n = &weights.network
-    return [activation(&x[0], _inputs(u), n.hidden + 6 * neuron) for neuron in range(n.neurons)]
+    return [activation(&state[0], _inputs(u), n.hidden + 6 * neuron) for neuron in range(n.neurons)]
 
 
-def slopes_of_flows(const double[::1] x, u, coefficients, network, double[::1] sigmas) -> dict[str, object]:
+def slopes_of_flows(x, u, coefficients, network, double[::1] sigmas) -> dict[str, object]:
     """Flows with phi and their derivatives, by name; sigmas (q,) becomes the activations of the hidden neurons."""
+    cdef const double[::1] state = _state(x)
     cdef Model model = Model(coefficients)
     cdef Weights weights = Weights(network)
     cdef FlowSlopes found
     if sigmas.shape[0] != weights.network.neurons:
         raise ValueError("as many activations as neurons are wanted")
-    flow_slopes(&x[0], _inputs(u), &model.coefficients, &weights.network, &sigmas[0] if len(sigmas) else NULL, &found)
+    flow_slopes(&state[0], _inputs(u), &model.coefficients, &weights.network, &sigmas[0] if len(sigmas) else NULL, &found)
     return found
 
 
-def fault_with_rate(const double[::1] x, u, coefficients, network) -> tuple[tuple[float, float, float], float]:
+def fault_with_rate(x, u, coefficients, network) -> tuple[tuple[float, float, float], float]:
     """phi(x, u) of (2), (27), its three rows [1/s], and the injection rate Q_H^ [m3/s]."""
+    cdef const double[::1] state = _state(x)
     cdef Model model = Model(coefficients)
     cdef Weights weights = Weights(network)
     cdef double[3] phi
-    rate = fault_and_rate(&x[0], _inputs(u), &model.coefficients, &weights.network, phi)
+    rate = fault_and_rate(&state[0], _inputs(u), &model.coefficients, &weights.network, phi)
     return (phi[0], phi[1], phi[2]), rate
 
 
-def rate_of_injection(const double[::1] x, u, coefficients, network) -> float:
+def rate_of_injection(x, u, coefficients, network) -> float:
     """Q_H^ [m3/s]."""
+    cdef const double[::1] state = _state(x)
     cdef Model model = Model(coefficients)
     cdef Weights weights = Weights(network)
-    return injection_rate(&x[0], _inputs(u), &model.coefficients, &weights.network)
+    return injection_rate(&state[0], _inputs(u), &model.coefficients, &weights.network)
 
 
 def totals_of_terms(

@@ -1,4 +1,4 @@
-"""The paper's scheme: three free rows phi = unit (W tanh(V z) + b), its pair over an event, its cost (10), gradient (13)."""
+"""The paper's scheme: three free rows phi = unit (W tanh(V z) + b), its pair over an event, cost and gradient."""
 
 from libc.math cimport INFINITY, fabs, isfinite
 from libc.stdint cimport int64_t

@@ -8,10 +8,10 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.learning.whitening import robust_cost
 from observer_rt.discovery.search.adequacy import NO_BASELINE, HealthyBaseline, worst
 from observer_rt.discovery.search.candidates import NEAR, Fitter, best_of_each
 from observer_rt.discovery.search.result import Candidate, Sizing
-from observer_rt.estimation.prediction_error import robust_cost
 from observer_rt.evidence.appearance import least_gain
 from observer_rt.evidence.bounded_fit import fit
 from observer_rt.evidence.likelihood import Evidence, JudgedModel, Trial, pool_of

@@ -1,7 +1,7 @@
 """Wear of nozzle and seat, line-side and sensor faults, as numbers with a sigma."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,7 +63,9 @@ def indicators_of(
 
 
 def nozzle_change(
-    theta: NDArray[np.float64], x: NDArray[np.float64], u: NDArray[np.float64]
+    theta: NDArray[np.float64],
+    x: Sequence[float] | NDArray[np.float64],
+    u: Sequence[float] | NDArray[np.float64],
 ) -> tuple[float, NDArray[np.float64]]:
     """Relative change of the nozzle flow at a state x (3,) and inputs u (2,), needle open; derivatives (m,).
 

@@ -70,7 +70,7 @@ class Openings:
     through one of the levels, wherever the dead band is.
     """
 
-    _LEVELS = 2e-6 * 2.0 ** np.arange(11)  # m
+    _LEVELS: NDArray[np.float64] = np.array([2e-6 * 2.0**i for i in range(11)])  # m
 
     def __init__(self) -> None:
         self._counts = np.zeros(self._LEVELS.size, np.int64)

@@ -5,13 +5,13 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from observer_rt.core.model.model import advance_state, rest_state, steps_in
 
 from observer_rt.config.bench import load_injector
 from observer_rt.estimation.scalars import PARAMETERS, by_theta, learned_of
 from observer_rt.model.effective import Coefficients, averaged, coefficients
-from observer_rt.model.integrator import Interval, advance_over
-from observer_rt.model.line.interface import rest_line
-from observer_rt.model.line.wave import WaveLine, steps_over
+from observer_rt.model.integrator import Interval
+from observer_rt.model.line.wave import WaveLine
 from observer_rt.model.network import constant_network
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.right_hand_side import tangent_of
@@ -21,7 +21,6 @@ from tests.differences import differences
 PERIOD = 50e-6  # s
 RAIL = 0.95
 LIFTED = ([0.3e-3, 0.5e-3, 1.1e-3, 1.35e-3], [0.0, 1.39, 1.39, 0.0])  # a seat area over time
-NO_KNOT = (0.0, 0.0)
 LINES: list[dict[str, Any]] = [
     {"model": "lump"},
     {"model": "wave", "wall_viscosity": 6e-6},
@@ -37,13 +36,13 @@ def injector(line: dict[str, Any]) -> InjectorParameters:
 
 def at_rest(c: Coefficients, pressure: float = RAIL) -> NDArray[np.float64]:
     x = np.zeros(c.states)
-    rest_line(x, pressure, c.line)
+    rest_state(x, pressure, c)
     return x
 
 
 def step(x: NDArray[np.float64], c: Coefficients, start: float, length: float, substeps: int) -> None:
     u = [(RAIL, float(np.interp(time, *LIFTED))) for time in (start, start + length)]
-    advance_over(x, Interval(u[0], u[1], length, substeps), NO_KNOT, c, constant_network(), None)
+    advance_state(x, Interval(u[0], u[1], length, substeps), c, constant_network())
 
 
 @pytest.mark.parametrize("line", LINES, ids=NAMES)
@@ -54,7 +53,7 @@ def test_the_integral_is_that_of_the_pressure_and_changes_nothing_else(line: dic
     fine = 10e-6
     # of a wave one implicit step each: the sac takes part of it, and the pressure has a middle only
     at_once, each = (
-        steps_over(length) if isinstance(plain.line, WaveLine) else 40 for length in (PERIOD, fine)
+        steps_in(length) if isinstance(plain.line, WaveLine) else 40 for length in (PERIOD, fine)
     )
     once, often = at_rest(averaged(plain)), at_rest(plain)
     differences = []
@@ -85,7 +84,7 @@ def test_transition_is_that_of_the_line_at_rest(line: dict[str, Any]) -> None:
         after = x.copy()
         after[-1] = 0.0
         interval = Interval((pressure, 0.0), (pressure, 0.0), PERIOD, substeps)
-        advance_over(after, interval, NO_KNOT, c, constant_network(), None)
+        advance_state(after, interval, c, constant_network())
         return after[places]
 
     x = at_rest(c)
@@ -115,14 +114,14 @@ def test_derivatives_of_the_lump(opened: float) -> None:
     def stepped(theta: NDArray[np.float64], x: NDArray[np.float64]) -> NDArray[np.float64]:
         learned = learned_of(theta, c)
         after = x.copy()
-        advance_over(after, interval, NO_KNOT, learned.coefficients, learned.network, None)
+        advance_state(after, interval, learned.coefficients, learned.network)
         return np.asarray(after / np.array([1.0, 1.0, 1.0, PERIOD]), np.float64)
 
     learned = learned_of(theta, c)
     tangent = tangent_of(c, learned.network, by_theta(theta, c), PARAMETERS + 4)
     tangent.by[:, PARAMETERS : PARAMETERS + 4] = np.eye(4)
     x = start.copy()
-    advance_over(x, interval, NO_KNOT, learned.coefficients, learned.network, tangent)
+    advance_state(x, interval, learned.coefficients, learned.network, tangent)
     by = tangent.by / np.array([1.0, 1.0, 1.0, PERIOD])[:, None]
     by_parameters = differences(lambda moved: stepped(moved, start), theta, 1e-5)
     np.testing.assert_allclose(by[:, :PARAMETERS], by_parameters, rtol=1e-4, atol=2e-6)

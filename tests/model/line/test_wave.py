@@ -6,19 +6,25 @@ import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
-from numba import njit
 from numpy.typing import NDArray
+from observer_rt.core.model.model import (
+    FORGETTING,
+    WEIGHTS,
+    advance_state,
+    flows_with_changes,
+    rate_of_injection,
+    rest_state,
+)
 
 from observer_rt.config.bench import load_injector
 from observer_rt.estimation.scalars import PARAMETERS, Parameter, by_theta, learned_of
 from observer_rt.model.effective import Coefficients, averaged
 from observer_rt.model.effects import effective_model, sized
-from observer_rt.model.integrator import Interval, advance_over, fine_step
-from observer_rt.model.line.interface import rest_line
-from observer_rt.model.line.wave import FORGETTING, WEIGHTS, pressure_at
+from observer_rt.model.integrator import Interval
+from observer_rt.model.line.wave import pressure_at
 from observer_rt.model.network import constant_network
 from observer_rt.model.parameters import InjectorParameters
-from observer_rt.model.right_hand_side import changed_flows, injection_rate, tangent_of
+from observer_rt.model.right_hand_side import tangent_of
 from observer_rt.model.stability import substeps_needed
 
 RATE = 1e5  # Hz
@@ -48,14 +54,14 @@ def run(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """States and injection rates [m3/s] at the samples of an injection."""
     x = np.zeros(c.states)
-    rest_line(x, RAIL, c.line)
+    rest_state(x, RAIL, c)
     network = constant_network()
     states, rates = [x.copy()], [0.0]
     for k in range(round(seconds * rate)):
         u = (RAIL, area(k / rate)), (RAIL, area((k + 1) / rate))
-        advance_over(x, Interval(*u, 1.0 / rate, substeps), NO_KNOT, c, network, None)
+        advance_state(x, Interval(*u, 1.0 / rate, substeps), c, network)
         states.append(x.copy())
-        rates.append(injection_rate(x, u[1], c, network))
+        rates.append(rate_of_injection(x, u[1], c, network))
     return np.array(states), np.array(rates)
 
 
@@ -103,7 +109,7 @@ def test_derivatives(
     theta = random.uniform(-0.1, 0.1, PARAMETERS)
     theta[[Parameter.GUIDE_LEAKAGE, Parameter.ENTRAINED_AIR, Parameter.BACK_PRESSURE]] = 0.02
     start = np.zeros(c.states)
-    rest_line(start, 1.0, c.line)
+    rest_state(start, 1.0, c)
     start += random.uniform(-0.1, 0.1, c.states)
     start[2] = 0.0 if needle in ("shut", "opening") else random.uniform(0.3, 0.8)
     first, last = {
@@ -119,14 +125,14 @@ def test_derivatives(
     def stepped(theta: NDArray[np.float64], x: NDArray[np.float64]) -> NDArray[np.float64]:
         learned = learned_of(theta, c)
         after = x.copy()
-        advance_over(after, interval, knot, learned.coefficients, learned.network, None)
+        advance_state(after, interval, learned.coefficients, learned.network, knot=knot)
         return after
 
     learned = learned_of(theta, c)
     tangent = tangent_of(c, learned.network, by_theta(theta, c), PARAMETERS + c.states)
     tangent.by[:, PARAMETERS : PARAMETERS + c.states] = np.eye(c.states)
     x = start.copy()
-    advance_over(x, interval, knot, learned.coefficients, learned.network, tangent)
+    advance_state(x, interval, learned.coefficients, learned.network, tangent, knot)
     np.testing.assert_array_equal(x, stepped(theta, start))
     for j, d in enumerate(np.eye(PARAMETERS) * 1e-5):
         sides = (stepped(theta + d, start) - x) / 1e-5, (x - stepped(theta - d, start)) / 1e-5
@@ -152,22 +158,20 @@ def test_transition_is_that_of_the_steps(rate: float) -> None:
     for column, place in enumerate(states):
         x = np.zeros(c.states)
         x[place] = small
-        advance_over(x, interval, NO_KNOT, c, constant_network(), None)
+        advance_state(x, interval, c, constant_network())
         np.testing.assert_allclose(x[states] / small, matrix[:, column], atol=1e-5)
     x = np.zeros(c.states)
-    advance_over(
-        x, interval._replace(start=(small, 0.0), end=(small, 0.0)), NO_KNOT, c, constant_network(), None
-    )
+    advance_state(x, interval._replace(start=(small, 0.0), end=(small, 0.0)), c, constant_network())
     np.testing.assert_allclose(x[states] / small, by_rail, atol=1e-5)
 
 
 def test_a_line_at_rest_stays_so() -> None:
     c = effective_model(injector(end_volume=2e-8)).coefficients
     x = np.zeros(c.states)
-    rest_line(x, RAIL, c.line)
+    rest_state(x, RAIL, c)
     before = x.copy()
     for _ in range(100):
-        advance_over(x, Interval((RAIL, 0.0), (RAIL, 0.0), 1e-5, 1), NO_KNOT, c, constant_network(), None)
+        advance_state(x, Interval((RAIL, 0.0), (RAIL, 0.0), 1e-5, 1), c, constant_network())
     np.testing.assert_array_equal(x, before)
 
 
@@ -178,14 +182,14 @@ def test_what_leaves_the_line_was_in_it() -> None:
     line = c.line._replace(a3=1e-9 * c.line.a3)  # so heavy that nothing moves along it
     rate = 1e6
     x = np.zeros(c.states)
-    rest_line(x, RAIL, line)
     alone = c._replace(line=line)
+    rest_state(x, RAIL, alone)
     injected = 0.0
     for k in range(900):
         u = (RAIL, area(k / rate)), (RAIL, area((k + 1) / rate))
-        before = injection_rate(x, u[0], alone, constant_network())
-        advance_over(x, Interval(*u, 1.0 / rate, 1), NO_KNOT, alone, constant_network(), None)
-        injected += 0.5 * (before + injection_rate(x, u[1], alone, constant_network())) / rate
+        before = rate_of_injection(x, u[0], alone, constant_network())
+        advance_state(x, Interval(*u, 1.0 / rate, 1), alone, constant_network())
+        injected += 0.5 * (before + rate_of_injection(x, u[1], alone, constant_network())) / rate
     cells = int(line.cells)
     pressures = np.array([x[pressure_at(i, cells)] for i in range(1, cells + 1)])
     compliance = np.full(cells, c.flow_scale / line.b)
@@ -202,10 +206,10 @@ def test_a_throttle_takes_what_as_much_friction_does_of_a_steady_flow() -> None:
     for loss, inlet in ((18.0, None), (8.0, 10.0)):
         c = effective_model(injector(3e-9, loss_factor=loss, inlet_loss_factor=inlet)).coefficients
         x = np.zeros(c.states)
-        rest_line(x, RAIL, c.line)
+        rest_state(x, RAIL, c)
         course = []
         for _ in range(5000):
-            advance_over(x, open_wide, NO_KNOT, c, constant_network(), None)
+            advance_state(x, open_wide, c, constant_network())
             course.append(x[0])
         courses.append(np.array(course))
     along, throttled = courses
@@ -225,7 +229,7 @@ def test_a_tiny_sac_is_where_its_flows_balance() -> None:
     c = effective_model(injector(1e-11)).coefficients
     states, _ = run(c, RATE, 1, 0.9e-3)
     x = states[-1]
-    q_h, q_s = changed_flows(x, (RAIL, area(0.9e-3)), c, constant_network())
+    q_h, q_s = flows_with_changes(x, (RAIL, area(0.9e-3)), c, constant_network())
     assert c.nozzle.flow * q_h == pytest.approx(c.sac.a5 / c.sac.a6 * c.nozzle.flow * q_s, rel=1e-5)
 
 
@@ -249,20 +253,16 @@ def test_ten_cells_are_as_good_as_forty(sac_volume: float) -> None:
 def _run_fine(c: Coefficients, every: int, seconds: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """As `run`, in steps of a fraction of those at RATE."""
     x = np.zeros(c.states)
-    rest_line(x, RAIL, c.line)
+    rest_state(x, RAIL, c)
     step, network = 1.0 / RATE / every, constant_network()
     states, rates = [x.copy()], [0.0]
     for k in range(round(seconds * RATE) * every):
         ends = area(k * step), area((k + 1) * step)
-        _fine(x, (RAIL, ends[0]), (RAIL, 0.5 * (ends[0] + ends[1])), (RAIL, ends[1]), step, c, network)
+        interval = Interval((RAIL, ends[0]), (RAIL, ends[1]), step, 1)
+        advance_state(x, interval, c, network)
         states.append(x.copy())
-        rates.append(injection_rate(x, (RAIL, ends[1]), c, network))
+        rates.append(rate_of_injection(x, (RAIL, ends[1]), c, network))
     return np.array(states), np.array(rates)
-
-
-@njit
-def _fine(x: Any, u_start: Any, u_middle: Any, u_end: Any, step: float, c: Any, network: Any) -> None:
-    fine_step(x, u_start, u_middle, u_end, step, c, network)
 
 
 def test_travel_time() -> None:
@@ -273,7 +273,7 @@ def test_travel_time() -> None:
     x = np.zeros(c.states)
     pressures = []
     for _ in range(round(2.0 * travel * RATE)):
-        advance_over(x, Interval((0.1, 0.0), (0.1, 0.0), 1e-5, 1), NO_KNOT, c, constant_network(), None)
+        advance_state(x, Interval((0.1, 0.0), (0.1, 0.0), 1e-5, 1), c, constant_network())
         pressures.append(x[0])
     arrived = np.argmax(np.array(pressures) > 0.1) * 1e-5
     assert arrived == pytest.approx(travel, abs=1.5e-5)

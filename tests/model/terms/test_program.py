@@ -5,10 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from observer_rt.core.model.model import totals_of_terms
 
 from observer_rt.model.terms.law import Applied, Law, Quantity, Tabulated
 from observer_rt.model.terms.parser import parse
-from observer_rt.model.terms.program import fresh_memory, program_of, totals_of
+from observer_rt.model.terms.program import program_of
 from observer_rt.model.terms.term import Term, TermEquation
 from observer_rt.model.terms.variable import Variable
 from tests.model.terms.laws import laws, moments, sampled
@@ -20,7 +21,7 @@ INTERVAL = 0.01  # ms
 def run(terms: list[Term], values: Values) -> NDArray[np.float64]:
     program = program_of(terms)
     variables = np.column_stack([values[variable.word] for variable in Variable])
-    return np.asarray(totals_of(program, variables, fresh_memory(program), INTERVAL))
+    return np.asarray(totals_of_terms(program, variables, np.full(3 * len(program), np.nan), INTERVAL))
 
 
 def held(value: NDArray[np.float64], equation: TermEquation) -> NDArray[np.float64]:
@@ -97,13 +98,15 @@ def test_what_stays_as_it_is_becomes_a_number() -> None:
     program = program_of(terms, {Variable.MAX_LIFT: 0.24})
     variables = np.column_stack([values[variable.word] for variable in Variable])
     variables[:, Variable.MAX_LIFT] = np.nan
-    found = totals_of(program, variables, fresh_memory(program), INTERVAL)
+    found = totals_of_terms(program, variables, np.full(3 * len(program), np.nan), INTERVAL)
     np.testing.assert_array_equal(found, run(terms, values))
 
 
 def test_time_that_stands_still_moves_no_lag() -> None:
     program = program_of([Term(TermEquation.LINE_FLOW, parse("lagged(line_flow, 1)"))])
-    memory, variables = fresh_memory(program), np.zeros((2, len(Variable)))
+    memory, variables = np.full(3 * len(program), np.nan), np.zeros((2, len(Variable)))
     variables[1, Variable.LINE_FLOW] = 10.0
-    assert not totals_of(program, variables, memory, 0.0).any()
-    assert totals_of(program, variables[1:], memory, 1.0)[0, 0] == pytest.approx(10.0 * (1.0 - np.exp(-1.0)))
+    assert not totals_of_terms(program, variables, memory, 0.0).any()
+    assert totals_of_terms(program, variables[1:], memory, 1.0)[0, 0] == pytest.approx(
+        10.0 * (1.0 - np.exp(-1.0))
+    )

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from observer_rt.core.model.model import rate_of_injection
 
 from observer_rt.estimation.scalars import NOZZLE, PARAMETERS, SEAT, Parameter, network_of
 from observer_rt.model.effective import coefficients
 from observer_rt.model.network import HIDDEN, zero_network
-from observer_rt.model.right_hand_side import injection_rate
 from observer_rt.observer.learning.indicators import LEAST_SEAT_SIGMA, indicators_of, nozzle_change
 from tests.differences import differences
 from tests.observer.sample_stream import NOMINAL
@@ -25,9 +25,9 @@ def worn() -> np.ndarray:
 def test_nozzle_change_is_that_of_the_injection_rate() -> None:
     c = coefficients(NOMINAL)
     c = c._replace(nozzle=c.nozzle._replace(transition=1e-9))
-    changed = injection_rate(X, U, c, network_of(worn()))
+    changed = rate_of_injection(X, U, c, network_of(worn()))
     assert nozzle_change(worn(), X, U)[0] == pytest.approx(
-        changed / injection_rate(X, U, c, zero_network()) - 1.0
+        changed / rate_of_injection(X, U, c, zero_network()) - 1.0
     )
 
 

@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from observer_rt.core.model.model import advance_state, changes_of_flow
 
 from observer_rt.config.bench import BenchInjector, load_bench
 from observer_rt.estimation.gating import Belief, prior_belief
@@ -25,8 +26,7 @@ from observer_rt.estimation.scalars import (
 from observer_rt.evaluation.evaluate import History, evaluate
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import sized
-from observer_rt.model.integrator import Interval, advance
-from observer_rt.model.network import flow_changes
+from observer_rt.model.integrator import Interval
 from observer_rt.observer.learning.knowledge import (
     Adoption,
     Knowledge,
@@ -178,7 +178,7 @@ def nozzle_wear(v_h: float) -> Vector:
 
 def wear_of(theta: Vector) -> float:
     """v_H that theta means with the needle open at 95 MPa: bias and hidden neurons share it."""
-    return float(flow_changes((0.9, 1.0, 0.8), (0.95, 0.9), network_of(theta))[0])
+    return float(changes_of_flow((0.9, 1.0, 0.8), (0.95, 0.9), network_of(theta))[0])
 
 
 def event(v_h: float, seed: int | None = None) -> Window:
@@ -191,7 +191,9 @@ def event(v_h: float, seed: int | None = None) -> Window:
     network = network_of(nozzle_wear(v_h))
     for k in range(699):
         u_start, u_end = (0.95, float(area[k])), (0.95, float(area[k + 1]))
-        advance(x, Interval(u_start, u_end, 1e-5, constants.substeps), constants.coefficients, network, None)
+        advance_state(
+            x, Interval(u_start, u_end, 1e-5, constants.substeps), constants.coefficients, network, None
+        )
         line.append(x[0])
     output = np.array(line)
     if seed is not None:

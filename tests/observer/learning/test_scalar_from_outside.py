@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from observer_rt.core.model.model import advance_state
 
 from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.scalars import SCALARS, Scalar, Scalars, ShownIndicator
-from observer_rt.model.integrator import Interval, advance
+from observer_rt.model.integrator import Interval
 from observer_rt.model.network import zero_network
 from observer_rt.observer.learning.indicators import indicators_of
 from observer_rt.observer.learning.knowledge import Adoption, Outcome, no_knowledge
@@ -42,7 +43,7 @@ def event(inertance: float, seed: int) -> Window:
     line = [x[0]]
     for k in range(time.size - 1):
         u_start, u_end = (0.95, float(area[k])), (0.95, float(area[k + 1]))
-        advance(x, Interval(u_start, u_end, 1e-5, CONSTANTS.substeps), c, zero_network(), None)
+        advance_state(x, Interval(u_start, u_end, 1e-5, CONSTANTS.substeps), c, zero_network(), None)
         line.append(x[0])
     output = np.array(line) + np.random.default_rng(seed).normal(0.0, NOISE.line_pressure / SCALE, time.size)
     inputs = np.column_stack([np.full(time.size, 0.95), area])

@@ -8,9 +8,9 @@ import math
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from observer_rt.core.model.model import rates_of_change
 
 from observer_rt.model.network import constant_network
-from observer_rt.model.right_hand_side import right_hand_side
 from observer_rt.observer.paper_scheme.network import fault_cost, free_network, no_fault, scaled_identity
 from observer_rt.observer.paper_scheme.systems import swept
 from observer_rt.observer.paper_scheme.training import network_of
@@ -57,7 +57,7 @@ def model_rates(x: Vector, u: Vector, injection: Injection) -> Vector:
     nothing = constant_network()
     return np.array(
         [
-            right_hand_side((a[0], a[1], a[2]), (b[0], b[1]), injection.c, nothing)
+            rates_of_change((a[0], a[1], a[2]), (b[0], b[1]), injection.c, nothing)
             for a, b in zip(x, u, strict=True)
         ]
     )

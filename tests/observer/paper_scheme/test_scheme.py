@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from observer_rt.core.paper.scheme import fault_of, rate_by_balance
 
 from observer_rt.config.bench import load_injector
 from observer_rt.estimation.gain import NoiseLevels
@@ -14,13 +15,11 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.model.effective import coefficients
 from observer_rt.observer.paper_scheme.network import (
     fault_cost,
-    free_fault,
     free_network,
     no_fault,
     scaled_identity,
 )
 from observer_rt.observer.paper_scheme.systems import (
-    balanced_rate,
     check_gain,
     design_vector,
     doubts_about_gain,
@@ -63,7 +62,7 @@ def test_network_is_the_formula(seed: int, unit: float) -> None:
     x, u = random.normal(size=3), random.normal(size=2)
     hidden, output, bias = p[:30].reshape(5, 6), p[30:45].reshape(3, 5), p[45:]
     expected = unit * (output @ np.tanh(hidden @ np.array([*x, *u, 1.0])) + bias)
-    found = free_fault((x[0], x[1], x[2]), (u[0], u[1]), free_network(p, unit))
+    found = fault_of((x[0], x[1], x[2]), (u[0], u[1]), free_network(p, unit))
     np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12 * unit)
 
 
@@ -89,7 +88,7 @@ def test_error_is_given_to_line_and_sac_in_the_ratio_of_the_paper() -> None:
 
 def test_balance_with_the_true_fault_is_the_true_rate(worn: Injection) -> None:
     """What the model lacks at the true x3 is in phi_1 of (27)."""
-    found = [balanced_rate(x[2], 1.0, phi[0], worn.c) for x, phi in zip(worn.x, worn.fault, strict=True)]
+    found = [rate_by_balance(x[2], 1.0, phi[0], worn.c) for x, phi in zip(worn.x, worn.fault, strict=True)]
     np.testing.assert_allclose(found, worn.rate, atol=1e-9 * worn.rate.max())
 
 

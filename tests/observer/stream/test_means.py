@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from observer_rt.core.stream.stream import ramp_slope_of_means as slope_of_means
+from observer_rt.core.evidence.areas import slope_of_means as slope_of_means
 
 from observer_rt.config.bench import load_bench
 from observer_rt.config.injector import Meaning, SamplingConfig

@@ -18,12 +18,10 @@ from observer_rt.recording.replay.framing import TimedFrame
 from tests.device import EPOCH, frames_of, merged
 from tests.evaluation.documents import recording_json
 from tests.recording.canlog.log_cases import sent_log, write_log
-from tests.service import slow_frames
 from tests.service.participants import (
     BLOCK_ID,
     HeardDaemon,
     ScriptedLink,
-    assert_warm_up_takes_all,
     serving,
     until,
 )
@@ -97,16 +95,6 @@ def test_units_of_the_bench_file_go_before_the_databases(tmp_path: Path) -> None
     energizing = map_bus(load_bench(bench)).energizing
     assert energizing is not None
     assert energizing.is_level
-
-
-@pytest.mark.parametrize("lines", [Told.LEVEL, Told.SAFE])
-def test_warm_up_takes_a_bench_with_optional_inputs(tmp_path: Path, lines: str) -> None:
-    """Those in frames that are protected, too."""
-    path = pulse_bench(tmp_path, lines)
-    (tmp_path / "slow.dbc").write_text(slow_frames.TEXT)
-    mass = '[[dbc]]\nfile = "slow.dbc"\n[signals.measured_mass]\nmessage = "SafeBed"\nsignal = "MassSafe"\n'
-    path.write_text(path.read_text() + mass)
-    assert_warm_up_takes_all(load_bench(path))
 
 
 def test_document_of_a_log(tmp_path: Path) -> None:

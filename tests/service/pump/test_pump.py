@@ -202,9 +202,10 @@ def test_rates_need_no_attention(tmp_path: Path) -> None:
     with pumped(path, waits_for_verdicts=False) as (device, it):
         device.send(frames)
         until(lambda: it.core.counters.frames == len(frames))
-    memory = it.core.compiled.observer.memory[0]
-    assert memory["events_taken"] > 0
-    assert (memory["events"]["taken"][: int(memory["events_taken"])] == Taken.NOTHING).all()
+    observer = it.core.compiled.observer
+    taken = int(observer.memory["events_taken"][0])
+    assert taken > 0
+    assert (observer.events["taken"][:taken] == Taken.NOTHING).all()
     _, count = published_rates(device.received[RATE.frame_id], worn.samples)
     assert (count[: it.core.processed - RATES] == 1).all()
 

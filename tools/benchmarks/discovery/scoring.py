@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 
 from observer_rt.config.bench import load_injector
-from observer_rt.estimation.predictor import NO_SLOPES, Setting, Window, follow
+from observer_rt.core.learning.predictor import follow
+from observer_rt.core.model.model import rest_state
+from observer_rt.estimation.predictor import NO_SLOPES, Setting, Window
 from observer_rt.estimation.scalars import nothing_learned
 from observer_rt.evidence.measurement import measurements
 from observer_rt.evidence.windows import TrueInputs
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
 from observer_rt.model.effects import VOCABULARY, effective_model
-from observer_rt.model.line.interface import rest_line
 from observer_rt.model.parameters import EffectInForce, EffectValue, InjectorParameters
 from observer_rt.model.stability import substeps_needed
 from observer_rt.recording.signals.recording import Recording
@@ -199,7 +200,7 @@ def open_loop(injector: InjectorParameters, recording: Recording) -> tuple[Array
     u = np.stack((inputs.rail, inputs.area), axis=1)
     start = np.zeros(c.states + 1)
     start[-1] = inputs.rail[0]
-    rest_line(start[:-1], start[-1], c.line)
+    rest_state(start[:-1], start[-1], c.line)
     window = Window(
         inputs=u,
         output=np.zeros(recording.samples),

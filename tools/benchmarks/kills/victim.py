@@ -24,7 +24,6 @@ from observer_rt.foundation.console import say
 from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
 from observer_rt.recording.replay.player import play
 from observer_rt.service.run import RunOptions, serve
-from observer_rt.service.warm_up import warm_up
 from observer_rt.simulation.schedule import make_schedule
 from tools.benchmarks.scoring import worn_injector
 
@@ -67,7 +66,6 @@ def make_scene(folder: Path, interface: str, channel: str, within: float) -> Sce
     schedule = make_schedule([60e6, 120e6], INJECTIONS, 0.05, [1.1e-3])
     recording = worn_injector(schedule, SAMPLE_RATE, wear=0.3, seed=3).recording
     bus = map_bus(bench)
-    warm_up(bench, bus)
     frames = list(Framer(bus).frames(recording, whole(recording)))
     return Scene(bench, frames, folder / "state.json", folder / "injections.sqlite")
 

@@ -51,7 +51,7 @@ _START, _NONE = int(Break.START), int(Break.NONE)
 
 
 def run_samples(observer: Observer, inputs: Array, first_index: int) -> None:
-    """Samples (n, 3) of rail pressure [Pa], needle lift [m] and line pressure [Pa] through the step, as many at once."""
+    """Samples (n, 3) of rail pressure [Pa], needle lift [m] and line pressure [Pa] through the step, many at once."""
     for first in range(0, len(inputs), RECORDED_RING):
         block = inputs[first : first + RECORDED_RING]
         number = int(observer.memory["recorded"][0])

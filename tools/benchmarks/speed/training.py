@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from observer_rt.core.model.laws import normalised_area
+from observer_rt.core.model.model import fault_with_rate
 from scipy.optimize import minimize
 
 from observer_rt.bus.mapping.bus_map import map_bus
@@ -19,9 +21,7 @@ from observer_rt.config.bench import load_injector
 from observer_rt.foundation.units import MILLISECOND
 from observer_rt.model.effective import coefficients
 from observer_rt.model.effects import sized
-from observer_rt.model.hydraulics import normalised_area
 from observer_rt.model.network import constant_network
-from observer_rt.model.right_hand_side import fault_and_rate
 from observer_rt.observer.paper_scheme.network import WEIGHTS, FaultCost, fault_cost, scaled_identity
 from observer_rt.observer.paper_scheme.training import BETA, EPOCHS, GAMMA, Objective, minimise
 from observer_rt.service.core.core import Core
@@ -95,7 +95,7 @@ def _training_data(samples: int) -> tuple[Array, Array]:
     area = np.array([normalised_area(lift, c.seat) for lift in truth.needle_lift[chosen]])
     z = np.column_stack([line, flow, sac, rail, area, np.ones(samples)])
     worn = constant_network(nozzle=WEAR)
-    target = np.array([fault_and_rate(tuple(x[:3]), (x[3], x[4]), c, worn)[0] for x in z])
+    target = np.array([fault_with_rate(tuple(x[:3]), (x[3], x[4]), c, worn)[0] for x in z])
     return z, target
 
 

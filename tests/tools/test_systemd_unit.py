@@ -43,8 +43,6 @@ def test_it_waits_for_ready_watches_and_restarts_but_not_for_a_wrong_bench_file(
     assert service["RestartPreventExitStatus"] == "2"
 
 
-def test_numba_may_compile_in_its_sandbox() -> None:
+def test_its_sandbox_lets_can_through() -> None:
     service = unit()["Service"]
-    assert "MemoryDenyWriteExecute" not in service
-    assert service["CacheDirectory"] == "observer-rt"
     assert "AF_CAN" in service["RestrictAddressFamilies"]

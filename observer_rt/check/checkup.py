@@ -44,7 +44,7 @@ def checkup(bench: Bench, state: Path | None = None) -> list[Finding]:
     are several injectors, what is found of one says of which. Raises `UserError` for one state of several injectors.
     """
     findings = bench_findings(bench, state)
-    findings += real_time_findings(this_host(bench.config.realtime.cpus, len(bench.injectors)))
+    findings += real_time_findings(this_host(bench.config.realtime, len(bench.injectors)))
     if any(link.config.interface == "socketcan" for link in bench.config.buses):
         findings += socketcan_findings()
     for link in bench.config.buses:

@@ -4,15 +4,15 @@ import json
 import os
 import socket
 import subprocess
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from observer_rt.bus.can_frame import ARPHRD_CAN, FD_MTU
 from observer_rt.check.findings import Said, ruled
-from observer_rt.config.bench_file import LinkConfig
-from observer_rt.service.rights import PRIORITY, REMEDY, Processors, Rights, processors, rights
+from observer_rt.config.bench_file import LinkConfig, RealTimeConfig
+from observer_rt.service.rights import REMEDY, Processors, Rights, processors, rights
 
 PROCESSORS = 2  # one for the loop, one for learning
 SHORTEST_QUEUE = 100  # frames
@@ -33,14 +33,14 @@ class Host:
     loops: Processors
 
 
-def this_host(cpus: Sequence[int] | None = None, loops: int = 1) -> Host:
-    """The machine this runs on; cpus: asked for by the bench file, for so many loops."""
+def this_host(config: RealTimeConfig, loops: int = 1) -> Host:
+    """The machine this runs on, by what the bench file asks for, for so many loops."""
     swaps = Path("/proc/swaps")
     return Host(
-        rights=rights(),
+        rights=rights(config.priority),
         swap_in_use=swaps.exists() and len(swaps.read_text().splitlines()) > 1,  # the first line is a heading
         processors=len(os.sched_getaffinity(0)),
-        loops=processors(cpus, loops),
+        loops=processors(config.cpus, loops),
     )
 
 
@@ -48,9 +48,9 @@ def this_host(cpus: Sequence[int] | None = None, loops: int = 1) -> Host:
 def real_time_findings(host: Host) -> Iterator[Said]:
     """Whether the loop can be expected to keep up."""
     here = "in this shell: sudo prlimit --pid $$"
-    may = host.rights.may_hurry
-    text = f"the loop gets real-time priority {PRIORITY}" if may else "no real-time priority allowed"
-    yield may, text, f"{here} --rtprio=99"
+    may, priority = host.rights.may_hurry, host.rights.priority
+    text = f"the loop gets real-time priority {priority}" if may else "no real-time priority allowed"
+    yield may or not priority, text if priority else "no real-time priority asked for", f"{here} --rtprio=99"
     may = host.rights.may_lock_memory
     yield may, "memory is locked" if may else "memory may not be locked", f"{here} --memlock=unlimited"
     text = "swap in use, which can stop the loop for long" if host.swap_in_use else "no swap"

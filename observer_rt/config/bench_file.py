@@ -126,9 +126,13 @@ class DatabaseConfig(Section):
 
 
 class RealTimeConfig(Section):
-    """cpus: numbers of the processors that the loops have to themselves, in turn; None: those Linux keeps apart."""
+    """cpus: numbers of the processors that the loops have to themselves, in turn; None: those Linux keeps apart.
+
+    priority: of the loops, in SCHED_FIFO; 0: none before other programs.
+    """
 
     cpus: tuple[Annotated[int, Field(ge=0, lt=MOST_CPUS)], ...] | None = None
+    priority: Annotated[int, Field(ge=0, le=99)] = 50  # that of the kernel's own interrupt threads
 
 
 class BusesConfig(Section):

@@ -1,5 +1,6 @@
 """The daemon: a thin loop round the core, from the buses back onto them."""
 
+import math
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -18,6 +19,7 @@ from observer_rt.service.core.core import Core, status_values
 from observer_rt.service.core.messages import FrameWriter, OutputFrame
 from observer_rt.service.keeping.state_file import model_hash
 from observer_rt.service.port import RETRY, Port, buses_of
+from observer_rt.service.pump.latency import Latency
 from observer_rt.service.pump.pump import FramePump
 from observer_rt.service.reports.news import Listener, to_all
 from observer_rt.service.rights import take_time
@@ -42,17 +44,19 @@ class Daemon:
         on_alive: Callable[[], None] = lambda: None,
         failed_writes: Callable[[], int] = lambda: 0,
         learning: Executor | None = None,
-        processor: int | None = None,
+        on_thread: Callable[[], object] = lambda: None,
     ) -> None:
         """links: of all buses, in order. knowledge: restored from an earlier run.
 
         on_alive: called some ten times a second by the loop, for whoever watches that it goes round. failed_writes:
         so far, of whoever writes files beside the loop; for the status. learning: where events are learned from,
-        one after another; None: in a thread of its own. processor: that the loop is to stay on.
+        one after another; None: in a thread of its own. on_thread: called first by the loop's thread, to claim its
+        rights.
         """
         self._links = links
         self._bus = bus
-        self._processor = processor
+        self._on_thread = on_thread
+        self._latency: Callable[[], Latency | None] = lambda: None
         self._tell = to_all(listeners)
         self._on_alive = on_alive
         self._failed_writes = failed_writes
@@ -92,8 +96,9 @@ class Daemon:
         self.arrivals.begin(self._last_input)
         port = self.ports[self._bus.status.layout.bus]  # of all results
         self._pump = FramePump(
-            self._links, self.core, self._bus, self.arrivals, port.count_unsent, self._processor
+            self._links, self.core, self._bus, self.arrivals, port.count_unsent, self._on_thread
         )
+        self._latency = self._pump.latency
         for idle in set(range(len(self.ports))) - buses_of(self._bus):
             self._pump.leave_out(idle)
         self.ready.set()
@@ -211,9 +216,14 @@ class Daemon:
         """How often an interface went down or away, and its controller error-passive or bus-off."""
         return sum(port.troubles for port in self.ports)
 
+    @property
+    def latency(self) -> Latency | None:
+        """Of the rates sent so far; None before the first."""
+        return self._latency()
+
     def _status(self, now: int) -> list[OutputFrame]:
         rail, lift, line = (self.arrivals.age_of(role, now) for role in Role)
-        injector_id = self._injector.config.outputs.injector_id
+        injector_id, latency = self._injector.config.outputs.injector_id, self.latency
         values = status_values(self.core, *self.state(now), injector_id, self._hashes)._replace(
             dropped_frames=self.dropped,
             link_troubles=self.troubles,
@@ -223,5 +233,7 @@ class Daemon:
             needle_lift_age=lift,
             line_pressure_age=line,
             failed_writes=self.failed_writes,
+            latency_p999=math.nan if latency is None else latency.p999,
+            largest_latency=math.nan if latency is None else latency.largest,
         )
         return self._status_writer.write(values)

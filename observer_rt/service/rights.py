@@ -10,10 +10,10 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-PRIORITY = 50  # of SCHED_FIFO, that of the kernel's own interrupt threads
 _CURRENT, _FUTURE, _ON_FAULT = 1, 2, 4  # mlockall(2)
 _PR_SET_TIMERSLACK = 29
 _CAP_IPC_LOCK = 1 << 14
@@ -29,23 +29,25 @@ class Rights:
     """Real-time priority."""
     may_lock_memory: bool
     """Pages once touched stay in memory."""
+    priority: int
+    """That is asked for; 0: none."""
 
     def as_text(self) -> str:
         """In a few words."""
-        priority = f"priority {PRIORITY} for the loop" if self.may_hurry else "no real-time priority"
+        priority = f"priority {self.priority} for the loop" if self.may_hurry else "no real-time priority"
         memory = "memory locked" if self.may_lock_memory else "memory not locked"
         return f"real time: {priority}, {memory}"
 
 
-def rights() -> Rights:
-    """Of this process, whose limits are raised as far as they can be."""
-    may_hurry = _tried(hurry)  # limits do not tell what a sandbox forbids
+def rights(priority: int) -> Rights:
+    """Of this process, whose limits are raised as far as they can be; priority: wanted for the loop, 0: none."""
+    may_hurry = _tried(partial(hurry, None, priority))  # limits do not tell what a sandbox forbids
     _raise_limit(resource.RLIMIT_MEMLOCK)
     memory, _ = resource.getrlimit(resource.RLIMIT_MEMLOCK)
     lines = Path("/proc/self/status").read_text().splitlines()
     capabilities = next((int(line.split()[1], 16) for line in lines if line.startswith("CapEff:")), 0)
     is_unlimited = memory == resource.RLIM_INFINITY or bool(capabilities & _CAP_IPC_LOCK)
-    return Rights(may_hurry, is_unlimited)
+    return Rights(may_hurry, is_unlimited, priority)
 
 
 def lock_memory(granted: Rights) -> Rights:
@@ -56,18 +58,20 @@ def lock_memory(granted: Rights) -> Rights:
     return replace(granted, may_lock_memory=not failed)
 
 
-def hurry(processor: int | None = None) -> bool:
-    """Put the calling thread before all that has no real-time priority, and wake it on time; whether it was.
+def hurry(processor: int | None, priority: int) -> bool:
+    """Put the calling thread before all that has a lower real-time priority or none; whether it was. Wake it on time.
 
-    processor: that it is to stay on, if it still may.
+    processor: that it is to stay on, if it still may; priority: 1 to 99, 0: none.
     """
     if processor is not None:
         with suppress(OSError):
             os.sched_setaffinity(0, {processor})
     ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
+    if not priority:
+        return False
     _raise_limit(resource.RLIMIT_RTPRIO)
     try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
     except PermissionError:
         return False
     return True

@@ -35,7 +35,15 @@ from observer_rt.service.log import ServiceLog, Voice
 from observer_rt.service.notify import Notifier
 from observer_rt.service.port import LinkOpening, StoppedError, buses_of, shared_buses
 from observer_rt.service.reports.news import News, Once, Teller
-from observer_rt.service.rights import REMEDY, Processors, leave_to_loops, lock_memory, processors, rights
+from observer_rt.service.rights import (
+    REMEDY,
+    Processors,
+    hurry,
+    leave_to_loops,
+    lock_memory,
+    processors,
+    rights,
+)
 from observer_rt.service.side_by_side import serve_side_by_side
 from observer_rt.service.view import Overview, View, draw
 from observer_rt.service.words import Topic
@@ -66,9 +74,9 @@ class InjectorService:
         voice: Voice,
         shared: Shared,
         learned: Knowledge | None = None,
-        processor: int | None = None,
+        on_thread: Callable[[], object] = lambda: None,
     ) -> None:
-        """bench: with this injector only; shared: with the others; processor: of its loop.
+        """bench: with this injector only; shared: with the others; on_thread: see `Daemon`.
 
         learned: before the bench file was changed, else as kept. Says what that is, and what it will observe.
         """
@@ -78,7 +86,7 @@ class InjectorService:
         self._keeper = keeper
         self._voice = voice
         self._shared = shared
-        self._processor = processor
+        self._on_thread = on_thread
         self._model = model_hash(injector.parameters)
         self._daemon: Daemon | None = None  # before it runs
         self._knowledge = learned or restored_knowledge(
@@ -127,7 +135,7 @@ class InjectorService:
                 on_alive,
                 lambda: self._keeper.failures + self._voice.log.lost,
                 learning,
-                self._processor,
+                self._on_thread,
             )
             if self.screen is not None:
                 self.screen.watch(daemon)
@@ -176,6 +184,8 @@ class InjectorService:
             say(Topic.STOP, timing.as_text())
         if core.optional.energizing is not None:
             say(Topic.STOP, f"energizing: {core.optional.energizing.as_text()}")
+        if daemon.latency is not None:
+            say(Topic.STOP, f"latency: {daemon.latency.as_text()}")
         counters = core.counters
         spoilt = {
             "frames with a wrong CRC": counters.crc_errors,
@@ -236,6 +246,7 @@ class Serving:
     log: ServiceLog
     stop: StopRequest
     own: Processors
+    priority: int
     read_again: Callable[[], Bench]
     notifier: Notifier = field(default_factory=Notifier)
     learned: dict[str, tuple[str, Knowledge | None]] = field(default_factory=dict)
@@ -272,7 +283,8 @@ class Serving:
             keeper = stack.enter_context(files)
             model, learned = self.learned.get(alone.injector.name, ("", None))
             known = learned if model == model_hash(alone.injector.parameters) else None
-            services.append(InjectorService(alone, bus, keeper, voice, shared, known, self.own.of(number)))
+            claim = partial(hurry, self.own.of(number), self.priority)
+            services.append(InjectorService(alone, bus, keeper, voice, shared, known, claim))
         if any(link.config.interface == "virtual" for link in bench.config.buses):
             self.say(
                 "the virtual bus ends at this process: nothing will come in (vcan0 reaches other programs)"
@@ -284,7 +296,7 @@ class Serving:
         if self.stop.is_set():
             return
         self.notifier.ready()
-        granted = lock_memory(rights())
+        granted = lock_memory(rights(self.priority))
         leave_to_loops(self.own)
         self.say(f"{granted.as_text()}, {self.own.as_text()}")
         if self.own.trouble:
@@ -353,7 +365,8 @@ def serve(bench: Bench, options: RunOptions, console: Console, read_again: Calla
         stop = stack.enter_context(stop_on_signals(reloads=True))
         stack.callback(gc.unfreeze)
         own = processors(bench.config.realtime.cpus, len(bench.injectors))
-        serving = Serving(console if has_view else None, options, log, stop, own, read_again)
+        priority = bench.config.realtime.priority
+        serving = Serving(console if has_view else None, options, log, stop, own, priority, read_again)
         before: Bench | None = None
         now: Bench | None = bench
         while now is not None:

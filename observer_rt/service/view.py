@@ -204,6 +204,8 @@ def _figures(daemon: Daemon) -> list[Text]:
             f"{counters.sequence_errors} out of order, {counters.old_frames} too late"
         )
     ]
+    if daemon.latency is not None:
+        lines.append(_line(f" {daemon.latency.as_text()}"))
     if counters.outliers:
         lines.append(_line(f" {counters.outliers}"))
     refused = f"{counters.rejected_adoptions} refused, {counters.late_adoptions} late"

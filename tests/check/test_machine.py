@@ -228,7 +228,10 @@ def test_a_real_virtual_interface(vcan: str) -> None:
 
 
 GOOD_HOST = Host(
-    Rights(may_hurry=True, may_lock_memory=True), swap_in_use=False, processors=4, loops=Processors()
+    Rights(may_hurry=True, may_lock_memory=True, priority=50),
+    swap_in_use=False,
+    processors=4,
+    loops=Processors(),
 )
 
 
@@ -236,8 +239,9 @@ GOOD_HOST = Host(
     ("changes", "remedy"),
     [
         ({}, None),
-        ({"rights": Rights(may_hurry=False, may_lock_memory=True)}, "--rtprio=99"),
-        ({"rights": Rights(may_hurry=True, may_lock_memory=False)}, "--memlock=unlimited"),
+        ({"rights": Rights(may_hurry=False, may_lock_memory=True, priority=50)}, "--rtprio=99"),
+        ({"rights": Rights(may_hurry=True, may_lock_memory=False, priority=50)}, "--memlock=unlimited"),
+        ({"rights": Rights(may_hurry=False, may_lock_memory=True, priority=0)}, None),
         ({"swap_in_use": True}, "sudo swapoff"),
         ({"processors": 1}, "taskset"),
         ({"loops": Processors(refused=(9,))}, "cpuset"),

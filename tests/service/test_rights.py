@@ -16,7 +16,6 @@ from hypothesis import strategies as st
 
 from observer_rt.config.bench import EXAMPLE_BENCH
 from observer_rt.service.rights import (
-    PRIORITY,
     Processors,
     Rights,
     hurry,
@@ -30,7 +29,7 @@ from tests.service.participants import until
 LOCKED = """
 from pathlib import Path
 from observer_rt.service.rights import lock_memory, rights
-granted = lock_memory(rights())
+granted = lock_memory(rights(50))
 status = Path("/proc/self/status").read_text()
 locked = next(int(line.split()[1]) for line in status.splitlines() if line.startswith("VmLck"))
 assert (locked > 0) == granted.may_lock_memory, (locked, granted)
@@ -42,8 +41,8 @@ resource.setrlimit(resource.RLIMIT_RTPRIO, (0, 0))
 resource.setrlimit(resource.RLIMIT_MEMLOCK, (65536, 65536))
 if os.getuid() == 0:
     os.setresuid(65534, 65534, 65534)
-assert not hurry()
-assert lock_memory(rights()) == Rights(False, False)
+assert not hurry(None, 50)
+assert lock_memory(rights(50)) == Rights(False, False, 50)
 """
 
 
@@ -52,7 +51,7 @@ def in_thread_of_its_own() -> tuple[bool, int, int]:
     found: list[tuple[bool, int, int]] = []
 
     def ask() -> None:
-        granted = hurry()
+        granted = hurry(None, 50)
         policy = os.sched_getscheduler(0)
         take_time()
         found.append((granted, policy, os.sched_getscheduler(0)))
@@ -65,7 +64,7 @@ def in_thread_of_its_own() -> tuple[bool, int, int]:
 
 def test_priority_is_that_of_one_thread() -> None:
     granted, hurried, slow = in_thread_of_its_own()
-    assert granted == rights().may_hurry
+    assert granted == rights(50).may_hurry
     assert hurried == (os.SCHED_FIFO if granted else os.SCHED_OTHER)
     assert slow == os.SCHED_OTHER
     assert os.sched_getscheduler(0) == os.SCHED_OTHER
@@ -86,7 +85,7 @@ def test_a_process_without_rights_goes_on_without() -> None:
 
 
 def test_what_is_said() -> None:
-    assert Rights(True, False).as_text() == f"real time: priority {PRIORITY} for the loop, memory not locked"
+    assert Rights(True, False, 80).as_text() == "real time: priority 80 for the loop, memory not locked"
     assert resource.getrlimit(resource.RLIMIT_RTPRIO)[0] == resource.getrlimit(resource.RLIMIT_RTPRIO)[1]
 
 
@@ -99,7 +98,7 @@ before, go, seen = os.sched_getaffinity(0), threading.Event(), {}
 def work(processor):
     go.wait()
     if processor is not None:
-        hurry(processor)
+        hurry(processor, 0)
     seen[processor] = os.sched_getaffinity(0)
 threads = [threading.Thread(target=work, args=[None])]
 threads[0].start()

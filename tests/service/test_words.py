@@ -27,7 +27,7 @@ PAGE = Page("docs/operating.md")
 NO_COUNTERS = {  # of the status; the rest counts something
     *("sample_index", "valid", "learning", "state", "reason", "injector_id", "model_hash", "database_hash"),
     *("version_major", "version_minor", "version_patch", "troubled_bus"),
-    *("rail_pressure_age", "needle_lift_age", "line_pressure_age"),
+    *("rail_pressure_age", "needle_lift_age", "line_pressure_age", "latency_p999", "largest_latency"),
 }
 
 

@@ -93,6 +93,8 @@ class StatusValues(NamedTuple):
     spikes: int
     bridged_samples: int
     refused_frames: int
+    latency_p999: float  # s, nan: no rates were sent yet
+    largest_latency: float
 
 
 def signals_of(values: type[SummaryValues] | type[StatusValues]) -> tuple[str, ...]:

@@ -21,8 +21,8 @@ from observer_rt.core.frames.frames import ERRORS, WAIT_MS, WAITING, PumpLoop
 from observer_rt.service.core.core import Core
 from observer_rt.service.core.messages import OutputFrame, output_frame
 from observer_rt.service.port import RETRY
+from observer_rt.service.pump.latency import Latency, latency_of
 from observer_rt.service.pump.memory import BUS, make_pump
-from observer_rt.service.rights import hurry
 from observer_rt.service.watch.arrivals import Arrivals
 
 ROOM = 1 << 14  # bytes: some twenty frames; more wait in the driver
@@ -166,9 +166,9 @@ class FramePump:
         bus: BusMap,
         arrivals: Arrivals,
         on_unsent: Callable[[int], None] = lambda count: None,
-        processor: int | None = None,
+        on_thread: Callable[[], object] = lambda: None,
     ) -> None:
-        """on_unsent: hears how many rates were given up, now and then; processor: that the loop is to stay on."""
+        """on_unsent: hears how many rates were given up, now and then; on_thread: called first by the loop's own."""
         self._links = links
         self._ends: dict[int, SocketCanLink] = {}  # what the loop reads and writes, by bus
         self._core = core
@@ -176,7 +176,7 @@ class FramePump:
         self._pace = Pace(core, bus)
         self._arrivals = arrivals
         self._on_unsent = on_unsent
-        self._processor = processor
+        self._on_thread = on_thread
         self._layouts = (*bus.received, *bus.sent)
         self._rate = bus.rate.layout if bus.rate else None
         self._pump = make_pump(len(links), self._layouts, self._rate)
@@ -232,6 +232,10 @@ class FramePump:
         before, self._turns = self._turns, int(self._pump.memory["turns"][0])
         goes = self._turns != before and all(feeder.goes_round() for feeder in self._feeders)
         return goes or self._waits.is_set()
+
+    def latency(self) -> Latency | None:
+        """Of the rates so far."""
+        return latency_of(self._pump.memory[0])
 
     def leave_out(self, bus: int) -> None:
         """Neither receive from a bus nor send to it any more; results on their way to its link are given up."""
@@ -291,7 +295,7 @@ class FramePump:
     def _loop(self) -> None:
         """The thread of the compiled loop."""
         try:
-            hurry(self._processor)
+            self._on_thread()
             while self._compiled.run(self._core.compiled.path, self._wake):
                 self._may_go_on.clear()
                 if self._pump.memory["is_to_stop"][0]:  # nobody answers any more

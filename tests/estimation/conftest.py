@@ -6,10 +6,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from observer_rt.core.model.laws import lagged
-from observer_rt.core.model.model import advance_state
 
 from observer_rt.config.bench import load_injector
+from observer_rt.core.model.laws import lagged
+from observer_rt.core.model.model import advance_state
 from observer_rt.estimation.gain import GainSchedule, NoiseLevels, gain_schedule
 from observer_rt.estimation.predictor import Setting, Window, innovations
 from observer_rt.estimation.scalars import PARAMETERS, Parameter, learned_of

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from observer_rt.core.model.laws import seat_area_slope
 
+from observer_rt.core.model.laws import seat_area_slope
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.estimation.open_loop import input_variance, open_loop
 from observer_rt.estimation.predictor import Window

@@ -6,11 +6,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from observer_rt.core.model.laws import lagged, recorded_mean
-from observer_rt.core.model.model import rest_state
 from scipy.linalg import expm, solve_discrete_are
 
 from observer_rt.config.bench import load_injector
+from observer_rt.core.model.laws import lagged, recorded_mean
+from observer_rt.core.model.model import rest_state
 from observer_rt.estimation.gain import gain_schedule
 from observer_rt.estimation.predictor import Setting, Window, innovations, innovations_with_sensitivity
 from observer_rt.estimation.scalars import PARAMETERS, learned_of

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from observer_rt.core.model.model import advance_state, rate_of_injection
 
+from observer_rt.core.model.model import advance_state, rate_of_injection
 from observer_rt.estimation.open_loop import open_loop
 from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.scalars import PARAMETERS, Parameter, learned_of

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from observer_rt.core.learning.phases import phases_of
 from scipy.signal import lfilter
 from scipy.stats import chi2, norm
 
+from observer_rt.core.learning.phases import phases_of
 from observer_rt.estimation.phases import BLOCKS, Phase, PhaseStatistics, no_statistics, phase_statistics
 from observer_rt.estimation.predictor import Window
 

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from observer_rt.core.learning.whitening import robust_cost
-from observer_rt.core.model.model import changes_of_flow, rest_state
 
 from observer_rt.config.bench import load_injector
+from observer_rt.core.learning.whitening import robust_cost
+from observer_rt.core.model.model import changes_of_flow, rest_state
 from observer_rt.estimation.prediction_error import EventCost
 from observer_rt.estimation.predictor import Window, open_loop_errors
 from observer_rt.estimation.scalars import PARAMETERS, Parameter, learned_of, network_of

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from numpy.typing import NDArray
-from observer_rt.core.learning.whitening import LEVEL_SAMPLES
 from scipy.signal import lfilter
 
+from observer_rt.core.learning.whitening import LEVEL_SAMPLES
 from observer_rt.estimation.prediction_error import Whitening
 
 TAPS = np.array([-0.8, 0.2, 0.05])

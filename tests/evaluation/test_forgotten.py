@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from observer_rt.core.stream.stream import RING
 
 from observer_rt.config.bench import load_bench
 from observer_rt.config.injector import SamplingConfig
+from observer_rt.core.stream.stream import RING
 from observer_rt.evaluation.evaluate import evaluate_stream
 from observer_rt.model.effects import effective_model
 from observer_rt.recording.signals.stream import HeldSignals

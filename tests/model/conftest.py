@@ -6,9 +6,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from observer_rt.core.model.model import advance_state
 
 from observer_rt.config.bench import load_injector
+from observer_rt.core.model.model import advance_state
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.integrator import Interval
 from observer_rt.model.network import Network, zero_network

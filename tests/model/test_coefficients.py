@@ -3,9 +3,9 @@
 import math
 
 import pytest
-from observer_rt.core.model.laws import seat_area
 
 from observer_rt.config.bench import load_injector
+from observer_rt.core.model.laws import seat_area
 from observer_rt.model.effective import coefficients
 from observer_rt.model.hydraulics import full_lift_area
 from observer_rt.model.parameters import LineOutflow

@@ -9,6 +9,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+
+from observer_rt.config.bench import load_injector
 from observer_rt.core.model.laws import (
     normalised_area,
     nozzle_law,
@@ -18,8 +20,6 @@ from observer_rt.core.model.laws import (
     seat_law_slopes,
 )
 from observer_rt.core.model.model import flows_with_changes, rates_of_change, slopes_of_flows
-
-from observer_rt.config.bench import load_injector
 from observer_rt.estimation.scalars import PARAMETERS, Parameter, by_theta, learned_of
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.effects import effective_model, sized

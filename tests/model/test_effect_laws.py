@@ -5,10 +5,10 @@ import math
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from observer_rt.core.model.laws import normalised_area, nozzle_law
-from observer_rt.core.model.model import stiffness_of
 
 from observer_rt.config.bench import load_injector
+from observer_rt.core.model.laws import normalised_area, nozzle_law
+from observer_rt.core.model.model import stiffness_of
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.hydraulics import full_lift_area

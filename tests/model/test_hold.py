@@ -5,10 +5,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from observer_rt.core.model.laws import normalised_area
-from observer_rt.core.model.model import rate_of_injection
 
 from observer_rt.config.bench import load_injector
+from observer_rt.core.model.laws import normalised_area
+from observer_rt.core.model.model import rate_of_injection
 from observer_rt.model.effective import coefficients
 from observer_rt.model.effects import effective_model
 from observer_rt.model.integrator import Interval

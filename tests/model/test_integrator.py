@@ -6,9 +6,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from observer_rt.core.model.model import advance_state, rate_of_injection
 from scipy.integrate import solve_ivp
 
+from observer_rt.core.model.model import advance_state, rate_of_injection
 from observer_rt.model.effective import Coefficients, coefficients
 from observer_rt.model.integrator import Interval
 from observer_rt.model.network import constant_network, zero_network

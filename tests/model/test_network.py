@@ -5,6 +5,7 @@ import math
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
+
 from observer_rt.core.model.laws import fast_tanh
 
 

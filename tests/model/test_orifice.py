@@ -5,6 +5,7 @@ import math
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+
 from observer_rt.core.model.laws import root, root_slope
 
 DIFFERENCES = st.floats(-3, 3, allow_nan=False)

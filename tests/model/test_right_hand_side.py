@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from observer_rt.core.model.model import fault_with_rate, rate_of_injection, rates_of_change
 
+from observer_rt.core.model.model import fault_with_rate, rate_of_injection, rates_of_change
 from observer_rt.model.effective import Coefficients, coefficients
 from observer_rt.model.integrator import Interval
 from observer_rt.model.network import Network, constant_network, zero_network

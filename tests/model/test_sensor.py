@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from observer_rt.core.model.laws import lagged, lagged_slopes
 from scipy.integrate import solve_ivp
+
+from observer_rt.core.model.laws import lagged, lagged_slopes
 
 INTERVAL = 1e-5  # s
 pressures = st.floats(-0.1, 2.0)

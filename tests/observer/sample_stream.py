@@ -5,9 +5,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from observer_rt.core.stream.stream import INJECTIONS, RING
 
 from observer_rt.config.bench import load_injector
+from observer_rt.core.stream.stream import INJECTIONS, RING
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.foundation.continuity import RECORDED, RECORDED_RING, Break
 from observer_rt.model.effect import SizedEffect

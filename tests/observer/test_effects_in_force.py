@@ -3,9 +3,9 @@ no code with it, and has nothing left to learn."""
 
 import numpy as np
 import pytest
-from observer_rt.core.stream.stream import REACH
 
 from observer_rt.config.bench import load_injector
+from observer_rt.core.stream.stream import REACH
 from observer_rt.estimation.scalars import NOZZLE, OFFSET, SEAT
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import VOCABULARY, sized

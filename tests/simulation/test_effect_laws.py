@@ -8,10 +8,10 @@ from functools import cache
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from observer_rt.core.plant.plant import lift_of_stroke
 from scipy.integrate import solve_ivp
 
 from observer_rt.config.bench import load_injector
+from observer_rt.core.plant.plant import lift_of_stroke
 from observer_rt.model.effects import VOCABULARY, sized
 from observer_rt.simulation.schedule import make_schedule, strokes
 from observer_rt.simulation.simulate import Simulation, simulate

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from observer_rt.core.plant.plant import lift_of_stroke
 
 from observer_rt.config.bench import load_injector
+from observer_rt.core.plant.plant import lift_of_stroke
 from observer_rt.foundation.errors import UserError
 from observer_rt.simulation.schedule import (
     CORNER_ROUNDING,

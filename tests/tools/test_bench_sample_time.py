@@ -1,8 +1,8 @@
 """The time of a sample is that of an observer at work."""
 
 import numpy as np
-from observer_rt.core.stream.stream import RING
 
+from observer_rt.core.stream.stream import RING
 from tools.benchmarks.speed.sample import (
     BLOCK,
     OPEN_LIFT,

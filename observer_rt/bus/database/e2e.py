@@ -20,7 +20,6 @@ What the frames of a message are worth together says the receiver's state machin
 from enum import IntEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
 UNPROTECTED = 0
 PROFILE_1 = 1
@@ -28,17 +27,7 @@ PROFILE_2 = 2
 PROFILE_5 = 5
 PROFILE_7 = 7
 PROFILES = (PROFILE_1, PROFILE_2, PROFILE_5, PROFILE_7)
-_CRC_BYTES = 2  # of profile 5
-_COUNTER_BYTE = 2
-_NIBBLE_BYTE = 1  # with the counter of profiles 1 and 2
 DATA_IDS = 16  # of profile 2, one for every value of its counter
-_LENGTH_7, _COUNTER_7, _DATA_ID_7, _HEADER_7 = (
-    8,
-    12,
-    16,
-    20,
-)  # bytes of profile 7's header, its CRC before them
-
 
 PROTECTION = np.dtype(
     [
@@ -74,30 +63,6 @@ class E2EStatus(IntEnum):
     INITIAL = 6
 
 
-def _crc_table(bits: int, polynomial: int) -> NDArray[np.int64]:
-    remainder = np.arange(256) << bits - 8
-    for _ in range(8):
-        remainder = np.where(remainder >> bits - 1 & 1, remainder << 1 ^ polynomial, remainder << 1)
-    return remainder & (1 << bits) - 1
-
-
-CRC16_TABLE = _crc_table(16, 0x1021).astype(np.uint16)
-CRC8_TABLE = _crc_table(8, 0x1D).astype(np.uint8)
-CRC8H2F_TABLE = _crc_table(8, 0x2F).astype(np.uint8)
-
-
-def _reflected_table(polynomial: int) -> NDArray[np.uint64]:
-    table = []
-    for remainder in range(256):
-        for _ in range(8):
-            remainder = remainder >> 1 ^ (polynomial if remainder & 1 else 0)
-        table.append(remainder)
-    return np.array(table, np.uint64)
-
-
-CRC64_TABLE = _reflected_table(0xC96C5795D7870F42)  # 0x42F0E1EBA9EA3693, its bits in reverse
-
-
 class E2EState(IntEnum):
     """What the frames of a protected message are worth together."""
 
@@ -106,8 +71,6 @@ class E2EState(IntEnum):
     VALID = 2
     INVALID = 3
 
-
-_NODATA, _INIT, _VALID, _INVALID = (int(state) for state in E2EState)
 
 SUPERVISION = np.dtype(
     [

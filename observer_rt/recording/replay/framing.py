@@ -26,8 +26,6 @@ WINDOW_AFTER = 4 * MILLISECOND  # after it, in which the line rings
 RATE_TOLERANCE = 1e-6  # relative, between recording and bench
 LOWEST_RATE, HIGHEST_RATE = 1e3, 1e6  # Hz, of `SamplingConfig`
 OPEN_LIFT = 5 * MICROMETRE  # above any noise of the lift
-_BY_INDEX = int(Numbering.INDEX)
-_BY_COUNTER = int(Numbering.COUNTER)
 
 
 def bench_for(bench: Bench, recording: Sampled) -> Bench:

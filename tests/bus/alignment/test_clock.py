@@ -5,6 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+
+from observer_rt.bus.alignment.clock import jitter_of, make_clock
 from observer_rt.core.frames.frames import (
     WINDOW,
     delay_by_clock,
@@ -12,8 +14,6 @@ from observer_rt.core.frames.frames import (
     take_clock_stamp,
     time_by_clock,
 )
-
-from observer_rt.bus.alignment.clock import jitter_of, make_clock
 
 EPOCH = 1_700_000_000_000_000_000  # ns
 INTERVAL = 50e-6  # s

@@ -5,6 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+
+from observer_rt.bus.alignment.clock import make_clock
+from observer_rt.bus.alignment.timekeeping import Count, make_counting
 from observer_rt.core.frames.frames import (
     count_one_frame,
     forget_clock,
@@ -12,9 +15,6 @@ from observer_rt.core.frames.frames import (
     is_numbered_for_sure,
     take_clock_stamp,
 )
-
-from observer_rt.bus.alignment.clock import make_clock
-from observer_rt.bus.alignment.timekeeping import Count, make_counting
 
 EPOCH = 1_700_000_000_000_000_000  # ns
 CYCLE = 100e-6  # s

@@ -8,10 +8,10 @@ import pytest
 from cantools.database.can import Message, Signal
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
-from observer_rt.core.frames.frames import carries, decode_signals, encode_signals
 
 from observer_rt.bus.database.codec import signal_table
 from observer_rt.bus.database.multiplexing import compile_conditions, conditions_of
+from observer_rt.core.frames.frames import carries, decode_signals, encode_signals
 from tests.bus.database.random_databases import (
     Field,
     RandomMessage,

@@ -11,9 +11,9 @@ from cantools.database.can import Message, Signal
 from cantools.database.conversion import BaseConversion
 from hypothesis import given
 from hypothesis import strategies as st
-from observer_rt.core.frames.frames import decode_signals, encode_signals
 
 from observer_rt.bus.database.codec import signal_table
+from observer_rt.core.frames.frames import decode_signals, encode_signals
 from observer_rt.foundation.errors import UserError
 
 

@@ -14,14 +14,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from observer_rt.core.frames.frames import (
-    check_frame,
-    counter_in,
-    crc_of_profile_5,
-    protect_frame,
-    status_by_counter,
-    take_into_state,
-)
 
 from observer_rt.bus.database.e2e import (
     DATA_IDS,
@@ -34,6 +26,14 @@ from observer_rt.bus.database.e2e import (
     E2EState,
     E2EStatus,
     protection_of,
+)
+from observer_rt.core.frames.frames import (
+    check_frame,
+    counter_in,
+    crc_of_profile_5,
+    protect_frame,
+    status_by_counter,
+    take_into_state,
 )
 
 DATA_ID = 0x0100

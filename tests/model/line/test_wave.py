@@ -7,6 +7,8 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+
+from observer_rt.config.bench import load_injector
 from observer_rt.core.model.model import (
     FORGETTING,
     WEIGHTS,
@@ -15,8 +17,6 @@ from observer_rt.core.model.model import (
     rate_of_injection,
     rest_state,
 )
-
-from observer_rt.config.bench import load_injector
 from observer_rt.estimation.scalars import PARAMETERS, Parameter, by_theta, learned_of
 from observer_rt.model.effective import Coefficients, averaged
 from observer_rt.model.effects import effective_model, sized

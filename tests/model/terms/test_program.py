@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from observer_rt.core.model.model import totals_of_terms
 
+from observer_rt.core.model.model import totals_of_terms
 from observer_rt.model.terms.law import Applied, Law, Quantity, Tabulated
 from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.program import program_of

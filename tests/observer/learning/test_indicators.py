@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from observer_rt.core.model.model import rate_of_injection
 
+from observer_rt.core.model.model import rate_of_injection
 from observer_rt.estimation.scalars import NOZZLE, PARAMETERS, SEAT, Parameter, network_of
 from observer_rt.model.effective import coefficients
 from observer_rt.model.network import HIDDEN, zero_network

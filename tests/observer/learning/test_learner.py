@@ -8,9 +8,9 @@ from functools import cache
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from observer_rt.core.model.model import advance_state, changes_of_flow
 
 from observer_rt.config.bench import BenchInjector, load_bench
+from observer_rt.core.model.model import advance_state, changes_of_flow
 from observer_rt.estimation.gating import Belief, prior_belief
 from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.scalars import (

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from observer_rt.core.model.model import advance_state
 
+from observer_rt.core.model.model import advance_state
 from observer_rt.estimation.predictor import Window
 from observer_rt.estimation.scalars import SCALARS, Scalar, Scalars, ShownIndicator
 from observer_rt.model.integrator import Interval

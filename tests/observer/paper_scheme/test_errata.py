@@ -8,8 +8,8 @@ import math
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from observer_rt.core.model.model import rates_of_change
 
+from observer_rt.core.model.model import rates_of_change
 from observer_rt.model.network import constant_network
 from observer_rt.observer.paper_scheme.network import fault_cost, free_network, no_fault, scaled_identity
 from observer_rt.observer.paper_scheme.systems import swept

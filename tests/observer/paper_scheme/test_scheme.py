@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from observer_rt.core.paper.scheme import fault_of, rate_by_balance
 
 from observer_rt.config.bench import load_injector
+from observer_rt.core.paper.scheme import fault_of, rate_by_balance
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effective import coefficients

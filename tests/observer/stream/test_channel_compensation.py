@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from observer_rt.core.stream.stream import dead_band
 
+from observer_rt.core.stream.stream import dead_band
 from observer_rt.foundation.continuity import Break
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import effective_model, sized

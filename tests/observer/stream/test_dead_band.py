@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+
 from observer_rt.core.model.laws import seat_area
 from observer_rt.core.stream.stream import LOOK_BACK, dead_band
-
 from tests.observer.sample_stream import NOMINAL, RAIL, Stream, stroke
 
 UM = 1e-6

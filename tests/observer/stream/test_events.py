@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from observer_rt.core.stream.stream import MAX_EVENT, RING
 
+from observer_rt.core.stream.stream import MAX_EVENT, RING
 from observer_rt.foundation.continuity import Break
 from observer_rt.observer.observer import Durations
 from observer_rt.observer.stream.state import Reason, State

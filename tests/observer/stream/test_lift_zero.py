@@ -5,8 +5,8 @@ from functools import cache
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from observer_rt.core.stream.stream import MAX_EVENT
 
+from observer_rt.core.stream.stream import MAX_EVENT
 from observer_rt.observer.stream.standstill import RestingLift
 from observer_rt.observer.stream.state import Reason, State
 from observer_rt.simulation.schedule import make_schedule

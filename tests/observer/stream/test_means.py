@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from observer_rt.core.evidence.areas import slope_of_means as slope_of_means
 
 from observer_rt.config.bench import load_bench
 from observer_rt.config.injector import Meaning, SamplingConfig
+from observer_rt.core.evidence.areas import slope_of_means as slope_of_means
 from observer_rt.evaluation.evaluate import Evaluation, evaluate
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.recording.signals.recording import Recording

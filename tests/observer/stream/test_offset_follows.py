@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from observer_rt.core.stream.stream import FURTHEST_OFFSET
 
+from observer_rt.core.stream.stream import FURTHEST_OFFSET
 from observer_rt.foundation.units import MEGAPASCAL
 from tests.observer.sample_stream import NOISE, RAIL, Stream
 

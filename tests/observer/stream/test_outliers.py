@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+
 from observer_rt.core.stream.stream import CHANGE_MEMORY as MEMORY
 from observer_rt.core.stream.stream import CLOSE, FEWEST_REPEATS, RESTLESS, STEP
-
 from observer_rt.observer.observer import Durations
 from observer_rt.observer.stream.state import LIFT, LINE, RAIL, Reason
 from tests.observer.sample_stream import NOISE, Stream, place, stroke

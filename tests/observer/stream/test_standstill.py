@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from observer_rt.core.stream.stream import ENOUGH_SAMPLES
 
+from observer_rt.core.stream.stream import ENOUGH_SAMPLES
 from observer_rt.estimation.gain import NoiseLevels
 from observer_rt.model.effects import sized
 from observer_rt.observer.observer import event_standstill

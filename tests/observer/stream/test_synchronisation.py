@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from observer_rt.core.stream.stream import LOOK_BACK
 
+from observer_rt.core.stream.stream import LOOK_BACK
 from observer_rt.foundation.continuity import Break
 from observer_rt.observer.stream.state import Reason, State
 from tests.observer.sample_stream import NOISE, RAIL, Stream, stroke

@@ -3,8 +3,8 @@
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from observer_rt.core.stream.stream import reason_and_state
 
+from observer_rt.core.stream.stream import reason_and_state
 from observer_rt.foundation.continuity import Doubt
 from observer_rt.observer.stream.state import Reason, State
 from observer_rt.observer.stream.validity import (

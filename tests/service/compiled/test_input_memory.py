@@ -5,8 +5,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from observer_rt.core.frames.frames import GRACE
 
+from observer_rt.core.frames.frames import GRACE
 from observer_rt.recording.replay.framing import Span, TimedFrame
 from tests.benches import SAMPLE_RATE
 from tests.device import Device, core_of, hand, simulated

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from observer_rt.core.frames.frames import READINGS
 
 from observer_rt.bus.links.link import BusFrame, Frame, block_of
+from observer_rt.core.frames.frames import READINGS
 from observer_rt.recording.replay.framing import TimedFrame
 from observer_rt.recording.signals.recording import Recording
 from observer_rt.simulation.schedule import Shot

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.random import Generator
-from observer_rt.core.frames.frames import protect_frame
 
 from observer_rt.bus.mapping.bus_map import BusMap
+from observer_rt.core.frames.frames import protect_frame
 from tools.benchmarks.faults.scenario import Group, Kind, Placed
 
 LOST = (0.01, 0.5)  # share of the frames

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from observer_rt.core.stream.stream import RING
 
+from observer_rt.core.stream.stream import RING
 from observer_rt.estimation.scalars import Parameter
 from observer_rt.foundation.continuity import RECORDED, RECORDED_RING, Break
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND, MILLISECOND

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from observer_rt.core.model.laws import normalised_area
-from observer_rt.core.model.model import fault_with_rate
 from scipy.optimize import minimize
 
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_injector
+from observer_rt.core.model.laws import normalised_area
+from observer_rt.core.model.model import fault_with_rate
 from observer_rt.foundation.units import MILLISECOND
 from observer_rt.model.effective import coefficients
 from observer_rt.model.effects import sized

@@ -177,7 +177,7 @@ def test_the_databases_name_every_state_and_reason(database: Path, message: str)
     ("message", "names", "pages"),
     [
         ("InjectionSummary", signals_of(SummaryValues), 7),
-        ("ObserverStatus", signals_of(StatusValues)[:-5], 12),
+        ("ObserverStatus", signals_of(StatusValues)[:-7], 12),
     ],
 )
 def test_the_classic_layout_carries_what_the_fd_layout_does(

@@ -136,7 +136,8 @@ def make_observer(
 ) -> Observer:
     """An observer with empty memory that carries `knowledge`; healthy: what its model leaves unexplained."""
     states, parameters = constants.coefficients.states, knowledge.in_force.size
-    verdicts = no_verdicts(parameters, learner.schedule, learner.phi)
+    phi = learner.phi  # new arrays each time it is asked for
+    verdicts = no_verdicts(parameters, learner.schedule, phi)
     memory, recorded, ring = np.zeros(1, MEMORY), make_recorded(), np.zeros(RING, SAMPLE)
     x_tilde, x_hat, gains = (
         np.zeros((RING, states)),
@@ -153,8 +154,8 @@ def make_observer(
         ),
     )
     stream = Stream(*lent, verdicts.slots, verdicts.gains, verdicts.theta)
-    stepper = _bound_stepper(stream, constants, learner.phi.carried(verdicts.phi))
-    observer = Observer(constants, *lent, learner.phi, verdicts, stream, stepper)
+    stepper = _bound_stepper(stream, constants, phi.carried(verdicts.phi))
+    observer = Observer(constants, *lent, phi, verdicts, stream, stepper)
     memory = observer.memory[0]
     memory["hidden"] = zero_network().hidden
     memory["phi_version"] = knowledge.phi_version

@@ -106,7 +106,7 @@ cdef void _integrate(
         _rates(there, u_2, y_2, s, fourth)
         for j in range(n):
             x[j] = x[j] + step / 6.0 * ((first[j] + 2.0 * (second[j] + third[j])) + fourth[j])
-    if start.area <= 0.0 and end.area <= 0.0 and fabs(x[SAC]) < EMPTY_SAC:
+    if s.phi == NULL and start.area <= 0.0 and end.area <= 0.0 and fabs(x[SAC]) < EMPTY_SAC:
         empty_sac(x, NULL)
 
 

@@ -208,7 +208,8 @@ cdef double _correct(Stepping* s, int64_t position) noexcept nogil:
             x_tilde[SAC] = 0.0
         memcpy(x_hat, x_tilde, states * sizeof(double))
         memcpy(s.of_hat.past, s.of_tilde.past, 8 * sizeof(double))
-        memcpy(s.of_hat.memory, s.of_tilde.memory, 3 * s.of_tilde.rows * sizeof(double))
+        if s.of_tilde.rows > 0:
+            memcpy(s.of_hat.memory, s.of_tilde.memory, 3 * s.of_tilde.rows * sizeof(double))
         _read(s, position, &s.coefficients, &s.network)
     else:
         memcpy(x_hat, _x_hat(s, position - 1), states * sizeof(double))

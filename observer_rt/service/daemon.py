@@ -22,7 +22,7 @@ from observer_rt.service.port import RETRY, Port, buses_of
 from observer_rt.service.pump.latency import Latency
 from observer_rt.service.pump.pump import FramePump
 from observer_rt.service.reports.news import Listener, to_all
-from observer_rt.service.rights import take_time
+from observer_rt.service.rights import take_time, touch
 from observer_rt.service.watch.input_watch import PERIOD as LOOK_PERIOD
 from observer_rt.service.watch.input_watch import InputWatch, LearningWatch, RestartWatch, StateWatch
 
@@ -94,6 +94,7 @@ class Daemon:
         """
         self._last_input = self._next_status = self._next_look = time.monotonic_ns()
         self.arrivals.begin(self._last_input)
+        touch(self.core.compiled.pipeline)
         port = self.ports[self._bus.status.layout.bus]  # of all results
         self._pump = FramePump(
             self._links, self.core, self._bus, self.arrivals, port.count_unsent, self._on_thread

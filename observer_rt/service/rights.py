@@ -14,6 +14,8 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
+import numpy as np
+
 _CURRENT, _FUTURE, _ON_FAULT = 1, 2, 4  # mlockall(2)
 _PR_SET_TIMERSLACK = 29
 _CAP_IPC_LOCK = 1 << 14
@@ -56,6 +58,17 @@ def lock_memory(granted: Rights) -> Rights:
         return granted
     failed = ctypes.CDLL(None).mlockall(_CURRENT | _FUTURE | _ON_FAULT)
     return replace(granted, may_lock_memory=not failed)
+
+
+def touch(memory: object) -> None:
+    """Write to every page of arrays, in tuples of any depth, so that none is fetched while the loop runs."""
+    if isinstance(memory, np.ndarray):
+        if memory.flags.writeable and memory.flags.c_contiguous:
+            pages = memory.reshape(-1).view(np.uint8)[:: resource.getpagesize()]
+            pages[:] = pages.copy()
+    elif isinstance(memory, tuple):
+        for part in memory:
+            touch(part)
 
 
 def hurry(processor: int | None, priority: int) -> bool:

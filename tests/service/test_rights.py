@@ -218,3 +218,20 @@ def test_the_loop_of_a_daemon_is_alone_on_its_processor(tmp_path: Path) -> None:
 def allowed(process: int) -> list[set[int]]:
     """Processors that each thread of a process may run on."""
     return [set(os.sched_getaffinity(int(task.name))) for task in Path(f"/proc/{process}/task").iterdir()]
+
+
+TOUCHED = """
+import resource
+import numpy as np
+from observer_rt.service.rights import touch
+arrays = (np.zeros(1 << 20), (np.zeros(3, [("a", "f8"), ("b", "i1", 3)]), 5), np.broadcast_to(0.0, (1 << 40,)))
+touch(arrays)
+before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+arrays[0][::512] = 1.0
+assert resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before < 100
+assert not arrays[1][0]["b"].any()
+"""
+
+
+def test_memory_that_was_touched_is_there() -> None:
+    run_alone(TOUCHED)

@@ -200,7 +200,7 @@ cdef inline void _move_tangent(Tangent* t, double step, int n) noexcept nogil:
     cdef const double* by_number
     cdef int64_t column
     cdef int stage, row, i, j
-    for column in range(0, t.m, 4):
+    for column in range(0, t.m, 8):
         for row in range(n):
             for j in range(WIDTH):
                 start[row][j] = there[row][j] = t.by[row * t.m + column + j]

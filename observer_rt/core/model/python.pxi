@@ -257,7 +257,7 @@ def stiffness_of(double x_1, line) -> float:
     return stiffness(x_1, &softness)
 
 
-globals().update(STEP=WAVE_STEP, MEMORIES=MEMORIES, FORGETTING=tuple(FORGETTING), WEIGHTS=tuple(WEIGHTS), COLUMNS=COLUMNS)
+globals().update(STEP=WAVE_STEP, MEMORIES=MEMORIES, FORGETTING=tuple(FORGETTING), WEIGHTS=tuple(WEIGHTS), COLUMNS=WIDTH)
 
 
 def steps_in(double interval) -> int:

@@ -8,8 +8,7 @@ cdef enum:
     MOST_COEFFICIENTS = 24  # of a line
     SAC = 2  # place of p_S in x
     MEMORIES = 3  # states of a wave's line that remember its flow
-    WIDTH = 4  # columns reckoned together
-    COLUMNS = 8  # a multiple of which tangents are wide
+    WIDTH = 8  # columns of a tangent reckoned together; tangents are a multiple of it wide
 
 # Kinds of line, each also with the integral of p_L as its last state.
 cdef enum:

@@ -224,16 +224,18 @@ class Passage:
         self, observer: Observer, rows: NDArray[np.int64], place: NDArray[np.int64], nominal: Signal
     ) -> None:
         """What the observer says in some rows (k,) of its ring, of samples that stand at such places."""
-        said, held = observer.ring[rows], self._remembered
-        held["line_pressure"][place] = np.where(said["interpolated"], np.nan, said["line_pressure"])
+        ring, held = observer.ring, self._remembered
+        held["line_pressure"][place] = np.where(
+            ring["interpolated"][rows], np.nan, ring["line_pressure"][rows]
+        )
         held["nominal_rate"][place] = nominal
         for name in ("injection_rate", "valid", "state"):
-            held[name][place] = said[name]
+            held[name][place] = ring[name][rows]
         states = self._states[self._begin : self._end]
         if len(states):
-            flows = ~np.isnan(said["injection_rate"])
-            states["x"][place[flows]] = observer.x_hat[rows[flows], :3]
-            states["phi"][place[flows]] = said["phi"][flows]
+            is_known = ~np.isnan(ring["injection_rate"][rows])
+            states["x"][place[is_known]] = observer.x_hat[rows[is_known], :3]
+            states["phi"][place[is_known]] = ring["phi"][rows[is_known]]
 
     def note_report(self, report: InjectionReport) -> None:
         """Tell an injection and how sure its rate is."""

@@ -183,12 +183,17 @@ def changes_of_flow(x, u, network) -> tuple[float, float]:
     return nozzle, seat
 
 
-def activations_of(x, u, network) -> list[float]:
-    """tanh(V z) (q,) of the hidden neurons, with z = [x u 1]."""
+def change_and_activations(x, u, network) -> tuple[float, list[float]]:
+    """N_H of (7), and tanh(V z) (q,) of the hidden neurons, with z = [x u 1]."""
     cdef const double[::1] state = _state(x)
     cdef Weights weights = Weights(network)
     n = &weights.network
-    return [activation(&state[0], _inputs(u), n.hidden + 6 * neuron) for neuron in range(n.neurons)]
+    nozzle, found = n.bias[0], []
+    for neuron in range(n.neurons):
+        sigma = activation(&state[0], _inputs(u), n.hidden + 6 * neuron)
+        nozzle += n.output[neuron] * sigma
+        found.append(sigma)
+    return nozzle, found
 
 
 def slopes_of_flows(x, u, coefficients, network, double[::1] sigmas) -> dict[str, object]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.model.model import activations_of, changes_of_flow
+from observer_rt.core.model.model import change_and_activations
 from observer_rt.estimation.scalars import NOZZLE, SCALARS, SEAT, Parameter, Scalars, network_of
 from observer_rt.model.network import HIDDEN
 
@@ -72,12 +72,13 @@ def nozzle_change(
     (1 + N_H) sqrt((x3 - d)/x3) - 1: network and back-pressure d together, the equivalent of v_H in (27).
     """
     network, slopes, area = network_of(theta), np.zeros(theta.size), float(u[1])
-    factor = 1.0 + changes_of_flow(x, u, network)[0]
+    change, activations = change_and_activations(x, u, network)
+    factor = 1.0 + change
     x_3 = max(float(x[2]), LEAST_SAC_PRESSURE)
     back_pressure = float(network.back_pressure[0] + network.back_pressure[1] * area)
     against_chamber = math.sqrt(max(1.0 - back_pressure / x_3, 0.0))
     slopes[_NOZZLE] = against_chamber
-    slopes[_WEIGHTS : _WEIGHTS + HIDDEN] = against_chamber * np.array(activations_of(x, u, network))
+    slopes[_WEIGHTS : _WEIGHTS + HIDDEN] = against_chamber * np.array(activations)
     if against_chamber > 0.0:
         slopes[_BACK_PRESSURE] = -0.5 * factor / (x_3 * against_chamber)
         slopes[_BACK_PRESSURE + 1] = slopes[_BACK_PRESSURE] * area

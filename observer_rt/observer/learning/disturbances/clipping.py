@@ -14,17 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator
 
+from observer_rt.core.learning.outliers import AT_LEVEL, FEWEST, find_pile, smoothed
 from observer_rt.estimation.predictor import Window
 from observer_rt.observer.learning.disturbances.noise_levels import Sigmas, mask_of, median
 from observer_rt.observer.learning.memory import Tracker
 
-SMOOTHED = 5  # samples whose mean tells how far the line pressure goes
-AT_LEVEL = 1.5  # standard deviations of a sample below a level, from which on that mean is at it
 BEYOND = 3.0  # standard deviations above it that no range ends at
 MARGIN = 3  # samples on either side of those at the level: the mean sees them too late
-REFINEMENTS = 3  # of a level, which begins too high
-FEWEST = 6  # samples at a level that tell anything
-MOVING = 10.0  # standard deviations by which others must be away from it: a pressure at rest ends nowhere
 FLAT = 3.0  # standard deviations of the chi2 of a constant that is one
 CHANGING = 12.0  # chi2 by which the innovations change there more than y does
 EXPLAINED = 1.5  # standard deviations of most innovations, where the model is known
@@ -105,46 +101,12 @@ def pile_of(
     first: int,
 ) -> Pile | None:
     """The samples of y (n,) about its highest level that are not masked, None where they are too few, or y rests."""
-    samples, level, constant, changing = _gather(y, innovations, masked, sigmas.noise, first)
+    samples, level, constant, changing = find_pile(y, innovations, masked, sigmas.noise, first)
     if samples < FEWEST:
         return None
     constant, changing = constant / sigmas.noise**2, changing / sigmas.innovation**2
     is_flat = constant < samples + FLAT * math.sqrt(2.0 * samples)
     return Pile(level, changing - constant if is_flat else 0.0)
-
-
-def _gather(
-    y: NDArray[np.float64],
-    innovations: NDArray[np.float64],
-    masked: NDArray[np.bool_],
-    noise: float,
-    first: int,
-) -> tuple[int, float, float, float]:
-    """The samples at the highest level, refined: how many, their mean, squares of y and innovations round it."""
-    counted = ~masked[first:]
-    y, innovations, means = (values[first:][counted] for values in (y, innovations, _smoothed(y)))
-    if not means.size or not means.max() - means.min() >= MOVING * noise:
-        return 0, math.nan, 0.0, 0.0
-    level = float(means.max())
-    for _ in range(REFINEMENTS):
-        at = means > level - AT_LEVEL * noise
-        samples = int(np.count_nonzero(at))
-        if samples < FEWEST:
-            return samples, level, 0.0, 0.0
-        level = float(y[at].mean())
-    changing = innovations[at]
-    return (
-        samples,
-        level,
-        float(np.sum((y[at] - level) ** 2)),
-        float(np.sum((changing - changing.mean()) ** 2)),
-    )
-
-
-def _smoothed(y: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Means (n,) over some neighbours; at both ends, where some are missing, of fewer."""
-    window = np.ones(SMOOTHED)
-    return np.convolve(y, window, "same") / np.convolve(np.ones(y.size), window, "same")
 
 
 def _is_explained(innovations: NDArray[np.float64], sigmas: Sigmas) -> bool:
@@ -154,10 +116,10 @@ def _is_explained(innovations: NDArray[np.float64], sigmas: Sigmas) -> bool:
 
 def _about(y: NDArray[np.float64], level: float, sigmas: Sigmas) -> NDArray[np.bool_]:
     """Samples of y (n,) whose means over some neighbours are at a level, and those beside them."""
-    at = _smoothed(y) > level - AT_LEVEL * sigmas.noise
+    at = smoothed(y) > level - AT_LEVEL * sigmas.noise
     return np.asarray(np.convolve(at, np.ones(2 * MARGIN + 1), "same") > 0.5, np.bool_)
 
 
 def _is_beyond(y: NDArray[np.float64], levels: Levels, sigmas: Sigmas) -> NDArray[np.bool_]:
     """Means of y (n,) over some neighbours above levels at which the range ends, so that it does not."""
-    return np.asarray(_smoothed(y) > float(np.mean(levels)) + BEYOND * sigmas.noise, np.bool_)
+    return np.asarray(smoothed(y) > float(np.mean(levels)) + BEYOND * sigmas.noise, np.bool_)

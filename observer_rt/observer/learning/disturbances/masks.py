@@ -5,7 +5,6 @@ at the event's highest or lowest level, if that recurs, is clipped; one at the s
 what the injector does; and of many in one event the model is to blame.
 """
 
-import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.learning.outliers import BETTER, LENGTH, find_held, find_loud, largest_of
 from observer_rt.estimation.predictor import Window
 from observer_rt.observer.learning.disturbances.noise_levels import Sigmas, loudness, mask_of, robust_sigma
 from observer_rt.observer.learning.memory import Tracker
@@ -29,7 +29,7 @@ MOST_SPIKES = 12  # in an event
 
 def spikes_of(innovations: NDArray[np.float64], sigma: float, first: int) -> list[tuple[int, int]]:
     """Samples [start, end) of innovations (n,), from `first` on, that leap away and soon back."""
-    if _largest(innovations, first)[0] <= LEAP * sigma:
+    if largest_of(innovations, first)[0] <= LEAP * sigma:
         return []
     steps = np.diff(innovations)
     leaps = [int(k) for k in np.flatnonzero(np.abs(steps) > LEAP * sigma) if k >= first]
@@ -46,14 +46,14 @@ def sharp_spikes_of(innovations: NDArray[np.float64], sigma: float, first: int) 
 
     Where the innovations are larger than they should be, so must be the spikes. Of many the model is to blame.
     """
-    if _largest(innovations, first)[1] < SHARP * sigma:  # nor is anything sharp by a larger one
+    if largest_of(innovations, first)[1] < SHARP * sigma:  # nor is anything sharp by a larger one
         return []
     counted = innovations[first:]
     sigma = max(sigma, robust_sigma(counted))
     counted = counted / sigma
     left, found = counted.copy(), list[tuple[int, int]]()
     for _ in range(MOST_SPIKES + 1):
-        total = _summed(left)
+        total = np.concatenate(([0.0], np.cumsum(left)))
         deviates = {
             width: _spread((total[width:] - total[:-width]) / np.sqrt(width)) for width in SHARP_WIDTHS
         }
@@ -69,33 +69,11 @@ def sharp_spikes_of(innovations: NDArray[np.float64], sigma: float, first: int) 
     return []
 
 
-def _largest(innovations: NDArray[np.float64], first: int) -> tuple[float, float]:
-    """Leap of innovations (n,), and mean over the widths of a spike times the square root of the samples."""
-    counted = innovations[first:]
-    total = _summed(counted)
-    leap = float(np.abs(np.diff(counted)).max(initial=0.0))
-    means = (
-        float(np.abs(total[width:] - total[:-width]).max(initial=0.0)) / math.sqrt(width)
-        for width in SHARP_WIDTHS
-    )
-    return leap, max(means)
-
-
 def _spread(deviates: NDArray[np.float64]) -> NDArray[np.float64]:
     """Deviates by what most of them are, if that is more than 1: the sums of coloured noise are larger."""
     return deviates / max(1.0, robust_sigma(deviates))
 
 
-SHORTEST, LONGEST = 8, 64  # samples of a stretch
-BETTER = 40.0  # chi2 by which a constant must beat the model
-JUMP = 5.0  # standard deviations by which the value jumps when it is let go
-LONG = 24  # samples of one that need not jump when it is let go
-MUCH_BETTER = 300.0  # chi2 by which a constant must then beat the model
-MOST_OF_A_HELD_ONE = 6.0  # standard deviations for which a sample of it counts at most: one alone is a spike
-FLAT_STRETCH = (
-    28.0  # chi2 of a constant over so many samples that is one, beyond their number: four standard deviations
-)
-RECOVERY = 20  # samples after a stretch, until the innovations are themselves again
 BEYOND = 3.0  # standard deviations, within which a value counts as the highest or lowest
 
 
@@ -117,102 +95,29 @@ def frozen_stretches(
     Or where it does so very much better for long: y may by chance be let go where it would have been.
     """
     y = window.output
-    spans = _find_held(y, innovations, mask_of(window), sigmas, first)
-    if not spans:
+    spans = find_held(y, innovations, mask_of(window), sigmas.innovation, sigmas.noise, first)
+    if not len(spans):
         return ()
     lowest, highest = np.partition(y, (2, -3))[[2, -3]]
     beyond = BEYOND * sigmas.noise
     return [
-        HeldStretch(start, end, level, not lowest + beyond < level < highest - beyond)
-        for start, end, level in spans
+        HeldStretch(int(start), int(end), level, not lowest + beyond < level < highest - beyond)
+        for start, end, level in spans.tolist()
     ]
 
 
-def _find_held(
-    y: NDArray[np.float64],
-    innovations: NDArray[np.float64],
-    masked: NDArray[np.bool_],
-    sigmas: Sigmas,
-    first: int,
-) -> list[tuple[int, int, float]]:
-    """Stretches: start, end, level, by what ends them: a leap of the innovations, or how long y was held."""
-    deviates = innovations / sigmas.innovation
-    constants = _Constants(y, sigmas.noise)
-    explained = _summed(deviates**2)
-    in_part = _summed(np.minimum(np.abs(deviates), MOST_OF_A_HELD_ONE) ** 2)
-    ends = np.arange(first + LONG, y.size)
-    constant = constants.chi2(ends - LONG, ends)
-    held = constant < LONG + FLAT_STRETCH
-    held &= in_part[ends] - in_part[ends - LONG] - constant > MUCH_BETTER
-    is_last = np.zeros(y.size, np.bool_)
-    is_last[ends[held]] = True
-    is_last[:-1] &= ~is_last[1:]
-    is_leap = np.abs(np.diff(innovations, prepend=innovations[:1])) > JUMP * sigmas.innovation
-    found: list[tuple[int, int, float]] = []
-    begin = first
-    for end in np.flatnonzero(is_leap | is_last).tolist():
-        starts = np.arange(end - SHORTEST, max(end - LONGEST, begin) - 1, -1)
-        if not starts.size:
-            continue
-        better = explained[end] - explained[starts] - constants.chi2(starts, end)
-        best = int(np.argmax(better))
-        start = int(starts[best])
-        if not better[best] >= BETTER or masked[start:end].any():
-            continue
-        level = constants.level(start, end)
-        if is_last[end] or abs(y[end] - level) >= JUMP * sigmas.innovation:
-            found.append((start, end, level))
-            begin = end + RECOVERY
-    return found
-
-
-class _Constants:
-    """Constants that explain stretches of y (n,)."""
-
-    def __init__(self, y: NDArray[np.float64], noise: float) -> None:
-        self._origin, self._noise = float(y[0]), noise
-        self._sums, self._squares = _summed(y - y[0]), _summed((y - y[0]) ** 2)
-
-    def chi2(self, start: NDArray[np.int64], end: NDArray[np.int64] | int) -> NDArray[np.float64]:
-        """Of each stretch [start, end)."""
-        mean_square = (self._sums[end] - self._sums[start]) ** 2 / (end - start)
-        return (self._squares[end] - self._squares[start] - mean_square) / self._noise**2
-
-    def level(self, start: int, end: int) -> float:
-        """The mean of one."""
-        return float((self._sums[end] - self._sums[start]) / (end - start) + self._origin)
-
-
-def _summed(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Sums (n + 1,) of values (n,) up to each place."""
-    return np.concatenate(([0.0], np.cumsum(values)))
-
-
 DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])  # what the level of the noise is measured by at rest
-LENGTH = 48  # samples over which a loudness is told
-LOUD = 3.0  # times the variance at rest: that of white noise stays below 2 in 1e4 events
-MOST_OF_ONE = 9.0  # times that variance, that a sample counts for: a spike is no burst
 MOST = 0.35  # share of an event, beyond which its noise is just not known
 
 
 def bursts_of(y: NDArray[np.float64], noise: float) -> list[HeldStretch]:
     """Stretches of y (n,) louder than its noise (standard deviation); fourth differences hide what is slow."""
-    loud = _are_loud(y, noise)
-    if not 0 < np.count_nonzero(loud) <= MOST * y.size:
+    loud = np.empty(y.size, np.bool_)
+    if not 0 < find_loud(y, noise, loud) <= MOST * y.size:
         return []
     changes = np.flatnonzero(np.diff(loud, prepend=False, append=False))
     spans = zip(changes[::2], changes[1::2], strict=True)
     return [HeldStretch(int(start), int(end), float(np.mean(y[start:end])), False) for start, end in spans]
-
-
-def _are_loud(y: NDArray[np.float64], noise: float) -> NDArray[np.bool_]:
-    """Which samples (n,) have a loud mean square round them."""
-    squares = np.ones(y.size)
-    differences = np.convolve(y, DIFFERENCE, "valid")
-    squares[2:-2] = np.minimum(differences**2 / (float(DIFFERENCE @ DIFFERENCE) * noise**2), MOST_OF_ONE)
-    sums, first = _summed(squares), np.arange(y.size) - LENGTH // 2
-    first, end = np.maximum(first, 0), np.minimum(first + LENGTH, y.size)
-    return np.asarray(sums[end] - sums[first] > LOUD * (end - first), np.bool_)
 
 
 MARGIN = 3  # a third of a stretch before it is masked as well: it may have begun unseen

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from observer_rt.core.learning.outliers import LENGTH
 from observer_rt.estimation.predictor import Window
-from observer_rt.observer.learning.disturbances.masks import LENGTH, RECURS, OutlierSearch, bursts_of
+from observer_rt.observer.learning.disturbances.masks import RECURS, OutlierSearch, bursts_of
 from observer_rt.observer.learning.disturbances.noise_levels import Sigmas
 
 NOISE, COUNT, FIRST = 0.0015, 1400, 50  # of p_0, samples

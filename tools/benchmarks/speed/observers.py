@@ -72,9 +72,7 @@ def cpu_time(process: psutil.Process) -> float:
 
 
 @contextmanager
-def observer(
-    command: Sequence[str | Path], descriptors: Sequence[int] = (), environment: dict[str, str] | None = None
-) -> Iterator[Observer]:
+def observer(command: Sequence[str | Path], descriptors: Sequence[int] = ()) -> Iterator[Observer]:
     """Start one, and wait until it has said `ready`; end it with SIGTERM. Raises RunError."""
     begin = time.monotonic()
     process = subprocess.Popen(
@@ -83,7 +81,7 @@ def observer(
         stderr=subprocess.STDOUT,
         text=True,
         pass_fds=descriptors,
-        env=os.environ | {"COLUMNS": "300"} | (environment or {}),
+        env=os.environ | {"COLUMNS": "300"},
     )
     said: list[str] = []
     ready = threading.Event()

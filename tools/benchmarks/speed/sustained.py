@@ -3,7 +3,6 @@ soon it is ready, and for as long as one likes with its Python disturbed: what g
 """
 
 import socket
-import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass
@@ -28,7 +27,7 @@ from tools.benchmarks.speed.traffic import (
 )
 
 BUFFER_BYTES = 16 << 20  # as the daemon asks of a CAN socket
-WARM_STARTS = 3
+STARTS = 3
 STRETCH = 10.0  # s of a soak
 SETTLED = 0.2  # of the soak, after which nothing should grow any more
 FEWEST = 10  # stretches a line is put through
@@ -78,15 +77,13 @@ def socket_pair(stack: ExitStack) -> Pair:
 
 
 @contextmanager
-def daemon_on_sockets(
-    folder: Path, command: Sequence[str] = RUN, environment: dict[str, str] | None = None
-) -> Iterator[tuple[Observer, socket.socket]]:
+def daemon_on_sockets(folder: Path, command: Sequence[str] = RUN) -> Iterator[tuple[Observer, socket.socket]]:
     """A daemon that is ready, and the socket to send to it by; its bench file goes into the folder."""
     with ExitStack() as stack:
         pair = socket_pair(stack)
         descriptor = pair.receiver.fileno()
         bench = write_bench(folder, "descriptor", str(descriptor), Ids())
-        yield stack.enter_context(observer([*command, bench], [descriptor], environment)), pair.sender
+        yield stack.enter_context(observer([*command, bench], [descriptor])), pair.sender
 
 
 def measure_sustained(folder: Path, traffic: Traffic, seconds: float, rate: float = SAMPLE_RATE) -> Sustained:
@@ -124,16 +121,11 @@ def farewell(ours: Observer) -> str:
 
 @dataclass(frozen=True)
 class Startup:
-    """Seconds, the fastest of some warm starts; cold: with an empty folder of compiled code, None if left out.
+    """Seconds, the fastest of some starts; imports_s: until its first word; cpu_s: of the processor, all threads."""
 
-    imports_s: of the warm one until it says its first word; cpu_s: processor time of them, all threads.
-    """
-
-    warm_s: float
+    ready_s: float
     imports_s: float
-    warm_cpu_s: float
-    cold_s: float | None
-    cold_cpu_s: float | None
+    cpu_s: float
     memory_mib: float
 
 
@@ -145,26 +137,14 @@ class _Start:
     memory: int
 
 
-def measure_startup(folder: Path, *, cold: bool) -> Startup:
-    """Start it a few times, and once with nothing compiled."""
-    starts = [_start(folder) for _ in range(1 + WARM_STARTS)][1:]  # the first may have to compile
-    warm = min(starts, key=lambda each: each.ready_s)
-    slow = None
-    if cold:
-        with tempfile.TemporaryDirectory(dir=folder) as empty:
-            slow = _start(folder, {"NUMBA_CACHE_DIR": empty})
-    return Startup(
-        warm.ready_s,
-        warm.imports_s,
-        warm.cpu_s,
-        slow.ready_s if slow else None,
-        slow.cpu_s if slow else None,
-        warm.memory / _MEBIBYTE,
-    )
+def measure_startup(folder: Path) -> Startup:
+    """Start it a few times."""
+    best = min((_start(folder) for _ in range(STARTS)), key=lambda each: each.ready_s)
+    return Startup(best.ready_s, best.imports_s, best.cpu_s, best.memory / _MEBIBYTE)
 
 
-def _start(folder: Path, environment: dict[str, str] | None = None) -> _Start:
-    with daemon_on_sockets(folder / "startup", environment=environment) as (started, _):
+def _start(folder: Path) -> _Start:
+    with daemon_on_sockets(folder / "startup") as (started, _):
         return _Start(started.ready_after, started.spoke_after, started.cpu_time(), started.memory())
 
 

@@ -8,7 +8,7 @@ from observer_rt.foundation.errors import UserError
 
 _FOLDER = Path(__file__).parent
 _FLAGS = ("-O3", "-march=native", "-fno-math-errno", "-Wall")
-"""As Numba compiles: for this processor, without `errno`, and without `-ffast-math`."""
+"""As the core is compiled: for this processor, without `errno`, and without `-ffast-math`."""
 
 
 def program(name: str, folder: Path) -> Path:

@@ -11,7 +11,7 @@ def main() -> None:
     collect_seldom()
     try:
         _import_python_can()
-        from observer_rt.cli.app import main as command_line
+        from observer_rt.desk.cli.app import main as command_line
 
         command_line()
     except KeyboardInterrupt:

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from observer_rt.estimation.phases import Phase
+from observer_rt.engine.estimation.phases import Phase
 from observer_rt.model.baseline import Baseline
 
 WHITE = {phase.name.lower(): 1.0 for phase in Phase}

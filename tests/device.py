@@ -5,7 +5,7 @@ plain cantools. Further functions alter frames as buses, wires and clocks do; fr
 slicing their list. `run` hands them to a core, and `Result` is what came back, read by plain cantools and
 autosar-e2e.
 
-Beside this, in `tests.service`: `participants` sends frames on a link or a bus, `pulses` and `slow_frames` are
+Beside this, in `tests.daemon`: `participants` sends frames on a link or a bus, `pulses` and `slow_frames` are
 a pulse generator and a test bed, `foreign_frames` the devices of other databases, and `time_frames` devices that
 sample with clocks of their own.
 """
@@ -23,18 +23,18 @@ from cantools.database.can import Message
 
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench, load_injector
+from observer_rt.desk.simulation.schedule import make_schedule
+from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
+from observer_rt.engine.reports.injection_report import InjectionReport
+from observer_rt.engine.reports.news import Notes
+from observer_rt.engine.service.core import Core
+from observer_rt.engine.service.messages import OutputFrame
+from observer_rt.files.formats import read_recording
+from observer_rt.files.replay.framing import Framer, Span, TimedFrame, grid_samples, whole
+from observer_rt.files.signals.recording import Recording
 from observer_rt.model.effects import sized
-from observer_rt.recording.formats import read_recording
-from observer_rt.recording.replay.framing import Framer, Span, TimedFrame, grid_samples, whole
-from observer_rt.recording.signals.recording import Recording
-from observer_rt.service.core.core import Core
-from observer_rt.service.core.messages import OutputFrame
-from observer_rt.service.reports.injection_report import InjectionReport
-from observer_rt.service.reports.news import Notes
-from observer_rt.simulation.schedule import make_schedule
-from observer_rt.simulation.simulate import SimulatedNoise, simulate
 from tests.benches import SAMPLE_RATE
-from tests.service.end_to_end import DATABASE, RATE, SUMMARY
+from tests.daemon.end_to_end import DATABASE, RATE, SUMMARY
 
 EPOCH = 1_700_000_000_000_000_000  # ns, of the receiver's clock when a recording begins
 NOT_AVAILABLE = 0xFFFF

@@ -8,8 +8,8 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from observer_rt.config.signals import Role
+from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
-from observer_rt.recording.signals.recording import Recording
 
 Values = NDArray[np.float64]
 

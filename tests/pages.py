@@ -58,7 +58,7 @@ def needs_bus(command: str) -> bool:
 
 
 def serves_a_page(command: str) -> bool:
-    """Whether a command line waits for browsers until it is interrupted; tests/watch/test_page.py has one."""
+    """Whether a command line waits for browsers until it is interrupted; test_page.py of the live page has one."""
     return command.startswith("observer-rt monitor ")
 
 

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.recording.signals.recording import Recording
+from observer_rt.files.signals.recording import Recording
 from tests.benches import ONE_MESSAGE, PATTERNS, THREE_MESSAGES, sample_bench
+from tests.daemon.end_to_end import DATABASE
 from tests.device import Device, encoded, protected, simulated
-from tests.service.end_to_end import DATABASE
 
 UNITS = {"rail_pressure": 1e6, "needle_lift": 1e-6, "line_pressure": 1e6}
 START = 4_000_000_000  # index of the first sample

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from observer_rt.config.bench import PACKAGE_DATA, load_bench
-from observer_rt.evaluation.evaluate import evaluate
-from observer_rt.recording.replay.framing import TimedFrame
-from observer_rt.recording.signals.recording import Recording
+from observer_rt.desk.evaluation.evaluate import evaluate
+from observer_rt.files.replay.framing import TimedFrame
+from observer_rt.files.signals.recording import Recording
 from tests.benches import SAMPLE_RATE
 from tests.device import frames_of, worn_recording
 

@@ -57,7 +57,7 @@ class Appearance(_BaselineSection):
 
 
 class HealthyShape(_BaselineSection):
-    """Mean innovation of the healthy injector [MPa] at the knots of `estimation.healthy_shape`.
+    """Mean innovation of the healthy injector [MPa] at the knots of `engine.estimation.healthy_shape`.
 
     After the needle leaves its seat, and after it is back on it; slopes: its change for each 40 MPa of rail pressure
     above 100.

@@ -9,10 +9,10 @@ import pytest
 
 from observer_rt.config.bench import load_injector
 from observer_rt.config.own_effects import use_effects
-from observer_rt.discovery.search.candidates import problem_key
-from observer_rt.discovery.search.search import indistinguishable, representatives
-from observer_rt.discovery.search.verdict import decide_by
 from observer_rt.foundation.errors import UserError
+from observer_rt.identification.discovery.search.candidates import problem_key
+from observer_rt.identification.discovery.search.search import indistinguishable, representatives
+from observer_rt.identification.discovery.search.verdict import decide_by
 from observer_rt.model.effects import VOCABULARY, effective_model, sized
 
 HEAD = """from observer_rt.model.effect import *
@@ -152,7 +152,9 @@ def test_an_installed_package_brings_its_effects(tmp_path: Path, value: str, lis
     package.mkdir()
     (package / "METADATA").write_text("Metadata-Version: 2.1\nName: theirs\nVersion: 1.0\n")
     (package / "entry_points.txt").write_text(f"[observer_rt.effects]\nsacs = {value}\n")
-    code = f"import sys; sys.path.append({str(tmp_path)!r}); from observer_rt.cli.app import main; main()"
+    code = (
+        f"import sys; sys.path.append({str(tmp_path)!r}); from observer_rt.desk.cli.app import main; main()"
+    )
     done = subprocess.run(
         [sys.executable, "-c", code, "effects"], capture_output=True, text=True, check=False
     )

@@ -7,6 +7,7 @@ import pytest
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.config.effects import term_domain
 from observer_rt.config.injector_file import InjectorFile, tables_in_force
+from observer_rt.daemon.persistence.state_file import model_hash
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effects import effective_model
 from observer_rt.model.terms.bounds import refuse_unbounded
@@ -15,7 +16,6 @@ from observer_rt.model.terms.in_force import TermInForce
 from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.term import Term, TermEquation
 from observer_rt.model.terms.variable import VARIABLES
-from observer_rt.service.keeping.state_file import model_hash
 
 PLUGGED = """
 [[terms]]

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from observer_rt.evaluation.run import ahead
+from observer_rt.desk.evaluation.run import ahead
 
 
 def test_all_come_in_order() -> None:

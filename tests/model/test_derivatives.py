@@ -20,7 +20,7 @@ from observer_rt.core.model.laws import (
     seat_law_slopes,
 )
 from observer_rt.core.model.model import flows_with_changes, rates_of_change, slopes_of_flows
-from observer_rt.estimation.scalars import PARAMETERS, Parameter, by_theta, learned_of
+from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter, by_theta, learned_of
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.line.lump import LumpLine

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 
 from observer_rt.config.bench import load_injector
-from observer_rt.evidence.likelihood import Evidence, evidence_of
-from observer_rt.evidence.measurement import measurements
+from observer_rt.desk.simulation.schedule import make_schedule
+from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
+from observer_rt.identification.likelihood.likelihood import Evidence, evidence_of
+from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.term import Term, TermEquation
-from observer_rt.simulation.schedule import make_schedule
-from observer_rt.simulation.simulate import SimulatedNoise, simulate
-from tests.discovery.terms import effect_of
+from tests.identification.discovery.terms import effect_of
 
 TERMS = (
     ("line_flow", "4*line_flow/60"),

@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 from observer_rt.config.bench import load_injector
 from observer_rt.core.model.laws import normalised_area
 from observer_rt.core.model.model import rate_of_injection
+from observer_rt.desk.simulation.plant import Truth, run_plant
+from observer_rt.desk.simulation.schedule import Stroke
 from observer_rt.model.effective import coefficients
 from observer_rt.model.effects import effective_model
 from observer_rt.model.integrator import Interval
 from observer_rt.model.network import zero_network
 from observer_rt.model.stability import substeps_needed
-from observer_rt.simulation.plant import Truth, run_plant
-from observer_rt.simulation.schedule import Stroke
 from tests.model.conftest import Trajectory, advanced, advanced_over
 
 NOMINAL = load_injector()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from observer_rt.config.bench import load_injector
-from observer_rt.fit.problem import NOZZLE, SAC, SEAT, STIFFNESS, FreeParameter, with_values
+from observer_rt.identification.fit.problem import NOZZLE, SAC, SEAT, STIFFNESS, FreeParameter, with_values
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.plausibility import implausible, wrong_entry
 

@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench
 from observer_rt.config.injector import SamplingConfig
 from observer_rt.core.model.model import rates_of_change
+from observer_rt.engine.service.constants import bench_constants
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effective import coefficients
 from observer_rt.model.hydraulics import full_lift_area
 from observer_rt.model.network import constant_network, zero_network
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.stability import fastest_rate, substeps_needed
-from observer_rt.service.compiled.constants import bench_constants
 from tests.differences import differences
 from tests.model.conftest import Trajectory
 

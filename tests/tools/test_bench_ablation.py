@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.estimation.predictor import Setting
-from observer_rt.estimation.scalars import PARAMETERS, Parameter
-from observer_rt.service.compiled.constants import bench_constants, configured_noise
+from observer_rt.engine.estimation.predictor import Setting
+from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter
+from observer_rt.engine.service.constants import bench_constants, configured_noise
 from tools.benchmarks.ablation import (
     BATCHES,
     VARIANTS,

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from observer_rt.recording.formats import read_recording
+from observer_rt.files.formats import read_recording
 from tools.benchmarks.discovery.cases import FURTHER, GIVEN
 from tools.benchmarks.discovery.hidden import HIDDEN
 from tools.benchmarks.discovery.outside.cases import Asked

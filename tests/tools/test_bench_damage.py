@@ -6,10 +6,10 @@ from itertools import count, islice
 
 import pytest
 
-from observer_rt.recording.canlog.can_log import LogFrame
-from observer_rt.recording.canlog.candump import CandumpLog
-from observer_rt.recording.canlog.mdf4 import Mdf4Log
-from observer_rt.recording.formats import log_formats, signal_formats, suffixes_of, written
+from observer_rt.files.canlog.can_log import LogFrame
+from observer_rt.files.canlog.candump import CandumpLog
+from observer_rt.files.formats import log_formats, signal_formats, suffixes_of, written
+from observer_rt.files.mdf4.can_log import Mdf4Log
 from tools.benchmarks import damage
 from tools.benchmarks.damage import Became, Task, damage_document, damage_table, one_file, run_damage
 from tools.benchmarks.damage_files import FRAMES

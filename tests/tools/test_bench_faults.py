@@ -8,7 +8,7 @@ import pytest
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.core.frames.frames import check_frame
-from observer_rt.recording.replay.framing import Framer, whole
+from observer_rt.files.replay.framing import Framer, whole
 from tools.benchmarks.faults import bus as bus_faults
 from tools.benchmarks.faults import inputs
 from tools.benchmarks.faults.bus import Sent, with_bus_fault

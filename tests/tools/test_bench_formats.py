@@ -2,7 +2,7 @@
 
 import json
 
-from observer_rt.recording.formats import log_formats, signal_formats, suffixes_of, written
+from observer_rt.files.formats import log_formats, signal_formats, suffixes_of, written
 from tools.benchmarks.formats import formats_document, measure_formats
 
 

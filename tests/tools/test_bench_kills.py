@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from observer_rt.config.bench import load_bench
-from observer_rt.service.keeping.journal import JournalWriter
-from observer_rt.service.keeping.state_file import model_hash, save_knowledge
-from observer_rt.service.reports.news import line
-from tests.service.samples import some_knowledge, some_report
+from observer_rt.daemon.event_logger import line
+from observer_rt.daemon.persistence.journal import JournalWriter
+from observer_rt.daemon.persistence.state_file import model_hash, save_knowledge
+from tests.daemon.samples import some_knowledge, some_report
 from tools.benchmarks.kills.campaign import (
     Kept,
     Line,

@@ -11,12 +11,12 @@ import pytest
 from rich.console import Console
 
 from observer_rt.config.bench import load_injector
-from observer_rt.discovery.search.result import Proposal
-from observer_rt.discovery.search.search import representatives
-from observer_rt.estimation.phases import Phase
-from observer_rt.evidence.measurement import measurements
+from observer_rt.engine.estimation.phases import Phase
+from observer_rt.files.formats import read_recording
+from observer_rt.identification.discovery.search.result import Proposal
+from observer_rt.identification.discovery.search.search import representatives
+from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effects import VOCABULARY, effective_model, sized
-from observer_rt.recording.formats import read_recording
 from tools.benchmarks.discovery.asking import Asking
 from tools.benchmarks.discovery.cases import write_all
 from tools.benchmarks.discovery.outside.answers import (

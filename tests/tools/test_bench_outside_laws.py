@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 
 from observer_rt.config.bench import load_injector
-from observer_rt.evidence.measurement import measurements
+from observer_rt.files.formats import read_recording
+from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effects import effective_model
 from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.term import Term, TermEquation
-from observer_rt.recording.formats import read_recording
 from tools.benchmarks.discovery.cases import write_all
 from tools.benchmarks.discovery.outside.answers import misfit
 from tools.benchmarks.discovery.outside.cases import Asked, OutsideCase, further_benches

@@ -9,8 +9,8 @@ from typing import cast
 import pytest
 
 from observer_rt.config.bench import load_bench
-from observer_rt.evaluation.evaluate import Evaluation
-from observer_rt.observer.stream.state import Reason
+from observer_rt.desk.evaluation.evaluate import Evaluation
+from observer_rt.engine.stream.state import Reason
 from tests.tools.made_scores import UKF_SCORE, factors, score
 from tests.tools.test_bench_accuracy import bench
 from tools.benchmarks.realism.catalogue import alone

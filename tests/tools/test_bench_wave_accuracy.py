@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
+from observer_rt.files.formats import read_recording
 from observer_rt.foundation.errors import UserError
-from observer_rt.recording.formats import read_recording
 from tests.tools.made_scores import factors, score
 from tests.tools.test_bench_accuracy import bench
 from tools.benchmarks.bars import wave_violations

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from observer_rt.service.core.learners import make_learner
+from observer_rt.engine.service.learners import make_learner
 from tools.benchmarks.cases import Case, make_case
 from tools.benchmarks.plant import record
 from tools.benchmarks.plant_parameters import Faults

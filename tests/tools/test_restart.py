@@ -5,12 +5,12 @@ from pathlib import Path
 import pytest
 
 from observer_rt.config.bench import Bench
-from observer_rt.evaluation.evaluate import Evaluation, evaluate
-from observer_rt.observer.learning.knowledge import Knowledge
-from observer_rt.observer.stream.state import Reason
-from observer_rt.recording.replay.framing import Span
-from observer_rt.service.keeping.state_file import load_knowledge, model_hash, save_knowledge
-from observer_rt.service.reports.injection_report import InjectionReport
+from observer_rt.daemon.persistence.state_file import load_knowledge, model_hash, save_knowledge
+from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate
+from observer_rt.engine.learning.knowledge import Knowledge
+from observer_rt.engine.reports.injection_report import InjectionReport
+from observer_rt.engine.stream.state import Reason
+from observer_rt.files.replay.framing import Span
 from tools.benchmarks.plant import record
 from tools.benchmarks.realism.catalogue import alone, make_realism_case, name_of, parsed
 from tools.benchmarks.runs import Task

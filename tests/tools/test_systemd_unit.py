@@ -6,7 +6,7 @@ from pathlib import Path
 
 import typer.main
 
-from observer_rt.cli.app import app
+from observer_rt.desk.cli.app import app
 
 UNIT = Path(__file__).parents[2] / "tools" / "systemd" / "observer-rt.service"
 

@@ -8,13 +8,13 @@ from typing import Any
 from rich.table import Table
 
 from observer_rt.config.bench import BenchInjector
-from observer_rt.estimation.scalars import SCALARS, Scalars
-from observer_rt.evaluation.evaluate import evaluate
-from observer_rt.observer.learning.knowledge import Knowledge, no_knowledge
-from observer_rt.observer.learning.learner import Learner
-from observer_rt.observer.stream.state import Constants
-from observer_rt.service.compiled.constants import bench_constants, configured_noise
-from observer_rt.service.core.learners import make_learner
+from observer_rt.desk.evaluation.evaluate import evaluate
+from observer_rt.engine.estimation.scalars import SCALARS, Scalars
+from observer_rt.engine.learning.knowledge import Knowledge, no_knowledge
+from observer_rt.engine.learning.learner import Learner
+from observer_rt.engine.service.constants import bench_constants, configured_noise
+from observer_rt.engine.service.learners import make_learner
+from observer_rt.engine.stream.state import Constants
 from tools.benchmarks import batch_learning as batch
 from tools.benchmarks.cases import Case, make_case
 from tools.benchmarks.peers import paper_bench

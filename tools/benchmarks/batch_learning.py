@@ -16,22 +16,22 @@ from observer_rt.core.learning.predictor import follow
 from observer_rt.core.learning.whitening import HUBER, robust_cost
 from observer_rt.core.model.laws import lagged
 from observer_rt.core.paper.scheme import fault_of, observe_interval, rate_by_balance
-from observer_rt.estimation.gain import NoiseLevels, gain_schedule
-from observer_rt.estimation.gating import Belief, best_subset, prior_belief
-from observer_rt.estimation.prediction_error import EventCost, Linearisation
-from observer_rt.estimation.predictor import NO_SLOPES, Setting, Window, innovations
-from observer_rt.estimation.scalars import PARAMETERS, SCALARS, Learned, Parameter, learned_of
+from observer_rt.engine.estimation.gain import NoiseLevels, gain_schedule
+from observer_rt.engine.estimation.gating import Belief, best_subset, prior_belief
+from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation
+from observer_rt.engine.estimation.predictor import NO_SLOPES, Setting, Window, innovations
+from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, Learned, Parameter, learned_of
+from observer_rt.engine.learning.adequacy import BURN_IN
+from observer_rt.engine.learning.explained import FIRST_ITERATIONS, ITERATIONS
+from observer_rt.engine.learning.fitting import TOLERANCE, Cost, EventFitter, Limits, theta_limits
+from observer_rt.engine.learning.knowledge import EventLearner, OverheardLearner
+from observer_rt.engine.paper_scheme.network import FreeNetwork
+from observer_rt.engine.paper_scheme.systems import PaperSetting, design_vector
+from observer_rt.engine.paper_scheme.training import minimise
+from observer_rt.engine.stream.standstill import Standstill
+from observer_rt.engine.stream.state import Constants
 from observer_rt.foundation.units import MILLISECOND
 from observer_rt.model.network import ARGUMENTS, HIDDEN, constant_network, zero_network
-from observer_rt.observer.learning.adequacy import BURN_IN
-from observer_rt.observer.learning.explained import FIRST_ITERATIONS, ITERATIONS
-from observer_rt.observer.learning.fitting import TOLERANCE, Cost, EventFitter, Limits, theta_limits
-from observer_rt.observer.learning.knowledge import EventLearner, OverheardLearner
-from observer_rt.observer.paper_scheme.network import FreeNetwork
-from observer_rt.observer.paper_scheme.systems import PaperSetting, design_vector
-from observer_rt.observer.paper_scheme.training import minimise
-from observer_rt.observer.stream.standstill import Standstill
-from observer_rt.observer.stream.state import Constants
 from tools.benchmarks.arrays import Array
 
 BFGS_ITERATIONS = 12

@@ -24,10 +24,10 @@ import typer
 from rich.table import Table
 
 from observer_rt.bus.mapping.bus_map import map_bus
-from observer_rt.cli.app import main
 from observer_rt.config.bench import load_bench
+from observer_rt.desk.cli.app import main
+from observer_rt.files import formats
 from observer_rt.foundation.errors import UserError
-from observer_rt.recording import formats
 from tools.benchmarks import command_line as cli
 from tools.benchmarks.damage_files import DATABASE, makers, write_database
 from tools.benchmarks.report import put_out, table_of

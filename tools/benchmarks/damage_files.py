@@ -13,10 +13,10 @@ import numpy as np
 from observer_rt.bus.can_frame import FD_LENGTHS
 from observer_rt.bus.links.link import Frame
 from observer_rt.config.bench import PACKAGE_DATA
-from observer_rt.recording import formats
-from observer_rt.recording.canlog.can_log import LogFrame
-from observer_rt.recording.canlog.pcap import CAN
-from observer_rt.recording.signals.recording import Recording
+from observer_rt.files import formats
+from observer_rt.files.canlog.can_log import LogFrame
+from observer_rt.files.canlog.pcap import CAN
+from observer_rt.files.signals.recording import Recording
 from tools.benchmarks.logger_file import Field, pcapng, write_logger_file
 
 FRAMES = 40

@@ -17,9 +17,9 @@ import numpy as np
 import typer
 
 from observer_rt.bus.links.link import Frame
-from observer_rt.recording import formats as files
-from observer_rt.recording.canlog.can_log import LogFrame
-from observer_rt.recording.signals.recording import Recording
+from observer_rt.files import formats as files
+from observer_rt.files.canlog.can_log import LogFrame
+from observer_rt.files.signals.recording import Recording
 from tools.benchmarks.command_line import JsonOption, app
 from tools.benchmarks.damage_files import standstill, write_log
 from tools.benchmarks.report import Columns, put_out, table_of

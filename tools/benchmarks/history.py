@@ -12,13 +12,13 @@ import typer
 
 from observer_rt.bus.links.link import BusFrame, Frame, block_of
 from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.desk.simulation.schedule import make_schedule
+from observer_rt.engine.reports.news import Notes
+from observer_rt.engine.service.core import Core
+from observer_rt.engine.service.messages import Counters
+from observer_rt.files.replay.framing import Framer, windows
+from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.units import MILLISECOND
-from observer_rt.recording.replay.framing import Framer, windows
-from observer_rt.recording.signals.recording import Recording
-from observer_rt.service.core.core import Core
-from observer_rt.service.core.messages import Counters
-from observer_rt.service.reports.news import Notes
-from observer_rt.simulation.schedule import make_schedule
 from tools.benchmarks.command_line import JsonOption, ModelOption, app, tracked
 from tools.benchmarks.report import Columns, put_out, table_of
 from tools.benchmarks.scoring import bench_at, part_of, worn_injector

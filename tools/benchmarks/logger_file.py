@@ -9,8 +9,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from observer_rt.recording.canlog.can_log import LogFrame
-from observer_rt.recording.canlog.pcap import ALL, ALL_2, CAN
+from observer_rt.files.canlog.can_log import LogFrame
+from observer_rt.files.canlog.pcap import ALL, ALL_2, CAN
 
 UPDATE_CYCLES, UPDATE_LAST_LENGTH, UPDATE_VARIABLE_BYTES = 0x1, 0x4, 0x20
 VARIABLE_GROUP, BUS_EVENT, PLAIN = 0x1, 0x2, 0x4

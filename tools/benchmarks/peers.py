@@ -13,7 +13,7 @@ from scipy.optimize import least_squares
 
 from observer_rt.config.bench import Bench
 from observer_rt.config.injector import LearningConfig, Training
-from observer_rt.evaluation.evaluate import evaluate
+from observer_rt.desk.evaluation.evaluate import evaluate
 from tools.benchmarks.arrays import Array
 from tools.benchmarks.cases import CLASSES, Case, Group
 from tools.benchmarks.joint_fit import (

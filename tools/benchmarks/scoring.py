@@ -18,19 +18,19 @@ from numpy.typing import NDArray
 
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench, load_injector
 from observer_rt.config.injector import Meaning, SamplingConfig
-from observer_rt.evaluation.evaluate import Evaluation, Trace, evaluate
+from observer_rt.desk.evaluation.evaluate import Evaluation, Trace, evaluate
+from observer_rt.desk.simulation.schedule import Schedule
+from observer_rt.desk.simulation.simulate import SimulatedNoise, Simulation, simulate
+from observer_rt.engine.reports.injection_report import InjectionReport
+from observer_rt.engine.service.judging import InlineExecutor
+from observer_rt.engine.service.learners import LearnerFactory, make_learner
+from observer_rt.engine.service.messages import Counters
+from observer_rt.engine.stream.state import State
+from observer_rt.files.replay.framing import Span, windows
+from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
 from observer_rt.model.effects import sized
 from observer_rt.model.parameters import InjectorParameters
-from observer_rt.observer.stream.state import State
-from observer_rt.recording.replay.framing import Span, windows
-from observer_rt.recording.signals.recording import Recording
-from observer_rt.service.core.learners import LearnerFactory, make_learner
-from observer_rt.service.core.messages import Counters
-from observer_rt.service.reports.injection_report import InjectionReport
-from observer_rt.service.reports.judging import InlineExecutor
-from observer_rt.simulation.schedule import Schedule
-from observer_rt.simulation.simulate import SimulatedNoise, Simulation, simulate
 from tools.benchmarks.arrays import Array
 from tools.benchmarks.cases import CLASSES, Case, make_case
 from tools.benchmarks.plant import Outcome, record

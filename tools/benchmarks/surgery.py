@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
+from observer_rt.desk.simulation.plant import Truth
+from observer_rt.desk.simulation.schedule import make_schedule
+from observer_rt.engine.learning.knowledge import Knowledge
+from observer_rt.engine.reports.news import Notes
+from observer_rt.engine.service.core import Core
+from observer_rt.engine.stream.state import Reason
+from observer_rt.files.replay.framing import Framer, whole
+from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLISECOND, MM3_PER_MS
-from observer_rt.observer.learning.knowledge import Knowledge
-from observer_rt.observer.stream.state import Reason
-from observer_rt.recording.replay.framing import Framer, whole
-from observer_rt.recording.signals.recording import Recording
-from observer_rt.service.core.core import Core
-from observer_rt.service.reports.news import Notes
-from observer_rt.simulation.plant import Truth
-from observer_rt.simulation.schedule import make_schedule
 from tools.benchmarks.arrays import Array
 from tools.benchmarks.command_line import app, tracked
 from tools.benchmarks.plant import LIFT, LINE, RAIL, SIGNALS

@@ -13,17 +13,17 @@ import numpy as np
 import typer
 
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
-from observer_rt.foundation.errors import RunError, UserError
-from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
-from observer_rt.recording.formats import write_recording
-from observer_rt.recording.signals.table_writers import (
+from observer_rt.desk.simulation.simulate import SAC_PRESSURE, truth_path
+from observer_rt.files.formats import write_recording
+from observer_rt.files.signals.table_writers import (
     INJECTION_RATE,
     LINE_PRESSURE,
     NEEDLE_LIFT,
     TIME,
     write_columns,
 )
-from observer_rt.simulation.simulate import SAC_PRESSURE, truth_path
+from observer_rt.foundation.errors import RunError, UserError
+from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
 from tools.benchmarks.cases import drawn_events
 from tools.benchmarks.command_line import app, messages, tracked
 from tools.benchmarks.peers import RATE_NOISE

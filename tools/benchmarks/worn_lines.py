@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from observer_rt.config.bench import load_injector
-from observer_rt.evaluation.evaluate import evaluate
+from observer_rt.desk.evaluation.evaluate import evaluate
 from tools.benchmarks.cases import Case
 from tools.benchmarks.discovery.real_line.cases import Rig, healthy_benches, needle_of
 from tools.benchmarks.discovery.real_line.discrepancies import Discrepancy, plant_of

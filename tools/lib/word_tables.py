@@ -1,4 +1,4 @@
-"""Writes the words of `observer_rt/service/words.py` into docs/operating.md and the value tables of the databases."""
+"""Writes the words of `observer_rt/engine/words.py` into docs/operating.md and the value tables of the databases."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from observer_rt.bus.mapping.output_messages import StatusValues, signals_of
-from observer_rt.observer.stream.state import Reason, State
-from observer_rt.service.words import COUNTERS, REASONS, STATES, TOPICS, named
+from observer_rt.engine.stream.state import Reason, State
+from observer_rt.engine.words import COUNTERS, REASONS, STATES, TOPICS, named
 
 NO_VALUE = "not available"
 ROOT = Path(__file__).parents[2]

@@ -87,14 +87,14 @@ class StatusValues(NamedTuple):
     needle_lift_age: float
     line_pressure_age: float
     failed_writes: int
+    latency_p999: float  # s, nan: no rates were sent yet
+    largest_latency: float
     # our layouts have no room for these; a status message of a user's own may have them
     missing_injections: int
     uncommanded_injections: int
     spikes: int
     bridged_samples: int
     refused_frames: int
-    latency_p999: float  # s, nan: no rates were sent yet
-    largest_latency: float
 
 
 def signals_of(values: type[SummaryValues] | type[StatusValues]) -> tuple[str, ...]:

@@ -4,7 +4,7 @@ from libc.stdint cimport int8_t, int64_t
 
 from numpy import empty, zeros
 
-cdef enum:  # estimation.phases.Phase
+cdef enum:  # engine.estimation.phases.Phase
     STANDSTILL, OPENING, OPEN, CLOSING, AFTER
 
 

@@ -66,7 +66,7 @@ cdef class Followed:
 def follow(window, setting, learned, int64_t corrected, double[:] errors, double[:] rate, gradient, double[:, :] slopes) -> object:
     """x~ before sample `corrected`, from there on x^: it follows x~ and then runs open loop; its last state (n,).
 
-    window, setting, learned, gradient: named tuples of estimation.predictor. errors: (n,) y - o - (indicated
+    window, setting, learned, gradient: named tuples of engine.estimation.predictor. errors: (n,) y - o - (indicated
     pressure), before the correction, errors[0] is 0; rate: of injection, before the correction [m3/s], (n,), or (0,)
     if not wanted. With a gradient of 0 (else None), slopes (n, m) becomes d(errors)/dtheta.
     """
@@ -118,7 +118,7 @@ def follow(window, setting, learned, int64_t corrected, double[:] errors, double
 
 
 def run_open_loop(window, setting, learned, double[::1] x, tangent, clock, result) -> None:
-    """Fill `result`, an `estimation.open_loop.OpenLoop` of zeros, from the opening on.
+    """Fill `result`, an `engine.estimation.open_loop.OpenLoop` of zeros, from the opening on.
 
     x (n,): the state one sample before, moved on with it; clock: of then; tangent: at least m + n columns wide.
     """

@@ -81,7 +81,7 @@ cdef class Stream:
     """An observer's memory, lent to the functions that run once a sample; each array is checked field by field.
 
     memory (1,), recorded (RECORDED_RING,), ring (RING,), events (PENDING_EVENTS,), injections (INJECTIONS,), channels
-    (3,), verdicts (2 SLOTS,): records of `observer.stream.state`; x_tilde, x_hat (RING, states); gains (n, states);
+    (3,), verdicts (2 SLOTS,): records of `engine.stream.state`; x_tilde, x_hat (RING, states); gains (n, states);
     theta (m,); verdict_gains (2 SLOTS, n, states); verdict_theta (2 SLOTS, m).
     """
 
@@ -118,7 +118,7 @@ cdef class Stream:
             o.theta, o.verdict_theta = &of_theta[0], &of_verdict_theta[0, 0]
 
     def put_constants(self, constants) -> None:
-        """Go on with these `observer.stream.state.Constants`."""
+        """Go on with these `engine.stream.state.Constants`."""
         c, coefficients = &self.observer.constants, constants.coefficients
         c.pressure_scale, c.chamber_pressure = coefficients.pressure_scale, coefficients.chamber_pressure
         c.seat = coefficients.seat._asdict()

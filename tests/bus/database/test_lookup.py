@@ -16,8 +16,8 @@ from observer_rt.bus.database.lookup import (
     reserved_codes,
     signal_names,
 )
+from observer_rt.engine.stream.state import State
 from observer_rt.foundation.errors import UserError
-from observer_rt.observer.stream.state import State
 
 OUR_LAYOUT = Path(str(files("observer_rt.data") / "observer_fd.dbc"))
 

@@ -18,8 +18,8 @@ from observer_rt.bus.mapping.output_messages import (
 )
 from observer_rt.config.bench import EXAMPLE_BENCH, PACKAGE_DATA, load_bench
 from observer_rt.config.signals import Role
+from observer_rt.engine.stream.state import Reason, State
 from observer_rt.foundation.errors import UserError
-from observer_rt.observer.stream.state import Reason, State
 from tests.benches import attributes, own_bench
 
 FD_DATABASE = PACKAGE_DATA / "observer_fd.dbc"
@@ -177,7 +177,7 @@ def test_the_databases_name_every_state_and_reason(database: Path, message: str)
     ("message", "names", "pages"),
     [
         ("InjectionSummary", signals_of(SummaryValues), 7),
-        ("ObserverStatus", signals_of(StatusValues)[:-7], 12),
+        ("ObserverStatus", signals_of(StatusValues)[:-5], 12),
     ],
 )
 def test_the_classic_layout_carries_what_the_fd_layout_does(

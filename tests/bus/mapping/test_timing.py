@@ -10,7 +10,7 @@ from observer_rt.bus.mapping.timing import Joining, Numbering
 from observer_rt.config.bench import load_bench
 from observer_rt.config.signals import Role
 from observer_rt.foundation.errors import UserError
-from tests.service.time_frames import write_time_bench
+from tests.daemon.time_frames import write_time_bench
 
 RATE = 20e3
 LINE_LIFT = 'message = "LineLift"'

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
 from observer_rt.core.model.model import advance_state, rest_state, steps_in
-from observer_rt.estimation.scalars import PARAMETERS, by_theta, learned_of
+from observer_rt.engine.estimation.scalars import PARAMETERS, by_theta, learned_of
 from observer_rt.model.effective import Coefficients, averaged, coefficients
 from observer_rt.model.integrator import Interval
 from observer_rt.model.line.wave import WaveLine

@@ -17,7 +17,7 @@ from observer_rt.core.model.model import (
     rate_of_injection,
     rest_state,
 )
-from observer_rt.estimation.scalars import PARAMETERS, Parameter, by_theta, learned_of
+from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter, by_theta, learned_of
 from observer_rt.model.effective import Coefficients, averaged
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.integrator import Interval

@@ -12,15 +12,15 @@ import numpy as np
 from observer_rt.config.bench import load_injector
 from observer_rt.core.learning.predictor import follow
 from observer_rt.core.model.model import rest_state
-from observer_rt.estimation.predictor import NO_SLOPES, Setting, Window
-from observer_rt.estimation.scalars import nothing_learned
-from observer_rt.evidence.measurement import measurements
-from observer_rt.evidence.windows import TrueInputs
+from observer_rt.engine.estimation.predictor import NO_SLOPES, Setting, Window
+from observer_rt.engine.estimation.scalars import nothing_learned
+from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
+from observer_rt.identification.likelihood.measurement import measurements
+from observer_rt.identification.likelihood.windows import TrueInputs
 from observer_rt.model.effects import VOCABULARY, effective_model
 from observer_rt.model.parameters import EffectInForce, EffectValue, InjectorParameters
 from observer_rt.model.stability import substeps_needed
-from observer_rt.recording.signals.recording import Recording
 from tools.benchmarks.arrays import Array
 from tools.benchmarks.discovery import oracle
 from tools.benchmarks.discovery.answers import Answer, Claim

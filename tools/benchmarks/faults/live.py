@@ -17,9 +17,9 @@ from observer_rt.bus.links.link import Link, LinkDownError
 from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
-from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
-from observer_rt.recording.replay.player import play
-from observer_rt.service.core.messages import OutputFrame
+from observer_rt.engine.service.messages import OutputFrame
+from observer_rt.files.replay.framing import Framer, TimedFrame, whole
+from observer_rt.files.replay.player import play
 from tools.benchmarks.command_line import tracked
 from tools.benchmarks.faults.bus import index_of
 from tools.benchmarks.faults.player import RATE_ID, SUMMARY_ID, Published, Receiver

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from observer_rt.bus.links.link import BusFrame, Frame, block_of
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
+from observer_rt.engine.service.core import Core
+from observer_rt.engine.service.messages import OutputFrame
+from observer_rt.engine.stream.state import Reason
+from observer_rt.files.replay.framing import Framer, whole
+from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.units import MILLIGRAM, MM3_PER_MS
-from observer_rt.observer.stream.state import Reason
-from observer_rt.recording.replay.framing import Framer, whole
-from observer_rt.recording.signals.recording import Recording
-from observer_rt.service.core.core import Core
-from observer_rt.service.core.messages import OutputFrame
 from tools.benchmarks.faults import bus as bus_faults
 from tools.benchmarks.faults.bus import Frames, Sent, with_bus_fault
 from tools.benchmarks.faults.inputs import with_input_fault

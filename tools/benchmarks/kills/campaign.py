@@ -18,10 +18,10 @@ from typing import Annotated, Any
 
 import typer
 
+from observer_rt.daemon.persistence.journal import Row, reading_journal
+from observer_rt.daemon.persistence.keeper import sole_writer
+from observer_rt.daemon.persistence.state_file import load_knowledge, model_hash
 from observer_rt.foundation.errors import UserError
-from observer_rt.service.keeping.journal import Row, reading_journal
-from observer_rt.service.keeping.keeper import sole_writer
-from observer_rt.service.keeping.state_file import load_knowledge, model_hash
 from tools.benchmarks.command_line import JsonOption, SeedOption, app, messages, tracked
 from tools.benchmarks.kills.victim import FILLER, FREE, FULL, FullDisk, Scene, make_scene, run_victim
 from tools.benchmarks.report import Columns, put_out, table_of

@@ -19,11 +19,11 @@ import typer
 from numpy.random import Generator
 
 from observer_rt.config.bench import load_bench, load_injector
-from observer_rt.evaluation.evaluate import evaluate
+from observer_rt.daemon.persistence.journal import JournalWriter
+from observer_rt.daemon.persistence.state_file import load_knowledge, model_hash, save_knowledge
+from observer_rt.desk.evaluation.evaluate import evaluate
+from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.foundation.errors import RunError
-from observer_rt.service.keeping.journal import JournalWriter
-from observer_rt.service.keeping.state_file import load_knowledge, model_hash, save_knowledge
-from observer_rt.simulation.schedule import make_schedule
 from tools.benchmarks.command_line import JsonOption, SeedOption, app
 from tools.benchmarks.report import Columns, list_of, put_out
 from tools.benchmarks.scoring import worn_injector

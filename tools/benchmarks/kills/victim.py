@@ -20,11 +20,11 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench, load_bench
 from observer_rt.config.bench_file import LinkConfig
 from observer_rt.config.injector import LearningConfig, SamplingConfig, StateConfig
+from observer_rt.daemon.run import RunOptions, serve
+from observer_rt.desk.simulation.schedule import make_schedule
+from observer_rt.files.replay.framing import Framer, TimedFrame, whole
+from observer_rt.files.replay.player import play
 from observer_rt.foundation.console import say
-from observer_rt.recording.replay.framing import Framer, TimedFrame, whole
-from observer_rt.recording.replay.player import play
-from observer_rt.service.run import RunOptions, serve
-from observer_rt.simulation.schedule import make_schedule
 from tools.benchmarks.scoring import worn_injector
 
 SAMPLE_RATE = 50e3  # Hz

@@ -13,11 +13,11 @@ from tornado.netutil import bind_sockets
 from tornado.web import Application, RequestHandler, StaticFileHandler
 from tornado.websocket import WebSocketHandler
 
-import observer_rt.watch.page
+import observer_rt.desk.live_page.page
 
 NAME = "line"
 _POINTS = 300
-_UPLOT = Path(observer_rt.watch.page.__file__).parent / "static" / "uplot"
+_UPLOT = Path(observer_rt.desk.live_page.page.__file__).parent / "static" / "uplot"
 _PAGE = f"""<!doctype html>
 <link rel="icon" href="data:,">
 <link rel="stylesheet" href="uPlot.min.css">

@@ -10,8 +10,8 @@ import numpy as np
 import typer
 
 from observer_rt.config.signals import SignalConfig
-from observer_rt.estimation.scalars import NOZZLE, SEAT
-from observer_rt.evaluation.evaluate import Evaluation, evaluate
+from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate
+from observer_rt.engine.estimation.scalars import NOZZLE, SEAT
 from tools.benchmarks import command_line as cli
 from tools.benchmarks import scoring
 from tools.benchmarks.accuracy import joined

@@ -16,19 +16,19 @@ from rich.console import Console
 from observer_rt.bus.links.link import FrameBlock
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
-from observer_rt.evaluation.convert import convert
-from observer_rt.evaluation.evaluate import evaluate_stream
-from observer_rt.evaluation.logged import LoggedSignals
+from observer_rt.desk.evaluation.convert import convert
+from observer_rt.desk.evaluation.evaluate import evaluate_stream
+from observer_rt.desk.evaluation.logged import LoggedSignals
+from observer_rt.desk.simulation.schedule import Event, Shot
+from observer_rt.engine.service.constants import bench_constants
+from observer_rt.engine.service.core import Core
+from observer_rt.files.formats import open_recording
+from observer_rt.files.replay.framing import Framer, whole
+from observer_rt.files.replay.recording_frames import Device
+from observer_rt.files.signals.recording import Recording
+from observer_rt.files.signals.stream import HeldSignals, SignalStream
+from observer_rt.files.signals.table_writers import write_whole
 from observer_rt.foundation.units import MICROSECOND, MILLISECOND
-from observer_rt.recording.formats import open_recording
-from observer_rt.recording.replay.framing import Framer, whole
-from observer_rt.recording.replay.recording_frames import Device
-from observer_rt.recording.signals.recording import Recording
-from observer_rt.recording.signals.stream import HeldSignals, SignalStream
-from observer_rt.recording.signals.table_writers import write_whole
-from observer_rt.service.compiled.constants import bench_constants
-from observer_rt.service.core.core import Core
-from observer_rt.simulation.schedule import Event, Shot
 from tools.benchmarks.scoring import bench_at, with_signals
 from tools.benchmarks.speed.sample import thread_seconds
 from tools.benchmarks.speed.traffic import PERIOD, SAMPLE_RATE, worn_recording

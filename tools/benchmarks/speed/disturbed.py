@@ -13,7 +13,7 @@ import sys
 import threading
 import time
 
-from observer_rt.cli.app import main
+from observer_rt.desk.cli.app import main
 from observer_rt.foundation.units import MICROSECOND
 
 COLLECTION_PERIOD = 0.1  # s between full garbage collections

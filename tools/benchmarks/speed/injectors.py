@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.engine.stream.state import Reason
 from observer_rt.foundation.errors import RunError
 from observer_rt.foundation.units import MILLISECOND
-from observer_rt.observer.stream.state import Reason
 from tools.benchmarks.scoring import bench_text
 from tools.benchmarks.speed.observers import READY, RUN, START_TIMEOUT, Observer, observer
 from tools.benchmarks.speed.pace import Passage, socket_pacer

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import PACKAGE_DATA
+from observer_rt.desk.simulation.schedule import Event, Schedule, Shot
+from observer_rt.engine.service.core import Core
+from observer_rt.files.replay.framing import Framer, whole
+from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.units import MILLISECOND
-from observer_rt.recording.replay.framing import Framer, whole
-from observer_rt.recording.signals.recording import Recording
-from observer_rt.service.core.core import Core
-from observer_rt.simulation.schedule import Event, Schedule, Shot
 from tools.benchmarks.scoring import bench_at, bench_text, worn_injector
 
 SAMPLE_RATE = 100e3  # Hz

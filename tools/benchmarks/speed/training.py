@@ -18,15 +18,15 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_injector
 from observer_rt.core.model.laws import normalised_area
 from observer_rt.core.model.model import fault_with_rate
+from observer_rt.desk.simulation.schedule import Event, Schedule, Shot
+from observer_rt.desk.simulation.simulate import simulate
+from observer_rt.engine.paper_scheme.network import WEIGHTS, FaultCost, fault_cost, scaled_identity
+from observer_rt.engine.paper_scheme.training import BETA, EPOCHS, GAMMA, Objective, minimise
+from observer_rt.engine.service.core import Core
 from observer_rt.foundation.units import MILLISECOND
 from observer_rt.model.effective import coefficients
 from observer_rt.model.effects import sized
 from observer_rt.model.network import constant_network
-from observer_rt.observer.paper_scheme.network import WEIGHTS, FaultCost, fault_cost, scaled_identity
-from observer_rt.observer.paper_scheme.training import BETA, EPOCHS, GAMMA, Objective, minimise
-from observer_rt.service.core.core import Core
-from observer_rt.simulation.schedule import Event, Schedule, Shot
-from observer_rt.simulation.simulate import simulate
 from tools.benchmarks.arrays import Array
 from tools.benchmarks.scoring import bench_at, timed_training
 from tools.benchmarks.speed.sample import thread_seconds

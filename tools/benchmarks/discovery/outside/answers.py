@@ -12,20 +12,20 @@ from unittest.mock import patch
 import numpy as np
 
 from observer_rt.config.bench import load_injector
-from observer_rt.discovery.search.adequacy import NO_BASELINE, baseline_of_fit
-from observer_rt.discovery.search.result import Proposal
-from observer_rt.discovery.search.search import Search, SearchOutcome
-from observer_rt.discovery.search.verdict import SearchOptions, name_effects
-from observer_rt.evidence.appearance import with_healthy_offset
-from observer_rt.evidence.measurement import Measurement, measurements
-from observer_rt.evidence.open_loop import mass, measured_mass, simulated
-from observer_rt.evidence.operating_points import by_operating_point
-from observer_rt.evidence.windows import in_mass_window
+from observer_rt.files.formats import read_recording
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
+from observer_rt.identification.discovery.search.adequacy import NO_BASELINE, baseline_of_fit
+from observer_rt.identification.discovery.search.result import Proposal
+from observer_rt.identification.discovery.search.search import Search, SearchOutcome
+from observer_rt.identification.discovery.search.verdict import SearchOptions, name_effects
+from observer_rt.identification.likelihood.appearance import with_healthy_offset
+from observer_rt.identification.likelihood.measurement import Measurement, measurements
+from observer_rt.identification.likelihood.open_loop import mass, measured_mass, simulated
+from observer_rt.identification.likelihood.operating_points import by_operating_point
+from observer_rt.identification.likelihood.windows import in_mass_window
 from observer_rt.model import effects
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import effective_model
-from observer_rt.recording.formats import read_recording
 from tools.benchmarks.discovery.outside.cases import FURTHER_FOLDER, GIVEN_FOLDER, HEALTHY_FOLDER
 
 

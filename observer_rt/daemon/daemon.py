@@ -1,0 +1,245 @@
+"""The daemon: a thin loop round the core, from the buses back onto them."""
+
+import math
+import threading
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
+
+from observer_rt.bus.database.lookup import database_hash
+from observer_rt.bus.links.link import Link, LinkDownError
+from observer_rt.bus.links.receiver import BusDownError
+from observer_rt.bus.mapping.bus_map import BusMap
+from observer_rt.config.bench import Bench
+from observer_rt.config.signals import Role
+from observer_rt.daemon.input_monitoring.input_watch import PERIOD as LOOK_PERIOD
+from observer_rt.daemon.input_monitoring.input_watch import (
+    InputWatch,
+    LearningWatch,
+    RestartWatch,
+    StateWatch,
+)
+from observer_rt.daemon.persistence.state_file import model_hash
+from observer_rt.daemon.port import RETRY, Port, buses_of
+from observer_rt.daemon.pump.latency import Latency
+from observer_rt.daemon.pump.pump import FramePump
+from observer_rt.daemon.rights import take_time, touch
+from observer_rt.engine.learning.knowledge import Knowledge
+from observer_rt.engine.reports.news import Listener, fan_out
+from observer_rt.engine.service.core import Core, status_values
+from observer_rt.engine.service.messages import FrameWriter, OutputFrame
+from observer_rt.engine.stream.state import Reason, State
+from observer_rt.engine.stream.validity import Surroundings, contested, state_of_service
+
+RECEIVE_TIMEOUT = 0.02  # s, after which the loop looks at its clock and its stop signal
+INPUT_TIMEOUT = 0.5  # s without an input frame: waiting for data
+LAST_FRAMES = 0.5  # s for the last results to be sent in
+
+
+class Daemon:
+    """Observes what comes in on the links of a bench until asked to stop."""
+
+    def __init__(
+        self,
+        bench: Bench,
+        bus: BusMap,
+        links: Sequence[Link],
+        knowledge: Knowledge | None = None,
+        listeners: Sequence[Listener] = (),
+        on_alive: Callable[[], None] = lambda: None,
+        failed_writes: Callable[[], int] = lambda: 0,
+        learning: Executor | None = None,
+        on_thread: Callable[[], object] = lambda: None,
+    ) -> None:
+        """links: of all buses, in order. knowledge: restored from an earlier run.
+
+        on_alive: called some ten times a second by the loop, for whoever watches that it goes round. failed_writes:
+        so far, of whoever writes files beside the loop; for the status. learning: where events are learned from,
+        one after another; None: in a thread of its own. on_thread: called first by the loop's thread, to claim its
+        rights.
+        """
+        self._links = links
+        self._bus = bus
+        self._on_thread = on_thread
+        self._latency: Callable[[], Latency | None] = lambda: None
+        self._tell = fan_out(listeners)
+        self._on_alive = on_alive
+        self._failed_writes = failed_writes
+        with_inputs = {layout.bus for layout in bus.received}
+        self.ports = tuple(
+            Port(named.label, named.config.channel, link, number in with_inputs, self._tell)
+            for number, (named, link) in enumerate(zip(bench.config.buses, links, strict=True))
+        )
+        self._executor = learning or ThreadPoolExecutor(
+            1, thread_name_prefix="learning", initializer=take_time
+        )
+        self._menders = ThreadPoolExecutor(len(self.ports), thread_name_prefix="reconnecting")
+        self._injector = bench.injector
+        self.core = Core(bench.injector, bus, knowledge, self._executor, listeners=listeners)
+        self._watch = InputWatch(bench.injector, bus, self.core)
+        self.arrivals = self._watch.arrivals
+        """Of all input messages, by the monotonic clock, and of others under our identifiers."""
+        self._state_watch = StateWatch(self.arrivals)
+        self._restart_watch = RestartWatch(self.arrivals)
+        self._learning_watch = LearningWatch()
+        self._status_writer = FrameWriter(bus.status)
+        self._status_period = round(bench.injector.config.outputs.status_period_ms * 1e6)
+        self._hashes = (int(model_hash(bench.injector.parameters)[:8], 16), database_hash(bench.databases))
+        self._is_waiting = False  # whether results wait for room on some bus
+        self._down: list[int] = []  # buses
+        self._frames_seen = 0
+        self._last_input = 0
+        self.ready = threading.Event()
+
+    def run(self, stop: threading.Event) -> None:
+        """Serve until `stop` is set, then publish what is complete and a last status frame.
+
+        An interface that goes down or away is waited for, while the others are served. Raises `RunError` when
+        a link fails otherwise.
+        """
+        self._last_input = self._next_status = self._next_look = time.monotonic_ns()
+        self.arrivals.begin(self._last_input)
+        touch(self.core.compiled.pipeline)
+        port = self.ports[self._bus.status.layout.bus]  # of all results
+        self._pump = FramePump(
+            self._links, self.core, self._bus, self.arrivals, port.count_unsent, self._on_thread
+        )
+        self._latency = self._pump.latency
+        for idle in set(range(len(self.ports))) - buses_of(self._bus):
+            self._pump.leave_out(idle)
+        self.ready.set()
+        try:
+            while not stop.is_set():
+                self._serve_once()
+            self._finish()
+        finally:
+            self._pump.close()
+            self._menders.shutdown()
+            self._executor.shutdown(cancel_futures=True)
+
+    def _serve_once(self) -> None:
+        """What the pump has, soon; results, and status when it is due."""
+        try:
+            results = self._pump.serve(RETRY if self._is_waiting else RECEIVE_TIMEOUT)
+        except BusDownError as error:
+            self._lose(error.bus, error)
+            return
+        now = time.monotonic_ns()
+        self.core.contest.note(self.arrivals.is_contested(now))
+        if self.core.frames_taken != self._frames_seen:
+            self._frames_seen, self._last_input = self.core.frames_taken, now
+        if results or self._is_waiting:
+            self._post(results)
+        if now >= self._next_status:
+            self._next_status = now + self._status_period
+            self._post(self._status(now))
+            for port in self.ports:
+                port.tell(now)
+        if now >= self._next_look:
+            self._next_look = now + LOOK_PERIOD
+            self._look(now)
+        for bus in list(self._down):
+            if self.ports[bus].mend(self._menders):
+                self._down.remove(bus)
+                self._pump.take_back(bus)
+                self.arrivals.begin(now)
+
+    def _look(self, now: int) -> None:
+        """What is wrong with the inputs, and which state it is; of inputs on a bus that is down nothing is asked."""
+        if not self._down:
+            for notice in self._watch.look(now):
+                self._tell(notice)
+        for notice in self._restart_watch.look(self.core.progress, self.core.counters.restarts):
+            self._tell(notice)
+        for notice in self._learning_watch.look(now, self.core.learning_from):
+            self._tell(notice)
+        for notice in self._state_watch.look(now, self.standing(now), self._watch.causes):
+            self._tell(notice)
+        if self._pump.goes_round():
+            self._on_alive()
+
+    def _post(self, frames: Sequence[OutputFrame]) -> None:
+        """Results to their buses, behind those that wait there."""
+        for bus, port in enumerate(self.ports):
+            try:
+                port.post((frame for frame in frames if frame.bus == bus), self._pump.sender(bus))
+            except LinkDownError as error:
+                self._lose(bus, error)
+        self._is_waiting = any(port.is_waiting for port in self.ports)
+
+    def _lose(self, bus: int, error: LinkDownError) -> None:
+        """A link failed: go on without it until it is mended."""
+        self._pump.leave_out(bus)
+        self._down.append(bus)
+        self.ports[bus].go_down(error)
+        self._last_input = 0  # what came before is past
+
+    def _finish(self) -> None:
+        """Publish what is complete, and a last status frame, as far as the links take them."""
+        self._post(self._pump.finish())
+        self._post(self._status(time.monotonic_ns()))
+        for bus, port in enumerate(self.ports):
+            try:
+                port.drain(LAST_FRAMES)
+            except LinkDownError as error:
+                self._lose(bus, error)
+
+    def state(self, now: int) -> tuple[State, Reason]:
+        """State and its most severe reason at a monotonic time [ns]."""
+        state, reasons = self.standing(now)
+        return state, reasons[0] if reasons else Reason.NONE
+
+    def standing(self, now: int) -> tuple[State, tuple[Reason, ...]]:
+        """State and all its reasons, the most severe first, at a monotonic time [ns]."""
+        is_down = any(self.ports[bus].has_inputs for bus in self._down)
+        surroundings = Surroundings(
+            has_frames=self._frames_seen > 0,
+            is_cut_off=is_down or now - self._last_input > INPUT_TIMEOUT * 1e9,
+            is_stale=bool(self.arrivals.stale(now)),
+        )
+        state, reason = state_of_service(self.core.state, surroundings)
+        if self.arrivals.is_contested(now):
+            return contested(state, reason)
+        return state, (reason,) if reason else ()
+
+    @property
+    def dropped(self) -> int:
+        """Frames lost before they reached the loop."""
+        return sum(port.link.dropped for port in self.ports)
+
+    @property
+    def unsent(self) -> int:
+        """Results given up because their link had no room for them, or was down."""
+        return sum(port.unsent for port in self.ports)
+
+    @property
+    def failed_writes(self) -> int:
+        """How often learned state or journal could not be written, and lines of the log that were given up."""
+        return self._failed_writes()
+
+    @property
+    def troubles(self) -> int:
+        """How often an interface went down or away, and its controller error-passive or bus-off."""
+        return sum(port.troubles for port in self.ports)
+
+    @property
+    def latency(self) -> Latency | None:
+        """Of the rates sent so far; None before the first."""
+        return self._latency()
+
+    def _status(self, now: int) -> list[OutputFrame]:
+        rail, lift, line = (self.arrivals.age_of(role, now) for role in Role)
+        injector_id, latency = self._injector.config.outputs.injector_id, self.latency
+        values = status_values(self.core, *self.state(now), injector_id, self._hashes)._replace(
+            dropped_frames=self.dropped,
+            link_troubles=self.troubles,
+            troubled_bus=next((n for n, port in enumerate(self.ports, 1) if port.is_in_trouble), 0),
+            foreign_frames=self.arrivals.foreign_frames,
+            rail_pressure_age=rail,
+            needle_lift_age=lift,
+            line_pressure_age=line,
+            failed_writes=self.failed_writes,
+            latency_p999=math.nan if latency is None else latency.p999,
+            largest_latency=math.nan if latency is None else latency.largest,
+        )
+        return self._status_writer.write(values)

@@ -1,0 +1,397 @@
+"""The journal: a row an injection in an SQLite file, readable while it is written and after any kill; as tables."""
+
+import contextlib
+import csv
+import json
+import os
+import sqlite3
+import sys
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from rich.table import Table
+
+from observer_rt import __version__
+from observer_rt.config.bench import Bench
+from observer_rt.daemon.persistence.state_file import model_hash
+from observer_rt.engine.reports.injection_report import (
+    FIELDS,
+    NAMED,
+    WEAR,
+    InjectionReport,
+    Output,
+    Value,
+    columns_of,
+    row_of,
+)
+from observer_rt.engine.reports.news import MeasuredMass, News
+from observer_rt.foundation.console import results
+from observer_rt.foundation.errors import RunError, UserError
+from observer_rt.foundation.units import MILLIGRAM
+from observer_rt.model.effects import effective_model
+
+APPLICATION_ID = 0x4F425254  # "OBRT", in the file's header
+SCHEMA = 1
+PATIENCE = 2.0  # s for another program that has the file locked
+BATCH = 500  # entries in one transaction
+MOST_WAITING = 10_000  # entries, some minutes of a full disk; those beyond are lost
+
+_SAID = columns_of(FIELDS, Output.JOURNAL)
+COLUMNS = {"judged_utc": str, **_SAID, "measured_mass_mg": float}
+"""Of an injection beside its run, with their types; those of a measured mass are added later."""
+_KINDS = {int: "INTEGER", bool: "INTEGER", float: "REAL", str: "TEXT"}
+_RUN = """CREATE TABLE IF NOT EXISTS run (
+    started_unix_us INTEGER PRIMARY KEY,
+    started_utc TEXT NOT NULL,
+    stopped_utc TEXT,
+    software_version TEXT NOT NULL,
+    model_sha256 TEXT NOT NULL,
+    injector TEXT NOT NULL,
+    bench_file TEXT NOT NULL,
+    configuration_json TEXT NOT NULL
+)"""
+_INJECTION = f"""CREATE TABLE IF NOT EXISTS injection (
+    run INTEGER NOT NULL REFERENCES run (started_unix_us),
+    {", ".join(f"{name} {_KINDS[kind]}" for name, kind in COLUMNS.items())},
+    PRIMARY KEY (run, number)
+)"""
+# a batch may come again when it is not known whether its transaction reached the disk
+_ADD_RUN = "INSERT OR IGNORE INTO run VALUES (?, ?, NULL, ?, ?, ?, ?, ?)"
+_ADD_INJECTION = (
+    f"INSERT OR IGNORE INTO injection (run, judged_utc, {', '.join(_SAID)}) "
+    f"VALUES (:run, :judged_utc, {', '.join(f':{name}' for name in _SAID)})"
+)
+_ADD_MASS = "UPDATE injection SET measured_mass_mg = ? WHERE run = ? AND number = ?"
+
+
+class JournalWriter:
+    """Listens in the loop, where it only keeps what it hears; writes the rows of one run from another thread.
+
+    A file that is taken away meanwhile is begun anew.
+    """
+
+    def __init__(self, path: Path, bench: Bench, tell: Callable[[str], None]) -> None:
+        """Raises `UserError` for a file that is no journal; the file is made by the first `write`."""
+        require_journal(path)
+        self.name = f"journal {path}"
+        self.lost = 0
+        """Injections and measured masses for which there was no room."""
+        self.written = 0
+        """Injections on disk."""
+        self._path = path
+        self._tell = tell
+        self._told_lost = 0
+        fitted, now = bench.injector, time.time_ns()
+        self._c = effective_model(fitted.parameters).coefficients
+        self._run = now // 1000
+        self._about_run = (
+            self._run,
+            utc(now),
+            __version__,
+            model_hash(fitted.parameters),
+            fitted.name,
+            str(bench.path.absolute()),
+            fitted.config.model_dump_json(),
+        )
+        self._is_begun = False
+        self._waiting: deque[tuple[int, InjectionReport | MeasuredMass]] = deque()  # with Unix time, ns
+        self._connection: sqlite3.Connection | None = None
+        self._identity: os.stat_result | None = None
+
+    def __call__(self, news: News) -> None:
+        """Keep what belongs into the journal, without arrays, for which nobody asks here."""
+        match news:
+            case InjectionReport():
+                entry: InjectionReport | MeasuredMass = replace(news, rate_sigma=None)
+            case MeasuredMass():
+                entry = replace(news, report=replace(news.report, rate_sigma=None))
+            case _:
+                return
+        if len(self._waiting) < MOST_WAITING:
+            self._waiting.append((time.time_ns(), entry))
+        else:
+            self.lost += 1
+
+    def write(self) -> None:
+        """Write what waits; begun with nothing, the run itself. Raises `RunError`; what is not written waits on."""
+        if self.lost != self._told_lost:
+            self._told_lost = self.lost
+            self._tell(
+                f"warning: {self.name}: {self.lost} injections lost so far, for want of room to keep them"
+            )
+        while self._waiting or not self._is_begun:
+            # by index: the loop may add more meanwhile
+            batch = [self._waiting[i] for i in range(min(len(self._waiting), BATCH))]
+            with self._writing() as connection:
+                connection.execute("BEGIN IMMEDIATE")
+                connection.execute(_ADD_RUN, self._about_run)
+                for at, entry in batch:  # one by one, so that the loop gets its turn between two of them
+                    self._add(connection, at, entry)
+            self._is_begun = True
+            for _ in batch:
+                _, entry = self._waiting.popleft()
+                self.written += isinstance(entry, InjectionReport)
+
+    def finish(self) -> str:
+        """Write what waits and the clean stop; what to say of it. Raises `RunError`."""
+        self.write()
+        with self._writing() as connection:
+            connection.execute(
+                "UPDATE run SET stopped_utc = ? WHERE started_unix_us = ?", (utc(time.time_ns()), self._run)
+            )
+            (total,) = connection.execute("SELECT count(*) FROM injection").fetchone()
+            with contextlib.suppress(sqlite3.OperationalError):  # while somebody reads
+                # then whoever may read the file can, even where nothing can be made beside it
+                connection.execute("PRAGMA journal_mode = DELETE")
+        self._give_up()
+        return f"{total} injections in the journal {self._path}, {self.written} of this run"
+
+    def _add(self, connection: sqlite3.Connection, at: int, entry: InjectionReport | MeasuredMass) -> None:
+        """at: Unix time [ns]."""
+        if isinstance(entry, MeasuredMass):
+            connection.execute(_ADD_MASS, (entry.mass / MILLIGRAM, self._run, entry.report.number))
+        else:
+            said = row_of(FIELDS, Output.JOURNAL, entry, self._c)
+            connection.execute(_ADD_INJECTION, {"run": self._run, "judged_utc": utc(at), **said})
+
+    @contextlib.contextmanager
+    def _writing(self) -> Iterator[sqlite3.Connection]:
+        """A connection to the file that is there now: all of a transaction reaches the disk, or `RunError`."""
+        try:
+            if self._identity is not None and not is_at(self._path, self._identity):
+                self._give_up()
+            if self._connection is None:
+                self._connection = _connected(self._path)
+                self._identity = self._path.stat()
+            with self._connection as connection:
+                yield connection
+        except (sqlite3.Error, OSError) as error:
+            self._give_up()
+            is_damaged = isinstance(error, sqlite3.DatabaseError) and not isinstance(
+                error, sqlite3.OperationalError
+            )
+            advice = "; move the file away, and a new one is begun" if is_damaged else ""
+            raise RunError(f"{self._path}: the journal cannot be written: {error}{advice}") from error
+
+    def _give_up(self) -> None:
+        """Close what is open: the next write begins with a connection of its own."""
+        if self._connection is not None:
+            with contextlib.suppress(sqlite3.Error):
+                self._connection.close()
+        self._connection = self._identity = None
+
+
+def is_at(path: Path, file: os.stat_result) -> bool:
+    """Whether a file that was opened is the one that is there now."""
+    try:
+        return os.path.samestat(path.stat(), file)
+    except FileNotFoundError:
+        return False
+
+
+def utc(unix_ns: int) -> str:
+    """A Unix time [ns] as SQLite and people read it, to the millisecond."""
+    seconds, rest = divmod(unix_ns, 1_000_000_000)
+    return f"{datetime.fromtimestamp(seconds, UTC):%Y-%m-%d %H:%M:%S}.{rest // 1_000_000:03d}"
+
+
+def require_journal(path: Path) -> None:
+    """Raise `UserError` unless the file is a journal this version knows, empty, or not there."""
+    if not path.exists() or path.stat().st_size == 0:
+        return
+    try:
+        with contextlib.closing(
+            sqlite3.connect(path.absolute().as_uri() + "?mode=ro", uri=True)
+        ) as connection:
+            (application,) = connection.execute("PRAGMA application_id").fetchone()
+            (schema,) = connection.execute("PRAGMA user_version").fetchone()
+            (tables,) = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
+    except sqlite3.OperationalError:
+        return  # locked, or no right to read: reported by whoever needs it
+    except sqlite3.DatabaseError as error:
+        raise UserError(
+            str(path), f"is no journal of injections: {error}", "name another file, or move this one away"
+        ) from None
+    if application != APPLICATION_ID and tables:
+        raise UserError(
+            str(path), "is a database of another program", "name another file for the journal of injections"
+        )
+    if schema > SCHEMA:
+        raise UserError(
+            str(path),
+            f"was written by a newer version: schema {schema}, this one knows {SCHEMA}",
+            "use that version, or name another file",
+        )
+
+
+def _connected(path: Path) -> sqlite3.Connection:
+    """A connection that survives power cuts, to a journal with all columns."""
+    connection = sqlite3.connect(path, timeout=PATIENCE, isolation_level=None, check_same_thread=False)
+    try:
+        connection.execute("PRAGMA journal_mode = WAL")
+        connection.execute("PRAGMA synchronous = FULL")
+        # after every batch the file is whole without its -wal: whoever copies or moves it away loses nothing
+        connection.execute("PRAGMA wal_autocheckpoint = 1")
+        with connection:
+            connection.execute("BEGIN IMMEDIATE")
+            make_tables(connection)
+    except BaseException:
+        connection.close()
+        raise
+    return connection
+
+
+def make_tables(connection: sqlite3.Connection) -> None:
+    """Make what a journal consists of, as far as it is not there."""
+    connection.execute(_RUN)
+    connection.execute(_INJECTION)
+    there = {name for _, name, *_ in connection.execute("PRAGMA table_info (injection)")}
+    for name, kind in COLUMNS.items():  # of a journal begun by a version that learned less
+        if name not in there:
+            connection.execute(f"ALTER TABLE injection ADD COLUMN {name} {_KINDS[kind]}")
+    connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
+    connection.execute(f"PRAGMA user_version = {SCHEMA}")
+
+
+Row = Mapping[str, Value]
+"""A row of the journal by its columns; those of a version that knew fewer are missing."""
+SPANS = 12  # of the table of wear
+
+_NEWEST = """SELECT * FROM injection ORDER BY run DESC, number DESC LIMIT ?"""
+_SPANS = f"""
+WITH part AS (SELECT *, ntile(?) OVER (ORDER BY run, number) AS span FROM injection)
+SELECT max(judged_utc) AS until_utc, count(*) AS injections, sum(valid) AS valid_injections,
+    min(rail_pressure_MPa) AS lowest_rail_MPa, max(rail_pressure_MPa) AS highest_rail_MPa,
+    {", ".join(f"avg({name}) FILTER (WHERE valid) AS {name}" for each in WEAR for name in each.columns)}
+FROM part GROUP BY span ORDER BY span"""
+
+
+class JournalReader:
+    """A journal that is read; what is written meanwhile is not seen half."""
+
+    def __init__(self, connection: sqlite3.Connection) -> None:
+        self._connection = connection
+
+    def count(self) -> int:
+        """How many injections it has."""
+        (count,) = self._connection.execute("SELECT count(*) FROM injection").fetchone()
+        return int(count)
+
+    def runs(self) -> list[Row]:
+        """The runs of the daemon, in order."""
+        return list(self._rows("SELECT * FROM run ORDER BY started_unix_us"))
+
+    def injections(self, last: int | None = None) -> Iterator[Row]:
+        """The injections in order, or the last ones."""
+        return self._rows(f"SELECT * FROM ({_NEWEST}) ORDER BY run, number", (-1 if last is None else last,))
+
+    def spans(self, number: int) -> list[Mapping[str, Any]]:
+        """The wear over time: as many spans of as many injections each, fewer where there are fewer injections.
+
+        until_utc, injections, valid_injections, lowest_rail_MPa, highest_rail_MPa; under the columns of `WEAR` means
+        of the valid ones.
+        """
+        return list(self._rows(_SPANS, (number,)))
+
+    def _rows(self, query: str, values: tuple[int, ...] = ()) -> Iterator[Row]:
+        cursor = self._connection.execute(query, values)
+        names = [column[0] for column in cursor.description]
+        return (dict(zip(names, row, strict=True)) for row in cursor)
+
+
+def print_csv(journal: JournalReader, last: int | None) -> None:
+    """All injections, or the last ones, on stdout."""
+    writer = csv.DictWriter(sys.stdout, ["run", *COLUMNS], extrasaction="ignore", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(journal.injections(last))
+
+
+def print_json(journal: JournalReader, last: int | None) -> None:
+    """One document on stdout: the runs, and all injections or the last ones."""
+    runs = [dict(run) for run in journal.runs()]
+    for run in runs:
+        run["configuration"] = json.loads(str(run.pop("configuration_json")))
+    injections = [
+        {
+            **row,
+            "valid": bool(row["valid"]),
+            "reasons": str(row["reasons"]).split(",") if row["reasons"] else [],
+        }
+        for row in journal.injections(last)
+    ]
+    print(json.dumps({"schema": SCHEMA, "runs": runs, "injections": injections}, indent=2))
+
+
+def print_tables(journal: JournalReader, last: int) -> None:
+    """The wear over time, and the last injections."""
+    console, runs = results(), journal.runs()
+    killed = sum(run["stopped_utc"] is None for run in runs)
+    since = f" since {runs[0]['started_utc']} UTC" if runs else ""
+    console.print(
+        f"injections: {journal.count()}{since}; runs: {len(runs)}, {killed} of them killed or still running",
+        highlight=False,
+    )
+    names = [each.value.heading.replace("\n", " ") for each in WEAR]
+    title = "Wear over time: means of the valid injections, with their 95 % intervals"
+    wear = Table("until (UTC)", "injections", "valid", "rail MPa", *names, title=title)
+    for span in journal.spans(SPANS):
+        means = ([span[name] for name in each.columns] for each in WEAR)
+        wear.add_row(
+            str(span["until_utc"]),
+            str(span["injections"]),
+            f"{100 * span['valid_injections'] / span['injections']:.0f} %",
+            f"{span['lowest_rail_MPa']:.0f} to {span['highest_rail_MPa']:.0f}",
+            *(_mean(*mean) for mean in means),
+        )
+    newest = Table("judged (UTC)", "no.", "rail MPa", "mass mg", *names, "valid", title="Last injections")
+    shown = [NAMED[name] for name in ("number", "rail_pressure_MPa", "mass_mg")] + [
+        each.value for each in WEAR
+    ]
+    for row in journal.injections(last):
+        cells = (field.text(row.get(field.name)) for field in shown)
+        newest.add_row(str(row["judged_utc"]), *cells, "yes" if row["valid"] else str(row["reasons"]))
+    console.print(wear, newest)
+
+
+def _mean(value: float | None, low: float | None, high: float | None) -> str:
+    if value is None:
+        return "-"
+    return f"{value:+.1%}" + ("" if low is None else f" [{low:+.1%}, {high:+.1%}]")
+
+
+@contextlib.contextmanager
+def reading_journal(path: Path) -> Iterator[JournalReader]:
+    """A journal as it is now.
+
+    Raises:
+        UserError: there is none, it is no journal, or it is damaged.
+    """
+    if not path.exists():
+        raise UserError(str(path), "no such file", "name the file given to `observer-rt run --journal`")
+    require_journal(path)
+    place = path.absolute().as_uri() + "?mode=ro"
+    try:
+        with contextlib.closing(sqlite3.connect(place, uri=True, timeout=PATIENCE)) as connection:
+            connection.execute("BEGIN")  # one state of the file for all that is asked
+            (tables,) = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
+            if not tables:  # a daemon may have been killed, or be, on the way to its first row
+                connection = sqlite3.connect(":memory:")
+                make_tables(connection)
+            yield JournalReader(connection)
+    except sqlite3.OperationalError as error:
+        raise UserError(
+            str(path),
+            f"cannot be read: {error}",
+            "copy it with the files beside it to where you may write, and read it there",
+        ) from None
+    except sqlite3.DatabaseError as error:
+        raise UserError(
+            str(path),
+            f"is damaged: {error}",
+            f"save what is left: sqlite3 {path} .recover | sqlite3 saved.sqlite",
+        ) from None

@@ -1,0 +1,273 @@
+"""The daemon's files: learned state, journal and their lock, written beside the loop."""
+
+import contextlib
+import errno
+import fcntl
+import os
+import sqlite3
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple, Protocol
+
+from observer_rt.config.bench import Bench, BenchInjector
+from observer_rt.daemon.persistence.journal import JournalWriter, is_at, require_journal
+from observer_rt.daemon.persistence.state_file import model_hash, save_knowledge
+from observer_rt.engine.learning.knowledge import Knowledge
+from observer_rt.engine.reports.news import Listener
+from observer_rt.engine.service.learners import refuse_state
+from observer_rt.foundation.console import check_destination, check_folder
+from observer_rt.foundation.errors import RunError, UserError
+from observer_rt.foundation.file_kinds import JOURNAL, LEARNED_STATE
+
+LONGEST_ID = 20  # digits of a process id
+IMPLAUSIBLE = "check the sensors and their units; what was kept before stays"
+
+
+@contextlib.contextmanager
+def sole_writer(path: Path) -> Iterator[None]:
+    """Be the only process that writes the file at `path`, by a lock on `NAME.lock` beside it.
+
+    The lock ends with its process however that ends; the file left behind by a killed one is in nobody's way.
+
+    Raises:
+        UserError: another process has it, which is named, or no lock can be made there.
+    """
+    lock = Path(os.path.realpath(path) + ".lock")
+    descriptor = _locked(lock, path)
+    try:
+        yield
+    finally:
+        with contextlib.suppress(OSError):  # the folder may have become read-only: then it stays
+            if is_at(lock, os.fstat(descriptor)):
+                lock.unlink()
+        os.close(descriptor)
+
+
+def _locked(lock: Path, path: Path) -> int:
+    """Descriptor of the lock's file, locked and with this process's id in it."""
+    while True:
+        try:
+            descriptor = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        except OSError as error:
+            raise _no_lock(lock, error) from None
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if os.pread(descriptor, LONGEST_ID, 0).strip(b"0123456789"):
+                raise FileExistsError(errno.EEXIST, "it holds something else than the id of a process")
+            if is_at(lock, os.fstat(descriptor)):
+                with contextlib.suppress(OSError):  # a full disk: locked all the same, if by nobody known
+                    os.ftruncate(descriptor, 0)
+                    os.pwrite(descriptor, str(os.getpid()).encode(), 0)
+                return descriptor
+        except BlockingIOError:
+            holder = os.read(descriptor, LONGEST_ID).decode("ascii", "replace").strip()
+            os.close(descriptor)
+            raise UserError(
+                str(path),
+                f"is in use by {f'process {holder}' if holder else 'another process'}",
+                "stop that one first, or give each its own file",
+            ) from None
+        except OSError as error:
+            os.close(descriptor)
+            raise _no_lock(lock, error) from None
+        os.close(descriptor)  # its owner removed it meanwhile
+
+
+def _no_lock(lock: Path, error: OSError) -> UserError:
+    return UserError(
+        str(lock), f"cannot be locked: {error.strerror}", "check its rights, or name a file on a local disk"
+    )
+
+
+Tell = Callable[[str], None]
+"""Says a message to whoever runs the daemon; called from the thread that writes."""
+KnowledgeSource = Callable[[], Knowledge]
+"""All that was learned so far: another value whenever something was, never one that changes."""
+
+
+class Persisted(Protocol):
+    """Something on disk that follows the daemon. name: what it is, with its file."""
+
+    name: str
+
+    def write(self) -> None:
+        """Bring the file up to date. Raises `RunError`; what could not be written is written by a later call."""
+
+    def finish(self) -> str:
+        """The last write, whatever was written before; what to say of it. Raises `RunError`."""
+
+
+class RetryingWriter:
+    """Tries to write a file, and reports once what is in its way, and once that it is over."""
+
+    def __init__(self, file: Persisted, interval: float, tell: Tell) -> None:
+        """interval [s]: after which it is tried again, for the message."""
+        self.failures = 0
+        self._file = file
+        self._interval = interval
+        self._tell = tell
+        self._since = 0  # failures before those that go on
+        self._told = ""
+
+    def attempt(self) -> None:
+        """Write once."""
+        try:
+            self._file.write()
+        except RunError as error:
+            self.failures += 1
+            if str(error) != self._told:
+                self._told = str(error)
+                is_of_disk = isinstance(error.__cause__, OSError | sqlite3.Error)
+                remedy = "make room there, or mend the folder's rights" if is_of_disk else IMPLAUSIBLE
+                self._tell(
+                    f"warning: {error}\n  remedy: {remedy}; the observer goes on, and it is tried again every "
+                    f"{self._interval:g} s"
+                )
+        else:
+            if self._told:
+                failed = self.failures - self._since
+                self._tell(f"{self._file.name} is written again, after {failed} failed attempts")
+                self._since, self._told = self.failures, ""
+
+    def finish(self) -> str:
+        """Write a last time; what was in its way, empty: nothing."""
+        failed = f" ({self.failures} attempts failed before)" if self.failures else ""
+        try:
+            self._tell(f"{self._file.finish()}{failed}")
+        except RunError as error:
+            return f"{error}{failed}"
+        return ""
+
+
+class Keeper:
+    """Keeps what a daemon learns. The loop only lends it what it has: nothing here is done in the loop's time."""
+
+    def __init__(
+        self, fitted: BenchInjector, state: Path | None, journal: JournalWriter | None, tell: Tell
+    ) -> None:
+        """state: where the learned state is kept; None, as for the journal: nowhere."""
+        self.state = state
+        self.listeners: Sequence[Listener] = [] if journal is None else [journal]
+        """Who wants to hear the daemon's news."""
+        self._fitted = fitted
+        self._journal = journal
+        self._tell = tell
+        self._writers: Sequence[RetryingWriter] = ()
+
+    @property
+    def failures(self) -> int:
+        """Attempts to write that failed so far."""
+        return sum(writer.failures for writer in self._writers)
+
+    @contextlib.contextmanager
+    def keeping(self, source: KnowledgeSource) -> Iterator[None]:
+        """While it lasts, write what is new, within `save_within_s`; at the end, a last time.
+
+        Raises `RunError` when the last write fails.
+        """
+        # what comes just after a write waits for the next one, and for its end
+        interval = self._fitted.config.state.save_within_s / 2
+        files: list[Persisted] = [] if self._journal is None else [self._journal]
+        if self.state is not None:
+            files.insert(0, LearnedState(self.state, self._fitted, source))
+        self._writers = [RetryingWriter(file, interval, self._tell) for file in files]
+        stop = threading.Event()
+        thread = threading.Thread(target=self._write, args=(interval, stop), name="keeping")
+        thread.start()
+        try:
+            yield
+        finally:
+            stop.set()
+            thread.join()
+            problems = [problem for writer in self._writers if (problem := writer.finish())]
+            if problems:
+                raise RunError("\n".join(problems))
+
+    def _write(self, interval: float, stop: threading.Event) -> None:
+        """Write again and again, `interval` seconds from begin to begin, until stopped."""
+        wait, is_reported = 0.0, False
+        while not stop.wait(wait):
+            began = time.monotonic()
+            for writer in self._writers:
+                writer.attempt()
+            took = time.monotonic() - began
+            wait = max(interval - took, 0.0)
+            if took > interval and not is_reported:
+                is_reported = True
+                self._tell(
+                    f"warning: it took {took:.1f} s to write what is kept: a kill may cost more than save_within_s\n"
+                    "  remedy: keep it on a faster disk, or raise save_within_s in [state]"
+                )
+
+
+class LearnedState:
+    """What was learned, in a state file."""
+
+    def __init__(self, path: Path, fitted: BenchInjector, source: KnowledgeSource) -> None:
+        self.name = f"learned state in {path}"
+        self._path = path
+        self._model = model_hash(fitted.parameters)
+        self._pressure_scale = fitted.parameters.scaling.pressure
+        self._source = source
+        self._written = source()
+
+    def write(self) -> None:
+        """Replace the file if something was learned since."""
+        if self._source() is not self._written:
+            self.finish()
+
+    def finish(self) -> str:
+        """Replace the file."""
+        knowledge = self._source()
+        save_knowledge(self._path, knowledge, self._model, self._pressure_scale)
+        self._written = knowledge
+        return f"learned state saved in {self._path}"
+
+
+class KeptFiles(NamedTuple):
+    """Where learned state and journal are kept; None: nowhere."""
+
+    state: Path | None
+    journal: Path | None
+
+
+def kept_files(fitted: BenchInjector, state: Path | None = None, journal: Path | None = None) -> KeptFiles:
+    """The files of an injector: those of the command line, else those that the bench file names.
+
+    Raises `UserError` for files that cannot be kept, or are of another kind.
+    """
+    taken = {path.resolve(): str(path) for path in (fitted.file.path, fitted.parameters_path)}
+    files = KeptFiles(state or fitted.state, journal or fitted.journal)
+    options = (
+        "--state" if state else fitted.place("state.file"),
+        "--journal" if journal else fitted.place("state.journal"),
+    )
+    for option, path, kind in zip(options, files, (LEARNED_STATE, JOURNAL), strict=True):
+        if path is None:
+            continue
+        if other := taken.get(path.resolve()):
+            raise UserError(option, f"{path} is {other} already", "name another file")
+        taken[path.resolve()] = option
+        check_destination(option, path, kind=kind)
+        check_folder(option, path.absolute().parent)
+    if files.state is not None:
+        refuse_state(fitted, options[0])
+    if files.journal is not None:
+        require_journal(files.journal)
+    return files
+
+
+@contextlib.contextmanager
+def keeper_of(bench: Bench, state: Path | None, journal: Path | None, tell: Tell) -> Iterator[Keeper]:
+    """What keeps the files of a daemon, theirs alone while it lasts; those the bench file names where none is given.
+
+    Raises `UserError` for files that cannot be kept, or are another daemon's.
+    """
+    files = kept_files(bench.injector, state, journal)
+    with contextlib.ExitStack() as locks:
+        if files.state is not None:
+            locks.enter_context(sole_writer(files.state))
+        writer = None if files.journal is None else JournalWriter(files.journal, bench, tell)
+        yield Keeper(bench.injector, files.state, writer, tell)

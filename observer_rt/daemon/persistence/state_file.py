@@ -1,0 +1,444 @@
+"""The learned state on disk: one file, replaced as a whole, restored only where it belongs and can be true."""
+
+import hashlib
+import json
+import math
+import os
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, Field, PlainSerializer, PlainValidator, ValidationError
+
+from observer_rt import __version__
+from observer_rt.core.stream.stream import FURTHEST_ZERO, MOST_CROSSTALK
+from observer_rt.engine.estimation.gain import NoiseLevels
+from observer_rt.engine.estimation.gating import Belief
+from observer_rt.engine.estimation.phases import PhaseStatistics
+from observer_rt.engine.estimation.prediction_error import Whitening
+from observer_rt.engine.estimation.scalars import SCALARS, sensor_lag
+from observer_rt.engine.learning.adequacy import LARGEST_LAG, is_worn_beyond_limits
+from observer_rt.engine.learning.disturbances.colour import ORDERS, Colour
+from observer_rt.engine.learning.interval import EventPoint
+from observer_rt.engine.learning.knowledge import Knowledge, no_knowledge
+from observer_rt.engine.learning.memory import NOTHING, Memory
+from observer_rt.engine.stream.standstill import RestingLift
+from observer_rt.foundation.errors import RunError, UserError
+from observer_rt.foundation.file_kinds import LEARNED_STATE, refuse_other_kind
+from observer_rt.model.parameters import InjectorParameters, Scaling
+
+VERSION = 4
+OLDEST = 3  # version that is still read
+_COLUMNS_OF_3 = (  # which it does not name
+    *("nozzle_bias", "nozzle_weight_1", "nozzle_weight_2", "nozzle_weight_3", "nozzle_weight_4"),
+    *("nozzle_weight_5", "seat_bias", "offset", "friction", "leakage", "stiffness", "lag", "air"),
+    *("back_pressure_1", "back_pressure_2"),
+)
+BEGUN_ANEW = "nothing, if another injector was mounted: learning begins anew; else put the right file back"
+ASIDE = ".set-aside-"  # in the name of what is set aside, before its number
+LARGEST_FILE = 1 << 20  # bytes, far more than any state takes
+PRESSURE_SCALE = float(Scaling.model_fields["pressure"].default)  # p_0 unless the injector says otherwise, Pa
+
+
+def problem_of(knowledge: Knowledge, pressure_scale: float) -> str | None:
+    """What makes knowledge impossible or implausible, in a few words; None if nothing does.
+
+    pressure_scale: p_0 [Pa], by which the bounds are counted.
+    """
+    prior = no_knowledge(knowledge.noise, pressure_scale)
+    for part, like in zip(_arrays(knowledge), _arrays(prior), strict=True):
+        if part.shape != like.shape:
+            return f"it holds parameters of another kind: shape {part.shape} instead of {like.shape}"
+    lowest, highest = SCALARS.bounds(pressure_scale)
+    for name, theta in (("the mean", knowledge.belief.mean), ("the parameters in force", knowledge.in_force)):
+        if not np.all(np.isfinite(theta)):
+            return f"{name} are not finite numbers"
+    if np.any(knowledge.in_force < lowest) or np.any(knowledge.in_force > highest):
+        return "the parameters in force lie beyond what an injector can do"
+    # the mean is free of the bounds' signs: it may say that a leak is slightly negative
+    if np.any(np.abs(knowledge.belief.mean) > np.maximum(-lowest, highest)):
+        return "the mean lies beyond what an injector can do"
+    for name, covariance in (
+        ("the covariance", knowledge.belief.covariance),
+        ("the error's covariance", knowledge.belief.error_covariance),
+    ):
+        if not np.all(np.isfinite(covariance)):
+            return f"{name} is not finite"
+        if not np.array_equal(covariance, covariance.T) or not _is_positive_definite(covariance):
+            return f"{name} is not symmetric and positive definite"
+    if not all(np.all(np.isfinite(sums) & (sums >= 0.0)) for sums in vars(knowledge.statistics).values()):
+        return "the statistics of the innovations are no sums of squares"
+    if odd := knowledge.noise.implausible:
+        return (
+            f"the noise of the {odd[0].replace('_', ' ')} is {getattr(knowledge.noise, odd[0]):g} (SI units)"
+        )
+    if not np.all(np.isfinite(knowledge.learned_at)):
+        return "the operating points learned at are not finite numbers"
+    lift = knowledge.lift
+    is_drift = abs(lift.zero) <= FURTHEST_ZERO and 0.0 <= lift.wander <= FURTHEST_ZERO
+    if not (is_drift and abs(lift.crosstalk) <= MOST_CROSSTALK):
+        return f"the lift of a shut needle shows more than a sensor's drift: {lift}"
+    if (colour := knowledge.colour) is None:
+        return None
+    whitening = colour.whitening
+    if whitening.taps.ndim != 1 or whitening.taps.size > ORDERS or not np.all(np.isfinite(whitening.taps)):
+        return f"the colour of the noise is no filter of at most {ORDERS} taps"
+    if not all(math.isfinite(value) and value > 0.0 for value in (colour.sigma, colour.interval)):
+        return "the colour of the noise has no level or no sample interval"
+    if whitening.forgetting is not None and not 0.0 < whitening.forgetting < 1.0:
+        return "the high pass of the noise is none"
+    return None
+
+
+def _doubt_of(knowledge: Knowledge) -> str | None:
+    """Why restored knowledge would be refused event after event, in a few words; None if nothing says so.
+
+    While it is learned such a sensor is reported as a fault; of another run it may come from signals that are past.
+    An offset is none: one that follows the rail pressure is a gain, with which it goes on.
+    """
+    for theta in (knowledge.belief.mean, knowledge.in_force):
+        lag = sensor_lag(theta)
+        if lag > LARGEST_LAG:
+            return f"its lag of the line-pressure sensor, {lag * 1e3:.2g} ms, is more than {LARGEST_LAG * 1e3:g} ms"
+        if is_worn_beyond_limits(theta):
+            return "its nozzle or seat is at the limit of what an injector can do"
+    return None
+
+
+def _arrays(knowledge: Knowledge) -> list[NDArray[np.float64]]:
+    return [knowledge.in_force, *knowledge.belief.parts.values(), *vars(knowledge.statistics).values()]
+
+
+def _is_positive_definite(matrix: NDArray[np.float64]) -> bool:
+    try:
+        np.linalg.cholesky(matrix)
+    except np.linalg.LinAlgError:
+        return False
+    return True
+
+
+class _UnusableError(Exception):
+    """Why a file's content is not restored."""
+
+
+_Array = Annotated[
+    NDArray[np.float64],
+    PlainValidator(lambda numbers: np.array(numbers, np.float64)),
+    PlainSerializer(lambda array: array.tolist()),
+]
+_Count = Annotated[int, Field(ge=0, lt=1 << 53)]
+
+
+class _Noise(BaseModel, extra="forbid", strict=True):
+    rail_pressure: float
+    line_pressure: float
+    needle_lift: float
+
+
+class _Lift(BaseModel, extra="forbid", strict=True):
+    zero: float
+    wander: float
+    crosstalk: float
+
+
+class _Colour(BaseModel, extra="forbid", strict=True):
+    interval: float
+    forgetting: float | None
+    taps: _Array
+    sigma: float
+
+    def restored(self) -> Colour:
+        return Colour(Whitening(self.forgetting, self.taps), self.interval, self.sigma)
+
+
+class _Memory(BaseModel, extra="forbid", strict=True):
+    interval: float
+    found: dict[str, Any]
+
+
+class _Content(BaseModel, strict=True):
+    """What is learned, as it lies in the file. columns: names of the parameters, in their order."""
+
+    package_version: str
+    model_sha256: str
+    phi_version: _Count
+    events: _Count
+    columns: list[str] = list(_COLUMNS_OF_3)
+    active: list[int]  # columns
+    statistics: dict[str, _Array]
+    in_force: _Array
+    mean: _Array
+    covariance: _Array
+    error_covariance: _Array
+    noise: _Noise
+    lift: _Lift | None = None  # of files without it, zero and crosstalk are found again by the stream
+    colour: _Colour | None = None  # of files without it, the noise is taken for white until an event shows it
+    # of files without it, every operating point counts as new until learned at
+    learned_at: list[EventPoint] = []
+    memory: _Memory | None = None  # of files without it, it is found again over the next events
+
+
+@dataclass(frozen=True)
+class Restored:
+    """What was found: the knowledge, None if there was none to use, and a message that says so."""
+
+    knowledge: Knowledge | None
+    message: str
+
+
+class StateDoesNotFitError(UserError):
+    """A file with a learned state that does not belong to the model, was damaged or cannot be true."""
+
+
+def model_hash(parameters: InjectorParameters) -> str:
+    """SHA-256 (hexadecimal) of the parameters, however the file they were read from is written.
+
+    Of the effects and terms in force it covers what they do, not why somebody believes in them.
+    """
+    content = parameters.model_dump(mode="json", exclude={"effects", "terms", "format"})
+    if parameters.fluid.reference_temperature is None:  # then there is no law of the temperature either
+        for key in ("reference_temperature", "thermal_expansion", "bulk_modulus_slope"):
+            del content["fluid"][key]
+    if parameters.effects:
+        content["effects"] = [
+            [effect.id, {name: [size.value, size.unit] for name, size in effect.parameters.items()}]
+            for effect in parameters.effects
+        ]
+    if parameters.terms:
+        content["terms"] = [
+            (one.equation, str(one.law), one.coefficient)
+            for one in (stated.term for stated in parameters.terms)
+        ]
+    return _digest(content)
+
+
+def save_knowledge(
+    path: Path, knowledge: Knowledge, model: str, pressure_scale: float = PRESSURE_SCALE
+) -> None:
+    """Replace the file at `path` by this knowledge; whatever happens meanwhile, the old or the new one is whole.
+
+    model: `model_hash` of the injector it was learned for; pressure_scale: its p_0 [Pa].
+
+    Raises:
+        RunError: it cannot be written, or is nothing that could be restored; the old file is then unchanged.
+    """
+    if problem := problem_of(knowledge, pressure_scale):
+        raise RunError(f"{path}: what was learned is not saved, for {problem}")
+    colour = knowledge.colour
+    content = _Content.model_construct(
+        package_version=__version__,
+        model_sha256=model,
+        phi_version=knowledge.phi_version,
+        events=knowledge.events,
+        columns=list(SCALARS.names),
+        active=sorted(knowledge.active),
+        statistics=vars(knowledge.statistics),
+        in_force=knowledge.in_force,
+        mean=knowledge.belief.mean,
+        covariance=knowledge.belief.covariance,
+        error_covariance=knowledge.belief.error_covariance,
+        noise=_Noise(**asdict(knowledge.noise)),
+        lift=_Lift(**asdict(knowledge.lift)),
+        colour=colour
+        and _Colour.model_construct(interval=colour.interval, sigma=colour.sigma, **vars(colour.whitening)),
+        learned_at=list(knowledge.learned_at),
+        memory=_Memory.model_construct(**vars(knowledge.memory)),
+    ).model_dump()
+    document = {"version": VERSION, "sha256": _digest(content), "content": content}
+    try:
+        _replace(Path(os.path.realpath(path)), _json(document, indent=1).encode() + b"\n")
+    except OSError as error:
+        raise RunError(f"{path}: the learned state cannot be written: {error.strerror or error}") from error
+
+
+def load_knowledge(
+    path: Path, model: str, pressure_scale: float = PRESSURE_SCALE, set_aside: bool = True
+) -> Restored:
+    """Restore what `save_knowledge` wrote for the same model; arguments as there.
+
+    A file that does not belong to the model, was damaged or holds what cannot be true is renamed to
+    `NAME.set-aside-N`, with the reason in the message, and the newest of those that fits is restored instead; with
+    `set_aside` False it stays and is refused.
+
+    Raises:
+        StateDoesNotFitError: the file is refused.
+        UserError: it cannot be read, or not be set aside.
+    """
+    path = Path(os.path.realpath(path))
+    try:
+        if path.exists() and not path.is_file():
+            raise UserError(str(path), "is no file", "name a file for the learned state")
+        with path.open("rb") as file:
+            data = file.read(LARGEST_FILE + 1)
+    except FileNotFoundError:
+        if not path.parent.is_dir():
+            raise UserError(str(path), "is in no existing folder", "create the folder first") from None
+        return Restored(None, f"no learned state at {path}, starting from the prior")
+    except OSError as error:
+        raise UserError(str(path), f"cannot be read: {error.strerror}", "check path and rights") from None
+    try:
+        knowledge = _usable(data, model, pressure_scale)
+    except _UnusableError as reason:
+        if not set_aside:
+            raise StateDoesNotFitError(
+                str(path), f"is no learned state for this model: {reason}", "name another file, or none"
+            ) from None
+        refuse_other_kind("learned state", path, LEARNED_STATE)  # only what was one is ever set aside
+        said = f"warning: learned state not restored, for {reason}; kept as {_set_aside(path)}"
+        before = _set_aside_before(path, model, pressure_scale)
+        if before is None:
+            return Restored(None, f"{said}\n  remedy: {BEGUN_ANEW}")
+        return replace(before, message=f"{said}\n{before.message}, which is of this model")
+    return _restored(path, knowledge)
+
+
+def _restored(path: Path, knowledge: Knowledge) -> Restored:
+    learned = f"correction {knowledge.phi_version}, learned from {knowledge.events} events"
+    return Restored(knowledge, f"learned state restored from {path}: {learned}")
+
+
+def _usable(data: bytes, model: str, pressure_scale: float) -> Knowledge:
+    knowledge = _knowledge_in(data, model, pressure_scale)
+    if problem := problem_of(knowledge, pressure_scale) or _doubt_of(knowledge):
+        raise _UnusableError(problem)
+    return knowledge
+
+
+def _set_aside_before(path: Path, model: str, pressure_scale: float) -> Restored | None:
+    """The newest state of this model among those set aside: its injector was mounted before. None without."""
+    aside = [each for each in path.parent.iterdir() if each.name.startswith(path.name + ASIDE)]
+    for older in sorted(aside, key=lambda each: each.stat().st_mtime, reverse=True):
+        with suppress(_UnusableError, OSError):
+            return _restored(older, _usable(older.read_bytes(), model, pressure_scale))
+    return None
+
+
+_json = partial(json.dumps, allow_nan=False, default=np.ndarray.tolist)
+"""Text of numbers, lists, mappings and arrays."""
+
+
+def _digest(content: object) -> str:
+    canonical = _json(content, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(canonical.encode()).hexdigest()
+
+
+def _replace(path: Path, data: bytes) -> None:
+    new = path.with_name(path.name + ".new")
+    try:
+        with new.open("wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        new.replace(path)
+    except OSError:
+        new.unlink(missing_ok=True)
+        raise
+    folder = os.open(path.parent, os.O_RDONLY)  # the new name must reach the disk too
+    try:
+        os.fsync(folder)
+    finally:
+        os.close(folder)
+
+
+def _set_aside(path: Path) -> Path:
+    number = 1
+    while (target := path.with_name(f"{path.name}{ASIDE}{number}")).exists():
+        number += 1
+    try:
+        path.rename(target)
+    except OSError as error:
+        raise UserError(
+            str(path),
+            f"cannot be used, nor set aside: {error.strerror}",
+            "move it away, or name another file for the learned state",
+        ) from None
+    return target
+
+
+def _knowledge_in(data: bytes, model: str, pressure_scale: float) -> Knowledge:
+    try:
+        document = json.loads(data.decode("ascii"))
+        version = document["version"]
+        if version not in range(OLDEST, VERSION + 1):
+            content = document.get("content")
+            by = content.get("package_version") if isinstance(content, dict) else None
+            by = f" (observer_rt {by} wrote it, this is {__version__})" if isinstance(by, str) else ""
+            raise _UnusableError(f"its format is version {version!r}, not {VERSION}{by}")
+        if document["sha256"] != _digest(document["content"]):
+            raise _UnusableError("it was changed or damaged: its content does not match its checksum")
+        content = _Content.model_validate(document["content"])
+        if content.model_sha256 != model:
+            other = content.model_sha256[:8]
+            raise _UnusableError(
+                f"it was learned for another injector model, SHA-256 {other}... instead of {model[:8]}..."
+            )
+        knowledge = Knowledge(
+            belief=Belief(content.mean, content.covariance, content.error_covariance),
+            in_force=content.in_force,
+            noise=NoiseLevels(**dict(content.noise)),
+            phi_version=content.phi_version,
+            events=content.events,
+            active=frozenset(content.active),
+            statistics=PhaseStatistics(**content.statistics),
+            colour=content.colour.restored() if content.colour else None,
+            learned_at=tuple(content.learned_at),
+            memory=Memory(**vars(content.memory)) if content.memory else NOTHING,
+            lift=RestingLift(**dict(content.lift)) if content.lift else RestingLift(),
+        )
+        return _by_name(knowledge, tuple(content.columns), pressure_scale)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(map(str, first["loc"]))
+        raise _UnusableError(f"its content is not as expected ({place}: {first['msg']})") from None
+    except (ValueError, OverflowError, RecursionError):
+        raise _UnusableError("it is not a learned state as this program writes it") from None
+    except (KeyError, TypeError, AttributeError) as error:
+        raise _UnusableError(f"its content is not as expected ({type(error).__name__}: {error})") from None
+
+
+def _by_name(found: Knowledge, names: tuple[str, ...], pressure_scale: float) -> Knowledge:
+    """Knowledge whose columns have these names, in the columns of today: what is new there is as before any event."""
+    width = len(names)
+    parts = found.belief.parts | {"in_force": found.in_force}
+    if any(size != width for part in parts.values() for size in part.shape) or len(set(names)) != width:
+        raise _UnusableError(f"it does not hold as many parameters as it names, {width}")
+    gated = {SCALARS.names[column] for column in SCALARS.gate.columns}
+    if not found.active <= {column for column, name in enumerate(names) if name in gated}:
+        raise _UnusableError("it leaves out a parameter that cannot be left out")
+    if names == SCALARS.names:
+        return found
+    here = [column for column, name in enumerate(SCALARS.names) if name in names]
+    there = [names.index(SCALARS.names[column]) for column in here]
+    start = no_knowledge(found.noise, pressure_scale)
+    moved = {name: part.copy() for name, part in (start.belief.parts | {"in_force": start.in_force}).items()}
+    for name, part in parts.items():
+        moved[name][np.ix_(*[here] * part.ndim)] = part[np.ix_(*[there] * part.ndim)]
+    return replace(
+        found,
+        in_force=moved.pop("in_force"),
+        belief=Belief(**moved),
+        active=frozenset(column for column, old in zip(here, there, strict=True) if old in found.active),
+    )
+
+
+def restored_knowledge(
+    path: Path | None,
+    model: str,
+    pressure_scale: float,
+    tell: Callable[[str], None],
+    set_aside: bool = True,
+) -> Knowledge | None:
+    """What a state file holds for this model, telling what became of it; None without one.
+
+    A state learned from no event is no reason to trust the first results sooner: it counts as none.
+    """
+    if path is None:
+        return None
+    restored = load_knowledge(path, model, pressure_scale, set_aside)
+    tell(restored.message)
+    return restored.knowledge if restored.knowledge and restored.knowledge.events else None

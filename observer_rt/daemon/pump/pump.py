@@ -1,0 +1,358 @@
+"""From the links of a daemon through its core and back: a compiled loop in a thread of its own, fed by threads."""
+
+import errno
+import os
+import select
+import socket
+import struct
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+
+from observer_rt.bus.can_frame import EXTENDED_FLAG, EXTENDED_MASK, FD_MTU, HEADER_BYTES, GroupIdentifier
+from observer_rt.bus.links.descriptor import DescriptorLink
+from observer_rt.bus.links.link import Link, LinkDownError
+from observer_rt.bus.links.receiver import LONGEST_WAIT, BusDownError
+from observer_rt.bus.links.socketcan import SocketCanLink
+from observer_rt.bus.mapping.bus_map import BusMap, layout_of
+from observer_rt.bus.mapping.timing import SLOTS
+from observer_rt.core.frames.frames import ERRORS, WAIT_MS, WAITING, PumpLoop
+from observer_rt.daemon.input_monitoring.arrivals import Arrivals
+from observer_rt.daemon.port import RETRY
+from observer_rt.daemon.pump.latency import Latency, latency_of
+from observer_rt.daemon.pump.memory import BUS, make_pump
+from observer_rt.engine.service.core import Core
+from observer_rt.engine.service.messages import OutputFrame, output_frame
+
+ROOM = 1 << 14  # bytes: some twenty frames; more wait in the driver
+RESULTS_ROOM = 1 << 17  # bytes: some 170; rates of more wait in the loop, which gives up the oldest
+FAR = SLOTS // 4  # samples, of those that may wait for another message
+PAUSE = 0.05  # s without a new sample, after which nothing waits for a message any more
+_STAMPED = struct.Struct("=IBB2x64sq")  # struct canfd_frame, its stamp behind it [ns]
+
+
+class Pace:
+    """Keeps fed buses abreast: stamps by arrival do not tell the order of frames that waited in several drivers."""
+
+    def __init__(self, core: Core, bus: BusMap) -> None:
+        self._core = core
+        self._buses = [layout_of(bus, stream).bus for stream in range(len(bus.inputs.streams))]
+        self._are_several = len(set(self._buses)) > 1
+        self._reached = [(-1, 0.0)] * len(self._buses)  # by stream: sample index, and since when [s]
+
+    def is_ahead(self, bus: int) -> bool:
+        """Whether a bus is so far ahead of another that its next frame is to wait."""
+        if not self._are_several:
+            return False
+        now = time.monotonic()
+        for stream, index in enumerate(self._core.progress):
+            if index != self._reached[stream][0]:
+                self._reached[stream] = index, now
+        streams = list(zip(self._buses, self._reached, strict=True))
+        own = max((index for of, (index, _) in streams if of == bus), default=-1)
+        return any(
+            FAR < own - index < SLOTS and now - since < PAUSE for of, (index, since) in streams if of != bus
+        )
+
+
+class Feeder(DescriptorLink):
+    """The loop's end of a pair of sockets, and two threads at the other: frames of a link come, results go to it.
+
+    `try_send` puts other results behind the rates that the loop sends.
+    """
+
+    def __init__(self, link: Link, bus: int, is_ahead: Callable[[], bool]) -> None:
+        """bus: its number; is_ahead: whether the frame that came is to wait."""
+        ours, self._other_end = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with ours:
+            ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, RESULTS_ROOM)
+            self._other_end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, ROOM)
+            super().__init__(str(ours.fileno()), True, [])
+        self._link = link
+        self._bus = bus
+        self._is_ahead = is_ahead
+        self._error: Exception | None = None
+        self._unsent: list[OutputFrame] = []
+        self._has_answered = False
+        self._ended = threading.Event()
+        self._threads = [threading.Thread(target=each, daemon=True) for each in (self._bring, self._send_on)]
+        for thread in self._threads:
+            thread.start()
+
+    def failure(self, error: OSError) -> Exception:
+        """What ended the carrying, if it was the link."""
+        return self._error or super().failure(error)
+
+    def goes_round(self) -> bool:
+        """Whether the link has come back from receiving since the last call, or need not any more."""
+        answered, self._has_answered = self._has_answered, self._ended.is_set()
+        return answered
+
+    @property
+    def is_ended(self) -> bool:
+        """Whether nothing is carried any more."""
+        return self._ended.is_set()
+
+    def end(self) -> list[OutputFrame]:
+        """Carry nothing any more: the results that were not sent, in order, each reported once."""
+        self._ended.set()
+        self._socket.shutdown(socket.SHUT_RDWR)  # wakes both threads, and refuses what is sent late
+        for thread in self._threads:
+            thread.join()
+        unsent, self._unsent = self._unsent, []
+        return unsent
+
+    def close(self) -> None:
+        self.end()
+        super().close()
+        self._other_end.close()
+
+    def _bring(self) -> None:
+        """Frames from the link to the loop."""
+        try:
+            while not self._ended.is_set():
+                frame = self._link.receive(LONGEST_WAIT)
+                self._has_answered = True
+                if frame is None:
+                    continue
+                while self._is_ahead() and not self._ended.is_set():
+                    time.sleep(RETRY)
+                identifier = frame.frame_id | EXTENDED_FLAG * frame.is_extended
+                length = len(frame.payload)
+                self._other_end.send(_STAMPED.pack(identifier, length, 0, frame.payload, frame.stamp_ns))
+        except Exception as error:  # whatever it is, the pump must hear of it
+            self._fail(error)
+
+    def _send_on(self) -> None:
+        """Results to the link, until the last; those that come too late are kept."""
+        while data := self._other_end.recv(FD_MTU):
+            identifier, length = struct.unpack_from("=IB", data)
+            is_extended, is_fd = bool(identifier & EXTENDED_FLAG), len(data) == FD_MTU
+            payload = data[HEADER_BYTES : HEADER_BYTES + length]
+            frame = OutputFrame(identifier & EXTENDED_MASK, is_extended, is_fd, payload, self._bus)
+            while not self._ended.is_set():
+                try:
+                    if self._link.try_send(frame.frame_id, frame.payload, frame.is_extended, frame.is_fd):
+                        break
+                except Exception as error:
+                    self._fail(error)
+                time.sleep(RETRY)
+            else:
+                self._unsent.append(frame)
+
+    def _fail(self, error: Exception) -> None:
+        """End, and let the loop see it behind the frames that wait."""
+        if not self._ended.is_set():
+            self._error = error
+            self._ended.set()
+            self._other_end.shutdown(socket.SHUT_WR)
+
+
+_TIMEVAL = struct.Struct("@ll")
+
+
+class FramePump:
+    """Takes frames from links through a core and sends the rates they cause; bus numbers are the places of links.
+
+    The loop runs until `close`; what it needs of Python it asks for through a descriptor. It reads raw sockets
+    itself; other links, and messages of J1939, whose identifiers change with the sender, are fed to it.
+    """
+
+    def __init__(
+        self,
+        links: Sequence[Link],
+        core: Core,
+        bus: BusMap,
+        arrivals: Arrivals,
+        on_unsent: Callable[[int], None] = lambda count: None,
+        on_thread: Callable[[], object] = lambda: None,
+    ) -> None:
+        """on_unsent: hears how many rates were given up, now and then; on_thread: called first by the loop's own."""
+        self._links = links
+        self._ends: dict[int, SocketCanLink] = {}  # what the loop reads and writes, by bus
+        self._core = core
+        self._fed = _to_be_fed(links, bus)
+        self._pace = Pace(core, bus)
+        self._arrivals = arrivals
+        self._on_unsent = on_unsent
+        self._on_thread = on_thread
+        self._layouts = (*bus.received, *bus.sent)
+        self._rate = bus.rate.layout if bus.rate else None
+        self._pump = make_pump(len(links), self._layouts, self._rate)
+        self._compiled = PumpLoop(*self._pump)
+        self._errors_read = [0] * len(links)
+        self._unsent = 0
+        self._turns = -1
+        self._left_out: set[int] = set()
+        self._wake = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+        self._closing = threading.Lock()
+        self._is_closed = False
+        core.call_when_learned(self._look)
+        self._readable = select.poll()
+        self._readable.register(self._wake, select.POLLIN)
+        self._waits, self._may_go_on = threading.Event(), threading.Event()
+        self._failure: BaseException | None = None
+        for number in range(len(links)):
+            self.take_back(number)
+        self._thread = threading.Thread(target=self._loop, name="pump")
+        self._thread.start()
+
+    def serve(self, timeout_s: float) -> Sequence[OutputFrame]:
+        """Attend until something happened, for at most about `timeout_s` [s]: frames for the caller to send.
+
+        Raises:
+            BusDownError: the interface of a bus went down or away. Call `leave_out`, reconnect it, `take_back`.
+            RunError: one failed otherwise.
+        """
+        if self._readable.poll(1e3 * timeout_s):
+            os.eventfd_read(self._wake)
+        if self._failure is not None:
+            raise self._failure
+        self._note_what_came()
+        failure = self._failed()
+        if self._waits.is_set():
+            frames = self._core.answer()
+            self._waits.clear()
+            self._may_go_on.set()
+        else:
+            frames = self._core.attend()
+        if failure is not None and not frames:  # what came before it is said first
+            raise failure
+        return frames
+
+    def _look(self) -> None:
+        """Have `serve` attend at once; from another thread, which may outlive the pump."""
+        with self._closing:
+            if not self._is_closed:
+                os.eventfd_write(self._wake, 1)
+
+    def goes_round(self) -> bool:
+        """Whether the loop, and all that feeds it, has done something since the last call."""
+        before, self._turns = self._turns, int(self._pump.memory["turns"][0])
+        goes = self._turns != before and all(feeder.goes_round() for feeder in self._feeders)
+        return goes or self._waits.is_set()
+
+    def latency(self) -> Latency | None:
+        """Of the rates so far."""
+        return latency_of(self._pump.memory[0])
+
+    def leave_out(self, bus: int) -> None:
+        """Neither receive from a bus nor send to it any more; results on their way to its link are given up."""
+        self._left_out.add(bus)
+        self._pump.buses[bus]["failure"] = errno.ENETDOWN
+        if isinstance(end := self._ends[bus], Feeder) and (unsent := end.end()):
+            self._on_unsent(len(unsent))
+
+    def take_back(self, bus: int) -> None:
+        """Serve a bus again, whose link was reconnected."""
+        if isinstance(before := self._ends.get(bus), Feeder):
+            before.close()
+        link = self._links[bus]
+        if bus in self._fed or not isinstance(link, SocketCanLink):
+            link = Feeder(link, bus, partial(self._pace.is_ahead, bus))
+        self._ends[bus] = link
+        # wakes now and then for what Python has to say; sending never waits
+        os.set_blocking(link.descriptor, True)
+        wait = _TIMEVAL.pack(0, WAIT_MS * 1000)
+        with socket.socket(fileno=os.dup(link.descriptor)) as same:
+            same.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, wait)
+        state = self._pump.buses[bus]
+        for name in BUS.names or ():
+            if name not in ("failure", "errors"):
+                state[name] = 0
+        state["fd"] = link.descriptor
+        self._left_out.discard(bus)
+        state["failure"] = 0  # last: from here on the loop uses it
+
+    def sender(self, bus: int) -> Link:
+        """By which results of a bus are to be sent, so that they come behind its rates."""
+        end = self._ends[bus]
+        return end if isinstance(end, Feeder) and not end.is_ended else self._links[bus]
+
+    def finish(self) -> Sequence[OutputFrame]:
+        """No frame will come: results that wait for room, and what is complete, for the caller to send."""
+        self._stop()
+        self._note_what_came()
+        fed = [frame for feeder in self._feeders for frame in feeder.end()]
+        return [*fed, *self._waiting_rates(), *self._core.finish()]
+
+    def close(self) -> None:
+        """End what runs beside; the links stay open."""
+        self._stop()
+        for bus in self._ends:
+            self.leave_out(bus)
+        for feeder in self._feeders:
+            feeder.close()
+        with self._closing:
+            self._is_closed = True
+            os.close(self._wake)
+
+    @property
+    def _feeders(self) -> list[Feeder]:
+        return [end for end in self._ends.values() if isinstance(end, Feeder)]
+
+    def _loop(self) -> None:
+        """The thread of the compiled loop."""
+        try:
+            self._on_thread()
+            while self._compiled.run(self._core.compiled.path, self._wake):
+                self._may_go_on.clear()
+                if self._pump.memory["is_to_stop"][0]:  # nobody answers any more
+                    return
+                self._waits.set()
+                os.eventfd_write(self._wake, 1)
+                self._may_go_on.wait()
+        except BaseException as error:
+            self._failure = error
+            os.eventfd_write(self._wake, 1)
+
+    def _stop(self) -> None:
+        self._pump.memory["is_to_stop"] = True
+        self._may_go_on.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def _waiting_rates(self) -> Iterator[OutputFrame]:
+        """Those for which there was no room yet: they are the caller's now."""
+        memory, waiting = self._pump.memory[0], self._pump.waiting.reshape(-1, FD_MTU)
+        while memory["first_waiting"] < memory["end_waiting"]:
+            assert self._rate is not None
+            frame = waiting[int(memory["first_waiting"]) % WAITING]
+            memory["first_waiting"] += 1
+            yield output_frame(self._rate, frame[HEADER_BYTES : HEADER_BYTES + int(frame[4])].tobytes())
+
+    def _note_what_came(self) -> None:
+        """Arrivals, error frames, lost frames and results given up, as the loop has counted them."""
+        pump = self._pump
+        for layout, arrival in zip(self._layouts, pump.arrivals, strict=True):
+            self._arrivals.set(layout, int(arrival["frames"]), int(arrival["last"]))
+        for number, link in self._ends.items():
+            state = pump.buses[number]
+            link.note_dropped(int(state["overflows"]))
+            errors = int(state["errors"])
+            for count in range(max(self._errors_read[number], errors - ERRORS), errors):
+                error = pump.errors[number * ERRORS + count % ERRORS]
+                link.note_error_frame(int(error["identifier"]), error["data"][: error["length"]].tobytes())
+            self._errors_read[number] = errors
+        unsent = int(pump.memory["unsent"][0])
+        if unsent > self._unsent:
+            self._on_unsent(unsent - self._unsent)
+            self._unsent = unsent
+
+    def _failed(self) -> Exception | None:
+        """What the loop met on a bus that is served; None: nothing."""
+        for number, end in self._ends.items():
+            code = int(self._pump.buses[number]["failure"])
+            if code != 0 and number not in self._left_out:
+                failure = end.failure(OSError(code, os.strerror(code)))
+                return BusDownError(number, failure) if isinstance(failure, LinkDownError) else failure
+        return None
+
+
+def _to_be_fed(links: Sequence[Link], bus: BusMap) -> set[int]:
+    """Buses the loop cannot read itself; if one of these has samples, all that have, so that none gets ahead."""
+    fed = {number for number, link in enumerate(links) if not isinstance(link, SocketCanLink)}
+    fed |= {layout.bus for layout in bus.received if isinstance(layout.received_id, GroupIdentifier)}
+    with_samples = {layout.bus for layout in bus.input_layouts}
+    return fed | with_samples if fed & with_samples else fed

@@ -1,0 +1,240 @@
+"""Findings about the buses of a bench: what is on which, whose stamps can be compared, names, identifiers, load."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from observer_rt.bus.database.lookup import MessageLayout
+from observer_rt.bus.links.opening import require_interface
+from observer_rt.bus.mapping.bus_map import BenchMap, in_common
+from observer_rt.bus.mapping.output_messages import frame_time
+from observer_rt.bus.mapping.timing import Joining, Numbering
+from observer_rt.config.bench import Bench
+from observer_rt.desk.check.findings import Finding, Said, ruled
+from observer_rt.files.replay.framing import message_timing
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import MILLISECOND
+
+_OUTPUT_KEYS = " (of results: outputs.injection_rate_id, injection_summary_id, status_id in the bench file)"
+INJECTIONS_PER_SECOND = 17.0
+WINDOW = 6 * MILLISECOND  # of samples that a windowed source sends for an injection
+HIGH_LOAD = 0.6
+_LESS = "state the rates this bus has, sample slower, or spread the messages over several buses"
+
+
+def buses_findings(bench: Bench, mapped: BenchMap) -> list[Finding]:
+    """All findings about the buses, those of their load where every message fits its kind of frame."""
+    findings = _links(bench) + _carried(bench, mapped) + _results(bench, mapped)
+    findings += _identifiers(bench, mapped) + _databases(mapped) + _frames(bench, mapped)
+    if any(finding.topic == "frames" and finding.error for finding in findings):
+        return findings
+    return findings + _load(bench, mapped)
+
+
+@ruled("buses")
+def _links(bench: Bench) -> Iterator[Said]:
+    """Interfaces and bit rates that there are not."""
+    for link in bench.config.buses:
+        config, place = link.config, f"{bench.path}: {link.place}"
+        require_interface(f"{place}.interface", config.interface)
+        if config.fd and config.data_bit_rate < config.bit_rate:
+            yield UserError(
+                f"{place}.data_bit_rate",
+                f"{config.data_bit_rate:g} bit/s, less than bit_rate, {config.bit_rate:g} bit/s",
+                "state both in bit/s; the data phase of CAN FD is the faster one",
+            )
+
+
+@ruled("buses")
+def _carried(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
+    """What comes in and goes out on each bus, where there are several, and inputs whose stamps are too rough."""
+    links = bench.config.buses
+    if len(links) == 1:
+        return
+    for number, link in enumerate(links):
+        ways = (
+            f"{way} {', '.join(names)}"
+            for way, layouts in (("in", mapped.received), ("out", mapped.sent))
+            if (names := [layout.name for layout in layouts if layout.bus == number])
+        )
+        carried = ", ".join(ways)
+        text = f"{link.label}, {link.config.interface}: {carried or 'nothing'}"
+        remedy = f"state link for a [[dbc]], a signal or the outputs, or leave [{link.place}] out"
+        yield bool(carried), text, remedy
+    rough = {n for n, link in enumerate(links) if link.config.interface != "socketcan"}
+    by_stamps = set()
+    for bus in mapped.injectors:
+        timing = bus.inputs.timing
+        if np.any((timing["numbering"] != Numbering.INDEX) | (timing["joining"] == Joining.CLOCK)):
+            by_stamps |= {layout.bus for layout in bus.input_layouts}
+    for number in sorted(by_stamps & rough):
+        yield (
+            False,
+            f"{links[number].label}: beside other buses its frames are stamped when this process reads them, too "
+            "roughly for messages of several time bases, or without index",
+            "use SocketCAN, or give all messages an index and one time base",
+        )
+
+
+@ruled("outputs")
+def _results(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
+    """What results cannot have in common: their messages and, of several injectors, what distinguishes them."""
+    for what, names in in_common(bench, mapped):
+        is_of_one = len(set(names)) == 1
+        owners = f"{len(names)} results" if is_of_one else " and ".join(names)
+        place = f"{bench.path}: {'outputs' if is_of_one else 'injectors'}"
+        yield UserError(place, f"{owners} share {what}", "give each its own")
+
+
+@ruled("identifiers")
+def _identifiers(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
+    owners: dict[int, list[MessageLayout]] = {}
+    for layout in mapped.layouts:
+        owners.setdefault(layout.key, []).append(layout)
+    clashes = {key: layouts for key, layouts in owners.items() if len(layouts) > 1}
+    for key, layouts in clashes.items():
+        shared = f"{' and '.join(map(mapped.name_of, layouts))} share 0x{key & 0x1FFFFFFF:X}"
+        remedy = f"give every message its own identifier{_OUTPUT_KEYS}"
+        yield UserError(_place_of(bench, mapped, layouts), shared, remedy)
+    used = {(layout.name, layout.bus) for layout in mapped.layouts}
+    others = [
+        message
+        for message in mapped.known
+        if message.key in owners and (message.name, message.bus) not in used
+    ]
+    for message in others:
+        name = mapped.name_of(owners[message.key][0])
+        yield (
+            False,
+            f"{name} shares 0x{message.key & 0x1FFFFFFF:X} with {message.name} of {message.path}",
+            f"if that one is on this bus too, give one of them another identifier{_OUTPUT_KEYS}",
+        )
+    if not (clashes or others):
+        yield f"{len(owners)} messages, all different"
+
+
+def _place_of(bench: Bench, mapped: BenchMap, layouts: Sequence[MessageLayout]) -> str:
+    """The key to change where messages share an identifier: that of a result, one that is stated before others."""
+    place = f"{bench.path}: signals"
+    for injector, bus in zip(bench.injectors, mapped.injectors, strict=True):
+        outputs = injector.config.outputs
+        for layout, key, stated in (
+            (bus.rate and bus.rate.layout, "injection_rate_id", outputs.injection_rate_id),
+            (bus.summary.layout, "injection_summary_id", outputs.injection_summary_id),
+            (bus.status.layout, "status_id", outputs.status_id),
+        ):
+            if layout in layouts:
+                place = injector.place(f"outputs.{key}")
+                if stated is not None:
+                    return place
+    return place
+
+
+@ruled("databases")
+def _databases(mapped: BenchMap) -> Iterator[Said]:
+    """Names that several databases define, and what is wrong with those read leniently."""
+    for layout in mapped.layouts:
+        named = [message for message in mapped.known if message.name == layout.name]
+        of_bus = [message for message in named if message.bus == layout.bus]
+        files = [str(message.path) for message in of_bus or named]
+        if len(files) > 1:
+            yield (
+                False,
+                f"{layout.name} is in {' and in '.join(files)}",
+                "the first is used, rename the other",
+            )
+    for text in mapped.overlooked:
+        yield False, f"overlooked: {text}", ""
+
+
+@ruled("frames")
+def _frames(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
+    """Messages that no frame of their kind can hold on their bus, or one finding that all can be."""
+    fit = True
+    for number, link in enumerate(bench.config.buses):
+        place = f"{link.place}.fd"
+        for layout in mapped.layouts:
+            if layout.bus == number and layout.is_fd and not link.config.fd:
+                fit = False
+                problem = f"{layout.name} is a CAN FD message, but {place} is false"
+                yield UserError(f"{bench.path}: {place}", problem, f"set {place} = true")
+    if fit:
+        yield "every message fits its kind of frame"
+
+
+@dataclass(frozen=True)
+class BusLoad:
+    """Expected share of a bus's time, inputs and outputs together."""
+
+    continuous: float
+    windowed: float
+
+
+@ruled("bus load")
+def _load(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
+    """How full every bus will be."""
+    links = bench.config.buses
+    for number, named in enumerate(links):
+        load, link = expected_load(bench, mapped, number), named.config
+        on = f"{named.label}, " if len(links) > 1 else ""
+        rates = f"at {link.bit_rate / 1e3:g}k{f'/{link.data_bit_rate / 1e6:g}M' if link.fd else ''} bit/s"
+        windowed = (
+            f"{on}windowed, {INJECTIONS_PER_SECOND:g} injections/s of {WINDOW / MILLISECOND:g} ms: "
+            f"{load.windowed:.0%} {rates}"
+        )
+        continuous = f"{on}continuous: {load.continuous:.0%} {rates}"
+        if load.windowed > 1.0:
+            key = f"{bench.path}: {named.place}.{'data_bit_rate' if link.fd else 'bit_rate'}"
+            yield UserError(key, windowed, _LESS)
+            yield UserError(key, continuous, _LESS)
+            continue
+        yield load.windowed <= HIGH_LOAD, windowed, ""
+        must = "the source must send windowed" if load.continuous > 1.0 else ""
+        yield load.continuous <= HIGH_LOAD, continuous, must
+
+
+def expected_load(bench: Bench, mapped: BenchMap, number: int = 0) -> BusLoad:
+    """Load of the bus of this number by all that is sent; windowed: only `WINDOW` of samples for each injection.
+
+    A message of optional inputs without a cycle time counts as sent once an injection.
+
+    Raises:
+        ValueError: a message does not fit its kind of frame.
+    """
+    link = bench.config.buses[number].config
+    continuous = windowed = 0.0
+    for layout, always, in_windows in _traffic(bench, mapped):
+        if layout.bus == number:
+            bit_rates = link.bit_rate, link.data_bit_rate
+            time = frame_time(layout.length, layout.is_fd, *bit_rates, layout.is_extended)
+            continuous += time * always
+            windowed += time * in_windows
+    return BusLoad(continuous, windowed)
+
+
+def _traffic(bench: Bench, mapped: BenchMap) -> Iterator[tuple[MessageLayout, float, float]]:
+    """Every message with its frames a second: of a continuous source, and with only `WINDOW` for each injection."""
+    for to, *_ in mapped.destinations.values():
+        bus = mapped.injectors[to.injector]
+        message, layout = bus.inputs.messages[to.message], bus.input_layouts[to.message]
+        rate = 1 / float(message_timing(bus, to.message)["interval"])
+        frames, (always, in_windows) = int(message["kind_count"]), _blocks(int(message["samples"]), rate)
+        yield layout, frames * always, frames * in_windows
+    sampled = {layout for bus in mapped.injectors for layout in bus.input_layouts}
+    for layout in mapped.received:
+        if layout not in sampled:
+            often = 1e9 / layout.cycle_time_ns if layout.cycle_time_ns else INJECTIONS_PER_SECOND
+            yield layout, often, often
+    for injector, bus in zip(bench.injectors, mapped.injectors, strict=True):
+        if bus.rate is not None:
+            yield bus.rate.layout, *_blocks(bus.rate.samples, injector.config.sampling.rate_hz)
+        period = injector.config.outputs.status_period_ms * MILLISECOND
+        for result, rate in ((bus.summary, INJECTIONS_PER_SECOND), (bus.status, 1 / period)):
+            often = len(result.pages) * rate
+            yield result.layout, often, often
+
+
+def _blocks(samples: int, rate: float) -> tuple[float, float]:
+    """A second, of so many samples each at a rate [Hz]: of a continuous source, and of a windowed one."""
+    return rate / samples, INJECTIONS_PER_SECOND * -(-round(WINDOW * rate) // samples)

@@ -1,0 +1,254 @@
+"""Everything that can be said of a bench, or of a recording, before it runs, without touching anything."""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from observer_rt.bus.database.lookup import database_hash
+from observer_rt.bus.mapping.bus_map import map_bench
+from observer_rt.bus.mapping.timing import TOLERANCE
+from observer_rt.config.bench import Bench, BenchInjector
+from observer_rt.daemon.persistence.keeper import kept_files
+from observer_rt.daemon.persistence.state_file import StateDoesNotFitError, load_knowledge, model_hash
+from observer_rt.desk.check.buses import buses_findings
+from observer_rt.desk.check.findings import Finding, Level, Said, as_json_document, as_table, failed, ruled
+from observer_rt.desk.check.injector import (
+    channel_findings,
+    mapping_findings,
+    observer_findings,
+    time_findings,
+)
+from observer_rt.desk.check.machine import (
+    interface_findings,
+    read_controller,
+    real_time_findings,
+    socketcan_findings,
+    this_host,
+)
+from observer_rt.desk.evaluation.logged import LoggedSignals
+from observer_rt.engine.service.learners import SIGNALS
+from observer_rt.engine.signal_survey import doubts, implausible
+from observer_rt.files.formats import is_log, open_recording
+from observer_rt.files.replay.framing import bench_for
+from observer_rt.files.signals.stream import SignalStream
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.files import file_errors, file_hash
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS
+from observer_rt.model.parameters import InjectorParameters
+from observer_rt.model.plausibility import implausible as beyond_physics
+from observer_rt.model.plausibility import wrong_entry
+
+__all__ = ["Finding", "Level", "as_json_document", "as_table", "checkup", "of_each"]
+
+
+def checkup(bench: Bench, state: Path | None = None) -> list[Finding]:
+    """Findings about files, buses, observers and machine. What a file's error keeps from being looked at is left out.
+
+    state: file with a learned state, which stays as it is, instead of the one that the bench file names. Where there
+    are several injectors, what is found of one says of which. Raises `UserError` for one state of several injectors.
+    """
+    findings = bench_findings(bench, state)
+    findings += real_time_findings(this_host(bench.config.realtime, len(bench.injectors)))
+    if any(link.config.interface == "socketcan" for link in bench.config.buses):
+        findings += socketcan_findings()
+    for link in bench.config.buses:
+        if link.config.interface == "socketcan":
+            controller = read_controller(link.config.channel)
+            findings += interface_findings(link.config, controller, place=link.place)
+    return findings
+
+
+def refuse_errors(bench: Bench, state: Path | None = None, journal: Path | None = None) -> None:
+    """Raise `UserError` for the first of all errors that `checkup` finds in a bench."""
+    errors = [finding.error for finding in bench_findings(bench, state, journal) if finding.error is not None]
+    if not errors:
+        return
+    first, *others = errors
+    more = f"; `observer-rt check` names {len(others)} more" if others else ""
+    raise UserError(first.place, first.problem, first.remedy + more)
+
+
+def bench_findings(bench: Bench, state: Path | None = None, journal: Path | None = None) -> list[Finding]:
+    """The same of all but the machine. journal: instead of that of the bench file, as the state."""
+    alone = None if state is None and journal is None else bench.injector
+    findings = _files(bench)
+    findings += _each(
+        bench, lambda fitted: _injector(fitted, *((state, journal) if fitted is alone else (None, None)))
+    )
+    try:
+        mapped = map_bench(bench)
+        maps = {fitted.name: bus for fitted, bus in zip(bench.injectors, mapped.injectors, strict=True)}
+        findings += _each(bench, lambda fitted: mapping_findings(fitted, maps[fitted.name], mapped.known))
+        findings += buses_findings(bench, mapped)
+        findings += _each(bench, lambda fitted: time_findings(maps[fitted.name]))
+    except UserError as error:
+        findings.append(failed("mapping", error))
+    findings += _each(bench, channel_findings)
+    findings += _each(bench, observer_findings)
+    return findings
+
+
+def of_each(bench: Bench, found: Callable[[Bench], list[Finding]]) -> list[Finding]:
+    """What is found of every injector, with its name where there are several."""
+    return [
+        replace(finding, text=f"{alone.injector.name}: {finding.text}") if alone.injector.name else finding
+        for alone in bench.each
+        for finding in found(alone)
+    ]
+
+
+def _each(bench: Bench, found: Callable[[BenchInjector], list[Finding]]) -> list[Finding]:
+    return of_each(bench, lambda alone: found(alone.injector))
+
+
+@ruled("files")
+def _files(bench: Bench) -> Iterator[Said]:
+    yield f"bench {bench.path}"
+    names = ", ".join(str(path) for path in bench.databases)
+    yield f"bus database {names}, hash {database_hash(bench.databases):08X}"
+
+
+def _injector(fitted: BenchInjector, state: Path | None, journal: Path | None) -> list[Finding]:
+    """The injector's own files, and whether an injector can be like that."""
+    kept = _kept(fitted, state, journal)
+    return [*_injector_file(fitted), *_effects(fitted), *kept, *plausibility_findings(fitted.parameters)]
+
+
+@ruled("files")
+def _injector_file(fitted: BenchInjector) -> Iterator[Said]:
+    yield f"injector {fitted.parameters_path}, SHA-256 {file_hash(fitted.parameters_path)}"
+    values = model_hash(fitted.parameters)
+    yield f"its values, however they are written, SHA-256 {values}; ModelHash on the bus is {values[:8].upper()}"
+
+
+@ruled("learned state")
+def _kept(fitted: BenchInjector, state: Path | None, journal: Path | None) -> Iterator[Said]:
+    """What `run` would make of a learned state, and whether it can keep it, and a journal."""
+    path = kept_files(fitted, state, journal).state
+    if path is None:
+        return
+    scale = fitted.parameters.scaling.pressure
+    try:
+        knowledge = load_knowledge(path, model_hash(fitted.parameters), scale, set_aside=False).knowledge
+    except StateDoesNotFitError as error:
+        remedy = (
+            "`run` would set it aside and begin anew: name the model file it belongs to, or another state"
+        )
+        yield False, f"{error.place} {error.problem}", remedy
+        return
+    if knowledge is None:
+        yield f"none at {path} yet, `run` begins with the prior"
+        return
+    learned = f"{path}: correction {knowledge.phi_version}, learned from {knowledge.events} events"
+    yield knowledge.events > 0, learned, "`run` will trust its results no sooner for it"
+
+
+@ruled("effects")
+def _effects(fitted: BenchInjector) -> Iterator[Said]:
+    """The effects that the injector file adds to the nominal model."""
+    for effect in fitted.parameters.effects:
+        sizes = (
+            f"{name} = {size.value:g}" + ("" if size.unit == "-" else f" {size.unit}")
+            for name, size in effect.parameters.items()
+        )
+        yield " ".join([effect.id, *sizes])
+
+
+@ruled("injector")
+def plausibility_findings(injector: InjectorParameters) -> Iterator[Said]:
+    """A warning for every parameter that no injector has, or one finding that all can be."""
+    odd = beyond_physics(injector)
+    cause = wrong_entry(injector, odd) if injector.baseline is not None else ""
+    for one in odd:
+        yield False, one.words, cause or "is it in SI units?"
+    if not odd:
+        yield "every parameter is one an injector can have"
+
+
+_SHOWN = 10  # stretches
+_UNITS = {
+    "rail_pressure": ("MPa", MEGAPASCAL),
+    "needle_lift": ("um", MICROMETRE),
+    "line_pressure": ("MPa", MEGAPASCAL),
+    "injection_rate": ("mm3/ms", MM3_PER_MS),
+}
+
+
+@ruled("recording")
+def recording_findings(bench: Bench, path: Path) -> Iterator[Said]:
+    """Findings about a file of signals, read by the bench's `[recording]` where it is not in our own layout."""
+    with file_errors(path):
+        if is_log(path):
+            raise UserError(str(path), "is a CAN log", "look at it by --log")
+        stream = open_recording(path, bench.injector)
+    yield from stream.details or (f"{path}: our own layout",)
+    parts = [
+        f"{stretch.start:.6g} to {stretch.start + (stretch.samples - 1) / stream.sample_rate:.6g} s"
+        for stretch in stream.stretches
+    ]
+    more = f" and {len(parts) - _SHOWN} more" if len(parts) > _SHOWN else ""
+    yield f"{stream.samples} samples at {stream.sample_rate:g} Hz: {', '.join(parts[:_SHOWN])}{more}"
+    for note in stream.notes:
+        yield False, note, ""
+    yield from _ranges(stream)
+    for found in implausible(stream.survey):
+        yield failed("recording", found.error(path, stream.names.get(found.signal, "")))
+    for odd in doubts(stream.survey, bench.injector.parameters.baseline):
+        yield False, odd.problem, odd.remedy
+    bench_for(bench, stream)
+
+
+def _ranges(stream: SignalStream) -> Iterator[Said]:
+    for name, survey in stream.survey.signals.items():
+        unit, factor = _UNITS[name]
+        if not survey.count:
+            yield Finding("recording", Level.ERROR, f"{name}: no value at all")
+            continue
+        text = (
+            f"{name}: {survey.lowest / factor:.4g} to {survey.highest / factor:.4g} {unit}, "
+            f"mean {survey.mean / factor:.4g} {unit}"
+        )
+        yield text
+
+
+@ruled("log")
+def log_findings(bench: Bench, path: Path, from_channels: Sequence[str] = ()) -> Iterator[Said]:
+    """Findings about a log of the bench's buses; from_channels: texts of `--from-channel`."""
+    logged = LoggedSignals(bench, path, from_channels)
+    counters = logged.counters
+    text = (
+        f"{logged.path}: {counters.frames} input frames, {counters.samples} samples, "
+        f"{counters.lost_samples} lost, {counters.interpolated_samples} interpolated, "
+        f"{counters.jumps} pauses of the source"
+    )
+    yield counters.lost_samples == 0, text + (f"; {counters.outliers}" if counters.outliers else ""), ""
+    odd = {
+        "with CRC errors": counters.crc_errors,
+        "of wrong length": counters.length_errors,
+        "out of sequence": counters.sequence_errors,
+        "repeated": counters.repeated_frames,
+        "too old": counters.old_frames,
+    }
+    if any(odd.values()):
+        yield False, f"frames {', '.join(f'{count} {what}' for what, count in odd.items() if count)}", ""
+    for note in logged.notes:
+        yield False, note, ""
+    for found in implausible(logged.survey):
+        yield failed("log", found.error(logged.path))
+    for odd_values in doubts(logged.survey, bench.injector.parameters.baseline):
+        yield False, odd_values.problem, odd_values.remedy
+    for timing in logged.timing:
+        is_known = timing.unknown == 0.0 or (timing.jitter.frames > 0 and timing.unknown <= TOLERANCE)
+        yield is_known, timing.as_text(), "" if math.isinf(timing.unknown) else "see docs/time.md"
+    noise, stated = logged.standstill.noise, bench.injector.config.noise
+    if noise is not None:
+        yield (
+            f"noise at standstill, bench file in brackets: rail pressure {noise.rail_pressure / MEGAPASCAL:.3f} "
+            f"({stated.rail_pressure_MPa:g}) MPa, line pressure {noise.line_pressure / MEGAPASCAL:.3f} "
+            f"({stated.line_pressure_MPa:g}) MPa, needle lift {noise.needle_lift / MICROMETRE:.2f} "
+            f"({stated.needle_lift_um:g}) um"
+        )
+    for role, slow in logged.slow_noise.items():
+        _, unit, size = SIGNALS[role]
+        yield f"noise of the {role.value.replace('_', ' ')} is not white: {slow.as_text(unit, size)}"

@@ -1,0 +1,383 @@
+"""Findings about one injector: its signals on the buses, their time and ranges, and its observer."""
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from observer_rt.bus.alignment.timekeeping import LINE_SLOPE
+from observer_rt.bus.database.lookup import MessageLayout
+from observer_rt.bus.mapping.bus_map import (
+    BusMap,
+    KnownMessage,
+    layout_of,
+    message_of,
+    role_factor,
+    role_range,
+    role_resolution,
+)
+from observer_rt.bus.mapping.input_tables import ROLES
+from observer_rt.bus.mapping.optional_inputs import EnergizingLayout, SlowSignal
+from observer_rt.bus.mapping.timing import TOLERANCE, Joining, Numbering
+from observer_rt.config.bench import PACKAGE_DATA, BenchInjector
+from observer_rt.config.channels import effects_after_alignment
+from observer_rt.config.signals import OptionalRole, Role
+from observer_rt.core.stream.stream import MAX_EVENT, dead_band
+from observer_rt.desk.check.findings import Finding, Said, graded, ruled
+from observer_rt.engine.estimation.gain import gain_schedule
+from observer_rt.engine.learning.knowledge import no_knowledge
+from observer_rt.engine.observer import Durations, constants_for
+from observer_rt.engine.paper_scheme.systems import doubts_about_gain
+from observer_rt.engine.service.constants import bench_constants, configured_noise, rail_every
+from observer_rt.engine.service.learners import doubt_about_fit, make_learner
+from observer_rt.engine.stream.front_end import noise_gain
+from observer_rt.files.replay.framing import message_timing
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import (
+    LENGTH_UNITS,
+    MEGAPASCAL,
+    MICROMETRE,
+    MICROSECOND,
+    MILLIGRAM,
+    MILLISECOND,
+    PRESSURE_UNITS,
+    ZERO_CELSIUS,
+)
+from observer_rt.model.effects import effective_model
+from observer_rt.model.parameters import HIGHEST_TEMPERATURE, LOWEST_TEMPERATURE, at_temperature
+from observer_rt.model.stability import MAX_SUBSTEPS, fastest_rate
+
+SHOWN_TEMPERATURES = 20.0, 40.0, 80.0  # degC
+COARSE = 1 * MILLISECOND  # s from frame to frame of a level, between which a whole pilot may come and go
+
+
+@ruled("mapping")
+def optional_findings(fitted: BenchInjector, bus: BusMap) -> Iterator[Said]:
+    """Findings about every optional input of a bench."""
+    for slow in bus.slow:
+        for signal in slow.signals:
+            name = f"{signal.role}: {bus.name_of(slow.layout)} 0x{slow.layout.frame_id:X}, {signal.name}"
+            yield _optional(name, signal)
+    if bus.energizing is not None:
+        yield from _energizing(bus.energizing, 1.0 / fitted.config.sampling.rate_hz)
+
+
+@ruled("fuel")
+def fuel_findings(fitted: BenchInjector) -> Iterator[Said]:
+    """How the fuel changes with its temperature, where a bench measures that."""
+    if fitted.config.signals.fuel_temperature is None:
+        return
+    fluids = {at: at_temperature(fitted.parameters, at + ZERO_CELSIUS).fluid for at in SHOWN_TEMPERATURES}
+    yield "; ".join(
+        f"{celsius:.0f} degC: {fluid.density_nozzle:.0f} kg/m3, {fluid.bulk_modulus_line / 1e9:.2f} GPa"
+        for celsius, fluid in fluids.items()
+    )
+
+
+def _optional(name: str, signal: SlowSignal) -> Said:
+    lowest, highest = signal.range
+    counts = f"a value counts for {signal.timeout:g} s"
+    if math.isinf(signal.timeout):
+        counts = "a value counts until the next (no cycle time, no timeout_ms)"
+    match signal.role:
+        case OptionalRole.FUEL_TEMPERATURE:
+            limits = f"{lowest - ZERO_CELSIUS:.0f} to {highest - ZERO_CELSIUS:.0f} degC"
+            is_fuel = lowest < HIGHEST_TEMPERATURE and highest > LOWEST_TEMPERATURE
+            return is_fuel, f"{name}, {limits}, {counts}", "no temperature of a fuel; what is its unit?"
+        case OptionalRole.MEASURED_MASS:
+            limits = f"{lowest / MILLIGRAM:.6g} to {highest / MILLIGRAM:.6g} mg"
+            return highest > 0.0, f"{name}, {limits}, compared with the estimate", "never positive"
+    return lowest <= 0.0 <= highest, f"{name}, learning stops while it is 0, {counts}", "which it cannot be"
+
+
+def _energizing(energizing: EnergizingLayout, sample: float) -> Iterator[Said]:
+    """Its mapping, and how well opening delays will be known; sample: from one to the next [s]."""
+    layout, names = energizing.layout, energizing.names
+    signals = names[0] if len(names) == 1 else f"{len(names)} samples a frame, {names[0]} to {names[-1]}"
+    kind = "energized while it is not 0" if energizing.is_level else "energizing time"
+    yield (
+        f"energizing: {layout.name} 0x{layout.frame_id:X}, {signals}, {kind}; an injection is missing "
+        f"{energizing.window / MILLISECOND:g} ms after its command"
+    )
+    cycle = energizing.cycle if energizing.is_level and len(names) == 1 else None
+    between = (cycle or 0.0) / 2
+    place = f"{layout.name}: opening delays by"
+    if energizing.index is not None:
+        yield graded("time", True, f"{place} the sample index, to {(sample + between) / MICROSECOND:.4g} us")
+    else:
+        off = f", and {between / MICROSECOND:.4g} us more between two frames" if between else ""
+        delay = f"{energizing.delay / MICROSECOND:.4g} us after it"
+        text = f"{place} receive stamps, {delay}: too short by the jitter of its frames{off}"
+        remedy = "an index of the line pressure's time base would tell them to a sample"
+        yield graded("time", False, text, remedy)
+    if cycle is not None and cycle >= COARSE:
+        text = (
+            f"{layout.name}: a level every {cycle / MILLISECOND:g} ms misses shorter energizing, whose injections "
+            "then count as without a command; send it faster, on change, or as a duration"
+        )
+        yield graded("time", False, text)
+
+
+HIGHEST_PRESSURE = 200 * MEGAPASCAL
+PERIOD_TOLERANCE = 1.0  # ns, what rounding to whole nanoseconds may take
+CYCLE_TOLERANCE = 0.5e6  # ns, what rounding to whole milliseconds may take
+_NUMBERED = {
+    Numbering.INDEX: "by its sample index",
+    Numbering.COUNTER: "counted by its counter and receive stamps",
+    Numbering.E2E_COUNTER: "counted by its E2E counter and receive stamps",
+    Numbering.STAMPS: "counted by receive stamps",
+}
+
+
+def mapping_findings(fitted: BenchInjector, bus: BusMap, known: Sequence[KnownMessage]) -> list[Finding]:
+    """All findings about the mapping of an injector; known: the messages of all databases."""
+    findings = [_mapping(fitted, bus, role) for role in ROLES] + optional_findings(fitted, bus)
+    return findings + _protection(fitted, bus) + _sample_periods(fitted, bus, known)
+
+
+@ruled("protection")
+def _protection(fitted: BenchInjector, bus: BusMap) -> Iterator[Said]:
+    """Which inputs are protected end to end, and which are not."""
+    limits = fitted.config.e2e
+    protected = [layout for layout in bus.received if layout.e2e_profile is not None]
+    bare = [bus.name_of(layout) for layout in bus.received if layout.e2e_profile is None]
+    if protected:
+        named = ", ".join(
+            f"{bus.name_of(layout)} by E2E profile {layout.e2e_profile}" for layout in protected
+        )
+        errors = f"more than {limits.valid_max_errors} wrong of {limits.window} frames"
+        yield f"{named}; INVALID, and not taken, after {errors}"
+    if bare:
+        yield f"not protected: {', '.join(bare)}; a damaged frame cannot be distinguished from a good one"
+
+
+def _mapping(fitted: BenchInjector, bus: BusMap, role: Role) -> Finding:
+    number = message_of(bus, role)
+    layout, message = bus.input_layouts[number], bus.inputs.messages[number]
+    is_lift = role is Role.NEEDLE_LIFT
+    needed = fitted.parameters.seat.max_lift if is_lift else HIGHEST_PRESSURE
+    unit, factor = ("um", MICROMETRE) if is_lift else ("MPa", MEGAPASCAL)
+    limits = role_range(bus, role)
+    resolution = role_resolution(bus, role, needed)
+    noise: float = getattr(configured_noise(fitted), role.value)
+    units = LENGTH_UNITS if is_lift else PRESSURE_UNITS
+    code = role_factor(bus, role)
+    coded = next(
+        (name for name, known in units.items() if known == code), f"units of {code:g} {next(iter(units))}"
+    )
+    samples, frames = int(message["samples"]), int(message["kind_count"])
+    division = "1 sample a frame" if samples == 1 else f"{samples} samples a frame"
+    if frames > 1:
+        division = f"{samples} samples in {frames} frames that take turns,"
+    text = (
+        f"{role}: {bus.name_of(layout)} 0x{layout.frame_id:X}, {division} in {coded}, "
+        f"{limits.lowest / factor:.6g} to {limits.highest / factor:.6g} {unit} in steps of "
+        f"{resolution / factor:.3g} {unit}"
+    )
+    if not (limits.lowest <= 0.0 and limits.highest >= needed):
+        return graded("mapping", False, text, f"cannot hold 0 to {needed / factor:g} {unit}")
+    is_fine = resolution <= noise
+    return graded("mapping", is_fine, text, f"coarser than the noise configured, {noise / factor:g} {unit}")
+
+
+@ruled("sampling")
+def _sample_periods(fitted: BenchInjector, bus: BusMap, known: Sequence[KnownMessage]) -> Iterator[Said]:
+    rate = fitted.config.sampling.rate_hz
+    yield f"{rate:g} Hz, a sample every {1e9 / rate:.6g} ns"
+    for number, layout in enumerate(bus.input_layouts):
+        message = bus.inputs.messages[number]
+        expected = 1e9 * float(message_timing(bus, number)["interval"])
+        found = _periods(layout, int(message["samples"]), int(message["kind_count"]), expected)
+        if _is_of_the_user(layout, known) and _is_another(layout.sample_period_ns, expected):
+            _, problem, remedy = next(found)
+            yield UserError(fitted.place("sampling.rate_hz"), f"is {rate:g}, but {problem}", remedy)
+        yield from found
+    if bus.rate is not None and _is_of_the_user(bus.rate.layout, known):
+        yield from _periods(bus.rate.layout, bus.rate.samples, 1, 1e9 / rate)
+
+
+def _is_of_the_user(layout: MessageLayout, known: Sequence[KnownMessage]) -> bool:
+    """Whether a message is of a database of the user; sample periods of ours are examples that nobody can change."""
+    return next(message.path for message in known if message.name == layout.name).parent != PACKAGE_DATA
+
+
+def _is_another(period: int | None, expected: float) -> bool:
+    """Whether a sample period that a database states is not that of the bench file [ns]."""
+    return period is not None and abs(period - expected) > PERIOD_TOLERANCE
+
+
+def _periods(
+    layout: MessageLayout, samples: int, frames: int, expected: float
+) -> Iterator[tuple[bool, str, str]]:
+    """What the database says of the time between samples [ns], which `expected` is by the bench file.
+
+    samples: of every role that `frames` frames together carry.
+    """
+    period = layout.sample_period_ns
+    if period is not None and _is_another(period, expected):
+        yield (
+            False,
+            f"{layout.name} states a sample period of {period} ns in the bus database",
+            f"set sampling.rate_hz = {1e9 / period:g}, or its SamplePeriodNs to {expected:.0f}",
+        )
+    cycle = layout.cycle_time_ns
+    if period is None and cycle is not None and abs(cycle * frames - samples * expected) > CYCLE_TOLERANCE:
+        meant = f"which means {1e9 * samples / (cycle * frames):g} Hz"
+        text = f"{layout.name} states a cycle time of {cycle / 1e6:g} ms in the bus database, {meant}"
+        yield False, text, "correct sampling.rate_hz or its GenMsgCycleTime"
+    if layout.samples_per_frame not in (None, samples):
+        stated = f"{layout.name} states {layout.samples_per_frame} samples a frame in the bus database"
+        yield False, f"{stated}, {samples} are named", "name them all, or correct its SamplesPerFrame"
+
+
+@ruled("time")
+def time_findings(bus: BusMap) -> Iterator[Said]:
+    """One finding for each input message, warnings where something of its time cannot be seen."""
+    for stream, timing in enumerate(bus.inputs.timing):
+        name = bus.name_of(layout_of(bus, stream))
+        yield f"{name}: {_NUMBERED[Numbering(int(timing['numbering']))]}{_joined(timing)}"
+        if timing["numbering"] == Numbering.STAMPS:
+            seen = "lost frames are seen, and results valid, only while its jitter stays below a quarter of its cycle"
+            yield False, f"{name} has neither index nor counter: {seen}", "name its counter, if it has one"
+    if any(timing["joining"] == Joining.CLOCK for timing in bus.inputs.timing):
+        yield (
+            f"two time bases: not valid while more than {TOLERANCE / MICROSECOND:g} us between line pressure and "
+            f"lift are unknown ({TOLERANCE * LINE_SLOPE / MEGAPASCAL:.2g} MPa); the stamps must be the bus's "
+            "(hardware or kernel), an adapter that hands frames over in batches cannot tell"
+        )
+
+
+def _joined(timing: np.void) -> str:
+    joining = Joining(int(timing["joining"]))
+    if joining is Joining.RATIO:
+        return f", every {timing['steps']}th sample; held at most {timing['hold'] / MILLISECOND:g} ms"
+    if joining is Joining.NEAREST:
+        return (
+            f", nearest sample of the same time base; stamps {timing['delay'] / MICROSECOND:.4g} us after it"
+        )
+    if joining is Joining.CLOCK:
+        held = f", held at most {timing['hold'] / MILLISECOND:g} ms" if timing["steps"] > 1 else ""
+        return f"; by its clock, stamps {timing['delay'] / MICROSECOND:.4g} us after the last sample{held}"
+    return ""
+
+
+@ruled("channels")
+def channel_findings(fitted: BenchInjector) -> Iterator[Said]:
+    """One of each channel of which something is stated: its delays and lags, and what is made of them."""
+    for role in Role:
+        signal = fitted.config.signals.of(role)
+        delay = f"recorded {signal.filter_delay_us:g} us late" if signal.filter_delay_us else ""
+        slow = f"sensor with a lag of {signal.lag_us:g} us" if signal.lag_us else ""
+        if delay or slow:
+            yield f"{role}: {', '.join(filter(None, (delay, slow)))}, undone"
+
+
+SAMPLES_PER_PERIOD = 10  # of the line's own oscillation, below which it is not seen well
+LARGEST_DEAD_BAND = 0.1  # of the full lift
+_LEVEL = {
+    "file": "absolute level by A_L/(rho_L L_L) of the file, not measured",
+    "measured_rate": "absolute level by the measured rate",
+    "measured_mass": "absolute level by measured masses",
+}
+
+
+def observer_findings(fitted: BenchInjector) -> list[Finding]:
+    """All findings about the observer of an injector; there is none with too many cells to be stable."""
+    integration = _integration(fitted)
+    is_stable = integration[0].error is None
+    fuel = fuel_findings(fitted) if is_stable else []
+    steps_itself = effective_model(fitted.parameters).coefficients.line.fastest == 0.0
+    observer = _observer(fitted) if is_stable or not steps_itself else []
+    return [*integration, *fuel, *_fitted_model(fitted), *observer]
+
+
+@ruled("integration")
+def _integration(fitted: BenchInjector) -> Iterator[Said]:
+    """How a sample is integrated, and how near the limits that is."""
+    substeps = bench_constants(fitted).substeps
+    model, rate = effective_model(fitted.parameters), fitted.config.sampling.rate_hz
+    if stepping := model.coefficients.line.stepping(1.0 / rate):
+        yield f"{substeps} steps a sample at {rate:g} Hz; {stepping}"
+        return
+    fastest = fastest_rate(model.injector, model.departures)
+    yield (
+        f"{substeps} steps a sample (at most {MAX_SUBSTEPS}) at {rate:g} Hz, for a fastest rate of {fastest:.3g} 1/s"
+    )
+
+
+@ruled("fitted model")
+def _fitted_model(fitted: BenchInjector) -> Iterator[Said]:
+    """What the injector's file remembers of being fitted; nothing where it was not."""
+    baseline = fitted.parameters.baseline
+    if baseline is None:
+        return
+    doubt = doubt_about_fit(fitted)
+    if doubt is not None:
+        yield False, doubt.text, doubt.remedy
+        return
+    yield (
+        f"{fitted.parameters_path.name}: adequate, by {baseline.injections} healthy injections at "
+        f"{baseline.sample_rate_Hz:g} Hz; {_LEVEL[baseline.level]}"
+    )
+
+
+def _observer(fitted: BenchInjector) -> list[Finding]:
+    rate = fitted.config.sampling.rate_hz
+    noise = configured_noise(fitted)
+    stated = effects_after_alignment(fitted.config.signals)
+    constants = constants_for(fitted.parameters, rate, Durations(), events_required=0, stated=stated)
+    sensor, lookahead = constants.sensor, constants.timing.lookahead + constants.undoing.ahead
+    every = rail_every(fitted)
+    schedule = gain_schedule(constants.coefficients, noise, rate, sensor.lag, sensor.fraction, every)
+    c = constants.coefficients
+    line_mode = c.line.mode / (2 * math.pi)
+    opens, shuts = dead_band(noise.needle_lift * noise_gain(constants.undoing.lift_lag))
+    return [
+        graded(
+            "line mode",
+            rate >= SAMPLES_PER_PERIOD * line_mode,
+            f"{line_mode:.0f} Hz, {rate / line_mode:.3g} samples a period",
+            f"sample at {SAMPLES_PER_PERIOD * line_mode:.0f} Hz or more, for {SAMPLES_PER_PERIOD} a period",
+        ),
+        graded(
+            "gain",
+            True,
+            f"steady gain {schedule.gains[-1, 0]:.3g} on p_L and {schedule.gains[-1, 1]:.3g} on Q_L (normalised); "
+            f"innovation sigma {schedule.innovation_sigma * c.pressure_scale / MEGAPASCAL:.3g} MPa",
+        ),
+        graded(
+            "dead band",
+            opens <= LARGEST_DEAD_BAND * fitted.parameters.seat.max_lift,
+            f"opens above {opens / MICROMETRE:.3g} um of lift, shuts below {shuts / MICROMETRE:.3g} um",
+            f"above {LARGEST_DEAD_BAND:.0%} of the full lift short injections are missed: "
+            "lower the noise of the needle lift",
+        ),
+        graded("look-ahead", True, f"{lookahead} samples, {lookahead / rate / MICROSECOND:.4g} us"),
+        *_event_timing(fitted),
+        *_paper_training(fitted),
+    ]
+
+
+@ruled("events")
+def _event_timing(fitted: BenchInjector) -> Iterator[Said]:
+    learning = fitted.config.learning
+    longest = MAX_EVENT / fitted.config.sampling.rate_hz / MILLISECOND
+    text = (
+        f"openings within {learning.event_gap_ms:g} ms are one event; a new correction takes force "
+        f"{learning.event_gap_ms + learning.learning_delay_ms:g} ms after the needle shuts; learned from events "
+        f"up to {longest:.0f} ms, gap included"
+    )
+    yield longest >= 2 * learning.event_gap_ms, text, "shorten learning.event_gap_ms or sample slower"
+
+
+@ruled("training")
+def _paper_training(fitted: BenchInjector) -> Iterator[Said]:
+    """What is to be said of `training = "paper"`, nothing where it is not used."""
+    gain = fitted.config.learning.identification_gain
+    if gain is None:
+        return
+    c, noise = effective_model(fitted.parameters).coefficients, configured_noise(fitted)
+    make_learner(fitted, bench_constants(fitted), no_knowledge(noise, c.pressure_scale))
+    yield False, "paper: for comparison only, its results never count as valid", ""
+    doubts = doubts_about_gain(gain, c, noise)
+    yield graded("identification gain", doubts is None, f"{gain:g} 1/s", doubts or "")

@@ -1,0 +1,209 @@
+"""Findings about the machine: real-time rights, memory, processors, its SocketCAN interfaces."""
+
+import json
+import os
+import socket
+import subprocess
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from observer_rt.bus.can_frame import ARPHRD_CAN, FD_MTU
+from observer_rt.config.bench_file import LinkConfig, RealTimeConfig
+from observer_rt.daemon.rights import REMEDY, Processors, Rights, processors, rights
+from observer_rt.desk.check.findings import Said, ruled
+
+PROCESSORS = 2  # one for the loop, one for learning
+SHORTEST_QUEUE = 100  # frames
+RATE_TOLERANCE = 0.005  # of a bit rate: CAN nodes of a bus may differ by less
+NETWORK = Path("/sys/class/net")
+_INTERFACE_IS_UP = 1  # IFF_UP
+_IP_TIMEOUT = 5.0  # s
+_SILENT_MODES = ("LISTEN-ONLY", "LOOPBACK")
+
+
+@dataclass(frozen=True)
+class Host:
+    """What the machine grants this process."""
+
+    rights: Rights
+    swap_in_use: bool
+    processors: int
+    loops: Processors
+
+
+def this_host(config: RealTimeConfig, loops: int = 1) -> Host:
+    """The machine this runs on, by what the bench file asks for, for so many loops."""
+    swaps = Path("/proc/swaps")
+    return Host(
+        rights=rights(config.priority),
+        swap_in_use=swaps.exists() and len(swaps.read_text().splitlines()) > 1,  # the first line is a heading
+        processors=len(os.sched_getaffinity(0)),
+        loops=processors(config.cpus, loops),
+    )
+
+
+@ruled("real time")
+def real_time_findings(host: Host) -> Iterator[Said]:
+    """Whether the loop can be expected to keep up."""
+    here = "in this shell: sudo prlimit --pid $$"
+    may, priority = host.rights.may_hurry, host.rights.priority
+    text = f"the loop gets real-time priority {priority}" if may else "no real-time priority allowed"
+    yield may or not priority, text if priority else "no real-time priority asked for", f"{here} --rtprio=99"
+    may = host.rights.may_lock_memory
+    yield may, "memory is locked" if may else "memory may not be locked", f"{here} --memlock=unlimited"
+    text = "swap in use, which can stop the loop for long" if host.swap_in_use else "no swap"
+    yield not host.swap_in_use, text, "sudo swapoff --all"
+    remedy = (
+        f"loop and learning want {PROCESSORS}: taskset --cpu-list 0-{PROCESSORS - 1} COMMAND, where there are"
+    )
+    yield host.processors >= PROCESSORS, f"{host.processors} processor(s)", remedy
+    yield not host.loops.trouble, host.loops.trouble or host.loops.as_text(), REMEDY
+
+
+@dataclass(frozen=True)
+class BitTiming:
+    """Of one phase of a frame: bit/s, and where in a bit it is sampled (0..1), where known."""
+
+    bit_rate: int
+    sample_point: float | None
+
+
+@dataclass(frozen=True)
+class Controller:
+    """How a CAN controller is set up; None or empty what the kernel does not tell."""
+
+    state: str
+    arbitration: BitTiming | None
+    data: BitTiming | None
+    restart_ms: int | None
+    modes: tuple[str, ...]
+
+
+def read_controller(channel: str) -> Controller | None:
+    """What iproute2 reports of an interface's controller; None without iproute2, interface or controller."""
+    command = ["ip", "-json", "-details", "link", "show", "dev", channel]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=_IP_TIMEOUT, check=False)
+    except (OSError, subprocess.TimeoutExpired):
+        return None
+    return controller_in(done.stdout) if done.returncode == 0 else None
+
+
+def controller_in(text: str) -> Controller | None:
+    """The controller in the answer of `ip -json -details link show`; None where there is none."""
+    try:
+        info = json.loads(text)[0]["linkinfo"]
+        if info["info_kind"] != "can":  # virtual interfaces have no controller
+            return None
+        content = info["info_data"]
+        return Controller(
+            state=str(content.get("state", "")),
+            arbitration=_timing(content, "bittiming"),
+            data=_timing(content, "data_bittiming"),
+            restart_ms=int(content["restart_ms"]) if "restart_ms" in content else None,
+            modes=tuple(map(str, content.get("ctrlmode", ()))),
+        )
+    except (ValueError, OverflowError, LookupError, TypeError, AttributeError):
+        return None  # an iproute2 that writes otherwise
+
+
+def _timing(content: dict[str, Any], key: str) -> BitTiming | None:
+    timing = content.get(key)
+    if timing is not None and int(timing["bitrate"]) > 0:
+        return BitTiming(int(timing["bitrate"]), float(timing["sample_point"]))
+    fixed = int(content.get(f"{key}_bitrate", 0))  # controllers that choose the timing themselves
+    return BitTiming(fixed, None) if fixed > 0 else None
+
+
+@ruled("interface")
+def socketcan_findings() -> Iterator[Said]:
+    """Whether the kernel knows CAN at all."""
+    try:
+        socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW).close()
+    except OSError as error:
+        yield False, f"the kernel offers no SocketCAN: {error.strerror}", "sudo modprobe can_raw"
+
+
+@ruled("interface")
+def interface_findings(
+    link: LinkConfig, controller: Controller | None = None, network: Path = NETWORK, place: str = "link"
+) -> Iterator[Said]:
+    """What is to be said of the interface with its folder below `network` and, where there is one, a controller.
+
+    place: the section of the bench file.
+    """
+    name = link.channel
+    folder = network / name
+    try:
+        kind, flags, mtu, queue = (
+            int((folder / entry).read_text(), 0) for entry in ("type", "flags", "mtu", "tx_queue_len")
+        )
+        state = (folder / "operstate").read_text().strip()
+    except OSError:
+        yield False, f"{name} does not exist", _create(link)
+        return
+    if kind != ARPHRD_CAN:
+        yield False, f"{name} is no CAN interface", f"set {place}.channel to one"
+        return
+    is_up = bool(flags & _INTERFACE_IS_UP) and state != "down"
+    if controller is None or controller.state != "BUS-OFF":  # which also takes the carrier away
+        yield is_up, f"{name}: {'up' if is_up else 'down'}", _bring_up(link)
+    if link.fd:
+        carries_fd = mtu >= FD_MTU
+        yield carries_fd, f"{name}: mtu {mtu}, {'' if carries_fd else 'no '}CAN FD", _set_up_anew(link)
+    longer = f"sudo ip link set {name} txqueuelen {10 * SHORTEST_QUEUE}"
+    yield queue >= SHORTEST_QUEUE, f"{name}: queue of {queue} frames to send", longer
+    if controller is not None:
+        yield from _of_controller(link, controller, place)
+
+
+def _of_controller(link: LinkConfig, controller: Controller, place: str) -> Iterator[Said]:
+    name = link.channel
+    anew = f"sudo ip link set {name} down && sudo ip link set {name} up type can"
+    if controller.state in ("BUS-OFF", "ERROR-PASSIVE"):
+        remedy = "check wiring, termination and the bit rates of all nodes"
+        if controller.state == "BUS-OFF":
+            remedy += f", then: sudo ip link set {name} type can restart"
+        yield False, f"{name}: {controller.state.lower()}", remedy
+    for phase, timing, wanted in (
+        ("bit rate", controller.arbitration, link.bit_rate),
+        ("data bit rate", controller.data if link.fd else None, link.data_bit_rate),
+    ):
+        if timing is None:
+            continue
+        point = "" if timing.sample_point is None else f", sampled at {timing.sample_point:.1%}"
+        key = f"{place}.{phase.replace(' ', '_')}"
+        yield (
+            abs(timing.bit_rate - wanted) <= RATE_TOLERANCE * wanted,
+            f"{name}: {phase} {timing.bit_rate} bit/s{point}",
+            f"the bench file says {wanted:.0f}: set {key}, or {_set_up_anew(link)}",
+        )
+    if (restart := controller.restart_ms) is not None:
+        off = "" if restart else ", after bus-off it stays off"
+        yield restart > 0, f"{name}: restart-ms {restart}{off}", f"{anew} restart-ms 100"
+    for mode in set(_SILENT_MODES).intersection(controller.modes):
+        yield False, f"{name}: {mode.lower()}, nobody will hear the results", f"{anew} {mode.lower()} off"
+
+
+def _create(link: LinkConfig) -> str:
+    if _is_virtual(link):
+        return f"sudo ip link add {link.channel} type vcan && {_bring_up(link)}"
+    return "connect the device and load its driver; `ip -details link show type can` lists what there is"
+
+
+def _set_up_anew(link: LinkConfig) -> str:
+    return f"sudo ip link set {link.channel} down && {_bring_up(link)}"
+
+
+def _bring_up(link: LinkConfig) -> str:
+    name = link.channel
+    if _is_virtual(link):
+        return f"sudo ip link set {name}{f' mtu {FD_MTU}' if link.fd else ''} up"
+    fd = f" dbitrate {link.data_bit_rate:.0f} fd on" if link.fd else ""
+    return f"sudo ip link set {name} up type can bitrate {link.bit_rate:.0f}{fd} restart-ms 100"
+
+
+def _is_virtual(link: LinkConfig) -> bool:
+    return link.channel.startswith("vcan")

@@ -1,0 +1,170 @@
+"""The command line: which commands there are, help in words, errors as messages and exit codes."""
+
+import inspect
+import os
+import sys
+from typing import Annotated, Any, NoReturn
+
+import typer
+from typer.core import TyperArgument, TyperCommand, TyperGroup
+
+from observer_rt import __version__
+from observer_rt.desk.cli.fleet import batch, trend
+from observer_rt.desk.cli.live import check, demo, journal, monitor, run
+from observer_rt.desk.cli.logs import convert, record, replay
+from observer_rt.desk.cli.models import compare, discover, effects, fit
+from observer_rt.desk.cli.offline import evaluate, reproduce, simulate
+from observer_rt.desk.cli.options import messages
+from observer_rt.foundation.console import say
+from observer_rt.foundation.errors import ObserverError, UserError
+
+EXIT_CODES = (
+    "Exit code: 0 there is a result; 1 it failed at run time, or `check` found an error; "
+    "2 the command line or a file of yours must change; 130 it was interrupted."
+)
+_UsageError: Any = typer.BadParameter.__base__  # of all mistakes in a command line; typer has no name for it
+NAMES = {"<int>": "N", "<int range>": "N", "<float>": "NUMBER", "<float range>": "NUMBER", "<str>": "TEXT"}
+
+
+class GroupedCommands(TyperGroup):
+    """Commands listed under the headings they were registered with."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write a section for each heading, the commands in it in their order."""
+        sections: dict[str, list[tuple[str, str]]] = {}
+        for name in self.list_commands(ctx):
+            command: Any = self.get_command(ctx, name)
+            sections.setdefault(command.rich_help_panel, []).append((name, command.short_help))
+        for heading, rows in sections.items():
+            with formatter.section(heading):
+                formatter.write_dl(rows)
+
+
+class WordedCommand(TyperCommand):
+    """A command whose help names no types of Python."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        for parameter in self.params:
+            _reword(parameter)
+
+
+def _reword(parameter: Any) -> None:
+    """Replace what typer says of the type of an option, or of an argument, whose name says enough."""
+    of_type, is_argument = parameter.display_type, isinstance(parameter, TyperArgument)
+    parameter.display_type = lambda context: (
+        "" if is_argument else NAMES.get(of_type(context), of_type(context))
+    )
+
+
+app = typer.Typer(
+    cls=GroupedCommands,
+    no_args_is_help=True,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,  # units in brackets are not markup
+    help="Estimates the injection rate of a common-rail injector in real time, from CAN back onto CAN.",
+    epilog="Every command has help: -h. Results go to stdout, progress and errors to stderr.\n\n"
+    + EXIT_CODES,
+)
+
+
+def main() -> None:
+    """Entry point of `observer-rt`."""
+    try:
+        try:
+            exit_code = app(standalone_mode=False)
+        finally:
+            sys.stdout.flush()  # so that what cannot be written shows here
+        sys.exit(exit_code)
+    except _UsageError as error:
+        if not sys.argv[1:]:  # which is answered by the help
+            error.show()
+            sys.exit(error.exit_code)
+        _fail(str(_worded(error)), error.exit_code)
+    except ObserverError as error:
+        _fail(str(error), error.exit_code)
+    except BrokenPipeError:
+        _abandon_stdout()
+        sys.exit(1)
+    except MemoryError:
+        _fail("not enough memory\n  remedy: cut the recording, or sample it slower", 1)
+    except OSError as error:
+        _abandon_stdout()
+        _fail(f"{error.filename or 'output'}: {error.strerror or error}", 1)
+
+
+def _worded(error: Any) -> UserError:
+    """What is wrong with a command line, as all other errors are said."""
+    called = error.ctx.info_name if error.ctx is not None and error.ctx.parent is not None else ""
+    command = f"observer-rt {called}".strip()
+    message = error.format_message().rstrip(".")
+    return UserError(
+        called or "command line", message[:1].lower() + message[1:], f"`{command} -h` explains it"
+    )
+
+
+def _abandon_stdout() -> None:
+    """Let the interpreter's own last flush succeed: what could not be written has been reported."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _fail(message: str, exit_code: int) -> NoReturn:
+    messages.print("[red]error:[/red]", end=" ")
+    say(messages, message)
+    sys.exit(exit_code)
+
+
+def _version(show: bool) -> None:
+    if show:
+        print(f"observer-rt {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """`observer-rt` without a command."""
+
+
+for _heading, _commands in {
+    "Live": (
+        (demo, "--wear 0.3 --figure demo.png"),
+        (run, "--bench bench.toml --state learned.json --journal injections.sqlite --view"),
+        (check, "--bench bench.toml --recording mine.csv"),
+        (monitor, "--bench bench.toml"),
+        (record, "--bench bench.toml --out bus.blf --rotate-size 500"),
+        (replay, "recording.csv --bench bench.toml --speed 0.1"),
+        (journal, "injections.sqlite --csv > injections.csv"),
+    ),
+    "Offline": (
+        (
+            simulate,
+            "--rail-pressure 60,100,140 --energizing-time 0.6,1.9 --injections 12 "
+            "--effect orifice_area:v_H=0.3 --output worn.csv",
+        ),
+        (evaluate, "worn.csv --output trace.csv --plot worn.png"),
+        (convert, "bus.blf recording.csv --bench bench.toml"),
+        (fit, "healthy_*.csv --model injector.toml --output fitted.toml --plot fit.png"),
+        (reproduce, "--out reproduced"),
+    ),
+    "Discovery": (
+        (discover, "--model injector.toml --out found worn_1.csv worn_2.csv"),
+        (compare, "found_spring found_autumn"),
+        (effects, "channel_skew seat_area"),
+    ),
+    "Many recordings": (
+        (batch, r"measured/ --out results --bench bench.toml --injector-from 'injector_(\w+)' --discover"),
+        (trend, "results --plot wear.png"),
+    ),
+}.items():
+    for _command, _example in _commands:
+        app.command(
+            cls=WordedCommand,
+            short_help=inspect.cleandoc(_command.__doc__ or "").split("\n\n")[0].replace("\n", " "),
+            epilog=f"Example: observer-rt {_command.__name__} {_example}\n\n{EXIT_CODES}",
+            rich_help_panel=_heading,
+        )(_command)

@@ -1,0 +1,218 @@
+"""The demonstration: a worn injector, replayed as CAN FD frames to the function that `run` starts."""
+
+import contextlib
+import math
+import threading
+import time
+import uuid
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.table import Table
+from rich.text import Text
+
+from observer_rt.bus.links.opening import open_link
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.bus.mapping.output_messages import RateMessage
+from observer_rt.config.bench import Bench, load_bench
+from observer_rt.config.bench_file import LinkConfig
+from observer_rt.core.frames.frames import decode_signals
+from observer_rt.daemon.daemon import Daemon
+from observer_rt.daemon.shown_injections import ComparedRate
+from observer_rt.daemon.view import View
+from observer_rt.desk.evaluation.curves import RateCurves
+from observer_rt.desk.evaluation.figures import MassRow, Picture, plot_injections
+from observer_rt.desk.simulation.schedule import make_schedule
+from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
+from observer_rt.engine.reports.injection_report import InjectionReport
+from observer_rt.engine.reports.news import Notes
+from observer_rt.files.replay.framing import Framer, whole
+from observer_rt.files.replay.player import play
+from observer_rt.files.signals.recording import Recording
+from observer_rt.foundation.console import stop_on_signals
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
+from observer_rt.model.effects import effective_model, sized
+
+RAIL_PRESSURES = (60 * MEGAPASCAL, 100 * MEGAPASCAL, 140 * MEGAPASCAL)
+ENERGIZING_TIME = 1.9 * MILLISECOND
+PERIOD = 60 * MILLISECOND
+VCAN = "vcan0"
+_QUIET = 1.0  # s without a frame after which the bus has nothing more to say
+
+
+@dataclass(frozen=True)
+class DemoResult:
+    """What went over the bus: rates decoded from its frames [m3/s], masses of every injection."""
+
+    curves: Mapping[int, RateCurves]
+    masses: tuple[MassRow, ...]
+    link: str
+
+
+def mass_table(result: DemoResult) -> Table:
+    """Masses and their errors, injection by injection."""
+    table = Table(title=f"Injected mass from the frames on {result.link}", title_justify="left", box=None)
+    for heading in ("injection", "true [mg]", "nominal [mg]", "error", "observer [mg]", "error", "valid"):
+        table.add_column(Text(heading), justify="right", no_wrap=True)
+    for row in result.masses:
+        true = row.reference or math.nan
+        table.add_row(
+            str(row.number),
+            f"{true / MILLIGRAM:.2f}",
+            f"{row.nominal / MILLIGRAM:.2f}",
+            f"{100 * (row.nominal / true - 1):+.2f} %",
+            f"{row.estimated / MILLIGRAM:.2f}",
+            f"{100 * (row.estimated / true - 1):+.2f} %",
+            "yes" if row.valid else "not yet",
+        )
+    return table
+
+
+class Demo:
+    """Bench, worn injector and references of one demonstration."""
+
+    def __init__(self, wear: float, injections: int, seed: int) -> None:
+        """wear: v_H of (27)."""
+        has_vcan = Path(f"/sys/class/net/{VCAN}").exists()
+        own = LinkConfig(interface="virtual", channel=f"demo-{uuid.uuid4().hex[:8]}")
+        self.link = LinkConfig(channel=VCAN) if has_vcan else own
+        self.bench = _on_link(load_bench(), self.link)
+        schedule = make_schedule(RAIL_PRESSURES, injections, PERIOD, [ENERGIZING_TIME])
+        parameters = self.bench.injector.parameters
+        rate = self.bench.injector.config.sampling.rate_hz
+        worn = (sized("orifice_area", v_H=wear),)
+        simulation = simulate(parameters, schedule, rate, worn, SimulatedNoise(), seed=seed)
+        self.recording: Recording = simulation.recording
+        self._true_rate = simulation.truth.injection_rate
+        # the model without the wear, at the same lift and rail pressure
+        self._nominal_rate = simulate(parameters, schedule, rate).truth.injection_rate
+        self._density = effective_model(parameters).coefficients.density
+        self._notes = Notes()
+
+    def references(
+        self, report: InjectionReport, _rows: NDArray[np.void] | None = None
+    ) -> Sequence[ComparedRate]:
+        """True and nominal rate and mass of an injection."""
+        window = slice(report.start_index, report.end_index + 1)
+        return [
+            ComparedRate(name, rate[window], self._mass(rate[window]))
+            for name, rate in (("true", self._true_rate), ("nominal", self._nominal_rate))
+        ]
+
+    def run(self, speed: float, show: Callable[[View, threading.Event], None] | None = None) -> DemoResult:
+        """Replay at `speed` (1: real time); `show` draws the view until its event is set, None: nobody looks.
+
+        Raises `RunError` when the bus fails, `KeyboardInterrupt` when stopped by a signal.
+        """
+        bus = map_bus(self.bench)
+        on = f"{self.link.interface} {self.link.channel}"
+        view = View(f"observer_rt demo: {on}", self.bench.injector, self.references)
+        stop, done = threading.Event(), threading.Event()
+        inputs = [(layout.frame_id, layout.is_extended) for layout in bus.received]
+        with contextlib.ExitStack() as stack:
+            interrupted = stack.enter_context(stop_on_signals())
+            player_link = stack.enter_context(_open(self.link, []))
+            daemon_link = stack.enter_context(_open(self.link, inputs))
+            assert bus.rate is not None  # the example bench publishes it
+            published = stack.enter_context(_listening(self.link, bus.rate, self.recording.samples))
+            threads = stack.enter_context(ThreadPoolExecutor(2))
+            daemon = Daemon(self.bench, bus, [daemon_link], listeners=[self._notes, view.hear])
+            view.watch(daemon)
+
+            def replay() -> None:
+                try:
+                    frames = Framer(bus).frames(self.recording, whole(self.recording))
+                    play(frames, player_link, speed, stop=interrupted)
+                    _wait_until_quiet(daemon, interrupted)
+                finally:
+                    stop.set()
+                    done.set()
+
+            serving = threads.submit(daemon.run, stop)
+            playing = threads.submit(replay)
+            if show is not None:
+                show(view, done)
+            playing.result()
+            serving.result()
+            if interrupted.is_set():
+                raise KeyboardInterrupt
+            time.sleep(0.2)  # for the listener to take in the last frames
+            return self._result(published)
+
+    def _result(self, published: NDArray[np.float64]) -> DemoResult:
+        curves, masses = {}, []
+        for report in self._notes.injections:
+            window = slice(report.start_index, report.end_index + 1)
+            true, nominal = self.references(report)
+            masses.append(
+                MassRow(report.number, self._mass(published[window]), nominal.mass, true.mass, report.valid)
+            )
+            if report.number in (1, 3, len(self._notes.injections)):
+                curves[report.number] = RateCurves(
+                    f"injection {report.number}, {report.rail_pressure / MEGAPASCAL:.0f} MPa",
+                    np.arange(window.stop - window.start) / self.recording.sample_rate,
+                    published[window],
+                    nominal.rate,
+                    true.rate,
+                )
+        return DemoResult(curves, tuple(masses), f"{self.link.interface} {self.link.channel}")
+
+    def _mass(self, rate: NDArray[np.float64]) -> float:
+        return float(np.trapezoid(rate)) / self.recording.sample_rate * self._density
+
+
+def write_figure(result: DemoResult, wear: float, path: Path) -> None:
+    """The demonstration's picture."""
+    title = (
+        f"Injection rate over CAN of an injector with worn nozzle (v_H = {wear:+.2f}): model, observer, truth"
+    )
+    plot_injections(path, [Picture(title, result.curves, result.masses)], "true")
+
+
+@contextlib.contextmanager
+def _listening(config: LinkConfig, message: RateMessage, samples: int) -> Iterator[NDArray[np.float64]]:
+    """Another participant of the bus: the published rates [m3/s] by sample index, as they come."""
+    rate, values = np.full(samples, np.nan), np.zeros(len(message.page.names))
+    stop = threading.Event()
+    layout, index_place = message.layout, message.page.names.index("SampleIndex")
+
+    def listen() -> None:
+        while not stop.is_set():
+            if (frame := link.receive(0.05)) is not None:
+                decode_signals(np.frombuffer(frame.payload, np.uint8), message.page.table, values)
+                index = int(values[index_place])
+                rates = values[-message.samples :][: samples - index]
+                rate[index : index + len(rates)] = rates * MM3_PER_MS
+
+    receive = [(layout.frame_id, layout.is_extended)]
+    with _open(config, receive) as link, ThreadPoolExecutor(1, "listener") as thread:
+        listening = thread.submit(listen)
+        try:
+            yield rate
+        finally:
+            stop.set()
+        listening.result()
+
+
+def _open(config: LinkConfig, receive: Sequence[tuple[int, bool]]):  # type: ignore[no-untyped-def]
+    return open_link(config.interface, config.channel, config.fd, receive)
+
+
+def _on_link(bench: Bench, link: LinkConfig) -> Bench:
+    """The bench on another link, learning in lockstep so that every demonstration is the same."""
+    learning = bench.injector.config.learning.model_copy(update={"lockstep": True})
+    config = bench.config.model_copy(update={"link": link})
+    return replace(bench, config=config).with_sections(learning=learning)
+
+
+def _wait_until_quiet(daemon: Daemon, interrupted: threading.Event) -> None:
+    """Until the daemon has processed all it received."""
+    seen, since = -1, time.monotonic()
+    while time.monotonic() - since < _QUIET and not interrupted.wait(0.05):
+        processed = daemon.core.processed
+        if processed != seen:
+            seen, since = processed, time.monotonic()

@@ -1,0 +1,144 @@
+"""Commands over many recordings: `batch` and `trend`."""
+
+import json
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
+from observer_rt.desk.cli import options
+from observer_rt.desk.cli.options import argument, file_option, messages, option
+from observer_rt.foundation.console import FIGURE_SUFFIXES, check_destination, check_folder, results, say
+from observer_rt.foundation.errors import UserError
+
+
+def batch(
+    sources: Annotated[
+        list[str], argument("Files, folders (all below them) or patterns such as 'run_*/**/*.mf4'.", "SOURCE")
+    ],
+    out: Annotated[
+        Path,
+        option("--out", "Folder for the tables; recordings that are in them are not evaluated again.", "DIR"),
+    ],
+    bench: options.BenchOption = EXAMPLE_BENCH,
+    model: options.ModelOption = None,
+    injector: options.InjectorOption = None,
+    injector_from: Annotated[
+        str | None,
+        option(
+            "--injector-from",
+            "Regular expression whose first group finds an injector's name in a file's path.",
+            "PATTERN",
+        ),
+    ] = None,
+    time_from: Annotated[
+        str | None,
+        option(
+            "--time-from",
+            "Regular expression whose first group finds date and time of a recording in its path. "
+            "Default: the time in frames or header; for CSV and Parquet, when the file was last written.",
+            "PATTERN",
+        ),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        option("--scheduler", "Address of a Dask scheduler (default: workers on this computer).", "ADDRESS"),
+    ] = None,
+    workers: Annotated[
+        int | None, option("--workers", "Processes on this computer (default: one per CPU).", min=1)
+    ] = None,
+    state: options.StateOption = None,
+    no_learning: Annotated[
+        bool, option("--no-learning", "Judge injections without learning from them.")
+    ] = False,
+    lenient: options.LenientOption = False,
+    discover: Annotated[
+        bool,
+        option("--discover", "Also find what the model is missing, injector by injector: DIR/discovered."),
+    ] = False,
+    healthy: Annotated[
+        list[Path] | None,
+        option(
+            "--healthy",
+            "With --discover: recording of a healthy injector to judge the model by; repeatable.",
+            "RECORDING",
+        ),
+    ] = None,
+    as_json: options.JsonOption = False,
+    effects: Annotated[list[Path] | None, options.effects_option(exposed=True)] = None,
+) -> None:
+    """Evaluate thousands of recordings in parallel: Parquet with one row per injection, resumed where it stopped."""
+    from observer_rt.config.own_effects import OwnEffects
+    from observer_rt.daemon.persistence.state_file import model_hash, restored_knowledge
+    from observer_rt.desk.fleet.batch import Dataset, evaluate_all, settings_of, tell
+    from observer_rt.desk.fleet.cluster import Work, connected
+    from observer_rt.desk.fleet.groups import InjectorNames, RecordingTimes, doubt_of_one, recordings_in
+    from observer_rt.desk.fleet.job import Task
+    from observer_rt.foundation.console import stop_on_signals
+
+    if healthy and not discover:
+        raise UserError("--healthy", "is for discovery", "add --discover, or leave it out")
+    chosen = load_bench(bench.absolute(), model and model.absolute(), lenient, off_bus=True).of(injector)
+    InjectorNames(injector_from)  # refuses what is no pattern
+    RecordingTimes(time_from)  # as this does
+    own = OwnEffects.in_use(tuple(effects or ()))
+    asked = None
+    if discover:  # loading what it needs takes as long as all else
+        from observer_rt.desk.fleet.discovering import Discovering
+
+        asked = Discovering.of(chosen, injector_from, healthy or (), own)
+    paths = recordings_in(sources)
+    if doubt := doubt_of_one(paths, injector_from, chosen):
+        say(messages, doubt)
+    out.mkdir(parents=True, exist_ok=True)
+    check_folder("--out", out)
+    learning = not no_learning
+    settings = settings_of(chosen, state, learning, injector_from, own)
+    dataset = Dataset(out, settings | ({} if time_from is None else {"time_from": time_from}))
+    knowledge, parameters = None, chosen.injector.parameters
+    if state is not None:
+        knowledge = restored_knowledge(
+            state,
+            model_hash(parameters),
+            parameters.scaling.pressure,
+            partial(say, messages),
+            set_aside=False,
+        )
+    task = Task(chosen, Path.cwd(), knowledge, learning, injector_from, time_from, own)
+    found = None
+    with dataset, stop_on_signals() as stop, connected(scheduler, workers) as cluster:
+        work = Work(cluster, stop, messages)
+        counts = evaluate_all(work, task, paths, dataset)
+        if asked is not None:
+            found = asked.of_groups(work, counts.paths, dataset)
+    tell(dataset, counts, found, as_json, messages)
+
+
+def trend(
+    folder: Annotated[Path, argument("Folder that `batch` filled.", "DIR")],
+    out: Annotated[
+        Path | None, file_option("--out", "Page to write (default: trend.html in DIR).", show_default=False)
+    ] = None,
+    picture: Annotated[Path | None, file_option("--plot", "Picture to write (.png, .svg, .pdf).")] = None,
+    as_json: options.JsonOption = False,
+) -> None:
+    """Show the wear of every injector over its recordings, the most worn first, with 95 % bands."""
+    from observer_rt.desk.fleet.batch import read_injections
+    from observer_rt.desk.fleet.trend import NEEDED, doubts, table_of, trends, write_page, write_picture
+    from observer_rt.desk.fleet.trend import as_json as document
+
+    page = out or folder / "trend.html"
+    check_destination("--out", page, (".html",))
+    if picture is not None:
+        check_destination("--plot", picture, FIGURE_SUFFIXES)
+    found = trends(read_injections(folder, NEEDED))
+    write_page(page, found, folder)
+    if picture is not None:
+        write_picture(picture, found)
+    if as_json:
+        print(json.dumps(document(found), indent=2))
+    else:
+        results().print(table_of(found))
+    for doubt in doubts(found):
+        say(messages, doubt)
+    say(messages, f"{len(found)} injector{'s' if len(found) != 1 else ''}: {page}")

@@ -1,0 +1,260 @@
+"""Commands that find out what a model should be: `fit`, `discover`, `compare` and `effects`."""
+
+import json
+import sys
+import time
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
+from observer_rt.config.effects import effect_named
+from observer_rt.config.injector_file import InjectorFile
+from observer_rt.desk.cli import options
+from observer_rt.desk.cli.options import argument, decoder_of, file_option, messages, option
+from observer_rt.foundation.console import (
+    FIGURE_SUFFIXES,
+    check_destination,
+    progress_bar,
+    refuse_existing,
+    results,
+    say,
+)
+from observer_rt.foundation.errors import InterruptionError, UserError
+from observer_rt.foundation.files import file_errors
+
+
+def fit(
+    recordings: options.RecordingsArgument,
+    model: Annotated[
+        Path,
+        file_option(
+            "--model", "Injector file to start from: geometry right, the rest within a factor of two."
+        ),
+    ],
+    output: Annotated[Path, file_option("--output", "Fitted injector file to write.")],
+    mass: Annotated[
+        Path | None,
+        file_option(
+            "--mass",
+            "Measured masses (CSV: recording,mass_mg[,injection][,sigma_mg]), which fix the absolute level.",
+        ),
+    ] = None,
+    plot: Annotated[
+        Path | None, file_option("--plot", "Figure (png, svg, pdf): line pressure and residuals by phase.")
+    ] = None,
+    force: options.ForceOption = False,
+    bench: options.DecoderOption = None,
+    from_channel: options.FromChannelOption = None,
+    injector: options.InjectorOption = None,
+    lenient: options.LenientOption = False,
+    as_json: options.JsonOption = False,
+    effects: options.EffectsOption = None,
+) -> None:
+    """Calibrate the model, its structure included, to recordings of the healthy injector."""
+    from observer_rt.config.channels import effects_on_one_raster
+    from observer_rt.desk.evaluation.healthy_events import observer_remainder
+    from observer_rt.desk.evaluation.logged import open_source, without_truths
+    from observer_rt.identification.fit.calibrate import baseline_of, calibrate, write_fitted
+    from observer_rt.identification.fit.parts import read_masses, refuse_clipped, warnings
+    from observer_rt.identification.fit.report import as_json as document_of
+    from observer_rt.identification.fit.report import print_fit
+    from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES
+    from observer_rt.identification.likelihood.reading import (
+        coverage,
+        hashes,
+        read_measured,
+        refuse_rates_missing,
+        without_copies,
+    )
+
+    decoder = decoder_of(bench, injector, lenient, model)
+    start, source = load_injector(model), InjectorFile.read(model)
+    if output.resolve() == model.resolve():
+        raise UserError(
+            f"--output {output}", "is the model that is fitted", "name another file, to compare the two"
+        )
+    for name, path, suffixes in (("--output", output, (".toml",)), ("--plot", plot, FIGURE_SUFFIXES)):
+        if path is not None:
+            check_destination(name, path, suffixes)
+            refuse_existing(name, [path], force)
+    paths = without_copies(without_truths(recordings, messages), messages)
+    read = partial(open_source, bench=decoder, from_channels=from_channel or (), console=messages)
+    most = MOST_SAMPLES if mass is None else sys.maxsize  # whole: masses go by the injection's number
+    stated = () if decoder is None else effects_on_one_raster(decoder.injector)
+    found = read_measured(paths, read, messages, most, stated)
+    refuse_rates_missing([one.recording for one in found])
+    refuse_clipped(found)
+    weighed = {} if mass is None else read_masses(mass, found)
+    warned = warnings(found)
+    for line in (*map(coverage, found), *(f"warning: {one}" for one in warned)):
+        say(messages, line)
+    with progress_bar(messages, "fitting", 1.0) as progress:
+        try:
+            done = calibrate(start, found, weighed, progress)
+        except KeyboardInterrupt:
+            raise InterruptionError("interrupted; nothing was written") from None
+    say(messages, "observing the healthy injections with the fitted model")
+    baseline = baseline_of(done, hashes(paths))
+    observer = observer_remainder(done.injector, baseline, [one.recording for one in found])
+    baseline = baseline.model_copy(update={"observer": observer})
+    with file_errors(output):
+        write_fitted(output, source, done, baseline)
+    if plot is not None:
+        from observer_rt.identification.fit.report import draw_fit
+
+        draw_fit(plot, done)
+    if as_json:
+        print(json.dumps(document_of(done, baseline, warned), indent=2))
+    else:
+        print_fit(done, results())
+    say(messages, f"{output}: written" + ("" if plot is None else f"; {plot}: figure"))
+
+
+def discover(
+    recordings: options.RecordingsArgument,
+    out: Annotated[Path, option("--out", "Folder for findings, amended model and report.", "DIR")],
+    model: Annotated[
+        Path | None,
+        file_option(
+            "--model",
+            "Injector file (default: the bench file's, else the nominal injector).",
+            show_default=False,
+        ),
+    ] = None,
+    healthy: Annotated[
+        list[Path] | None,
+        option(
+            "--healthy", "Recording of a healthy injector to judge the model by; repeatable.", "RECORDING"
+        ),
+    ] = None,
+    choose: Annotated[
+        str,
+        option(
+            "--choose",
+            "Effect for the amended model, where several explain the recordings equally well; ID+ID for two.",
+            "ID",
+            show_default=False,
+        ),
+    ] = "",
+    accept_term: Annotated[
+        int,
+        option(
+            "--accept-term",
+            "Number of the proposal, in an `unknown` answer, that the amended model is to have.",
+            "N",
+            show_default=False,
+            min=0,
+        ),
+    ] = 0,
+    force: Annotated[bool, option("--force", "Replace the report and the amended model in DIR.")] = False,
+    data: Annotated[
+        bool, option("--data", "Also write the figures (SVG) and the numbers behind them (CSV).")
+    ] = False,
+    bench: options.DecoderOption = None,
+    from_channel: options.FromChannelOption = None,
+    injector: options.InjectorOption = None,
+    lenient: options.LenientOption = False,
+    as_json: options.JsonOption = False,
+    effects: options.EffectsOption = None,
+) -> None:
+    """Find the physical effect the model is missing, its size and how sure that is; write the amended model."""
+    from observer_rt.config.channels import effects_on_one_raster
+    from observer_rt.desk.evaluation.logged import open_source, without_truths
+    from observer_rt.desk.second_opinion import second_opinion
+    from observer_rt.identification.discovery.answer import (
+        AMENDED,
+        DATA,
+        FINDINGS,
+        FITS,
+        REPORT,
+        Question,
+        answer,
+        fits_in,
+        make_folder,
+        refuse_incomparable,
+        refuse_replacing,
+        write_answer,
+    )
+    from observer_rt.identification.discovery.report.text import as_text
+    from observer_rt.identification.likelihood.reading import coverage, hashes, read_measured, without_copies
+
+    begin = time.monotonic()
+    decoder = decoder_of(bench, injector, lenient, model)
+    start = model or (NOMINAL_INJECTOR if decoder is None else decoder.injector.parameters_path)
+    parameters = load_injector(start)
+    chosen = tuple(effect_named("--choose", name.strip()).id for name in choose.split("+")) if choose else ()
+    refuse_replacing(out, start, force)
+    amendable = InjectorFile.read(start)
+    paths = without_copies(without_truths(recordings, messages), messages)
+    references = without_copies(healthy or (), messages)
+    read = partial(open_source, bench=decoder, from_channels=from_channel or (), console=messages)
+    stated = () if decoder is None else effects_on_one_raster(decoder.injector)
+    given = [*paths, *references]
+    measured = read_measured(given, read, messages, stated=stated, baseline=parameters.baseline)
+    own, others = measured[: len(paths)], measured[len(paths) :]
+    question = Question(parameters, own, others, hashes(paths), chosen, accept_term)
+    refuse_incomparable(question, str(start))
+    make_folder(out)
+    for one in measured:
+        say(messages, coverage(one))
+    ask = partial(second_opinion, signals=None if decoder is None else decoder.injector.config.signals)
+    store = fits_in(out, question, stated)
+    if store.taken_over:
+        say(messages, f"going on with {store.taken_over} candidates fitted before")
+    with store, progress_bar(messages, "looking for what is missing", 1.0) as progress:
+        try:
+            found = answer(question, store, ask, progress, AMENDED)
+        except KeyboardInterrupt:
+            raise InterruptionError(
+                f"interrupted; {store.kept} fitted candidates are kept in {out / FITS}\n"
+                "  remedy: give the same command again to go on"
+            ) from None
+    found = replace(found, seconds=time.monotonic() - begin)
+    document = write_answer(out, question, found, amendable, references, data)
+    if found.not_accepted:
+        say(messages, f"warning: {found.not_accepted}")
+    if as_json:
+        print(document)
+    else:
+        say(results(), as_text(found))
+        more = [
+            name for name, is_there in ((AMENDED, found.amended_model is not None), (DATA, data)) if is_there
+        ]
+        say(messages, f"{out}: {', '.join([REPORT, FINDINGS, *more])}")
+
+
+def compare(
+    runs: Annotated[list[Path], argument("Folders that `discover --out` wrote.", "DIR")],
+    as_json: options.JsonOption = False,
+) -> None:
+    """Compare runs of `discover`: verdicts, sizes, gaps, and what changed from the first to the last."""
+    from observer_rt.identification.discovery import runs as comparison
+
+    if len(runs) < 2:
+        raise UserError("DIR", "is one run", "name two folders or more")
+    found = [comparison.DiscoveryRun.read(path) for path in runs]
+    if as_json:
+        print(json.dumps(comparison.as_json(found), indent=2))
+        return
+    console = results()
+    console.print(comparison.run_table(found))
+    for line in comparison.change_lines(found):
+        say(console, line)
+
+
+def effects(
+    ids: Annotated[list[str] | None, argument("Effects to describe in detail (default: all).", "ID")] = None,
+    as_json: options.JsonOption = False,
+    effects: options.EffectsOption = None,
+) -> None:
+    """List the effects a model can have: unit, bounds, meaning, what each may be mistaken for; check your own."""
+    from observer_rt.identification.discovery import vocabulary
+    from observer_rt.model.effects import VOCABULARY
+
+    chosen = [effect_named("ID", name) for name in ids or VOCABULARY]
+    if as_json:
+        print(json.dumps(vocabulary.as_json(chosen), indent=2))
+    else:
+        results().print(vocabulary.as_table(chosen, in_detail=bool(ids)), highlight=False)

@@ -1,0 +1,119 @@
+"""Options that several commands share."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from typer.models import ArgumentInfo, OptionInfo
+
+from observer_rt.config.bench import Bench, load_bench
+from observer_rt.files.canlog.can_log import LogFormat
+from observer_rt.files.formats import BUILT_IN, formats, suffixes_of
+from observer_rt.files.signals.signal_format import SignalFormat
+from observer_rt.foundation.errors import UserError
+
+try:
+    _formats = formats()
+except UserError:  # of an installed format, which the commands that read files tell
+    _formats = BUILT_IN
+_logs = [each for each in _formats if isinstance(each, LogFormat)]
+SIGNALS = ", ".join(suffixes_of(each for each in _formats if isinstance(each, SignalFormat)))
+LOGS = ", ".join(suffixes_of(_logs))
+RECORDED = ", ".join(suffixes_of(each for each in _logs if each.recorder))
+CLASSIC_ONLY = ", ".join(suffixes_of(each for each in _logs if not each.keeps_fd))
+
+messages = Console(stderr=True)
+
+
+def _use_effects(paths: list[Path] | None) -> list[Path] | None:
+    """The vocabulary of this command: installed effects are in it without the option."""
+    from observer_rt.config.own_effects import use_effects
+
+    use_effects(paths or ())
+    return paths
+
+
+def effects_option(exposed: bool) -> OptionInfo:
+    """Files with effects of the user's own, in force from here on; exposed: the command is given them, too."""
+    return file_option(
+        "--effects",
+        "Python file with effects of your own, as in docs/effects.md; repeatable.",
+        callback=_use_effects,
+        is_eager=True,  # before any injector file is read
+        expose_value=exposed,
+    )
+
+
+def option(name: str, purpose: str, metavar: str | None = None, **limits: Any) -> OptionInfo:
+    """An option; limits: further keywords of `typer.Option`."""
+    found: OptionInfo = typer.Option(name, help=purpose, metavar=metavar, **limits)
+    return found
+
+
+def argument(purpose: str, metavar: str) -> ArgumentInfo:
+    """What is given without an option."""
+    found: ArgumentInfo = typer.Argument(help=purpose, metavar=metavar, show_default=False)
+    return found
+
+
+def file_option(name: str, purpose: str, **limits: Any) -> OptionInfo:
+    """An option that names a file."""
+    return option(name, purpose, "FILE", **limits)
+
+
+def link_option(name: str, purpose: str) -> OptionInfo:
+    """A repeatable option that says something of one bus of `[link]` or `[links]`."""
+    return option(name, purpose, f"[LINK=]{name.rpartition('-')[2].upper()}")
+
+
+RecordingArgument = Annotated[Path, argument(f"Recording ({SIGNALS}) or CAN log ({LOGS}).", "RECORDING")]
+RecordingsArgument = Annotated[
+    list[Path], argument(f"Recordings ({SIGNALS}) or CAN logs ({LOGS}).", "RECORDING")
+]
+BenchOption = Annotated[
+    Path,
+    file_option("--bench", "Bench file (default: the example bench of the package).", show_default=False),
+]
+EffectsOption = Annotated[list[Path] | None, effects_option(exposed=False)]
+FuelTemperatureOption = Annotated[
+    float | None,
+    option(
+        "--fuel-temperature", "Fuel temperature [degC] (default: reference_temperature of the injector file)."
+    ),
+]
+LenientOption = Annotated[
+    bool, option("--lenient", "Accept bus databases whose signals overlap or exceed their message.")
+]
+ModelOption = Annotated[Path | None, file_option("--model", "Injector file, instead of the bench file's.")]
+DecoderOption = Annotated[
+    Path | None,
+    file_option("--bench", "Bench file that says how to read CAN logs and files of your own layout."),
+]
+StateOption = Annotated[Path | None, file_option("--state", "Learned state to start from.")]
+InjectorOption = Annotated[
+    str | None, option("--injector", "Name of one injector, where the bench file has several.", "NAME")
+]
+FromChannelOption = Annotated[
+    list[str] | None,
+    link_option(
+        "--from-channel",
+        "Channel with the inputs, where a CAN log has several; LINK=CHANNEL for one bus of [links].",
+    ),
+]
+ForceOption = Annotated[bool, option("--force", "Replace existing files.")]
+JsonOption = Annotated[bool, option("--json", "Results as JSON on stdout.")]
+
+
+def decoder_of(
+    bench: Path | None, injector: str | None, lenient: bool, model: Path | None = None
+) -> Bench | None:
+    """The bench of `--bench`, with the injector of `--injector` only; None without one.
+
+    Raises `UserError` for files that do not fit, and for an injector of no bench file.
+    """
+    if bench is not None:
+        return load_bench(bench, model, lenient, off_bus=True).of(injector)
+    if injector is not None:
+        raise UserError(f"--injector {injector}", "names one of a bench file", "give that by --bench")
+    return None

@@ -1,0 +1,286 @@
+"""`observer-rt evaluate`: files in, table, JSON, trace and figure out."""
+
+import json
+import sys
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+from rich.console import Console
+
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import Bench
+from observer_rt.daemon.persistence.keeper import sole_writer
+from observer_rt.daemon.persistence.state_file import model_hash, restored_knowledge, save_knowledge
+from observer_rt.desk.evaluation.curves import numbers_shown, refuse_beyond
+from observer_rt.desk.evaluation.evaluate import Evaluation, bench_for_all, evaluate_stream
+from observer_rt.desk.evaluation.logged import LoggedSignals, in_runs, open_source, without_truths
+from observer_rt.desk.evaluation.passage import SUFFIXES, TRACE_SUFFIX
+from observer_rt.desk.evaluation.results import print_evaluation, write_document
+from observer_rt.engine.learning.knowledge import Knowledge
+from observer_rt.engine.service.constants import injector_at
+from observer_rt.engine.service.learners import doubt_about_fit, refuse_state
+from observer_rt.engine.signal_survey import doubts, refuse_dead
+from observer_rt.files.formats import is_log
+from observer_rt.files.replay.framing import bench_for, clamped_in
+from observer_rt.files.signals.stream import SignalStream
+from observer_rt.foundation.console import (
+    FIGURE_SUFFIXES,
+    check_destination,
+    check_folder,
+    progress_bar,
+    refuse_existing,
+    results,
+    say,
+)
+from observer_rt.foundation.errors import CombinedError, UserError
+from observer_rt.foundation.file_kinds import LEARNED_STATE
+from observer_rt.foundation.files import file_errors, replacing
+from observer_rt.model.effects import effective_model
+from observer_rt.model.parameters import temperature_of
+
+
+@dataclass(frozen=True)
+class EvaluateOptions:
+    """Options of the command."""
+
+    state: Path | None
+    save_state: Path | None
+    learning: bool
+    chain: bool
+    output: Path | None
+    plot: Path | None
+    json: bool
+    from_channel: Sequence[str] = ()
+    """Channels of a CAN log, of buses."""
+    force: bool = False
+    """Replace files that are there."""
+    fuel_temperature: float | None = None
+    """degC of recordings, which know none; None: as in the injector file."""
+    injections: Sequence[int] = ()
+    """Numbers of those to be drawn as curves, empty: some."""
+
+    @property
+    def has_folder(self) -> bool:
+        """Whether traces go into `output`, each a file of its own."""
+        output = self.output
+        return output is not None and (output.is_dir() or not (output.suffix or output.exists()))
+
+    def traces(self, paths: Sequence[Path]) -> list[Path]:
+        """To be written, one a recording, or none."""
+        if self.output is None or not self.has_folder:
+            return [] if self.output is None else [self.output]
+        return [self.output / (path.name + TRACE_SUFFIX) for path in paths]
+
+    @property
+    def written(self) -> dict[str, Path]:
+        """What is to be written, by option."""
+        named = {"--output": self.output, "--plot": self.plot, "--save-state": self.save_state}
+        return {option: path for option, path in named.items() if path is not None}
+
+
+def evaluate_bench(bench: Bench, given: Sequence[Path], options: EvaluateOptions, console: Console) -> None:
+    """Evaluate the recordings for all injectors of a bench, as `evaluate_files`.
+
+    Files that the options name get the name of the injector where there are several: `worn.png` becomes
+    `worn_left.png`, and a folder has one for each. One that cannot be evaluated, such as an injector whose messages a
+    log lacks, leaves the others alone. Raises `UserError` for a recording that is one injector's, and at last
+    `CombinedError` for those that were not evaluated.
+    """
+    if len(bench.injectors) == 1:
+        evaluate_files(bench, given, options, console)
+        return
+    paths = without_truths(given, console)
+    _refuse_plain(bench, paths)
+    parts = [(each, _named(options, each.injector.name)) for each in bench.each]
+    for each, own in parts:
+        _refuse_early(each, paths, own)
+    failures: dict[str, UserError] = {}
+    if options.json:
+        print('{"injectors": {')
+    for number, (each, own) in enumerate(parts):
+        name = each.injector.name
+        if options.json:
+            print(f'{", " if number else ""}"{name}":')
+        else:
+            say(results(), f"{chr(10) if number else ''}injector {name}")
+        try:
+            evaluate_files(each, paths, own, console)
+        except UserError as error:
+            failures[name] = error
+            if options.json:
+                print(json.dumps({"error": str(error)}))
+            else:
+                say(results(), f"not evaluated: {error.problem}")
+    if options.json:
+        print("}}")
+    if failures:
+        raise CombinedError(failures)
+
+
+def evaluate_files(bench: Bench, given: Sequence[Path], options: EvaluateOptions, console: Console) -> None:
+    """Evaluate the recordings and write what the options ask for."""
+    paths = without_truths(given, console)
+    _refuse_early(bench, paths, options)
+    sources = [open_source(path, bench, options.from_channel, console) for path in paths]
+    model = model_hash(bench.injector.parameters)
+    bench = _with_fuel(bench, sources, options)
+    pressure_scale = bench.injector.parameters.scaling.pressure
+    knowledge = restored_knowledge(
+        options.state, model, pressure_scale, partial(say, console), set_aside=False
+    )
+    with ExitStack() as stack:
+        traces = [stack.enter_context(replacing(path)) for path in options.traces(paths)]
+        evaluations, knowledge = _evaluated(bench, sources, traces, knowledge, options, console)
+    c = effective_model(bench.injector.parameters).coefficients
+    if options.save_state is not None:
+        with sole_writer(options.save_state):
+            save_knowledge(options.save_state, knowledge, model, pressure_scale)
+    if options.json:
+        write_document(evaluations, model, c, sys.stdout)
+    else:
+        results_console, baseline = results(), bench.injector.parameters.baseline
+        is_fitted = baseline is not None and baseline.adequate
+        for evaluation in evaluations:
+            print_evaluation(evaluation, c, results_console, is_fitted)
+    if options.plot is not None:
+        from observer_rt.desk.evaluation.figures import picture_of, plot_injections
+
+        there = {one.report.number for evaluation in evaluations for one in evaluation.injections}
+        shown = numbers_shown(options.injections, there)
+        with file_errors(options.plot):
+            plot_injections(options.plot, [picture_of(each, shown) for each in evaluations], "measured")
+
+
+def _refuse_plain(bench: Bench, paths: Sequence[Path]) -> None:
+    """A recording has columns for one injector only, unless the bench file says which are whose."""
+    for injector in bench.injectors:
+        if injector.config.recording is None and (plain := [path for path in paths if not is_log(path)]):
+            raise UserError(
+                str(plain[0]),
+                f"has the signals of one injector, {bench.path} has {len(bench.injectors)}",
+                f"say whose it is, as --injector {injector.name}; or state [injectors.{injector.name}.recording]",
+            )
+
+
+def _named(options: EvaluateOptions, name: str) -> EvaluateOptions:
+    """The options for one injector, with files of its own."""
+
+    def own(path: Path | None) -> Path | None:
+        return path and path.with_name(f"{path.stem}_{name}{path.suffix}")
+
+    output = options.output
+    output = output / name if output is not None and options.has_folder else own(output)
+    plot, state, save_state = map(own, (options.plot, options.state, options.save_state))
+    return replace(options, output=output, plot=plot, state=state, save_state=save_state)
+
+
+def _refuse_early(bench: Bench, paths: Sequence[Path], options: EvaluateOptions) -> None:
+    """Raise `UserError` for options that do not fit together, and for files that could not be read or written."""
+    if options.injections and options.plot is None:
+        raise UserError("--injections", "says what is drawn, but no --plot is given", "add --plot FILE")
+    place, traces = f"--output {options.output}", options.traces(paths)
+    if len(paths) > 1 and options.output is not None and not options.has_folder:
+        raise UserError(place, "names a file, but there are several recordings", "name a folder")
+    if twice := [trace.name for trace in traces if traces.count(trace) > 1]:
+        raise UserError(place, f"{twice[0]} would be written twice", "rename the recordings")
+    if len(paths) > 1 and options.save_state is not None and not options.chain:
+        raise UserError(
+            "--save-state", "needs one history, but the recordings are evaluated apart", "add --chain"
+        )
+    for option, path in (("--state", options.state), ("--save-state", options.save_state)):
+        if path is not None:
+            refuse_state(bench.injector, option)
+    if options.state is not None and not options.state.exists():
+        raise UserError(f"--state {options.state}", "no such file", "correct the path, or leave it out")
+    _check_destinations(paths, options)
+
+
+def _with_fuel(bench: Bench, sources: Sequence[SignalStream], options: EvaluateOptions) -> Bench:
+    """The bench with its fuel as warm as the options say."""
+    if options.fuel_temperature is None:
+        return bench
+    is_mapped = bench.injector.config.signals.fuel_temperature is not None
+    if is_mapped and any(isinstance(source, LoggedSignals) for source in sources):
+        raise UserError(
+            "--fuel-temperature",
+            "is for recordings; a log has it in signals.fuel_temperature of the bench file",
+            "leave it out",
+        )
+    temperature = temperature_of("--fuel-temperature", options.fuel_temperature)
+    return bench.with_parameters(injector_at(bench.injector, temperature))
+
+
+def _check_destinations(paths: Sequence[Path], options: EvaluateOptions) -> None:
+    """Refuse, before the long work, what could not be written after it, or would replace a file nobody named."""
+    if options.output is not None and options.has_folder:
+        with file_errors(options.output):
+            options.output.mkdir(parents=True, exist_ok=True)
+        check_folder("--output", options.output)
+    elif options.output is not None:
+        check_destination("--output", options.output, SUFFIXES)
+    if options.plot is not None:
+        check_destination("--plot", options.plot, FIGURE_SUFFIXES)
+    if options.save_state is not None:
+        check_destination("--save-state", options.save_state, kind=LEARNED_STATE)
+        check_folder("--save-state", options.save_state.absolute().parent)
+        with sole_writer(options.save_state):
+            pass  # no daemon keeps it
+    inputs = {path.resolve() for path in paths}
+    for option, path in options.written.items():
+        if path.resolve() in inputs:
+            raise UserError(f"{option} {path}", "is a recording to be evaluated", "name another file")
+        if option != "--save-state" or path != options.state:
+            files = options.traces(paths) if option == "--output" else [path]
+            kind = LEARNED_STATE if option == "--save-state" else None
+            refuse_existing(option, files, options.force, kind)
+
+
+def _evaluated(
+    bench: Bench,
+    sources: Sequence[SignalStream],
+    traces: Sequence[Path],
+    knowledge: Knowledge | None,
+    options: EvaluateOptions,
+    console: Console,
+) -> tuple[list[Evaluation], Knowledge]:
+    """Every source by itself, or all of them as one history, in which knowledge goes on from run to run.
+
+    Gives the knowledge at the end of the last one, too.
+    """
+    benches = [bench_for(bench, source) for source in sources]  # refuse before the first one is evaluated
+    for doubt in dict.fromkeys(doubt_about_fit(own.injector) for own in benches):
+        if doubt is not None:
+            say(console, f"warning: {doubt.text}\n  remedy: {doubt.remedy}")
+    for source in sources:
+        if not isinstance(source, LoggedSignals):
+            refuse_dead(source.path, source.survey, source.names)
+        for odd in doubts(source.survey, bench.injector.parameters.baseline):
+            say(console, odd.as_text(source.path))
+        if not isinstance(source, LoggedSignals):
+            for warning in clamped_in(source.survey, map_bus(bench)):
+                say(console, f"warning: {source.path}, {warning}")
+    openings = [source.survey.openings.most for source in sources]
+    refuse_beyond(options.injections, sum(openings) if options.chain else max(openings))
+    runs = in_runs(sources) if options.chain else [[source] for source in sources]
+    if options.chain:
+        bench_for_all(bench, sources)
+    learning = options.learning and bench.injector.config.learning.enabled
+    curves = None if options.plot is None else effective_model(bench.injector.parameters).coefficients
+    evaluations: list[Evaluation] = []
+    known, done = knowledge, 0
+    with progress_bar(console, "evaluating", sum(source.samples for source in sources)) as progress:
+        for run in runs:
+            known = known if options.chain else knowledge
+            mine = traces[len(evaluations) :][: len(run)]
+
+            def report(samples: int, before: int = done) -> None:
+                progress(before + samples)
+
+            found, known = evaluate_stream(bench, run, mine, known, learning, report, curves)
+            evaluations += found
+            done += sum(source.samples for source in run)
+    assert known is not None  # there is a run
+    return evaluations, known

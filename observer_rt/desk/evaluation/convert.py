@@ -1,0 +1,165 @@
+"""`observer-rt convert`: recordings and CAN logs from format to format, nothing lost without a word."""
+
+from collections.abc import Sequence
+from itertools import chain, groupby, islice
+from pathlib import Path
+
+from rich.console import Console
+
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import Bench
+from observer_rt.desk.evaluation.logged import LoggedSignals, open_source
+from observer_rt.files.canlog.can_log import LogFrame
+from observer_rt.files.formats import (
+    formats,
+    is_log,
+    log_format,
+    log_formats,
+    open_log,
+    open_parts,
+    open_writer,
+    signal_formats,
+    suffixes_of,
+    written,
+)
+from observer_rt.files.replay.framing import bench_for
+from observer_rt.files.replay.recording_frames import Device
+from observer_rt.foundation.console import check_destination, progress_bar, refuse_existing, say
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.files import file_errors, replacing
+
+FIRST_FRAMES = 1000  # the earliest is among them: drivers swap frames, channels have their own time
+FRAMES_PER_STEP = 5000  # of the progress bar
+
+
+def convert(
+    source: Path,
+    target: Path,
+    bench: Bench | None,
+    from_channels: Sequence[str],
+    force: bool,
+    console: Console,
+) -> str:
+    """Convert a file, the formats by suffix; returns one line on what was written.
+
+    A log becomes a recording by a bench file; where OUT may hold either it gets signals with one, else frames.
+    Raises `UserError` for what does not fit together and for what the target cannot hold; the target is then
+    as it was before.
+    """
+    holds_frames = is_log(source)
+    check_destination("OUT", target, suffixes_of(written(formats())))
+    suffix = target.suffix.lower()
+    takes_signals = suffix in suffixes_of(written(signal_formats()))
+    takes_frames = suffix in suffixes_of(written(log_formats()))
+    if target.exists() and target.samefile(source):
+        raise UserError(str(target), "is the file to be converted", "name another file")
+    refuse_existing("OUT", [target], force)
+    if not holds_frames and not takes_signals:
+        return _encoded(source, target, bench, console)
+    if holds_frames and (not takes_signals or (bench is None and takes_frames)):
+        return _frames(source, target, from_channels, console)
+    if holds_frames and bench is None:
+        raise UserError("--bench", "is missing: it says which signals the frames carry", "name a bench file")
+    return _signals(source, target, bench, from_channels, force, console)
+
+
+def _signals(
+    source: Path,
+    target: Path,
+    bench: Bench | None,
+    from_channels: Sequence[str],
+    force: bool,
+    console: Console,
+) -> str:
+    """Signals of whatever holds them; every stretch of a file that was split becomes a file of its own."""
+    stream = open_source(source, bench, from_channels, console)
+    targets = _numbered(target, len(stream.stretches), force)
+    with progress_bar(console, f"converting {source.name}", stream.samples) as progress:
+        done = 0
+        chunks = stream.chunks()
+        for number, part_of in groupby(chunks, key=lambda chunk: chunk.stretch):
+            with (
+                replacing(targets[number]) as part,
+                file_errors(targets[number]),
+                open_parts(part, stream.has_rate) as write,
+            ):
+                for chunk in part_of:
+                    write(chunk)
+                    done += chunk.samples
+                    progress(done)
+    origin = (
+        f", from sample index {stream.logged[0].first_index} on" if isinstance(stream, LoggedSignals) else ""
+    )
+    names = f"{targets[0]}" + (f" to {targets[-1].name}" if len(targets) > 1 else "")
+    return f"{names}: {stream.samples} samples at {stream.sample_rate:g} Hz{origin}"
+
+
+def _numbered(target: Path, stretches: int, force: bool) -> list[Path]:
+    if stretches == 1:
+        return [target]
+    targets = [
+        target.with_name(f"{target.stem}_{number:04d}{target.suffix}") for number in range(1, stretches + 1)
+    ]
+    refuse_existing("OUT", targets, force)
+    return targets
+
+
+def _encoded(source: Path, target: Path, bench: Bench | None, console: Console) -> str:
+    """A recording as the frames of a measuring device, by the bench file."""
+    if bench is None:
+        raise UserError(
+            f"{source} -> {target}",
+            "a recording of signals has no frames",
+            "name a bench file by --bench, which says how they are sent",
+        )
+    stream = open_source(source, bench, (), console)
+    bench = bench_for(bench, stream)
+    names = [link.config.channel for link in bench.config.buses]
+    device = Device(map_bus(bench))
+    count = done = 0
+    with (
+        progress_bar(console, f"converting {source.name}", stream.samples) as progress,
+        replacing(target) as part,
+        file_errors(target),
+        open_writer(part, 0) as writer,
+    ):
+        for chunk in device.chunks(stream.chunks()):
+            if chunk.first == 0:
+                device.begin(stream.sample_rate)
+            for number, frame in device.frames(chunk):
+                writer.write(LogFrame(frame._replace(bit_rate_switch=frame.is_fd), names[number]))
+                count += 1
+            done += chunk.samples
+            progress(done)
+    return f"{target}: {count} frames"
+
+
+def _frames(source: Path, target: Path, channels: Sequence[str], console: Console) -> str:
+    log = open_log(source)
+    step = log_format(target).stamp_step
+    count = rounded = 0
+    entries = (entry for entry in log if not channels or entry.channel in channels)
+    first = list(islice(entries, FIRST_FRAMES))
+    if not first:
+        what, remedy = "frame", "record it while frames are on the bus"
+        if channels:
+            what, remedy = f"frame of channel {', '.join(channels)}", "leave --from-channel out to take all"
+        raise UserError(str(source), "; ".join([f"holds no data {what}", *log.notes()]), remedy)
+    start_ns = min(entry.frame.stamp_ns for entry in first)
+    with (
+        progress_bar(console, f"converting {source.name}", 1.0) as progress,
+        replacing(target) as part,
+        file_errors(target),
+        open_writer(part, start_ns) as writer,
+    ):
+        for entry in chain(first, entries):
+            writer.write(entry)
+            count += 1
+            rounded += entry.frame.stamp_ns % step != 0
+            if count % FRAMES_PER_STEP == 0:
+                progress(log.share_read)
+    for note in log.notes():
+        say(console, note)
+    if rounded:
+        say(console, f"{target}: {rounded} stamps are rounded to multiples of {step} ns")
+    return f"{target}: {count} frames"

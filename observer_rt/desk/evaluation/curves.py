@@ -1,0 +1,186 @@
+"""An injection against the nominal model and, where there is one, the measurement: figures and curves."""
+
+import math
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.desk.evaluation.passage import Passage, Signal
+from observer_rt.engine.reports.injection_report import (
+    FIELDS,
+    MASS_BOUND,
+    Field,
+    InjectionReport,
+    Output,
+    injection_record,
+)
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS
+from observer_rt.model.effective import Coefficients
+
+MOST_CURVES = 8
+OPTION = "--injections"
+
+
+@dataclass(frozen=True, eq=False)
+class PressureCurves:
+    """Line pressure of one injection [Pa] (n,): as measured, and by the observer, open loop from the opening on."""
+
+    measured: Signal
+    modelled: Signal
+
+
+@dataclass(frozen=True, eq=False)
+class RateCurves:
+    """Rates of one injection [m3/s] over time [s].
+
+    reference: what it is compared with, if anything; sigma: standard deviation of the estimated rate, where known;
+    line: its line pressure, where there is one.
+    """
+
+    title: str
+    time: Signal
+    estimated: Signal
+    nominal: Signal
+    reference: Signal | None
+    sigma: Signal | None = None
+    line: PressureCurves | None = None
+
+
+def chosen_numbers(text: str) -> tuple[int, ...]:
+    """Numbers of injections from `1,5-8`. Raises `UserError` for what is none, or more than can be drawn."""
+    found: set[int] = set()
+    for part in text.split(","):
+        first, dash, last = (piece.strip() for piece in part.partition("-"))
+        bounds = (first, last) if dash else (first, first)
+        if not all(bound.isdecimal() and len(bound) < 10 and int(bound) > 0 for bound in bounds):
+            raise UserError(
+                OPTION, f"'{part.strip()}' is no number of an injection", "write it as 7, 1,5 or 1,5-8"
+            )
+        low, high = map(int, bounds)
+        if high < low:
+            raise UserError(OPTION, f"'{part.strip()}' ends before it begins", f"write {high}-{low}")
+        found |= set(range(low, min(high, low + MOST_CURVES) + 1))
+    if len(found) > MOST_CURVES:
+        raise UserError(OPTION, f"are more than the {MOST_CURVES} that fit into a picture", "choose fewer")
+    return tuple(sorted(found))
+
+
+def numbers_shown(chosen: Sequence[int], there: Collection[int]) -> list[int]:
+    """Those chosen, else the first, a middle and the last. Raises `UserError` for one that is not there."""
+    missing = [number for number in chosen if number not in there]
+    if missing:
+        known = f"there are {min(there)} to {max(there)}" if there else "no injection was found"
+        raise UserError(OPTION, f"there is no injection {missing[0]}", known)
+    ordered = sorted(there)
+    places = sorted({0, len(ordered) // 2, len(ordered) - 1}) if ordered else ()
+    return list(chosen) or [ordered[place] for place in places]
+
+
+def refuse_beyond(chosen: Sequence[int], most: int) -> None:
+    """Before the long work: raises `UserError` for a number that no injection of at most so many can have."""
+    if chosen and max(chosen) > most:
+        raise UserError(
+            OPTION, f"there is no injection {max(chosen)}", f"the needle opens {most} times at the most"
+        )
+
+
+def _window(report: InjectionReport, passage: Passage) -> slice:
+    """An injection among the samples that its passage remembers; what is longer than any is forgotten in part."""
+    first, end = (
+        index - passage.first_index - passage.first for index in (report.start_index, report.end_index + 1)
+    )
+    return slice(max(first, 0), max(min(end, passage.time.size), 0))
+
+
+def rate_curves(report: InjectionReport, passage: Passage, c: Coefficients) -> RateCurves:
+    """Of an injection, as far as the passage remembers its samples."""
+    window, trace, measured = _window(report, passage), passage.trace, passage.measured_rate
+    line_pressure, modelled = (
+        values[window] * c.pressure_scale + c.chamber_pressure
+        for values in (passage.line_pressure, trace.x[:, 0])
+    )
+    return RateCurves(
+        f"injection {report.number}, {report.rail_pressure / MEGAPASCAL:.0f} MPa",
+        passage.time[window] - passage.time_at(report.start_index),
+        trace.injection_rate[window].copy(),
+        trace.nominal_rate[window].copy(),
+        None if measured is None else measured[window].copy(),
+        trace.injection_rate_sigma[window].copy(),
+        PressureCurves(line_pressure, modelled),
+    )
+
+
+@dataclass(frozen=True)
+class InjectionResult:
+    """One injection against the nominal model and, where measured, against the measurement (SI; nan: not known)."""
+
+    report: InjectionReport
+    start: float  # s
+    end: float  # s
+    nominal_mass: float  # kg
+    measured_mass: float  # kg
+    rate_rmse: float  # m3/s
+    nominal_rate_rmse: float  # m3/s
+    rate_ci95_halfwidth: float  # m3/s, of the published rate, mean while it flows
+
+
+def _of_report(each: Field[InjectionReport]) -> Field[InjectionResult]:
+    return Field(
+        each.name, each.kind, lambda r, c: each.get(r.report, c), each.heading, each.form, each.outputs
+    )
+
+
+RESULT_FIELDS: tuple[Field[InjectionResult], ...] = (
+    *map(_of_report, FIELDS),
+    Field("start_s", float, lambda r, _: r.start, "start\ns", ".3f"),
+    Field("end_s", float, lambda r, _: r.end),
+    Field("nominal_mass_mg", float, lambda r, _: r.nominal_mass / MILLIGRAM, "nominal\nmg", ".2f"),
+    Field("measured_mass_mg", float, lambda r, _: r.measured_mass / MILLIGRAM, "measured\nmg", ".2f"),
+    Field("rate_rmse_mm3_per_ms", float, lambda r, _: r.rate_rmse / MM3_PER_MS, "RMSE\nmm3/ms", ".2f"),
+    Field("nominal_rate_rmse_mm3_per_ms", float, lambda r, _: r.nominal_rate_rmse / MM3_PER_MS),
+    Field(
+        "rate_ci95_halfwidth_mm3_per_ms",
+        float,
+        lambda r, _: r.rate_ci95_halfwidth / MM3_PER_MS,
+        outputs=Output.JSON,
+    ),
+)
+"""What is said of an injection, the fields of its report first."""
+SHOWN = {each.name: each for each in (*RESULT_FIELDS, _of_report(MASS_BOUND))}
+"""All that is shown of one on the screen."""
+
+
+def injection_json(result: InjectionResult, has_energizing: bool, c: Coefficients) -> dict[str, Any]:
+    """One injection of the JSON document."""
+    compared = {each.name: each.of(result, c) for each in RESULT_FIELDS[len(FIELDS) :]}
+    return {**injection_record(result.report, c, has_energizing), **compared}
+
+
+def injection_result(report: InjectionReport, passage: Passage, sample_rate: float) -> InjectionResult:
+    """Over the window an injection was detected in; nan where the passage does not remember all of it."""
+    window, trace = _window(report, passage), passage.trace
+    is_known = report.start_index - passage.first_index >= passage.first
+    measured = None if passage.measured_rate is None or not is_known else passage.measured_rate[window]
+    nominal, rate = trace.nominal_rate[window], trace.injection_rate[window]
+
+    def mass(rate: NDArray[np.float64]) -> float:
+        return float(np.trapezoid(rate)) * (1.0 / sample_rate) * report.density
+
+    def rmse(rate: NDArray[np.float64]) -> float:
+        return math.nan if measured is None or not rate.size else math.sqrt(np.mean((rate - measured) ** 2))
+
+    flowing = trace.injection_rate_sigma[window][rate != 0.0]
+    return InjectionResult(
+        report=report,
+        start=passage.time_at(report.start_index),
+        end=passage.time_at(report.end_index),
+        nominal_mass=mass(nominal) if is_known else math.nan,
+        measured_mass=math.nan if measured is None else mass(measured),
+        rate_rmse=rmse(rate),
+        nominal_rate_rmse=rmse(nominal),
+        rate_ci95_halfwidth=1.96 * float(np.mean(flowing)) if flowing.size else math.nan,
+    )

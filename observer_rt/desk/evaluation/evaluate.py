@@ -1,0 +1,221 @@
+"""Recordings and CAN logs through the same core as the daemon, part by part.
+
+Memory does not depend on their length: results are spooled to a temporary file; samples pass by, unless they are
+kept as a trace.
+"""
+
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from itertools import pairwise
+from pathlib import Path
+
+from observer_rt.config.bench import Bench
+from observer_rt.desk.evaluation.curves import InjectionResult, RateCurves, injection_result, rate_curves
+from observer_rt.desk.evaluation.logged import LoggedSignals
+from observer_rt.desk.evaluation.passage import Passage, Signal, Trace, joined, open_trace, trace_arrays
+from observer_rt.desk.evaluation.run import ObserverRun, Progress
+from observer_rt.desk.evaluation.spool import Spool
+from observer_rt.engine.learning.knowledge import Knowledge
+from observer_rt.engine.reports.injection_report import InjectionReport
+from observer_rt.engine.reports.news import MeasuredMass
+from observer_rt.engine.service.learners import LearnerFactory, make_learner
+from observer_rt.engine.service.messages import Counters, OutputFrame
+from observer_rt.engine.stream.standstill import Standstill
+from observer_rt.files.replay.framing import bench_for
+from observer_rt.files.signals.recording import Recording
+from observer_rt.files.signals.stream import HeldSignals, SignalStream
+from observer_rt.files.signals.table_writers import TableWriter
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.files import file_errors
+from observer_rt.model.effective import Coefficients
+
+__all__ = ["Evaluation", "History", "Trace", "evaluate", "evaluate_stream"]
+
+_IN_MEMORY = 512  # injections, some KB each
+
+
+class Evaluation:
+    """One file evaluated: its injections, in a temporary file; its samples pass by, or are kept as a trace."""
+
+    first_index: int
+    """The sample index its first sample was sent with."""
+    counters: Counters
+    standstill: Standstill
+    has_energizing: bool
+    """Whether the bench has this input, so that reports and counters tell of commands."""
+
+    def __init__(
+        self, source: SignalStream, curves_of: Coefficients | None = None, keeps_trace: bool = False
+    ) -> None:
+        """curves_of: the nominal model, where curves of every injection are to be drawn."""
+        self.path = source.path
+        self.sample_rate = source.sample_rate
+        self.has_rate = source.has_rate
+        self.injections: Spool[InjectionResult] = Spool(_IN_MEMORY)
+        self.curves: Spool[RateCurves] = Spool()
+        """As many as injections, where they are kept."""
+        self.source = source
+        self._curves_of = curves_of
+        self._held: InjectionResult | None = None  # until no measured mass can come for it
+        self.writer: TableWriter | None = None
+        """Of the trace."""
+        self._traces: list[Trace] | None = [] if keeps_trace else None
+
+    @property
+    def samples(self) -> int:
+        """How many there are."""
+        return self.source.samples
+
+    @cached_property
+    def trace(self) -> Trace:
+        """Of all samples, where it is kept."""
+        return joined(self._traces or [])
+
+    @cached_property
+    def reports(self) -> tuple[InjectionReport, ...]:
+        """Of all injections, without the course of their sigma."""
+        return tuple(injection.report for injection in self.injections)
+
+    @property
+    def wants_states(self) -> bool:
+        """For the trace, and curves of the line."""
+        return self.writer is not None or self._traces is not None or self._curves_of is not None
+
+    def take_report(self, passage: Passage, report: InjectionReport) -> None:
+        """An injection, whose samples the passage remembers."""
+        self.finish()
+        self._held = injection_result(replace(report, rate_sigma=None), passage, self.sample_rate)
+        if self._curves_of is not None:
+            self.curves.append(rate_curves(report, passage, self._curves_of))
+
+    def take_measured(self, measured: MeasuredMass) -> None:
+        """Of the injection reported last; a measured rate goes before it."""
+        held = self._held
+        if held is not None and held.report.number == measured.report.number and not self.has_rate:
+            self._held = replace(held, measured_mass=measured.mass)
+
+    def take_passed(self, time: Signal, trace: Trace) -> None:
+        """Into the trace."""
+        if self.writer is not None:
+            self.writer.write(trace_arrays(time.copy(), joined([trace])))
+        if self._traces is not None:
+            self._traces.append(joined([trace]))
+
+    def observe(self, run: ObserverRun) -> None:
+        """Give all its frames to an observer."""
+        if isinstance(self.source, LoggedSignals):
+            passages = _passages(self.source, self)
+            run.take_frames(self.source.frames, passages)
+        else:
+            passages = run.take(self.source, self)
+        self.first_index = passages[0].first_index
+
+    def finish(self) -> None:
+        """No measured mass will come for the injection reported last."""
+        if self._held is not None:
+            self.injections.append(self._held)
+            self._held = None
+
+
+@dataclass(frozen=True)
+class History:
+    """Recordings evaluated one after another by one observer, and what it knows at the end."""
+
+    evaluations: tuple[Evaluation, ...]
+    knowledge: Knowledge
+    frames: tuple[OutputFrame, ...]
+
+
+def evaluate(
+    bench: Bench,
+    recordings: Sequence[Recording | SignalStream],
+    knowledge: Knowledge | None = None,
+    learning: bool = True,
+    progress: Progress | None = None,
+    learner_of: LearnerFactory = make_learner,
+) -> History:
+    """Evaluate recordings as one history, learning in lockstep; traces and frames are kept in memory.
+
+    Every recording goes through the bench's bus codec, so that the result equals that of the daemon bit for bit;
+    the frames of a log, as `LoggedSignals`, go in as they are. Between two recordings the sample index jumps, as
+    between two windows of a windowed source; that of a log must go on beyond that of the one before.
+    Raises `UserError` for a recording whose sample rate is not the bench's.
+    """
+    sources = (HeldSignals(each) if isinstance(each, Recording) else each for each in recordings)
+    evaluations = [Evaluation(source, keeps_trace=True) for source in sources]
+    begin = partial(ObserverRun, knowledge=knowledge, learning=learning, progress=progress)
+    run = _observed(bench, evaluations, partial(begin, learner_of=learner_of, keeps_frames=True))
+    return History(tuple(evaluations), run.core.knowledge, tuple(run.frames))
+
+
+def evaluate_stream(
+    bench: Bench,
+    sources: Sequence[SignalStream],
+    traces: Sequence[Path] = (),
+    knowledge: Knowledge | None = None,
+    learning: bool = True,
+    progress: Progress | None = None,
+    curves_of: Coefficients | None = None,
+    reads_ahead: bool = True,
+) -> tuple[list[Evaluation], Knowledge]:
+    """Evaluate files as one history, as `evaluate`, keeping no samples.
+
+    traces: files to be written, of each, or none; curves_of: as of `Evaluation`; reads_ahead: as of `ObserverRun`.
+    """
+    evaluations = [Evaluation(source, curves_of) for source in sources]
+    with ExitStack() as stack:
+        for path, evaluation in zip(traces, evaluations, strict=False):
+            stack.enter_context(file_errors(path))
+            evaluation.writer = stack.enter_context(open_trace(path))
+        begin = partial(ObserverRun, knowledge=knowledge, learning=learning, progress=progress)
+        run = _observed(bench, evaluations, partial(begin, reads_ahead=reads_ahead))
+    return evaluations, run.core.knowledge
+
+
+def _observed(
+    bench: Bench, evaluations: Sequence[Evaluation], begin: Callable[..., ObserverRun]
+) -> ObserverRun:
+    """One observer that all sources went through."""
+    sources = [evaluation.source for evaluation in evaluations]
+    bench, fuel_temperature = bench_for_all(bench, sources), None
+    if not any(isinstance(source, LoggedSignals) for source in sources):
+        fuel_temperature = bench.injector.parameters.fluid.reference_temperature  # a recording knows none
+    run = begin(bench, fuel_temperature=fuel_temperature)
+    core, before = run.core, run.core.counters
+    for evaluation in evaluations:
+        evaluation.observe(run)
+        if evaluation is evaluations[-1]:
+            run.finish()
+        evaluation.counters, evaluation.standstill = core.counters.since(before), core.standstill
+        evaluation.has_energizing = core.optional.energizing is not None
+        before = core.counters
+    for evaluation in evaluations:
+        evaluation.finish()
+    return run
+
+
+def bench_for_all(bench: Bench, sources: Sequence[SignalStream]) -> Bench:
+    """The bench as `bench_for` has it for sources of one history. Raises `UserError` where they differ in it."""
+    benches = [bench_for(bench, source) for source in sources]
+    for source, own in zip(sources, benches, strict=True):
+        if own.injector.config.sampling != benches[0].injector.config.sampling:
+            raise UserError(
+                str(source.path),
+                f"is sampled at {source.sample_rate:g} Hz, {sources[0].path} before it at "
+                f"{sources[0].sample_rate:g} Hz; or their samples differ in what they mean",
+                "recordings of one history must be sampled alike",
+            )
+    return benches[0]
+
+
+def _passages(log: LoggedSignals, evaluation: Evaluation) -> list[Passage]:
+    """Of a log, apart at long holes, which belong to what is before them; times go on over a restart."""
+    passages, offset = [], 0
+    for stretch in log.logged:
+        bounds = [stretch.first_index, *stretch.resumed, stretch.last_index + 1]
+        for first, end in pairwise(bounds):
+            passages.append(Passage(evaluation, first, end - first, log.rate, offset))
+            offset += end - first
+    return passages

@@ -1,0 +1,296 @@
+"""Figures of evaluated recordings: curves of some injections, masses and wear of all, as axes and as files."""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from observer_rt.desk.evaluation.curves import InjectionResult, RateCurves
+from observer_rt.desk.evaluation.evaluate import Evaluation
+from observer_rt.engine.estimation.scalars import NOZZLE, SEAT
+from observer_rt.engine.learning.indicators import Estimate
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
+
+ESTIMATED, NOMINAL, REFERENCE = "#d62728", "#1f77b4", "#222222"
+RECORDINGS = ("#d62728", "#1f77b4", "#2ca02c", "#9467bd", "#ff7f0e", "#17becf", "#8c564b", "#e377c2")
+ANNOTATED = 24  # injections whose masses are bars with numbers; more are lines
+WEAR = {NOZZLE: ("nozzle flow, v_H", "#d62728", "-"), SEAT: ("seat flow, v_S", "#9467bd", ":")}
+"""What is learned of an injector: name, colour and line where one recording is drawn."""
+PERCENT = 100.0
+
+
+@dataclass(frozen=True)
+class MassRow:
+    """Masses of one injection [kg], and the wear learned by it, by effect."""
+
+    number: int
+    estimated: float
+    nominal: float
+    reference: float | None
+    valid: bool
+    ci95: tuple[float, float] | None = None
+    wear: Mapping[str, Estimate] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Picture:
+    """What is drawn of one recording: curves of some injections by number, masses and wear of all."""
+
+    title: str
+    curves: Mapping[int, RateCurves]
+    masses: Sequence[MassRow]
+
+
+def draw_masses(axes: Axes, recordings: Sequence[Picture], reference: str) -> None:
+    """Errors of the masses where all have a reference, else by how much they differ from the nominal model's."""
+    rows = [row for one in recordings for row in one.masses]
+    against = bool(rows) and all(row.reference for row in rows)
+    label = f"mass error against {reference}\n[%]" if against else "mass against\nnominal model [%]"
+    axes.axhline(0, color=REFERENCE if against else NOMINAL, lw=0.8)
+    most = max((len(one.masses) for one in recordings), default=0)
+    for i, one in enumerate(recordings):
+        table = _table(one.masses, against)
+        if len(recordings) == 1 and most <= ANNOTATED:
+            _draw_bars(axes, table)
+        else:
+            colour = ESTIMATED if len(recordings) == 1 else RECORDINGS[i % len(RECORDINGS)]
+            nominal = NOMINAL if len(recordings) == 1 else colour
+            _draw_points(axes, table, colour, nominal)
+    axes.set(xlabel="injection", ylabel=label)
+    axes.margins(y=0.12)
+    axes.xaxis.set_major_locator(MaxNLocator(ANNOTATED, integer=True, min_n_ticks=1))
+    axes.grid(axis="y", alpha=0.3)
+    if not rows:
+        axes.text(0.5, 0.5, "no injection found", ha="center", transform=axes.transAxes)
+        return
+    is_bars = len(recordings) == 1 and most <= ANNOTATED
+    notes = [] if against or not is_bars else ["numbers: mg"]
+    if not all(row.valid for row in rows):
+        notes.append(f"{'hatched' if is_bars else 'grey crosses'}: observer not valid")
+    axes.set_title("; ".join(notes), loc="right", fontsize=9)
+
+
+def _table(masses: Sequence[MassRow], against: bool) -> pd.DataFrame:
+    """Masses and their intervals, an injection a row [%]: against the reference, else the nominal model.
+
+    said: what stands at the bar: the error, else the mass [mg].
+    """
+    unknown = np.nan, np.nan
+    table = pd.DataFrame(
+        [(row.number, row.valid, row.estimated, row.nominal, *(row.ci95 or unknown)) for row in masses],
+        columns=["number", "valid", "estimated", "nominal", "low", "high"],
+    )
+    table = table.astype(float).astype({"valid": bool})
+    table["said"] = table.estimated / MILLIGRAM
+    base = [row.reference for row in masses] if against else table.nominal.where(table.nominal > 0.0)
+    shown = ["estimated", "nominal", "low", "high"]
+    table[shown] = PERCENT * (table[shown].div(np.array(base, float), axis=0) - 1.0)
+    if against:
+        table["said"] = table.estimated
+    return table
+
+
+def _draw_bars(axes: Axes, table: pd.DataFrame) -> None:
+    axes.bar(table.number - 0.2, table.nominal, 0.38, color=NOMINAL)
+    bars = axes.bar(table.number + 0.2, table.estimated, 0.38, color=ESTIMATED)
+    axes.vlines(table.number + 0.2, table.low, table.high, color=REFERENCE, lw=1.2)
+    for bar, row in zip(bars, table.itertuples(), strict=True):
+        if not row.valid:
+            bar.set(alpha=0.35, hatch="//")
+        if np.isfinite(row.estimated):
+            place = row.number + 0.2, max(np.fmax(row.high, row.estimated), 0.0)
+            text = f"{row.said:.2f}"
+            axes.annotate(text, place, (0, 2), textcoords="offset points", ha="center", fontsize=7)
+
+
+def _draw_points(axes: Axes, table: pd.DataFrame, colour: str, nominal: str) -> None:
+    """Points by themselves: from one injection to the next the operating point changes."""
+    size = float(np.clip(400.0 / max(1, len(table)), 1.5, 5.0))
+    axes.vlines(table.number, table.low, table.high, color=colour, alpha=0.35, lw=0.6 * size)
+    axes.plot(table.number, table.nominal, "_", color=nominal, ms=2.0 * size)
+    axes.plot(table.number, table.estimated, ".", color=colour, ms=2.0 * size)
+    wrong = table[~table.valid]
+    axes.plot(wrong.number, wrong.estimated, "x", color="#666666", ms=1.4 * size)
+
+
+def draw_wear(axes: Axes, recordings: Sequence[Picture]) -> None:
+    """Wear over injections with its 95 % interval, as far as it is known."""
+    axes.axhline(0, color=REFERENCE, lw=0.8)
+    shown: list[NDArray[np.float64]] = []
+    for i, one in enumerate(recordings):
+        numbers = np.array([row.number for row in one.masses], float)
+        for effect, (_, own, style) in WEAR.items():
+            known = [row.wear.get(effect, Estimate(np.nan)) for row in one.masses]
+            value = PERCENT * np.array([estimate.value for estimate in known])
+            half = PERCENT * 1.96 * np.array([estimate.sigma or np.nan for estimate in known])
+            colour = own if len(recordings) == 1 else RECORDINGS[i % len(RECORDINGS)]
+            axes.fill_between(numbers, value - half, value + half, color=colour, alpha=0.18, lw=0)
+            marker = "." if len(numbers) <= ANNOTATED else None
+            axes.plot(numbers, value, style, color=colour, lw=1.4, marker=marker)
+            late = slice(half.size // 2, None)  # the first intervals are as wide as what is known beforehand
+            shown += [value, (value - half)[late], (value + half)[late]]
+    values = np.concatenate(shown) if shown else np.zeros(0)
+    values = values[np.isfinite(values)]
+    if values.size:
+        low, high = min(values.min(), 0.0), max(values.max(), 0.0)
+        margin = 0.1 * (high - low) or 1.0
+        axes.set_ylim(low - margin, high + margin)
+    handles = [
+        Line2D([], [], color=own if len(recordings) == 1 else REFERENCE, ls=style, label=name)
+        for name, own, style in WEAR.values()
+    ]
+    axes.legend(
+        handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), fontsize=8, frameon=False, ncols=2
+    )
+    axes.set(xlabel="injection", ylabel="learned change,\n95 % interval [%]")
+    axes.grid(alpha=0.3)
+
+
+COLUMNS = 4  # of curves side by side
+_LETTERS, _HANDLE = 12, 8  # that an inch of a legend holds; that a handle is wide
+
+
+def plot_injections(path: Path, recordings: Sequence[Picture], reference: str) -> None:
+    """Write a figure (format by suffix): curves above, masses and wear of all injections below.
+
+    Several recordings share all axes, each in a colour of its own. reference: what the estimates are compared with
+    ("true", "measured").
+    """
+    numbers = sorted({number for one in recordings for number in one.curves})
+    has_line = any(curve.line is not None for one in recordings for curve in one.curves.values())
+    has_wear = any(row.wear for one in recordings for row in one.masses)
+    rows, columns = -(-len(numbers) // COLUMNS), max(1, min(COLUMNS, len(numbers)))
+    figure = plt.figure(
+        figsize=(max(8.8, 4.1 * columns), rows * (3.4 + 2.2 * has_line) + 2.9 + 2.6 * has_wear + 0.8),
+        layout="constrained",
+    )
+    parts = figure.add_gridspec(
+        rows + 1, 1, height_ratios=[3.4 + 2.2 * has_line] * rows + [2.9 + 2.6 * has_wear]
+    )
+    for row in range(rows):
+        grid = parts[row].subgridspec(1 + has_line, columns, height_ratios=(3.4, 2.2)[: 1 + has_line])
+        for column, number in enumerate(numbers[row * COLUMNS : (row + 1) * COLUMNS]):
+            axes = [figure.add_subplot(grid[k, column]) for k in range(1 + has_line)]
+            _draw_injection(axes, recordings, number, reference, labelled=column == 0)
+            if row == column == 0:
+                _legend(figure, axes, recordings, reference)
+    below = parts[rows].subgridspec(1 + has_wear, 1, height_ratios=(2.9, 2.6)[: 1 + has_wear])
+    masses = figure.add_subplot(below[0])
+    draw_masses(masses, recordings, reference)
+    if has_wear:
+        wear = figure.add_subplot(below[1], sharex=masses)
+        draw_wear(wear, recordings)
+        masses.set_xlabel("")
+    if len(recordings) == 1:
+        figure.suptitle(recordings[0].title, x=0.01, ha="left")
+    figure.savefig(path, dpi=130)
+    plt.close(figure)
+
+
+def _legend(figure: Figure, axes: Sequence[Axes], recordings: Sequence[Picture], reference: str) -> None:
+    """Of the recordings where there are several, the title above it, else of the first injection's lines."""
+    handles: Sequence[Artist] = axes[0].get_legend_handles_labels()[0]
+    if len(recordings) > 1:
+        title = f"{len(recordings)} recordings; pale: {reference}, dashed: nominal model"
+        handles = [
+            Line2D([], [], color=RECORDINGS[i % len(RECORDINGS)], label=one.title)
+            for i, one in enumerate(recordings)
+        ]
+        longest = max(len(one.title) for one in recordings) + _HANDLE
+        ncols = int(np.clip(_LETTERS * figure.get_figwidth() // longest, 1, COLUMNS))
+        figure.legend(
+            handles=handles,
+            loc="outside upper left",
+            ncols=ncols,
+            title=title,
+            alignment="left",
+            frameon=False,
+        )
+        return
+    figure.legend(handles=handles, loc="outside upper right", ncols=4, frameon=False)
+    if len(axes) > 1:
+        axes[1].legend(
+            loc="lower left", bbox_to_anchor=(0.0, 1.0), fontsize=8, frameon=False, ncols=2, borderpad=0.0
+        )
+
+
+def _draw_injection(
+    axes: Sequence[Axes], recordings: Sequence[Picture], number: int, reference: str, labelled: bool
+) -> None:
+    """One injection of every recording that has it: rates, and line pressure below."""
+    there = [(i, one.curves[number]) for i, one in enumerate(recordings) if number in one.curves]
+    is_alone = len(recordings) == 1
+    for i, curve in there:
+        time, colour = curve.time / MILLISECOND, RECORDINGS[i % len(RECORDINGS)]
+        _draw_rates(axes[0], curve, reference, None if is_alone else colour)
+        if len(axes) > 1 and curve.line is not None:
+            measured, alpha = (REFERENCE, 0.55) if is_alone else (colour, 0.35)
+            pressures = [values / MEGAPASCAL for values in (curve.line.measured, curve.line.modelled)]
+            axes[1].plot(time, pressures[0], color=measured, lw=2.2, alpha=alpha, label="measured")
+            axes[1].plot(time, pressures[1], color=colour, lw=1.1, label="observer, from the opening on")
+    axes[0].set_title(there[0][1].title if is_alone else f"injection {number}")
+    for one in axes:
+        one.grid(alpha=0.3)
+    axes[-1].set_xlabel("time [ms]")
+    if len(axes) > 1:
+        axes[0].sharex(axes[1])
+        axes[0].tick_params(labelbottom=False)
+    if labelled:
+        axes[0].set_ylabel("injection rate\n[mm³/ms]")
+        if len(axes) > 1:
+            axes[1].set_ylabel("line pressure\n[MPa]")
+
+
+def _draw_rates(axes: Axes, curve: RateCurves, reference: str, colour: str | None) -> None:
+    """colour: of one recording among several; None: it is the only one, its curves differ by colour."""
+    time = curve.time / MILLISECOND
+    wide, alpha, thin = (2.4, 1.0, 1.4) if colour is None else (3.0, 0.3, 0.9)
+    if curve.reference is not None:
+        known = curve.reference / MM3_PER_MS
+        axes.plot(time, known, color=colour or REFERENCE, lw=wide, alpha=alpha, label=reference)
+    if curve.sigma is not None and colour is None:
+        low, high = ((curve.estimated + side * 1.96 * curve.sigma) / MM3_PER_MS for side in (-1, 1))
+        axes.fill_between(time, low, high, color=ESTIMATED, alpha=0.2, lw=0, label="its 95 % interval")
+    axes.plot(time, curve.estimated / MM3_PER_MS, color=colour or ESTIMATED, lw=1.4, label="observer")
+    nominal = curve.nominal / MM3_PER_MS
+    axes.plot(time, nominal, color=colour or NOMINAL, ls="--", lw=thin, label="nominal model")
+    if (
+        curve.sigma is not None and colour is None
+    ):  # an interval that tells nothing is not to flatten the curves
+        drawn = np.concatenate([line.get_ydata() for line in axes.lines])
+        drawn = drawn[np.isfinite(drawn)]
+        if drawn.size:
+            margin = 0.1 * float(np.ptp(drawn)) or 1.0
+            axes.set_ylim(drawn.min() - margin, drawn.max() + margin)
+
+
+def picture_of(evaluation: Evaluation, numbers: Collection[int]) -> Picture:
+    """Curves of the injections of these numbers, as far as the recording has them; masses and wear of all."""
+    curves = {
+        one.report.number: evaluation.curves[place]
+        for place, one in enumerate(evaluation.injections)
+        if one.report.number in numbers
+    }
+    return Picture(str(evaluation.path), curves, [_mass_row(one) for one in evaluation.injections])
+
+
+def _mass_row(result: InjectionResult) -> MassRow:
+    report = result.report
+    return MassRow(
+        report.number,
+        report.mass,
+        result.nominal_mass,
+        None if np.isnan(result.measured_mass) else result.measured_mass,
+        report.valid,
+        report.mass_ci95,
+        {effect: report.indicators[effect] for effect in (NOZZLE, SEAT)},
+    )

@@ -1,0 +1,140 @@
+"""Measures what the observer's x~ leaves of a healthy injector, with the observer itself on healthy recordings.
+
+What `fit` finds by its own predictor does not serve: that smooths the rail pressure, reads the lift otherwise, and so
+has other innovations.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.config.bench import Bench, BenchInjector, load_bench
+from observer_rt.config.injector import Meaning, SamplingConfig
+from observer_rt.desk.evaluation.evaluate import evaluate
+from observer_rt.engine.estimation.healthy_shape import EventStretch, ShapeFit
+from observer_rt.engine.estimation.phases import Phase, no_statistics
+from observer_rt.engine.estimation.prediction_error import EventCost
+from observer_rt.engine.estimation.predictor import Setting, Window
+from observer_rt.engine.estimation.scalars import Parameter, Theta
+from observer_rt.engine.learning.adequacy import BURN_IN, Innovations, event_statistics
+from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy, stretch_of
+from observer_rt.engine.learning.knowledge import Knowledge, Outcome
+from observer_rt.engine.learning.learner import Learner, setting_of
+from observer_rt.engine.learning.overdispersion import TemperedEvent, overdispersion_of
+from observer_rt.engine.stream.standstill import Standstill
+from observer_rt.engine.stream.state import Constants
+from observer_rt.files.signals.recording import Recording
+from observer_rt.model.baseline import Baseline, HealthyShape, ObserverRemainder, PhaseFigures
+from observer_rt.model.parameters import InjectorParameters
+
+OUTLIER = 8.0  # standard deviations
+_DIGITS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class _HealthyEvent:
+    """One event as the learner was given it; theta (m,): of the healthy injector, its sensor's offset as at rest.
+
+    sigma: of its innovations [p_0]; covariance: (m, m) of what was believed before it.
+    """
+
+    window: Window
+    setting: Setting
+    sigma: float
+    theta: Theta
+    covariance: NDArray[np.float64]
+
+    def cost(self, shape: HealthyShape | None = None) -> EventCost:
+        """Its cost, the shape taken out."""
+        interval = self.setting.interval
+        expected = Healthy(shape=shape).expected(self.window, self.setting.coefficients, interval)
+        return EventCost(self.window, self.setting, self.sigma, round(BURN_IN / interval), expected=expected)
+
+
+class _Listener(Learner):
+    """A learner that keeps what it is given."""
+
+    def __init__(
+        self, heard: list[_HealthyEvent], _: BenchInjector, constants: Constants, start: Knowledge
+    ) -> None:
+        super().__init__(constants, start)
+        self._heard = heard
+
+    def learn(
+        self, window: Window, standstill: Standstill, in_force: Theta, constants: Constants | None = None
+    ) -> Outcome:
+        """Keep an event, and learn from it."""
+        theta = np.zeros_like(in_force)
+        theta[Parameter.LINE_PRESSURE_OFFSET] = standstill.offset
+        covariance = self.belief.covariance
+        outcome = super().learn(window, standstill, in_force, constants)
+        setting, sigma = setting_of(self._constants, outcome.schedule), outcome.schedule.innovation_sigma
+        self._heard.append(_HealthyEvent(window, setting, sigma, theta, covariance))
+        return outcome
+
+
+def observer_remainder(
+    injector: InjectorParameters, baseline: Baseline, recordings: Sequence[Recording]
+) -> ObserverRemainder | None:
+    """What the observer leaves of healthy recordings of an injector; None where it judged no event of them.
+
+    baseline: what else its fit states. Recordings at another sample rate than the first one's are left out. Raises
+    `UserError` as `evaluate`.
+    """
+    rate = recordings[0].sample_rate
+    fitted = injector.model_copy(update={"baseline": baseline})
+    bench, heard = _bench_of(fitted, recordings[0]), list[list[_HealthyEvent]]()
+    knowledge: Knowledge | None = None
+    for recording in recordings:
+        if recording.sample_rate != rate:
+            continue
+        events: list[_HealthyEvent] = []
+        history = evaluate(bench, [recording], knowledge, learner_of=partial(_Listener, events))
+        knowledge = history.knowledge
+        if events:
+            heard.append(events)
+    return _remainder(heard) if heard else None
+
+
+def _bench_of(injector: InjectorParameters, recording: Recording) -> Bench:
+    """The example's bench as a recording was made, on which the injector is learned with whatever its fit says."""
+    bench = load_bench().with_parameters(injector)
+    sampling = SamplingConfig(rate_hz=recording.sample_rate, meaning=recording.meaning or Meaning.INSTANT)
+    learning = bench.injector.config.learning.model_copy(update={"on_inadequate_model": True})
+    return bench.with_sections(sampling=sampling, learning=learning)
+
+
+def _remainder(heard: Sequence[Sequence[_HealthyEvent]]) -> ObserverRemainder:
+    seen = [[_innovations(event) for event in events] for events in heard]
+    first = heard[0][0]
+    fit = ShapeFit(seen, first.sigma * first.setting.coefficients.pressure_scale)
+    several = len(heard) > 1
+    statistics, tempered = [], []
+    for number, events in enumerate(heard):
+        shape = fit.shape(number if several else None)
+        total = no_statistics()
+        for event in events:
+            cost = event.cost(shape)
+            tempered.append(TemperedEvent(cost.linearised(event.theta), event.covariance))
+            innovations = Innovations(cost.innovations, event.sigma)
+            found = event_statistics(event.window, innovations, event.setting.interval, NOT_FITTED)
+            total = total.faded(1.0, found)
+        statistics.append(total)
+    return ObserverRemainder(
+        variance=PhaseFigures.of({p.name: max(one.variance(p) for one in statistics) for p in Phase}),
+        colour=PhaseFigures.of({p.name: max(one.colour(p) for one in statistics) for p in Phase}),
+        overdispersion=round(overdispersion_of(tempered), _DIGITS),
+        shape=fit.shape(),
+    )
+
+
+def _innovations(event: _HealthyEvent) -> tuple[EventStretch, NDArray[np.float64]]:
+    """Normalised, an outlier counting for little."""
+    setting, cost = event.setting, event.cost()
+    cost.value(event.theta)
+    z = np.clip(cost.innovations / event.sigma, -OUTLIER, OUTLIER)
+    z[: cost.burn_in] = 0.0
+    return stretch_of(event.window, setting.coefficients, setting.interval), z

@@ -1,0 +1,328 @@
+"""What a user names as recordings: files of signals, and CAN logs, which go through the daemon's own path."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+
+from observer_rt.bus.links.link import AT_ONCE, BusFrame, Frame, block_of
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import Bench
+from observer_rt.config.channels import as_sent
+from observer_rt.config.injector import Meaning
+from observer_rt.core.stream.stream import RING
+from observer_rt.daemon.input_monitoring.input_watch import LogWatch
+from observer_rt.engine.service.constants import bench_constants
+from observer_rt.engine.service.core import Core
+from observer_rt.engine.service.messages import Counters
+from observer_rt.engine.signal_survey import refuse_implausible
+from observer_rt.files.canlog.can_log import NANOSECONDS
+from observer_rt.files.channels import InputFrames, chosen_channels
+from observer_rt.files.formats import is_log, open_recording
+from observer_rt.files.signals.recording import TRUTH_SUFFIX, Chunk
+from observer_rt.files.signals.stream import SAMPLES_AT_ONCE, SignalStream, Stretch
+from observer_rt.foundation.console import progress_bar, say
+from observer_rt.foundation.errors import UserError
+from observer_rt.model.effective import Coefficients
+
+RATE_TOLERANCE = 0.02  # of the sample rate by stamps, beyond which a log is odd
+FEWEST_FOR_RATE = 100  # frames
+LARGEST_HOLE = 1 << 28  # samples between two that came
+_SHOWN = 5  # places where a log is split
+
+
+@dataclass(frozen=True)
+class LoggedStretch:
+    """Samples of a log whose index rises: [first_index, last_index], where the device was not restarted.
+
+    resumed: first indices after holes that are longer than an observer remembers.
+    """
+
+    first_index: int
+    last_index: int
+    resumed: tuple[int, ...] = ()
+
+    @property
+    def samples(self) -> int:
+        """With those that did not come."""
+        return self.last_index - self.first_index + 1
+
+
+class LoggedSignals(SignalStream):
+    """A log, decoded by a bench file: what the observer was given of it, in parts. A restart splits it.
+
+    Raises `UserError` for a log that is malformed or holds no input of the bench.
+    """
+
+    def __init__(
+        self,
+        bench: Bench,
+        path: Path,
+        from_channels: Sequence[str] = (),
+        progress: Callable[[float], None] = lambda _: None,
+    ) -> None:
+        """from_channels: texts of `--from-channel`; progress: share done, 0 to 1."""
+        super().__init__(path)
+        sampling = bench.injector.config.sampling
+        self.meaning = sampling.meaning
+        # samples as they were sent: what they mean is for whoever reads them
+        bench = bench.with_sections(
+            sampling=sampling.model_copy(update={"meaning": Meaning.INSTANT}),
+            signals=as_sent(bench.injector.config.signals),
+        )
+        self._bench = bench
+        self._bus = map_bus(bench)
+        needed = {layout.bus for layout in self._bus.input_layouts}
+        channels = chosen_channels(path, bench.config.buses, needed, from_channels)
+        self.frames = InputFrames(path, self._bus, channels)
+        """As they are in the log."""
+        self.rate = bench.injector.config.sampling.rate_hz
+        self.logged = self._look_through(path, progress)
+        """Apart where the sample index begins anew."""
+        self.stretches = tuple(Stretch(0.0, each.samples) for each in self.logged)
+
+    def _look_through(self, path: Path, progress: Callable[[float], None]) -> tuple[LoggedStretch, ...]:
+        core = Core(self._bench.injector, self._bus, learning=False)
+        stamps = _Stamps()
+        watch = LogWatch(self._bench.injector, self._bus, core)
+        found = 0
+        stretches: list[LoggedStretch] = []
+        for rows in self._rows(core, stamps, watch):
+            found += len(rows)
+            indices = rows["index"].astype(np.int64)
+            for index in np.split(
+                indices, np.flatnonzero(np.diff(indices) <= 0) + 1
+            ):  # where they do not rise
+                if not index.size:
+                    continue
+                before = min(stretches[-1].last_index if stretches else int(index[0]), int(index[0]))
+                steps = np.diff(index, prepend=before)
+                if steps.max() > LARGEST_HOLE:
+                    problem = f"its sample index jumps by {steps.max()} samples"
+                    raise UserError(str(path), problem, "split the log where the index jumps")
+                if not stretches or index[0] <= stretches[-1].last_index:
+                    stretches.append(LoggedStretch(int(index[0]), int(index[0])))
+                begun = stretches[-1]
+                resumed = (*begun.resumed, *index[steps > RING].tolist())
+                stretches[-1] = LoggedStretch(begun.first_index, int(index[-1]), resumed)
+            self._survey(rows)
+            progress(self.frames.share_read)
+        if found < 2:
+            raise _too_few(path, core.counters, watch.absent(), found, stamps.span, self.rate)
+        intervals = sum(stretch.samples - 1 for stretch in stretches)
+        self.notes = (
+            *self.frames.notes(),
+            *watch.notes(path),
+            *stamps.notes(path, self.rate, intervals),
+            *_restarts(path, stretches),
+        )
+        self.counters, self.standstill, self.timing = core.counters, core.standstill, core.timing
+        self.slow_noise = core.slow_noise
+        """What is not white in the noise of the last samples at rest."""
+        return tuple(stretches)
+
+    def chunks(self) -> Iterator[Chunk]:
+        """Decode it anew."""
+        number, first = 0, 0
+        held = np.empty(0, np.dtype([]))
+        # an outlier, too, is what was sent
+        sampling = self._bench.injector.config.sampling.model_copy(update={"bridge_ms": 0.0})
+        core = Core(self._bench.with_sections(sampling=sampling).injector, self._bus, learning=False)
+        for rows in self._rows(core, _Stamps()):
+            held = rows if not len(held) else np.concatenate((held, rows))
+            back = np.flatnonzero(np.diff(held["index"].astype(np.int64)) <= 0)
+            while back.size:
+                yield from self._placed(held[: back[0] + 1], number, first, self.logged[number].samples)
+                held, number, first = held[back[0] + 1 :], number + 1, 0
+                back = np.flatnonzero(np.diff(held["index"].astype(np.int64)) <= 0)
+            if len(held) > SAMPLES_AT_ONCE:
+                end = int(held["index"][-2]) - self.logged[number].first_index
+                yield from self._placed(held, number, first, end)
+                first, held = end, held[-3:]  # the lift at a sample needs that before it
+        yield from self._placed(held, number, first, self.logged[number].samples)
+
+    def _rows(
+        self, core: Core, stamps: "_Stamps", watch: LogWatch | None = None
+    ) -> Iterator[NDArray[np.void]]:
+        """What the observer was given, some samples at a time."""
+        seen = 0
+        for frames in self._together(core, watch):
+            core.handle_many(block_of(frames))
+            for on, frame in frames:
+                if watch is not None:
+                    watch.note(on, frame)
+                stamps.note(frame, core.processed > 0)  # before, clocks may have to be learned
+            if core.processed > seen:
+                yield core.rows(seen, core.processed)
+                seen = core.processed
+        core.finish()
+        yield core.rows(seen, core.processed)
+
+    def _together(self, core: Core, watch: LogWatch | None) -> Iterator[list[BusFrame]]:
+        """Frames that the core may take at once: one until it has samples, then up to the watch's next look."""
+        held = []
+        for one in self.frames:
+            held.append(one)
+            is_due = watch is not None and watch.is_due(one.frame.stamp_ns)
+            if is_due or len(held) == AT_ONCE or not core.processed:
+                yield held
+                held = []
+        if held:
+            yield held
+
+    def _placed(self, rows: NDArray[np.void], number: int, first: int, end: int) -> Iterator[Chunk]:
+        """Samples [first, end) of a stretch, among them the rows; NaN where none came."""
+        index = rows["index"].astype(np.int64)
+        lift = np.interp(index, index + rows["lift_after"], rows["needle_lift"])
+        place = index - self.logged[number].first_index
+        received = ~rows["interpolated"]
+        for start in range(first, end, SAMPLES_AT_ONCE):
+            stop = min(end, start + SAMPLES_AT_ONCE)
+            here = received & (place >= start) & (place < stop)
+
+            def signal(values: NDArray[np.float64]) -> NDArray[np.float64]:
+                placed = np.full(stop - start, np.nan)  # noqa: B023 - called at once
+                placed[place[here] - start] = values[here]  # noqa: B023
+                return placed
+
+            time = np.arange(start, stop) / self.rate
+            rail, line = (signal(self._pressure(rows, name)) for name in ("rail_pressure", "line_pressure"))
+            yield Chunk(time, rail, signal(lift), line, None, self.path, self.rate, number, start)
+
+    def _survey(self, rows: NDArray[np.void]) -> None:
+        """Ranges of what came; the lift as it came."""
+        came = rows[~rows["interpolated"]]
+        for name in ("rail_pressure", "line_pressure"):
+            self.survey.take(name, self._pressure(came, name))
+        self.survey.take("needle_lift", came["needle_lift"])
+
+    def _pressure(self, rows: NDArray[np.void], name: str) -> NDArray[np.float64]:
+        c = self._coefficients
+        pressure: NDArray[np.float64] = rows[name] * c.pressure_scale + c.chamber_pressure
+        return pressure
+
+    @cached_property
+    def _coefficients(self) -> Coefficients:
+        return bench_constants(self._bench.injector).coefficients
+
+
+def _too_few(
+    path: Path, counted: Counters, absent: Sequence[str], samples: int, duration: int, rate: float
+) -> UserError:
+    """The error for a log of frames that give no samples; duration [ns] of them, sample rate [Hz] of the bench."""
+    odd = "; ".join(absent) or f"{counted.crc_errors} CRC errors, {counted.length_errors} of wrong length"
+    problem = f"its {counted.frames} input frames give {samples} samples: {odd}"
+    remedy = "give --bench with the file the log was recorded by"
+    if absent:
+        remedy = "record all inputs: was the device on, its channel recorded?"
+    elif not counted.crc_errors + counted.length_errors and duration > 0:
+        a_second = counted.frames * NANOSECONDS / duration
+        problem += f"; they come at {a_second:.3g} a second, where sampling.rate_hz is {rate:g}"
+        remedy += (
+            ", name their index, or set sampling.rate_hz (and rate_hz of slower signals) to what is there"
+        )
+    return UserError(str(path), problem, remedy)
+
+
+def _restarts(path: Path, stretches: Sequence[LoggedStretch]) -> Iterator[str]:
+    if len(stretches) > 1:
+        places = [f"after sample {before.last_index}" for before in stretches[:-1]]
+        more = f" and {len(places) - _SHOWN} more" if len(places) > _SHOWN else ""
+        shown = ", ".join(places[:_SHOWN])
+        yield f"{path}: a device was restarted, its sample index begins anew: split {shown}{more}"
+
+
+class _Stamps:
+    """First and last stamp of the frames: with the sample index they tell the sample rate.
+
+    span: of all frames [ns], those before the first sample included.
+    """
+
+    def __init__(self) -> None:
+        self._frames = self._begin = self._first = self._last = 0
+
+    def note(self, frame: Frame, gives_samples: bool) -> None:
+        self._begin = self._begin or frame.stamp_ns
+        self._last = frame.stamp_ns
+        if gives_samples:
+            self._first = self._first or frame.stamp_ns
+            self._frames += 1
+
+    @property
+    def span(self) -> int:
+        return self._last - self._begin
+
+    def notes(self, path: Path, rate: float, intervals: int) -> list[str]:
+        """A warning where the stamps contradict the bench's sample rate [Hz]."""
+        duration = (self._last - self._first) / NANOSECONDS
+        if self._frames < FEWEST_FOR_RATE or duration <= 0.0:
+            return []
+        found = intervals / duration
+        if abs(found / rate - 1.0) <= RATE_TOLERANCE:
+            return []
+        return [
+            f"{path}: by its stamps {found:.4g} samples a second were sent, the bench file says {rate:g}: "
+            "right if it was replayed at another speed, else correct sampling.rate_hz"
+        ]
+
+
+def open_source(
+    path: Path, bench: Bench | None, from_channels: Sequence[str], console: Console, in_one_go: bool = False
+) -> SignalStream:
+    """Look through a file; what is odd about it is said. from_channels: of a log, as `--from-channel` names them.
+
+    in_one_go: as of `open_recording`; `refuse_implausible` is then for whoever has read it.
+
+    Raises `UserError` for an unknown suffix, a file that will not do, signals that are no injector's, and a log
+    without a bench file.
+    """
+    if not is_log(path):
+        with progress_bar(console, f"looking through {path.name}", None):
+            source = open_recording(path, None if bench is None else bench.injector, in_one_go)
+    elif bench is None:
+        raise UserError(
+            "--bench", f"is missing: it says which signals the frames of {path} carry", "name a bench file"
+        )
+    else:
+        with progress_bar(console, f"decoding {path.name}", 1.0) as progress:
+            source = LoggedSignals(bench, path, from_channels, progress)
+    if not in_one_go:
+        refuse_implausible(path, source.survey, source.names)
+    for note in source.notes:
+        say(console, note)
+    return source
+
+
+def without_truths(paths: Sequence[Path], console: Console) -> list[Path]:
+    """The files without the truths beside simulated recordings, which `*.csv` catches, too."""
+    kept = [path for path in paths if not path.name.endswith(TRUTH_SUFFIX)]
+    if kept and len(kept) < len(paths):
+        say(
+            console,
+            f"left out: {len(paths) - len(kept)} files {TRUTH_SUFFIX[1:]}, which are not for the observer",
+        )
+    return kept or list(paths)
+
+
+def in_runs(sources: Sequence[SignalStream]) -> list[list[SignalStream]]:
+    """Sources of one history, apart where one observer could not go on: an observer is a run.
+
+    Recordings are sent by a device of our own, one after another. A log goes on from that before it where its first
+    sample index lies beyond the other's last, as in files a recorder began anew; else the device was restarted.
+    """
+    runs: list[list[SignalStream]] = []
+    for before, source in zip((None, *sources), sources, strict=False):
+        if isinstance(before, LoggedSignals) and isinstance(source, LoggedSignals):
+            goes_on = source.logged[0].first_index > before.logged[-1].last_index
+        else:
+            with_log = isinstance(before, LoggedSignals) or isinstance(source, LoggedSignals)
+            goes_on = before is not None and not with_log
+        if goes_on:
+            runs[-1].append(source)
+        else:
+            runs.append([source])
+    return runs

@@ -1,0 +1,263 @@
+"""A stretch of samples while it is evaluated: what was said of the last ones, and the trace of all as a table."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.core.stream.stream import RING
+from observer_rt.engine.reports.injection_report import InjectionReport
+from observer_rt.engine.stream.state import Observer, State
+from observer_rt.files.signals.stream import SAMPLES_AT_ONCE
+from observer_rt.files.signals.table_writers import TABLE_WRITERS, TableWriter, WrittenColumn
+from observer_rt.foundation.units import MM3_PER_MS
+
+if TYPE_CHECKING:
+    from observer_rt.desk.evaluation.evaluate import Evaluation
+
+Signal = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Trace:
+    """The observer at every sample of a recording (n samples); nan where not available.
+
+    injection_rate [m3/s]; injection_rate_sigma [m3/s]: its standard deviation over the windows of injections that
+    were learned from; state: `State`; x normalised (n, 3); phi [1/s] (n, 3); nominal_rate [m3/s]: the model
+    with phi = 0 on the same frames.
+    """
+
+    injection_rate: Signal
+    injection_rate_sigma: Signal
+    valid: NDArray[np.bool_]
+    state: NDArray[np.int8]
+    x: Signal
+    phi: Signal
+    nominal_rate: Signal
+
+
+def joined(traces: Sequence[Trace]) -> Trace:
+    """One after another, in memory of its own."""
+    return Trace(*(np.concatenate([getattr(trace, each.name) for trace in traces]) for each in fields(Trace)))
+
+
+SUFFIXES = tuple(TABLE_WRITERS)
+TRACE_SUFFIX = ".trace.csv"  # added to a recording's name, in a folder
+NUMBER = "%.9g"
+_COLUMNS = (
+    WrittenColumn("time_s", "time", "s", NUMBER),
+    WrittenColumn("injection_rate_mm3_per_ms", "injection_rate", "mm3/ms", NUMBER),
+    WrittenColumn("valid", "valid", "", "%d"),
+    WrittenColumn("state", "state", "", "%s", tuple(state.name for state in State)),
+    *(WrittenColumn(f"x{i}", f"x{i}", "", NUMBER) for i in (1, 2, 3)),
+    *(WrittenColumn(f"phi{i}", f"phi{i}", "1/s", NUMBER) for i in (1, 2, 3)),
+)
+
+
+def open_trace(path: Path) -> TableWriter:
+    """A trace to be written, in the format of its suffix, one of SUFFIXES."""
+    return TABLE_WRITERS[path.suffix.lower()](path, _COLUMNS)
+
+
+def trace_arrays(time: NDArray[Any], trace: Trace) -> Sequence[NDArray[Any]]:
+    """What is written of some samples."""
+    rate = trace.injection_rate / MM3_PER_MS
+    x = (trace.x[:, i] for i in range(3))
+    phi = (trace.phi[:, i] for i in range(3))
+    return [time, rate, trace.valid, trace.state, *x, *phi]
+
+
+HELD = np.dtype(
+    [
+        ("time", np.float64),
+        ("line_pressure", np.float64),
+        ("measured_rate", np.float64),
+        ("injection_rate", np.float64),
+        ("injection_rate_sigma", np.float64),
+        ("nominal_rate", np.float64),
+        ("valid", np.bool_),
+        ("state", np.int8),
+    ],
+    align=True,
+)
+"""What is remembered of a sample."""
+STATES = np.dtype([("x", np.float64, (3,)), ("phi", np.float64, (3,))], align=True)
+"""And this, for whoever wants it: as much again."""
+_UNKNOWN = np.array([(*[math.nan] * 6, False, int(State.STARTING))], HELD)
+_NO_STATES = np.broadcast_to(np.nan, (1 << 32, 3))  # x or phi, of no memory
+
+
+class Passage:
+    """One stretch of a recording or a log on its way through the observer."""
+
+    def __init__(
+        self, hearer: "Evaluation", first_index: int, samples: int, rate: float, offset: int = 0
+    ) -> None:
+        """hearer: to be called with the result; first_index: that its first sample is sent with; samples: at least.
+
+        rate [Hz]; offset: number of its first sample where nobody gives times.
+        """
+        self.hearer = hearer
+        self.first_index = first_index
+        self.samples = samples
+        self.begin: int | None = None
+        """Position of its first sample in the observer's stream; None while none came."""
+        self.end = -1
+        """Position after its last sample that came."""
+        self.first = 0
+        """Number of the first sample that is remembered."""
+        self._rows = np.empty(0, HELD)
+        self._states = np.empty(0, STATES)  # of the same, or none at all
+        self._begin = self._end = 0  # of those remembered, among the rows
+        self._is_measured = False
+        self._rate, self._offset = rate, offset
+        self._start = math.nan  # s, time of its first sample
+        self._marks: list[
+            tuple[int, int]
+        ] = []  # positions in the observer's stream and samples that were there
+
+    @property
+    def time(self) -> Signal:
+        """[s], of the samples remembered."""
+        return self._remembered["time"]
+
+    @property
+    def trace(self) -> Trace:
+        """Of these."""
+        return self._trace_of(self._begin, self._end)
+
+    @property
+    def line_pressure(self) -> Signal:
+        """Of these, normalised, as the observer was given it."""
+        return self._remembered["line_pressure"]
+
+    @property
+    def measured_rate(self) -> Signal | None:
+        """Of these [m3/s], as measured."""
+        return self._remembered["measured_rate"] if self._is_measured else None
+
+    def give(self, time: Signal, measured_rate: Signal | None) -> None:
+        """Further samples, which the observer will be given: their times [s] and measured rates [m3/s], (n,)."""
+        if self.first == 0 and self._begin == self._end and time.size:
+            self._start = float(time[0])
+        if self._end + time.size > len(self._rows):
+            self._make_room(time.size)
+        end = self._end + time.size
+        rows = self._rows[self._end : end]
+        rows[:] = _UNKNOWN
+        rows["time"] = time
+        self._states[self._end : end] = (math.nan, math.nan)
+        if measured_rate is not None:
+            self._is_measured = True
+            rows["measured_rate"] = measured_rate
+        self._end = end
+        self.samples = max(self.samples, self.first + end - self._begin)
+
+    def time_at(self, index: int) -> float:
+        """[s], of the sample that was sent with an index, be it remembered or not."""
+        number = index - self.first_index
+        if self.first <= number < self.first + self.time.size:
+            return float(self.time[number - self.first])
+        return self._start + number / self._rate
+
+    def _make_room(self, samples: int) -> None:
+        """For so many further ones, and seldom."""
+        kept, states = self._remembered, self._states[self._begin : self._end]
+        if 2 * (len(kept) + samples) > len(self._rows):
+            self._rows = np.empty(3 * (len(kept) + samples), HELD)
+            if self.hearer.wants_states:
+                self._states = np.empty(len(self._rows), STATES)
+        self._rows[: len(kept)] = kept
+        self._states[: len(states)] = states
+        self._begin, self._end = 0, len(kept)
+
+    def pass_on(self, processed: int) -> None:
+        """Hand over what lies so far back that no injection will need it. processed: samples of the observer."""
+        kept = self.first
+        while self._marks and self._marks[0][0] <= processed - RING:
+            kept = max(kept, self._marks.pop(0)[1])
+        self._hand_over(kept - self.first)
+
+    def finish(self) -> None:
+        """Nothing more will be said of it."""
+        self._hand_over(self.time.size)
+        while self.first < self.samples:
+            self._reach(self.first + 1)
+            self._hand_over(self.time.size)
+
+    @property
+    def _remembered(self) -> NDArray[np.void]:
+        return self._rows[self._begin : self._end]
+
+    def _hand_over(self, done: int) -> None:
+        if not done:
+            return
+        end = self._begin + done
+        self.hearer.take_passed(self._rows["time"][self._begin : end], self._trace_of(self._begin, end))
+        self.first += done
+        self._begin += done
+
+    def note(self, observer: Observer, position: int, index: NDArray[np.int64], nominal: Signal) -> None:
+        """What the observer said of some samples, the first of them at a position of its stream.
+
+        index (n,) of the samples, rising; nominal [m3/s] (n,): what the nominal model says.
+        """
+        if self.begin is None:
+            self.begin = position
+        self.end = position + len(index)
+        bounds = np.array([self.first, self.samples]) + self.first_index
+        first, end = np.searchsorted(index, bounds).tolist()
+        if first < end:
+            self._reach(int(index[end - 1]) + 1 - self.first_index)
+            self._marks.append((position, int(index[first]) - self.first_index))
+        place = index - (self.first_index + self.first)
+        known = (place >= 0) & (place < len(self._remembered))
+        self._note_samples(
+            observer, (position + np.flatnonzero(known)) % len(observer.ring), place[known], nominal[known]
+        )
+
+    def _note_samples(
+        self, observer: Observer, rows: NDArray[np.int64], place: NDArray[np.int64], nominal: Signal
+    ) -> None:
+        """What the observer says in some rows (k,) of its ring, of samples that stand at such places."""
+        ring, held = observer.ring, self._remembered
+        held["line_pressure"][place] = np.where(
+            ring["interpolated"][rows], np.nan, ring["line_pressure"][rows]
+        )
+        held["nominal_rate"][place] = nominal
+        for name in ("injection_rate", "valid", "state"):
+            held[name][place] = ring[name][rows]
+        states = self._states[self._begin : self._end]
+        if len(states):
+            is_known = ~np.isnan(ring["injection_rate"][rows])
+            states["x"][place[is_known]] = observer.x_hat[rows[is_known], :3]
+            states["phi"][place[is_known]] = ring["phi"][rows[is_known]]
+
+    def note_report(self, report: InjectionReport) -> None:
+        """Tell an injection and how sure its rate is."""
+        if report.rate_sigma is not None:
+            start = report.start_index - self.first_index - self.first
+            sigma = self.trace.injection_rate_sigma[max(0, start) : max(0, start + len(report.rate_sigma))]
+            sigma[:] = report.rate_sigma[max(0, -start) :][: len(sigma)]
+        self.hearer.take_report(self, report)
+
+    def _reach(self, samples: int) -> None:
+        """Go on to a sample of a log, whose times nobody gives: those of its sample index."""
+        known = self.first + self.time.size
+        if known < samples:
+            numbers = np.arange(known, min(self.samples, max(samples, known + SAMPLES_AT_ONCE)))
+            self.give((self._offset + numbers) / self._rate, None)
+
+    def _trace_of(self, begin: int, end: int) -> Trace:
+        """Of these rows."""
+        rows, states = self._rows[begin:end], self._states[begin:end]
+        if self.hearer.wants_states:
+            x, phi = states["x"], states["phi"]
+        else:
+            x = phi = _NO_STATES[: end - begin]
+        known = {each.name: rows[each.name] for each in fields(Trace) if each.name not in ("x", "phi")}
+        return Trace(x=x, phi=phi, **known)

@@ -1,0 +1,290 @@
+"""What is said of an evaluated recording: a table of at most 80 columns and 50 rows, or one JSON document."""
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from statistics import fmean, pstdev
+from textwrap import indent
+from typing import Any, TextIO
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from observer_rt.core.stream.stream import FURTHEST_ZERO
+from observer_rt.desk.evaluation.curves import SHOWN, InjectionResult, injection_json
+from observer_rt.desk.evaluation.evaluate import Evaluation
+from observer_rt.engine.estimation.scalars import SCALARS
+from observer_rt.engine.reports.injection_report import WEAR, Field, beyond_learned
+from observer_rt.engine.stream.state import Reason
+from observer_rt.foundation.console import say
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND
+from observer_rt.model.effective import Coefficients
+
+SCHEMA = 1
+PLAUSIBLE_OFFSET = 2 * MEGAPASCAL  # between line and rail pressure at standstill
+_NO_INJECTIONS = '"injections": []'  # a string of the document cannot hold it: its quotes would be escaped
+
+
+@dataclass(frozen=True)
+class Check:
+    """A standstill check."""
+
+    id: str
+    value: float
+    unit: str
+    passed: bool
+
+
+def checks(evaluation: Evaluation, c: Coefficients) -> list[Check]:
+    """Standstill checks: offset between line and rail pressure, noise levels, and what the lift sensor shows."""
+    standstill, lift = evaluation.standstill, evaluation.standstill.lift
+    offset, crosstalk = standstill.offset * c.pressure_scale, lift.crosstalk * MEGAPASCAL / MICROMETRE
+    result = [Check("rail_line_offset", offset / MEGAPASCAL, "MPa", abs(offset) <= PLAUSIBLE_OFFSET)]
+    if (noise := standstill.noise) is not None:
+        result += [
+            Check("rail_pressure_noise", noise.rail_pressure / MEGAPASCAL, "MPa", True),
+            Check("line_pressure_noise", noise.line_pressure / MEGAPASCAL, "MPa", True),
+            Check("needle_lift_noise", noise.needle_lift / MICROMETRE, "um", True),
+        ]
+    result += [
+        Check("needle_lift_zero", lift.zero / MICROMETRE, "um", abs(lift.zero) < FURTHEST_ZERO),
+        Check("needle_lift_crosstalk", crosstalk, "um/MPa", lift.crosstalk == 0.0),
+    ]
+    if not math.isnan(lift.at_stop):
+        result.append(Check("needle_lift_at_stop", lift.at_stop / MICROMETRE, "um", lift.is_to_scale))
+    return result
+
+
+def write_document(evaluations: Sequence[Evaluation], model: str, c: Coefficients, out: TextIO) -> None:
+    """Write one JSON document, injection by injection, however many there are.
+
+    model: SHA-256 of the parameters; c: of the nominal model.
+    """
+    document: dict[str, Any] = {
+        "schema": SCHEMA,
+        "model_sha256": model,
+        "recordings": [_without_injections(evaluation, c) for evaluation in evaluations],
+    }
+    before, *after = json.dumps(document, indent=2).split(_NO_INJECTIONS)
+    out.write(before)
+    for evaluation, text in zip(evaluations, after, strict=True):
+        out.write('"injections": [')
+        for number, result in enumerate(evaluation.injections):
+            record = json.dumps(injection_json(result, evaluation.has_energizing, c), indent=2)
+            out.write((",\n" if number else "\n") + indent(record, 8 * " "))
+        out.write("\n      ]" if len(evaluation.injections) else "]")
+        out.write(text)
+    out.write("\n")
+
+
+def _without_injections(evaluation: Evaluation, c: Coefficients) -> dict[str, Any]:
+    """One recording of the document, an empty list for its injections."""
+    valid = sum(result.report.valid for result in evaluation.injections)
+    return {
+        "file": str(evaluation.path),
+        "samples": evaluation.samples,
+        "sample_rate_hz": evaluation.sample_rate,
+        "lost_samples": evaluation.counters.lost_samples,
+        "spikes": evaluation.counters.spikes,
+        "bridged_samples": evaluation.counters.bridged_samples,
+        "checks": [vars(check) for check in checks(evaluation, c)],
+        "injections": [],
+        "summary": {
+            "valid_share": valid / len(evaluation.injections) if len(evaluation.injections) else 0.0,
+            "adoptions": evaluation.counters.adoptions,
+            "rejected_adoptions": evaluation.counters.rejected_adoptions,
+            **_energizing_json(evaluation),
+        },
+    }
+
+
+def _energizing_json(evaluation: Evaluation) -> dict[str, Any]:
+    """Of the recording as a whole."""
+    if not evaluation.has_energizing:
+        return {}
+    delays = [
+        result.report.commanded.opening_delay for result in evaluation.injections if result.report.commanded
+    ]
+    known = [delay / MICROSECOND for delay in delays if not math.isnan(delay)]
+    return {
+        "energizing": {
+            "commands": evaluation.counters.commands,
+            "missing_injections": evaluation.counters.missing_injections,
+            "uncommanded_injections": evaluation.counters.uncommanded_injections,
+            "mean_opening_delay_us": float(np.mean(known)) if known else None,
+            "opening_delay_sigma_us": float(np.std(known)) if known else None,
+        }
+    }
+
+
+MOST_ROWS = 50  # injections beyond which only means of several are shown
+SUMMARY_ROWS = 20
+NOTEWORTHY = 4.0  # standard deviations from nothing
+
+_FIRST = [SHOWN[name] for name in ("number", "event", "start_s", "rail_pressure_MPa", "mass_mg")]
+_NOMINAL, _MEASURED = SHOWN["nominal_mass_mg"], SHOWN["measured_mass_mg"]
+_ERROR = Field[InjectionResult](
+    "error",
+    float,
+    lambda r, _: 100 * (r.report.mass / r.measured_mass - 1) if r.measured_mass else None,
+    "error\n%",
+    ".2f",
+)
+_WEAR = [SHOWN[each.value.name] for each in WEAR]
+
+
+_UNFIT = {
+    Reason.MODEL_INADEQUATE: (
+        "the measured line pressure contradicts the model in",
+        "check units and injector file; `observer-rt fit` calibrates it to recordings of the healthy injector",
+    ),
+    Reason.LIFT_SENSOR_LAG: (
+        "a needle lift recorded late would explain",
+        "`observer-rt discover` tells it from a changed nozzle; if it names needle_lift_sensor_lag, state lag_us of "
+        "[signals.needle_lift] in the bench file",
+    ),
+}
+"""Why the results of many injections are worth nothing, and what to do about it."""
+_CHANGED = (
+    "the model fits the healthy injector, so that this one has changed in a way it does not know: "
+    "`observer-rt discover` looks for it; or a sensor has"
+)
+
+
+def print_evaluation(
+    evaluation: Evaluation, c: Coefficients, console: Console, is_fitted: bool = False
+) -> None:
+    """One recording: what it is, injection by injection or, where there are many, some at a time, what is wrong.
+
+    is_fitted: whether the model was, to a healthy injector, and was adequate.
+    """
+    counters, count = evaluation.counters, len(evaluation.injections)
+    not_valid = _not_valid(evaluation.injections)
+    for reason, (problem, remedy) in _UNFIT.items():
+        if reason is Reason.MODEL_INADEQUATE and is_fitted:
+            remedy = _CHANGED
+        if found := not_valid.get(reason):
+            said = f"{reason.name}: {problem} {len(found)} of {count} injections"
+            say(console, f"{said}; their rates and masses are not to be believed\n  remedy: {remedy}")
+    say(
+        console,
+        f"{evaluation.path}: {evaluation.samples} samples at {evaluation.sample_rate:g} Hz, "
+        f"{counters.lost_samples} lost; {counters.adoptions} corrections adopted, "
+        f"{counters.rejected_adoptions} rejected",
+    )
+    if counters.outliers:
+        say(console, counters.outliers)
+    if count > MOST_ROWS:
+        console.print(_summary_table(evaluation.injections, evaluation.has_rate, c))
+    elif count:
+        injections = list(evaluation.injections)
+        measured = any(not math.isnan(result.measured_mass) for result in injections)
+        console.print(_table(injections, measured or evaluation.has_rate, c))
+    else:
+        say(console, "no injection found")
+    if evaluation.has_energizing:
+        say(
+            console,
+            f"{counters.commands} commands, {counters.missing_injections} injections missing, "
+            f"{counters.uncommanded_injections} without a command",
+        )
+    for reason, numbers in not_valid.items():
+        say(console, f"not valid for {reason.name}: {_ranges(numbers)}")
+        if reason is Reason.OUTSIDE_LEARNED_RANGE:
+            say(console, f"({beyond_learned(evaluation.reports[numbers[-1] - 1])})")
+    # with a learned state only the first is not valid, and there is nothing to gain any more
+    if len(not_valid.get(Reason.TOO_FEW_EVENTS, ())) > 1 and sum(map(len, not_valid.values())) < count:
+        say(
+            console,
+            "(they were learned from: --save-state FILE, then --state FILE has all but the first valid)",
+        )
+    if count:
+        for line in _line_side(evaluation.injections[-1], c):
+            say(console, line)
+    for check in checks(evaluation, c):
+        if not check.passed:
+            say(console, f"check failed: {check.id} is {check.value:.3g} {check.unit}")
+
+
+def _table(injections: Sequence[InjectionResult], measured: bool, c: Coefficients) -> Table:
+    """Beside a measurement its error stands where otherwise the interval does: both do not fit."""
+    compared = [_NOMINAL, _MEASURED, _ERROR, SHOWN["rate_rmse_mm3_per_ms"]]
+    fields = [*_FIRST, *(compared if measured else [SHOWN["mass_bound_mg"], _NOMINAL]), *_WEAR]
+    table = _headed(*(each.heading for each in fields))
+    for result in injections:
+        cells = (each.text(each.of(result, c)) for each in fields)
+        table.add_row(*cells, "yes" if result.report.valid else "no")
+    return table
+
+
+def _summary_table(injections: Sequence[InjectionResult], measured: bool, c: Coefficients) -> Table:
+    """Means of runs of injections, in order; of masses their standard deviation, too."""
+    number, _, start, rail, mass = _FIRST
+    compared = [_NOMINAL, *([_MEASURED] if measured else []), *_WEAR]
+    headings = [each.heading for each in (number, start, rail, mass, *compared)]
+    table = _headed(*headings[:4], "+-\nmg", *headings[4:])
+    size = -(-len(injections) // SUMMARY_ROWS)
+    for first in range(0, len(injections), size):
+        run = injections[first : first + size]
+        numbers = [run[0].report.number, run[-1].report.number]
+        rails, masses, *others = (_mean(each, run, c) for each in (rail, mass, *compared))
+        known = [value for one in run if (value := mass.of(one, c)) is not None]
+        table.add_row(
+            "-".join(map(str, numbers[: len(run)])),
+            start.text(run[0].start),
+            rails,
+            masses,
+            mass.text(pstdev(known) if known else None),
+            *others,
+            f"{100 * sum(one.report.valid for one in run) / len(run):.0f} %",
+        )
+    return table
+
+
+def _mean(field: Field[InjectionResult], run: Sequence[InjectionResult], c: Coefficients) -> str:
+    """Of those that are known."""
+    known = [value for one in run if (value := field.of(one, c)) is not None]
+    return field.text(fmean(known) if known else None)
+
+
+def _headed(*headings: str) -> Table:
+    table = Table(box=None, padding=(0, 1, 0, 0), pad_edge=False)
+    for heading in (*headings, "\nvalid"):
+        table.add_column(Text(heading), justify="right", no_wrap=True)
+    return table
+
+
+def _not_valid(injections: Sequence[InjectionResult]) -> dict[Reason, list[int]]:
+    """Numbers of the injections that are not valid, by reason."""
+    numbers: dict[Reason, list[int]] = {}
+    for result in injections:
+        if not result.report.valid:
+            numbers.setdefault(result.report.reason, []).append(result.report.number)
+    return numbers
+
+
+def _ranges(numbers: Sequence[int]) -> str:
+    """Ascending numbers as "1, 4-6"."""
+    runs: list[list[int]] = []
+    for number in numbers:
+        if runs and number == runs[-1][-1] + 1:
+            runs[-1].append(number)
+        else:
+            runs.append([number])
+    return ", ".join(str(run[0]) if len(run) == 1 else f"{run[0]}-{run[-1]}" for run in runs)
+
+
+def _line_side(last: InjectionResult, c: Coefficients) -> list[str]:
+    """What was found beside the nozzle and the seat at the last injection, none of it part of the rate."""
+    found = last.report.indicators
+    result = []
+    for _, shown in SCALARS.shown():
+        estimate, unit = found[shown.effect], shown.screen_unit or shown.unit
+        if shown.label and estimate.sigma and abs(estimate.value) > NOTEWORTHY * estimate.sigma:
+            factor = shown.factor(c, unit)
+            value, halfwidth = estimate.value * factor, 1.96 * estimate.sigma * factor
+            result.append(f"beside the rate: {shown.label} = {value:+.3g} ± {halfwidth:.2g} {unit[0]}")
+    return result

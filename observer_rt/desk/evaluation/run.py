@@ -1,0 +1,231 @@
+"""Runs the observer and the model as given, with nothing learned, over the same samples of many recordings.
+
+What comes next is read ahead in a thread.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.bus.links.link import BusFrame, FrameBlock, blocks_of
+from observer_rt.bus.mapping.bus_map import BusMap, map_bus
+from observer_rt.config.bench import Bench, BenchInjector
+from observer_rt.core.stream.stream import RING
+from observer_rt.desk.evaluation.passage import Passage, Signal
+from observer_rt.engine.learning.knowledge import Knowledge, no_knowledge
+from observer_rt.engine.observer import make_observer, with_constants
+from observer_rt.engine.reports.injection_report import InjectionReport
+from observer_rt.engine.reports.news import MeasuredMass, News
+from observer_rt.engine.service.constants import bench_constants, configured_noise
+from observer_rt.engine.service.core import Core
+from observer_rt.engine.service.learners import LearnerFactory, make_learner
+from observer_rt.engine.service.messages import OutputFrame
+from observer_rt.engine.stream.state import Observer
+from observer_rt.files.replay.recording_frames import Device
+from observer_rt.files.signals.recording import Chunk
+from observer_rt.files.signals.stream import SignalStream
+
+if TYPE_CHECKING:
+    from observer_rt.desk.evaluation.evaluate import Evaluation
+
+Thing = TypeVar("Thing")
+
+
+def ahead(things: Iterable[Thing]) -> Iterator[Thing]:
+    """The same, none of them None, in the same order; while one is used the next is made in a thread beside.
+
+    Raises what making one raises, when its turn has come.
+    """
+    waiting = iter(things)
+    with ThreadPoolExecutor(1, "ahead") as beside:
+        coming = beside.submit(next, waiting, None)
+        while (thing := coming.result()) is not None:
+            coming = beside.submit(next, waiting, None)
+            yield thing
+
+
+class NominalModel:
+    """Follows an observer's samples: open loop from the state in which that found the line before an injection."""
+
+    def __init__(self, fitted: BenchInjector) -> None:
+        constants = bench_constants(fitted)
+        start = no_knowledge(configured_noise(fitted), constants.coefficients.pressure_scale)
+        self._nominal = make_observer(constants, start, make_learner(fitted, constants, start))
+        self._position, self._flows = 0, False  # up to where it was followed, and whether it injected there
+        self._x = np.full(constants.coefficients.states, np.nan)
+
+    def rates(self, observer: Observer, first: int, end: int) -> Signal:
+        """Rates [m3/s] at positions [first, end), processed and remembered; nan where the observer has none.
+
+        Call it without gaps.
+        """
+        rates = np.empty(end - first)
+        if self._nominal.constants is not observer.constants:  # of fuel as warm as it is
+            self._nominal = with_constants(self._nominal, observer.constants)
+        self._position, self._flows = self._nominal.stepper.nominal_rates(
+            observer.stream, self._position, self._flows, self._x, first, rates
+        )
+        return rates
+
+
+Progress = Callable[[int], None]  # samples done
+
+
+class _Reading:
+    """What of a core's samples was read, and in which passage they lie."""
+
+    def __init__(self, core: Core) -> None:
+        self.core = core
+        self._seen = 0
+        self.passage = 0
+        """Number of that of the last sample read."""
+        self._last_index = -1
+
+    def parts(self, passages: list[Passage]) -> Iterator[tuple[Passage, int, NDArray[np.int64]]]:
+        """What was processed since the last reading, by passage: position of the first sample, and all indices."""
+        processed = self.core.processed
+        position = max(self._seen, processed - RING)
+        ring = self.core.compiled.observer.ring["index"]
+        index = ring[np.arange(position, processed) % len(ring)]
+        self._seen = processed
+        begins_anew = np.flatnonzero(np.diff(index, prepend=self._last_index) <= 0).tolist()
+        for first, end in pairwise([0, *(row for row in begins_anew if row), len(index)]):
+            if first in begins_anew:
+                self.passage += 1
+            yield from self._by_passage(passages, position + first, index[first:end])
+        self._last_index = int(index[-1]) if len(index) else self._last_index
+
+    def _by_passage(
+        self, passages: list[Passage], position: int, index: NDArray[np.int64]
+    ) -> Iterator[tuple[Passage, int, NDArray[np.int64]]]:
+        """Of an index that rises."""
+        while len(index):
+            self.passage = min(self.passage, len(passages) - 1)
+            after = passages[self.passage + 1 :][:1]
+            end = np.searchsorted(index, after[0].first_index) if after else len(index)
+            here = passages[self.passage]
+            if after and after[0].first_index < here.first_index + here.samples:  # begins anew, not yet
+                end = len(index)
+            if end:
+                yield here, position, index[:end]
+            if end < len(index):
+                self.passage += 1
+            index, position = index[end:], position + int(end)
+
+
+class ObserverRun:
+    """One observer, learning in lockstep, and what it says of the recordings it is given."""
+
+    def __init__(
+        self,
+        bench: Bench,
+        knowledge: Knowledge | None = None,
+        learning: bool = True,
+        progress: Progress | None = None,
+        learner_of: LearnerFactory = make_learner,
+        fuel_temperature: float | None = None,
+        keeps_frames: bool = False,
+        reads_ahead: bool = True,
+    ) -> None:
+        """keeps_frames: those that were sent; reads_ahead: recordings, in a thread beside."""
+        self.frames: list[OutputFrame] = []
+        """Sent, where they are kept."""
+        self._news: list[News] = []
+        bus: BusMap = map_bus(bench)
+        if not keeps_frames:
+            bus = replace(bus, rate=None)
+        self.core = Core(
+            bench.injector,
+            bus,
+            knowledge,
+            learning=learning,
+            listeners=[self._news.append],
+            learner_of=learner_of,
+            fuel_temperature=fuel_temperature,
+            writes_summaries=keeps_frames,
+        )
+        self._reading = _Reading(self.core)
+        self._nominal = NominalModel(bench.injector)
+        self._device = Device(bus)
+        self._progress = progress or (lambda _: None)
+        self._keeps_frames = keeps_frames
+        self._reads_ahead = reads_ahead
+        self._passages: list[Passage] = []
+        self._finished = 0  # passages
+
+    def take(self, stream: SignalStream, hearer: "Evaluation") -> list[Passage]:
+        """Observe a recording as the frames of a measuring device; between stretches the sample index jumps."""
+        rate, before = stream.sample_rate, len(self._passages)
+        framed = self._framed(stream)
+        for chunk, begun, blocks in ahead(framed) if self._reads_ahead else framed:
+            if begun is not None:
+                self._passages.append(Passage(hearer, begun, 0, rate))
+            self._passages[-1].give(chunk.time, chunk.injection_rate)
+            self._observe(blocks)
+        return self._passages[before:]
+
+    def _framed(self, stream: SignalStream) -> Iterator[tuple[Chunk, int | None, list[FrameBlock]]]:
+        """Chunks and their frames, with the sample index of those that begin a stretch."""
+        for chunk in self._device.chunks(stream.chunks()):
+            begun = self._device.begin(stream.sample_rate) if chunk.first == 0 else None
+            yield chunk, begun, list(self._device.blocks(chunk))
+
+    def take_frames(self, frames: Iterable[BusFrame], passages: Iterable[Passage]) -> None:
+        """Observe frames as they are, which carry the samples of passages in their order."""
+        self._passages += passages
+        self._observe(blocks_of(frames))
+
+    def finish(self) -> None:
+        """No recording will come: judge every event."""
+        self._sent(self.core.finish())
+        self._read()
+        for passage in self._passages[self._finished :]:
+            passage.finish()
+
+    def _observe(self, blocks: Iterable[FrameBlock]) -> None:
+        for block in blocks:
+            self._sent(self.core.handle_many(block))
+            self._read()
+            self._forget()
+
+    def _sent(self, frames: list[OutputFrame]) -> None:
+        if self._keeps_frames:
+            self.frames += frames
+
+    def _read(self) -> None:
+        """Note what was processed since the last look, then what was said of injections."""
+        observer = self.core.compiled.observer
+        for passage, position, index in self._reading.parts(self._passages):
+            nominal = self._nominal.rates(observer, position, position + len(index))
+            passage.note(observer, position, index, nominal)
+        for each in self._news:
+            match each:
+                case InjectionReport():
+                    self._passage_of(each).note_report(each)
+                case MeasuredMass(report):
+                    self._passage_of(report).hearer.take_measured(each)
+        self._news.clear()
+        self._progress(self.core.processed)
+
+    def _passage_of(self, report: InjectionReport) -> Passage:
+        begun = [passage for passage in self._passages if passage.begin is not None]
+        return next(
+            (each for each in reversed(begun) if each.begin is not None and each.begin <= report.start),
+            begun[0],
+        )
+
+    def _forget(self) -> None:
+        """Hand over, in order, what no injection will need."""
+        processed = self.core.processed
+        for number in range(self._finished, self._reading.passage + 1):
+            passage = self._passages[number]
+            if number == self._reading.passage or passage.end > processed - RING:
+                passage.pass_on(processed)
+                return
+            passage.finish()
+            self._finished = number + 1

@@ -1,0 +1,183 @@
+"""One file through the observer: what a worker does, knowing nothing of the others, and the rows it returns."""
+
+import gc
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+from rich.console import Console
+
+import observer_rt.desk.fleet.job  # noqa: F401 - imported for what it imports
+from observer_rt.config.bench import Bench
+from observer_rt.config.own_effects import OwnEffects
+from observer_rt.desk.evaluation.curves import RESULT_FIELDS
+from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate_stream
+from observer_rt.desk.evaluation.logged import open_source
+from observer_rt.desk.fleet.groups import InjectorNames, RecordingTimes
+from observer_rt.engine.learning.knowledge import Knowledge
+from observer_rt.engine.reports.injection_report import INDICATORS, Output, columns_of, row_of
+from observer_rt.engine.signal_survey import refuse_dead, refuse_implausible
+from observer_rt.files.canlog.can_log import NANOSECONDS
+from observer_rt.files.formats import is_log, open_log
+from observer_rt.files.signals.stream import SignalStream
+from observer_rt.files.signals.table_signals import OtherRateError
+from observer_rt.foundation.errors import ObserverError
+from observer_rt.foundation.files import file_errors, file_hash
+from observer_rt.model.effects import effective_model
+
+_KINDS = {int: pa.int64(), float: pa.float64(), bool: pa.bool_(), str: pa.string()}
+SCHEMA = pa.schema(
+    [
+        ("file", pa.string()),
+        ("sha256", pa.string()),
+        ("injector", pa.string()),
+        ("time", pa.timestamp("us", tz="UTC")),
+        *((name, _KINDS[kind]) for name, kind in columns_of(RESULT_FIELDS, Output.PARQUET).items()),
+    ]
+)
+"""time: of the injection's begin."""
+OLD_NAMES = {
+    "mass_ci95_low_mg": "mass_low_mg",
+    "mass_ci95_high_mg": "mass_high_mg",
+    **{
+        column: f"{each.name}{end}"
+        for each in INDICATORS
+        for column, end in zip(each.columns, ("", "_low", "_high"), strict=True)
+        if column != each.name
+    },
+}
+"""What columns were called before they had the journal's names."""
+
+
+NO_MEMORY = "not enough memory\n  remedy: fewer --workers"
+_ROWS = 1024
+_MDF4_START = 64 + 24 + 6 * 8  # byte of the header block's start time [ns since 1970]
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is the same for all files. knowledge: learned before, to start each file with.
+
+    folder: where relative paths begin; pattern: as of `InjectorNames`; time_pattern: as of `RecordingTimes`.
+    """
+
+    bench: Bench
+    folder: Path
+    knowledge: Knowledge | None = None
+    learning: bool = True
+    pattern: str | None = None
+    time_pattern: str | None = None
+    effects: OwnEffects = field(default_factory=OwnEffects)
+
+
+@dataclass(frozen=True)
+class FailedFile:
+    """Why a file has no rows, or no part in the discovery of an injector; sha256: empty where it could not be read.
+
+    file: None where it is the discovery that failed.
+    """
+
+    file: Path | None
+    sha256: str
+    problem: str
+    injector: str = ""
+
+
+def hashed(path: Path) -> str | FailedFile:
+    """SHA-256 of a file."""
+    try:
+        return file_hash(path)
+    except OSError as error:
+        return FailedFile(path, "", f"{path}: {error.strerror}")
+
+
+def evaluated(task: Task, path: Path, sha256: str) -> pa.Table | FailedFile:
+    """The file's injections as rows of `SCHEMA`, of every injector of the bench."""
+    try:
+        task.effects.use()
+        rows = (row for alone in task.bench.each for row in _rows(task, path, sha256, alone))
+        return _table(rows)
+    except ObserverError as error:
+        return FailedFile(path, sha256, str(error))
+    except MemoryError:
+        return FailedFile(path, sha256, NO_MEMORY)
+    finally:
+        gc.collect()  # observer and listener hold each other: without it the next files find their memory taken
+
+
+def _table(rows: Iterator[dict[str, Any]]) -> pa.Table:
+    """Some rows at a time: in a table they take a tenth of the memory."""
+    batches = []
+    while some := list(islice(rows, _ROWS)):
+        batches.append(pa.RecordBatch.from_pylist(some, SCHEMA))
+    return pa.Table.from_batches(batches, SCHEMA)
+
+
+def _rows(task: Task, path: Path, sha256: str, alone: Bench) -> Iterator[dict[str, Any]]:
+    """Of one injector."""
+    name = InjectorNames(task.pattern).of(path, alone)
+    place = task.folder / path
+    try:
+        evaluation = _evaluation(task, place, alone, in_one_go=True)
+    except OtherRateError:
+        evaluation = _evaluation(task, place, alone, in_one_go=False)
+    c = effective_model(alone.injector.parameters).coefficients
+    stretches = evaluation.source.stretches
+    said = RecordingTimes(task.time_pattern).of(path)
+    zero = _zero(place, evaluation.source) if said is None else said - timedelta(seconds=stretches[0].start)
+    for result in evaluation.injections:
+        yield {
+            **row_of(RESULT_FIELDS, Output.PARQUET, result, c),
+            "file": str(path),
+            "sha256": sha256,
+            "injector": name,
+            "time": zero + timedelta(seconds=result.start),
+        }
+
+
+def _evaluation(task: Task, place: Path, alone: Bench, in_one_go: bool) -> Evaluation:
+    """in_one_go: as of `open_recording`: reading takes a good part of all time."""
+    source = open_source(place, alone, (), Console(quiet=True), in_one_go)
+    learning = task.learning and alone.injector.config.learning.enabled
+    with file_errors(place):
+        # not ahead: other workers have the other processors
+        (evaluation,), _ = evaluate_stream(
+            alone, [source], knowledge=task.knowledge, learning=learning, reads_ahead=False
+        )
+    refuse_implausible(place, source.survey, source.names)
+    if not is_log(place):
+        refuse_dead(place, source.survey, source.names)
+    return evaluation
+
+
+def _zero(path: Path, source: SignalStream) -> datetime:
+    """When the time of a file is 0: by its frames or its header; else it ended when it was last written."""
+    start, end = source.stretches[0].start, source.stretches[-1]
+    if is_log(path):
+        begin = next(iter(open_log(path))).frame.stamp_ns / NANOSECONDS - start
+    elif (stated := _mdf4_start(path)) > 0:
+        begin = stated / NANOSECONDS
+    else:
+        begin = path.stat().st_mtime - end.start - end.samples / source.sample_rate
+    return datetime.fromtimestamp(begin, UTC)
+
+
+def _mdf4_start(path: Path) -> int:
+    """Start time in the header of an MDF 4 file [ns since 1970]; 0 without one, or of another file."""
+    with path.open("rb") as file:
+        head = file.read(_MDF4_START + 8)
+    if not head.startswith(b"MDF     4") or len(head) < _MDF4_START + 8:
+        return 0
+    (start,) = struct.unpack_from("<Q", head, _MDF4_START)
+    return int(start)
+
+
+def dask_setup(_worker: object) -> None:
+    """All that is imported stays: the search for garbage need not go through it again and again."""
+    gc.collect()
+    gc.freeze()

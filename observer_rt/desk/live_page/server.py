@@ -1,0 +1,191 @@
+"""`observer-rt monitor`: the page served until Ctrl-C, and a WebSocket for each browser that has it open."""
+
+import asyncio
+import gc
+import hmac
+import re
+import resource
+import secrets
+import socket
+import sys
+import time
+from contextlib import suppress
+from ipaddress import ip_address
+from pathlib import Path
+
+from rich.console import Console
+from tornado.httpserver import HTTPServer
+from tornado.ioloop import PeriodicCallback
+from tornado.iostream import IOStream
+from tornado.netutil import bind_sockets
+from tornado.web import Application, RequestHandler, StaticFileHandler
+from tornado.websocket import WebSocketClosedError, WebSocketHandler
+
+from observer_rt.config.bench import Bench
+from observer_rt.desk.live_page.page.session import Session, pressed
+from observer_rt.desk.live_page.watching import FrameSource, Watching
+from observer_rt.foundation.console import say, stop_on_signals
+from observer_rt.foundation.errors import RunError
+
+_FILES = Path(__file__).parent / "page" / "static"
+_COOKIE = "observer_rt"
+_ALIVE_EVERY = 0.5  # s after which a browser is told at least that nothing is new
+_LOOK_EVERY = 10  # ms: whether something is new and a browser through with the last drawing
+_PATIENCE = 5.0  # s for the headers of a request, and until the next one
+_LONGEST = 1000  # bytes of what a browser says
+_CONNECTIONS = 256  # at once; a page takes some seven
+_ELSEWHERE = ("192.0.2.1", 9)  # a computer of RFC 5737, that is nowhere
+_STOP_EVERY = 0.1  # s between two looks at the stop signal
+_TURN = 0.0002  # s that the listening thread may go on while the page waits to be served
+
+
+class _Guarded(RequestHandler):
+    """Serves whoever has the token of the page, by its address at first, then by a cookie; all if it has none."""
+
+    def prepare(self) -> None:
+        """Refuse a request without it."""
+        token = self.application.settings["token"]
+        if token is None:
+            return
+        if hmac.compare_digest(self.get_query_argument("token", "").encode(), token.encode()):
+            self.set_cookie(_COOKIE, token, httponly=True, samesite="Strict")
+        elif not hmac.compare_digest((self.get_cookie(_COOKIE) or "").encode(), token.encode()):
+            self.set_status(403)
+            self.finish(
+                "Open the address with the token that `observer-rt monitor` has written on its terminal.\n"
+            )
+
+
+class _PageFiles(_Guarded, StaticFileHandler):
+    def set_extra_headers(self, path: str) -> None:
+        self.set_header("Cache-Control", "no-cache")  # else a browser may keep those of an older version
+
+
+class _Channel(_Guarded, WebSocketHandler):
+    """Brings what is new to a browser, which answers each message with its number once it is drawn."""
+
+    def initialize(self, watching: Watching, folder: Path) -> None:
+        """folder: where injections are saved."""
+        self._session = Session(watching, folder)
+        self._looking = PeriodicCallback(self._draw, _LOOK_EVERY)
+        self._alive_due = 0.0  # s
+
+    def open(self) -> None:
+        """The browser has the page."""
+        self.set_nodelay(True)  # else most drawings wait 40 ms for the receipt of the packet before
+        self._looking.start()
+
+    def on_message(self, message: str | bytes) -> None:
+        """A button was pressed, or something drawn."""
+        said = pressed(message)
+        if said is None:
+            self.close(1008, "not of this page")
+            return
+        self._session.take(*said)
+        self._draw()
+
+    def on_close(self) -> None:
+        """The browser is gone."""
+        self._looking.stop()
+
+    def _draw(self) -> None:
+        message, now = self._session.message(), time.monotonic()
+        if message is None and now < self._alive_due:
+            return
+        self._alive_due = now + _ALIVE_EVERY
+        with suppress(WebSocketClosedError):  # which `on_close` is about to hear
+            self.write_message(message or b"", binary=True)
+
+
+class _PageServer(HTTPServer):
+    """Takes a limited number of connections, so that files can still be opened; what is beyond is closed at once.
+
+    Whoever asks for a token comes through it, too: it is asked for once the headers of a request have come.
+    """
+
+    def limit(self, console: Console) -> None:
+        """From now on; console: where it is said that there are too many."""
+        self._console = console
+        self._most = min(_CONNECTIONS, resource.getrlimit(resource.RLIMIT_NOFILE)[0] // 2)
+        self._streams: list[IOStream] = []
+        self._is_told = False
+
+    def handle_stream(self, stream: IOStream, address: tuple[str, int]) -> None:
+        """A connection was accepted."""
+        self._streams = [each for each in self._streams if not each.closed()]
+        if len(self._streams) < self._most:
+            self._streams.append(stream)
+            super().handle_stream(stream, address)
+            return
+        stream.close()
+        if not self._is_told:
+            self._is_told = True
+            say(
+                self._console,
+                f"more than {self._most} connections at once, the last one from {address[0]}: more are closed\n"
+                "  remedy: see who opens them; a browser needs fewer than ten",
+            )
+
+
+def serve_page(
+    bench: Bench, source: FrameSource, address: str, port: int, folder: Path, console: Console
+) -> None:
+    """Listen to a source and serve its page until SIGINT or SIGTERM; port 0: one that is free; folder: of `Save`.
+
+    Raises `RunError` for a port that is taken.
+    """
+    asyncio.run(_serve(Watching(bench, source), address, port, folder, console))
+
+
+async def _serve(watching: Watching, address: str, port: int, folder: Path, console: Console) -> None:
+    handlers = [
+        ("/drawings", _Channel, {"watching": watching, "folder": folder}),
+        ("/(.*)", _PageFiles, {"path": _FILES, "default_filename": "page.html"}),
+    ]
+    try:
+        is_local = ip_address(socket.gethostbyname(address)).is_loopback
+        token = None if is_local else secrets.token_urlsafe(12)
+        application = Application(
+            token=token, websocket_max_message_size=_LONGEST, log_function=lambda _: None
+        )
+        # a foreign page whose name leads here by its own name server is not served
+        names = rf"(localhost|127\.0\.0\.1|{re.escape(address)})" if is_local else ".*"
+        application.add_handlers(names, handlers)
+        sockets = bind_sockets(port, address, socket.AF_INET)
+    except OSError as error:
+        raise RunError(
+            f"--port {port}: {address} cannot be listened at ({error.strerror})\n"
+            "  remedy: choose another port, or --port 0 for any that is free"
+        ) from error
+    server = _PageServer(
+        application,
+        idle_connection_timeout=_PATIENCE,
+        body_timeout=_PATIENCE,
+        max_body_size=_LONGEST,
+    )
+    server.limit(console)
+    server.add_sockets(sockets)
+    with stop_on_signals() as stop:
+        watching.start()
+        asked = "" if token is None else f"?token={token}"
+        behind = f":{sockets[0].getsockname()[1]}/{asked}"
+        urls = " or ".join(f"http://{host}{behind}" for host in _hosts(address))
+        say(console, f"{urls} (Ctrl-C ends it)")
+        sys.setswitchinterval(_TURN)
+        gc.freeze()  # what is loaded stays: going through all of it now and then would hold up drawings
+        try:
+            while not stop.is_set():
+                await asyncio.sleep(_STOP_EVERY)
+        finally:
+            watching.close()
+
+
+def _hosts(address: str) -> list[str]:
+    """Names under which the page can be opened, the likely one first."""
+    if not ip_address(socket.gethostbyname(address)).is_unspecified:
+        return [address]
+    name = socket.gethostname()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe, suppress(OSError):
+        probe.connect(_ELSEWHERE)  # sends nothing, but finds the interface that leads to others
+        return [probe.getsockname()[0], name]
+    return [name]

@@ -1,0 +1,243 @@
+"""The runs behind the paper's Figs. 3-5: its scheme as published, and ours, on the same simulated injections."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.config.bench import Bench
+from observer_rt.core.model.laws import normalised_area, root
+from observer_rt.core.model.model import fault_with_rate
+from observer_rt.desk.evaluation.evaluate import evaluate
+from observer_rt.desk.paper.table import Estimator, EstimatorCurves, GainCase, Study, WearCase
+from observer_rt.desk.simulation.plant import Truth
+from observer_rt.desk.simulation.schedule import FIRST_EVENT, make_schedule
+from observer_rt.desk.simulation.simulate import Simulation, simulate
+from observer_rt.engine.estimation.predictor import Window
+from observer_rt.engine.estimation.scalars import PARAMETERS
+from observer_rt.engine.learning.knowledge import Adoption, no_knowledge
+from observer_rt.engine.observer import LEARNING_LEAD, SETTLE, WINDOW_LEAD, WINDOW_TAIL, Durations
+from observer_rt.engine.paper_scheme.learner import PaperLearner
+from observer_rt.engine.paper_scheme.network import FreeNetwork
+from observer_rt.engine.paper_scheme.systems import check_gain, swept
+from observer_rt.engine.paper_scheme.training import (
+    Weights,
+    first_weights,
+    network_of,
+    paper_setting,
+    train,
+)
+from observer_rt.engine.service.constants import bench_constants, configured_noise
+from observer_rt.engine.stream.standstill import Standstill
+from observer_rt.files.replay.framing import bench_for
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLISECOND
+from observer_rt.model.effective import Coefficients
+from observer_rt.model.effects import effective_model, sized
+from observer_rt.model.network import constant_network
+
+SHUT = 1 * MICROMETRE  # lift up to which the needle counts as shut
+
+
+@dataclass(frozen=True)
+class InjectionWindow:
+    """Samples first..last (last excluded) over which an injection is scored, and where the needle opens and shuts."""
+
+    first: int
+    last: int
+    opening: int
+    shut: int
+
+    @property
+    def span(self) -> slice:
+        """The samples as a slice."""
+        return slice(self.first, self.last)
+
+
+def injection_windows(needle_lift: NDArray[np.float64], sample_rate: float) -> list[InjectionWindow]:
+    """Windows of all strokes in a noise-free lift [m] (n,): 0.15 ms before opening to 0.5 ms after shutting."""
+    is_open = np.concatenate([[False], needle_lift > SHUT, [False]])
+    edges = np.flatnonzero(np.diff(is_open))
+    lead, tail = round(WINDOW_LEAD * sample_rate), round(WINDOW_TAIL * sample_rate)
+    return [
+        InjectionWindow(int(opening) - lead, int(shut) + tail + 1, int(opening), int(shut))
+        for opening, shut in zip(edges[::2], edges[1::2], strict=True)
+    ]
+
+
+def true_states(truth: Truth, c: Coefficients) -> NDArray[np.float64]:
+    """x of (24) (n, 3)."""
+    return np.column_stack(
+        [
+            (truth.line_pressure - c.chamber_pressure) / c.pressure_scale,
+            truth.line_flow / c.flow_scale,
+            (truth.sac_pressure - c.chamber_pressure) / c.pressure_scale,
+        ]
+    )
+
+
+def inputs(truth: Truth, c: Coefficients) -> NDArray[np.float64]:
+    """u of (24) (n, 2)."""
+    area = [normalised_area(lift, c.seat) for lift in truth.needle_lift]
+    return np.column_stack([(truth.rail_pressure - c.chamber_pressure) / c.pressure_scale, np.array(area)])
+
+
+def true_fault(
+    x: NDArray[np.float64], u: NDArray[np.float64], c: Coefficients, nozzle_wear: float
+) -> NDArray[np.float64]:
+    """Phi of (27) (n, 3) [1/s] for v_H, v_S = 0, along the true x (n, 3) and u (n, 2)."""
+    network = constant_network(nozzle=nozzle_wear)
+    return np.array([fault_with_rate(row, col, c, network)[0] for row, col in zip(x, u, strict=True)])
+
+
+def learning_window(
+    truth: Truth, injection: InjectionWindow, c: Coefficients, sample_rate: float
+) -> tuple[Window, int]:
+    """The event round one injection for the paper's pair, and the position of its first sample.
+
+    From 1 ms before the opening to the end of the event gap; y = x_1 without noise, the line at its true state.
+    """
+    first = injection.opening - round(LEARNING_LEAD * sample_rate)
+    last = injection.shut + round(Durations().event_gap * sample_rate)
+    samples = np.arange(first, last)
+    x, u = true_states(truth, c)[first:last], inputs(truth, c)[first:last]
+    settled = injection.shut + round(SETTLE * sample_rate)
+    window = Window(
+        inputs=u,
+        output=x[:, 0].copy(),
+        resting=(samples < injection.opening) | (samples > settled),
+        start=np.array([x[0, 0], x[0, 1], 0.0, x[0, 0]]),
+        opening=injection.opening - first,
+    )
+    return window, first
+
+
+RAIL_PRESSURES = tuple(p * MEGAPASCAL for p in (60.0, 100.0, 140.0))  # Pa, of Fig. 3
+RAIL_PRESSURE = 100 * MEGAPASCAL  # of Figs. 4 and 5
+ENERGIZING_TIME = 1.9 * MILLISECOND
+NOZZLE_WEAR = 0.3  # v_H of Fig. 4
+SWEEP = tuple(round(-0.5 + 0.1 * i, 1) for i in range(11))  # v_H of Fig. 5
+TRAININGS = 10  # of "trained on"
+PERIOD = 40 * MILLISECOND  # what is learned from one event is in force before the next
+LARGEST_GAIN = 1e5  # 1/s, of the paper's identification system; less where samples are slower
+GAINS = (1e4, 3e4, LARGEST_GAIN)
+
+Progress = Callable[[float], None]
+
+
+def run_study(bench: Bench, sample_rate: float, progress: Progress) -> Study:
+    """Simulate, train and evaluate everything; `progress` hears the share done.
+
+    Raises `UserError` for a sample rate [Hz] at which the paper's scheme cannot identify anything.
+    """
+    c = effective_model(bench.injector.parameters).coefficients
+    gain = min(LARGEST_GAIN, sample_rate)
+    check_gain("--sample-rate", gain, c, sample_rate)
+    healthy = []
+    for pressure in RAIL_PRESSURES:
+        schedule = make_schedule([pressure], 1, PERIOD, [ENERGIZING_TIME])
+        healthy.append(simulate(bench.injector.parameters, schedule, sample_rate).truth)
+    cases = []
+    for number, wear in enumerate(SWEEP):
+        cases.append(_wear_case(bench, sample_rate, gain, wear))
+        progress((number + 1) / len(SWEEP))
+    gains = tuple(_gain_case(bench, sample_rate, value) for value in GAINS if value <= gain)
+    return Study(sample_rate, gain, c, tuple(healthy), tuple(cases), gains)
+
+
+def _simulated(bench: Bench, sample_rate: float, wear: float, events: int) -> Simulation:
+    schedule = make_schedule([RAIL_PRESSURE], events, PERIOD, [ENERGIZING_TIME])
+    return simulate(bench.injector.parameters, schedule, sample_rate, (sized("orifice_area", v_H=wear),))
+
+
+def _wear_case(bench: Bench, sample_rate: float, gain: float, wear: float) -> WearCase:
+    c = effective_model(bench.injector.parameters).coefficients
+    single = _simulated(bench, sample_rate, wear, 1)
+    several = _simulated(bench, sample_rate, wear, TRAININGS)
+    (injection,) = injection_windows(single.truth.needle_lift, sample_rate)
+    span = injection.span
+    scheme = _Scheme(bench, single, injection, gain)
+    tested, rejected = scheme.tested(TRAININGS)
+    x, u = true_states(single.truth, c)[span], inputs(single.truth, c)[span]
+    paper = scheme.estimate(scheme.trained(1))
+    return WearCase(
+        nozzle_wear=wear,
+        time=single.truth.time[span] - FIRST_EVENT,
+        truth=EstimatorCurves(x[:, 2], true_fault(x, u, c, wear), single.truth.injection_rate[span]),
+        estimates={
+            Estimator.MODEL: scheme.estimate(scheme.trained(0)),
+            Estimator.PAPER: paper,
+            Estimator.PAPER_TRAINED_ON: scheme.estimate(scheme.trained(TRAININGS)),
+            Estimator.PAPER_TESTED: scheme.estimate(tested),
+            Estimator.OURS: _ours(bench, single, single, injection),
+            Estimator.OURS_TRAINED_ON: _ours(bench, several, single, injection),
+        },
+        law_rate=np.array([c.nozzle.flow * root(value, c.nozzle.transition) for value in paper.x_3]),
+        rejected=rejected,
+    )
+
+
+def _ours(
+    bench: Bench, learned_from: Simulation, seen: Simulation, injection: InjectionWindow
+) -> EstimatorCurves:
+    """What our observer, having learned from one recording, says of an injection of another, or the same."""
+    knowledge = evaluate(bench, [learned_from.recording]).knowledge
+    (evaluation,) = evaluate(bench, [seen.recording], knowledge, learning=False).evaluations
+    trace, span = evaluation.trace, injection.span
+    return EstimatorCurves(trace.x[span, 2], trace.phi[span], trace.injection_rate[span])
+
+
+def _gain_case(bench: Bench, sample_rate: float, gain: float) -> GainCase:
+    simulation = _simulated(bench, sample_rate, NOZZLE_WEAR, 1)
+    (injection,) = injection_windows(simulation.truth.needle_lift, sample_rate)
+    scheme = _Scheme(bench, simulation, injection, gain)
+    true_x_3 = true_states(simulation.truth, effective_model(bench.injector.parameters).coefficients)[
+        injection.span, 2
+    ]
+    model, paper = scheme.estimate(scheme.trained(0)), scheme.estimate(scheme.trained(1))
+    true_volume = np.trapezoid(simulation.truth.injection_rate[injection.span])
+    return GainCase(
+        gain=gain,
+        mse_ratio=float(np.sum((model.x_3 - true_x_3) ** 2) / np.sum((paper.x_3 - true_x_3) ** 2)),
+        mass_error=float(np.trapezoid(paper.rate) / true_volume) - 1.0,
+    )
+
+
+class _Scheme:
+    """The paper's scheme on one noise-free injection: trained on it, and looked at while it runs over it."""
+
+    def __init__(self, bench: Bench, simulation: Simulation, injection: InjectionWindow, gain: float) -> None:
+        self._bench = bench_for(bench, simulation.recording)
+        self._gain = gain
+        self._constants = bench_constants(self._bench.injector)
+        c, interval = self._constants.coefficients, self._constants.interval
+        self._setting = paper_setting(c, interval, self._constants.substeps, gain)
+        self._window, start = learning_window(
+            simulation.truth, injection, c, simulation.recording.sample_rate
+        )
+        self._span = slice(injection.first - start, injection.last - start)
+
+    def trained(self, trainings: int) -> FreeNetwork:
+        """The network after so many trainings, each of which takes force whatever it came to; phi = 0 after none."""
+        weights = first_weights()
+        for _ in range(trainings):
+            result = train(self._window, self._setting, weights).weights
+            weights = Weights(in_force=result, trained=result)
+        return network_of(weights.in_force, self._setting)
+
+    def tested(self, trainings: int) -> tuple[FreeNetwork, int]:
+        """The network in force after so many trainings behind the adoption test, and how many it refused."""
+        knowledge = no_knowledge(
+            configured_noise(self._bench.injector), self._constants.coefficients.pressure_scale
+        )
+        learner = PaperLearner(self._constants, knowledge, self._gain)
+        rejected = 0
+        for _ in range(trainings):
+            outcome = learner.learn(self._window, Standstill(0, 0.0, None), np.zeros(PARAMETERS))
+            rejected += outcome.adoption is not Adoption.ADOPTED
+        return learner.network, rejected
+
+    def estimate(self, network: FreeNetwork) -> EstimatorCurves:
+        """The observer with this network over the injection."""
+        seen = swept(self._window, self._setting, network)
+        return EstimatorCurves(seen.x[self._span, 2], seen.phi[self._span], seen.rate[self._span])

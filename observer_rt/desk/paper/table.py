@@ -1,0 +1,163 @@
+"""Ours beside the paper's scheme: what is compared, how it is scored, and the table on screen, as CSV, Markdown."""
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from rich.table import Table
+from rich.text import Text
+
+from observer_rt.desk.simulation.plant import Truth
+from observer_rt.model.effective import Coefficients
+
+
+class Estimator(StrEnum):
+    """What is compared; the number is that of the trainings before the injection."""
+
+    MODEL = "model"
+    PAPER = "paper, 1"
+    PAPER_TRAINED_ON = "paper, 10"
+    PAPER_TESTED = "paper, 10, tested"
+    OURS = "ours, 1"
+    OURS_TRAINED_ON = "ours, 10"
+
+
+@dataclass(frozen=True)
+class EstimatorCurves:
+    """One injection as an estimator sees it, n samples: x3, phi (n, 3) [1/s], rate [m3/s]."""
+
+    x_3: NDArray[np.float64]
+    phi: NDArray[np.float64]
+    rate: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class WearCase:
+    """One injection of a nozzle worn by v_H: the truth and every estimate of it over the injection's window.
+
+    time [s] from the start of energizing; `law_rate` [m3/s]: the orifice law at the x3 of `Estimator.PAPER`.
+    """
+
+    nozzle_wear: float
+    time: NDArray[np.float64]
+    truth: EstimatorCurves
+    estimates: dict[Estimator, EstimatorCurves]
+    law_rate: NDArray[np.float64]
+    rejected: int
+    """Trainings of `Estimator.PAPER_TESTED` that the adoption test refused."""
+
+    def mse(self, estimator: Estimator) -> float:
+        """Mean squared error of x3 (28)."""
+        return float(np.mean((self.estimates[estimator].x_3 - self.truth.x_3) ** 2))
+
+    def mse_ratio(self, estimator: Estimator) -> float:
+        """How many times smaller than the model's the MSE is; nan for the healthy nozzle, which leaves no error."""
+        return self.mse(Estimator.MODEL) / self.mse(estimator) if self.nozzle_wear else float("nan")
+
+    def mass_error(self, estimator: Estimator) -> float:
+        """Relative error of the injected mass."""
+        return self.relative_mass(self.estimates[estimator].rate)
+
+    def relative_mass(self, rate: NDArray[np.float64]) -> float:
+        """Mass of a rate [m3/s] (n,) over the true one, less 1."""
+        return float(np.trapezoid(rate) / np.trapezoid(self.truth.rate)) - 1.0
+
+
+@dataclass(frozen=True)
+class GainCase:
+    """The paper's scheme after one training at v_H = 0.3 with an identification gain [1/s]."""
+
+    gain: float
+    mse_ratio: float
+    mass_error: float
+
+
+@dataclass(frozen=True)
+class Study:
+    """Everything the figures, the table and the report are made of."""
+
+    sample_rate: float
+    gain: float
+    coefficients: Coefficients
+    healthy: tuple[Truth, ...]
+    """One injection of the model at every pressure of Fig. 3."""
+    cases: tuple[WearCase, ...]
+    gains: tuple[GainCase, ...]
+
+    def case(self, nozzle_wear: float) -> WearCase:
+        """The case of one v_H of the sweep."""
+        return next(case for case in self.cases if case.nozzle_wear == nozzle_wear)
+
+
+OBSERVERS = tuple(estimator for estimator in Estimator if estimator is not Estimator.MODEL)
+
+
+def _ratio(value: float) -> str:
+    if math.isnan(value):
+        return "-"
+    return f"{value:.2f}" if value < 100.0 else f"{float(f'{value:.3g}'):.0f}"
+
+
+def _cells(case: WearCase) -> list[str]:
+    return [
+        f"{case.nozzle_wear:+.1f}",
+        f"{case.mse(Estimator.MODEL):.2e}",
+        *(_ratio(case.mse_ratio(estimator)) for estimator in OBSERVERS),
+        *(f"{100 * case.mass_error(estimator):+.2f}" for estimator in Estimator),
+        str(case.rejected),
+    ]
+
+
+HEADINGS = (
+    "v_H",
+    "MSE of x3, model",
+    *(f"MSE ratio: {estimator}" for estimator in OBSERVERS),
+    *(f"mass error [%]: {estimator}" for estimator in Estimator),
+    "refused",
+)
+
+
+def screen_table(study: Study) -> Table:
+    """For a terminal of 160 columns."""
+    table = Table(
+        title="x3-MSE of the model over that of each observer, and errors of the injected mass [%], by nozzle wear; "
+        "the number is that of trainings",
+        title_justify="left",
+        box=None,
+        padding=(0, 1),
+    )
+    for heading in HEADINGS:
+        table.add_column(Text(heading.replace(": ", "\n").replace(", ", "\n")), justify="right")
+    for case in study.cases:
+        table.add_row(*_cells(case))
+    return table
+
+
+def write_csv(path: Path, study: Study) -> None:
+    """Every number of the table, and the MSE of every estimator, unrounded."""
+    rows = [
+        {
+            "v_H": str(case.nozzle_wear),
+            **{f"x3_mse_{_key(each)}": case.mse(each) for each in Estimator},
+            **{f"x3_mse_ratio_{_key(each)}": case.mse_ratio(each) for each in OBSERVERS},
+            **{f"mass_error_pct_{_key(each)}": 100 * case.mass_error(each) for each in Estimator},
+            "refused_trainings_paper_10_tested": case.rejected,
+        }
+        for case in study.cases
+    ]
+    pd.DataFrame(rows).to_csv(path, index=False, float_format="%.6g", lineterminator="\r\n")
+
+
+def markdown(study: Study) -> str:
+    """The table as Markdown."""
+    lines = ["| " + " | ".join(HEADINGS) + " |", "|" + "---:|" * len(HEADINGS)]
+    lines += ["| " + " | ".join(_cells(case)) + " |" for case in study.cases]
+    return "\n".join(lines) + "\n"
+
+
+def _key(estimator: Estimator) -> str:
+    return estimator.replace(", ", "_").replace(" ", "_")

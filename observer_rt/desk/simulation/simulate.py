@@ -1,0 +1,232 @@
+"""Recordings of a healthy or worn injector, as sensors and bus show it, with the truth behind them.
+
+Effects are named as on the command line.
+"""
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.config.effects import effect_named, parameter_named, value_in_bounds
+from observer_rt.core.plant.plant import show_slowly
+from observer_rt.desk.simulation.plant import Progress, Truth, run_plant
+from observer_rt.desk.simulation.schedule import Schedule, strokes
+from observer_rt.files.signals.recording import TRUTH_SUFFIX, Recording
+from observer_rt.files.signals.table_writers import (
+    INJECTION_RATE,
+    LINE_PRESSURE,
+    NEEDLE_LIFT,
+    TIME,
+    WrittenColumn,
+    write_columns,
+)
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.files import file_errors
+from observer_rt.foundation.units import MEGAPASCAL, MM3_PER_MS
+from observer_rt.model.effect import EffectParameter, SizedEffect
+from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.effects import effective_model, sized
+from observer_rt.model.parameters import InjectorParameters
+
+HIGHEST_CODE = 0xFFFD  # above it the bus says "error" and "not available"
+
+
+class Quantisation(NamedTuple):
+    """16-bit codes of the bus: value = (code + lowest) * multiple / divisor, exact in SI units."""
+
+    lowest: int
+    multiple: float
+    divisor: float
+
+    def apply(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Nearest values the bus can carry, clipped to its range; shape (n,)."""
+        steps = np.rint(values * (self.divisor / self.multiple))
+        return np.clip(steps, self.lowest, self.lowest + HIGHEST_CODE) * self.multiple / self.divisor
+
+
+PRESSURE = Quantisation(lowest=-2000, multiple=5000.0, divisor=1.0)
+"""0.005 MPa steps from -10 MPa."""
+LIFT = Quantisation(lowest=-5000, multiple=1.0, divisor=1e8)
+"""0.01 um steps from -50 um."""
+
+
+@dataclass(frozen=True)
+class SimulatedNoise:
+    """Standard deviations of white noise per sample, whatever the sample rate."""
+
+    rail_pressure: float = 0.1e6
+    """[Pa]"""
+    needle_lift: float = 0.4e-6
+    """[m]"""
+    line_pressure: float = 0.15e6
+    """[Pa]"""
+    injection_rate: float = 0.5e-6
+    """[m3/s]"""
+    injection_rate_gain: float = 0.005
+    """Of the measured rate's gain, once a recording [-]."""
+
+
+MIN_SAMPLE_RATE = 1e3  # Hz, below which an injection falls between two samples
+MAX_SAMPLE_RATE = 1e6  # Hz
+
+SAC_PRESSURE = WrittenColumn("sac_pressure_MPa", "sac_pressure", factor=MEGAPASCAL)
+LINE_FLOW = WrittenColumn("line_flow_mm3_per_ms", "line_flow", factor=MM3_PER_MS)
+
+
+@dataclass(frozen=True, eq=False)
+class Simulation:
+    """A recording as sensors and bus would give it, and the noise-free truth at the same times."""
+
+    recording: Recording
+    truth: Truth
+
+
+def simulate(
+    parameters: InjectorParameters,
+    schedule: Schedule,
+    sample_rate: float,
+    effects: Sequence[SizedEffect] = (),
+    noise: SimulatedNoise | None = None,
+    measured_rate: bool = False,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Simulation:
+    """Simulate a schedule at `sample_rate` [Hz], with the effects in force in `parameters` and `effects` besides.
+
+    Without `noise` the recording has neither noise nor quantisation. The same arguments give the same bits;
+    every signal has its own random stream, so that one signal more or less leaves the others as they are.
+    Raises `UserError` for a sample rate out of range and strokes that overlap.
+    """
+    if not MIN_SAMPLE_RATE <= sample_rate <= MAX_SAMPLE_RATE:
+        raise UserError(
+            "--sample-rate",
+            f"{sample_rate:g} Hz is out of range",
+            f"give {MIN_SAMPLE_RATE:g} to {MAX_SAMPLE_RATE:g} Hz",
+        )
+    model = effective_model(parameters, effects)
+    time = np.arange(round(schedule.duration * sample_rate) + 1) / sample_rate
+    truth = run_plant(model, strokes(schedule, parameters), time, schedule.rail_pressure(time), progress)
+    return Simulation(_measure(truth, model, noise, measured_rate, seed), truth)
+
+
+def truth_path(recording: Path) -> Path:
+    """Where the truth of a recording goes: `FILE.truth.csv`."""
+    return recording.with_name(recording.name + TRUTH_SUFFIX)
+
+
+def write_truth(path: Path, truth: Truth) -> None:
+    """Write the truth as CSV, units in the header. Raises `UserError` or `RunError` for the file."""
+    with file_errors(path):
+        write_columns(
+            path,
+            [
+                (TIME, truth.time),
+                (INJECTION_RATE, truth.injection_rate),
+                (NEEDLE_LIFT, truth.needle_lift),
+                (LINE_PRESSURE, truth.line_pressure),
+                (SAC_PRESSURE, truth.sac_pressure),
+                (LINE_FLOW, truth.line_flow),
+            ],
+        )
+
+
+def _measure(
+    truth: Truth, model: EffectiveModel, noise: SimulatedNoise | None, measured_rate: bool, seed: int
+) -> Recording:
+    terms = model.inputs
+    shown = np.interp(truth.time - terms.rail_delay, truth.time, truth.rail_pressure)
+    rail_pressure = (shown - terms.rail_shift) / terms.rail_factor
+    line_pressure = truth.recorded_line_pressure + model.sensor.offset
+    open_lift = np.maximum((truth.needle_lift - terms.lift_shift) / terms.lift_factor, 0.0)
+    needle_lift = np.where(truth.needle_lift > 0.0, open_lift, 0.0)
+    if terms.lift_lag > 0.0:
+        needle_lift = shown_slowly(needle_lift, float(truth.time[1] - truth.time[0]), terms.lift_lag)
+    if noise is None:
+        return Recording(
+            time=truth.time,
+            rail_pressure=rail_pressure,
+            needle_lift=needle_lift,
+            line_pressure=line_pressure,
+            injection_rate=truth.injection_rate if measured_rate else None,
+        )
+    rail, lift, line, rate, gain = (
+        np.random.Generator(np.random.PCG64(stream)) for stream in np.random.SeedSequence(seed).spawn(5)
+    )
+    n = truth.time.size
+    injection_rate = None
+    if measured_rate:
+        injection_rate = truth.injection_rate * (1.0 + gain.normal(0.0, noise.injection_rate_gain))
+        injection_rate += rate.normal(0.0, noise.injection_rate, n)
+    return Recording(
+        time=truth.time,
+        rail_pressure=PRESSURE.apply(rail_pressure + rail.normal(0.0, noise.rail_pressure, n)),
+        needle_lift=LIFT.apply(needle_lift + lift.normal(0.0, noise.needle_lift, n)),
+        line_pressure=PRESSURE.apply(line_pressure + line.normal(0.0, noise.line_pressure, n)),
+        injection_rate=injection_rate,
+    )
+
+
+def shown_slowly(values: NDArray[np.float64], interval: float, lag: float) -> NDArray[np.float64]:
+    """Values (n,) at every interval [s], at rest before, as a sensor of this lag [s] shows them."""
+    shown = np.empty_like(values)
+    show_slowly(values, interval, lag, shown)
+    return shown
+
+
+OPTION = "--effect"
+
+
+def parse_effects(texts: Sequence[str]) -> tuple[SizedEffect, ...]:
+    """Effects from `id[:parameter]=value` in printed units, such as `channel_skew:d=10` or `=10us`; switches are ids.
+
+    An effect with several parameters is given once for each. Raises `UserError` for an unknown id or parameter
+    (naming the nearest), another unit, a value that is no number or out of bounds, and a parameter given twice.
+    """
+    sizes: dict[str, dict[str, float]] = {}
+    for text in texts:
+        key, separator, printed = text.partition("=")
+        name, colon, parameter_name = (part.strip() for part in key.partition(":"))
+        effect = effect_named(OPTION, name)
+        if not effect.parameters:
+            if colon or separator or name in sizes:
+                raise UserError(OPTION, f"'{text}' is a switch", f"write it as {name}, once")
+            sizes[name] = {}
+            continue
+        if not separator:
+            raise UserError(OPTION, f"'{text}' has no '=value'", "write it as orifice_area:v_H=0.3")
+        parameter = parameter_named(OPTION, effect, parameter_name) if colon else effect.parameters[0]
+        values = sizes.setdefault(name, {})
+        if parameter.name in values:
+            raise UserError(OPTION, f"'{name}:{parameter.name}' is given twice", "give each parameter once")
+        values[parameter.name] = value_in_bounds(OPTION, effect, parameter, _number(printed, parameter))
+    return tuple(sized(name, **values) for name, values in sizes.items())
+
+
+def sizes_of(one: SizedEffect) -> str:
+    """An effect with its sizes and their units, such as `channel_skew d = 10 us`."""
+    sizes = [
+        f"{p.name} = {value / p.si:g}" + ("" if p.unit == "-" else f" {p.unit}")
+        for p, value in zip(one.effect.parameters, one.values, strict=True)
+    ]
+    return f"{one.effect.id} {', '.join(sizes)}".rstrip()
+
+
+def _number(text: str, parameter: EffectParameter) -> float:
+    """The number, with the parameter's unit or without one; nan for no number."""
+    number = re.match(r"[-+]?[\d.]+(?:[eE][-+]?\d+)?", text.strip())
+    if number is None:
+        return math.nan
+    unit = text.strip()[number.end() :].strip()
+    if unit not in ("", parameter.unit):
+        problem = f"'{text}': the unit of {parameter.name} is not '{unit}'"
+        raise UserError(OPTION, problem, f"give the number in {parameter.unit}, or by itself")
+    try:
+        return float(number[0])
+    except ValueError:
+        return math.nan

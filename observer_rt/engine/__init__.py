@@ -1,0 +1,1 @@
+"""One injector's observer on frames: estimation, stream, learning, validity, reports. No socket, file or clock."""

@@ -1,0 +1,199 @@
+"""The cost of prediction-error learning: innovations of one event whitened, and robustly weighted.
+
+What makes coloured innovations white: a high pass that takes the slow part away, an autoregressive filter.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.core.learning.whitening import NO_HIGH_PASS, robust_cost, weigh, whiten
+from observer_rt.engine.estimation.predictor import (
+    NO_RATE,
+    NO_SLOPES,
+    Setting,
+    Window,
+    innovations,
+    innovations_with_sensitivity,
+)
+from observer_rt.engine.estimation.scalars import SCALARS, Parameter, Scalars, learned_of
+from observer_rt.foundation.units import MEGAPASCAL
+
+NONE_MASKED = np.empty(0, np.bool_)
+
+
+@dataclass(frozen=True, eq=False)
+class Whitening:
+    """(1 - z)/(1 - theta z) (1 + a_1 z + .. + a_p z^p), z the delay of one sample.
+
+    forgetting: theta, None without high pass; taps: a (p,).
+    """
+
+    forgetting: float | None
+    taps: NDArray[np.float64]
+
+    def of(self, values: NDArray[np.float64], masked: NDArray[np.bool_] = NONE_MASKED) -> NDArray[np.float64]:
+        """Innovations (n,) or their slopes (n, m), whitened: linear, and alike for both.
+
+        The first value does not count, as that of innovations does not, and becomes 0. masked: (n,) where there is
+        no value, or (0,): one as it is expected there is taken, and 0 comes out until all taps lie on values again.
+        """
+        columns = values.reshape(values.shape[0], -1)
+        result = np.empty_like(columns)
+        forgetting = NO_HIGH_PASS if self.forgetting is None else self.forgetting
+        whiten(columns, masked, forgetting, self.taps, result)
+        return result.reshape(values.shape)
+
+
+def forgetting_of(time_constant: float, interval: float) -> float:
+    """theta of a high pass with a time constant [s] at a sample interval [s]."""
+    return math.exp(-interval / time_constant)
+
+
+OFFSET_SIGMA = 0.2 * MEGAPASCAL  # of the mean difference at rest between line and rail pressure
+_OFFSET = int(Parameter.LINE_PRESSURE_OFFSET)
+
+
+@dataclass(frozen=True)
+class Linearisation:
+    """Cost of an event round theta: value, gradient (m,) and Gauss-Newton information (m, m)."""
+
+    theta: NDArray[np.float64]
+    value: float
+    gradient: NDArray[np.float64]
+    information: NDArray[np.float64]
+
+    @property
+    def vector(self) -> NDArray[np.float64]:
+        """information @ (the minimum of the quadratic approximation), (m,)."""
+        return self.information @ self.theta - self.gradient
+
+    def expected(self, theta: NDArray[np.float64]) -> float:
+        """The cost at another theta (m,) by the quadratic approximation."""
+        step = theta - self.theta
+        return self.value + float(self.gradient @ step) + 0.5 * float(step @ self.information @ step)
+
+    def moved(self, theta: NDArray[np.float64], value: float) -> "Linearisation":
+        """The same quadratic approximation round another theta (m,), where the cost was found to be `value`."""
+        gradient = self.gradient + self.information @ (theta - self.theta)
+        return Linearisation(theta, value, gradient, self.information)
+
+    def tempered(self, factor: float) -> "Linearisation":
+        """The same of the cost divided by a factor."""
+        value, gradient, information = self.value / factor, self.gradient / factor, self.information / factor
+        return Linearisation(self.theta, value, gradient, information)
+
+    def score(self, covariance: NDArray[np.float64]) -> float:
+        """Score test of a prior belief with this covariance (m, m) and its mean here: g' (G + G C G)^-1 g.
+
+        chi2 with m degrees of freedom when the belief is right.
+        """
+        return float(self.gradient @ np.linalg.solve(self._spread(covariance), self.gradient))
+
+    def standard_scores(self, covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+        """By how many standard deviations each parameter pulls up (m,), tested alone as in `score`; 0 without say."""
+        sigma = np.sqrt(np.diag(self._spread(covariance)))
+        return np.divide(-self.gradient, sigma, out=np.zeros_like(sigma), where=sigma > 0.0)
+
+    def _spread(self, covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Covariance (m, m) of the gradient when a belief is right."""
+        return self.information + self.information @ covariance @ self.information
+
+
+class EventCost:
+    """J(theta) = robust sum of (e~/sigma)^2 / 2 over one event.
+
+    Innovations of the first `burn_in` samples do not count: x~ started from another theta. Coloured ones and their
+    slopes go through a filter first; what a high pass in it hides, the sensor's offset, is then what it was at rest.
+    Noisier ones count as white ones do that are smaller. On a line of cells means over `Line.resolved` count, as they
+    do in a fit: what cells make of shorter waves would be made up for by the nozzle.
+    """
+
+    def __init__(
+        self,
+        window: Window,
+        setting: Setting,
+        sigma: float,
+        burn_in: int,
+        scalars: Scalars = SCALARS,
+        whitening: Whitening | None = None,
+        offset: float | None = None,
+        levels: NDArray[np.float64] | None = None,
+        temper: float = 1.0,
+        expected: NDArray[np.float64] | None = None,
+    ) -> None:
+        """sigma: standard deviation of white innovations, in units of p_0; whitening: None if they are white.
+
+        offset: line over rail pressure at rest [p_0] on the mean, None where there was none; levels: (n,) by what
+        samples are noisier than sigma, None: all are as noisy; temper: J is divided by it;
+        expected: (n,) mean innovation of the healthy injector, which is taken out, None: 0.
+        """
+        self._window = window
+        self._setting = setting
+        self._scalars = scalars
+        self._whitening = whitening
+        self._levels = levels
+        self._offset, self._offset_weight = 0.0, 0.0
+        if whitening is not None and whitening.forgetting is not None and offset is not None:
+            self._offset = offset
+            self._offset_weight = (setting.coefficients.pressure_scale / OFFSET_SIGMA) ** 2
+        self.sigma = sigma
+        self.burn_in = burn_in
+        self.temper = temper
+        self._expected = expected
+        self._together: int = max(1, round(setting.coefficients.line.resolved / setting.interval))
+        self.slopes = NO_SLOPES
+        """(n, m) of the innovations where J was last linearised."""
+        self.unfiltered = self.innovations = NO_RATE
+
+    def beyond_noise(self, value: float) -> float:
+        """chi2 of the innovations beyond that of noise, where J is `value`."""
+        return 2.0 * self.temper * value - self.terms
+
+    @property
+    def terms(self) -> int:
+        """How many squares J sums."""
+        return (self._window.output.size - self.burn_in) // self._together
+
+    def value(self, theta: NDArray[np.float64]) -> float:
+        """J(theta), inf where the prediction is not finite; leaves the innovations behind."""
+        learned = learned_of(theta, self._setting.coefficients, self._scalars)
+        self.unfiltered = np.empty(self._window.output.size)
+        innovations(self._window, self._setting, learned, self.unfiltered)
+        return self._cost(theta)
+
+    def linearised(self, theta: NDArray[np.float64]) -> Linearisation:
+        """J round theta (m,); leaves the innovations and their slopes (n, m) behind."""
+        self.unfiltered = np.empty(self._window.output.size)
+        slopes = np.empty((self.unfiltered.size, theta.size))
+        innovations_with_sensitivity(
+            self._window, self._setting, theta, self.unfiltered, slopes, self._scalars
+        )
+        value = self._cost(theta)
+        self.slopes = self.whitened(slopes)
+        gradient = np.zeros(theta.size)
+        information = np.zeros((theta.size, theta.size))
+        weigh(self.innovations, self.slopes, self.burn_in, self.sigma, self._together, gradient, information)
+        gradient[_OFFSET] += self._offset_weight * (theta[_OFFSET] - self._offset)
+        information[_OFFSET, _OFFSET] += self._offset_weight
+        return Linearisation(theta, value, gradient / self.temper, information / self.temper)
+
+    def whitened(
+        self, values: NDArray[np.float64], masked: NDArray[np.bool_] | None = None
+    ) -> NDArray[np.float64]:
+        """Innovations (n,), or slopes of them (n, m), as they count in J; masked: None, as in the event."""
+        if self._whitening is not None:
+            values = self._whitening.of(values, self._window.masked if masked is None else masked)
+        if self._levels is None:
+            return values
+        return values / (self._levels if values.ndim == 1 else self._levels[:, None])
+
+    def _cost(self, theta: NDArray[np.float64]) -> float:
+        if self._expected is not None:
+            self.unfiltered -= self._expected
+        self.innovations = self.whitened(self.unfiltered)
+        cost = robust_cost(self.innovations, self.burn_in, self.sigma, self._together)
+        cost += 0.5 * self._offset_weight * (theta[_OFFSET] - self._offset) ** 2
+        return cost / self.temper if math.isfinite(cost) else math.inf

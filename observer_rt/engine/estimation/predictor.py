@@ -1,0 +1,116 @@
+"""The identification system x~: prediction by the model with phi, correction by the gain, its innovations."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.core.learning.predictor import follow
+from observer_rt.engine.estimation.scalars import SCALARS, Learned, Parameter, Scalars, by_theta, learned_of
+from observer_rt.model.effective import Coefficients
+from observer_rt.model.forcing import NO_CLOCK, NO_PROGRAM, Clock
+from observer_rt.model.right_hand_side import Tangent, tangent_of
+from observer_rt.model.sensor import LAG_UNIT
+
+NO_RATE = np.empty(0)
+NO_SLOPES = np.empty((0, 0))
+_LAG = int(Parameter.SENSOR_LAG)
+
+
+class Window(NamedTuple):
+    """Consecutive samples round one event, normalised by (24); n samples.
+
+    inputs: (n, 2) u = [p_R, A_S]; output: (n,) y, moved by the whole samples it is recorded late; resting:
+    (n,) needle shut so long that p_S = p_C; start: (states + 1,) x~ and the indicated pressure at the first sample;
+    opening: index of the first sample with an open needle; knots: (n, 2), where the area bends after each sample, as
+    in `integrator.advance_over`, for a lift that was sampled between the samples. (0, 2): it was not. masked:
+    (n,) y is an outlier and does not count; (0,): none is. clock: time and openings up to the first sample.
+    """
+
+    inputs: NDArray[np.float64]
+    output: NDArray[np.float64]
+    resting: NDArray[np.bool_]
+    start: NDArray[np.float64]
+    opening: int
+    knots: NDArray[np.float64] = np.empty((0, 2))
+    masked: NDArray[np.bool_] = np.empty(0, np.bool_)
+    clock: Clock = NO_CLOCK
+
+    def until(self, end: int) -> "Window":
+        """Its first samples, so many."""
+        return Window(
+            self.inputs[:end],
+            self.output[:end],
+            self.resting[:end],
+            self.start,
+            self.opening,
+            self.knots[:end],
+            self.masked[:end],
+            self.clock,
+        )
+
+
+class Setting(NamedTuple):
+    """What stays the same while parameters are sought: sample interval [s], substeps, model, gain (states,).
+
+    late: by which share of an interval (0..1) the indicated pressure is recorded late; lag [s] and offset (in units
+    of p_0): of the sensor of the model in force, what is learned comes on top. program: of the terms in force.
+    """
+
+    interval: float
+    substeps: int
+    coefficients: Coefficients
+    gain: NDArray[np.float64]
+    late: float = 0.0
+    lag: float = 0.0
+    offset: float = 0.0
+    program: NDArray[np.float64] = NO_PROGRAM
+
+
+class Gradient(NamedTuple):
+    """What carries the filtered gradient d e~/d theta along; all but the state's tangent as wide as that is."""
+
+    tangent: Tangent
+    lag: NDArray[np.float64]  # of the sensor's lag [s]
+    before: NDArray[np.float64]  # of p_L one sample before
+    indicated: NDArray[np.float64]
+    error: NDArray[np.float64]  # of the innovation
+
+
+def gradient_of(
+    theta: NDArray[np.float64], c: Coefficients, learned: Learned, scalars: Scalars = SCALARS
+) -> Gradient:
+    """A gradient of 0 for theta (m,) on the model `c`."""
+    tangent = tangent_of(c, learned.network, by_theta(theta, c, scalars), theta.size)
+    lag, before, indicated, error = np.zeros((4, tangent.by.shape[1]))
+    lag[_LAG] = LAG_UNIT
+    return Gradient(tangent, lag, before, indicated, error)
+
+
+def innovations(window: Window, setting: Setting, learned: Learned, result: NDArray[np.float64]) -> None:
+    """Innovations e~ = y - o - (indicated pressure of x~) of every sample into `result` (n,); result[0] is 0."""
+    follow(window, setting, learned, window.output.size, result, NO_RATE, None, NO_SLOPES)
+
+
+def innovations_with_sensitivity(
+    window: Window,
+    setting: Setting,
+    theta: NDArray[np.float64],
+    result: NDArray[np.float64],
+    slopes: NDArray[np.float64],
+    scalars: Scalars = SCALARS,
+) -> None:
+    """`innovations` for theta (m,) and their derivatives de~/dtheta into `slopes` (n, m): the filtered gradient."""
+    learned = learned_of(theta, setting.coefficients, scalars)
+    gradient = gradient_of(theta, setting.coefficients, learned, scalars)
+    follow(window, setting, learned, window.output.size, result, NO_RATE, gradient, slopes)
+
+
+def open_loop_errors(window: Window, setting: Setting, learned: Learned) -> NDArray[np.float64]:
+    """Output errors (n,) of the observer re-simulated over a window, through the sensor's lag.
+
+    x^ follows x~ up to the opening and runs open loop from there, as it does live.
+    """
+    errors = np.empty(window.output.size)
+    follow(window, setting, learned, window.opening, errors, NO_RATE, None, NO_SLOPES)
+    return errors

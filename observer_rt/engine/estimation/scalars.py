@@ -1,0 +1,302 @@
+"""What theta means, a row for every kind of parameter: columns, prior, law on the model, how it is shown."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from enum import Enum, IntEnum
+from functools import cached_property, lru_cache
+from operator import attrgetter
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.engine.estimation.gating import Gate
+from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND
+from observer_rt.model.effective import Coefficients
+from observer_rt.model.network import HIDDEN, Network, constant_network, zero_network
+from observer_rt.model.right_hand_side import ByTheta
+from observer_rt.model.sensor import LAG_UNIT
+
+
+class Parameter(IntEnum):
+    """Columns by name."""
+
+    NOZZLE_BIAS = 0  # b_H
+    NOZZLE_WEIGHT = 1  # w_1; w_2 .. w_q follow
+    SEAT_BIAS = 1 + HIDDEN  # b_S
+    LINE_PRESSURE_OFFSET = 2 + HIDDEN  # o, in units of p_0; acts in the sensor only
+    LINE_FRICTION = 3 + HIDDEN  # k
+    GUIDE_LEAKAGE = 4 + HIDDEN  # c p_0 / Q_0
+    BULK_MODULUS = 5 + HIDDEN  # r
+    SENSOR_LAG = 6 + HIDDEN  # tau, in units of LAG_UNIT; acts in the sensor only
+    ENTRAINED_AIR = 7 + HIDDEN  # K g / p_0
+    BACK_PRESSURE = 8 + HIDDEN  # rise of p_C while injecting, in units of p_0; with the seat area follows
+
+
+PARAMETERS = 10 + HIDDEN
+
+
+Theta = NDArray[np.float64]
+"""A parameter vector, as wide as its table: (m,)."""
+
+NOZZLE, SEAT, OFFSET = "orifice_area", "seat_area", "line_pressure_sensor_offset"
+"""Indicators that have a place of their own in tables and frames."""
+
+
+class ScalarUnit(Enum):
+    """What the numbers of a row are given in."""
+
+    AS_IT_IS = "-"
+    PRESSURE = "Pa"  # theta counts in p_0
+    TIME = "s"  # theta counts in `LAG_UNIT`
+
+    def unit(self, pressure_scale: float) -> float:
+        """What theta = 1 is; pressure_scale p_0 [Pa]."""
+        return {ScalarUnit.AS_IT_IS: 1.0, ScalarUnit.PRESSURE: pressure_scale, ScalarUnit.TIME: LAG_UNIT}[
+            self
+        ]
+
+
+@dataclass(frozen=True)
+class ShownIndicator:
+    """How a parameter is shown as an indicator. si: what theta = 1 is in SI.
+
+    effect: that it stands for, and its name among indicators; key: in JSON, unless that is the effect; label: on the
+    screen, beside the rate;
+    unit and screen_unit: with their sizes in SI.
+    """
+
+    effect: str
+    si: Callable[[Coefficients], float] = lambda _: 1.0
+    key: str = ""
+    label: str = ""
+    unit: tuple[str, float] = ("-", 1.0)
+    screen_unit: tuple[str, float] | None = None
+
+    def factor(self, c: Coefficients, unit: tuple[str, float] | None = None) -> float:
+        """From theta to a unit, that of JSON unless another is given."""
+        return self.si(c) / (unit or self.unit)[1]
+
+
+@dataclass(frozen=True)
+class Scalar:
+    """Columns of theta of one kind, mostly one.
+
+    prior, drift: one sigma, before any event and from one to the next; longest_step: of one Gauss-Newton iteration,
+    beyond it the slopes say little; bounds: lowest and highest admissible. counted: what these are given in.
+    gated_from: of a parameter that must pay for being active, the lowest theta it then may take. change: its law, the
+    line with the scalar, analytic in it; None: it is none of line or guide. turn: laws of a lower one act first,
+    those of the same in the order of the rows.
+    """
+
+    name: str
+    column: int
+    prior: float
+    drift: float
+    longest_step: float
+    bounds: tuple[float, float]
+    counted: ScalarUnit = ScalarUnit.AS_IT_IS
+    gated_from: float | None = None
+    columns: int = 1
+    shown: ShownIndicator | None = None
+    change: Callable[[Any, Any], Any] | None = None
+    turn: int = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Scalars:
+    """The table of all rows; its vectors (width,) are in the order of the columns."""
+
+    rows: tuple[Scalar, ...]
+
+    @cached_property
+    def width(self) -> int:
+        """Columns of theta."""
+        return max(row.column + row.columns for row in self.rows)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Of the columns, by which files know them."""
+        named = {
+            row.column + i: row.name if row.columns == 1 else f"{row.name}_{i + 1}"
+            for row in self.rows
+            for i in range(row.columns)
+        }
+        return tuple(named[column] for column in range(self.width))
+
+    @cached_property
+    def laws(self) -> tuple[tuple[int, Callable[[Any, Any], Any]], ...]:
+        """Columns and laws of line and guide, in the order in which they change the line."""
+        rows = sorted(self.rows, key=attrgetter("turn"))
+        return tuple((row.column, row.change) for row in rows if row.change is not None)
+
+    def of_line(self, theta: NDArray[np.float64]) -> tuple[float, ...]:
+        """Of theta (m,) what changes line and guide, in the order of `laws`."""
+        values = theta.tolist()
+        return tuple([values[column] for column, _ in self.laws])
+
+    def prior(self, pressure_scale: float) -> NDArray[np.float64]:
+        """Standard deviations before any event; pressure_scale p_0 [Pa], as below."""
+        return self._vector(attrgetter("prior"), pressure_scale)
+
+    def drift(self, pressure_scale: float) -> NDArray[np.float64]:
+        """Standard deviations of the change from event to event."""
+        return self._vector(attrgetter("drift"), pressure_scale)
+
+    def longest_step(self, pressure_scale: float) -> NDArray[np.float64]:
+        """Of one iteration."""
+        return self._vector(attrgetter("longest_step"), pressure_scale)
+
+    def bounds(self, pressure_scale: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Lowest and highest admissible theta."""
+        lowest = self._vector(lambda row: row.bounds[0], pressure_scale)
+        return lowest, self._vector(lambda row: row.bounds[1], pressure_scale)
+
+    @cached_property
+    def gate(self) -> Gate:
+        """The columns that must pay for being active."""
+        gated = [
+            (row.column + i, row.gated_from)
+            for row in sorted(self.rows, key=attrgetter("column"))
+            if row.gated_from is not None
+            for i in range(row.columns)
+        ]
+        return Gate(tuple(column for column, _ in gated), tuple(lowest for _, lowest in gated))
+
+    def shown(self) -> Iterator[tuple[int, ShownIndicator]]:
+        """Column and appearance of what is shown."""
+        return ((row.column, row.shown) for row in self.rows if row.shown is not None)
+
+    def _vector(self, figure: Callable[[Scalar], float], pressure_scale: float) -> NDArray[np.float64]:
+        result = np.zeros(self.width)
+        for row in self.rows:
+            result[row.column : row.column + row.columns] = figure(row) / row.counted.unit(pressure_scale)
+        return result
+
+
+# fmt: off
+SCALARS = Scalars((
+    Scalar("nozzle_bias", Parameter.NOZZLE_BIAS, prior=0.45, drift=5e-4, longest_step=0.3, bounds=(-0.8, 1.5),
+           shown=ShownIndicator(NOZZLE, key="nozzle_v_H")),
+    Scalar("nozzle_weight", Parameter.NOZZLE_WEIGHT, prior=0.05, drift=3e-4, longest_step=1.0, bounds=(-1.0, 1.0),
+           columns=HIDDEN),
+    Scalar("seat_bias", Parameter.SEAT_BIAS, prior=0.4, drift=5e-4, longest_step=0.3, bounds=(-0.8, 1.5),
+           shown=ShownIndicator(SEAT, key="seat_v_S")),
+    Scalar("friction", Parameter.LINE_FRICTION, prior=1.75, drift=2e-3, longest_step=1.2, bounds=(-0.95, 10.0),
+           gated_from=-0.95, shown=ShownIndicator("line_friction", label="line friction k"),
+           change=lambda line, k: line.with_friction(k)),
+    Scalar("leakage", Parameter.GUIDE_LEAKAGE, prior=0.09, drift=3.3e-4, longest_step=1.0, bounds=(0.0, 1.0),
+           gated_from=0.0, shown=ShownIndicator("guide_leakage", lambda c: c.flow_scale / c.pressure_scale,
+                                       label="guide leakage c", unit=("m3/(s Pa)", 1.0)),
+           change=lambda line, c: line.with_leakage(c)),
+    Scalar("offset", Parameter.LINE_PRESSURE_OFFSET, prior=2.5e6, drift=2e3, longest_step=10e6, bounds=(-10e6, 10e6),
+           counted=ScalarUnit.PRESSURE, shown=ShownIndicator(OFFSET, lambda c: c.pressure_scale,
+                                                 label="line pressure sensor offset", unit=("MPa", MEGAPASCAL))),
+    Scalar("lag", Parameter.SENSOR_LAG, prior=35e-6, drift=0.1e-6, longest_step=25e-6, bounds=(0.0, 0.5e-3),
+           counted=ScalarUnit.TIME, gated_from=0.0,
+           shown=ShownIndicator("line_pressure_sensor_lag", lambda _: LAG_UNIT, label="line pressure sensor lag",
+                       unit=("s", 1.0), screen_unit=("us", MICROSECOND))),
+    Scalar("stiffness", Parameter.BULK_MODULUS, prior=0.18, drift=2e-4, longest_step=0.12, bounds=(-0.6, 1.0),
+           gated_from=-0.6, shown=ShownIndicator("bulk_modulus", label="bulk modulus r"),
+           change=lambda line, r: line.with_stiffness(r), turn=0),
+    Scalar("air", Parameter.ENTRAINED_AIR, prior=0.05, drift=1e-4, longest_step=0.04, bounds=(0.0, 0.5),
+           gated_from=0.0, shown=ShownIndicator("entrained_air", lambda c: c.compression, label="entrained air g"),
+           change=lambda line, g: line.with_air(g)),
+    Scalar("back_pressure", Parameter.BACK_PRESSURE, prior=5e6, drift=20e3, longest_step=30e6, bounds=(-30e6, 30e6),
+           counted=ScalarUnit.PRESSURE, gated_from=0.0, columns=2),
+))
+# fmt: on
+
+
+_NOZZLE, _WEIGHTS, _SEAT, _BACK_PRESSURE = (
+    int(each)
+    for each in (
+        Parameter.NOZZLE_BIAS,
+        Parameter.NOZZLE_WEIGHT,
+        Parameter.SEAT_BIAS,
+        Parameter.BACK_PRESSURE,
+    )
+)
+_TINY = 1e-100  # step of a complex derivative, which loses nothing by being small
+
+
+class Learned(NamedTuple):
+    """theta taken apart: phi's network, the coefficients with the line's terms, sensor offset [p_0] and lag [s]."""
+
+    network: Network
+    coefficients: Coefficients
+    offset: float
+    lag: float
+
+
+def nothing_learned(c: Coefficients) -> Learned:
+    """The model in force as it is."""
+    return Learned(constant_network(), c, 0.0, 0.0)
+
+
+def learned_of(theta: NDArray[np.float64], c: Coefficients, scalars: Scalars = SCALARS) -> Learned:
+    """Meaning of a parameter vector (m,) by its table on a model without it; nobody changes its arrays."""
+    return _meaning(theta.tobytes(), c.line, c, scalars)
+
+
+def sensor_lag(theta: NDArray[np.float64]) -> float:
+    """The lag tau of the line-pressure sensor [s] in a parameter vector (m,)."""
+    return float(theta[Parameter.SENSOR_LAG]) * LAG_UNIT
+
+
+def network_of(theta: NDArray[np.float64]) -> Network:
+    """The network in a parameter vector (m,)."""
+    network = zero_network()
+    network.output[0, :] = theta[_WEIGHTS : _WEIGHTS + HIDDEN]
+    network.bias[0], network.bias[1] = theta[_NOZZLE], theta[_SEAT]
+    network.back_pressure[:] = theta[_BACK_PRESSURE : _BACK_PRESSURE + 2]
+    return network
+
+
+def by_theta(theta: NDArray[np.float64], c: Coefficients, scalars: Scalars = SCALARS) -> ByTheta:
+    """How theta (m,) acts on a model without it: where the network's parameters stand, the line's slopes.
+
+    The slopes are those of the laws themselves, by complex steps.
+    """
+    return _by_values(c.line, scalars.of_line(theta), scalars)
+
+
+_several = lru_cache(maxsize=8, typed=True)
+"""An event is gone over several times, most find the same line; lines of two kinds may have equal coefficients."""
+
+
+@_several
+def _meaning(content: bytes, line: Any, c: Coefficients, scalars: Scalars) -> Learned:
+    theta = np.frombuffer(content)
+    changed = c._replace(line=_changed(line, scalars.of_line(theta), scalars))
+    return Learned(
+        network_of(theta), changed, float(theta[Parameter.LINE_PRESSURE_OFFSET]), sensor_lag(theta)
+    )
+
+
+@_several
+def _by_values(line: Any, values: tuple[float, ...], scalars: Scalars) -> ByTheta:
+    found: list[tuple[int, int, float]] = []
+    for place, (column, _) in enumerate(scalars.laws):
+        stepped = (*values[:place], complex(values[place], _TINY), *values[place + 1 :])
+        for number, coefficient in enumerate(_changed.__wrapped__(line, stepped, scalars)):
+            slope = coefficient.imag / _TINY
+            if slope != 0.0:
+                found.append((column, number, slope))
+    columns, numbers, slopes = zip(*found, strict=True)
+    return ByTheta(
+        _NOZZLE,
+        _WEIGHTS,
+        _SEAT,
+        _BACK_PRESSURE,
+        np.array(columns, np.int64),
+        np.array(numbers, np.int64),
+        np.array(slopes, np.float64),
+    )
+
+
+@_several
+def _changed(line: Any, values: tuple[Any, ...], scalars: Scalars) -> Any:
+    for (_, change), value in zip(scalars.laws, values, strict=True):
+        line = change(line, value)
+    return line

@@ -1,0 +1,222 @@
+"""Whether an event can be believed: innovation statistics and plausibility, learned from or not."""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.core.learning.phases import phases_of
+from observer_rt.engine.estimation.phases import (
+    AFTERGLOW,
+    EDGE,
+    Phase,
+    PhaseStatistics,
+    phase_statistics,
+)
+from observer_rt.engine.estimation.predictor import Window
+from observer_rt.engine.estimation.scalars import SCALARS, Parameter, Scalars, Theta, sensor_lag
+from observer_rt.engine.learning.disturbances.colour import Colour
+from observer_rt.engine.learning.disturbances.noise_levels import mask_of
+from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
+from observer_rt.engine.stream.state import Constants, Reason
+
+# A phase is coloured when some statistic, pooled over recent events, exceeds white noise by this many of its
+# standard deviations and by this factor. The first keeps false alarms rare (below 1e-4 an event for white noise),
+# the second keeps a model that is good enough from being refused by very long recordings.
+SIGNIFICANT = 4.5
+RELEVANT_COLOUR = 1.6
+RELEVANT_VARIANCE = 1.15  # where the needle moves
+RELEVANT_LOUDNESS = 2.0  # where it does not: what is white there is noise that has grown, no model
+# colour beyond which an event's information counts for less, and how significant it must be
+TEMPER_ABOVE = 1.6
+TEMPER_SIGNIFICANT = 2.5
+POOLING = 0.85  # weight of the statistics before this event
+REMEMBERED = (
+    5.0  # standard deviations up to which they count, so that a passing trouble is over with the next event
+)
+# Pa, between line and rail pressure: more may be a gain of the sensor, which is an error of the mass
+LARGEST_OFFSET = 1.5e6
+LEAST_SCALE = 0.03  # of the logarithm of 1 + r
+LARGEST_LAG = 0.2e-3  # s
+CLIP = 4.0  # standard deviations for which a single innovation counts at most: an outlier is no colour
+BURN_IN = 0.5e-3  # s of an event's window before innovations count
+EDGES = (Phase.OPENING, Phase.CLOSING)
+_RELEVANT = np.array([RELEVANT_VARIANCE if phase in EDGES else RELEVANT_LOUDNESS for phase in Phase])
+WEAR = (int(Parameter.NOZZLE_BIAS), int(Parameter.SEAT_BIAS))
+
+
+@dataclass(frozen=True)
+class Objection:
+    """Why an event is not believed, and the phase in which it shows."""
+
+    reason: Reason
+    phase: Phase | None = None
+
+
+class Innovations(NamedTuple):
+    """Of an event: e~ (n,) and its standard deviation if the model is right, both in units of p_0."""
+
+    values: NDArray[np.float64]
+    sigma: float
+
+
+def event_statistics(
+    window: Window, innovations: Innovations, interval: float, healthy: Healthy
+) -> PhaseStatistics:
+    """What the innovations over a window say, phase by phase, against a healthy injector's; interval [s]."""
+    phases = phases_of(window, round(EDGE / interval), round(AFTERGLOW / interval))
+    found = phase_statistics(
+        innovations.values, innovations.sigma, phases, round(BURN_IN / interval), mask_of(window), CLIP
+    )
+    return healthy.relative(found)
+
+
+def inadequate_phase(statistics: PhaseStatistics) -> Phase | None:
+    """The phase that contradicts the model most, None when every phase is compatible with white innovations."""
+    excess = statistics.excess_beyond(RELEVANT_COLOUR, _RELEVANT)
+    worst = int(np.argmax(excess))
+    return Phase(worst) if excess[worst] > SIGNIFICANT else None
+
+
+def pooled(before: PhaseStatistics, event: PhaseStatistics) -> PhaseStatistics:
+    """Statistics over recent events, the newest in full."""
+    return before.capped(REMEMBERED).faded(POOLING, event)
+
+
+def of_standstill(statistics: PhaseStatistics) -> PhaseStatistics:
+    """These statistics without those of the other phases."""
+    kept = np.arange(len(Phase)) == Phase.STANDSTILL
+    by_block = kept[:, None]
+    return PhaseStatistics(
+        statistics.squares * kept,
+        statistics.samples * kept,
+        statistics.block_squares * by_block,
+        statistics.blocks * by_block,
+    )
+
+
+def tempering(statistics: PhaseStatistics) -> float:
+    """Factor on the variance of an event's innovations: above 1 when they are coloured, or louder than believed."""
+    found = [1.0]
+    for phase in Phase:
+        limits = (statistics.colour(phase), TEMPER_ABOVE), (statistics.variance(phase), RELEVANT_VARIANCE)
+        beyond = [value for value, limit in limits if value > limit]
+        if beyond and statistics.excess(phase) > TEMPER_SIGNIFICANT:
+            found.extend(beyond)
+    return max(found)
+
+
+def objections(
+    statistics: PhaseStatistics, offset: float, lag: float, healthy: Healthy = NOT_FITTED
+) -> list[Objection]:
+    """What speaks against an event; offset [Pa] and lag [s] as identified; of a model that fits nobody, always.
+
+    Empty: it passed. What names a cause comes first.
+    """
+    result = []
+    if abs(offset) > LARGEST_OFFSET:
+        result.append(Objection(Reason.PRESSURE_OFFSET))
+    if lag > LARGEST_LAG:
+        result.append(Objection(Reason.SENSOR_LAG))
+    phase = inadequate_phase(statistics)
+    if phase is not None or not healthy.adequate:
+        result.append(Objection(Reason.MODEL_INADEQUATE, phase))
+    return result
+
+
+def is_worn_beyond_limits(theta: NDArray[np.float64], scalars: Scalars = SCALARS) -> bool:
+    """Whether theta (m,) stands at a limit of nozzle or seat: it is no minimum there, and its interval says nothing.
+
+    An opening that was none makes it so: only a blocked nozzle explains that no pressure moved.
+    """
+    limits = ((theta[row.column], row.bounds) for row in scalars.rows if row.column in WEAR)
+    return any(not lowest < value < highest for value, (lowest, highest) in limits)
+
+
+def looks_like_inertance(nozzle_change: float, stiffness_change: float) -> bool:
+    """Whether N_H and r together look like another A_L/(rho_L L_L) rather than like wear and another K_L.
+
+    Flows, 1/K_L and inertance scaled together leave p_L as it is, so that the level of Q_H is not known then: with
+    the inertance off by a factor s, 1 + N_H -> s and 1 + r -> 1/s are found for a healthy injector.
+    """
+    stiffer = -math.log1p(stiffness_change)
+    wider = math.log1p(max(nozzle_change, -0.99))
+    return abs(stiffer) > LEAST_SCALE and 0.5 * abs(stiffer) < math.copysign(1.0, stiffer) * wider < 2 * abs(
+        stiffer
+    )
+
+
+BELIEVED_AFTER = 2  # explained events in a row, after one that was not
+SETTLED = 3  # explained events in a row, after which one that is not is a fault that may pass
+
+
+@dataclass(frozen=True, eq=False)
+class Examination:
+    """What speaks against an event (empty: it passed), and the statistics over recent events with it.
+
+    passed: events in a row that did, SETTLED at most; negative: that must until one is believed again.
+    """
+
+    objections: tuple[Objection, ...]
+    statistics: PhaseStatistics
+    passed: int = 0
+
+
+class Examiner:
+    """What speaks against an event with the parameters in force. Pure: no clock, no thread."""
+
+    def __init__(self, statistics: PhaseStatistics, healthy: Healthy, colour: Colour | None = None) -> None:
+        """statistics: over the events before the first; colour: of the innovations then, None if they are white."""
+        self._healthy = healthy
+        self._passed = 0
+        self.colour = colour
+        """Of the innovations; as the statistics, whoever learns from an event replaces it by what it found."""
+        self.statistics = statistics
+        """Over recent events; whoever learns from an event replaces them by what was found."""
+
+    def take(self, found: Examination) -> None:
+        """An event was judged so."""
+        self.statistics, self._passed = found.statistics, found.passed
+
+    def examine(
+        self, window: Window | None, innovations: Innovations, in_force: Theta, constants: Constants
+    ) -> Examination:
+        """Judge one event.
+
+        One that is refused by itself says nothing of those after it, but that one must pass first; two, where it was
+        not long since: a wrong model is not contradicted at every operating point.
+
+        window: None where it cannot be tested; in_force (m,) and constants: during it.
+        """
+        if window is None:
+            return Examination((Objection(Reason.NOT_JUDGED),), self.statistics, self._passed)
+        expected = self._healthy.expected(window, constants.coefficients, constants.interval)
+        if expected is not None:
+            innovations = innovations._replace(values=innovations.values - expected)
+        if self.colour is not None:
+            innovations = Innovations(
+                self.colour.whitening.of(innovations.values, window.masked), self.colour.sigma
+            )
+        event = event_statistics(window, innovations, constants.interval, self._healthy)
+        lag = sensor_lag(in_force)
+        offset = _offset(window, constants)
+        if inadequate_phase(event) is not None:
+            found = objections(event, offset, lag, self._healthy)
+            to_pass = 1 if self._passed >= SETTLED else BELIEVED_AFTER
+            return Examination(tuple(found), self.statistics, self._passed if self._passed < 0 else -to_pass)
+        statistics = pooled(self.statistics, event)
+        found = objections(statistics, offset, lag, self._healthy)
+        passed = self._passed if found else min(self._passed + 1, SETTLED)
+        if passed < 0 and not found:
+            found = [Objection(Reason.MODEL_INADEQUATE)]
+        return Examination(tuple(found), statistics, passed)
+
+
+def _offset(window: Window, constants: Constants) -> float:
+    """Line over rail pressure [Pa] with the needle shut before the event."""
+    shut = slice(0, max(window.opening, 1))
+    difference = window.output[shut] - window.inputs[shut, 0]
+    mean = float(difference.sum()) / difference.size
+    return (mean - constants.sensor.offset) * constants.coefficients.pressure_scale

@@ -1,0 +1,125 @@
+"""Where the range of a line pressure ends, though noise that came on it later lets no value repeat.
+
+There it is flat, and the model says that it should not be: its innovations change while y does not. So it is in
+event after event at one level, beyond which no value goes. What lies there says nothing and is masked, and the model
+bridges it as it does outliers.
+"""
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import AfterValidator
+
+from observer_rt.core.learning.outliers import AT_LEVEL, FEWEST, find_pile, smoothed
+from observer_rt.engine.estimation.predictor import Window
+from observer_rt.engine.learning.disturbances.noise_levels import Sigmas, mask_of, median
+from observer_rt.engine.learning.memory import Tracker
+
+BEYOND = 3.0  # standard deviations above it that no range ends at
+MARGIN = 3  # samples on either side of those at the level: the mean sees them too late
+FLAT = 3.0  # standard deviations of the chi2 of a constant that is one
+CHANGING = 12.0  # chi2 by which the innovations change there more than y does
+EXPLAINED = 1.5  # standard deviations of most innovations, where the model is known
+CLEAR = 60.0  # of that, from which on one event is enough for itself
+SAME_LEVEL = 1.0  # standard deviations of a sample
+REMEMBERED = 6  # events at a level
+RECURS = 3  # of these
+_SIGNS = (-1.0, 1.0)  # of the lower and the upper end
+Levels = Annotated[deque[float], AfterValidator(lambda levels: deque(levels, REMEMBERED))]
+
+
+@dataclass(frozen=True)
+class Pile:
+    """Samples at the highest level [p_0] of y, or of -y; changing: chi2 by which the model says that they go on."""
+
+    level: float
+    changing: float
+
+
+class EndsOfRange(Tracker):
+    """Both ends of the line pressure's range, as far as events have shown them."""
+
+    _levels: tuple[Levels, Levels]
+
+    def __init__(self) -> None:
+        self._levels = deque(maxlen=REMEMBERED), deque(maxlen=REMEMBERED)  # low and high
+        self._piles: list[Pile | None] = [None for _ in _SIGNS]  # of the event in hand
+
+    @property
+    def is_known(self) -> bool:
+        """Whether one of them is."""
+        return any(len(levels) >= RECURS for levels in self._levels)
+
+    def masked(
+        self, window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int
+    ) -> NDArray[np.bool_]:
+        """What of a window (n,) is masked or lies at an end, one known or one that its innovations (n,) show clearly.
+
+        Those before sample `first` do not count.
+        """
+        before = mask_of(window)
+        mask = before.copy()
+        for end, (sign, levels) in enumerate(zip(_SIGNS, self._levels, strict=True)):
+            y = sign * window.output
+            if levels and np.count_nonzero(_is_beyond(y, levels, sigmas)) >= FEWEST:
+                levels.clear()
+            if len(levels) >= RECURS:
+                mask |= _about(y, float(np.mean(levels)), sigmas)
+                continue
+            pile = pile_of(y, innovations, before, sigmas, first)
+            if pile is None:
+                continue
+            self._piles[end] = pile
+            if pile.changing > CLEAR and _is_explained(innovations[first:], sigmas):
+                mask |= _about(y, pile.level, sigmas)
+        return mask
+
+    def is_new_after(self, window: Window, sigmas: Sigmas) -> bool:
+        """Take in what was seen of an event while it was fitted; whether an end is known now, and none was."""
+        was_known = self.is_known
+        for sign, levels, pile in zip(_SIGNS, self._levels, self._piles, strict=True):
+            if levels and _is_beyond(sign * window.output, levels, sigmas).any():
+                levels.clear()
+            if pile is None or pile.changing < CHANGING:
+                continue
+            if levels and abs(pile.level - np.mean(levels)) > SAME_LEVEL * sigmas.noise:
+                levels.clear()
+            levels.append(pile.level)
+        self._piles = [None for _ in _SIGNS]
+        return self.is_known and not was_known
+
+
+def pile_of(
+    y: NDArray[np.float64],
+    innovations: NDArray[np.float64],
+    masked: NDArray[np.bool_],
+    sigmas: Sigmas,
+    first: int,
+) -> Pile | None:
+    """The samples of y (n,) about its highest level that are not masked, None where they are too few, or y rests."""
+    samples, level, constant, changing = find_pile(y, innovations, masked, sigmas.noise, first)
+    if samples < FEWEST:
+        return None
+    constant, changing = constant / sigmas.noise**2, changing / sigmas.innovation**2
+    is_flat = constant < samples + FLAT * math.sqrt(2.0 * samples)
+    return Pile(level, changing - constant if is_flat else 0.0)
+
+
+def _is_explained(innovations: NDArray[np.float64], sigmas: Sigmas) -> bool:
+    """Whether most innovations (n,) are as the model says."""
+    return median(np.abs(innovations)) < EXPLAINED * sigmas.innovation
+
+
+def _about(y: NDArray[np.float64], level: float, sigmas: Sigmas) -> NDArray[np.bool_]:
+    """Samples of y (n,) whose means over some neighbours are at a level, and those beside them."""
+    at = smoothed(y) > level - AT_LEVEL * sigmas.noise
+    return np.asarray(np.convolve(at, np.ones(2 * MARGIN + 1), "same") > 0.5, np.bool_)
+
+
+def _is_beyond(y: NDArray[np.float64], levels: Levels, sigmas: Sigmas) -> NDArray[np.bool_]:
+    """Means of y (n,) over some neighbours above levels at which the range ends, so that it does not."""
+    return np.asarray(smoothed(y) > float(np.mean(levels)) + BEYOND * sigmas.noise, np.bool_)

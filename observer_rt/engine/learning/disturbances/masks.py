@@ -1,0 +1,241 @@
+"""Outliers that only the model shows: a line pressure held before noise came on it, spikes, bursts of noise.
+
+What is found is masked (`Window.masked`), and the event fitted again. A stretch that may be the truth is not: one
+at the event's highest or lowest level, if that recurs, is clipped; one at the same place in event after event is
+what the injector does; and of many in one event the model is to blame.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.core.learning.outliers import BETTER, LENGTH, find_held, find_loud, largest_of
+from observer_rt.engine.estimation.predictor import Window
+from observer_rt.engine.learning.disturbances.noise_levels import Sigmas, loudness, mask_of, robust_sigma
+from observer_rt.engine.learning.memory import Tracker
+
+LEAP = 8.0  # standard deviations of the innovations from one sample to the next
+WIDEST_SPIKE = 8  # samples
+SHARP = 5.5  # standard deviations of the mean of a spike that leaps less: of noise one in 10,000 events
+SHARP_WIDTHS = (1, 2, 3)  # samples of it
+BESIDE = 5  # samples before it, and after it
+NO_SPIKE = 3.0  # standard deviations of their mean: a wrong model leaves more than three samples
+MOST_SPIKES = 12  # in an event
+
+
+def spikes_of(innovations: NDArray[np.float64], sigma: float, first: int) -> list[tuple[int, int]]:
+    """Samples [start, end) of innovations (n,), from `first` on, that leap away and soon back."""
+    if largest_of(innovations, first)[0] <= LEAP * sigma:
+        return []
+    steps = np.diff(innovations)
+    leaps = [int(k) for k in np.flatnonzero(np.abs(steps) > LEAP * sigma) if k >= first]
+    found: list[tuple[int, int]] = []
+    for leap, back in pairwise(leaps):
+        is_apart = not found or leap >= found[-1][1]
+        if is_apart and back - leap <= WIDEST_SPIKE and steps[leap] * steps[back] < 0.0:
+            found.append((leap + 1, back + 1))
+    return found
+
+
+def sharp_spikes_of(innovations: NDArray[np.float64], sigma: float, first: int) -> list[tuple[int, int]]:
+    """The same of those that stand out by no leap, but from what is beside them.
+
+    Where the innovations are larger than they should be, so must be the spikes. Of many the model is to blame.
+    """
+    if largest_of(innovations, first)[1] < SHARP * sigma:  # nor is anything sharp by a larger one
+        return []
+    counted = innovations[first:]
+    sigma = max(sigma, robust_sigma(counted))
+    counted = counted / sigma
+    left, found = counted.copy(), list[tuple[int, int]]()
+    for _ in range(MOST_SPIKES + 1):
+        total = np.concatenate(([0.0], np.cumsum(left)))
+        deviates = {
+            width: _spread((total[width:] - total[:-width]) / np.sqrt(width)) for width in SHARP_WIDTHS
+        }
+        width = max(SHARP_WIDTHS, key=lambda width: float(np.max(np.abs(deviates[width]))))
+        start = int(np.argmax(np.abs(deviates[width])))
+        height, end = float(deviates[width][start]), start + width
+        if abs(height) < SHARP:
+            return found
+        beside = np.concatenate((counted[max(start - BESIDE, 0) : start], counted[end : end + BESIDE]))
+        if np.sign(height) * beside.sum() < NO_SPIKE * np.sqrt(beside.size):
+            found.append((first + start, first + end))
+        left[start:end] = 0.0
+    return []
+
+
+def _spread(deviates: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Deviates by what most of them are, if that is more than 1: the sums of coloured noise are larger."""
+    return deviates / max(1.0, robust_sigma(deviates))
+
+
+BEYOND = 3.0  # standard deviations, within which a value counts as the highest or lowest
+
+
+@dataclass(frozen=True)
+class HeldStretch:
+    """Samples [start, end) of a window at which y stays at a level [p_0]; is_extreme: none goes beyond it."""
+
+    start: int
+    end: int
+    level: float
+    is_extreme: bool
+
+
+def frozen_stretches(
+    window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int
+) -> Sequence[HeldStretch]:
+    """Where a constant explains y much better than the model does by its innovations (n,), and y then jumps.
+
+    Or where it does so very much better for long: y may by chance be let go where it would have been.
+    """
+    y = window.output
+    spans = find_held(y, innovations, mask_of(window), sigmas.innovation, sigmas.noise, first)
+    if not len(spans):
+        return ()
+    lowest, highest = np.partition(y, (2, -3))[[2, -3]]
+    beyond = BEYOND * sigmas.noise
+    return [
+        HeldStretch(int(start), int(end), level, not lowest + beyond < level < highest - beyond)
+        for start, end, level in spans.tolist()
+    ]
+
+
+DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])  # what the level of the noise is measured by at rest
+MOST = 0.35  # share of an event, beyond which its noise is just not known
+
+
+def bursts_of(y: NDArray[np.float64], noise: float) -> list[HeldStretch]:
+    """Stretches of y (n,) louder than its noise (standard deviation); fourth differences hide what is slow."""
+    loud = np.empty(y.size, np.bool_)
+    if not 0 < find_loud(y, noise, loud) <= MOST * y.size:
+        return []
+    changes = np.flatnonzero(np.diff(loud, prepend=False, append=False))
+    spans = zip(changes[::2], changes[1::2], strict=True)
+    return [HeldStretch(int(start), int(end), float(np.mean(y[start:end])), False) for start, end in spans]
+
+
+MARGIN = 3  # a third of a stretch before it is masked as well: it may have begun unseen
+MOST_STRETCHES = 3  # in an event
+REMEMBERED = 6  # events, of stretches
+ENDS_REMEMBERED = 12  # events
+RECURS = 3  # of these, with a stretch at the same place
+SAME_PLACE = 8  # samples
+END_SAMPLES = 16  # whose mean is the lowest or highest of an event
+FLAT = 30.0  # chi2 of a constant that is one, to 1 %
+SAME_END = 1.0  # standard deviations of a sample: at other rail pressures they differ by many
+OTHER_POINT = 40.0
+SAME_LEVEL = 3.0  # standard deviations
+
+
+@dataclass(frozen=True)
+class End:
+    """How low or high the line pressure goes in an event, and whether it stays there as the model does not say."""
+
+    level: float
+    is_flat: bool
+
+
+@dataclass(frozen=True)
+class _Event:
+    """Both ends of the line pressure in an event, and its rail pressure."""
+
+    rail_pressure: float
+    ends: tuple[End, End]
+
+
+class OutlierSearch(Tracker):
+    """Looks for outliers in event after event, and remembers where there were some."""
+
+    _stretches: deque[tuple[tuple[int, float], ...]]  # places, from the event's opening on, and levels
+    _bursts: deque[tuple[int, ...]]  # their middles, from the opening on
+    _ends: deque[_Event]
+
+    def __init__(self) -> None:
+        self._stretches = deque(maxlen=REMEMBERED)
+        self._bursts = deque(maxlen=REMEMBERED)
+        self._ends = deque(maxlen=ENDS_REMEMBERED)
+
+    def masked(
+        self, window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int
+    ) -> NDArray[np.bool_] | None:
+        """What to mask (n,), with what is masked already; None: no more than that.
+
+        innovations: (n,), of which those before sample `first` do not count.
+        """
+        before = mask_of(window)
+        mask = before.copy()
+        sigmas = sigmas.times(loudness(window, innovations, sigmas, first))
+        stretches = frozen_stretches(window, innovations, sigmas, first)
+        if len(stretches) <= MOST_STRETCHES:
+            for stretch in stretches:
+                if not self._is_true(window, stretch, sigmas):
+                    mask[max(stretch.start - (stretch.end - stretch.start) // MARGIN, 0) : stretch.end] = True
+        for burst in bursts_of(window.output, sigmas.noise):
+            if not self._is_usual(burst, window.opening):
+                mask[burst.start : burst.end] = True
+        for spikes_in in (spikes_of, sharp_spikes_of):
+            spikes = spikes_in(np.where(mask, 0.0, innovations), sigmas.innovation, first)
+            if len(spikes) <= MOST_SPIKES:
+                for start, end in spikes:
+                    mask[start:end] = True
+        return mask if (mask & ~before).any() else None
+
+    def is_clipped_after(
+        self, window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int
+    ) -> bool:
+        """Take in a fitted event; whether its line pressure goes as far as at other rail pressures: it is clipped."""
+        stretches = frozen_stretches(window, innovations, sigmas, first)
+        self._stretches.append(tuple((s.start - window.opening, s.level) for s in stretches))
+        bursts = bursts_of(window.output, sigmas.noise)
+        self._bursts.append(tuple(_middle(burst) - window.opening for burst in bursts))
+        event = _Event(float(window.inputs[window.opening, 0]), ends_of(window, innovations, sigmas))
+        self._ends.append(event)
+        return any(self._is_end_of_range(event, end, sigmas) for end in range(2))
+
+    def _is_end_of_range(self, event: _Event, number: int, sigmas: Sigmas) -> bool:
+        """Whether the line pressure goes as far in other events, and stays there or does so at any pressure."""
+        end, close = event.ends[number], SAME_END * sigmas.noise
+        alike = [e.rail_pressure for e in self._ends if abs(e.ends[number].level - end.level) < close]
+        is_general = max(alike) - min(alike) > OTHER_POINT * sigmas.noise
+        return len(alike) >= RECURS and (end.is_flat or is_general)
+
+    def _is_true(self, window: Window, stretch: HeldStretch, sigmas: Sigmas) -> bool:
+        """Whether a stretch is no outlier, but what is there or all that the sensor can show."""
+        place = stretch.start - window.opening
+        alike = sum(any(abs(place - there) <= SAME_PLACE for there, _ in event) for event in self._stretches)
+        return alike + 1 >= RECURS or (stretch.is_extreme and self._recurs_at(stretch.level, sigmas))
+
+    def _is_usual(self, burst: HeldStretch, opening: int) -> bool:
+        """Whether there is a burst in event after event: then it is what the injector does, or its sensor."""
+        place = _middle(burst) - opening
+        alike = sum(any(abs(place - there) <= LENGTH for there in event) for event in self._bursts)
+        return alike + 1 >= RECURS
+
+    def _recurs_at(self, level: float, sigmas: Sigmas) -> bool:
+        close = SAME_LEVEL * sigmas.noise
+        return any(abs(level - other) <= close for event in self._stretches for _, other in event)
+
+
+def _middle(stretch: HeldStretch) -> int:
+    return (stretch.start + stretch.end) // 2
+
+
+def ends_of(window: Window, innovations: NDArray[np.float64], sigmas: Sigmas) -> tuple[End, End]:
+    """Lowest and highest mean of y over some neighbours, with the innovations (n,) of the model there."""
+    means = np.convolve(window.output, np.full(END_SAMPLES, 1.0 / END_SAMPLES), "valid")
+    lowest, highest = (_end_at(window, innovations, sigmas, int(k)) for k in (means.argmin(), means.argmax()))
+    return lowest, highest
+
+
+def _end_at(window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int) -> End:
+    stretch = slice(first, first + END_SAMPLES)
+    y = window.output[stretch]
+    constant = float(np.sum((y - y.mean()) ** 2)) / sigmas.noise**2
+    model = float(np.sum(innovations[stretch] ** 2)) / sigmas.innovation**2
+    return End(float(y.mean()), constant < FLAT and model - constant > BETTER)

@@ -1,0 +1,137 @@
+"""Line against rail pressure: gains of their sensors that differ, and an offset that moves from event to event."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.engine.estimation.gating import Belief
+from observer_rt.engine.estimation.prediction_error import EventCost
+from observer_rt.engine.estimation.predictor import Window
+from observer_rt.engine.estimation.scalars import Parameter
+from observer_rt.engine.learning.disturbances.noise_levels import mask_of
+from observer_rt.engine.learning.memory import Tracker
+
+REMEMBERED = 0.9  # weight of the events before an event
+ENOUGH = 4.0  # events by these weights, before a gain is spoken of: five
+SIGNIFICANT = 6.0  # standard deviations, of few events
+LEAST_GAIN = 0.002
+LEAST_SPREAD = 0.05  # of the rail pressure, standard deviation [p_0]: else its own drift looks like a gain
+NOISE = 3e-4  # of an offset, in units of p_0, at least
+LARGEST_GAIN = (
+    0.015  # share by which gains may differ: the level of the flow is no better known than by half of it
+)
+FLOW_SHARE = 0.4  # of the difference, what the flow is unsure by: half of it at the most
+# An offset that was seen at one pressure may be a gain of the line sensor in whole, as flows see it.
+UNTOLD_SHARE = 0.6
+SEAT_SHARE = 2.0  # v_S is as much less certain than v_H
+
+
+class PressureGains(Tracker):
+    """The offsets found in recent events over their pressures: what of them grows with the pressure is of the gains.
+
+    From a line and a rail pressure alone it is not known whose gain is wrong: half of the difference is taken for the
+    line sensor's, so that flows are wrong by half of it at the most, whoever's it is.
+    """
+
+    _sums: NDArray[np.float64]
+    _seen: float
+    _change: float
+
+    def __init__(self) -> None:
+        self._sums = np.zeros(6)
+        self.difference = 0.0
+        """By which the gain of the line sensor is larger (share), 0 while nothing tells."""
+        self._seen = 0.0
+        self._change = 0.0
+
+    def add(self, offset: float, pressure: float) -> None:
+        """Take in what line over rail pressure was in an event, as recorded, and the rail pressure [p_0]."""
+        o, p = offset, pressure
+        self._sums = REMEMBERED * self._sums + np.array([1.0, p, o, p * p, p * o, o * o])
+        self._seen = abs(offset) / pressure if pressure > 0.0 else 0.0
+        before, self.difference = self.difference, self._found()
+        self._change = self.difference - before
+
+    def _found(self) -> float:
+        count = self._sums[0]
+        if count < ENOUGH:
+            return 0.0
+        p, o, pp, po, oo = self._sums[1:] / count
+        spread = pp - p * p
+        if not spread > LEAST_SPREAD**2:
+            return 0.0
+        gain = (po - p * o) / spread
+        rest = max(oo - o * o - gain * (po - p * o), NOISE**2) * count / (count - 2.0)
+        sigma = math.sqrt(rest / (count * spread))
+        return float(gain) if abs(gain) > max(SIGNIFICANT * sigma, LEAST_GAIN) else 0.0
+
+    def as_recorded(self, offset: float, pressure: float) -> float:
+        """Line over rail pressure as recorded, where it is `offset` after the line's share is undone."""
+        return offset + 0.5 * self.difference * pressure
+
+    def undone(self, line_pressure: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The line pressure without its share of the gains' difference."""
+        return line_pressure / (1.0 + 0.5 * self.difference)
+
+    def undone_offset(self, offset: float, pressure: float) -> float:
+        """The offset that is left of one as recorded."""
+        return offset - 0.5 * self.difference * pressure
+
+    @property
+    def is_too_large(self) -> bool:
+        """Whether the level of flows hangs on whose gain is wrong."""
+        return abs(self.difference) > LARGEST_GAIN
+
+    @property
+    def flow_share(self) -> float:
+        """Standard deviation of flows by what is not known of the gains, a share."""
+        return FLOW_SHARE * abs(self.difference)
+
+    def wear_variance(self, width: int) -> NDArray[np.float64]:
+        """The same of what theta says of wear, as variances (width,): an offset may be a gain where none was told."""
+        share = self.flow_share if self.difference else UNTOLD_SHARE * self._seen
+        return _of_wear(share, width) ** 2
+
+    def rescaled(self, belief: Belief) -> Belief:
+        """What was learned of flows before the last event changed what is undone, less sure by as much."""
+        change = self._change
+        if change == 0.0:
+            return belief
+        mean = belief.mean.copy()
+        mean[Parameter.NOZZLE_BIAS] -= 0.5 * change * (1.0 + mean[Parameter.NOZZLE_BIAS])
+        return replace(belief, mean=mean).widened(_of_wear(0.5 * change, mean.size))
+
+
+def _of_wear(share: float, width: int) -> NDArray[np.float64]:
+    result = np.zeros(width)
+    result[Parameter.NOZZLE_BIAS] = share
+    result[Parameter.SEAT_BIAS] = SEAT_SHARE * share
+    return result
+
+
+SIGNIFICANT_WALK = 5.0  # standard deviations
+_OFFSET = int(Parameter.LINE_PRESSURE_OFFSET)
+
+
+def offset_move(window: Window, cost: EventCost) -> float:
+    """What must be added to the offset [p_0] that an event was linearised at, by its samples at rest; 0 within noise.
+
+    Innovations rather than pressures, for a leak lowers the line pressure at rest, too.
+    """
+    counts = window.resting & ~mask_of(window)
+    counts[: cost.burn_in] = False
+    slopes, innovations = cost.slopes[counts, _OFFSET], cost.innovations[counts]
+    information = float(slopes @ slopes)
+    if not information > 0.0:
+        return 0.0
+    move = -float(slopes @ innovations) / information
+    return move if abs(move) * math.sqrt(information) > SIGNIFICANT_WALK * cost.sigma else 0.0
+
+
+def moved(prior: Belief, move: float) -> Belief:
+    """A belief whose offset has moved by about so much [p_0]."""
+    change = np.zeros_like(prior.mean)
+    change[_OFFSET] = move
+    return Belief(prior.mean + change, prior.covariance, prior.error_covariance).widened(change)

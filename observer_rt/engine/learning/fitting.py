@@ -1,0 +1,116 @@
+"""One event fitted from a prior: Gauss-Newton on the prediction error, gated scalars chosen anew in every step."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.engine.estimation.gating import Belief, Gate, best_subset
+from observer_rt.engine.estimation.prediction_error import Linearisation
+from observer_rt.engine.estimation.scalars import SCALARS, Scalars
+
+HALVINGS = 4  # of a step that does not lower the cost
+TOLERANCE = 0.02  # of the decrease, in units of chi2 / 2: less is no longer sought
+AGREEMENT = 0.05  # between expected and found cost, up to which the linearisation is not repeated
+
+
+class Cost(Protocol):
+    """J of one event, as `EventCost` has it; theta (m,). Every evaluation leaves arrays of its own behind."""
+
+    innovations: NDArray[np.float64]
+    """(n,) at the theta that was asked for last, white if the model is right."""
+    unfiltered: NDArray[np.float64]
+    """(n,) the same with the colour of the noise."""
+    slopes: NDArray[np.float64]
+    """(n, m) their derivatives where J was last linearised."""
+
+    def value(self, theta: NDArray[np.float64]) -> float:
+        """J(theta); inf where it is not finite."""
+
+    def linearised(self, theta: NDArray[np.float64]) -> Linearisation:
+        """J round theta."""
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """Lowest and highest admissible theta (m,), and its longest step in one iteration (m,)."""
+
+    lowest: NDArray[np.float64]
+    highest: NDArray[np.float64]
+    longest_step: NDArray[np.float64]
+
+
+def theta_limits(pressure_scale: float, scalars: Scalars = SCALARS) -> Limits:
+    """Limits of what the observer learns, (width,); pressure_scale p_0 [Pa]."""
+    return Limits(*scalars.bounds(pressure_scale), scalars.longest_step(pressure_scale))
+
+
+@dataclass(frozen=True)
+class EventFit:
+    """One event fitted: the active columns, the cost round the estimate, its prior.
+
+    innovations: at the estimate (n,), unfiltered: with the colour of the noise; slopes: where it was last linearised
+    (n, m).
+    """
+
+    active: frozenset[int]
+    linearisation: Linearisation
+    innovations: NDArray[np.float64]
+    unfiltered: NDArray[np.float64]
+    slopes: NDArray[np.float64]
+    prior: Belief
+    contradicts: bool = False  # what was believed before the event
+
+
+@dataclass(frozen=True)
+class EventFitter:
+    """What stays the same while one event is fitted, from whichever prior; active: the gated columns in use."""
+
+    cost: Cost
+    gate: Gate
+    active: frozenset[int]
+    limits: Limits
+
+    def fit(self, start: Linearisation, prior: Belief, iterations: int) -> EventFit:
+        """Minimise cost and distance from the prior, at most so many steps from `start`.
+
+        A step that lowers the total as its linearisation says is the last: there is nothing to be learned from
+        repeating it. One that does not lower it is halved. Raises numpy.linalg.LinAlgError when singular.
+        """
+        prior_information = prior.information
+        prior_vector = prior_information @ prior.mean
+
+        def total(theta: NDArray[np.float64], value: float) -> float:
+            distance = theta - prior.mean
+            return value + 0.5 * float(distance @ prior_information @ distance)
+
+        here, active = start, self.active
+        here_total = total(here.theta, here.value)
+        for _ in range(iterations):
+            best, active = best_subset(
+                prior_information + here.information, prior_vector + here.vector, self.gate, active
+            )
+            target = self._within_reach(here.theta, best)
+            value = self.cost.value(target)
+            as_expected = abs(value - here.expected(target)) < AGREEMENT
+            if as_expected and total(target, value) <= here_total:
+                here = here.moved(target, value)
+                break
+            there = self.cost.linearised(target)
+            for _ in range(HALVINGS):
+                if total(there.theta, there.value) < here_total:
+                    break
+                there = self.cost.linearised(0.5 * (here.theta + there.theta))
+            before = here_total
+            here, here_total = there, total(there.theta, there.value)
+            if abs(before - here_total) < TOLERANCE:
+                break
+        cost = self.cost
+        return EventFit(active, here, cost.innovations, cost.unfiltered, cost.slopes, prior)
+
+    def _within_reach(self, here: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The target, or as far towards it as the slopes are good for; within bounds."""
+        length = np.max(np.abs(target - here) / self.limits.longest_step)
+        reached = here + (target - here) / max(1.0, float(length))
+        return np.asarray(np.clip(reached, self.limits.lowest, self.limits.highest), np.float64)

@@ -1,0 +1,114 @@
+"""The healthy injector as a fitted model leaves it: what the observer does not hold against an event."""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.engine.estimation.healthy_shape import EventStretch, expected
+from observer_rt.engine.estimation.phases import BLOCKS, PHASES, Phase, PhaseStatistics
+from observer_rt.engine.estimation.predictor import Window
+from observer_rt.model.baseline import Baseline, HealthyShape, PhaseFigures
+from observer_rt.model.effective import Coefficients
+
+EDGES = (Phase.OPENING, Phase.CLOSING)
+# Mean square of single samples at an edge that a fitted model may leave: corners of the lift between samples scatter
+# with flow, and injections beyond those fitted have more of it. What biases a mass shows in means of blocks.
+SCATTER = 2.0
+SAME_RATE = 0.01  # share by which sample rates may differ and a baseline still holds: blocks count samples
+
+
+def _ones(*shape: int) -> NDArray[np.float64]:
+    return np.ones(shape)
+
+
+@dataclass(frozen=True, eq=False)
+class Healthy:
+    """Of a model as it came, nothing: its innovations are white, and no event scatters beyond noise.
+
+    variance: (PHASES,), colour: (PHASES, len(BLOCKS)), of the innovations by phase, at least 1, without their shape;
+    mass_share: standard deviation of a mass, as a share, that comes of the model; adequate: whether the fitted model
+    may be learned with at all; live_variance: the largest of a phase with the shape in it; shape: their mean course,
+    None: 0; overdispersion: factor by which events scatter beyond noise.
+    """
+
+    variance: NDArray[np.float64] = field(default_factory=lambda: _ones(PHASES))
+    colour: NDArray[np.float64] = field(default_factory=lambda: _ones(PHASES, len(BLOCKS)))
+    mass_share: float = 0.0
+    adequate: bool = True
+    live_variance: float = 1.0
+    shape: HealthyShape | None = None
+    overdispersion: float = 1.0
+
+    def relative(self, statistics: PhaseStatistics) -> PhaseStatistics:
+        """Statistics of an event, measured against these."""
+        return statistics.relative_to(self.variance, self.colour)
+
+    def expected(self, window: Window, c: Coefficients, interval: float) -> NDArray[np.float64] | None:
+        """Mean innovation (n,) [p_0] over a window of samples of an interval [s]; None: 0."""
+        if self.shape is None:
+            return None
+        return expected(self.shape, stretch_of(window, c, interval)) / c.pressure_scale
+
+
+NOT_FITTED = Healthy()
+"""Of a model that was not fitted to recordings."""
+
+
+def stretch_of(window: Window, c: Coefficients, interval: float) -> EventStretch:
+    """A window as the shape sees it: its edges are where the straight flanks of the seat area meet 0."""
+    area = window.inputs[:, 1]
+    changes = np.flatnonzero(np.diff(np.concatenate(([False], area > 0.0, [False])).astype(np.int8)))
+    edges = [
+        (first - _beyond(area, first, 1), last + _beyond(area, last, -1))
+        for first, last in zip(changes[::2].tolist(), (changes[1::2] - 1).tolist(), strict=True)
+    ]
+    before = float(window.inputs[min(window.opening, area.size - 1), 0])
+    rail_pressure = before * c.pressure_scale + c.chamber_pressure
+    return EventStretch(area.size, interval, rail_pressure, tuple(edges))
+
+
+def _beyond(area: NDArray[np.float64], edge: int, inwards: int) -> float:
+    """By which share of a sample a flank begins beyond the last sample on it."""
+    further = edge + inwards
+    if not 0 <= further < area.size or area[further] <= area[edge]:
+        return 0.0
+    return min(float(area[edge] / (area[further] - area[edge])), 1.0)
+
+
+def healthy_of(baseline: Baseline | None, sample_rate: float, trusted: bool = False) -> Healthy:
+    """What a fitted file remembers, at a sample rate [Hz]; trusted: learn with an inadequate model all the same."""
+    if baseline is None:
+        return NOT_FITTED
+    share, adequate = baseline.mass_share, baseline.adequate or trusted
+    if not holds_at(baseline, sample_rate):
+        return Healthy(mass_share=share, adequate=adequate)
+    names = [phase.name for phase in Phase]
+
+    def of_samples(left: PhaseFigures) -> NDArray[np.float64]:
+        variance = np.maximum([left.at(name) for name in names], 1.0)
+        variance[list(EDGES)] = np.maximum(variance[list(EDGES)], SCATTER)
+        return variance
+
+    def of_blocks(*left: PhaseFigures) -> NDArray[np.float64]:
+        return np.maximum([[each.at(name) for each in left] for name in names], 1.0)
+
+    variance, observer = of_samples(baseline.variance), baseline.observer
+    if observer is None:
+        colour = of_blocks(baseline.chi2, baseline.colour)
+        return Healthy(variance, colour, share, adequate, float(variance.max()))
+    return Healthy(
+        of_samples(observer.variance),
+        of_blocks(observer.colour, observer.colour),
+        share,
+        adequate,
+        float(variance.max()),
+        observer.shape,
+        observer.overdispersion,
+    )
+
+
+def holds_at(baseline: Baseline, sample_rate: float) -> bool:
+    """Whether innovations at a sample rate [Hz] can be compared with a baseline's."""
+    return math.isclose(baseline.sample_rate_Hz, sample_rate, rel_tol=SAME_RATE)

@@ -1,0 +1,85 @@
+"""Wear of nozzle and seat, line-side and sensor faults, as numbers with a sigma."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.core.model.model import change_and_activations
+from observer_rt.engine.estimation.scalars import NOZZLE, SCALARS, SEAT, Parameter, Scalars, network_of
+from observer_rt.model.network import HIDDEN
+
+LEAST_SAC_PRESSURE = 0.05  # of p_0, below which a change of the nozzle flow is not spoken of
+# Of v_S: the flanks tell it, where what sensors do within a few samples (resonance, bounce) looks like wear.
+LEAST_SEAT_SIGMA = 0.008
+_NOZZLE, _WEIGHTS = int(Parameter.NOZZLE_BIAS), int(Parameter.NOZZLE_WEIGHT)
+_BACK_PRESSURE = int(Parameter.BACK_PRESSURE)
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A number and its standard deviation, None where nothing was learned yet."""
+
+    value: float
+    sigma: float | None = None
+
+    @property
+    def ci95(self) -> tuple[float, float] | None:
+        """95 % interval."""
+        if self.sigma is None:
+            return None
+        return self.value - 1.96 * self.sigma, self.value + 1.96 * self.sigma
+
+
+Indicators = Mapping[str, Estimate]
+"""By the effects they stand for, normalised as theta is; those of nozzle and seat are v_H and v_S of (27)."""
+
+
+def indicators_of(
+    theta: NDArray[np.float64],
+    covariance: NDArray[np.float64] | None,
+    x: NDArray[np.float64],
+    u: NDArray[np.float64],
+    scalars: Scalars = SCALARS,
+) -> Indicators:
+    """What theta (m,) says of the injector at state x (3,) and inputs u (2,), sigmas from its covariance (m, m).
+
+    None but those of nozzle and seat enters Q_H^.
+    """
+    nozzle, slopes = nozzle_change(theta, x, u)
+
+    def estimate(effect: str, column: int) -> Estimate:
+        if effect == NOZZLE:
+            value, variance = nozzle, None if covariance is None else slopes @ covariance @ slopes
+        else:
+            value, variance = theta[column], None if covariance is None else covariance[column, column]
+            if variance is not None and effect == SEAT:
+                variance = variance + LEAST_SEAT_SIGMA**2
+        return Estimate(float(value), None if variance is None else float(np.sqrt(variance)))
+
+    return {shown.effect: estimate(shown.effect, column) for column, shown in scalars.shown()}
+
+
+def nozzle_change(
+    theta: NDArray[np.float64],
+    x: Sequence[float] | NDArray[np.float64],
+    u: Sequence[float] | NDArray[np.float64],
+) -> tuple[float, NDArray[np.float64]]:
+    """Relative change of the nozzle flow at a state x (3,) and inputs u (2,), needle open; derivatives (m,).
+
+    (1 + N_H) sqrt((x3 - d)/x3) - 1: network and back-pressure d together, the equivalent of v_H in (27).
+    """
+    network, slopes, area = network_of(theta), np.zeros(theta.size), float(u[1])
+    change, activations = change_and_activations(x, u, network)
+    factor = 1.0 + change
+    x_3 = max(float(x[2]), LEAST_SAC_PRESSURE)
+    back_pressure = float(network.back_pressure[0] + network.back_pressure[1] * area)
+    against_chamber = math.sqrt(max(1.0 - back_pressure / x_3, 0.0))
+    slopes[_NOZZLE] = against_chamber
+    slopes[_WEIGHTS : _WEIGHTS + HIDDEN] = against_chamber * np.array(activations)
+    if against_chamber > 0.0:
+        slopes[_BACK_PRESSURE] = -0.5 * factor / (x_3 * against_chamber)
+        slopes[_BACK_PRESSURE + 1] = slopes[_BACK_PRESSURE] * area
+    return factor * against_chamber - 1.0, slopes

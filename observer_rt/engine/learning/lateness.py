@@ -1,0 +1,386 @@
+"""Whether what was identified as a lag of the line-pressure sensor is one, or its channel is recorded late.
+
+Both move p_L by nearly the same: nozzle and seat terms adapt, mass stays right, but the shape of Q_H does not, and
+the innovations stay almost white. What tells them apart is asked for directly; so is what the mistake would make of
+the rate. Quiet sensors tell a filter of 10 us from a delay of 10 us, and it does not matter which it is.
+
+Whether what no event explains is a needle lift that is recorded late: asked only of events that are refused.
+
+A lift behind a slow sensor or a filter shows openings and closings late, against both pressures. No parameter does
+the same, so that the event is refused. It is fitted again, from nothing known, with a lift that is so much earlier as
+explains most. What is found is told, never put right: a lift moved by what another cause has done would be valid and
+wrong.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.core.learning.whitening import HUBER
+from observer_rt.engine.estimation.gating import prior_belief
+from observer_rt.engine.estimation.open_loop import OpenLoop
+from observer_rt.engine.estimation.prediction_error import EventCost
+from observer_rt.engine.estimation.predictor import Setting, Window, innovations
+from observer_rt.engine.estimation.scalars import SCALARS, Parameter, Scalars, learned_of, sensor_lag
+from observer_rt.engine.learning.adequacy import RELEVANT_VARIANCE, Objection
+from observer_rt.engine.learning.fitting import EventFit, EventFitter, theta_limits
+from observer_rt.engine.learning.memory import Tracker
+from observer_rt.engine.learning.trend import RecentScores
+from observer_rt.engine.stream.state import Reason
+
+LEAST_LAG = 5e-6  # s, below which the two are the same to the eye
+REMEMBERED = 0.85  # weight of the score before this event
+SIGNIFICANT = 4.5  # standard deviations: below 1e-5 an event where it is a lag
+# Of the rate's peak, root mean square over the injection: what a lag in place of a delay may make of the rate. Of the
+# mass it is about a third. Some 25 us of delay do this.
+RELEVANT_RATE = 0.01
+DIVERGED = (
+    1e6  # standard deviations of an innovation: the model with the delay is not stable, and tells nothing
+)
+LEAST_RATE = 0.02  # of the peak, from which on it counts as injection
+
+
+class LagScore(NamedTuple):
+    """Of a lag against a delay as long: standard normal if it is a lag, negative if it is none.
+
+    change: of theta (m,), if it is none.
+    """
+
+    score: float
+    change: NDArray[np.float64]
+
+
+class Lateness(NamedTuple):
+    """How much an event's lag looks like none (`LagScore`), and what the mistake makes of its rate, if it is one.
+
+    rate_share: of the peak, root mean square over the injection; volume_share: of the volume; change: of theta (m,).
+    """
+
+    score: float
+    rate_share: float
+    volume_share: float
+    change: NDArray[np.float64]
+
+
+def lag_score(
+    window: Window,
+    setting: Setting,
+    fit: EventFit,
+    cost: EventCost,
+    prior: NDArray[np.float64],
+    scalars: Scalars = SCALARS,
+) -> LagScore | None:
+    """Score test of a fit's lag against a delay as long.
+
+    cost: of the event; prior: standard deviations (m,) of the parameters, wide. The direction in
+    which a delay would move the innovations is freed of what other parameters can do, then compared with them. None
+    without a lag worth asking.
+    """
+    theta = fit.linearisation.theta
+    lag = sensor_lag(theta)
+    if lag < LEAST_LAG:
+        return None
+    delayed = theta.copy()
+    delayed[Parameter.SENSOR_LAG] = 0.0
+    samples = setting.late + lag / setting.interval
+    late = math.floor(samples)
+    early_enough = len(window.output) - late
+    output = np.append(window.output[late:], np.full(late, window.output[-1]))
+    masked = np.append(window.masked[late:], np.full(min(late, window.masked.size), False))
+    other = np.empty(len(output))
+    innovations(
+        window._replace(output=output, masked=masked),
+        setting._replace(late=samples - late),
+        learned_of(delayed, setting.coefficients, scalars),
+        other,
+    )
+    other = cost.whitened(other, masked)
+    first = cost.burn_in + late
+    direction = (other[first - late : early_enough] - fit.innovations[first:]) / cost.sigma
+    if not np.abs(direction).max() < DIVERGED:
+        return None
+    slopes = fit.slopes[first:] / cost.sigma
+    information = slopes.T @ slopes + np.diag(prior**-2)
+    change = -np.linalg.solve(information, slopes.T @ direction)
+    direction = direction + slopes @ change
+    length = float(np.linalg.norm(direction))
+    if not length > 0.0:
+        return None
+    score = float(direction @ np.clip(fit.innovations[first:] / cost.sigma, -HUBER, HUBER)) / length
+    return LagScore(score, np.asarray(change, np.float64))
+
+
+def lateness_of(found: LagScore, run: OpenLoop) -> Lateness:
+    """What a score means for the event it is of, run open loop with the theta that was found."""
+    moved, peak = run.slopes @ found.change, float(np.max(run.rate))
+    injecting = run.rate > LEAST_RATE * peak
+    if not injecting.any():
+        return Lateness(found.score, 0.0, 0.0, found.change)
+    share = math.sqrt(float(np.mean(moved[injecting] ** 2))) / peak
+    return Lateness(found.score, share, float(np.sum(moved) / np.sum(run.rate)), found.change)
+
+
+class LagDoubt(Tracker):
+    """What recent events say together: whether their lag is none, and whether that matters."""
+
+    _scores: RecentScores
+    _events: float
+    _rate_squares: float
+    _volume_squares: float
+    _change_squares: NDArray[np.float64]
+
+    def __init__(self, width: int) -> None:
+        """width: columns of theta."""
+        self._scores = RecentScores(REMEMBERED, 1)
+        self._events, self._rate_squares, self._volume_squares = 0.0, 0.0, 0.0
+        self._change_squares = np.zeros(width)
+
+    def take_in(self, event: Lateness | None) -> None:
+        """An event more; None: there is no lag, all is forgotten."""
+        if event is None:
+            self._scores.forget()
+            self._events, self._rate_squares, self._volume_squares = 0.0, 0.0, 0.0
+            self._change_squares = np.zeros_like(self._change_squares)
+            return
+        self._scores.add(np.array([event.score]))
+        self._events = REMEMBERED * self._events + 1.0
+        self._rate_squares = REMEMBERED * self._rate_squares + event.rate_share**2
+        self._volume_squares = REMEMBERED * self._volume_squares + event.volume_share**2
+        self._change_squares = REMEMBERED * self._change_squares + event.change**2
+
+    @property
+    def is_no_lag(self) -> bool:
+        """Whether recent events contradict a lag."""
+        return bool(self._scores.beyond(SIGNIFICANT)[0])
+
+    @property
+    def is_relevant(self) -> bool:
+        """Whether it is no lag, and the rate is wrong by more than may be left."""
+        return self.is_no_lag and self._rate_squares > RELEVANT_RATE**2 * self._events
+
+    @property
+    def volume_share(self) -> float:
+        """By what a volume may be wrong where it is no lag, 0 where it seems to be one."""
+        return math.sqrt(self._volume_squares / self._events) if self.is_no_lag else 0.0
+
+    @property
+    def variance(self) -> NDArray[np.float64]:
+        """The same of theta, as variances (width,)."""
+        return self._change_squares / self._events if self.is_no_lag else np.zeros_like(self._change_squares)
+
+
+SLOWED = 50e-6  # s by which a sensor of the line pressure becomes slower from one event to the next: it is at fault
+
+
+class SlowedSensor(Tracker):
+    """Whether the line-pressure sensor has become slower all at once.
+
+    So large a lag is learned with an error of the mass of some percent, where the operating point does not vary.
+    """
+
+    _before: float | None
+
+    def __init__(self) -> None:
+        self._before = None
+
+    def after(self, before: float, lag: float, is_sudden: bool) -> bool:
+        """Take in an event that found a lag [s]; before: the one believed until then.
+
+        is_sudden: the event contradicts what was believed.
+        """
+        if is_sudden and self._before is None:
+            self._before = before
+        # what is believed may be of a sensor that leads, which none does: beyond that no lag would come back
+        if self._before is not None and lag < max(self._before, 0.0) + SLOWED:
+            self._before = None
+        return self._before is not None
+
+
+STEP = 5e-6  # s, either way, by which the lift is moved for a slope
+FARTHEST = 30e-6  # s, by which one step goes at most
+USUAL = 20e-6  # s, of an amplifier or a filter ahead of a converter
+CLOSE = 1e-6  # s: no more steps
+STEPS = 4
+SHORTER = 0.4  # a step that explained no more
+FIRST_ITERATIONS, ITERATIONS = 8, 3
+LEAST = 3e-6  # s, that is told
+ENOUGH = 16.0  # chi2 an event, that a lag must explain: 4 sigma
+MOST_OF_IT = 0.6  # share of what is beyond noise
+NEARLY_ALL = 0.85  # the same, where what is left would still be too much, as on a fitted line
+# What one lag for all may leave, chi2 an event, or of what is explained: another injector seems late by more at some
+# rail pressures than at others, a sensor does not.
+MISSED, MISSED_SHARE = 10.0, 0.015
+SOON, SELDOM = (
+    6,
+    8,
+)  # refused events that are asked, then one of so many: asking takes ten times as long as learning
+
+
+@dataclass(frozen=True)
+class LiftLag:
+    """By what a lift seems late [s]; chi2 of so many innovations beyond noise, without that and with it.
+
+    missed: how much more is left by the lag that was expected.
+    """
+
+    lag: float
+    without: float
+    left: float
+    samples: int
+    missed: float = 0.0
+
+
+def lift_lag_of(
+    window: Window,
+    setting: Setting,
+    cost_of: Callable[[Window], EventCost],
+    scalars: Scalars,
+    expected: float = USUAL,
+) -> LiftLag:
+    """The lag of its lift that explains an event best, all else fitted from the prior.
+
+    cost_of: a window's cost; expected: lag [s] from which it is sought, too, for with a model that is far off the
+    slope at 0 leads nowhere. Raises numpy.linalg.LinAlgError when singular.
+    """
+    scale = setting.coefficients.pressure_scale
+    limits, wide = theta_limits(scale, scalars), scalars.prior(scale)
+    prior = prior_belief(np.zeros(scalars.width), np.diag(wide**2))
+
+    def fitted(lag: float, theta: NDArray[np.float64], active: frozenset[int], iterations: int) -> _Fitted:
+        cost = cost_of(_earlier(window, lag, setting.interval))
+        fitter = EventFitter(cost, scalars.gate, active, limits)
+        return _Fitted(lag, cost, fitter.fit(cost.linearised(theta), prior, iterations))
+
+    first, other = (
+        fitted(lag, np.zeros(scalars.width), frozenset(), FIRST_ITERATIONS) for lag in (0.0, expected)
+    )
+    best = other if other.excess < first.excess else first
+    step = _step(window, setting, best, wide, scalars)
+    for _ in range(STEPS):
+        there = fitted(best.lag + step, best.fit.linearisation.theta, best.fit.active, ITERATIONS)
+        if there.excess < best.excess:
+            best, step = there, _step(window, setting, there, wide, scalars)
+        else:
+            step *= SHORTER
+        if abs(step) < CLOSE:
+            break
+    return LiftLag(best.lag, first.excess, best.excess, best.cost.terms, other.excess - best.excess)
+
+
+class LiftLagSearch(Tracker):
+    """What recent refused events say together."""
+
+    _asked: int
+    _events: float
+    _samples: float
+    _without: float
+    _left: float
+    _lags: float
+    _missed: float
+
+    def __init__(self) -> None:
+        self._asked = 0
+        self._events, self._samples = 0.0, 0.0
+        self._without, self._left = 0.0, 0.0
+        self._lags, self._missed = 0.0, 0.0
+
+    def told(self, found: Sequence[Objection], ask: Callable[[float], LiftLag]) -> tuple[Objection, ...]:
+        """What speaks against an event; a model that is inadequate by a lift that is late, or early, by that name."""
+        inadequate = [o for o in found if o.reason is Reason.MODEL_INADEQUATE and o.phase is not None]
+        if not inadequate:
+            self._asked = 0
+            return tuple(found)
+        try:
+            lag = self.found_after(ask)
+        except np.linalg.LinAlgError:
+            return tuple(found)
+        if lag is None:
+            return tuple(found)
+        reason = Reason.LIFT_SENSOR_LAG if lag > 0.0 else Reason.TIME_BASE
+        return tuple(replace(o, reason=reason) if o in inadequate else o for o in found)
+
+    def found_after(self, ask: Callable[[float], LiftLag]) -> float | None:
+        """Take in a refused event, if its turn is to be asked.
+
+        ask: by the lag [s] that is expected. The lag of the lift that explains recent ones, negative where it is
+        early; None without. Raises what `ask` does.
+        """
+        self._asked += 1
+        if self._asked <= SOON or self._asked % SELDOM == 0:
+            self._take_in(ask(self._lag or USUAL))
+        explained, enough = self._without - self._left, ENOUGH * self._events
+        if self._without < enough or explained < max(enough, MOST_OF_IT * self._without):
+            return None
+        is_adequate = self._left <= (RELEVANT_VARIANCE - 1.0) * self._samples
+        if not (is_adequate or explained > NEARLY_ALL * self._without):
+            return None
+        is_alike = self._missed <= max(MISSED * self._events, MISSED_SHARE * explained)
+        return self._lag if is_alike and abs(self._lag) > LEAST else None
+
+    @property
+    def _lag(self) -> float:
+        """That of recent events, by what it explains in each; 0 without."""
+        explained = self._without - self._left
+        return self._lags / explained if explained > 0.0 else 0.0
+
+    def _take_in(self, event: LiftLag) -> None:
+        explained = event.without - event.left
+        if not math.isfinite(explained):
+            return
+        missed = event.missed if self._events else 0.0  # only then it was that of others
+        self._missed = REMEMBERED * self._missed + missed
+        self._events = REMEMBERED * self._events + 1.0
+        self._samples = REMEMBERED * self._samples + event.samples
+        self._without = REMEMBERED * self._without + event.without
+        self._left = REMEMBERED * self._left + event.left
+        self._lags = REMEMBERED * self._lags + explained * event.lag
+
+
+@dataclass(frozen=True)
+class _Fitted:
+    """An event fitted with its lift so much [s] earlier."""
+
+    lag: float
+    cost: EventCost
+    fit: EventFit
+
+    @property
+    def excess(self) -> float:
+        """chi2 beyond that of noise."""
+        return self.cost.beyond_noise(self.fit.linearisation.value)
+
+
+def _earlier(window: Window, lag: float, interval: float) -> Window:
+    """The event with its lift `lag` [s] earlier, on straight lines between the samples."""
+    samples, area = lag / interval, window.inputs[:, 1]
+    places = np.arange(area.size)
+    moved = np.interp(places + samples, places, area)
+    resting = window.resting[np.clip(places + round(samples), 0, area.size - 1)]
+    inputs = np.column_stack([window.inputs[:, 0], moved])
+    return window._replace(inputs=inputs, resting=resting, knots=np.empty((0, 2)))
+
+
+def _step(
+    window: Window, setting: Setting, here: _Fitted, prior: NDArray[np.float64], scalars: Scalars
+) -> float:
+    """How much earlier [s] still the lift should be, by the slope of the innovations freed of what theta does."""
+    learned = learned_of(here.fit.linearisation.theta, setting.coefficients, scalars)
+    moved = []
+    for step in (STEP, -STEP):
+        errors = np.empty(len(window.output))
+        innovations(_earlier(window, here.lag + step, setting.interval), setting, learned, errors)
+        moved.append(here.cost.whitened(errors))
+    first, sigma = here.cost.burn_in, here.cost.sigma
+    direction = (moved[0] - moved[1])[first:] / (2.0 * STEP * sigma)
+    slopes = here.fit.slopes[first:] / sigma
+    information = slopes.T @ slopes + np.diag(prior**-2)
+    direction = direction - slopes @ np.linalg.solve(information, slopes.T @ direction)
+    length = float(direction @ direction)
+    if not length > 0.0:
+        return 0.0
+    left = np.clip(here.fit.innovations[first:] / sigma, -HUBER, HUBER)
+    return float(np.clip(-(direction @ left) / length, -FARTHEST, FARTHEST))

@@ -1,0 +1,71 @@
+"""Estimates how far events scatter beyond noise, since the model is wrong at each of them in another way.
+
+A quasi-likelihood: what an event says of the parameters counts for less by the factor by which such events were seen
+to differ (McCullagh, Nelder, Generalized Linear Models, 2nd ed., section 4.5).
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.engine.estimation.prediction_error import Linearisation
+from observer_rt.engine.learning.memory import Tracker
+
+USUAL_SCORE = 16.0  # of events that scatter by noise alone: on the paper's line the mean is 13
+REMEMBERED = 0.95  # weight of the scores before an event
+PRIOR_EVENTS = 10.0  # for which the factor of the fit counts at first
+LARGEST_RATIO = 2.5  # of a score to the usual one, up to which it is scatter and no change of the injector
+LARGEST = 8.0  # factor; a model worse than that is inadequate
+_ROUNDS = 10  # in which the factor settles
+
+
+def _within(factor: float) -> float:
+    return min(max(factor, 1.0), LARGEST)
+
+
+def _ratio(score: float) -> float:
+    """Of a score to the usual one."""
+    return min(score / USUAL_SCORE, LARGEST_RATIO)
+
+
+class Overdispersion(Tracker):
+    """Follows the factor on the variance of what events say of the parameters, at least 1."""
+
+    _sum: float
+    _weight: float
+
+    def __init__(self, healthy: float = 1.0) -> None:
+        """healthy: the factor of the healthy injector, 1 of a model that is exact."""
+        self._sum, self._weight = PRIOR_EVENTS * healthy, PRIOR_EVENTS
+
+    @property
+    def factor(self) -> float:
+        """On the variance; an event's log likelihood is divided by it."""
+        return _within(self._sum / self._weight)
+
+    def add(self, score: float) -> None:
+        """Take in the score of an event against what was believed, tempered by the factor."""
+        self._sum = REMEMBERED * self._sum + _ratio(score) * self.factor
+        self._weight = REMEMBERED * self._weight + 1.0
+
+
+class TemperedEvent(NamedTuple):
+    """The cost of an event round what was believed before it, and how sure that was, (m, m)."""
+
+    cost: Linearisation
+    covariance: NDArray[np.float64]
+
+    def ratio(self, factor: float) -> float:
+        """Of its score to the usual one, tempered by a factor."""
+        return _ratio(self.cost.tempered(factor).score(self.covariance))
+
+
+def overdispersion_of(events: Sequence[TemperedEvent]) -> float:
+    """The factor with which the scores of events are the usual ones on the mean, 1 .. LARGEST."""
+    factor = 1.0
+    for _ in range(_ROUNDS):
+        mean = float(np.mean([event.ratio(factor) for event in events]))
+        factor = _within(factor * mean)
+    return factor

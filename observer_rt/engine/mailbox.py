@@ -1,0 +1,126 @@
+"""Posts verdicts on closed events, and what is known at the start, into slots from which the stream takes them."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from observer_rt.core.stream.stream import PENDING_EVENTS, RING, SLOTS, SLOW_PEAK
+from observer_rt.engine.estimation.gain import GainSchedule
+from observer_rt.engine.estimation.scalars import learned_of
+from observer_rt.engine.learning.adequacy import Objection
+from observer_rt.engine.learning.interval import EVERYWHERE, KnownFlow
+from observer_rt.engine.learning.knowledge import Adoption, Knowledge, Outcome
+from observer_rt.engine.stream.state import Observer, Reason
+
+
+def begin_with(observer: Observer, knowledge: Knowledge, schedule: GainSchedule) -> None:
+    """Carry what is known at the start."""
+    _write(observer, 0, knowledge, schedule, EVERYWHERE)
+    observer.stream.carry_on(0)
+    observer.memory["innovation_sigma"] = schedule.innovation_sigma
+    observer.memory["familiar"] = True
+    observer.stream.expect(0.0)
+
+
+def has_room(observer: Observer, number: int) -> bool:
+    """Whether a verdict may be posted on the `number`-th closed event (0, 1, ..): those before it have been taken."""
+    return number < int(observer.memory["events_taken"][0]) + SLOTS
+
+
+def post_examined(
+    observer: Observer,
+    number: int,
+    objections: Sequence[Objection],
+    is_coloured: bool = False,
+    earlier: Outcome | None = None,
+) -> None:
+    """Post what speaks against the `number`-th closed event; is_coloured: whether the noise is.
+
+    earlier: what was learned from an event before, to be put into force with this one.
+    """
+    if earlier is not None:
+        _write_learned(observer, SLOTS + number % SLOTS, earlier)
+        observer.verdicts.slots[number % SLOTS]["earlier"] = number + 1
+    loud = np.nan if earlier is None else _loud(earlier)
+    _post(observer, number, "examined", objections, is_coloured, loud)
+
+
+def post_learned(observer: Observer, number: int, outcome: Outcome, is_coloured: bool = False) -> None:
+    """Post what was learned from the `number`-th closed event; it goes before what was only examined."""
+    _write_learned(observer, number % SLOTS, outcome)
+    _post(observer, number, "learned", outcome.objections, is_coloured, _loud(outcome))
+
+
+def _write_learned(observer: Observer, slot: int, outcome: Outcome) -> None:
+    verdict = observer.verdicts.slots[slot]
+    _write(observer, slot, outcome.knowledge, outcome.schedule, outcome.known)
+    verdict["is_adopted"] = outcome.adoption is Adoption.ADOPTED
+    verdict["innovation_sigma"] = outcome.schedule.innovation_sigma
+    posted: tuple[np.ndarray, ...] = tuple(observer.verdicts.phi)  # type: ignore[arg-type]
+    for array, values in zip(posted, outcome.phi, strict=True):  # type: ignore[call-overload]
+        array[slot] = values
+
+
+def _loud(outcome: Outcome) -> float:
+    """Mean square at rest that makes as much of the watch as the loudest stretch does, nan where none is louder."""
+    if outcome.loudest <= 1.0:
+        return np.nan
+    return float(outcome.schedule.innovation_sigma**2 * (1.0 + (outcome.loudest - 1.0) / SLOW_PEAK))
+
+
+def judge(
+    observer: Observer, objections: Sequence[Objection], outcome: Outcome | None, is_coloured: bool = False
+) -> None:
+    """Judge the oldest closed event now."""
+    number = int(observer.memory["events_taken"][0])
+    if outcome is None:
+        post_examined(observer, number, objections, is_coloured)
+    else:
+        post_learned(observer, number, outcome, is_coloured)
+    observer.stream.judged()
+
+
+def _post(
+    observer: Observer,
+    number: int,
+    kind: str,
+    objections: Sequence[Objection],
+    is_coloured: bool,
+    loud: float,
+) -> None:
+    """loud: as of `_loud`."""
+    finding = observer.verdicts.slots[number % SLOTS][kind]
+    finding["reason"] = objections[0].reason if objections else Reason.NONE
+    finding["is_coloured"] = is_coloured
+    at_rest = _at_rest(observer, number) if is_coloured else np.nan
+    finding["at_rest"] = np.nan if objections else np.fmax(at_rest, loud)
+    finding["number"] = number + 1  # last: from here on the stream may take it
+
+
+def _at_rest(observer: Observer, number: int) -> float:
+    """Mean square of the innovations at rest, of half as many samples before an event's end as are remembered."""
+    end = int(observer.events[number % PENDING_EVENTS]["window_end"]) + 1
+    rows = observer.ring[np.arange(max(end - RING // 2, 0), end) % RING]
+    at_rest = rows["innovation"][rows["resting"]]
+    return float(np.mean(at_rest**2)) if at_rest.size else np.nan
+
+
+def _write(
+    observer: Observer, slot: int, knowledge: Knowledge, schedule: GainSchedule, known: KnownFlow
+) -> None:
+    """What the stream is to carry, into a slot."""
+    constants = observer.constants
+    learned = learned_of(knowledge.in_force, constants.coefficients, knowledge.scalars)
+    verdict = observer.verdicts.slots[slot]
+    observer.verdicts.theta[slot] = knowledge.in_force
+    verdict["output"] = learned.network.output
+    verdict["bias"] = learned.network.bias
+    verdict["back_pressure"] = learned.network.back_pressure
+    verdict["rail_from"], verdict["rail_to"], verdict["filled_to"] = known
+    verdict["learned_offset"] = constants.sensor.offset + learned.offset
+    verdict["lag"] = constants.sensor.lag + learned.lag
+    line = learned.coefficients.line
+    verdict["line"][: len(line)] = line
+    noise, scale = knowledge.noise, constants.coefficients.pressure_scale
+    verdict["noise"] = noise.rail_pressure / scale, noise.needle_lift, noise.line_pressure / scale
+    observer.verdicts.gains[slot] = schedule.gains

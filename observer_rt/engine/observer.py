@@ -1,0 +1,300 @@
+"""Makes an observer, and hands over its events with their samples, copied out of the ring."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.core.stream.stepper import CarriedPhi, Stepper
+from observer_rt.core.stream.stream import (
+    INJECTIONS,
+    LONG_PAST,
+    PENDING_EVENTS,
+    REACH,
+    RING,
+    Stream,
+    copy_window,
+    dead_band,
+)
+from observer_rt.engine.estimation.predictor import Window
+from observer_rt.engine.learning.adequacy import Innovations
+from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
+from observer_rt.engine.learning.knowledge import EventLearner, Knowledge
+from observer_rt.engine.mailbox import begin_with
+from observer_rt.engine.stream.front_end import (
+    confirming_samples,
+    noise_gain,
+    ramp_samples,
+    samples_ahead,
+    toe_samples,
+    undoing_of,
+)
+from observer_rt.engine.stream.standstill import Standstill, standstill_of
+from observer_rt.engine.stream.state import (
+    CHANNEL,
+    EVENT,
+    INJECTION,
+    MEMORY,
+    SAMPLE,
+    Constants,
+    Observer,
+    Timing,
+    sample_dtype,
+)
+from observer_rt.engine.stream.verdict import no_verdicts
+from observer_rt.foundation.continuity import Break, make_recorded
+from observer_rt.foundation.units import MILLISECOND
+from observer_rt.model.effect import SizedEffect
+from observer_rt.model.effective import averaged
+from observer_rt.model.effects import effective_model
+from observer_rt.model.forcing import Clock
+from observer_rt.model.network import zero_network
+from observer_rt.model.parameters import InjectorParameters
+from observer_rt.model.sensor import sensor_of
+from observer_rt.model.stability import substeps_needed
+
+SETTLE = 3 * MILLISECOND
+GOOD = 1 * MILLISECOND
+BOUNCE = 0.3 * MILLISECOND
+STAYS = 10 * MILLISECOND
+WINDOW_LEAD = 0.15 * MILLISECOND
+WINDOW_TAIL = 0.5 * MILLISECOND
+LEARNING_LEAD = 1 * MILLISECOND
+BRIDGE = 0.5 * MILLISECOND
+SLOWEST_FILTER = 21e-6  # s of a sample period, up to which three samples are short for a line
+QUICKEST = 2.0  # times the speeds of the injector file, of which rail pressure and wear make up to 1.4
+
+
+@dataclass(frozen=True)
+class Durations:
+    """What the user may set of the timing [s]."""
+
+    event_gap: float = 10 * MILLISECOND
+    learning_delay: float = 20 * MILLISECOND
+    bridge: float = BRIDGE
+
+
+def constants_for(
+    parameters: InjectorParameters,
+    sample_rate: float,
+    durations: Durations,
+    events_required: int,
+    rail_every: float = 1.0,
+    means: bool = False,
+    stated: Sequence[SizedEffect] = (),
+) -> Constants:
+    """Everything fixed at start-up, for an injector with its effects in force and a sample rate [Hz].
+
+    rail_every: samples to one of the rail pressure; means: samples are means over the sample period before;
+    stated: what is to be undone of the channels.
+    """
+    model = effective_model(parameters, stated)
+    interval = 1.0 / sample_rate
+    sensor = sensor_of(model.sensor, model.coefficients.pressure_scale, interval)
+    toe = toe_samples(model.inputs, interval)
+
+    def samples(duration: float) -> int:
+        return round(duration * sample_rate)
+
+    return Constants(
+        coefficients=averaged(model.coefficients) if means else model.coefficients,
+        means=means,
+        inputs=model.inputs,
+        sensor=sensor,
+        interval=interval,
+        substeps=substeps_needed(model.injector, sample_rate, model.departures),
+        timing=Timing(
+            settle=samples(SETTLE),
+            good=samples(GOOD),
+            event_gap=samples(durations.event_gap),
+            learning_delay=samples(durations.learning_delay),
+            window_lead=samples(WINDOW_LEAD),
+            window_tail=samples(WINDOW_TAIL),
+            learning_lead=samples(LEARNING_LEAD),
+            lookahead=max(samples_ahead(interval) + toe, sensor.late + REACH),
+            toe=toe,
+            ramp=ramp_samples(interval),
+            confirm=confirming_samples(interval),
+            bounce=samples(BOUNCE),
+            stays=samples(STAYS),
+            bridge=samples(durations.bridge),
+            filtered=durations.bridge > 0.0 and interval <= SLOWEST_FILTER,
+        ),
+        events_required=events_required,
+        rail_every=rail_every,
+        undoing=undoing_of(model.inputs, interval),
+        quickest=QUICKEST * max(parameters.needle.opening_speed, parameters.needle.closing_speed) * interval,
+        program=model.program,
+    )
+
+
+def make_observer(
+    constants: Constants, knowledge: Knowledge, learner: EventLearner, healthy: Healthy = NOT_FITTED
+) -> Observer:
+    """An observer with empty memory that carries `knowledge`; healthy: what its model leaves unexplained."""
+    states, parameters = constants.coefficients.states, knowledge.in_force.size
+    phi = learner.phi  # new arrays each time it is asked for
+    verdicts = no_verdicts(parameters, learner.schedule, phi)
+    memory, recorded, ring = np.zeros(1, MEMORY), make_recorded(), np.zeros(RING, SAMPLE)
+    x_tilde, x_hat, gains = (
+        np.zeros((RING, states)),
+        np.zeros((RING, states)),
+        np.zeros_like(learner.schedule.gains),
+    )
+    lent = (
+        *(memory, recorded, ring, x_tilde, x_hat, gains),
+        *(
+            np.zeros(PENDING_EVENTS, EVENT),
+            np.zeros(INJECTIONS, INJECTION),
+            np.zeros(3, CHANNEL),
+            np.zeros(parameters),
+        ),
+    )
+    stream = Stream(*lent, verdicts.slots, verdicts.gains, verdicts.theta)
+    stepper = _bound_stepper(stream, constants, phi.carried(verdicts.phi))
+    observer = Observer(constants, *lent, phi, verdicts, stream, stepper)
+    memory = observer.memory[0]
+    memory["hidden"] = zero_network().hidden
+    memory["phi_version"] = knowledge.phi_version
+    memory["healthy_variance"] = healthy.live_variance
+    scale = constants.coefficients.pressure_scale
+    noise = knowledge.noise
+    memory["stated_noise"] = noise.rail_pressure / scale, noise.line_pressure / scale, noise.needle_lift
+    memory["lift_on"], memory["lift_off"] = dead_band(
+        noise.needle_lift * noise_gain(constants.undoing.lift_lag)
+    )
+    lift = knowledge.lift
+    for mean in ("zero", "zero_mean", "zero_near", "zero_behind"):
+        memory[mean] = lift.zero
+    memory["quick_squares"] = lift.wander**2
+    memory["crosstalk"] = lift.crosstalk * scale
+    memory["offset_moves"] = knowledge.colour is None
+    memory["stepped"] = LONG_PAST
+    memory["waits_for_verdicts"] = True
+    begin_with(observer, knowledge, learner.schedule)
+    return observer
+
+
+def with_constants(observer: Observer, constants: Constants) -> Observer:
+    """The same observer, that goes on with other constants."""
+    carried = observer.phi.carried(observer.verdicts.phi)
+    stepper = _bound_stepper(observer.stream, constants, carried, observer.stepper)
+    return observer._replace(constants=constants, stepper=stepper)
+
+
+def _bound_stepper(
+    stream: Stream, constants: Constants, carried: CarriedPhi, before: Stepper | None = None
+) -> Stepper:
+    """What steps the pair by these constants from now on; before: what did so far."""
+    stepper = Stepper(
+        stream,
+        constants.coefficients,
+        constants.sensor,
+        constants.interval,
+        constants.substeps,
+        constants.program,
+        carried,
+    )
+    if before is not None:
+        stepper.go_on_from(before)
+    stream.put_constants(constants)
+    stream.bind(stepper)
+    return stepper
+
+
+def event_window(observer: Observer, number: int) -> Window | None:
+    """Learning window of the `number`-th closed event (0, 1, ..), copied; None when it cannot be learned."""
+    event = observer.events[number % PENDING_EVENTS]
+    if not event["learnable"]:
+        return None
+    start, end = _window_of(observer, event)
+    late = observer.constants.sensor.late
+    samples = max(0, end - start)
+    window = Window(
+        inputs=np.empty((samples, 2)),
+        output=np.empty(samples),
+        resting=np.empty(samples, np.bool_),
+        start=np.append(observer.x_tilde[start % RING], observer.ring[start % RING]["indicated"]),
+        opening=int(event["opening"]) - start,
+        knots=np.empty((samples, 2)),
+        masked=np.empty(samples, np.bool_),
+    )
+    columns = window.inputs, window.output, window.resting, window.knots, window.masked
+    copy_window(observer.ring, start, late, *columns)
+    openings = np.count_nonzero(
+        np.diff(window.inputs[:, 1] > 0.0, prepend=False) & (window.inputs[:, 1] > 0.0)
+    )
+    begun = Clock(start * observer.constants.interval, float(event["injections"] - openings))
+    return window._replace(clock=begun)
+
+
+def remembered(ring: NDArray[Any], start: int, end: int) -> NDArray[Any]:
+    """Samples, or a column of them, at positions [start, end): a view, where they do not lie round the ring's end."""
+    first, last = start % RING, (end - 1) % RING + 1
+    if start >= end:
+        return ring[:0]
+    return ring[first:last] if first < last else np.concatenate((ring[first:], ring[:last]))
+
+
+def samples_at(observer: Observer, start: int, end: int) -> NDArray[np.void]:
+    """Samples at positions [start, end), with x~ and x^, copied; dtype `sample_dtype`."""
+    found = np.empty(max(0, end - start), sample_dtype(observer.x_hat.shape[1]))
+    found[list(SAMPLE.names or ())] = remembered(observer.ring, start, end)
+    found["x_tilde"], found["x_hat"] = (
+        remembered(states, start, end) for states in (observer.x_tilde, observer.x_hat)
+    )
+    return found
+
+
+def event_innovations(observer: Observer, number: int) -> Innovations:
+    """Innovations of the live x~ over the learning window of a closed event, copied."""
+    memory = observer.memory[0]
+    start, end = _window_of(observer, observer.events[number % PENDING_EVENTS])
+    innovations = remembered(observer.ring["innovation"], start, end)
+    return Innovations(innovations.copy(), float(memory["innovation_sigma"]))
+
+
+def _window_of(observer: Observer, event: np.void) -> tuple[int, int]:
+    """Positions [start, end) of an event's samples whose line pressure is known."""
+    late = observer.constants.sensor.late
+    start = max(int(event["window_start"]), -late)
+    return start, min(int(event["window_end"]) + 1, int(observer.memory[0]["received"]) - max(late, 0))
+
+
+def event_standstill(observer: Observer, number: int) -> Standstill:
+    """What was known of the standstill when the `number`-th closed event (0, 1, ..) ended.
+
+    Not what is known when somebody asks: that depends on how many samples a frame carries.
+    """
+    event = observer.events[number % PENDING_EVENTS]
+    stated = observer.memory[0]["stated_noise"]
+    return standstill_of(event, observer.constants.coefficients.pressure_scale, stated)
+
+
+def was_shut(observer: Observer, begin: float, end: float) -> bool:
+    """Whether the needle was shut at the index `begin`, and every sample from there to `end` was processed.
+
+    The legal pauses of a windowed source count as processed.
+    """
+    processed = int(observer.memory["processed"][0])
+    if processed == 0:
+        return False
+    newest = int(observer.ring[(processed - 1) % RING]["index"])
+    span = min(processed, RING, max(math.ceil(newest - begin) + 2, 0))
+    rows = remembered(observer.ring, processed - span, processed)
+    anew = np.flatnonzero(rows["broken"] == Break.RESTART)
+    rows = rows[anew[-1] :] if anew.size else rows
+    first = int(np.searchsorted(rows["index"], begin, side="right")) - 1
+    last = int(np.searchsorted(rows["index"], end, side="left"))
+    if first < 0 or last == len(rows) or rows["seat_area"][first] > 0.0:
+        return False
+    broken = rows["broken"][first + 1 : last + 1]
+    return bool(np.isin(broken, (Break.NONE, Break.JUMP)).all())
+
+
+def in_force(observer: Observer) -> NDArray[np.float64]:
+    """The parameter vector theta (m,) the observer carries."""
+    return observer.theta.copy()

@@ -1,0 +1,190 @@
+"""Algorithm 1: the paper's training of phi on one event.
+
+The paper's minimiser: BFGS on the inverse Hessian with an Armijo line search (14)-(18).
+
+(17) is printed as the update of the Hessian but is, for the printed d and v, the DFP update of its inverse,
+while (16) divides by H. Here the BFGS update of the inverse is used.
+
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.engine.estimation.predictor import Window
+from observer_rt.engine.paper_scheme.network import (
+    WEIGHTS,
+    FreeNetwork,
+    fault_cost,
+    free_network,
+    no_fault,
+    scaled_identity,
+)
+from observer_rt.engine.paper_scheme.systems import EventPass, PaperSetting, design_vector, swept
+from observer_rt.model.effective import Coefficients
+from observer_rt.model.network import constant_network
+
+SUFFICIENT_DECREASE = 1e-4  # rho of (18)
+MOST_TRIALS = 40  # so many that a first inverse far too large still gives a step
+
+
+class Objective(Protocol):
+    """A cost J(theta) with its gradient; theta (m,)."""
+
+    def value(self, theta: NDArray[np.float64]) -> float:
+        """J(theta); inf outside the admissible region."""
+
+    def value_and_gradient(self, theta: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+        """J(theta) and its gradient (m,)."""
+
+
+@dataclass(frozen=True)
+class BfgsMinimum:
+    """Where the search ended. `decrement` is g' H^-1 g there: about twice what J could still fall."""
+
+    theta: NDArray[np.float64]
+    value: float
+    gradient: NDArray[np.float64]
+    iterations: int
+    decrement: float
+    converged: bool
+
+
+def minimise(
+    objective: Objective,
+    start: NDArray[np.float64],
+    inverse_hessian: NDArray[np.float64],
+    tolerance: float,
+    max_iterations: int,
+) -> BfgsMinimum:
+    """Minimise from `start` (m,) with a first inverse Hessian (m, m), until the decrement is below `tolerance`.
+
+    The update is skipped unless d'v > 0, and the inverse is reset to the first one when its direction does not
+    lead downhill.
+    """
+    theta, inverse = start.copy(), inverse_hessian.copy()
+    value, gradient = objective.value_and_gradient(theta)
+    for iteration in range(max_iterations):
+        direction = -(inverse @ gradient)
+        slope = float(gradient @ direction)
+        if not slope < 0.0:
+            inverse = inverse_hessian.copy()
+            direction = -(inverse @ gradient)
+            slope = float(gradient @ direction)
+        if 0.0 <= -slope <= tolerance:
+            return BfgsMinimum(theta, value, gradient, iteration, -slope, True)
+        step = 0.0
+        if slope < 0.0:  # or no number
+            step, value = _armijo(objective, theta, value, direction, slope)
+        if step == 0.0:
+            return BfgsMinimum(theta, value, gradient, iteration, -slope, False)
+        before, theta = gradient, theta + step * direction
+        _, gradient = objective.value_and_gradient(theta)
+        change = gradient - before
+        _update(inverse, step * direction, change)
+    decrement = float(gradient @ (inverse @ gradient))
+    return BfgsMinimum(theta, value, gradient, max_iterations, decrement, False)
+
+
+def _armijo(
+    objective: Objective,
+    theta: NDArray[np.float64],
+    value: float,
+    direction: NDArray[np.float64],
+    slope: float,
+) -> tuple[float, float]:
+    """A step that decreases J sufficiently (18), and J there: 1, halved as often as need be; 0 if none does.
+
+    Shortened by a parabola instead, the training of some injections ends in a valley that explains nothing.
+    """
+    step = 1.0
+    for _ in range(MOST_TRIALS):
+        trial = objective.value(theta + step * direction)
+        if trial < value + SUFFICIENT_DECREASE * step * slope:
+            return step, trial
+        step *= 0.5
+    return 0.0, value
+
+
+def _update(inverse: NDArray[np.float64], v: NDArray[np.float64], d: NDArray[np.float64]) -> None:
+    """BFGS update of the inverse Hessian, in place, for a step v and a change of gradient d."""
+    curvature = d @ v
+    if not curvature > 0.0:
+        return
+    inverse_d = inverse @ d
+    share = (1.0 + (d @ inverse_d) / curvature) / curvature
+    for i in range(v.size):
+        inverse[i] += (share * v[i] - inverse_d[i] / curvature) * v - (v[i] / curvature) * inverse_d
+
+
+EPOCHS = 30
+BETA = 0.1  # of the scaled identities the weights start from
+GAMMA = 1.0  # of the first approximation of the Hessian; of its inverse alike
+
+
+@dataclass(frozen=True)
+class Trained:
+    """What one training came to: the trained weights p (48,), J before and after, epochs used."""
+
+    weights: NDArray[np.float64]
+    cost_before: float
+    cost_after: float
+    epochs: int
+
+
+@dataclass(frozen=True)
+class Weights:
+    """Weights p (48,) of the paper's network on their way from event to event.
+
+    in_force: what x^ carries, phi = 0 at first; trained: where the next training starts.
+    """
+
+    in_force: NDArray[np.float64]
+    trained: NDArray[np.float64]
+
+
+def first_weights() -> Weights:
+    """phi = 0 in force, and the scaled identities of Algorithm 1 to start from."""
+    return Weights(no_fault(), scaled_identity(BETA))
+
+
+def paper_setting(c: Coefficients, interval: float, substeps: int, gain: float) -> PaperSetting:
+    """Setting for a model, a sample interval [s] with its RK4 steps, and a gain l [1/s]."""
+    return PaperSetting(interval, substeps, c, constant_network(), gain)
+
+
+def network_of(weights: NDArray[np.float64], setting: PaperSetting) -> FreeNetwork:
+    """The network of weights p (48,), its outputs in units of the gain."""
+    return free_network(weights, setting.gain)
+
+
+def train(window: Window, setting: PaperSetting, weights: Weights) -> Trained:
+    """One pass over the event with the weights in force, then 30 epochs from the trained ones.
+
+    z is taken along x^, the target L l e~ from x~; both stay fixed while J is minimised (10).
+    """
+    seen = swept(window, setting, network_of(weights.in_force, setting))
+    cost = fault_cost(*training_data(window, seen, setting), setting.gain)
+    found = minimise(cost, weights.trained, np.eye(WEIGHTS) / GAMMA, tolerance=0.0, max_iterations=EPOCHS)
+    return Trained(found.theta, cost.value(weights.trained), found.value, found.iterations)
+
+
+def training_data(
+    window: Window, seen: EventPass, setting: PaperSetting
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Arguments z = [x^ u 1] (k, 6) and targets L l e~ (k, 3) [1/s] of the k samples driven by phi."""
+    z = np.column_stack(
+        [seen.x, window.inputs[:, 0], np.maximum(window.inputs[:, 1], 0.0), np.ones(seen.error.size)]
+    )
+    target = setting.gain * np.outer(seen.error, design_vector(setting.coefficients))
+    return z[seen.driven], target[seen.driven]
+
+
+def output_error(window: Window, setting: PaperSetting, weights: NDArray[np.float64]) -> float:
+    """Sum of squared output errors y - C x^ of the observer re-simulated with weights p (48,); inf if not finite."""
+    seen = swept(window, setting, network_of(weights, setting))
+    error = (window.output - seen.x[:, 0])[seen.driven]
+    total = float(error @ error)
+    return total if np.isfinite(total) else np.inf

@@ -1,0 +1,35 @@
+"""A judged event: what speaks against it, what was learned from it, what the observer carries from it on."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.engine.learning.adequacy import Objection
+from observer_rt.engine.learning.knowledge import Outcome
+from observer_rt.engine.stream.phi import Phi
+from observer_rt.engine.stream.state import Constants
+
+
+@dataclass(frozen=True)
+class Fuel:
+    """Fuel at a temperature [K] (None: as in the injector file), and the observer's constants with it."""
+
+    temperature: float | None
+    constants: Constants
+
+
+@dataclass(frozen=True, eq=False)
+class EventRecord:
+    """An event, `stream.state.EVENT`, that was judged.
+
+    objections: what speaks against it; outcome: what was learned from it, None when nothing was; in_force: theta (m,)
+    the observer carries now, phi: what its x^ carries; fuel: during the event.
+    """
+
+    event: np.void
+    objections: tuple[Objection, ...]
+    outcome: Outcome | None
+    in_force: NDArray[np.float64]
+    phi: Phi
+    fuel: Fuel

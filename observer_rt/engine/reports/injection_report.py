@@ -1,0 +1,316 @@
+"""What is said of one injection, in SI units, with the one table of names and units for all outputs."""
+
+import math
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import Flag, auto
+from functools import cached_property
+from itertools import chain
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.engine.estimation.scalars import NOZZLE, SCALARS, SEAT, ShownIndicator
+from observer_rt.engine.learning.indicators import Estimate, Indicators, indicators_of
+from observer_rt.engine.learning.interval import is_revised, rate_sigma, volume_interval
+from observer_rt.engine.reports.event_record import EventRecord
+from observer_rt.engine.stream.state import Reason, State
+from observer_rt.engine.stream.validity import InjectionFacts, contested, reason_of_injection
+from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, MM3_PER_MS, ZERO_CELSIUS
+from observer_rt.model.effective import Coefficients
+
+
+@dataclass(frozen=True)
+class CommandedOpening:
+    """The command an opening belongs to: its number, and what it says of the injector.
+
+    opening_delay [s]: from the start of energizing to the first sample with the needle open, nan when one of the
+    two is not known; energizing_time [s], nan while not known.
+    """
+
+    command: int
+    opening_delay: float
+    energizing_time: float
+
+    def as_text(self) -> str:
+        """Command and opening delay in a few words."""
+        if math.isnan(self.opening_delay):
+            return f"command {self.command}"
+        return f"command {self.command}, opened after {self.opening_delay / MICROSECOND:.0f} us"
+
+
+@dataclass(frozen=True, eq=False)
+class InjectionReport:
+    """One injection, judged with its event.
+
+    start, end are positions in the stream of samples, the indices those of the device. `volume` [m3], `mass`
+    [kg] and `peak_rate` [m3/s] are nan when some sample had no rate; `mass_ci95` [kg] is
+    known once its event was learned from, as is `rate_sigma` (n,) [m3/s], the standard deviation of the published
+    rate at the n samples from start to end; `rail_pressure` [Pa] at the opening; `density` [kg/m3] and
+    `fuel_temperature` [K] of the fuel, the latter None where it is not measured; `commanded` is None where it is not
+    known. reason: the most severe, further: others. known_rails [Pa]: at which the flow was known when it opened.
+    """
+
+    number: int
+    event: int
+    start: int
+    end: int
+    start_index: int
+    end_index: int
+    volume: float
+    mass: float
+    mass_ci95: tuple[float, float] | None
+    rate_sigma: NDArray[np.float64] | None
+    peak_rate: float
+    rail_pressure: float
+    valid: bool
+    reason: Reason
+    state: State
+    phi_version: int
+    indicators: Indicators
+    density: float
+    fuel_temperature: float | None
+    commanded: CommandedOpening | None
+    further: tuple[Reason, ...] = ()
+    known_rails: tuple[float, float] = (-math.inf, math.inf)
+
+    @property
+    def mass_bound(self) -> float:
+        """By how much the mass may be off, by the interval with 95 % [kg]; nan before that is known."""
+        return math.nan if self.mass_ci95 is None else max(abs(bound - self.mass) for bound in self.mass_ci95)
+
+    @property
+    def reasons(self) -> tuple[Reason, ...]:
+        """All reasons why it is not valid, the most severe first."""
+        return () if self.valid else (self.reason, *self.further)
+
+
+def beyond_learned(report: InjectionReport) -> str:
+    """How far an injection is from what was learned, and which recording would help."""
+    rail_pressure, (lowest, highest) = report.rail_pressure, report.known_rails
+    if lowest <= rail_pressure <= highest:
+        return "longer than those learned from; record some as long, at rail pressures about as high"
+    reaches = [f"from {lowest / MEGAPASCAL:.0f}"] if math.isfinite(lowest) else []
+    reaches += [f"up to {highest / MEGAPASCAL:.0f}"] if math.isfinite(highest) else []
+    learned = f"what was learned reaches {' '.join(reaches)} MPa" if reaches else "nothing learned reaches it"
+    return f"{learned}; record injections at {rail_pressure / MEGAPASCAL:.0f} MPa, short and long"
+
+
+_NUMBERS = ("number", "event", "start", "end", "start_index", "end_index", "phi_version")
+
+
+def report_of(
+    injection: np.void, judged: EventRecord, commanded: CommandedOpening | None, is_contested: bool = False
+) -> InjectionReport:
+    """What to say of an injection (row of dtype `stream.state.INJECTION`).
+
+    commanded: by which command it opened; is_contested: another node sends the same results.
+    """
+    event, outcome = judged.event, judged.outcome
+    c = judged.fuel.constants.coefficients
+    middle = injection["middle_x"], injection["middle_u"]
+    estimate = (judged.in_force, None) if outcome is None else (outcome.estimate, outcome.covariance)
+    scalars = SCALARS if outcome is None else outcome.knowledge.scalars
+    indicators = indicators_of(*estimate, *middle, scalars)
+    wear = judged.phi.nozzle_wear(*middle, c)
+    if wear is not None:
+        indicators = {**indicators, NOZZLE: Estimate(wear)}
+    volume = float(injection["volume"])
+    interval, sigma, revised = None, None, False
+    belongs = injection["event"] == event["number"]
+    if belongs and outcome is not None and outcome.resimulated is not None:
+        first = int(event["window_start"])
+        window = slice(int(injection["start"]) - first, int(injection["end"]) - first + 1)
+        interval = volume_interval(outcome.resimulated, window, volume)
+        sigma = rate_sigma(outcome.resimulated, window)
+        revised = is_revised(outcome.resimulated, window, volume)
+    passed = not judged.objections
+    reason = reason_of_injection(
+        InjectionFacts(
+            of_samples=Reason(int(injection["reason"])),
+            of_event=Reason.NONE if passed else judged.objections[0].reason,
+            of_inputs=Reason(int(event["doubtful"])),
+            was_outlier=passed and outcome is not None and outcome.outliers > 0,
+            is_revised=revised,
+        )
+    )
+    state = State(int(injection["state"]))
+    reasons: tuple[Reason, ...] = (reason,)
+    if is_contested:
+        state, reasons = contested(state, reason)
+    return InjectionReport(
+        **{name: int(injection[name]) for name in _NUMBERS},
+        volume=volume,
+        mass=volume * c.density,
+        peak_rate=float(injection["peak_rate"]),
+        rail_pressure=float(injection["rail_pressure"]) * c.pressure_scale + c.chamber_pressure,
+        known_rails=(
+            float(injection["known_from"]) * c.pressure_scale + c.chamber_pressure,
+            float(injection["known_to"]) * c.pressure_scale + c.chamber_pressure,
+        ),
+        mass_ci95=None if interval is None else (interval[0] * c.density, interval[1] * c.density),
+        rate_sigma=sigma,
+        valid=reasons[0] is Reason.NONE,
+        reason=reasons[0],
+        state=state,
+        indicators=indicators,
+        density=c.density,
+        fuel_temperature=judged.fuel.temperature,
+        commanded=commanded,
+        further=reasons[1:],
+    )
+
+
+T = TypeVar("T")
+Value = int | float | str | None
+
+
+class Output(Flag):
+    """Where a value goes as a name of its own; in JSON, commands and indicators stand below one name."""
+
+    JSON = auto()
+    JOURNAL = auto()
+    PARQUET = auto()
+
+
+@dataclass(frozen=True)
+class Field(Generic[T]):
+    """A value that is said of an injection, in the unit that ends its name; nan and None: not known.
+
+    get: from the injection and the nominal model; kind: tuple for an interval, list for names; heading and form:
+    in tables on the screen.
+    """
+
+    name: str
+    kind: type
+    get: Callable[[T, Coefficients], Any]
+    heading: str = ""
+    form: str = ""
+    outputs: Output = ~Output(0)
+
+    @cached_property
+    def columns(self) -> dict[str, type]:
+        """Names and types in a table: an interval has two."""
+        if self.kind is tuple:
+            return {self.name.replace("_ci95", f"_ci95_{end}"): float for end in ("low", "high")}
+        return {self.name: str if self.kind is list else self.kind}
+
+    def of(self, injection: T, c: Coefficients) -> Any:
+        """As JSON has it."""
+        value = self.get(injection, c)
+        return known(value) if isinstance(value, float) else value
+
+    def cells(self, injection: T, c: Coefficients) -> Sequence[Value]:
+        """One for each column."""
+        value = self.of(injection, c)
+        if self.kind is tuple:
+            return value or (None, None)
+        return [",".join(value) if self.kind is list else value]
+
+    def text(self, value: Any) -> str:
+        """A value on the screen."""
+        if value is None:
+            return "-"
+        return "-".join(format(each, self.form) for each in (value if self.kind is tuple else [value]))
+
+
+@dataclass(frozen=True)
+class IndicatorFields:
+    """What is learned of an injector, as two fields; name and unit are those of JSON."""
+
+    name: str
+    unit: str
+    value: Field[InjectionReport]
+    ci95: Field[InjectionReport]
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Of its value and of the ends of its interval."""
+        return (*self.value.columns, *self.ci95.columns)
+
+
+def _indicator(shown: ShownIndicator) -> IndicatorFields:
+    name, unit = shown.key or shown.effect, shown.unit[0]
+    suffix = "" if unit == "-" else "_" + re.sub(r"\W+", "_", unit.replace("/", " per ")).strip("_")
+
+    def value(report: InjectionReport, c: Coefficients) -> float:
+        return report.indicators[shown.effect].value * shown.factor(c)
+
+    def ci95(report: InjectionReport, c: Coefficients) -> list[float] | None:
+        interval = report.indicators[shown.effect].ci95
+        return interval and [bound * shown.factor(c) for bound in interval]
+
+    outputs, heading = Output.JOURNAL | Output.PARQUET, f"{name.partition('_')[0]}\nflow"
+    single = Field(f"{name}{suffix}", float, value, heading, "+.1%", outputs)
+    return IndicatorFields(name, unit, single, Field(f"{name}_ci95{suffix}", tuple, ci95, outputs=outputs))
+
+
+INDICATORS = tuple(_indicator(shown) for _, shown in SCALARS.shown())
+WEAR = tuple(_indicator(shown) for _, shown in SCALARS.shown() if shown.effect in (NOZZLE, SEAT))
+_INDEX = Output.JSON | Output.JOURNAL  # a recording tells time instead
+# fmt: off
+_COMMAND: tuple[Field[InjectionReport], ...] = (
+    Field("command", int, lambda r, _: r.commanded and r.commanded.command, "command\nno", "d", Output.JOURNAL),
+    Field("opening_delay_us", float, lambda r, _: r.commanded and r.commanded.opening_delay / MICROSECOND,
+          "delay\nus", ".0f", Output.JOURNAL),
+    Field("energizing_time_us", float, lambda r, _: r.commanded and r.commanded.energizing_time / MICROSECOND,
+          outputs=Output.JOURNAL | Output.PARQUET),
+)
+FIELDS: tuple[Field[InjectionReport], ...] = (
+    Field("number", int, lambda r, _: r.number, "\nno", "d"),
+    Field("event", int, lambda r, _: r.event, "\nevent", "d"),
+    Field("start_index", int, lambda r, _: r.start_index, outputs=_INDEX),
+    Field("end_index", int, lambda r, _: r.end_index, outputs=_INDEX),
+    Field("rail_pressure_MPa", float, lambda r, _: r.rail_pressure / MEGAPASCAL, "rail\nMPa", ".1f"),
+    Field("mass_mg", float, lambda r, _: r.mass / MILLIGRAM, "mass\nmg", ".2f"),
+    Field("mass_ci95_mg", tuple, lambda r, _: r.mass_ci95 and [bound / MILLIGRAM for bound in r.mass_ci95]),
+    Field("peak_rate_mm3_per_ms", float, lambda r, _: r.peak_rate / MM3_PER_MS, outputs=Output.JOURNAL),
+    Field("valid", bool, lambda r, _: r.valid),
+    Field("reasons", list, lambda r, _: [reason.name for reason in r.reasons]),
+    Field("state", str, lambda r, _: r.state.name),
+    Field("phi_version", int, lambda r, _: r.phi_version),
+    Field("fuel_temperature_degC", float, lambda r, _: r.fuel_temperature and r.fuel_temperature - ZERO_CELSIUS),
+    *_COMMAND,
+    *chain.from_iterable((each.value, each.ci95) for each in INDICATORS),
+)
+# fmt: on
+MASS_BOUND = Field[InjectionReport](
+    "mass_bound_mg", float, lambda r, _: r.mass_bound / MILLIGRAM, "± 95 %\nmg", ".1f"
+)
+"""On the screen, of the mass beside it; the interval is that of another, the mass as learned from the event."""
+NAMED = {each.name: each for each in (*FIELDS, MASS_BOUND)}
+
+
+def columns_of(fields: Sequence[Field[T]], output: Output) -> dict[str, type]:
+    """Names and types of the columns that an output has of these fields."""
+    return {name: kind for each in fields if output in each.outputs for name, kind in each.columns.items()}
+
+
+def row_of(fields: Sequence[Field[T]], output: Output, injection: T, c: Coefficients) -> dict[str, Value]:
+    """A value for every column of `columns_of`; c: of the nominal model, as below."""
+    row: dict[str, Value] = {}
+    for each in fields:
+        if output in each.outputs:
+            row.update(zip(each.columns, each.cells(injection, c), strict=True))
+    return row
+
+
+def injection_record(report: InjectionReport, c: Coefficients, has_energizing: bool) -> dict[str, Any]:
+    """An injection in JSON. has_energizing: whether its command is said, None without one."""
+    record = {each.name: each.of(report, c) for each in FIELDS if Output.JSON in each.outputs}
+    if report.fuel_temperature is None:
+        del record["fuel_temperature_degC"]
+    record["indicators"] = {
+        each.name: {"value": each.value.of(report, c), "ci95": each.ci95.of(report, c), "unit": each.unit}
+        for each in INDICATORS
+    }
+    if has_energizing:
+        record["energizing"] = report.commanded and {each.name: each.of(report, c) for each in _COMMAND}
+    return record
+
+
+def known(value: float) -> float | None:
+    """None for nan, which JSON has no word for."""
+    return None if math.isnan(value) else value

@@ -1,0 +1,111 @@
+"""News of the service: judged injections, their measured masses, missing injections, notices; and who hears them."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from observer_rt.engine.reports.injection_report import InjectionReport
+from observer_rt.engine.words import Topic
+from observer_rt.foundation.units import MILLIGRAM, MILLISECOND
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredMass:
+    """What was measured of a reported injection [kg]."""
+
+    report: InjectionReport
+    mass: float
+
+    @property
+    def error(self) -> float:
+        """Of the estimated mass, relative; nan where none was estimated."""
+        return self.report.mass / self.mass - 1.0
+
+    def as_text(self) -> str:
+        """One line."""
+        estimate = "unknown"
+        if not math.isnan(self.report.mass):
+            estimate = f"{self.report.mass / MILLIGRAM:.2f} mg ({100 * self.error:+.2f} %)"
+        return f"injection {self.report.number}: measured {self.mass / MILLIGRAM:.2f} mg, estimate {estimate}"
+
+
+@dataclass(frozen=True)
+class Mismatch:
+    """An injection that is missing after a command, or one without a command; `number` is the one's own."""
+
+    is_missing: bool
+    number: int
+    index: int
+    window: float  # s
+
+    def as_text(self) -> str:
+        """One line."""
+        if self.is_missing:
+            return (
+                f"injection missing: the needle did not open within {self.window / MILLISECOND:g} ms of command "
+                f"{self.number} at index {self.index}"
+            )
+        return f"injection {self.number} opened at index {self.index} without a command"
+
+
+@dataclass(frozen=True)
+class Notice:
+    """Something is the matter with a link or an input, or, `is_over`, is well again.
+
+    incident: of a bus as such, what all injectors on it call it; empty: of this injector alone.
+    """
+
+    topic: Topic
+    text: str
+    is_over: bool = False
+    incident: str = ""
+
+    def as_text(self) -> str:
+        """One line and, where there is one, a remedy."""
+        return self.text
+
+
+News = InjectionReport | MeasuredMass | Mismatch | Notice
+"""A judged injection, whose samples are still remembered; its measured mass; one missing or without a command."""
+Listener = Callable[[News], None]
+"""Is called from the loop, with all news."""
+
+
+def fan_out(listeners: Sequence[Listener]) -> Listener:
+    """Hands on to several, in order."""
+
+    def tell(news: News) -> None:
+        for listener in listeners:
+            listener(news)
+
+    return tell
+
+
+def of_bus(topic: Topic, text: str, is_over: bool = False) -> Notice:
+    """A notice that is the same for all injectors on the bus."""
+    return Notice(topic, text, is_over, incident=text)
+
+
+class Notes:
+    """A listener that keeps all it hears."""
+
+    def __init__(self) -> None:
+        self.injections: list[InjectionReport] = []
+        self.measured: list[MeasuredMass] = []
+        self.mismatches: list[Mismatch] = []
+        self.messages: list[str] = []
+        self.notices: list[Notice] = []
+
+    def __call__(self, news: News) -> None:
+        """Keep it."""
+        match news:
+            case InjectionReport():
+                self.injections.append(news)
+            case MeasuredMass():
+                self.measured.append(news)
+            case Mismatch():
+                self.mismatches.append(news)
+            case Notice(text=text):
+                self.notices.append(news)
+                if news.topic is Topic.LINK:
+                    self.messages.append(text)

@@ -1,0 +1,376 @@
+"""The service without its surroundings: frames in, frames out. No socket, no clock, no file.
+
+Where another node sends what only this service should, no receiver knows whose frame it has: none is valid.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt import __version__
+from observer_rt.bus.alignment.alignment import is_stale, make_alignment, progress
+from observer_rt.bus.alignment.timekeeping import MessageTiming, make_timekeeping, timing_of
+from observer_rt.bus.database.e2e import E2EState
+from observer_rt.bus.links.link import BusFrame, Frame, FrameBlock, block_of
+from observer_rt.bus.mapping.bus_map import BusMap, stream_of
+from observer_rt.bus.mapping.output_messages import StatusValues
+from observer_rt.config.bench import BenchInjector
+from observer_rt.config.signals import Role
+from observer_rt.core.stream.stream import RING, dead_band
+from observer_rt.engine.estimation.signal_noise import SlowNoise
+from observer_rt.engine.learning.knowledge import Knowledge, no_knowledge
+from observer_rt.engine.observer import make_observer, samples_at
+from observer_rt.engine.reports.event_record import EventRecord
+from observer_rt.engine.reports.injection_report import report_of
+from observer_rt.engine.reports.news import Listener, Notice, fan_out
+from observer_rt.engine.service.constants import bench_constants, configured_noise
+from observer_rt.engine.service.input_memory import make_input_memory
+from observer_rt.engine.service.judging import InlineExecutor, Judging
+from observer_rt.engine.service.learners import LearnerFactory, healthy_injector, make_learner, slow_noise_of
+from observer_rt.engine.service.messages import Counters, OutputFrame, ResultFrames, counted
+from observer_rt.engine.service.optional_inputs import OptionalInputs
+from observer_rt.engine.service.pipeline import CompiledPipeline, Pipeline, make_receiver, make_supervised
+from observer_rt.engine.service.publisher import make_publisher
+from observer_rt.engine.stream.standstill import LiftFigures, Standstill, lift_figures, standstill_of
+from observer_rt.engine.stream.state import Reason, State
+from observer_rt.engine.stream.validity import Surroundings, state_of_service
+from observer_rt.engine.words import Topic
+
+_NOT_LEARNED = (
+    "nothing was learned from an event: {}\n  remedy: see that memory is free; report it if it comes again"
+)
+
+
+class Contest:
+    """Whether there is a second sender now, and the samples between which there was one last."""
+
+    def __init__(self, publisher: NDArray[np.void], observer: NDArray[np.void]) -> None:
+        """publisher, observer: the memory of either; no rate that the publisher sends meanwhile is valid."""
+        self._is_contested = publisher["contested"]
+        self._processed = observer["processed"]
+        self._first = self._end = 0
+
+    def note(self, is_contested: bool) -> None:
+        """Whether there is one; the stream may go on meanwhile."""
+        if is_contested == self._is_contested[0]:
+            return
+        if is_contested:
+            self._first = int(self._processed[0])
+        self._is_contested[0] = is_contested
+        if not is_contested:
+            self._end = int(self._processed[0])
+
+    def concerns(self, injection: np.void) -> bool:
+        """Whether what is reported now of an injection, `stream.state.INJECTION`, is contested, or its rates were."""
+        was_contested = injection["end"] >= self._first and injection["start"] < self._end
+        return bool(self._is_contested[0] or was_contested)
+
+
+class Core:
+    """One injector's observer service on frames.
+
+    `handle` takes frames in the order received and returns the frames they cause. The same frames give the same
+    `InjectionRate` and `InjectionSummary` frames, bit for bit, as long as no adoption is late.
+    """
+
+    def __init__(
+        self,
+        fitted: BenchInjector,
+        bus: BusMap,
+        knowledge: Knowledge | None = None,
+        executor: Executor | None = None,
+        learning: bool | None = None,
+        listeners: Sequence[Listener] = (),
+        learner_of: LearnerFactory = make_learner,
+        fuel_temperature: float | None = None,
+        writes_summaries: bool = True,
+    ) -> None:
+        """knowledge: restored from an earlier run; executor: where learning runs (None: at once, in lockstep).
+
+        fuel_temperature [K]: on a bench that measures it, what to take until it is measured; None: nothing is valid.
+        writes_summaries: among the frames to send.
+        """
+        config = fitted.config
+        is_restored = knowledge is not None
+        constants = bench_constants(fitted, is_restored)
+        noise = configured_noise(fitted)
+        start = knowledge or no_knowledge(noise, constants.coefficients.pressure_scale)
+        learner = learner_of(fitted, constants, start)
+        self._bus = bus
+        self._max_lift = fitted.parameters.seat.max_lift
+        healthy = healthy_injector(fitted)
+        may_learn = healthy.adequate and (config.learning.enabled if learning is None else learning)
+        assumed = fuel_temperature if config.signals.fuel_temperature else None
+        observer = make_observer(constants, start, learner, healthy)
+        self.compiled = CompiledPipeline(
+            Pipeline(
+                bus.inputs,
+                make_receiver(),
+                make_supervised(bus.inputs.messages, config.e2e),
+                make_input_memory(bus.inputs, may_learn, assumed),
+                make_timekeeping(
+                    bus.inputs.timing, bus.inputs.streams["samples"], stream_of(bus, Role.LINE_PRESSURE)
+                ),
+                make_alignment(bus.following, dead_band(noise.needle_lift)[0], observer.recorded),
+                observer,
+                make_publisher(bus.rate, may_learn),
+            )
+        )
+        """Everything compiled code works on."""
+        self.compiled.observer.memory["waits_for_verdicts"] = executor is None or config.learning.lockstep
+        self._tell = fan_out(listeners)
+        self._judging = Judging(
+            self.compiled,
+            learner,
+            executor or InlineExecutor(),
+            start,
+            healthy,
+            partial(learner_of, fitted, constants),
+            lambda failure: self._tell(
+                Notice(Topic.LEARNING, _NOT_LEARNED.format(f"{type(failure).__name__}: {failure}"))
+            ),
+        )
+        self._writes_summaries = writes_summaries
+        self.optional = OptionalInputs(fitted, bus, self.compiled, self._tell, is_restored)
+        """What came of energizing, fuel temperature and learning enable."""
+        self.contest = Contest(self.compiled.pipeline.publisher.memory, self.compiled.observer.memory)
+        """Whether another node sends the same results."""
+        self._results = ResultFrames(bus, self.compiled.pipeline.publisher, config.outputs.injector_id)
+
+    def handle(
+        self, frame_id: int, is_extended: bool, payload: bytes, stamp_ns: int, bus: int = 0
+    ) -> list[OutputFrame]:
+        """Take one frame received on a bus; frames that are not ours are ignored. Returns the frames to send.
+
+        stamp_ns: when it was received, in nanoseconds on a clock that is the same for all frames of all
+        buses. Where all messages of one time base carry an index, it changes no result.
+        """
+        return self.handle_many(block_of([BusFrame(bus, Frame(frame_id, payload, stamp_ns, is_extended))]))
+
+    def handle_many(self, block: FrameBlock) -> list[OutputFrame]:
+        """The same of many frames in arrays, at the speed of compiled code."""
+        number = 0
+        while number < block.frames:
+            number, waits = self.compiled.take_many(block, number)
+            self._go_on(waits)
+            self._results.collect_rates()
+        return self._results.taken()
+
+    def attend(self) -> list[OutputFrame]:
+        """What the stream did meanwhile, by frames given to `compiled`: hand over, judge, report.
+
+        Returns the frames to send; rates are in the publisher, for whoever gives it frames.
+        """
+        self._follow()
+        self._judging.post()
+        self.optional.look()
+        return self._results.taken()
+
+    def answer(self) -> list[OutputFrame]:
+        """As `attend`, with the verdict or the model that the stream waits for."""
+        self._follow()
+        self._answer()
+        return self._results.taken()
+
+    def call_when_learned(self, wake: Callable[[], None]) -> None:
+        """Have the executor call `wake` when something was learned, which `attend` then hands to the stream."""
+        self._judging.on_learned = wake
+
+    @property
+    def learning_from(self) -> int | None:
+        """The closed event, by its number, that is being learned from."""
+        return self._judging.learning
+
+    @property
+    def is_between_events(self) -> bool:
+        """Whether no injection is under way, nor any to be judged."""
+        return self._judging.is_idle and not self.compiled.observer.memory["in_event"][0]
+
+    def finish(self) -> list[OutputFrame]:
+        """No frame will come: process what waits, judge every event, publish the last block."""
+        self.compiled.observer.memory["draining"] = True
+        self.compiled.observer.memory["waits_for_verdicts"] = True
+        self._go_on(self.compiled.proceed())
+        self._results.collect_rates()
+        self.compiled.flush()
+        self._results.collect_rates()
+        return self._results.taken()
+
+    @property
+    def processed(self) -> int:
+        """Samples processed since the start: the position of the next one."""
+        return int(self.compiled.observer.memory["processed"][0])
+
+    def rows(self, start: int, end: int) -> NDArray[np.void]:
+        """Processed samples at positions [start, end) as a copy, dtype `stream.state.sample_dtype`.
+
+        Only the last `RING` samples are remembered.
+        """
+        return samples_at(self.compiled.observer, max(start, end - RING), end)
+
+    def inputs(self, first: int, most: int) -> dict[Role, NDArray[np.float64]]:
+        """Processed samples from a position on [m; Pa above the chamber pressure], of those that are remembered.
+
+        Of more than `most` evenly spaced ones.
+        """
+        first = max(first, self.processed - RING)
+        places = np.arange(first, self.processed, 1 + (self.processed - first) // most) % RING
+        ring = self.compiled.observer.ring
+        return {
+            role: ring[role.value][places] * (1.0 if role is Role.NEEDLE_LIFT else self._pressure_scale)
+            for role in Role
+        }
+
+    @property
+    def newest(self) -> NDArray[np.float64]:
+        """Value [SI] of every role in the last frame that had one, in the order of `Role`; nan: not available."""
+        newest: NDArray[np.float64] = self.compiled.pipeline.receiver["sample"][0]
+        return newest
+
+    @property
+    def protection(self) -> list[int]:
+        """`E2EState` of every input message, those with samples first; NODATA of one that is not protected."""
+        states: list[int] = self.compiled.pipeline.supervised["state"].tolist()
+        return states
+
+    @property
+    def progress(self) -> list[int]:
+        """The sample index up to which each input stream came; -1: nothing yet."""
+        return progress(self.compiled.pipeline.alignment)
+
+    @property
+    def state(self) -> tuple[State, Reason]:
+        """State and reason by what came, whatever the links."""
+        newest = None
+        if self.processed > 0:
+            newest = State(int(self._newest_row["state"])), Reason(int(self._newest_row["reason"]))
+        sampled = self.protection[: len(self._bus.input_layouts)]
+        surroundings = Surroundings(
+            is_unprotected=E2EState.INVALID in sampled,
+            is_stale=newest is not None and is_stale(self.compiled.pipeline.alignment),
+        )
+        return state_of_service(newest, surroundings)
+
+    @property
+    def is_valid(self) -> bool:
+        """Whether the estimate of the last processed sample is."""
+        return self.processed > 0 and bool(self._newest_row["valid"])
+
+    @property
+    def last_index(self) -> int:
+        """Device index of the last processed sample, 0 before the first."""
+        return int(self._newest_row["index"]) if self.processed else 0
+
+    @property
+    def knowledge(self) -> Knowledge:
+        """All that was learned and judged so far."""
+        return self._judging.known
+
+    @property
+    def standstill(self) -> Standstill:
+        """Statistics of the closed needle since the start."""
+        found = standstill_of(self.compiled.observer.memory[0], self._pressure_scale)
+        return replace(found, lift=self.lift)
+
+    @property
+    def lift(self) -> LiftFigures:
+        """What was found of the needle-lift sensor."""
+        return lift_figures(self.compiled.observer, self._max_lift)
+
+    @property
+    def slow_noise(self) -> Mapping[Role, SlowNoise]:
+        """What is not white in line pressure [Pa] and needle lift [m], of the samples at rest that are remembered."""
+        white = self.standstill.noise
+        if white is None:
+            return {}
+        return slow_noise_of(self.compiled.observer, self.rows(0, self.processed), white)
+
+    @property
+    def timing(self) -> tuple[MessageTiming, ...]:
+        """How regularly the input messages come, as far as their stamps show it."""
+        return timing_of(self._bus, self.compiled.pipeline.keeping)
+
+    @property
+    def counters(self) -> Counters:
+        """What was counted so far."""
+        return counted(self.compiled.pipeline, self.optional.energizing, self._judging)
+
+    @property
+    def frames_taken(self) -> int:
+        """Frames with samples that came so far, good or bad."""
+        return int(self.compiled.pipeline.receiver["frames"][0])
+
+    def _go_on(self, waiting: bool) -> None:
+        """Hand over closed events, judge due ones, change the model, until the observer waits for input again."""
+        self._follow()
+        while waiting:
+            self._results.collect_rates()
+            self._answer()
+            waiting = self.compiled.proceed()
+            self._follow()
+        self._judging.post()
+        self.optional.look()
+
+    def _answer(self) -> None:
+        """Give the stream the model or the verdict that it waits for."""
+        if self.optional.is_model_due:
+            self.optional.change_model()
+        else:
+            self._judging.answer()
+
+    def _follow(self) -> None:
+        """Hand over closed events, report judged ones."""
+        for judged in self._judging.follow(self.optional.learning, self.optional.fuel_temperature):
+            self._report(judged)
+
+    def _report(self, judged: EventRecord) -> None:
+        """Say of the injections of a judged event what was found, with what came before it was."""
+        self.optional.read()
+        for injection in self._judging.injections(judged):
+            commanded = self.optional.opening_of(injection)
+            report = report_of(injection, judged, commanded, self.contest.concerns(injection))
+            if self._writes_summaries:
+                self._results.add_summary(report, self.optional.learning, self._pressure_scale)
+            self._tell(report)
+            self.optional.on_injection(report)
+
+    @property
+    def _newest_row(self) -> np.void:
+        """The last processed sample, `stream.state.SAMPLE`."""
+        row: np.void = self.compiled.observer.ring[(self.processed - 1) % RING]
+        return row
+
+    @property
+    def _pressure_scale(self) -> float:
+        return self.compiled.observer.constants.coefficients.pressure_scale
+
+
+def status_values(
+    core: Core, state: State, reason: Reason, injector_id: int, hashes: tuple[int, int]
+) -> StatusValues:
+    """What the status says, every counter that it has a signal for included; of links and files 0.
+
+    hashes: of model and bus databases (first 32 bits).
+    """
+    major, minor, patch = (int(part) for part in __version__.split(".")[:3])
+    counters = core.counters
+    counts: dict[str, Any] = {name: getattr(counters, name, 0) for name in StatusValues._fields}
+    return StatusValues(**counts)._replace(
+        sample_index=core.last_index & 0xFFFFFFFF,
+        valid=core.is_valid and state in (State.RUNNING_NOMINAL, State.ADAPTED),
+        learning=core.optional.learning,
+        state=state,
+        reason=reason,
+        injector_id=injector_id,
+        version_major=major,
+        version_minor=minor,
+        version_patch=patch,
+        model_hash=hashes[0],
+        database_hash=hashes[1],
+        samples_processed=counters.samples & 0xFFFFFFFF,
+    )

@@ -1,0 +1,379 @@
+"""Energizing of the injector: its commands, from levels or durations as they come, and the openings they have.
+
+Delays, injections missing, injections without a command.
+"""
+
+import math
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from operator import itemgetter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.bus.mapping.optional_inputs import NANOSECONDS, EnergizingLayout, EnergizingSignal
+from observer_rt.bus.mapping.timing import SLOTS
+from observer_rt.core.frames.frames import is_grid_prompt, place_by_time
+from observer_rt.core.stream.stream import INJECTIONS, RING
+from observer_rt.engine.observer import was_shut
+from observer_rt.engine.reports.injection_report import CommandedOpening
+from observer_rt.engine.reports.news import Mismatch
+from observer_rt.engine.service.pipeline import CompiledPipeline
+from observer_rt.foundation.units import MICROSECOND, MILLISECOND
+
+INDICES = 1 << 32  # after which a sample index begins again
+SPANS = 8  # in which commands may have been lost
+OVERTAKEN = 10 * MILLISECOND  # by which a frame may be older than the one before; more is a new count
+
+
+def samples_between(earlier: float, later: float) -> float:
+    """From one sample index to another, either of them modulo 2^32; nan if one is not known."""
+    return (later - earlier + INDICES / 2) % INDICES - INDICES / 2
+
+
+@dataclass(eq=False)
+class Command:
+    """One energizing of the injector; moments are sample indices, or ns by the clock of the stamps.
+
+    margin [samples]: what the start may lie beside `start`; duration [s], nan while not known. A command that is
+    not certain may be the end of one before it: frames between the two were lost. came: samples processed when it
+    did; was_shut: the needle as it started, None while not known.
+    """
+
+    start: int
+    margin: float
+    is_certain: bool = True
+    duration: float = math.nan
+    number: int = 0  # from 1, once it is certain
+    came: int = 0
+    was_shut: bool | None = None
+    has_opened: bool = False
+
+
+class CommandReader:
+    """Finds the commands in what the frames say; `by_index`: moments are sample indices."""
+
+    def __init__(self, energizing: EnergizingLayout, sample_rate: float) -> None:
+        """sample_rate: of the grid [Hz]."""
+        self.by_index = energizing.index is not None
+        self._is_level = energizing.is_level
+        self._samples = len(energizing.names)
+        self._units = 1.0 if self.by_index else NANOSECONDS / sample_rate  # from sample to sample
+        self._sample_rate = sample_rate
+        self._cycle = None if energizing.cycle is None else energizing.cycle * sample_rate  # samples
+        # from the last sample of a frame to the first of the next; the index of a duration is that of its start
+        self._longest = math.inf
+        if self._cycle is not None and (self._is_level or not self.by_index):
+            self._longest = 1.5 * self._cycle - (self._samples - 1)
+        self._level: bool | None = None
+        self._under_way: Command | None = None
+        self._last: int | None = None  # moment at which something was known last
+        self._lost: deque[tuple[int, int]] = deque(maxlen=SPANS)
+
+    @property
+    def lost(self) -> Sequence[tuple[int, int]]:
+        """Spans (from, to) in which commands may have come unseen."""
+        return self._lost
+
+    @property
+    def known_until(self) -> int | None:
+        """The moment after which nothing is known of the energizing; None: silence means there is none."""
+        if not self._is_level or self._cycle is None or self._last is None:
+            return None
+        return self._last + round(self._longest * self._units)
+
+    def read(self, reading: EnergizingSignal) -> list[Command]:
+        """Commands that start in a frame."""
+        if reading.first is not None:
+            first = reading.first
+        else:
+            first = reading.taken - round((self._samples - 1) * self._units)
+        since = math.inf if self._last is None else self._distance(self._last, first)
+        if self.by_index and -OVERTAKEN * self._sample_rate < since <= 0:
+            return []  # repeated, or overtaken
+        if self._last is None or since < 0:  # the first one, or all begins anew
+            self._last = None
+            self._lose(first - round(SLOTS * self._units), first)
+        elif self._tells_loss(reading, since):
+            self._lose(self._last, first)
+        if not self._is_level:
+            return self._read_duration(first, float(reading.values[0]))
+        steady = self._level is not None and bool(((reading.values != 0.0) == self._level).all())
+        if steady and not math.isnan(reading.values.sum()):
+            self._last = first + round((self._samples - 1) * self._units)
+            return []
+        commands = []
+        for place, value in enumerate(reading.values.tolist()):
+            command = self._read_level(first + round(place * self._units), value)
+            if command is not None:
+                commands.append(command)
+        return commands
+
+    def _tells_loss(self, reading: EnergizingSignal, since: float) -> bool:
+        """Whether frames were lost before this one; since [samples]: from the last moment known."""
+        if since > self._longest:
+            is_pause = reading.follows and self._level is False and reading.values[0] == 0.0
+            return not is_pause
+        return reading.follows is False and not (self.by_index and self._longest < math.inf)
+
+    def _distance(self, earlier: int, later: int) -> float:
+        """Samples."""
+        return samples_between(earlier, later) if self.by_index else (later - earlier) / self._units
+
+    def _lose(self, begin: int, end: int) -> None:
+        self._level = None
+        self._under_way = None
+        if self._lost and self._lost[-1][0] == begin:
+            self._lost.pop()  # it goes on
+        self._lost.append((begin, end))
+
+    def _read_duration(self, moment: int, duration: float) -> list[Command]:
+        self._last = moment
+        return [Command(moment, 0.0, duration=duration)] if 0.0 < duration < math.inf else []
+
+    def _read_level(self, moment: int, value: float) -> Command | None:
+        """One sample; a command where energizing starts with it."""
+        if math.isnan(value):
+            self._level = None
+            self._under_way = None
+            return None
+        was, before = self._level, self._last
+        if was is None and before is not None:
+            self._lose(before, moment)
+        self._level, self._last = value != 0.0, moment
+        if self._level == was:
+            return None
+        if not self._level:
+            if self._under_way is not None:
+                end, _ = self._edge(before, moment)
+                lasted = self._distance(self._under_way.start, end)
+                self._under_way.duration = lasted / self._sample_rate
+            return None
+        if was is None and self._cycle is not None:
+            return Command(moment, 0.0, is_certain=False)
+        self._under_way = Command(*self._edge(before, moment))
+        return self._under_way
+
+    def _edge(self, before: int | None, moment: int) -> tuple[int, float]:
+        """When a level changed that is another at `moment` than before, and by how many samples that may be off.
+
+        Among the samples of a block, and of a message sent on change, at `moment`; between two cyclic frames in the
+        middle.
+        """
+        if before is None or self._samples > 1 or self._cycle is None:
+            return moment, 0.0
+        distance = self._distance(before, moment)
+        return moment - round(distance / 2 * self._units), distance / 2
+
+
+REMEMBERED = 64  # commands
+RECENT = 100  # delays that mean and spread are of
+LATE_STAMP = 1 * MILLISECOND  # by which stamps may be beside their clock, and a command after its opening
+
+
+@dataclass(frozen=True)
+class EnergizingFigures:
+    """What was counted so far; mean and standard deviation of the last opening delays [s], nan: none yet."""
+
+    commands: int
+    missing: int
+    uncommanded: int
+    mean_delay: float
+    delay_sigma: float
+
+    def as_text(self) -> str:
+        """One line."""
+        delay = "not known yet"
+        if not math.isnan(self.mean_delay):
+            delay = f"{self.mean_delay / MICROSECOND:.0f} ± {self.delay_sigma / MICROSECOND:.0f} us"
+        return (
+            f"{self.commands} commands, {self.missing} injections missing, {self.uncommanded} without a command, "
+            f"opening delay {delay}"
+        )
+
+
+class EnergizingWatch:
+    """Joins commands and openings, whichever is known first.
+
+    An opening belongs to the last command that started before it, if that was not too long ago and no opening was
+    before it; it is decided when its injection is reported. A command is missing its injection when the needle was
+    shut as it started, no sample was lost since, and none of the openings in its window is its own. Before the first
+    command, and where frames were lost, an opening without one means nothing.
+    """
+
+    def __init__(
+        self,
+        energizing: EnergizingLayout,
+        compiled: CompiledPipeline,
+        on_mismatch: Callable[[Mismatch], None],
+    ) -> None:
+        """on_mismatch: called with every missing injection and every one without a command."""
+        sample_rate = 1.0 / compiled.observer.constants.interval
+        self._energizing = energizing
+        self._reader = CommandReader(energizing, sample_rate)
+        self._sample_rate = sample_rate
+        self._window = energizing.window * sample_rate  # samples
+        self._late = 0.0 if self._reader.by_index else LATE_STAMP * sample_rate
+        self._keeping = compiled.pipeline.keeping
+        self._compiled = compiled
+        self._on_mismatch = on_mismatch
+        self._waiting: deque[Command] = deque(maxlen=REMEMBERED)
+        # indices of openings without a command, and samples processed when they were reported
+        self._unasked: deque[tuple[int, int]] = deque(maxlen=REMEMBERED)
+        self._delays: deque[float] = deque(maxlen=RECENT)
+        self._doubtful_until: int | None = None  # index up to which stamps did not tell when commands came
+        self._newest = 0  # index of the last processed sample
+        self._commands = self._missing = self._uncommanded = 0
+
+    def take(self, values: NDArray[np.float64], stamp: int, follows: bool, processed: int) -> None:
+        """Take what a frame says, as of `EnergizingLayout.reading`; processed: samples when it came."""
+        for command in self._reader.read(self._energizing.reading(values, stamp, follows)):
+            if command.is_certain:
+                self._number(command)
+            command.came = processed
+            self._waiting.append(command)
+
+    @property
+    def looks_at_each(self) -> bool:
+        """Whether `look` is to be called after every frame, so that what it reports depends on none but these."""
+        return bool(self._waiting) or not self._reader.by_index
+
+    def opening_of(self, injection: np.void) -> CommandedOpening | None:
+        """The command of an injection (`stream.state.INJECTION`) that is about to be reported; None: not known."""
+        opening, is_seen = int(injection["opening_index"]), bool(injection["opening_seen"])
+        command = self._command_of(opening)
+        if command is None:
+            if is_seen and self._commands and not self._may_be_lost(opening):
+                self._uncommanded += 1
+                self._unasked.append((opening, self._processed))
+                self._tell(False, int(injection["number"]), opening)
+            return None
+        command.has_opened = True
+        delay = math.nan
+        if command.is_certain and is_seen:
+            delay = samples_between(self._place(command.start), opening) / self._sample_rate
+            self._delays.append(delay)
+        else:
+            self._number(command)
+        return CommandedOpening(command.number, delay, command.duration)
+
+    def look(self) -> None:
+        """After samples were processed: which commands have had their time without an opening."""
+        if self._processed > 0 and not self._has_time:
+            self._doubtful_until = self._newest_index()
+            self._waiting.clear()
+        if not self._waiting or self._processed == 0:
+            return
+        before, self._newest = self._newest, self._newest_index()
+        if self._newest < before and self._reader.by_index:
+            self._forget(before)
+        undecided = self._undecided_openings()
+        for command in [*self._waiting]:
+            end = self._place(command.start) + command.margin + self._window
+            if not (samples_between(end, self._newest) > 0 and self._processed - command.came > self._window):
+                continue
+            if command.was_shut is None:
+                command.was_shut = self._was_shut(command)
+            if not any(samples_between(opening, end) >= 0 for opening in undecided):
+                self._waiting.remove(command)
+                self._judge(command)
+
+    @property
+    def figures(self) -> EnergizingFigures:
+        """What was counted so far."""
+        delays = list(self._delays)  # asked for from another thread, too
+        mean, sigma = (float(np.mean(delays)), float(np.std(delays))) if delays else (math.nan, math.nan)
+        return EnergizingFigures(self._commands, self._missing, self._uncommanded, mean, sigma)
+
+    @property
+    def _processed(self) -> int:
+        return int(self._compiled.observer.memory["processed"][0])
+
+    def _newest_index(self) -> int:
+        return int(self._compiled.observer.ring[(self._processed - 1) % RING]["index"])
+
+    def _number(self, command: Command) -> None:
+        if command.number == 0:
+            self._commands += 1
+            command.number = self._commands
+
+    def _place(self, moment: int) -> float:
+        """Index of a moment; nan while the clock of the stamps is not known."""
+        return float(moment) if self._reader.by_index else place_by_time(self._keeping, moment)
+
+    def _command_of(self, opening: int) -> Command | None:
+        """The command that an opening belongs to, None if there is none."""
+        since = [(samples_between(self._place(one.start), opening), one) for one in self._waiting]
+        started = [each for each in since if -each[1].margin <= each[0] <= self._window + each[1].margin]
+        elapsed, last = _latest(started, is_certain=True)
+        if last is not None and not last.has_opened:
+            return last
+        elapsed_doubtful, doubtful = _latest(started, is_certain=False)
+        if doubtful is not None and not doubtful.has_opened and elapsed_doubtful < elapsed:
+            return doubtful
+        late = [each for each in since if -self._late <= each[0] + each[1].margin < 0.0]
+        late = [each for each in late if each[1].is_certain and not each[1].has_opened]
+        return max(late, key=itemgetter(0))[1] if late else None
+
+    @property
+    def _has_time(self) -> bool:
+        """Whether it is known when commands came: not so while stamps leave their clock, such as after it was set."""
+        return self._reader.by_index or is_grid_prompt(self._keeping, LATE_STAMP)
+
+    def _may_be_lost(self, opening: int) -> bool:
+        """Whether the command of an opening may be elsewhere than it seems, in lost frames, or still to come."""
+        doubtful = math.nan if self._doubtful_until is None else self._doubtful_until
+        if not self._has_time or samples_between(doubtful, opening) <= self._window:
+            return True
+        until = self._reader.known_until
+        if until is not None and not samples_between(opening, self._place(until)) >= 0:
+            return True
+        return any(
+            not samples_between(self._place(begin), opening) < 0
+            and not samples_between(self._place(end), opening) > self._window
+            for begin, end in self._reader.lost
+        )
+
+    def _undecided_openings(self) -> list[int]:
+        """Indices of the openings whose injections are not reported yet."""
+        memory = self._compiled.observer.memory[0]
+        first, end = int(memory["injections_reported"]), int(memory["injections_begun"])
+        return [
+            int(self._compiled.observer.injections[n % INJECTIONS]["opening_index"])
+            for n in range(first, end)
+        ]
+
+    def _forget(self, before: int) -> None:
+        """The index began anew after `before`: the commands of the old count have no openings any more."""
+        for command in [*self._waiting]:
+            now, then = (abs(samples_between(index, command.start)) for index in (self._newest, before))
+            if not now < then:
+                self._waiting.remove(command)
+
+    def _was_shut(self, command: Command) -> bool:
+        """Whether the needle was shut as a command started, and samples tell what it did in its window."""
+        begin = samples_between(self._newest, self._place(command.start)) + self._newest - command.margin
+        return was_shut(self._compiled.observer, begin, begin + 2 * command.margin + self._window)
+
+    def _judge(self, command: Command) -> None:
+        """The window of a command is over and its openings are decided."""
+        if command.has_opened or not command.is_certain or not command.was_shut:
+            return
+        start = self._place(command.start)
+        if any(
+            command.came >= reported and 0.0 <= samples_between(start, opening) <= self._window
+            for opening, reported in self._unasked
+        ):
+            return  # the command of an opening that was already reported
+        self._missing += 1
+        self._tell(True, command.number, round(start))
+
+    def _tell(self, is_missing: bool, number: int, index: int) -> None:
+        self._on_mismatch(Mismatch(is_missing, number, index, self._window / self._sample_rate))
+
+
+def _latest(since: Sequence[tuple[float, Command]], is_certain: bool) -> tuple[float, Command | None]:
+    """Of the certain or of the doubtful commands the last one, and samples since it; (inf, None): there is none."""
+    alike = [one for one in since if one[1].is_certain is is_certain]
+    return min(alike, key=itemgetter(0), default=(math.inf, None))

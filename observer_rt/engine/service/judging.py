@@ -1,0 +1,326 @@
+"""Closed events on their way to the learner, and verdicts on their way to the stream."""
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.core.stream.stream import INJECTIONS, PENDING_EVENTS
+from observer_rt.engine.estimation.predictor import Window
+from observer_rt.engine.learning.adequacy import Examination, Examiner, Innovations, Objection
+from observer_rt.engine.learning.healthy import Healthy
+from observer_rt.engine.learning.knowledge import Adoption, EventLearner, Knowledge, Outcome
+from observer_rt.engine.mailbox import has_room, post_examined, post_learned
+from observer_rt.engine.observer import event_innovations, event_standstill, event_window, in_force
+from observer_rt.engine.reports.event_record import EventRecord, Fuel
+from observer_rt.engine.service.pipeline import CompiledPipeline
+from observer_rt.engine.stream.standstill import Standstill, resting_lift_of
+from observer_rt.engine.stream.state import Reason
+from observer_rt.engine.stream.verdict import Taken
+
+
+@dataclass(eq=False)
+class _Closed:
+    """What is kept of a closed event until it is judged.
+
+    number: in the order in which they closed, from 0; in_force: theta (m,) the observer carried; standstill: until it
+    ended, None where nothing is to be learned; learning: what is being learned from it, None: nothing; examined: once
+    it was, with what was learned from an earlier one, and with what speaks against either.
+    """
+
+    number: int
+    fuel: Fuel
+    window: Window | None
+    standstill: Standstill | None
+    innovations: Innovations
+    in_force: NDArray[np.float64]
+    learning: Future[Outcome] | None = None
+    examined: Examination | None = None
+    earlier: Outcome | None = None
+    objections: tuple[Objection, ...] = ()
+    is_taken: bool = False
+
+    @property
+    def is_learned(self) -> bool:
+        """Whether what is learned from it is known."""
+        return self.learning is not None and self.learning.done()
+
+    @property
+    def information(self) -> float:
+        """What it tells of the injector, in no particular unit: the square of the flow, summed up."""
+        if self.window is None:
+            return 0.0
+        rail_pressure, area = self.window.inputs.T
+        return float(np.sum(rail_pressure * np.maximum(area, 0.0) ** 2))
+
+
+class InlineExecutor(Executor):
+    """Learns in lockstep: runs what is submitted at once, in the caller's thread."""
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """Call `fn` and return its finished future."""
+        future: Future[Any] = Future()
+        try:
+            future.set_result(fn(*args, **kwargs))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+
+class Judging:
+    """Follows the stream: hands over every closed event once, posts verdicts, and tells what the stream took.
+
+    The stream goes on meanwhile, in another thread, unless it waits for verdicts.
+    """
+
+    def __init__(
+        self,
+        compiled: CompiledPipeline,
+        learner: EventLearner,
+        executor: Executor,
+        start: Knowledge,
+        healthy: Healthy,
+        learner_after: Callable[[Knowledge], EventLearner],
+        on_failure: Callable[[Exception], None],
+    ) -> None:
+        """executor: runs one job at a time, in order; start: what is known before the first event.
+
+        healthy: of the healthy injector; learner_after: the learner that goes on from what is known, where one
+        failed otherwise than it may; on_failure: hears of that.
+        """
+        self.known = start
+        """All that was learned and judged so far."""
+        self.rejected = 0
+        """Outcomes that were not adopted."""
+        self.late = 0
+        """Outcomes that came too late for their event and were put into force with a later one."""
+        self.passed_over = 0
+        """Events that were judged and not learned from, since more came than can be learned from."""
+        self.on_learned: Callable[[], None] = lambda: None
+        """Called by the executor when something was learned, for whoever waits to `post`."""
+        self._compiled = compiled
+        memory = compiled.observer.memory  # stays where it is: views spare a look-up a frame
+        self._events_closed, self._events_taken = memory["events_closed"], memory["events_taken"]
+        self._events = compiled.observer.events
+        self._waits_for_verdicts = memory["waits_for_verdicts"]
+        self._learner = learner
+        self._learner_after = learner_after
+        self._on_failure = on_failure
+        self._executor = executor
+        self._first_version = start.phi_version
+        self._submitted = self._taken = 0
+        self._carried = in_force(compiled.observer)
+        self._waiting: deque[_Closed] = deque()
+        self._learned_from: _Closed | None = None
+        self._next: _Closed | None = None
+        self._late: Outcome | None = None  # to be put into force with the next event
+        interval = compiled.observer.constants.interval
+        self._examiner = Examiner(start.statistics, healthy, start.colour_at(interval))
+
+    @property
+    def adoptions(self) -> int:
+        """How often a new phi was adopted."""
+        return self.known.phi_version - self._first_version
+
+    @property
+    def learning(self) -> int | None:
+        """The event, by its number, that is being learned from."""
+        closed = self._learned_from
+        return None if closed is None or closed.is_learned else closed.number
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether no closed event waits to be judged."""
+        return not self._waiting
+
+    def follow(self, learning: bool, fuel_temperature: float | None) -> Iterator[EventRecord]:
+        """What the stream did since the last call: events that were judged, after handing over those that closed.
+
+        learning: whether they are learned from.
+        """
+        taken = int(self._events_taken[0])  # before the others: none is taken that has not closed
+        closed = int(self._events_closed[0])
+        while self._taken < taken or self._submitted < closed:
+            if self._submitted < closed and self._event(self._submitted)["judged_before"] <= self._taken:
+                self._submit(learning, fuel_temperature)
+            else:
+                yield self._judged()
+
+    def answer(self) -> None:
+        """Post the verdict on the event that the stream waits for; when it is being learned from, wait for that."""
+        closed = self._waiting[0]
+        if closed.learning is None:
+            self._post_examined(closed)
+        else:
+            self._post_learned(closed, closed.learning.result())
+
+    def post(self) -> None:
+        """Post the verdicts that are known, on events that the stream will come to; none where it waits for them.
+
+        Every event is examined as soon as its predecessors were taken, in case its learning is late: how long that
+        is nobody knows, for the sample after a pause of the source may be one beyond the event's delay.
+        """
+        if self._waits:
+            return
+        self._end_learning()
+        if not self._waiting:
+            return
+        first = self._waiting[0]
+        if first.examined is None and not first.is_learned and not self._would_be_taken(first):
+            self._post_examined(first)
+
+    @property
+    def _waits(self) -> bool:
+        """Whether the stream waits for verdicts: then every event is learned from."""
+        return bool(self._waits_for_verdicts[0])
+
+    def _would_be_taken(self, closed: _Closed) -> bool:
+        """Whether the stream would take the first verdict on an event that is learned from: it is due already.
+
+        That is so where only the next window showed that it was over. Once the event after it has closed, no more
+        is waited for.
+        """
+        event = self._event(closed.number)
+        is_due = event["closed_index"] > event["due_index"]
+        return bool(closed.learning is not None and is_due and self._submitted == closed.number + 1)
+
+    def _submit(self, learning: bool, fuel_temperature: float | None) -> None:
+        """Take over the next closed event."""
+        observer, number = self._compiled.observer, self._submitted
+        window = event_window(observer, number)
+        closed = _Closed(
+            number,
+            Fuel(fuel_temperature, observer.constants),
+            window,
+            event_standstill(observer, number) if learning else None,
+            event_innovations(observer, number),
+            self._carried,
+        )
+        self._waiting.append(closed)
+        self._submitted += 1
+        if not learning or window is None:
+            return
+        if self._waits or self._learned_from is None:
+            self._learn(closed)
+        elif self._next is None or closed.information >= self._next.information:
+            self.passed_over += self._next is not None
+            self._next = closed
+        else:
+            self.passed_over += 1
+
+    def _learn(self, closed: _Closed) -> None:
+        """Have an event learned from."""
+        assert closed.window is not None
+        assert closed.standstill is not None
+        self._learned_from = closed
+        closed.learning = self._executor.submit(
+            self._learner.learn, closed.window, closed.standstill, closed.in_force, closed.fuel.constants
+        )
+        closed.learning.add_done_callback(lambda _: self.on_learned())
+
+    def _end_learning(self) -> None:
+        """What was learned, to its event or, when that was taken, to the next one; then the next learning."""
+        closed = self._learned_from
+        if closed is None or not closed.is_learned:
+            return
+        assert closed.learning is not None
+        failure = closed.learning.exception()
+        if isinstance(failure, Exception):
+            self._fail(closed, failure)
+            return
+        outcome = closed.learning.result()
+        if closed.is_taken or not has_room(self._compiled.observer, closed.number):
+            self._late = outcome
+        else:
+            self._post_learned(closed, outcome)
+        self._learn_next()
+
+    def _learn_next(self) -> None:
+        """Nothing is being learned any more: what waits for that is."""
+        self._learned_from = None
+        if self._next is not None:
+            self._learn(self._next)
+            self._next = None
+
+    def _fail(self, closed: _Closed, failure: Exception) -> None:
+        """Learning failed, which may have left the learner half way: another goes on from what is known."""
+        closed.learning = None
+        self._learner = self._learner_after(self.known)
+        self._on_failure(failure)
+        self._learn_next()
+
+    def _post_examined(self, closed: _Closed) -> None:
+        examiner = self._examiner
+        closed.examined = examiner.examine(
+            closed.window, closed.innovations, closed.in_force, closed.fuel.constants
+        )
+        closed.earlier, self._late = self._late, None
+        closed.objections = closed.examined.objections or (
+            closed.earlier.objections if closed.earlier else ()
+        )
+        is_coloured = (closed.earlier.knowledge.colour if closed.earlier else examiner.colour) is not None
+        post_examined(self._compiled.observer, closed.number, closed.objections, is_coloured, closed.earlier)
+
+    def _post_learned(self, closed: _Closed, outcome: Outcome) -> None:
+        self._late = None  # this knows of it
+        is_coloured = outcome.knowledge.colour is not None
+        post_learned(self._compiled.observer, closed.number, outcome, is_coloured)
+
+    def _judged(self) -> EventRecord:
+        """The next event that the stream took, with the verdict that it found."""
+        closed = self._waiting.popleft()
+        closed.is_taken = True
+        self._taken += 1
+        event = self._event(closed.number).copy()
+        objections: tuple[Objection, ...] = (Objection(Reason.NOT_JUDGED),)
+        outcome: Outcome | None = None
+        taken = Taken(int(event["taken"]))
+        if taken is Taken.LEARNED and closed.learning is not None:
+            outcome = closed.learning.result()
+            objections = outcome.objections
+            self._examiner.take(Examination(objections, outcome.knowledge.statistics))
+            self._put_into_force(outcome, event)
+        elif taken is Taken.EXAMINED and closed.examined is not None:
+            objections = closed.objections
+            self._examiner.take(closed.examined)
+            if closed.earlier is not None:
+                self._put_into_force(closed.earlier, event)
+        elif closed.earlier is not None:
+            self._late = closed.earlier
+        if outcome is None and closed.learning is not None:
+            # it was taken before what is learned from it was known, or just before that was posted
+            self.late += 1
+            if closed is not self._learned_from and closed.is_learned:
+                self._late = closed.learning.result()
+        return EventRecord(
+            event, objections, outcome, self._carried, self._compiled.observer.phi, closed.fuel
+        )
+
+    def _put_into_force(self, outcome: Outcome, event: np.void) -> None:
+        """The stream carries it from the judgement of an event, `stream.state.EVENT`, on."""
+        knowledge = outcome.knowledge
+        self._examiner.colour = knowledge.colour
+        is_adopted = outcome.adoption is Adoption.ADOPTED
+        self.rejected += not is_adopted
+        self._carried = knowledge.in_force
+        scale = self._compiled.observer.constants.coefficients.pressure_scale
+        self.known = replace(
+            knowledge,
+            phi_version=self.known.phi_version + is_adopted,
+            lift=resting_lift_of(event, scale),
+        )
+
+    def _event(self, number: int) -> np.void:
+        event: np.void = self._events[number % PENDING_EVENTS]
+        return event
+
+    def injections(self, judged: EventRecord) -> Iterator[np.void]:
+        """The injections, `stream.state.INJECTION`, to be reported with an event."""
+        memory = self._compiled.observer.memory[0]
+        while memory["injections_reported"] < judged.event["injections"]:
+            memory["injections_reported"] += 1
+            yield self._compiled.observer.injections[(int(memory["injections_reported"]) - 1) % INJECTIONS]

@@ -1,0 +1,158 @@
+"""Which training an injector's observer uses, what it asks of the bench, and the noise it reckons with."""
+
+import cmath
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.config.bench import BenchInjector
+from observer_rt.config.injector import Training
+from observer_rt.config.signals import Role
+from observer_rt.core.stream.stream import OFFSET_FOLLOWS
+from observer_rt.engine.estimation.gain import NoiseLevels
+from observer_rt.engine.estimation.signal_noise import SlowNoise, slow_noise
+from observer_rt.engine.learning.healthy import Healthy, healthy_of, holds_at
+from observer_rt.engine.learning.knowledge import EventLearner, Knowledge
+from observer_rt.engine.learning.learner import Learner
+from observer_rt.engine.paper_scheme.learner import PaperLearner
+from observer_rt.engine.paper_scheme.systems import check_gain
+from observer_rt.engine.stream.state import Constants, Observer
+from observer_rt.foundation.continuity import Doubt
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
+from observer_rt.model.effects import effective_model
+from observer_rt.model.parameters import LineOutflow
+
+LearnerFactory = Callable[[BenchInjector, Constants, Knowledge], EventLearner]
+"""What `Core` makes its learner by: `make_learner`, or another where learners are compared."""
+
+
+def make_learner(fitted: BenchInjector, constants: Constants, knowledge: Knowledge) -> EventLearner:
+    """The learner of an injector. Raises `UserError` when its training does not fit its sample rate or injector."""
+    learning = fitted.config.learning
+    if learning.training is Training.PREDICTION_ERROR or learning.identification_gain is None:
+        return Learner(constants, knowledge, healthy=healthy_injector(fitted))
+    line_outflow = effective_model(fitted.parameters).injector.line_outflow
+    if line_outflow is not LineOutflow.NOZZLE:
+        raise UserError(
+            fitted.place("learning.training"),
+            f"'paper' rests on a line drained by the nozzle flow (25), but {fitted.parameters_path} says "
+            f"line_outflow = '{line_outflow}'",
+            "use training = 'prediction_error'",
+        )
+    if fitted.parameters.terms:
+        raise UserError(
+            fitted.place("learning.training"),
+            f"'paper' knows no [[terms]], but {fitted.parameters_path} has {len(fitted.parameters.terms)}",
+            "use training = 'prediction_error'",
+        )
+    check_gain(
+        fitted.place("learning.identification_gain"),
+        learning.identification_gain,
+        constants.coefficients,
+        1.0 / constants.interval,
+    )
+    return PaperLearner(constants, knowledge, learning.identification_gain)
+
+
+def healthy_injector(fitted: BenchInjector) -> Healthy:
+    """What an injector's model, if fitted, leaves unexplained of the healthy one."""
+    config = fitted.config
+    return healthy_of(
+        fitted.parameters.baseline, config.sampling.rate_hz, config.learning.on_inadequate_model
+    )
+
+
+class FitDoubt(NamedTuple):
+    """Why a fitted model is not what it should be, and what to do."""
+
+    text: str
+    remedy: str
+
+
+def doubt_about_fit(fitted: BenchInjector) -> FitDoubt | None:
+    """What speaks against an injector's fitted model on this bench; None where nothing does or it was not fitted."""
+    baseline, rate = fitted.parameters.baseline, fitted.config.sampling.rate_hz
+    name = fitted.parameters_path.name
+    if baseline is None:
+        return None
+    if not baseline.adequate:
+        trusted = fitted.config.learning.on_inadequate_model
+        so = (
+            "it is learned with all the same, as learning.on_inadequate_model says"
+            if trusted
+            else "nothing is learned, and no injection is valid (MODEL_INADEQUATE)"
+        )
+        return FitDoubt(
+            f"{name} was found inadequate by its own fit: {so}",
+            "see what `observer-rt fit` says to try, and docs/own-injector.md",
+        )
+    if not holds_at(baseline, rate):
+        return FitDoubt(
+            f"{name} was fitted at {baseline.sample_rate_Hz:g} Hz and is not comparable at {rate:g} Hz: what its fit "
+            "left unexplained is not allowed for",
+            f"fit it to recordings at {rate:g} Hz",
+        )
+    return None
+
+
+def refuse_state(fitted: BenchInjector, option: str) -> None:
+    """Raise `UserError` naming an option that keeps what was learned where the training keeps nothing."""
+    if fitted.config.learning.training is Training.PAPER:
+        raise UserError(
+            option,
+            "training = 'paper' starts anew every time and keeps nothing",
+            f"leave {option} out, or use training = 'prediction_error'",
+        )
+
+
+SIGNALS = {  # short name, unit, its size
+    Role.RAIL_PRESSURE: ("rail", "MPa", MEGAPASCAL),
+    Role.LINE_PRESSURE: ("line", "MPa", MEGAPASCAL),
+    Role.NEEDLE_LIFT: ("lift", "um", MICROMETRE),
+}
+
+
+def slow_noise_of(observer: Observer, rows: NDArray[np.void], white: NoiseLevels) -> Mapping[Role, SlowNoise]:
+    """Of an observer's samples, what is not white in line pressure [Pa] and needle lift [m].
+
+    The line is judged by its innovations: what is slow in the rail pressure, and the line's answer to it, is motion.
+    """
+    c, rate = observer.constants.coefficients, 1.0 / observer.constants.interval
+    rest = rows[rows["resting"] & ~rows["interpolated"] & (rows["doubt"] == Doubt.NONE)]
+    index = rest["index"].astype(np.int64)
+    sigma = float(observer.memory[0]["innovation_sigma"]) * c.pressure_scale
+    line = slow_noise(rest["innovation"] * c.pressure_scale, index, rate, sigma)
+    lift = slow_noise(rest["needle_lift"], index, rate, white.needle_lift)
+    found = {}
+    if line is not None:
+        found[Role.LINE_PRESSURE] = replace(line, strength=line.strength / _passed(observer, line.frequency))
+    if lift is not None:
+        found[Role.NEEDLE_LIFT] = lift
+    return found
+
+
+def _passed(observer: Observer, frequency: float) -> float:
+    """Share of a sensor's disturbance [Hz] that is in the innovations: x~ and its offset follow the rest of it."""
+    line, _ = observer.constants.coefficients.line.transition(observer.constants.interval)
+    gain = observer.gains[-1][[0, 1, *range(3, 1 + len(line))]]
+    moved = line * cmath.exp(-2j * math.pi * frequency * observer.constants.interval)
+    followed = moved @ np.linalg.solve(np.eye(len(line)) - moved, gain.astype(np.complex128))
+    passed = 1.0 / (1.0 + followed[0])
+    if observer.memory[0]["offset_moves"]:
+        turns = 2j * math.pi * frequency * OFFSET_FOLLOWS
+        passed *= turns / (1.0 + turns)
+    return float(abs(passed))
+
+
+def noise_text(white: NoiseLevels, slow: Mapping[Role, SlowNoise]) -> str:
+    """Levels of all signals, and what is not white of them."""
+    noises = []
+    for role, (name, unit, size) in SIGNALS.items():
+        text = f"{name} {getattr(white, role.value) / size:.2g} {unit}"
+        noises.append(f"{text} and {slow[role].as_text(unit, size)}" if role in slow else text)
+    return ", ".join(noises)

@@ -1,0 +1,143 @@
+"""The optional inputs of a bench: what frames brought of them, handed to what the service makes of it."""
+
+import math
+from collections import deque
+from collections.abc import Callable
+
+import numpy as np
+
+from observer_rt.bus.mapping.bus_map import BusMap
+from observer_rt.bus.mapping.input_tables import ENERGIZING
+from observer_rt.config.bench import BenchInjector
+from observer_rt.core.frames.frames import READINGS
+from observer_rt.engine.reports.injection_report import CommandedOpening, InjectionReport
+from observer_rt.engine.reports.news import Listener, MeasuredMass
+from observer_rt.engine.service.constants import bench_constants
+from observer_rt.engine.service.energizing import EnergizingFigures, EnergizingWatch
+from observer_rt.engine.service.pipeline import CompiledPipeline
+from observer_rt.engine.stream.state import Reason
+
+
+class OptionalInputs:
+    """Attends to the optional inputs of a bench, which compiled code takes; without any it changes nothing.
+
+    A learning enable of 0 holds learning up. A measured mass is compared with the estimate, and never learned from.
+    Energizing is compared with the openings. The fuel's temperature makes the model that of fuel so warm.
+    """
+
+    def __init__(
+        self,
+        fitted: BenchInjector,
+        bus: BusMap,
+        compiled: CompiledPipeline,
+        tell: Listener,
+        is_restored: bool,
+    ) -> None:
+        """tell: of measured masses and mismatches."""
+        self._fitted = fitted
+        self._is_restored = is_restored
+        self._compiled = compiled
+        self._rows = bus.inputs.optional
+        self._heard = compiled.pipeline.heard
+        self._memory = self._heard.memory[0]
+        self._masses = _MassComparison(tell)
+        self._watch = EnergizingWatch(bus.energizing, compiled, tell) if bus.energizing else None
+        self._look_on()
+
+    def read(self) -> None:
+        """Take the readings that wait; of more than are remembered the oldest are lost."""
+        first, end = int(self._memory["read"]), int(self._memory["came"])
+        oldest = max(first, end - READINGS)
+        for number in range(oldest, end):
+            reading, values = self._heard.readings[number % READINGS], self._heard.values[number % READINGS]
+            row = self._rows[reading["row"]]
+            if self._watch is not None and row["role"] == ENERGIZING:
+                follows = bool(reading["follows"]) and not first < number == oldest
+                came = values[: row["signal_count"]].copy()
+                self._watch.take(came, int(reading["stamp"]), follows, int(reading["processed"]))
+            else:
+                self._masses.take(float(values[0]), int(reading["closed"]))
+        self._memory["read"] = end
+
+    def look(self) -> None:
+        """Samples were observed."""
+        self.read()
+        if self._watch is not None:
+            self._watch.look()
+        self._look_on()
+
+    def _look_on(self) -> None:
+        self._memory["looks_at_each"] = self._watch is not None and self._watch.looks_at_each
+
+    @property
+    def is_model_due(self) -> bool:
+        """Whether the model must change before samples are observed."""
+        return bool(self._memory["is_due"])
+
+    def change_model(self) -> None:
+        """Make the model that of fuel as warm as it is measured."""
+        temperature = float(self._memory["measured"])
+        self._compiled.change_constants(bench_constants(self._fitted, self._is_restored, temperature))
+        self._compiled.observer.memory["doubted"] = Reason.NONE
+        self._memory["fuel_temperature"], self._memory["since_change"] = temperature, 0.0
+        self._memory["is_due"] = False
+
+    def opening_of(self, injection: np.void) -> CommandedOpening | None:
+        """What commanded an injection (`stream.state.INJECTION`) that is about to be reported; None: not known."""
+        return None if self._watch is None else self._watch.opening_of(injection)
+
+    def on_injection(self, report: InjectionReport) -> None:
+        """Take an injection that was just reported."""
+        self._masses.on_injection(report)
+
+    @property
+    def learning(self) -> bool:
+        """Whether an event that closes now is to be learned from, by the bench and by its learning enable."""
+        return bool(self._memory["learning"])
+
+    @property
+    def fuel_temperature(self) -> float | None:
+        """Of the fuel in force [K]; None where it is not measured."""
+        temperature = float(self._memory["fuel_temperature"])
+        return None if math.isnan(temperature) else temperature
+
+    @property
+    def energizing(self) -> EnergizingFigures | None:
+        """What was found of commands and openings; None for a bench without energizing."""
+        return None if self._watch is None else self._watch.figures
+
+
+class _MassComparison:
+    """Joins measured masses and reports of injections, whichever comes first.
+
+    A value is a measurement when it is positive and is not the one before it, which a cyclic message repeats; it
+    belongs to the last injection closed before it came. Of several for one injection the first counts.
+    """
+
+    def __init__(self, on_measured: Callable[[MeasuredMass], None]) -> None:
+        """on_measured: called with every measured injection once it is reported too."""
+        self._on_measured = on_measured
+        self._value = math.nan
+        self._measured = 0  # number of the last injection with a measurement
+        self._waiting: deque[tuple[int, float]] = deque()
+        self._report: InjectionReport | None = None
+
+    def take(self, mass: float, closed: int) -> None:
+        """Take a received value [kg, nan: not available]; closed: injections that were over when it came."""
+        is_new = mass != self._value and 0.0 < mass < math.inf
+        self._value = mass
+        if not is_new or closed == self._measured:
+            return
+        self._measured = closed
+        if self._report is not None and self._report.number == closed:
+            self._on_measured(MeasuredMass(self._report, mass))
+        else:
+            self._waiting.append((closed, mass))
+
+    def on_injection(self, report: InjectionReport) -> None:
+        """Take a reported injection."""
+        self._report = report
+        while self._waiting and self._waiting[0][0] <= report.number:
+            number, mass = self._waiting.popleft()
+            if number == report.number:
+                self._on_measured(MeasuredMass(report, mass))

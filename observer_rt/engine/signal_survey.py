@@ -1,0 +1,334 @@
+"""Surveys signals while a file is read, and refuses those that are no injector's, most often of another unit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.config.signals import Role
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIMETRE
+from observer_rt.model.baseline import Baseline
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+@dataclass
+class SignalSurvey:
+    """Of one signal (SI); missing: samples that are NaN."""
+
+    lowest: float = math.inf
+    highest: float = -math.inf
+    total: float = 0.0
+    count: int = 0
+    missing: int = 0
+    gaps: int = 0
+    """Runs of these."""
+    change: float = 0.0
+    """Sum of the changes from sample to sample, without their signs."""
+
+    def take(self, values: NDArray[np.float64]) -> None:
+        """Go on with further samples (n,)."""
+        is_there = ~np.isnan(values)
+        known = values[is_there]
+        self.gaps += int(np.count_nonzero(np.diff(is_there, prepend=True) & ~is_there))
+        self.missing += values.size - known.size
+        self.count += known.size
+        if known.size:
+            self.lowest = min(self.lowest, float(known.min()))
+            self.highest = max(self.highest, float(known.max()))
+            with np.errstate(invalid="ignore"):  # what is infinite is refused for that
+                self.total += float(known.sum())
+                self.change += float(np.abs(np.diff(known)).sum())
+
+    @property
+    def mean(self) -> float:
+        """NaN of nothing."""
+        return self.total / self.count if self.count else math.nan
+
+    @property
+    def as_missing(self) -> str:
+        """How much is missing."""
+        return f"{self.missing} of {self.missing + self.count} values are missing, in {self.gaps} gaps"
+
+    @property
+    def swing(self) -> float:
+        """Between the lowest and the highest; 0 of nothing."""
+        return max(0.0, self.highest - self.lowest)
+
+    @property
+    def mean_change(self) -> float:
+        """From sample to sample; NaN of nothing."""
+        return self.change / self.count if self.count else math.nan
+
+
+class Openings:
+    """How often a lift rises: at least as often as the observer finds the needle opening.
+
+    Its dead band follows the noise, with a hysteresis of a factor of two, and is 2 um at least: so an opening rises
+    through one of the levels, wherever the dead band is.
+    """
+
+    _LEVELS: NDArray[np.float64] = np.array([2e-6 * 2.0**i for i in range(11)])  # m
+
+    def __init__(self) -> None:
+        self._counts = np.zeros(self._LEVELS.size, np.int64)
+        self._last = 0.0
+
+    def take(self, lift: NDArray[np.float64]) -> None:
+        """Go on with further samples (n,) [m]; those that are NaN are passed over."""
+        self._last = _count_rises(np.ascontiguousarray(lift), self._last, self._LEVELS, self._counts)
+
+    @property
+    def most(self) -> int:
+        """That there can be."""
+        return int(self._counts.max())
+
+
+@dataclass
+class Survey:
+    """Of all signals by their names in a `Recording`."""
+
+    signals: dict[str, SignalSurvey] = field(default_factory=dict)
+    openings: Openings = field(default_factory=Openings)
+
+    def take(self, name: str, values: NDArray[np.float64]) -> None:
+        """Go on with further samples (n,) of a signal."""
+        self.signals.setdefault(name, SignalSurvey()).take(values)
+        if name == "needle_lift":
+            self.openings.take(values)
+
+
+def _count_rises(
+    lift: NDArray[np.float64], last: float, levels: NDArray[np.float64], counts: NDArray[np.int64]
+) -> float:
+    """Add to `counts` how often a lift rises through each of the rising levels; its last value, before it `last`."""
+    values = lift[~np.isnan(lift)]
+    before = np.append(last, values[:-1])
+    rises = np.flatnonzero((values > before) & (values > levels[0]))
+    low, high = before[rises, None], values[rises, None]
+    counts += np.count_nonzero((low <= levels) & (levels < high), axis=0)
+    return float(values[-1]) if values.size else last
+
+
+PRESSURES = (5 * MEGAPASCAL, 400 * MEGAPASCAL)  # Pa, highest of a common-rail system that injects
+LARGEST_LIFT = 2 * MILLIMETRE
+DIPS = 2 * MEGAPASCAL  # by which a line pressure moves more than the rail's where a needle opens
+PERFORATED = 0.01  # gaps a sample, from which on what is put in their place is no measurement
+BEYOND = 2.0  # times a fitted range of rail pressures
+OPEN = 20 * MICROMETRE  # lift of an injection, above any noise
+SMALLEST_LIFT = 5 * MICROMETRE
+SHAPE = 20.0  # highest value beside the mean step from sample to sample, beyond which it is no noise
+SAME = 0.2  # relative, within which a ratio of pressures is a ratio of units
+FURTHER = 0.03  # of the mean, by which a rail pressure does not go beyond the line's at both ends
+RESTS_OPEN = 0.7  # share of the highest lift, above which a needle is open most of the time
+_PRESSURE_FACTORS = (
+    (1e-6, "Pa"),
+    (1e-3, "kPa"),
+    (0.1, "bar"),
+    (0.00689476, "psi"),
+    (10.0, "MPa, read as bar"),
+    (1e3, "MPa, read as kPa"),
+    (1e6, "MPa, read as Pa"),
+)  # what the values are to be multiplied by, if they are in a unit although MPa was said
+_LIFT_FACTORS = ((1e-3, "um"), (1e-6, "nm"), (1e3, "mm, read as um, or m, read as mm"))
+
+
+@dataclass(frozen=True)
+class Implausible:
+    """A signal that cannot be right."""
+
+    signal: str
+    problem: str
+    remedy: str
+
+    def error(self, path: Path | None, column: str = "") -> UserError:
+        """For the user; column: what the signal is called in the file."""
+        name = self.signal if column in ("", self.signal) else f"{column} ({self.signal})"
+        return UserError(f"{path or 'recording'}, {name}", self.problem, self.remedy)
+
+
+def refuse_implausible(path: Path | None, survey: Survey, columns: dict[str, str] | None = None) -> None:
+    """Raise `UserError` for the first signal that cannot be right. columns: names in the file by signal."""
+    for found in implausible(survey):
+        raise found.error(path, (columns or {}).get(found.signal, ""))
+
+
+def implausible(survey: Survey) -> Iterator[Implausible]:
+    """What cannot be right in a recording's ranges."""
+    rail, line, lift = (
+        survey.signals.get(name) for name in ("rail_pressure", "line_pressure", "needle_lift")
+    )
+    if rail is None or line is None or lift is None or not (rail.count and line.count and lift.count):
+        return
+    yield from _lift(lift)
+    opens = lift.highest > OPEN
+    for name, pressure in (("rail_pressure", rail), ("line_pressure", line)):
+        yield from _pressure(name, pressure, opens)
+    yield from _beside_each_other(rail, line)
+
+
+def refuse_dead(path: Path | None, survey: Survey, columns: dict[str, str] | None = None) -> None:
+    """Raise `UserError` for a signal without a value, and for a lift that stays although the needle opens."""
+    for name in Role:
+        signal = survey.signals.get(name)
+        if signal is not None and not signal.count:
+            dead = Implausible(name, "has no value at all", "mind its column, and how it was exported")
+            raise dead.error(path, (columns or {}).get(name, ""))
+    rail, lift, line = (survey.signals.get(name) for name in Role)
+    if rail is None or line is None or lift is None:
+        return
+    if lift.swing == 0.0 and line.swing > rail.swing + DIPS:
+        dead = Implausible(
+            "needle_lift",
+            f"is {lift.highest / MILLIMETRE:.4g} mm all the time, though the line pressure moves by "
+            f"{line.swing / MEGAPASCAL:.3g} MPa",
+            "mind its column, and check its sensor",
+        )
+        raise dead.error(path, (columns or {}).get("needle_lift", ""))
+
+
+def swapped(survey: Survey) -> tuple[str, str] | None:
+    """Problem and remedy where the rail pressure moves as a line's does and the line's as a rail's."""
+    rail, line = survey.signals.get("rail_pressure"), survey.signals.get("line_pressure")
+    if rail is None or line is None or not (rail.count and line.count) or line.highest <= line.lowest:
+        return None
+    margin = FURTHER * line.mean
+    if rail.lowest < line.lowest - margin and rail.highest > line.highest + margin:
+        return (
+            "rail_pressure falls lower and rises higher than line_pressure: most likely the two are swapped",
+            "compare their columns or signals: the line's pressure drops while the needle is open, and rings",
+        )
+    return None
+
+
+@dataclass(frozen=True)
+class SignalDoubt:
+    """What is most likely wrong with a recording that can be read."""
+
+    problem: str
+    remedy: str
+
+    def as_text(self, path: Path | None) -> str:
+        """For the user."""
+        return f"warning: {path or 'recording'}, {self.problem}\n  remedy: {self.remedy}"
+
+
+def doubts(survey: Survey, baseline: Baseline | None = None) -> Iterator[SignalDoubt]:
+    """What is odd about a recording's ranges; baseline: of the model, where it was fitted."""
+    if (odd := swapped(survey)) is not None:
+        yield SignalDoubt(*odd)
+    lift = survey.signals.get("needle_lift")
+    is_measured = (
+        lift is not None and lift.highest > OPEN and lift.lowest != 0.0
+    )  # not computed without noise
+    for name in ("rail_pressure", "line_pressure"):
+        signal = survey.signals.get(name)
+        if signal is not None and is_measured and signal.count and signal.swing == 0.0:
+            yield SignalDoubt(
+                f"{name} is {signal.mean / MEGAPASCAL:.4g} MPa all the time, though the needle opens",
+                "give the measured pressure: a set value, or a dead sensor, makes no injection valid",
+            )
+    for name, signal in survey.signals.items():
+        if signal.missing:
+            yield SignalDoubt(
+                f"{name}: {signal.as_missing}",
+                "export all samples; short gaps are bridged, injections with longer ones are not valid",
+            )
+    rail = survey.signals.get("rail_pressure")
+    if baseline is None or rail is None or not rail.count:
+        return
+    mean, (low, high) = rail.mean / MEGAPASCAL, baseline.rail_pressure_MPa
+    if not low / BEYOND < mean < high * BEYOND:
+        yield SignalDoubt(
+            f"rail_pressure is {mean:.4g} MPa in the mean, and the model was fitted at {low:.4g} to {high:.4g} MPa",
+            "mind the unit of both pressures, or fit the model at such a rail pressure, too",
+        )
+
+
+def refuse_perforated(path: Path | None, survey: Survey) -> None:
+    """Raise `UserError` where values are missing so often that what bridges them would be judged."""
+    for name, signal in survey.signals.items():
+        if signal.gaps > PERFORATED * (signal.count + signal.missing):
+            raise UserError(
+                f"{path or 'recording'}, {name}",
+                signal.as_missing,
+                "export all samples: values put between the others are no measurement",
+            )
+
+
+def _pressure(name: str, pressure: SignalSurvey, opens: bool) -> Iterator[Implausible]:
+    lowest, highest = PRESSURES
+    if pressure.mean < -lowest:
+        yield Implausible(
+            name,
+            f"is {pressure.mean / MEGAPASCAL:.4g} MPa in the mean: it is inverted",
+            f"give it positive; in [recording.{name}] of a bench file: factor = -1",
+        )
+        return
+    is_low = opens and 0.0 < pressure.highest < lowest
+    if pressure.highest <= highest and not is_low:
+        return
+    likely = [unit for factor, unit in _PRESSURE_FACTORS if lowest <= pressure.highest * factor <= highest]
+    yield Implausible(
+        name,
+        f"reaches {pressure.highest / MEGAPASCAL:.4g} MPa"
+        + (" only, though the needle opens" if is_low else ""),
+        f"give pressures of {lowest / MEGAPASCAL:g} to {highest / MEGAPASCAL:g} MPa; mind the unit{_likely(likely)}",
+    )
+
+
+def _beside_each_other(rail: SignalSurvey, line: SignalSurvey) -> Iterator[Implausible]:
+    """The two pressures, which rest at the same: a ratio of units means that one is in another."""
+    if rail.mean <= 0.0 or line.mean <= 0.0:
+        return
+    ratio = line.mean / rail.mean
+    for factor, unit in _PRESSURE_FACTORS:
+        if abs(ratio * factor - 1.0) < SAME:
+            yield Implausible(
+                "line_pressure",
+                f"is {line.mean / MEGAPASCAL:.4g} MPa in the mean, rail_pressure {rail.mean / MEGAPASCAL:.4g} MPa: "
+                f"{ratio:.3g} times as much",
+                f"mind the units of both; that of line_pressure is likely {unit}",
+            )
+            return
+
+
+def _lift(lift: SignalSurvey) -> Iterator[Implausible]:
+    highest, lowest = lift.highest, lift.lowest
+    if max(highest, -lowest) > LARGEST_LIFT:
+        reached = highest if highest > LARGEST_LIFT else lowest
+        likely = [unit for factor, unit in _LIFT_FACTORS if OPEN <= abs(reached) * factor <= LARGEST_LIFT]
+        yield Implausible(
+            "needle_lift",
+            f"reaches {reached / MILLIMETRE:.4g} mm",
+            f"give lifts below {LARGEST_LIFT / MILLIMETRE:g} mm; mind the unit{_likely(likely)}",
+        )
+    elif lowest < -OPEN and highest < -lowest / 4.0:
+        yield Implausible(
+            "needle_lift",
+            f"goes down to {lowest / MILLIMETRE:.4g} mm and never up: it is inverted",
+            "give it positive when the needle opens; in [recording.needle_lift] of a bench file: factor = -1",
+        )
+    elif highest > OPEN and lift.mean > RESTS_OPEN * highest and lowest < 0.3 * highest:
+        yield Implausible(
+            "needle_lift",
+            f"rests at {lift.mean / MILLIMETRE:.4g} mm and goes down to {lowest / MILLIMETRE:.4g} mm: it is inverted",
+            "give 0 for the shut needle; in [recording.needle_lift] of a bench file: factor = -1, and an offset",
+        )
+    elif 0.0 < highest < SMALLEST_LIFT and lift.mean_change > 0.0 and highest > SHAPE * lift.mean_change:
+        yield Implausible(
+            "needle_lift",
+            f"reaches {highest / MILLIMETRE:.4g} mm only",
+            f"mind the unit{_likely([_LIFT_FACTORS[-1][1]])}",
+        )
+
+
+def _likely(units: list[str]) -> str:
+    return f", which is likely {units[0]}" if units else ""

@@ -1,0 +1,114 @@
+"""What the closed needle tells: noise levels, the offset between line and rail pressure, the lift sensor."""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.core.stream.stream import DIFFERENCE_GAIN, ENOUGH_SAMPLES, LIFT_MEMORY
+from observer_rt.engine.estimation.gain import NoiseLevels
+from observer_rt.engine.stream.state import Observer
+
+ENOUGH_OPENINGS = 5
+TOLERATED = 0.03  # share of the lift at the stop
+
+
+@dataclass(frozen=True)
+class RestingLift:
+    """What the lift of a shut needle shows that is no motion.
+
+    zero: its mean [m]; wander: how far it moves about that within some 80 us, root mean square [m]; crosstalk: of the
+    line pressure [m/Pa], 0: none was found.
+    """
+
+    zero: float = 0.0
+    wander: float = 0.0
+    crosstalk: float = 0.0
+
+
+@dataclass(frozen=True)
+class LiftFigures(RestingLift):
+    """at_stop: lift at which long openings stay [m], nan until five did; stop: what it should be [m]."""
+
+    at_stop: float = math.nan
+    stop: float = math.nan
+
+    @property
+    def is_to_scale(self) -> bool:
+        """Whether the needle opens as far as it should, as far as is known."""
+        return not abs(self.at_stop - self.stop) > TOLERATED * self.stop
+
+
+def resting_lift_of(record: np.void, pressure_scale: float) -> RestingLift:
+    """Read it out of an observer's memory, or a closed event's; pressure_scale p_0 [Pa]."""
+    return RestingLift(
+        zero=float(record["zero"]),
+        wander=math.sqrt(record["quick_squares"]),
+        crosstalk=float(record["crosstalk"]) / pressure_scale,
+    )
+
+
+def lift_figures(observer: Observer, max_lift: float) -> LiftFigures:
+    """Read them out of the observer's memory; max_lift: of the injector file [m]."""
+    memory = observer.memory[0]
+    inputs = observer.constants.inputs
+    is_known = int(memory["stop_openings"]) >= ENOUGH_OPENINGS
+    return LiftFigures(
+        **vars(resting_lift_of(memory, observer.constants.coefficients.pressure_scale)),
+        at_stop=inputs.lift_factor * float(memory["stop"]) + inputs.lift_shift if is_known else math.nan,
+        stop=max_lift,
+    )
+
+
+CONTRADICTED = (
+    5.0  # standard deviations of a measured level's logarithm, from which on it replaces the stated
+)
+_SPREAD = 1.3  # n times the variance of that logarithm: neighbouring differences share samples
+FLOOR = NoiseLevels(rail_pressure=0.01e6, line_pressure=0.01e6, needle_lift=0.02e-6)
+
+
+@dataclass(frozen=True)
+class Standstill:
+    """Statistics since the start: sample count, mean of y - o - u1 (in units of p_0), measured noise.
+
+    o is the offset of the sensor in force: what is left is not known yet.
+    """
+
+    samples: int
+    offset: float
+    noise: NoiseLevels | None  # None until ENOUGH_SAMPLES, and of signals that no sensors give
+    lift: LiftFigures = field(default_factory=LiftFigures)
+
+
+def standstill_of(
+    record: np.void, pressure_scale: float, stated: NDArray[np.float64] | None = None
+) -> Standstill:
+    """Read the statistics out of an observer's memory, or a closed event's; pressure_scale p_0 [Pa].
+
+    stated: levels (3,) of rail and line pressure [p_0] and lift [m] that hold where what was measured does not
+    contradict them: a short standstill tells a level within some percent only.
+    """
+    samples = int(record["rest_count"])
+    offset = float(record["offset_sum"]) / samples if samples else 0.0
+    count, lifts = int(record["difference_count"]), int(record["lift_count"])
+    if count < ENOUGH_SAMPLES or lifts < ENOUGH_SAMPLES:
+        return Standstill(samples, offset, None)
+    squares = float(record["rail_squares"]) / count, float(record["line_squares"]) / count
+    measured = [math.sqrt(square / DIFFERENCE_GAIN) for square in squares]
+    measured.append(math.sqrt(float(record["lift_variance"])))
+    if stated is not None:
+        known = zip(measured, stated, (count, count, min(lifts, 2 * LIFT_MEMORY)), strict=True)
+        measured = [_level(level, float(before), squares) for level, before, squares in known]
+    noise = NoiseLevels(
+        rail_pressure=max(FLOOR.rail_pressure, pressure_scale * measured[0]),
+        line_pressure=max(FLOOR.line_pressure, pressure_scale * measured[1]),
+        needle_lift=max(FLOOR.needle_lift, measured[2]),
+    )
+    return Standstill(samples, offset, None if noise.implausible else noise)
+
+
+def _level(measured: float, stated: float, squares: int) -> float:
+    """The stated level of a noise, unless the one measured from so many squares contradicts it."""
+    within = math.exp(CONTRADICTED * math.sqrt(_SPREAD / squares))
+    return stated if stated / within <= measured <= stated * within else measured

@@ -1,0 +1,73 @@
+"""Validity decided, here only: what is known of a sample, an injection or the service becomes state and reason.
+
+What is valid has no reason. docs/validity.md says who knows what, and when.
+"""
+
+from dataclasses import dataclass
+
+from observer_rt.engine.stream.state import Reason, State
+
+_NOT_KNOWN_YET = (Reason.TOO_FEW_EVENTS, Reason.OUTSIDE_LEARNED_RANGE)
+_PASSING = frozenset({Reason.STARTING, Reason.JUMPED, Reason.REVISED, *_NOT_KNOWN_YET})
+"""What is over by itself, which a second sender is not."""
+
+
+@dataclass(frozen=True)
+class InjectionFacts:
+    """What is known of an injection once its event was judged.
+
+    of_samples: the first reason of its samples; of_event: that the event did not pass; of_inputs: that the event's
+    samples are not to be trusted; was_outlier: what contradicted it was taken for outliers; is_revised: what was
+    learned changes its mass.
+    """
+
+    of_samples: Reason
+    of_event: Reason
+    of_inputs: Reason
+    was_outlier: bool
+    is_revised: bool
+
+
+def reason_of_injection(facts: InjectionFacts) -> Reason:
+    """Why the injection is not valid: the judgement may know better than its samples could."""
+    reason = facts.of_samples
+    if reason in (Reason.NONE, Reason.CONTRADICTED):
+        reason = Reason.NONE if facts.was_outlier else facts.of_event or reason
+    if facts.of_inputs and reason in (Reason.NOT_JUDGED, *_NOT_KNOWN_YET):
+        reason = facts.of_inputs
+    if reason is Reason.NONE and facts.is_revised:
+        return Reason.REVISED
+    return reason
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What the service knows of links and inputs."""
+
+    has_frames: bool = True  # any came since the start
+    is_cut_off: bool = False  # no input comes, or its interface is down
+    is_unprotected: bool = False  # the end-to-end protection of one of the inputs is INVALID
+    is_stale: bool = False  # one of the inputs stays away while others come
+
+
+def state_of_service(newest: tuple[State, Reason] | None, surroundings: Surroundings) -> tuple[State, Reason]:
+    """State and reason of the service; newest: those of the samples, None before the first."""
+    if not surroundings.has_frames:
+        return State.WAITING_FOR_DATA, Reason.STARTING
+    if surroundings.is_cut_off:
+        return State.WAITING_FOR_DATA, Reason.INPUT_TIMEOUT
+    if surroundings.is_unprotected:
+        return State.DEGRADED, Reason.INPUT_PROTECTION
+    if surroundings.is_stale:
+        return State.DEGRADED, Reason.INPUT_STALE
+    return newest or (State.STARTING, Reason.STARTING)
+
+
+def contested(state: State, reason: Reason) -> tuple[State, tuple[Reason, ...]]:
+    """State and reasons, the most severe first, where a second sender adds to what is the matter by itself."""
+    state = state if state is State.WAITING_FOR_DATA else State.DEGRADED
+    if reason is Reason.NONE:
+        return state, (Reason.SECOND_SENDER,)
+    if reason in _PASSING:
+        return state, (Reason.SECOND_SENDER, reason)
+    return state, (reason, Reason.SECOND_SENDER)

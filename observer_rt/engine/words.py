@@ -1,0 +1,269 @@
+"""What the service says, in words: states, reasons, counters and log lines, and what is to be done about each.
+
+The one table of them. The log, the view and the databases' value tables use `Words.what`; docs/operating.md has all.
+"""
+
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+from observer_rt.engine.stream.state import Reason, State
+
+
+@dataclass(frozen=True)
+class Words:
+    """What something means, in a few words, and what to do about it."""
+
+    what: str
+    remedy: str = "nothing"
+
+
+class Topic(StrEnum):
+    """What a log line is about."""
+
+    START = "start"
+    STOP = "stop"
+    STATE = "state"
+    INJECTION = "injection"
+    MEASURED = "measured"
+    ENERGIZING = "energizing"
+    INPUT = "input"
+    VALUE = "value"
+    SENDER = "sender"
+    LINK = "link"
+    KEPT = "kept"
+    STREAM = "stream"
+    LEARNING = "learning"
+
+
+STATES: Mapping[State, Words] = {
+    State.STARTING: Words(
+        "no sample was observed yet",
+        "wait a second; if it stays, the log says which input is missing",
+    ),
+    State.WAITING_FOR_DATA: Words(
+        "no input comes in", "switch the measuring devices on; see the reason and the interface"
+    ),
+    State.RUNNING_NOMINAL: Words("observing with the model as given, nothing was learned yet"),
+    State.ADAPTED: Words("observing with what was learned"),
+    State.DEGRADED: Words("observing, but nothing is valid", "see the reason"),
+}
+
+REASONS: Mapping[Reason, Words] = {
+    Reason.NONE: Words("nothing is the matter"),
+    Reason.STARTING: Words("the observer has just begun", "wait for 3 ms of closed needle"),
+    Reason.JUMPED: Words("the source paused, the observer settles again", "nothing, if it sends windows"),
+    Reason.SAMPLES_LOST: Words(
+        "input samples are missing",
+        "see DroppedFrames (this computer is too slow), CrcErrors (the bus is disturbed), the input and value lines "
+        "of the log (sensor), bus load (`check`)",
+    ),
+    Reason.DEVICE_RESTARTED: Words(
+        "a measuring device was restarted", "nothing, if that was meant; else its power supply"
+    ),
+    Reason.NUMERICAL: Words(
+        "the model ran out of bounds and began anew", "check units and injector file; report it with a log"
+    ),
+    Reason.NEEDLE_STUCK: Words(
+        "the needle was open longer than any injection",
+        "check the needle-lift sensor, its unit, offset and sign",
+    ),
+    Reason.TOO_FEW_EVENTS: Words(
+        "too few injections were judged yet",
+        "wait: two injections; one with a restored state",
+    ),
+    Reason.INPUT_TIMEOUT: Words(
+        "no frame of any input comes", "switch the measuring devices on; check cable and bit rate"
+    ),
+    Reason.MODEL_INADEQUATE: Words(
+        "the injector does not behave as its model",
+        "check injector file and units; `observer-rt fit` calibrates it to healthy recordings, "
+        "`observer-rt discover` finds what it lacks",
+    ),
+    Reason.PRESSURE_OFFSET: Words(
+        "line and rail pressure differ at standstill", "calibrate the two sensors; check their units"
+    ),
+    Reason.SENSOR_LAG: Words(
+        "the line-pressure sensor is implausibly slow",
+        "check its filter and amplifier, and the mounting; state a lag that is meant, lag_us",
+    ),
+    Reason.NOT_LEARNED: Words(
+        "the event could not be learned from",
+        "nothing, if seldom; see whether samples are lost or events too long",
+    ),
+    Reason.SUDDEN_CHANGE: Words(
+        "the event contradicts what was learned before it", "wait: the next events learn it, if it stays"
+    ),
+    Reason.AMBIGUOUS_SCALE: Words(
+        "a changed line and a changed nozzle look alike here",
+        "vary the rail pressure; measure the fuel temperature",
+    ),
+    Reason.UNTESTED: Words(
+        "the training in use has no test of its result", "use training = 'prediction_error'"
+    ),
+    Reason.TIME_BASE: Words(
+        "when samples were taken is in doubt",
+        "see docs/time.md: use one time base or an index; is a channel late?",
+    ),
+    Reason.REVISED: Words("learning from it changed its mass by more than 2 %", "take the next ones"),
+    Reason.INPUT_STALE: Words(
+        "one of the inputs stays away", "the log names its message and identifier: sensor, device, cable"
+    ),
+    Reason.NOT_JUDGED: Words(
+        "the event could not be tested, so nothing is known of it",
+        "look for what broke the samples: lost frames, a needle that stays open; the next whole event is tested",
+    ),
+    Reason.CONTRADICTED: Words(
+        "the line pressure has left what the model can do",
+        "check sensors, units and cables; after a sudden change of the injector it passes with the next events",
+    ),
+    Reason.SECOND_SENDER: Words(
+        "another node sends what only this observer should",
+        "stop the other daemon or replay, or give one of them other [outputs]",
+    ),
+    Reason.NO_STANDSTILL: Words(
+        "the needle is not shut long enough between injections",
+        "leave 3 ms of shut needle between injections, now and then at least",
+    ),
+    Reason.LIFT_ZERO: Words(
+        "the lift of the shut needle is more than 40 um from zero",
+        "calibrate the needle-lift sensor; see to its mounting and temperature",
+    ),
+    Reason.INPUT_FROZEN: Words(
+        "an input kept its value for longer than can be bridged",
+        "check sensor, amplifier and the device that samples it; sampling.bridge_ms says how long is bridged",
+    ),
+    Reason.INPUT_CLIPPED: Words(
+        "an input stays at the end of its range",
+        "check the range of sensor and amplifier against the pressures and the lift of the bench",
+    ),
+    Reason.LIFT_SENSOR_LAG: Words(
+        "the needle lift seems to be recorded late",
+        "run `observer-rt discover`: a changed nozzle can look alike; if it names needle_lift_sensor_lag, state "
+        "lag_us of [signals.needle_lift] (docs/time.md)",
+    ),
+    Reason.INPUT_PROTECTION: Words(
+        "the end-to-end protection of an input is INVALID, it is not taken",
+        "the log names the message: another sender, a disturbed bus, or E2EProfile and E2EDataId of another message",
+    ),
+    Reason.OUTSIDE_LEARNED_RANGE: Words(
+        "what was learned does not reach such an injection",
+        "wait: it is learned from, mostly the next one like it is valid; the log says how far what was learned "
+        "reaches, and which recording would help",
+    ),
+    Reason.LIFT_DEAD: Words(
+        "the line pressure shows injections, the needle lift none",
+        "check the needle-lift sensor, its amplifier and cable; is it of this injector?",
+    ),
+}
+
+COUNTERS: Mapping[str, Words] = {
+    "samples_processed": Words("samples observed"),
+    "lost_samples": Words("samples that never came or had no value", "as SAMPLES_LOST"),
+    "interpolated_samples": Words(
+        "samples put in between their neighbours, two at the most", "as SAMPLES_LOST, if many"
+    ),
+    "crc_errors": Words(
+        "frames whose end-to-end protection is wrong", "check E2EProfile and E2EDataId; cable and termination"
+    ),
+    "sequence_errors": Words(
+        "frames out of sequence by their counter", "a second sender of an input? a gateway that reorders?"
+    ),
+    "refused_frames": Words(
+        "good frames of a message whose end-to-end protection is INVALID", "as INPUT_PROTECTION"
+    ),
+    "length_errors": Words("frames of another length than the database says", "correct the database"),
+    "repeated_frames": Words("frames that came twice; the first counts", "a second sender of an input?"),
+    "old_frames": Words("frames that came too late", "a bus or gateway lags by more than 4096 samples"),
+    "dropped_frames": Words(
+        "frames lost by interface or kernel before they were read",
+        "give the process a processor (taskset) and real-time priority (chrt)",
+    ),
+    "link_troubles": Words(
+        "how often an interface was down, error-passive or bus-off",
+        "cable, termination, bit rates, another node that acknowledges",
+    ),
+    "restarts": Words("restarts of a measuring device", "its power supply"),
+    "adoptions": Words("corrections learned and taken into force"),
+    "rejected_adoptions": Words(
+        "corrections learned and refused", "nothing, if seldom; else as MODEL_INADEQUATE"
+    ),
+    "late_adoptions": Words(
+        "corrections late for their injection, in force with a later one",
+        "a faster computer, or a longer learning_delay_ms",
+    ),
+    "foreign_frames": Words("frames of another node under our identifiers", "as SECOND_SENDER"),
+    "failed_writes": Words(
+        "failed writes of state or journal, and log lines given up",
+        "room and rights on the disk; the log says which: `kept`, `stream`",
+    ),
+    "missing_injections": Words("commands after which the needle did not open", "injector, driver stage"),
+    "uncommanded_injections": Words("injections without a command", "a command message that is lost; a leak"),
+    "spikes": Words(
+        "values that stood out among their neighbours and were replaced",
+        "shielding and earth of the sensor's cable, if many",
+    ),
+    "bridged_samples": Words(
+        "values of a frozen, clipped or missing input that did not count", "as INPUT_FROZEN, if many"
+    ),
+}
+
+
+@dataclass(frozen=True)
+class TopicWords(Words):
+    """The same of log lines, which have a level of `logging`."""
+
+    level: int = logging.INFO
+
+
+TOPICS: Mapping[Topic, TopicWords] = {
+    Topic.START: TopicWords("what is observed, the learned state, stamps; `ready` at last"),
+    Topic.STOP: TopicWords("what was counted, when it ends"),
+    Topic.STATE: TopicWords("state and reason have changed", "see states and reasons", logging.WARNING),
+    Topic.INJECTION: TopicWords("one injection, valid or why not", "see the reasons"),
+    Topic.MEASURED: TopicWords("a measured mass beside the estimate"),
+    Topic.ENERGIZING: TopicWords(
+        "an injection that is missing, or without a command", "injector, driver stage", logging.WARNING
+    ),
+    Topic.INPUT: TopicWords(
+        "a message stays away, comes but cannot be used, or is back",
+        "the device that sends it, its cable, bit rate and database",
+        logging.WARNING,
+    ),
+    Topic.VALUE: TopicWords(
+        "a signal says `not available`, is at the range's end, frozen or off",
+        "the sensor, its cable and amplifier; unit and range in the database",
+        logging.WARNING,
+    ),
+    Topic.SENDER: TopicWords("another node sends our identifiers", "as SECOND_SENDER", logging.WARNING),
+    Topic.LINK: TopicWords(
+        "an interface awaited, in trouble or back; frames lost, results unsent",
+        "as the line says",
+        logging.WARNING,
+    ),
+    Topic.KEPT: TopicWords(
+        "what is kept on disk: restored, set aside, saved, or not", "as the line says: room and rights"
+    ),
+    Topic.LEARNING: TopicWords(
+        "an event that was only examined, not learned from; learning that hangs",
+        "as the line says",
+        logging.WARNING,
+    ),
+    Topic.STREAM: TopicWords(
+        "nobody reads the JSON lines or the log any more, or too slowly",
+        "start the reader again",
+        logging.WARNING,
+    ),
+}
+
+
+def named(value: State | Reason) -> str:
+    """Name and meaning, as the databases' value tables have it."""
+    words = STATES[value] if isinstance(value, State) else REASONS[value]
+    return f"{value.name}: {words.what}"
+
+
+def is_good(state: State) -> bool:
+    """Whether results can be valid in this state."""
+    return state in (State.RUNNING_NOMINAL, State.ADAPTED)

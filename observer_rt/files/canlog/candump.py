@@ -1,0 +1,164 @@
+"""Logs as `candump -l` and `candump -L` write them, and what `candump` prints on the screen.
+
+`(1700000000.000123) vcan0 100##1AABB`, and `(1700000000.000123)  can0  123   [2]  AA BB`.
+"""
+
+import os
+import re
+from collections.abc import Iterator
+from datetime import datetime
+from pathlib import Path
+
+from observer_rt.bus.can_frame import BIT_RATE_SWITCH, ERROR_FLAG, ERROR_STATE
+from observer_rt.bus.links.link import Frame
+from observer_rt.files.canlog.can_log import (
+    NANOSECONDS,
+    LogFormat,
+    LogFrame,
+    LogRecorder,
+    lost_note,
+    seconds_text,
+    text_nanoseconds,
+)
+from observer_rt.files.canlog.text_log import EARLIEST_DATE, Rising, TextLogReader
+
+TWO_DIGITS = 2  # of a length, which only CAN FD frames have
+EXTENDED_DIGITS = 8  # of an identifier
+
+_SCREEN_LINE = re.compile(
+    r"(?:\((?P<stamp>\d+\.\d{6,9}|\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{6,9})\)\s+)?(?P<channel>[^\s\ufffd]+)\s+"
+    r"(?:(?P<direction>TX|RX) (?P<switch>[B-]) (?P<state>[E-])\s+)?"
+    r"(?P<id>[0-9A-F]{3}|[0-9A-F]{8})\s+\[(?P<length>\d{1,2})\]"
+    r"(?:\s+(?P<remote>remote request)|(?P<data>(?:\s+[0-9A-F]{2})*)(?:\s+(?:'.*'|ERRORFRAME))?)"
+)
+_LINE = re.compile(
+    r"\((?P<seconds>\d+)(?:\.(?P<fraction>\d{1,9}))?\)"
+    r"\s+(?P<channel>[^\s\ufffd]+)"
+    r"\s+(?P<id>[0-7][0-9A-Fa-f]{2}|[0-3][0-9A-Fa-f]{7})"
+    r"(?:##(?P<flags>[0-9A-Fa-f])(?P<fd_data>[0-9A-Fa-f]*)"
+    r"|#(?:(?P<remote>[Rr])[0-9A-Fa-f]?|(?P<data>[0-9A-Fa-f]*))(?:_[0-9A-Fa-f])?)"
+    r"(?:\s+(?P<direction>[RT]))?"
+)
+
+
+class CandumpLog(TextLogReader):
+    """Reader; a line that begins with `#` is a comment."""
+
+    kind = "a candump log"
+    remedy = "a line reads (seconds.microseconds) channel id#data or id##flags data in one word"
+
+    def _entries(self) -> Iterator[tuple[int, LogFrame]]:
+        self._rising = Rising()
+        self._undated = False
+        return super()._entries()
+
+    def _entry(self, text: str, number: int) -> LogFrame | None:
+        if text.startswith("#"):
+            self.note_text(text)
+            return None
+        match = _LINE.fullmatch(text)
+        if match is None:
+            return self._screen(text, number)
+        names = ("seconds", "fraction", "flags", "fd_data", "data")
+        seconds, fraction, fd_flags, fd_data, data = match.group(*names)
+        stamp = int(seconds) * NANOSECONDS + int((fraction or "").ljust(9, "0"))
+        flags = int(fd_flags, 16) if fd_flags else 0
+        payload = bytes.fromhex(fd_data or data or "")
+        switch, state = flags & BIT_RATE_SWITCH != 0, flags & ERROR_STATE != 0
+        return self._frame(match, stamp, payload, fd_flags is not None, switch, state)
+
+    def _screen(self, text: str, number: int) -> LogFrame | None:
+        """A frame as it is printed on the screen."""
+        match = _SCREEN_LINE.fullmatch(text)
+        if match is None:
+            raise ValueError
+        payload = bytes.fromhex(match["data"] or "")
+        if len(payload) != int(match["length"]) and not match["remote"]:
+            self.refuse(number, f"{len(payload)} bytes follow the length {match['length']}")
+        if match["stamp"] is None:
+            problem = "this is candump's screen output without times, not a log"
+            self.refuse(number, problem, "record with candump -l, or print with candump -ta")
+        stamp = _screen_stamp(match["stamp"])
+        if stamp < EARLIEST_DATE:
+            self._judge_times(stamp, number)
+        is_fd = len(match["length"]) == TWO_DIGITS
+        return self._frame(match, stamp, payload, is_fd, match["switch"] == "B", match["state"] == "E")
+
+    def _frame(
+        self, match: re.Match[str], stamp: int, payload: bytes, is_fd: bool, switch: bool, state: bool
+    ) -> LogFrame | None:
+        """What both kinds of lines call alike; error and remote frames are counted."""
+        digits, remote, channel, direction = match.group("id", "remote", "channel", "direction")
+        identifier, is_extended = int(digits, 16), len(digits) == EXTENDED_DIGITS
+        if is_extended and identifier & ERROR_FLAG:
+            self.error_frames += 1
+            return None
+        if remote:
+            self.remote_frames += 1
+            return None
+        frame = Frame(identifier, payload, stamp, is_extended, is_fd, switch, state)
+        return LogFrame(frame, channel, direction in ("T", "TX"))
+
+    def _judge_times(self, time: int, number: int) -> None:
+        self._rising.add(time)
+        if self._rising.is_from_line_to_line:
+            self.refuse(
+                number,
+                "its times are from line to line (candump -td), of all interfaces together",
+                "record with candump -l, or print with candump -ta",
+            )
+        if not self._undated:
+            self.remarks.append("its times are taken to count from its start (candump -tz)")
+            self._undated = True
+
+
+def _screen_stamp(text: str) -> int:
+    if "-" not in text:
+        return text_nanoseconds(text)
+    date, _, fraction = text.partition(".")
+    moment = datetime.strptime(date, "%Y-%m-%d %H:%M:%S")  # local time, as it is printed
+    return int(moment.timestamp()) * NANOSECONDS + text_nanoseconds(f"0.{fraction}")
+
+
+class CandumpWriter(LogRecorder):
+    """Writer; stamps have six digits where those are enough, else nine."""
+
+    def __init__(self, path: Path, start_ns: int) -> None:
+        """See `LogWriter`."""
+        super().__init__(path, start_ns)
+        self._file = path.open("w", encoding="utf-8", newline="\n")
+        self._size = 0
+
+    def write(self, entry: LogFrame) -> None:
+        frame = entry.frame
+        stamp = seconds_text(frame.stamp_ns, 10, "0")
+        channel = entry.channel
+        if channel.isdigit():
+            channel = f"can{self._numbers.of(channel) - 1}"
+        mark = "#"
+        if frame.is_fd:
+            flags = BIT_RATE_SWITCH * frame.bit_rate_switch | ERROR_STATE * frame.error_state_indicator
+            mark = f"##{flags:X}"
+        identifier = f"{frame.frame_id:08X}" if frame.is_extended else f"{frame.frame_id:03X}"
+        direction = " T" if entry.is_sent else ""
+        self._write(f"({stamp}) {channel} {identifier}{mark}{frame.payload.hex().upper()}{direction}\n")
+
+    def write_lost(self, frames: int) -> None:
+        self._write(f"# {lost_note(frames)}\n")
+
+    def _write(self, line: str) -> None:
+        self._size += self._file.write(line)
+
+    @property
+    def size(self) -> int:
+        return self._size
+
+    def flush(self) -> None:
+        self._file.flush()
+        os.fsync(self._file.fileno())
+
+    def close(self) -> None:
+        self._file.close()
+
+
+CANDUMP = LogFormat((".log",), "text of `candump -l`", CandumpLog, CandumpWriter, CandumpWriter, is_text=True)

@@ -1,0 +1,162 @@
+"""Channels of a CAN log as buses of the bench, and the input frames that the observer would have received."""
+
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from pathlib import Path
+
+from observer_rt.bus.can_frame import GroupIdentifier, ParameterGroups
+from observer_rt.bus.links.link import BusFrame
+from observer_rt.bus.mapping.bus_map import BusMap
+from observer_rt.config.bench_file import NamedLink, of_links
+from observer_rt.files.canlog.can_log import ChannelNumbers, LogReader
+from observer_rt.files.formats import open_log
+from observer_rt.foundation.errors import UserError
+
+OPTION = "--from-channel"
+
+
+def chosen_channels(
+    path: Path, links: Sequence[NamedLink], needed: Collection[int], texts: Sequence[str]
+) -> dict[int, str | None]:
+    """The channel of each bus, None: any of the log, for a bench with one bus. Buses that are not needed may lack.
+
+    texts: `CHANNEL` or `LINK=CHANNEL`, of `--from-channel`. Raises `UserError` where they do not suffice.
+    """
+    said = of_links(OPTION, texts, links, "can3")
+    if len(links) == 1:
+        return {0: said.get(0)}
+    found = matched_channels(
+        path, links, needed, said, lambda bus: f"{OPTION} {links[bus].name}{'=' if bus else ''}CHANNEL"
+    )
+    return {**found}
+
+
+def matched_channels(
+    path: Path,
+    links: Sequence[NamedLink],
+    needed: Collection[int],
+    said: Mapping[int, str],
+    option: Callable[[int], str],
+) -> dict[int, str]:
+    """The channel of each bus, for several buses; those said are taken, the others found by reading the log.
+
+    A log with names: by the channels of the bench file. One with numbers: by those our own recorder would give these
+    channels, else, where there are as many as buses, in order. option: what a user would say for a bus.
+    Raises `UserError` for a needed bus that none of this finds.
+    """
+    open_buses = [bus for bus in range(len(links)) if bus not in said]
+    wanted = [bus for bus in open_buses if bus in needed]
+    if not wanted:
+        return dict(said)
+    there = [
+        each for each in dict.fromkeys(entry.channel for entry in open_log(path)) if each not in said.values()
+    ]
+    numbers = ChannelNumbers()
+    by_number = [str(numbers.of(link.config.channel)) for link in links]
+    for name_of in ([link.config.channel for link in links], by_number):
+        found = {bus: name_of[bus] for bus in open_buses if name_of[bus] in there}
+        if found.keys() >= set(wanted):
+            return {**said, **found}
+    in_order = sorted(filter(str.isdigit, there), key=int)
+    for buses in (open_buses, wanted):
+        if len(buses) == len(there) == len(in_order):
+            return {**said, **dict(zip(buses, in_order, strict=True))}
+    names = ", ".join(links[bus].label for bus in wanted)
+    raise UserError(
+        str(path),
+        f"which of its channels is which bus is not clear: it has {', '.join(there) or 'no other'}, wanted are "
+        f"{names}",
+        f"say it: {' '.join(option(bus) for bus in wanted)}",
+    )
+
+
+class InputFrames:
+    """Frames of the bench's input messages in a log, with their buses; may be iterated again and again.
+
+    Iterating raises `UserError` for a malformed log, for one without such frames of some bus, and where the frames of
+    one message come from several channels and none was chosen.
+    """
+
+    def __init__(self, path: Path, bus: BusMap, channels: Mapping[int, str | None]) -> None:
+        """channels: of the log, by bus, as by `chosen_channels`."""
+        self.path = path
+        self._bus = bus
+        self._channels = channels
+        self._wanted: dict[tuple[int, bool], list[tuple[int, str]]] = {}
+        for layout in bus.received:
+            if layout.bus in channels:
+                identifier = layout.frame_id, layout.is_extended
+                self._wanted.setdefault(identifier, []).append((layout.bus, layout.name))
+        self._log: LogReader = open_log(path)
+        self._groups: dict[str, ParameterGroups] = {}  # by channel
+
+    def __iter__(self) -> Iterator[BusFrame]:
+        channel_of: dict[tuple[int, str], str] = {}
+        others: dict[tuple[int, bool], None] = {}
+        channels: dict[str, None] = {}
+        self._groups = {}
+        has_groups = any(isinstance(layout.received_id, GroupIdentifier) for layout in self._bus.received)
+        for entry in self._log:
+            frame = entry.frame
+            channels[entry.channel] = None
+            if has_groups and frame.is_extended:
+                if entry.channel not in self._groups:
+                    received = (layout.received_id for layout in self._bus.received)
+                    self._groups[entry.channel] = ParameterGroups(received)
+                frame = frame._replace(frame_id=self._groups[entry.channel].own(frame.frame_id))
+            messages = self._wanted.get((frame.frame_id, frame.is_extended))
+            if messages is None:
+                others[frame.frame_id, frame.is_extended] = None
+                continue
+            for message in messages:
+                bus, name = message
+                if self._channels[bus] not in (None, entry.channel):
+                    continue
+                if channel_of.setdefault(message, entry.channel) != entry.channel:
+                    raise UserError(
+                        str(self.path),
+                        f"{name} is on several channels: {channel_of[message]}, {entry.channel}",
+                        f"choose one by {OPTION}",
+                    )
+                yield BusFrame(bus, frame)
+                break
+        heard = {bus for bus, _ in channel_of}
+        for bus in sorted({layout.bus for layout in self._bus.input_layouts} - heard):
+            self._refuse_empty(bus, list(channels), [identifier for identifier, _ in others])
+
+    def notes(self) -> list[str]:
+        """What the reader of the log has to say after the last reading."""
+        notes = self._log.notes()
+        if len(self._channels) > 1:
+            pairs = (
+                f"{channel} is {self._bus.labels[bus]}" for bus, channel in sorted(self._channels.items())
+            )
+            notes.append(f"{self.path}: channel {', '.join(pairs)}")
+        return notes + [
+            f"{self.path}: {layout.name} of the source address 0x{groups.sender(layout.frame_id):02X} counts, also "
+            f"there are {', '.join(f'0x{address:02X}' for address in sorted(groups.left_out[layout.frame_id]))}"
+            for groups in self._groups.values()
+            for layout in self._bus.received
+            if layout.frame_id in groups.left_out
+        ]
+
+    @property
+    def share_read(self) -> float:
+        """How much of the log was read, 0 to 1."""
+        return self._log.share_read
+
+    def _refuse_empty(self, bus: int, channels: list[str], others: list[int]) -> None:
+        if not channels:
+            notes = "; ".join(["holds no data frame", *self.notes()])
+            raise UserError(str(self.path), notes, "record it while frames are on the bus")
+        channel = self._channels[bus]
+        if channel is not None and channel not in channels:
+            raise UserError(OPTION, f"{self.path} has no channel {channel}", f"it has {', '.join(channels)}")
+        wanted = ", ".join(
+            f"{layout.name} (0x{layout.frame_id:X})" for layout in self._bus.received if layout.bus == bus
+        )
+        there = ", ".join(f"0x{identifier:X}" for identifier in sorted(set(others))[:8])
+        where, remedy = "", "give --bench with the file the log was recorded by"
+        if len(self._channels) > 1:
+            where = f" on channel {channel}, which is taken for {self._bus.labels[bus]}"
+            remedy += f", or say which channel is which bus by {OPTION}"
+        raise UserError(str(self.path), f"holds no frame of {wanted}{where}; it has {there}", remedy)

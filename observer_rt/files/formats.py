@@ -1,0 +1,299 @@
+"""The one registry of formats: what kinds of files hold recordings or CAN logs, and which of them a file is of.
+
+A further format is one entry of `BUILT_IN` or, in a distribution of its own, an entry point of the group
+`observer_rt.formats` that leads to a `LogFormat` or a `SignalFormat`.
+"""
+
+import re
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from typing import TypeVar
+
+from observer_rt.config.bench import BenchInjector
+from observer_rt.config.injector import Meaning, RecordingConfig
+from observer_rt.files.canlog.asc import ASC
+from observer_rt.files.canlog.blf import BLF
+from observer_rt.files.canlog.busmaster import BUSMASTER
+from observer_rt.files.canlog.can_log import LogFormat, LogReader, LogRecorder, LogWriter
+from observer_rt.files.canlog.candump import CANDUMP
+from observer_rt.files.canlog.csv_log import CSV_LOG
+from observer_rt.files.canlog.pcap import PCAP
+from observer_rt.files.canlog.trc import TRC
+from observer_rt.files.mdf4.can_log import Mdf4Log, Mdf4LogWriter, is_bus_log
+from observer_rt.files.signals.csv_table import CsvTable
+from observer_rt.files.signals.mapped_signals import MappedSignals
+from observer_rt.files.signals.recording import Recording
+from observer_rt.files.signals.signal_format import OwnLayout, SignalFormat
+from observer_rt.files.signals.stream import HeldSignals, SignalStream, joined
+from observer_rt.files.signals.table import Mdf4Table, ParquetTable
+from observer_rt.files.signals.table_signals import EvenSignals
+from observer_rt.files.signals.table_writers import (
+    PRINTED,
+    SI,
+    WrittenColumn,
+    recording_writer,
+    write_whole,
+)
+from observer_rt.foundation.console import PACKED, check_suffix, suffix_of
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.files import file_errors
+
+
+def _header(columns: Sequence[WrittenColumn]) -> str:
+    *needed, optional = (column.header for column in columns)
+    return f"{','.join(needed)}[,{optional}]"
+
+
+def _by_header(columns: Sequence[WrittenColumn]) -> RecordingConfig:
+    return RecordingConfig.model_validate(
+        {column.channel: {"column": column.header, "unit": column.unit} for column in columns}
+    )
+
+
+_CHANNELS = RecordingConfig.model_validate({column.channel: {"column": column.channel} for column in SI[1:]})
+CSV = SignalFormat((".csv",), _header(PRINTED), OwnLayout(CsvTable, _by_header(PRINTED)), write_whole)
+MDF4_SIGNALS = SignalFormat(
+    (".mf4",), "ASAM MDF4, one channel a signal, with its unit", OwnLayout(Mdf4Table, _CHANNELS), write_whole
+)
+PARQUET = SignalFormat(
+    (".parquet",), f"Parquet, {_header(SI)}", OwnLayout(ParquetTable, _by_header(SI)), write_whole
+)
+
+
+MDF4_LOG = LogFormat((".mf4",), "ASAM MDF4, bus logging", Mdf4Log, Mdf4LogWriter, recognises=is_bus_log)
+
+Format = LogFormat | SignalFormat
+BUILT_IN: tuple[Format, ...] = (
+    CSV,
+    MDF4_SIGNALS,
+    PARQUET,
+    CANDUMP,
+    BUSMASTER,
+    BLF,
+    ASC,
+    TRC,
+    MDF4_LOG,
+    CSV_LOG,
+    PCAP,
+)
+GROUP = "observer_rt.formats"
+F = TypeVar("F", bound=Format)
+
+
+@cache
+def formats() -> tuple[Format, ...]:
+    """Every format, the installed ones last. Raises `UserError` naming the distribution of one that will not do."""
+    known = list(BUILT_IN)
+    for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
+        known.append(_installed(entry, known))
+    return tuple(known)
+
+
+def log_formats() -> list[LogFormat]:
+    """Every format of CAN logs."""
+    return [each for each in formats() if isinstance(each, LogFormat)]
+
+
+def signal_formats() -> list[SignalFormat]:
+    """Every format of recordings."""
+    return [each for each in formats() if isinstance(each, SignalFormat)]
+
+
+def suffixes_of(known: Iterable[Format]) -> tuple[str, ...]:
+    """The suffixes of some formats, each once."""
+    return tuple(dict.fromkeys(suffix for each in known for suffix in each.suffixes))
+
+
+def written(known: Iterable[F]) -> list[F]:
+    """Those of some formats that can be written."""
+    return [each for each in known if each.writer is not None]
+
+
+def is_log(path: Path) -> bool:
+    """Whether a file holds CAN frames, by its suffix and, where that leaves it open, its content.
+
+    Raises `UserError` for an unknown suffix, and for a file that had to be opened and is not there or damaged.
+    """
+    kinds = _kinds(path, formats())
+    logs = [each for each in kinds if isinstance(each, LogFormat)]
+    return len(logs) == len(kinds) or _recognised(path, logs) is not None
+
+
+def log_format(path: Path) -> LogFormat:
+    """The format in which a log of this suffix is written. Raises `UserError` for an unknown one."""
+    return _of(path, log_formats())
+
+
+def open_log(path: Path) -> LogReader:
+    """The reader of a log; nothing is read before it is iterated, unless its suffix leaves the format open.
+
+    Raises `UserError` for an unknown suffix.
+    """
+    kinds = _kinds(path, log_formats())
+    found = _recognised(path, kinds) if len(kinds) > 1 else None
+    return (found or next(each for each in kinds if each.recognises is None or len(kinds) == 1)).reader(path)
+
+
+def open_writer(path: Path, start_ns: int) -> LogWriter:
+    """The writer of a log that begins at a time [ns]. Raises `UserError` for a suffix that cannot be written."""
+    writer = _of(path, written(log_formats())).writer
+    assert writer is not None
+    return writer(path, start_ns)
+
+
+def open_recorder(path: Path, start_ns: int) -> LogRecorder:
+    """As `open_writer`, of a log into which frames go as they come in."""
+    recorder = _of(path, recorded()).recorder
+    assert recorder is not None
+    return recorder(path, start_ns)
+
+
+def recorded() -> list[LogFormat]:
+    """Formats of logs into which frames can go as they come in."""
+    return [each for each in log_formats() if each.recorder is not None]
+
+
+def open_recording(
+    path: Path, injector: BenchInjector | None = None, in_one_go: bool = False
+) -> SignalStream:
+    """Look through a recording, which is then read in parts; one in a layout of the user's own by `[recording]`.
+
+    in_one_go: as of `EvenSignals`, of our own layouts; else it is looked through all the same.
+    Raises `UserError` for an unknown suffix, a file that cannot be opened or whose content is wrong.
+    """
+    reader = _of(path, signal_formats()).reader
+    mapping = injector.config.recording if injector is not None else None
+    with file_errors(path):
+        stream: SignalStream
+        if not isinstance(reader, OwnLayout):
+            stream = HeldSignals(reader(path))
+        elif injector is None or mapping is None or reader.is_of(path, mapping):
+            stream = EvenSignals(reader.table(path, reader.mapping, is_own=True), in_one_go)
+        else:
+            stream = MappedSignals(reader.table(path, mapping), injector.config.sampling.rate_hz)
+    if injector is not None:
+        stated = mapping.meaning if mapping is not None else None
+        stream.meaning = stated or injector.config.sampling.meaning
+    if stream.meaning is Meaning.MEAN and isinstance(stream, MappedSignals) and stream.is_resampled:
+        raise UserError(
+            str(path),
+            f"its samples, which are means, are not on a grid of {stream.rate:g} Hz, and cannot be resampled",
+            'set sampling.rate_hz to the rate of the file, or say meaning = "instant" if that is what they are',
+        )
+    return stream
+
+
+def read_recording(path: Path, injector: BenchInjector | None = None) -> Recording:
+    """Read a recording into memory, else as `open_recording`."""
+    with file_errors(path):
+        return open_recording(path, injector).collected()
+
+
+def write_recording(path: Path, recording: Recording) -> None:
+    """Write a recording, replacing an existing file.
+
+    Raises `UserError` for an unknown suffix or a path that cannot be written, `RunError` when writing fails.
+    """
+    writer = _of(path, written(signal_formats())).writer
+    assert writer is not None
+    with file_errors(path):
+        writer(path, recording)
+
+
+@contextmanager
+def open_parts(path: Path, has_rate: bool) -> Iterator[Callable[[Recording], None]]:
+    """Writes the parts of a recording it is given. Raises `UserError` for a suffix that cannot be written."""
+    found = _of(path, written(signal_formats()))
+    assert found.writer is not None
+    if isinstance(found.reader, OwnLayout):
+        with recording_writer(path, has_rate) as write:
+            yield write
+    else:
+        parts: list[Recording] = []
+        yield parts.append
+        found.writer(path, joined(parts))
+
+
+_ADVICE = {  # what to do with other kinds of files
+    (".mat",): 'in MATLAB: parquetwrite("{0}.parquet", table(time_s, ...)), or writetable into {0}.csv',
+    (".h5", ".hdf5"): 'in Python: pandas.read_hdf("{0}{1}").to_parquet("{0}.parquet")',
+    (".xlsx", ".xls", ".ods"): "save it as {0}.csv",
+    (".mdf", ".dat"): "name it {0}.mf4 if it is MDF 4; of MDF 3 make that in Python, by asammdf: "
+    'MDF("{0}{1}").convert("4.10").save("{0}.mf4")',
+    (".mfc", ".mfe", ".mfm"): "make an .mf4 of it by mdf2finalized, of CSS Electronics",
+    (
+        ".gz",
+        ".zst",
+        ".zip",
+        ".7z",
+        ".bz2",
+        ".xz",
+    ): "unpack it first; only logs of text are read packed, by gzip",
+}
+
+
+def _check_suffix(path: Path, suffixes: Collection[str]) -> None:
+    """As `check_suffix`, with what to do with files of a kind that is met but not read."""
+    try:
+        check_suffix(str(path), path, suffixes)
+    except UserError as error:
+        for kinds, advice in _ADVICE.items():
+            if path.suffix.lower() in kinds:
+                remedy = f"{advice.format(path.stem, path.suffix)}; {error.remedy}"
+                raise UserError(error.place, error.problem, remedy) from None
+        raise
+
+
+def _of(path: Path, known: Sequence[F]) -> F:
+    _check_suffix(path, suffixes_of(known))
+    return next(each for each in known if suffix_of(path) in each.suffixes)
+
+
+def _kinds(path: Path, known: Iterable[F]) -> list[F]:
+    """The formats that a file may be of by its suffix, those of packed text among them."""
+    found: dict[str, list[F]] = {}
+    for packed in ("", PACKED):
+        for each in known:
+            if not packed or (isinstance(each, LogFormat) and each.is_text):
+                for suffix in each.suffixes:
+                    found.setdefault(suffix + packed, []).append(each)
+    _check_suffix(path, tuple(found))
+    return found[suffix_of(path)]
+
+
+def _recognised(path: Path, known: Iterable[LogFormat]) -> LogFormat | None:
+    """The format that takes a file for its own."""
+    with file_errors(path):
+        return next((each for each in known if each.recognises is not None and each.recognises(path)), None)
+
+
+def _installed(entry: EntryPoint, known: Iterable[Format]) -> Format:
+    """The format an entry point leads to, if it will do beside those known."""
+    origin = f"{entry.dist.name} {entry.dist.version}" if entry.dist else "a distribution without a name"
+    place = f"format '{entry.name}' of {origin}"
+    remedy = "mend it, or uninstall that distribution"
+    try:
+        found = entry.load()
+    except Exception as error:  # whatever foreign code raises
+        raise UserError(place, f"{entry.value} cannot be loaded: {error!r}", remedy) from error
+    problem = _problem(found, known)
+    if problem:
+        raise UserError(place, f"{entry.value} {problem}", remedy)
+    return found  # type: ignore[no-any-return]  # as `_problem` found it
+
+
+def _problem(found: object, known: Iterable[Format]) -> str | None:
+    """Why an object is no format that could stand beside those known."""
+    if not isinstance(found, LogFormat | SignalFormat):
+        return f"is a {type(found).__name__}, neither LogFormat nor SignalFormat"
+    if not found.suffixes or any(not re.fullmatch(r"\.[a-z0-9_]+", suffix) for suffix in found.suffixes):
+        return f"has the suffixes {found.suffixes}: each begins with a dot and is in lower case"
+    for other in known:
+        shared = sorted(set(found.suffixes) & set(other.suffixes))
+        is_recognised = any(isinstance(each, LogFormat) and each.recognises for each in (found, other))
+        if shared and not is_recognised:
+            return f"has the suffix {shared[0]}, which belongs to '{other.description}'"
+    return None

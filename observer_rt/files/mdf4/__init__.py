@@ -1,0 +1,1 @@
+"""Measurement Data Format 4: blocks and records, signals, and logs of CAN frames."""

@@ -1,0 +1,198 @@
+"""From a bus into log files: every frame that comes in, and how many were lost on the way."""
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from observer_rt.bus.links.link import Frame, Link
+from observer_rt.bus.links.receiver import EnduringReading
+from observer_rt.files.canlog.can_log import NANOSECONDS, LogFrame, LogRecorder
+from observer_rt.files.formats import open_recorder, recorded, suffixes_of
+from observer_rt.foundation.console import refuse_existing
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.files import file_errors
+
+FLUSH_PERIOD = 1_000_000_000  # ns: no more than this is lost with the power
+REPORT_PERIOD = 250_000_000  # ns
+NUMBER_DIGITS = 4  # of the files of a series
+RECEIVE_TIMEOUT = 0.1  # s, after which the loop looks at its clock and its stop signal
+
+
+@dataclass(frozen=True)
+class RecordLimits:
+    """When recording ends and when a new file begins; None: never. Durations in s, sizes in bytes."""
+
+    duration: float | None = None
+    frames: int | None = None
+    file_size: int | None = None
+    file_duration: float | None = None
+
+    @property
+    def rotates(self) -> bool:
+        """Whether there may be several files, which are then numbered."""
+        return self.file_size is not None or self.file_duration is not None
+
+
+@dataclass
+class RecordStatistics:
+    """What was recorded so far: frames, frames lost before they reached the recorder, time [s], files.
+
+    outages: how often the interface went down or away; what came meanwhile nobody counts.
+    """
+
+    frames: int = 0
+    lost: int = 0
+    outages: int = 0
+    duration: float = 0.0
+    files: list[Path] = field(default_factory=list)
+
+    def as_text(self) -> str:
+        """One line for the screen."""
+        rate = self.frames / self.duration if self.duration else 0.0
+        names = ", ".join(str(path) for path in self.files) or "no file, for no frame came in"
+        away = f", interface away {self.outages} times" if self.outages else ""
+        return f"{self.frames} frames in {self.duration:.1f} s ({rate:.0f} a second), {self.lost} lost{away}; {names}"
+
+    def as_json(self) -> dict[str, Any]:
+        """The same for a program."""
+        return {
+            "frames": self.frames,
+            "lost_frames": self.lost,
+            "outages": self.outages,
+            "duration_s": self.duration,
+            "files": [str(path) for path in self.files],
+        }
+
+
+def check_recording_path(path: Path, limits: RecordLimits, force: bool) -> None:
+    """Raise `UserError` for a format that is not safe while recording, and for a file that is there already.
+
+    With `force` such logs will be replaced, those of a numbered series all together.
+    """
+    suffixes = suffixes_of(recorded())
+    if path.suffix.lower() not in suffixes:
+        raise UserError(
+            f"--out {path}",
+            f"'{path.suffix}' cannot be recorded into safely",
+            f"record into {' or '.join(suffixes)}, then convert",
+        )
+    existing = _series(path) if limits.rotates else [path]
+    refuse_existing("--out", existing, force)
+
+
+def record(
+    link: Link,
+    channel: str,
+    path: Path,
+    limits: RecordLimits,
+    stop: threading.Event,
+    report: Callable[[RecordStatistics], None] = lambda _: None,
+    further: Sequence[tuple[Link, str]] = (),
+) -> RecordStatistics:
+    """Write every frame of a link until `stop` is set or a limit reached; a file begins with its first frame.
+
+    `channel`: the link's name in the log. `further`: other links, with their names, for the same log.
+
+    An interface that goes away is waited for. `report` is called some times a second.
+
+    Raises `RunError`: the link failed for good, or the disk is full; what was written before can be read.
+    """
+    links = [link, *(other for other, _ in further)]
+    channels = [channel, *(name for _, name in further)]
+    files = _Files(path, limits)
+    receiver = EnduringReading(links)
+    statistics = RecordStatistics(files=files.paths)
+    start = time.monotonic_ns()
+    next_flush, next_report = start + FLUSH_PERIOD, start
+    lost_before = receiver.dropped
+    with file_errors(path):
+        try:
+            while not stop.is_set():
+                received = receiver.receive(RECEIVE_TIMEOUT)
+                now = time.monotonic_ns()
+                statistics.outages = receiver.outages
+                statistics.duration = (now - start) / NANOSECONDS
+                lost = receiver.dropped - lost_before
+                if lost > statistics.lost:
+                    files.lost += lost - statistics.lost
+                    statistics.lost = lost
+                if received is not None:
+                    files.write(received.frame, channels[received.bus], now)
+                    statistics.frames += 1
+                if now >= next_flush:
+                    files.flush()
+                    next_flush = now + FLUSH_PERIOD
+                if now >= next_report:
+                    report(statistics)
+                    next_report = now + REPORT_PERIOD
+                if (limits.duration is not None and statistics.duration >= limits.duration) or (
+                    limits.frames is not None and statistics.frames >= limits.frames
+                ):
+                    break
+        finally:
+            receiver.close()
+            files.close()
+    return statistics
+
+
+class _Files:
+    """The file being written, and its successors."""
+
+    def __init__(self, path: Path, limits: RecordLimits) -> None:
+        self.paths: list[Path] = []
+        self._path = path
+        self._limits = limits
+        self._writer: LogRecorder | None = None
+        self._begun = 0
+        self.lost = 0
+        """Frames that were lost, which is said before the next one."""
+
+    def write(self, frame: Frame, channel: str, now: int) -> None:
+        """Append a frame of a channel; `now`: monotonic time [ns]."""
+        limits = self._limits
+        if self._writer is not None and (
+            (limits.file_size is not None and self._writer.size >= limits.file_size)
+            or (
+                limits.file_duration is not None and (now - self._begun) / NANOSECONDS >= limits.file_duration
+            )
+        ):
+            self.close()
+        if self._writer is None:
+            if limits.rotates and not self.paths:
+                for old in _series(self._path):  # or its rest would seem to belong to this one
+                    old.unlink()
+            number = f"{len(self.paths) + 1:0{NUMBER_DIGITS}d}"
+            path = self._path.with_name(_numbered(self._path, number)) if limits.rotates else self._path
+            self._writer = open_recorder(path, frame.stamp_ns)
+            self._begun = now
+            self.paths.append(path)
+        self._say_lost(self._writer)
+        self._writer.write(LogFrame(frame, channel))
+
+    def flush(self) -> None:
+        if self._writer is not None:
+            self._writer.flush()
+
+    def close(self) -> None:
+        """Complete the file, if one is open."""
+        if self._writer is not None:
+            self._say_lost(self._writer)
+            self._writer.close()
+            self._writer = None
+
+    def _say_lost(self, writer: LogRecorder) -> None:
+        if self.lost:
+            writer.write_lost(self.lost)
+            self.lost = 0
+
+
+def _numbered(path: Path, number: str) -> str:
+    return f"{path.stem}_{number}{path.suffix}"
+
+
+def _series(path: Path) -> list[Path]:
+    """Numbered files that are there."""
+    return sorted(path.parent.glob(_numbered(path, "[0-9]" * NUMBER_DIGITS)))

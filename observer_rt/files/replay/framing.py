@@ -1,0 +1,261 @@
+"""A recording as the frames a measuring device would send, by the bench's bus map; what they cannot hold is said."""
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.bus.mapping.bus_map import BusMap, message_of, role_range, role_resolution
+from observer_rt.bus.mapping.input_tables import ROLES
+from observer_rt.bus.mapping.timing import Numbering
+from observer_rt.config.bench import EXAMPLE_BENCH, Bench
+from observer_rt.config.signals import Role
+from observer_rt.core.frames.frames import frames_of_message
+from observer_rt.engine.signal_survey import Survey
+from observer_rt.files.signals.recording import Recording
+from observer_rt.files.signals.stream import Sampled
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIMETRE, MILLISECOND
+
+WINDOW_BEFORE = 2 * MILLISECOND  # of standstill before an injection, in which x~ becomes good
+WINDOW_AFTER = 4 * MILLISECOND  # after it, in which the line rings
+RATE_TOLERANCE = 1e-6  # relative, between recording and bench
+LOWEST_RATE, HIGHEST_RATE = 1e3, 1e6  # Hz, of `SamplingConfig`
+OPEN_LIFT = 5 * MICROMETRE  # above any noise of the lift
+
+
+def bench_for(bench: Bench, recording: Sampled) -> Bench:
+    """The bench at the recording's sample rate, for samples of the recording's meaning.
+
+    The example bench takes any rate; a user's own must state the recording's. Raises `UserError` otherwise.
+    """
+    rate = recording.sample_rate
+    if not LOWEST_RATE <= rate <= HIGHEST_RATE:
+        raise UserError(
+            str(recording.path),
+            f"is sampled at {rate:g} Hz, the observer takes {LOWEST_RATE:g} to {HIGHEST_RATE:g} Hz",
+            "mind the unit of the time, which is likely " + ("ms" if rate < LOWEST_RATE else "not s"),
+        )
+    sampling = bench.injector.config.sampling
+    if recording.meaning not in (None, sampling.meaning):
+        sampling = sampling.model_copy(update={"meaning": recording.meaning})
+        bench = bench.with_sections(sampling=sampling)
+    stated = sampling.rate_hz
+    if abs(rate - stated) <= RATE_TOLERANCE * stated:
+        return bench
+    if bench.path != EXAMPLE_BENCH:
+        raise UserError(
+            bench.injector.place("sampling.rate_hz"),
+            f"is {stated:g} Hz, but {recording.path} is sampled at {rate:g} Hz",
+            "set rate_hz to the recording's rate, or leave out --bench",
+        )
+    return bench.with_sections(sampling=sampling.model_copy(update={"rate_hz": rate}))
+
+
+class TimedFrame(NamedTuple):
+    """A frame and when it is sent, in seconds after the recording's first sample."""
+
+    time: float
+    frame_id: int
+    is_extended: bool
+    is_fd: bool
+    payload: bytes
+    channel: str = ""
+    """Of the log it comes from; none for a frame made from a recording."""
+    bit_rate_switch: bool = True
+    """Of a CAN FD frame; as is the next."""
+    error_state_indicator: bool = False
+    bus: int = 0
+    """Number of the bench's bus it is sent on."""
+
+    @property
+    def stamp_ns(self) -> int:
+        """When it was received by a receiver without delay, in whole nanoseconds."""
+        return round(self.time * 1e9)
+
+
+@dataclass(frozen=True)
+class Span:
+    """Samples [start, end) of a recording."""
+
+    start: int
+    end: int
+
+
+def whole(recording: Recording) -> list[Span]:
+    """The recording in one span."""
+    return [Span(0, recording.samples)]
+
+
+def windows(recording: Recording) -> list[Span]:
+    """Spans round the injections, as a windowed source sends them; overlapping ones are joined."""
+    return windows_of((recording,))
+
+
+def windows_of(parts: Iterable[Recording]) -> list[Span]:
+    """The same of a recording in parts that follow one another."""
+    spans: list[Span] = []
+    samples = 0
+    for part in parts:
+        before, after = round(WINDOW_BEFORE * part.sample_rate), round(WINDOW_AFTER * part.sample_rate)
+        edges = np.flatnonzero(np.diff(part.needle_lift > OPEN_LIFT, prepend=False, append=False)) + samples
+        for first, shut in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+            start, end = max(0, first - before), shut - 1 + after
+            if spans and start <= spans[-1].end:
+                start = spans.pop().start
+            spans.append(Span(start, end))
+        samples += part.samples
+    return [Span(span.start, min(span.end, samples)) for span in spans]
+
+
+def message_timing(bus: BusMap, number: int) -> np.void:
+    """TIMING of an input message: its streams share index and rate."""
+    group = bus.inputs.groups[int(bus.inputs.messages[number]["first_group"])]
+    timing: np.void = bus.inputs.timing[int(group["stream"])]
+    return timing
+
+
+def grid_samples(bus: BusMap, number: int) -> int:
+    """Samples of the grid from one sample index of an input message to its next."""
+    return int(bus.inputs.messages[number]["samples"]) * int(message_timing(bus, number)["steps"])
+
+
+class Framer:
+    """Turns recordings into frames; its counters and sample index go on from one recording to the next."""
+
+    def __init__(self, bus: BusMap) -> None:
+        self._bus = bus
+        self._counters = [0] * len(bus.input_layouts)
+        self.next_index = 0
+        """Sample index of the next recording's first sample."""
+
+    def pause(self, samples: int) -> None:
+        """Let the index go on by at least `samples` that are not sent, as over a pause of a windowed source.
+
+        The index then begins a frame of every message, so that no frame sent before reaches into it.
+        """
+        before = self.next_index
+        block = math.lcm(*(grid_samples(self._bus, n) for n in range(len(self._bus.input_layouts))))
+        self.next_index = -(-(before + samples) // block) * block
+        for number in range(len(self._counters)):
+            if (
+                message_timing(self._bus, number)["numbering"] != Numbering.INDEX
+            ):  # their counters go on with time
+                passed = (self.next_index - before) // grid_samples(self._bus, number)
+                self._counters[number] += passed
+
+    def skip(self, samples: int) -> None:
+        """Let the index go on by samples that are not sent, within a recording."""
+        self.next_index += samples
+
+    def frames(self, recording: Recording, spans: Sequence[Span]) -> Iterator[TimedFrame]:
+        """Frames of the spans in order of time: each is sent with its last sample.
+
+        A frame that a span does not fill carries "not available" in the rest.
+        """
+        interval = 1.0 / recording.sample_rate
+        for framed in self.framed(recording, spans):
+            due = (framed.due * interval).tolist()
+            for number, time, payload in zip(framed.numbers.tolist(), due, framed.payloads(), strict=True):
+                layout = self._bus.input_layouts[number]
+                yield TimedFrame(
+                    time, layout.frame_id, layout.is_extended, layout.is_fd, payload, bus=layout.bus
+                )
+
+    def framed(self, recording: Recording, spans: Sequence[Span]) -> Iterator["Framed"]:
+        """The same in arrays, span by span."""
+        values = np.column_stack([getattr(recording, role.value) for role in ROLES])
+        for span in spans:
+            yield _merged([self._encode(number, values, span) for number in range(len(self._counters))])
+        self.next_index += recording.samples
+
+    def _encode(self, number: int, values: NDArray[np.float64], span: Span) -> "Framed":
+        """The frames of one input message."""
+        message, inputs = self._bus.inputs.messages[number], self._bus.inputs
+        steps = int(message_timing(self._bus, number)["steps"])
+        first_index = -(-(self.next_index + span.start) // steps)  # of its own samples
+        first = first_index * steps - self.next_index
+        sampled = np.ascontiguousarray(values[first : span.end : steps])
+        blocks = -(-len(sampled) // int(message["samples"])) * int(message["kind_count"])
+        payloads = np.empty((blocks, int(message["length"])), np.uint8)
+        frames_of_message(
+            sampled, first_index, inputs, number, self._counters[number], payloads, np.empty(blocks)
+        )
+        count, length = payloads.shape
+        self._counters[number] += count
+        block, kind = np.divmod(np.arange(count), int(message["kind_count"]))
+        end = inputs.kinds["end"][int(message["first_kind"]) + kind]
+        return Framed(
+            np.full(count, number),
+            first + (block * int(message["samples"]) + end - 1) * steps,
+            np.arange(count + 1) * length,
+            payloads.ravel(),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Framed:
+    """Frames in order (n of them): numbers (n,) of their input messages; due (n,), the sample each is sent with.
+
+    starts (n + 1,): where each begins in `data`, and where the last one ends.
+    """
+
+    numbers: NDArray[np.int64]
+    due: NDArray[np.int64]
+    starts: NDArray[np.int64]
+    data: NDArray[np.uint8]
+
+    def payloads(self) -> Iterator[bytes]:
+        """Frame by frame."""
+        data = self.data.tobytes()
+        return (data[first:end] for first, end in pairwise(self.starts.tolist()))
+
+
+def _merged(messages: Sequence[Framed]) -> Framed:
+    """Frames of several messages by the samples they are sent with, those of each in its own order."""
+    if len(messages) == 1:
+        return messages[0]
+    numbers = np.concatenate([each.numbers for each in messages])
+    due = np.concatenate([each.due for each in messages])
+    not_before = np.concatenate([np.maximum.accumulate(each.due) for each in messages])
+    order = np.lexsort((numbers, not_before))
+    lengths = np.concatenate([np.diff(each.starts) for each in messages])
+    starts = np.concatenate(([0], np.cumsum(lengths[order])))
+    data = np.empty(int(starts[-1]), np.uint8)
+    for number, each in enumerate(messages):
+        if not each.numbers.size:
+            continue
+        payloads = each.data.reshape(len(each.numbers), -1)
+        begins = starts[:-1][numbers[order] == number]
+        data[begins[:, None] + np.arange(payloads.shape[1])] = payloads
+    return Framed(numbers[order], due[order], starts, data)
+
+
+_SHOWN_UNIT = {
+    Role.RAIL_PRESSURE: ("MPa", MEGAPASCAL),
+    Role.NEEDLE_LIFT: ("mm", MILLIMETRE),
+    Role.LINE_PRESSURE: ("MPa", MEGAPASCAL),
+}
+
+
+def clamped_in(survey: Survey, bus: BusMap) -> list[str]:
+    """One line for every role with values that the bus cannot hold, which are clamped when sent."""
+    warnings = []
+    for role in ROLES:
+        found, limits = survey.signals[role.value], role_range(bus, role)
+        unit, factor = _SHOWN_UNIT[role]
+        for reached, limit, is_beyond in (
+            (found.lowest, limits.lowest, limits.lowest - found.lowest),
+            (found.highest, limits.highest, found.highest - limits.highest),
+        ):
+            if is_beyond > 0.5 * role_resolution(bus, role, limit):
+                name = bus.input_layouts[message_of(bus, role)].name
+                warnings.append(
+                    f"{role}: reaches {reached / factor:.6g} {unit}, beyond {limit / factor:.6g} {unit}, the limit "
+                    f"of {name}, and is clamped to it"
+                )
+    return warnings

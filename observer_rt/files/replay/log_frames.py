@@ -1,0 +1,221 @@
+"""A CAN log, or a part of it, as the frames that are replayed: once or again, its identifiers remapped if wanted."""
+
+import math
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import count
+from pathlib import Path
+from typing import NamedTuple
+
+from observer_rt.bus.can_frame import EXTENDED_MASK, STANDARD_MASK
+from observer_rt.files.canlog.can_log import NANOSECONDS
+from observer_rt.files.formats import open_log
+from observer_rt.files.replay.framing import TimedFrame
+from observer_rt.files.replay.recording_frames import Extent, refuse_unordered
+from observer_rt.foundation.errors import UserError
+
+
+class Sent(NamedTuple):
+    """A kind of frames that is sent on a bus."""
+
+    bus: int
+    identifier: int
+    is_extended: bool
+
+
+def channel_map(texts: Sequence[str]) -> dict[str, str]:
+    """Bus channels by channel of the log. Raises `UserError` for text that is not `FROM=TO`."""
+    return dict(_pair("--map-channel", text, "can0=vcan0") for text in _once("--map-channel", texts))
+
+
+def identifier_map(texts: Sequence[str]) -> dict[int, int]:
+    """New identifiers by old ones. Raises `UserError` for text that is not `FROM=TO`, or no identifiers."""
+    pairs = (_pair("--map-id", text, "0x200=0x300") for text in _once("--map-id", texts))
+    return {_identifier(old): _identifier(new) for old, new in pairs}
+
+
+def remapped(frames: Iterator[TimedFrame], identifiers: Mapping[int, int]) -> Iterator[TimedFrame]:
+    """The frames under their new identifiers, standard and extended ones alike."""
+    if not identifiers:
+        return frames
+    return (frame._replace(frame_id=identifiers.get(frame.frame_id, frame.frame_id)) for frame in frames)
+
+
+def remapped_identifiers(known: Collection[Sent], identifiers: Mapping[int, int]) -> frozenset[Sent]:
+    """What will be sent.
+
+    Raises `UserError` for an old identifier that is not among the known ones, for a new one too long for the kind
+    of frame, and for one under which two kinds of frames would be sent.
+    """
+    for old in identifiers:
+        if old not in {identifier for _, identifier, _ in known}:
+            raise UserError("--map-id", f"no frame with identifier 0x{old:X} will be sent", "correct it")
+    result: list[Sent] = []
+    for bus, identifier, is_extended in sorted(known):
+        new = identifiers.get(identifier, identifier)
+        if new > STANDARD_MASK and not is_extended:
+            raise UserError(
+                "--map-id", f"0x{new:X} is too long for the standard frame 0x{identifier:X}", "at most 0x7FF"
+            )
+        if Sent(bus, new, is_extended) in result:
+            raise UserError("--map-id", f"two kinds of frames would become 0x{new:X}", "choose another")
+        result.append(Sent(bus, new, is_extended))
+    return frozenset(result)
+
+
+def _once(option: str, texts: Sequence[str]) -> Sequence[str]:
+    sources = [text.partition("=")[0] for text in texts]
+    for source in sources:
+        if sources.count(source) > 1:
+            raise UserError(option, f"'{source}' is mapped twice", "once is enough")
+    return texts
+
+
+def _pair(option: str, text: str, example: str) -> tuple[str, str]:
+    old, _, new = text.partition("=")
+    if not old or not new:
+        raise UserError(option, f"'{text}' is not of the form FROM=TO", f"write it like {example}")
+    return old, new
+
+
+def _identifier(text: str) -> int:
+    try:
+        number = int(text, 0)
+    except ValueError:
+        number = -1
+    if not 0 <= number <= EXTENDED_MASK:
+        raise UserError("--map-id", f"'{text}' is no identifier", "write it like 0x200")
+    return number
+
+
+@dataclass(frozen=True)
+class LogExtent(Extent):
+    """Extent of a log, what of it is sent where, from which channels, and what is odd about it."""
+
+    identifiers: frozenset[Sent]
+    channels: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class LogPart:
+    """Selected frames of a log, on a time that begins at 0: [start, stop) in seconds after the log's first frame.
+
+    The replay begins at `start`, or with the first frame. leave_out: frames not to send, such as results that were
+    recorded beside the inputs. buses: only frames of these channels, onto these buses; None: all, onto the first.
+    """
+
+    path: Path
+    start: float | None = None
+    stop: float | None = None
+    leave_out: Collection[Sent] = frozenset()
+    buses: Mapping[str, int] | None = None
+
+    def __iter__(self) -> Iterator[TimedFrame]:
+        """Read the log once. Raises `UserError`, also while iterating: malformed, or nothing is selected."""
+        refuse_unordered(self.start, self.stop)
+        return self._frames(_Seen())
+
+    def extent(self) -> LogExtent:
+        """Read the log to its end: what is malformed is found before anything is sent; errors as by iterating."""
+        refuse_unordered(self.start, self.stop)
+        seen = _Seen()
+        duration, frames = 0.0, 0
+        identifiers: set[Sent] = set()
+        channels: dict[str, None] = {}
+        for frame in self._frames(seen):
+            duration, frames = frame.time, frames + 1
+            identifiers.add(Sent(frame.bus, frame.frame_id, frame.is_extended))
+            channels[frame.channel] = None
+        return LogExtent(duration, frames, frozenset(identifiers), tuple(channels), tuple(seen.notes))
+
+    def _frames(self, seen: "_Seen") -> Iterator[TimedFrame]:
+        start = 0.0 if self.start is None else self.start
+        stop = math.inf if self.stop is None else self.stop
+        leave_out = frozenset(self.leave_out)
+        log = open_log(self.path)
+        first_stamp: int | None = None
+        selected = 0
+        for entry in log:
+            frame = entry.frame
+            if first_stamp is None:
+                first_stamp = frame.stamp_ns
+            seen.channels.add(entry.channel)
+            seen.until = (frame.stamp_ns - first_stamp) / NANOSECONDS
+            bus = 0 if self.buses is None else self.buses.get(entry.channel)
+            if (
+                bus is not None
+                and start <= seen.until < stop
+                and (bus, frame.frame_id, frame.is_extended) not in leave_out
+            ):
+                selected += 1
+                yield TimedFrame(
+                    seen.until - start,
+                    frame.frame_id,
+                    frame.is_extended,
+                    frame.is_fd,
+                    frame.payload,
+                    entry.channel,
+                    frame.bit_rate_switch,
+                    frame.error_state_indicator,
+                    bus,
+                )
+        seen.notes = log.notes()
+        if not selected:
+            self._refuse_empty(seen)
+
+    def _refuse_empty(self, seen: "_Seen") -> None:
+        if not seen.channels:
+            notes = f" ({'; '.join(seen.notes)})" if seen.notes else ""
+            raise UserError(
+                str(self.path), f"holds no data frame{notes}", "record it while frames are on the bus"
+            )
+        missing = sorted(set(self.buses or ()) - seen.channels)
+        if missing:
+            raise UserError(
+                f"channel {', '.join(missing)}",
+                f"is not in {self.path}, which has {', '.join(sorted(seen.channels))}",
+                "name a channel of the log",
+            )
+        if self.start is None and self.stop is None:
+            raise UserError(
+                str(self.path), "holds nothing but results of the observer", "record the inputs as well"
+            )
+        raise UserError(
+            "--start, --stop",
+            f"select no frame of {self.path}, which runs from 0 to {seen.until:.6g} s",
+            "choose times within the log",
+        )
+
+
+@dataclass
+class _Seen:
+    """What one reading of a log has met so far."""
+
+    channels: set[str] = field(default_factory=set)
+    until: float = 0.0
+    """Time of the last frame read, selected or not, in seconds after the log's first."""
+    notes: list[str] = field(default_factory=list)
+
+
+def log_frames(part: LogPart, loop: int = 1) -> Iterator[TimedFrame]:
+    """Frames of a log as recorded; in a loop only the times go on. loop: how often, 0 for ever.
+
+    Raises `UserError`: while iterating: nothing is selected, or the log is malformed or too short to be looped.
+    """
+    offset = 0.0
+    for number in count(1):
+        first = last = math.nan
+        frames = 0
+        for frame in part:
+            first = frame.time if frames == 0 else first
+            last = frame.time
+            frames += 1
+            yield frame._replace(time=offset + frame.time)
+        if number == loop:
+            return
+        if not last > first:
+            raise UserError(
+                str(part.path), "has no duration after which it could begin again", "use --loop 1"
+            )
+        offset += last + (last - first) / (frames - 1)  # the next loop follows after an average interval

@@ -1,0 +1,346 @@
+"""A foreign file as a recording: columns mapped and scaled, one even grid, short gaps bridged, split at long ones.
+
+Each time axis is looked through first: its rate, its gaps, where it begins anew, how it fits the grid.
+"""
+
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.files.signals.recording import Chunk
+from observer_rt.files.signals.stream import SAMPLES_AT_ONCE, Stretch
+from observer_rt.files.signals.table import TIME, Table, TablePart, Values
+from observer_rt.files.signals.table_signals import TableSignals
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import MILLISECOND
+
+SNAPPED = 0.4  # samples off an even grid up to which a stamp is taken for the grid's
+LOST = 1.5  # periods from stamp to stamp, beyond which samples are missing
+
+
+@dataclass
+class RowRun:
+    """Rows without a gap that is not bridged. begin, end: their first and last stamp [s]; rows [first, last]."""
+
+    first: int
+    last: int
+    begin: float
+    end: float
+    is_restart: bool
+
+
+class AxisSurvey:
+    """Takes the stamps of one axis in order. rate: of the grid they go onto [Hz]; bridge: longest gap [s] closed."""
+
+    def __init__(self, rate: float, bridge: float) -> None:
+        self._rate, self._bridge = rate, bridge
+        self.period = 0.0
+        """Of the stamps [s], their median in the first part."""
+        self.runs: list[RowRun] = []
+        self.bridged = 0
+        """Gaps that are closed by a straight line."""
+        self.longest_bridge = 0.0  # s
+        self.disordered = 0
+        """Stamps that repeat, or step back a little: left out."""
+        self.off_grid = 0.0
+        """Largest distance of a stamp from a grid that begins with its run [samples]."""
+        self._row = 0
+
+    @property
+    def reach(self) -> float:
+        """Longest time from stamp to stamp over which values are interpolated [s]."""
+        return self._bridge + LOST * self.period
+
+    @property
+    def is_on_grid(self) -> bool:
+        """Whether the stamps are the grid's but for their jitter."""
+        return self.off_grid <= SNAPPED
+
+    def take(self, time: Values) -> None:
+        """Go on with stamps [s], (n,), n >= 1, all finite."""
+        if not self.period:
+            rising = np.diff(time)
+            rising = rising[rising > 0.0]
+            self.period = float(np.median(rising)) if rising.size else 0.0
+        before = self.runs[-1].end if self.runs else np.nan
+        step = np.diff(time, prepend=before)
+        limit = max(self.reach, self.period)
+        breaks = np.flatnonzero(~((step <= limit) & (step >= -limit)))
+        gaps = step[(step > LOST * self.period) & (step <= limit)]
+        self.bridged += gaps.size
+        self.longest_bridge = max(self.longest_bridge, float(gaps.max()) if gaps.size else 0.0)
+        self.disordered += int(np.count_nonzero((step <= 0.0) & (step >= -limit)))
+        edges = [*([0] if not breaks.size or breaks[0] else []), *breaks.tolist(), time.size]
+        for first, end in pairwise(edges):
+            if first in breaks:
+                stamp, row = float(time[first]), self._row + first
+                self.runs.append(RowRun(row, row, stamp, stamp, bool(step[first] < 0.0)))
+            run = self.runs[-1]
+            run.last = self._row + end - 1
+            run.end = max(run.end, float(time[first:end].max()))
+            place = (time[first:end] - run.begin) * self._rate
+            self.off_grid = max(self.off_grid, float(np.abs(place - np.rint(place)).max()))
+        self._row += time.size
+
+
+class Cursor:
+    """Rows of one axis as knots of straight lines, for grid places that only rise."""
+
+    def __init__(self, rate: float, reach: float, is_on_grid: bool) -> None:
+        """reach [s]: as of `AxisSurvey`."""
+        self._rate = rate
+        self._reach = reach * rate + 1e-6
+        self._is_on_grid = is_on_grid
+
+    def knots(self, time: Values, begin: float) -> tuple[Values, NDArray[np.bool_]]:
+        """Places of stamps [s] on the grid that begins at `begin`, and which of them rise."""
+        place = (time - begin) * self._rate
+        if self._is_on_grid:
+            place = np.rint(place)
+        rises = np.ones(place.size, np.bool_)
+        rises[1:] = place[1:] > np.maximum.accumulate(place)[:-1]
+        return place, rises
+
+    def at(self, grid: Values, place: Values, values: Values) -> Values:
+        """Values at places of the grid: NaN beyond the knots, and where neighbours are too far apart."""
+        there = ~np.isnan(values)
+        place, values = place[there], values[there]
+        if not place.size:
+            return np.full(grid.size, np.nan)
+        result = np.interp(grid, place, values, left=np.nan, right=np.nan)
+        after = np.minimum(np.searchsorted(place, grid), place.size - 1)
+        before = np.maximum(after - 1, 0)
+        result[(place[after] != grid) & (place[after] - place[before] > self._reach)] = np.nan
+        return result
+
+
+MOST_STRETCHES = 10_000
+SLOWEST, FASTEST = 10.0, 100.0  # how much slower and faster than the grid a file may be
+SAME_RATE = 0.01  # relative, of a file and the grid
+MOST_DISORDERED = 0.1  # of the rows, that may be left out for their stamps
+_FIRST_OF_BLOCK = re.compile(r"(.*\D)(0+)")  # the name of a block's first sample, as LinePressure_00
+_SHOWN = 5  # places where a file is split
+
+
+@dataclass
+class _Rows:
+    """Rows of an axis that were read and are still needed. first: number of the first one."""
+
+    parts: Iterator[TablePart]
+    first: int = 0
+    time: Values = field(default_factory=lambda: np.empty(0))
+    signals: dict[str, Values] = field(default_factory=dict)
+
+    def read(self) -> bool:
+        """Append a part; False at the end of the file."""
+        part = next(self.parts, None)
+        if part is None:
+            return False
+        self.signals = {
+            name: np.concatenate((self.signals.get(name, np.empty(0)), values))
+            for name, values in part.signals.items()
+        }
+        self.time = np.concatenate((self.time, part.time))
+        return True
+
+    def drop(self, rows: int) -> None:
+        """Forget the first rows."""
+        self.first += rows
+        self.time = self.time[rows:]
+        self.signals = {name: values[rows:] for name, values in self.signals.items()}
+
+
+class MappedSignals(TableSignals):
+    """A table by its `[recording]` section, on a grid of `rate` [Hz].
+
+    Stamps that are the grid's but for their jitter are taken for it, others are resampled by straight lines. Raises
+    `UserError` naming file, column or line for what cannot be read as a recording.
+    """
+
+    def __init__(self, table: Table, rate: float) -> None:
+        super().__init__(table)
+        self.rate = rate
+        self._axes = [self._axis(raster) for raster in range(len(table.rasters))]
+        self._main = min(range(len(self._axes)), key=lambda raster: self._axes[raster].period)
+        self._refuse_blocks()
+        self._runs = self._usable_runs()
+        self.stretches = tuple(Stretch(run.begin, self._samples(run)) for run in self._runs)
+        self.notes = (*self.notes, *self._notes())
+        self.names = {name: column.name for name, column in self._mapped.items() if name != TIME}
+        self.details = self._details()
+
+    def _details(self) -> tuple[str, ...]:
+        table, config = self._table, self._mapped
+        others = [name for name in table.columns if name not in {column.name for column in config.values()}]
+        lines = [f"{self.path}: {table.layout}"]
+        for name, column in config.items():
+            raster = next((i for i, names in enumerate(table.rasters) if name in names), self._main)
+            every = f", every {self._axes[raster].period / MILLISECOND:.6g} ms" if name != TIME else ""
+            unit, said = self._unit(name, column)
+            lines.append(f"{name} is '{column.name}' in {unit} ({said}){every}")
+        if others:
+            more = f" and {len(others) - 40} more" if len(others) > 40 else ""
+            lines.append(f"not used: {', '.join(others[:40])}{more}")
+        return tuple(lines)
+
+    def chunks(self) -> Iterator[Chunk]:
+        """Read anew, every axis beside the others."""
+        rows = [_Rows(self._parts(raster)) for raster in range(len(self._axes))]
+        cursors = [Cursor(self.rate, axis.reach, axis.is_on_grid) for axis in self._axes]
+        for number, (run, stretch) in enumerate(zip(self._runs, self.stretches, strict=True)):
+            main = rows[self._main]
+            while main.first + main.time.size <= run.first and main.read():
+                main.drop(min(main.time.size, run.first - main.first))
+            main.drop(run.first - main.first)
+            for first in range(0, stretch.samples, SAMPLES_AT_ONCE):
+                grid = np.arange(first, min(first + SAMPLES_AT_ONCE, stretch.samples), dtype=np.float64)
+                signals: dict[str, Values] = {}
+                for raster, cursor in enumerate(cursors):
+                    last = run.last if raster == self._main else None
+                    signals |= self._on_grid(rows[raster], cursor, run.begin, last, grid)
+                yield self._chunk(run.begin + grid / self.rate, signals, number, first)
+
+    def _on_grid(
+        self, rows: _Rows, cursor: Cursor, begin: float, last: int | None, grid: Values
+    ) -> dict[str, Values]:
+        """The signals of an axis at places of a grid that begins at a time [s]; last: row of the main axis."""
+        until = begin + (grid[-1] + 1.0) / self.rate
+        while (
+            (not rows.time.size or rows.time[-1] <= until)
+            and (last is None or rows.first + rows.time.size <= last)
+            and rows.read()
+        ):
+            pass
+        count = rows.time.size if last is None else min(rows.time.size, last + 1 - rows.first)
+        place, rises = cursor.knots(rows.time[:count], begin)
+        signals = {
+            name: cursor.at(grid, place[rises], values[:count][rises])
+            for name, values in rows.signals.items()
+        }
+        passed = int(np.searchsorted(np.maximum.accumulate(place), grid[-1] - 1.0)) if count else 0
+        longest = max(axis.reach for axis in self._axes)
+        kept = math.ceil(longest * self.rate) + 2  # rows that a bridge may begin with
+        rows.drop(max(0, min(passed - kept, count - 1)))
+        return signals
+
+    def _axis(self, raster: int) -> AxisSurvey:
+        axis = AxisSurvey(self.rate, self._table.config.bridge_ms * MILLISECOND)
+        rows = 0
+        for part in self._parts(raster):
+            bad = np.flatnonzero(~np.isfinite(part.time))
+            if bad.size:
+                raise UserError(
+                    self._table.place(rows + int(bad[0]), raster),
+                    "the time is not a finite number",
+                    "mend the line",
+                )
+            self._look_at(part, rows, raster)
+            axis.take(part.time)
+            rows += part.time.size
+            if len(axis.runs) > MOST_STRETCHES:
+                raise UserError(
+                    str(self.path),
+                    f"falls apart: {len(axis.runs)} gaps or steps back of the time in its first {rows} rows",
+                    "mind column and unit of the time, or raise recording.bridge_ms",
+                )
+        if not axis.period:
+            name = ", ".join(self._table.rasters[raster])
+            problem = "the time does not rise" if rows > 1 else f"holds {rows} sample(s)"
+            raise UserError(
+                f"{self.path}, {name}", problem, "mind the column of the time; two samples are the least"
+            )
+        if axis.disordered > MOST_DISORDERED * rows:
+            raise UserError(
+                f"{self.path}, {', '.join(self._table.rasters[raster])}",
+                f"{axis.disordered} of {rows} rows have a time that repeats or steps back: its stamps are rounded, "
+                f"to some {axis.period / MILLISECOND:.3g} ms",
+                f"write the time with more digits: stamps of {self.rate:g} Hz are {1e3 / self.rate:g} ms apart",
+            )
+        return axis
+
+    def _refuse_blocks(self) -> None:
+        """Raise `UserError` where rows hold blocks of samples, of which only the first is mapped."""
+        found, columns = 1.0 / self._axes[self._main].period, self._table.columns
+        for name, column in self._mapped.items():
+            if (block := _FIRST_OF_BLOCK.fullmatch(column.name)) is None:
+                continue
+            stem, width = block[1], len(block[2])
+            samples = next(k for k in range(len(columns) + 1) if f"{stem}{k:0{width}}" not in columns)
+            if samples > 1 and abs(samples * found / self.rate - 1.0) < SAME_RATE:
+                raise UserError(
+                    f"{self.path}, {self._table.label(name)}",
+                    f"a row holds {samples} samples, {column.name} to {stem}{samples - 1:0{width}}, one is mapped",
+                    "give the log itself, which is decoded by the bench file, or write one row a sample",
+                )
+
+    def _usable_runs(self) -> list[RowRun]:
+        axis = self._axes[self._main]
+        found = 1.0 / axis.period
+        if not self.rate / SLOWEST <= found <= self.rate * FASTEST:
+            raise UserError(
+                str(self.path),
+                f"is sampled at {found:.6g} Hz, to be put on {self.rate:g} Hz of sampling.rate_hz",
+                "mind column and unit of the time, and rate_hz",
+            )
+        if len(self._axes) > 1 and any(run.is_restart for each in self._axes for run in each.runs):
+            raise UserError(
+                str(self.path),
+                "the time of a channel steps back, and its channels have several times",
+                "split it there",
+            )
+        runs = [run for run in axis.runs if self._samples(run) >= 2]
+        if not runs:
+            raise UserError(
+                str(self.path),
+                f"holds no two samples within {axis.reach / MILLISECOND:g} ms",
+                "mind column and unit of the time, or raise recording.bridge_ms",
+            )
+        return runs
+
+    @property
+    def is_resampled(self) -> bool:
+        """Whether samples are not those of the file, but lie between them."""
+        axis = self._axes[self._main]
+        return not axis.is_on_grid or abs(1.0 / axis.period / self.rate - 1.0) > SAME_RATE
+
+    def _samples(self, run: RowRun) -> int:
+        """Of the grid within a run."""
+        span = (run.end - run.begin) * self.rate
+        is_on_grid = self._axes[self._main].is_on_grid
+        return int(round(span) if is_on_grid else math.floor(span + 1e-6)) + 1
+
+    def _notes(self) -> Iterator[str]:
+        axis = self._axes[self._main]
+        found = 1.0 / axis.period
+        if abs(found / self.rate - 1.0) > SAME_RATE:
+            yield f"{self.path}: recorded at {found:.6g} Hz, resampled to {self.rate:g} Hz of sampling.rate_hz"
+        elif not axis.is_on_grid:
+            yield f"{self.path}: its stamps are not on a grid of {self.rate:g} Hz: resampled by straight lines"
+        elif axis.off_grid > 1e-3:
+            yield f"{self.path}: stamps up to {axis.off_grid:.2g} samples off the grid are taken for it"
+        for other in self._axes:
+            if abs(axis.period / other.period - 1.0) > SAME_RATE:
+                names = ", ".join(self._table.rasters[self._axes.index(other)])
+                yield f"{self.path}: {names} at {1.0 / other.period:.6g} Hz, put between by straight lines"
+        if axis.bridged:
+            yield (
+                f"{self.path}: {axis.bridged} gaps are bridged by straight lines, the longest of "
+                f"{axis.longest_bridge / MILLISECOND:.4g} ms"
+            )
+        if axis.disordered:
+            yield f"{self.path}: {axis.disordered} rows with a time that repeats or steps back a little are left out"
+        if dropped := len(axis.runs) - len(self._runs):
+            yield f"{self.path}: {dropped} single samples between gaps are left out"
+        splits = []
+        for before, after in pairwise(self._runs):
+            what = f"{after.begin - before.end:.4g} s are missing"
+            splits.append(f"after {before.end:.6g} s {'the time begins anew' if after.is_restart else what}")
+        if splits:
+            more = f" and {len(splits) - _SHOWN} more" if len(splits) > _SHOWN else ""
+            where = "; ".join(splits[:_SHOWN]) + more
+            yield f"{self.path}: split into {len(self._runs)} stretches: {where}"

@@ -1,0 +1,168 @@
+"""Recordings read in chunks: as long as the disk is large, in memory that does not depend on it."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.config.injector import Meaning
+from observer_rt.engine.signal_survey import Survey
+from observer_rt.files.signals.recording import Chunk, Recording
+from observer_rt.foundation.errors import UserError
+
+SAMPLES_AT_ONCE = 1 << 14
+LONGEST_HOLE = 1 << 24  # samples that may lie between two stretches put into one array
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Samples of a file between which none is missing. start: time of the first one [s], as the file says it."""
+
+    start: float
+    samples: int
+
+
+class SignalStream(ABC):
+    """The signals of one file, looked through once, to be read in parts as often as wanted."""
+
+    def __init__(self, path: Path | None) -> None:
+        self._path = path
+        self.stretches: tuple[Stretch, ...] = ()
+        """At least one; several where the file was split."""
+        self.rate = 0.0
+        self.has_rate = False
+        """Whether an injection rate was measured."""
+        self.notes: tuple[str, ...] = ()
+        """What was made of the file that the user should know."""
+        self.survey = Survey()
+        """Ranges of the signals."""
+        self.names: dict[str, str] = {}
+        """What signals are called in the file, where that is not as in a recording."""
+        self.meaning: Meaning | None = None
+        """What a sample is; None: as the bench file says, without one an instant."""
+        self.details: tuple[str, ...] = ()
+        """How the file was read, for who looks at it."""
+
+    @property
+    def path(self) -> Path | None:
+        """The file; None for signals in memory."""
+        return self._path
+
+    @property
+    def sample_rate(self) -> float:
+        """Of every signal [Hz]."""
+        return self.rate
+
+    @property
+    def samples(self) -> int:
+        """Of all stretches."""
+        return sum(stretch.samples for stretch in self.stretches)
+
+    @abstractmethod
+    def chunks(self) -> Iterator[Chunk]:
+        """All samples in order, stretch by stretch."""
+
+    @property
+    def grid_samples(self) -> int:
+        """Of one grid under all stretches, those that lie between them included."""
+        return self._places()[-1] + self.stretches[-1].samples
+
+    def on_one_grid(self) -> Iterator[Chunk]:
+        """As `chunks`, in one stretch: between stretches the samples are NaN; a restart is a hole of one second."""
+        if len(self.stretches) == 1:
+            yield from self.chunks()
+            return
+        places, reached = self._places(), 0
+        for part in self.chunks():
+            place = places[part.stretch] + part.first
+            for first in range(reached, place, SAMPLES_AT_ONCE):
+                time = self._grid(first, min(place, first + SAMPLES_AT_ONCE))
+                missing = dict.fromkeys(part.signals, np.full(time.size, np.nan))
+                yield replace(part.with_arrays({**missing, "time": time}), stretch=0, first=first)
+            reached = place + part.samples
+            yield replace(part, time=self._grid(place, reached), stretch=0, first=place)
+
+    def collected(self) -> Recording:
+        """All in memory, as `on_one_grid`."""
+        return replace(joined(list(self.on_one_grid())), meaning=self.meaning, notes=self.notes)
+
+    def _grid(self, first: int, end: int) -> NDArray[np.float64]:
+        """Times [s] of samples [first, end) of the one grid."""
+        return self.stretches[0].start + np.arange(first, end) / self.rate
+
+    def _places(self) -> list[int]:
+        """Of the first samples of the stretches on one grid."""
+        places = [0]
+        for before, after in zip(self.stretches, self.stretches[1:], strict=False):
+            end = before.start + before.samples / self.rate
+            hole = round((after.start - end) * self.rate)
+            if hole > LONGEST_HOLE:
+                raise UserError(
+                    str(self._path),
+                    f"nothing was recorded from {end:.6g} s to {after.start:.6g} s",
+                    "split the file there",
+                )
+            places.append(places[-1] + before.samples + (hole if hole > 0 else round(self.rate)))
+        return places
+
+
+Sampled: TypeAlias = Recording | SignalStream
+"""What was recorded at a sample rate, in memory or read in parts."""
+
+
+def joined(parts: Sequence[Recording]) -> Recording:
+    """Parts of a recording that follow one another, in one piece."""
+    return Recording(**_concatenated(parts), path=parts[0].path)  # type: ignore[arg-type]
+
+
+def _concatenated(parts: Sequence[Recording]) -> dict[str, NDArray[np.float64]]:
+    """Time and signals of all parts, which have the same."""
+    if len(parts) == 1:
+        return parts[0].arrays
+    return {name: np.concatenate([getattr(part, name) for part in parts]) for name in parts[0].arrays}
+
+
+class HeldSignals(SignalStream):
+    """A recording in memory."""
+
+    def __init__(self, recording: Recording) -> None:
+        super().__init__(recording.path)
+        self._recording = recording
+        self.rate = recording.sample_rate
+        self.stretches = (Stretch(float(recording.time[0]), recording.samples),)
+        self.has_rate = recording.injection_rate is not None
+        self.meaning = recording.meaning
+        for name, values in recording.signals.items():
+            for first in range(0, values.size, SAMPLES_AT_ONCE):  # what is in the cache
+                self.survey.take(name, values[first : first + SAMPLES_AT_ONCE])
+
+    def chunks(self) -> Iterator[Chunk]:
+        """Views of the recording."""
+        whole = Chunk(**self._recording.arrays, path=self._path, rate=self.rate)  # type: ignore[arg-type]
+        for first in range(0, whole.samples, SAMPLES_AT_ONCE):
+            yield cut(whole, first, first + SAMPLES_AT_ONCE)
+
+    def collected(self) -> Recording:
+        """The recording."""
+        whole = self._recording
+        return whole if whole.meaning is self.meaning else replace(whole, meaning=self.meaning)
+
+
+def cut(chunk: Chunk, start: int, end: int) -> Chunk:
+    """Samples [start, end) of a chunk."""
+    arrays = {name: values[start:end] for name, values in chunk.arrays.items()}
+    return replace(chunk.with_arrays(arrays), first=chunk.first + start)
+
+
+def copied(chunk: Chunk) -> Chunk:
+    """The same samples without the larger chunk that they were cut from."""
+    return chunk.with_arrays({name: values.copy() for name, values in chunk.arrays.items()})
+
+
+def followed(before: Chunk, after: Chunk) -> Chunk:
+    """A chunk and the one that follows it, as one."""
+    return before.with_arrays(_concatenated((before, after)))

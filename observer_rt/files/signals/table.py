@@ -1,0 +1,276 @@
+"""A file as its mapping sees it, MDF4 or Parquet: columns with names and units, on one time axis or several."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.config.injector import ColumnConfig, RecordingConfig
+from observer_rt.files.checksum import refuse_damaged
+from observer_rt.files.mdf4.blocks import mdf4_apart
+from observer_rt.files.mdf4.records import count_records
+from observer_rt.files.signals.stream import SAMPLES_AT_ONCE
+from observer_rt.foundation.errors import UserError, hint
+
+TIME = "time"
+OPTIONAL = "injection_rate"  # which a file in our own layout may have or not
+Values = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class TablePart:
+    """Rows that follow one another: time and signals by name as printed in the file, each (n,)."""
+
+    time: Values
+    signals: Mapping[str, Values]
+
+
+class Table(ABC):
+    """The mapped columns of a file.
+
+    word: what a column is called; brings_time: the file's own time, in seconds, instead of a column that is mapped.
+    Raises `UserError` for a file that lacks a column or cannot be read.
+    """
+
+    word: ClassVar[str] = "column"
+    brings_time: ClassVar[bool] = False
+
+    def __init__(self, path: Path, config: RecordingConfig, is_own: bool = False) -> None:
+        """is_own: `config` is our own layout, which the file is in to the letter."""
+        self.path = path
+        self.config = config
+        self.is_own = is_own
+        self.is_text = False
+        """Whether numbers are decimal, to be converted to what their printed digits say."""
+        self.layout = ""
+        """How the file is written, in a few words."""
+        self.columns: Mapping[str, str] = {}
+        """Units, empty where there is none, by the names of all columns."""
+        self.mapped: dict[str, ColumnConfig] = {}
+        """Those of the file that are mapped, by signal and `time`."""
+        self.units: dict[str, str] = {}
+        """As the file says them, of the mapped columns; left out where it does not."""
+        self.rasters: tuple[tuple[str, ...], ...] = ()
+        """Names of the mapped signals by time axis."""
+        self.notes: list[str] = []
+
+    @staticmethod
+    @abstractmethod
+    def names(path: Path) -> Collection[str]:
+        """Of the columns, of a file in our own layout all."""
+
+    @abstractmethod
+    def parts(self, raster: int) -> Iterator[TablePart]:
+        """The rows of a time axis in order, read anew."""
+
+    @abstractmethod
+    def place(self, row: int, raster: int) -> str:
+        """A zero-based row, as a user finds it."""
+
+    def _wanted(self) -> dict[str, ColumnConfig]:
+        """What is mapped of a file whose time is a column."""
+        if self.config.time is None:
+            raise UserError(
+                f"{self.path}: time",
+                "no column is named for it",
+                'say which in the bench file: [recording.time] column = "..."',
+            )
+        return {TIME: self.config.time, **dict(self.config.signals)}
+
+    def label(self, name: str) -> str:
+        """A mapped column, as a user finds it."""
+        column = self.mapped[name].name
+        return f"{self.word} {column if column.startswith(name) else f'{column} ({name})'}"
+
+
+def present(
+    path: Path, wanted: Mapping[str, ColumnConfig], there: Collection[str], is_own: bool, word: str = "column"
+) -> dict[str, ColumnConfig]:
+    """The columns wanted that a file has. Raises `UserError` where one is missing that it must have."""
+    found = {}
+    for name, column in wanted.items():
+        if column.name in there:
+            found[name] = column
+        elif not (is_own and name == OPTIONAL):
+            raise UserError(
+                str(path),
+                f"{word} '{column.name}' is missing{hint(column.name, there)}",
+                f"name the {word}s {', '.join(each.name for each in wanted.values())}, or say in [recording] of a "
+                f"bench file which is which: it has {', '.join(list(there)[:40])}",
+            )
+    return found
+
+
+FILE = "observer_rt.files.signals.mdf4_channels"  # what touches the file runs apart
+
+
+class Mdf4Table(Table):
+    """Channels by their names; time is that of their groups, in seconds."""
+
+    word = "channel"
+    brings_time = True
+
+    def __init__(self, path: Path, config: RecordingConfig, is_own: bool = False) -> None:
+        super().__init__(path, config, is_own)
+        if config.time is not None:
+            self.notes.append(f"{path}: [recording.time] is passed over, MDF4 channels have their own time")
+        self._counted = count_records(path)
+        wanted = dict(config.signals)
+        begun = mdf4_apart(FILE, "found_and_parts", path, wanted, is_own, self._counted, SAMPLES_AT_ONCE)
+        found = next(begun)
+        self._begun: Iterator[TablePart] | None = begun
+        self.notes += [f"{path}: {remark}" for remark in found.remarks]
+        self.mapped, self._places = found.mapped, found.places
+        self.units, self.columns = found.units, found.columns
+        self._groups = sorted({group for group, _ in self._places.values()})
+        self.rasters = tuple(
+            tuple(name for name, (group, _) in self._places.items() if group == wanted)
+            for wanted in self._groups
+        )
+        groups = ", ".join(map(str, self._groups))
+        self.layout = f"MDF4, channels in group{'s' * (len(self._groups) > 1)} {groups}"
+
+    @staticmethod
+    def names(path: Path) -> Collection[str]:
+        """Of the channels."""
+        (names,) = mdf4_apart(FILE, "names", path)
+        return list(names)
+
+    def parts(self, raster: int) -> Iterator[TablePart]:
+        """Of a group; those of the first one are already on their way when they are asked for first."""
+        begun = self._begun
+        if raster == 0 and begun is not None:
+            self._begun = None
+            return begun
+        group = self._groups[raster]
+        return mdf4_apart(FILE, "parts", self.path, group, self._places, self._counted, SAMPLES_AT_ONCE)
+
+    def place(self, row: int, raster: int) -> str:
+        """By its number in the group."""
+        return f"{self.path}, group {self._groups[raster]}, sample {row}"
+
+
+INSTALL = "pip install 'observer-rt[parquet]'"
+READABLE = "give a complete Parquet file"
+
+
+class ParquetTable(Table):
+    """Columns by their names; units from the fields' metadata `unit`. Null is "not available".
+
+    A column of calendar stamps is in seconds.
+    """
+
+    def __init__(self, path: Path, config: RecordingConfig, is_own: bool = False) -> None:
+        super().__init__(path, config, is_own)
+        wanted = self._wanted()
+        self.notes += [f"{path}: {remark}" for remark in refuse_damaged(path)]
+        with _opened(path) as file:
+            schema = file.schema_arrow
+            if not _has_page_checksums(path, file.metadata):
+                self.notes.append(
+                    f"{path}: its pages have no checksums, so that damage may pass unseen: write it with "
+                    "write_page_checksum=True"
+                )
+        self.mapped = present(path, wanted, schema.names, is_own)
+        self.columns = {field.name: _unit(field.metadata) for field in schema}
+        self.units = {name: unit for name, each in self.mapped.items() if (unit := self.columns[each.name])}
+        if str(schema.field(self.mapped[TIME].name).type).startswith(("timestamp", "duration")):
+            self.units[TIME] = "s"
+        self.rasters = (tuple(name for name in self.mapped if name != TIME),)
+        self.layout = f"Parquet, {len(schema.names)} columns"
+
+    @staticmethod
+    def names(path: Path) -> Collection[str]:
+        """Of the columns."""
+        with _opened(path) as file:
+            return list(file.schema_arrow.names)
+
+    def parts(self, raster: int) -> Iterator[TablePart]:
+        """Batches of rows."""
+        names = list(dict.fromkeys(column.name for column in self.mapped.values()))
+        with _opened(self.path) as file:
+            # one thread: those of a pool would keep 25 MB, and are no faster for so few rows
+            for batch in file.iter_batches(SAMPLES_AT_ONCE, columns=names, use_threads=False):
+                columns = {
+                    name: _numbers(batch.column(name), f"{self.path}, column {name}") for name in names
+                }
+                signals = {name: columns[each.name] for name, each in self.mapped.items()}
+                yield TablePart(signals.pop(TIME), signals)
+
+    def place(self, row: int, raster: int) -> str:
+        """By its number."""
+        return f"{self.path}, row {row}"
+
+
+def _numbers(column: Any, place: str) -> Values:
+    """An array of Arrow as doubles; stamps of a calendar as seconds. Raises `UserError` for what is none."""
+    import pyarrow
+
+    kind = column.type
+    if pyarrow.types.is_timestamp(kind) or pyarrow.types.is_duration(kind):
+        scale = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}[kind.unit]
+        return _doubles(column.cast(pyarrow.int64())) * scale
+    if not (
+        pyarrow.types.is_integer(kind) or pyarrow.types.is_floating(kind) or pyarrow.types.is_decimal(kind)
+    ):
+        raise UserError(place, f"holds {kind}, no numbers", "map a column of numbers")
+    return _doubles(column)
+
+
+def _doubles(column: Any) -> Values:
+    import pyarrow
+
+    return np.array(column.cast(pyarrow.float64(), safe=False).to_numpy(zero_copy_only=False), np.float64)
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    """A file to read. Raises `UserError` for a damaged one, and where pyarrow is not installed."""
+    with path.open("rb"):  # whose errors are the usual ones; pyarrow reads its own files faster
+        pass
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError:
+        raise UserError(str(path), "is read by pyarrow, which is missing", INSTALL) from None
+    try:
+        with (
+            pyarrow.OSFile(str(path)) as opened,
+            pyarrow.parquet.ParquetFile(opened, pre_buffer=False, page_checksum_verification=True) as file,
+        ):
+            yield file
+    except (pyarrow.ArrowException, OSError, ValueError) as error:
+        raise UserError(str(path), f"a damaged Parquet file: {error}", READABLE) from None
+
+
+_I32, _CHECKSUM = (
+    5,
+    4,
+)  # of Thrift's compact protocol: type of a field; number of the checksum's in a page header
+
+
+def _has_page_checksums(path: Path, metadata: Any) -> bool:
+    """Whether the first page of a Parquet file has one, or there is no page."""
+    if not metadata.num_row_groups or not metadata.num_columns:
+        return True
+    column = metadata.row_group(0).column(0)
+    with path.open("rb") as file:
+        file.seek(column.dictionary_page_offset or column.data_page_offset)
+        header = iter(file.read(64))
+    field = 0
+    for begin in header:  # the fields in order: type, two sizes, the checksum if there is one
+        field += begin >> 4
+        if begin & 0x0F != _I32 or field >= _CHECKSUM:
+            return begin & 0x0F == _I32 and field == _CHECKSUM
+        while next(header, 0) & 0x80:  # the rest of its value
+            pass
+    return False
+
+
+def _unit(metadata: dict[bytes, bytes] | None) -> str:
+    return (metadata or {}).get(b"unit", b"").decode("utf-8", "replace").strip()

@@ -1,0 +1,192 @@
+"""The signals of a table in SI units, on whatever grid; those of even files read in parts, or in one go."""
+
+from collections import deque
+from collections.abc import Iterator, Mapping
+from itertools import chain, islice, zip_longest
+from typing import NamedTuple
+
+import numpy as np
+
+from observer_rt.config.injector import ColumnConfig
+from observer_rt.files.signals.recording import EQUIDISTANT, Chunk, TimeGrid, UnevenTime, refuse_infinite
+from observer_rt.files.signals.stream import SignalStream, Stretch
+from observer_rt.files.signals.table import TIME, Table, TablePart, Values
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import (
+    CUBIC_MILLIMETRE,
+    LENGTH_UNITS,
+    MM3_PER_MS,
+    PRESSURE_UNITS,
+    TIME_UNITS,
+)
+
+RATE_UNITS = {
+    "m3/s": 1.0,
+    "mm3/ms": MM3_PER_MS,
+    "mm3/s": CUBIC_MILLIMETRE,
+    "m³/s": 1.0,
+    "mm³/ms": MM3_PER_MS,
+    "mm³/s": CUBIC_MILLIMETRE,
+}
+UNITS = {
+    TIME: TIME_UNITS,
+    "rail_pressure": PRESSURE_UNITS,
+    "needle_lift": LENGTH_UNITS,
+    "line_pressure": PRESSURE_UNITS,
+    "injection_rate": RATE_UNITS,
+}
+STEPS_PER_UNIT = 1e9  # of decimal text: a value on this grid becomes the double nearest to it in SI, too
+
+
+class _Scale(NamedTuple):
+    """From a column to SI. is_decimal: `100.005 * 1e6` alone need not be the double nearest to 100005000."""
+
+    factor: float
+    offset: float
+    is_decimal: bool
+
+    def to_si(self, values: Values) -> Values:
+        if self.is_decimal:
+            return np.rint(values * STEPS_PER_UNIT) / float(round(STEPS_PER_UNIT / self.factor))
+        return values * self.factor + self.offset if self.offset else values * self.factor
+
+
+class TableSignals(SignalStream):
+    """A table's columns as signals. Raises `UserError` for a unit that is missing or unknown."""
+
+    def __init__(self, table: Table) -> None:
+        super().__init__(table.path)
+        self._table = table
+        self._mapped = {
+            name: column for name, column in table.mapped.items() if name != TIME or not table.brings_time
+        }
+        self._scales = {name: self._scale(name, column) for name, column in self._mapped.items()}
+        self.has_rate = "injection_rate" in self._mapped
+        self.notes = tuple(table.notes)
+
+    def _parts(self, raster: int) -> Iterator[TablePart]:
+        """Rows of a time axis in SI units, none empty, read anew."""
+        time_scale = self._scales.get(TIME, _Scale(1.0, 0.0, False))
+        for part in self._table.parts(raster):
+            if part.time.size:
+                signals = {name: self._scales[name].to_si(values) for name, values in part.signals.items()}
+                yield TablePart(time_scale.to_si(part.time), signals)
+
+    def _chunk(self, time: Values, signals: Mapping[str, Values], stretch: int, first: int) -> Chunk:
+        of = {"path": self.path, "rate": self.rate, "stretch": stretch, "first": first}
+        return Chunk(time, **signals, **of)  # type: ignore[arg-type]
+
+    def _look_at(self, part: TablePart, row: int, raster: int) -> None:
+        """Note the ranges of a part that begins at a row. Raises `UserError` for an infinite value."""
+        refuse_infinite(part.signals, lambda inside: self._table.place(row + inside, raster))
+        for name, values in part.signals.items():
+            self.survey.take(name, values)
+
+    def _unit(self, name: str, column: ColumnConfig) -> tuple[str, str]:
+        """Unit of a column, and who says so. Raises `UserError` for none and for an unknown one."""
+        found = (self._table.units.get(name, ""), "as the file says")
+        unit, said = found if column.unit is None else (column.unit, "as the bench file says")
+        if unit not in UNITS[name]:
+            raise UserError(
+                f"{self.path}, {self._table.label(name)}",
+                f"unit '{unit}' is not known" if unit else "has no unit",
+                f'state it in the bench file, [recording.{name}] unit = "...": one of {", ".join(UNITS[name])}; a '
+                "factor makes one of any other",
+            )
+        return unit, said
+
+    def _scale(self, name: str, column: ColumnConfig) -> _Scale:
+        unit = UNITS[name][self._unit(name, column)[0]]
+        return _Scale(column.factor * unit, column.offset * unit, self._table.is_text and name != TIME)
+
+
+class OtherRateError(Exception):
+    """A file that was read in one go has another sample rate than its first part showed."""
+
+
+class EvenSignals(TableSignals):
+    """A table in one stretch, its stamps as they are. Raises `UserError` for an uneven time or an infinite value."""
+
+    def __init__(self, table: Table, in_one_go: bool = False) -> None:
+        """in_one_go: look at the first part only, and at all others when they are read, which is once.
+
+        Stretches and the ranges of all signals are known then. What is wrong with the file is raised there, too, and
+        `OtherRateError`.
+        """
+        super().__init__(table)
+        self._in_one_go = in_one_go
+        grid = TimeGrid()
+        parts = self._checked_parts(grid)
+        if in_one_go:
+            first = list(islice(parts, 1))
+            self.rate = grid.sample_rate
+            self._coming = chain(first, parts)
+        else:
+            deque(parts, 0)
+
+    def chunks(self) -> Iterator[Chunk]:
+        """Read anew, or in the one go."""
+        first = 0
+        for part in self._coming if self._in_one_go else self._filled_parts():
+            yield self._chunk(part.time, part.signals, 0, first)
+            first += part.time.size
+
+    def _checked_parts(self, grid: TimeGrid) -> Iterator[TablePart]:
+        """All parts, each checked before it is given."""
+        start = 0.0
+        for part in self._filled_parts():
+            if not grid.samples:
+                start = float(part.time[0])
+                self._refuse_short(part.time.size)
+            row = grid.samples
+            self._refuse(grid.take(part.time))
+            self._look_at(part, row, 0)
+            yield part
+        self._refuse_short(grid.samples)
+        self._refuse(grid.end())
+        expected, self.rate = self.rate, grid.sample_rate
+        self.stretches = (Stretch(start, grid.samples),)
+        if self._in_one_go and self.rate != expected:
+            raise OtherRateError
+
+    def _filled_parts(self) -> Iterator[TablePart]:
+        """All parts, joined so that none but the last is a single sample, which has no rate."""
+        waiting: TablePart | None = None
+        for part in self._all_columns():
+            if waiting is not None:
+                before = waiting
+                signals = {
+                    name: np.concatenate((before.signals[name], values))
+                    for name, values in part.signals.items()
+                }
+                part = TablePart(np.concatenate((before.time, part.time)), signals)
+            waiting = part if part.time.size < 2 else None
+            if waiting is None:
+                yield part
+        if waiting is not None:
+            yield waiting
+
+    def _all_columns(self) -> Iterator[TablePart]:
+        """The parts of all time axes, which must have the same stamps."""
+        names = self._table.rasters
+        for first, *others in zip_longest(*(self._parts(raster) for raster in range(len(names)))):
+            for other, (name, *_) in zip(others, names[1:], strict=True):
+                if first is None or other is None or not np.array_equal(first.time, other.time):
+                    raise UserError(
+                        f"{self.path}, {self._table.label(name)}",
+                        f"its time stamps differ from those of {names[0][0]}",
+                        "record the channels in one group, resample them on one time grid, or describe them in "
+                        "[recording] of a bench file, which resamples",
+                    )
+            yield TablePart(
+                first.time, {name: each for part in (first, *others) for name, each in part.signals.items()}
+            )
+
+    def _refuse_short(self, samples: int) -> None:
+        if samples < 2:
+            problem = "holds one sample only" if samples else "holds no sample"
+            raise UserError(self._table.place(0, 0), problem, "record, or select, at least two samples")
+
+    def _refuse(self, uneven: UnevenTime | None) -> None:
+        if uneven is not None:
+            raise UserError(self._table.place(uneven.row, 0), uneven.problem, EQUIDISTANT)

@@ -1,0 +1,220 @@
+"""Tables and recordings written part by part, as CSV, MDF4 or Parquet by suffix, in our own layouts."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, redirect_stdout
+from dataclasses import dataclass
+from io import StringIO
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.files.checksum import BLANK, seal
+from observer_rt.files.signals.recording import Recording
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MM3_PER_MS
+
+WRITE_FORMAT = "%.12g"
+ROWS_PER_WRITE = 100_000
+_ROW_GROUP = 1 << 17  # rows of Parquet, of which whoever reads them holds all of a column, packed
+
+
+@dataclass(frozen=True)
+class WrittenColumn:
+    """A column: its name in text and Parquet, as a channel of MDF4 with its unit, and how it is printed.
+
+    words: of the numbers 0, 1, ... where the column says words; factor: SI value of one unit.
+    """
+
+    header: str
+    channel: str
+    unit: str = ""
+    printed: str = WRITE_FORMAT
+    words: tuple[str, ...] = ()
+    factor: float = 1.0
+
+
+class TableWriter(ABC):
+    """A table being written: a context manager that completes the file. The first column is the time [s]."""
+
+    def __init__(self, path: Path, columns: Sequence[WrittenColumn]) -> None:
+        self._path = path
+        self._columns = columns
+        self._stack = ExitStack()
+
+    @abstractmethod
+    def write(self, arrays: Sequence[NDArray[Any]]) -> None:
+        """Append rows: an array of one length (n,) for every column, nan: not available."""
+
+    def close(self) -> None:
+        """Complete the file."""
+        self._stack.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class CsvWriter(TableWriter):
+    """CSV with a line of names; NaN is an empty cell."""
+
+    def __init__(self, path: Path, columns: Sequence[WrittenColumn]) -> None:
+        super().__init__(path, columns)
+        self._file = self._stack.enter_context(path.open("w", encoding="ascii", newline="\n"))
+        self._file.write(",".join(column.header for column in columns) + "\n")
+        self._format = ",".join(column.printed for column in columns)
+
+    def write(self, arrays: Sequence[NDArray[Any]]) -> None:
+        """Append lines."""
+        for start in range(0, arrays[0].size, ROWS_PER_WRITE):
+            rows = slice(start, start + ROWS_PER_WRITE)
+            cells = [
+                [column.words[i] for i in values[rows].tolist()] if column.words else values[rows].tolist()
+                for column, values in zip(self._columns, arrays, strict=True)
+            ]
+            text = "\n".join(map(self._format.__mod__, zip(*cells, strict=True))) + "\n"
+            self._file.write(text.replace("nan", ""))
+
+
+class Mdf4Writer(TableWriter):
+    """MDF4, one group, units of their own; the same content gives the same bytes."""
+
+    def __init__(self, path: Path, columns: Sequence[WrittenColumn]) -> None:
+        from asammdf import MDF
+
+        from observer_rt.files.mdf4.opening import add_history
+
+        super().__init__(path, columns)
+        self._file = MDF(version="4.10")
+        add_history(self._file)
+        self._is_begun = False
+
+    def write(self, arrays: Sequence[NDArray[Any]]) -> None:
+        """Append samples."""
+        from asammdf import Signal
+
+        time, *values = arrays
+        stored = [np.asarray(array, np.uint8) if array.dtype.kind in "bi" else array for array in values]
+        if self._is_begun:
+            self._file.extend(0, [(time, None), *((array, None) for array in stored)])
+            return
+        self._is_begun = True
+        signals = [
+            Signal(array, time, name=column.channel, unit=column.unit, conversion=_conversion(column.words))
+            for column, array in zip(self._columns[1:], stored, strict=True)
+        ]
+        self._file.append(signals, comment="", common_timebase=True)
+
+    def close(self) -> None:
+        """Write the file."""
+        quiet = redirect_stdout(StringIO())  # asammdf prints how fast it writes a large one
+        with self._file, self._path.open("wb+") as handle, quiet:
+            self._file.save(handle, add_history_block=False)
+        seal(self._path)
+
+
+class ParquetWriter(TableWriter):
+    """Parquet; units are metadata `unit` of the columns, words a dictionary."""
+
+    def __init__(self, path: Path, columns: Sequence[WrittenColumn]) -> None:
+        super().__init__(path, columns)
+        try:
+            import pyarrow
+            import pyarrow.parquet
+        except ImportError:
+            raise UserError(
+                str(path), "is written by pyarrow, which is missing", "pip install 'observer-rt[parquet]'"
+            ) from None
+        self._arrow = pyarrow
+        self._writer: Any = None
+
+    def write(self, arrays: Sequence[NDArray[Any]]) -> None:
+        """Append row groups."""
+        arrow = self._arrow
+        made = [self._array(column, values) for column, values in zip(self._columns, arrays, strict=True)]
+        if self._writer is None:
+            fields = [
+                arrow.field(
+                    column.header, array.type, metadata={"unit": column.unit} if column.unit else None
+                )
+                for column, array in zip(self._columns, made, strict=True)
+            ]
+            self._schema = arrow.schema(fields, metadata={"checksum": BLANK})
+            self._writer = self._stack.enter_context(
+                arrow.parquet.ParquetWriter(str(self._path), self._schema, write_page_checksum=True)
+            )
+        self._writer.write_table(arrow.Table.from_arrays(made, schema=self._schema), _ROW_GROUP)
+
+    def close(self) -> None:
+        """Complete the file."""
+        super().close()
+        if self._writer is not None:
+            seal(self._path)
+
+    def _array(self, column: WrittenColumn, values: NDArray[Any]) -> Any:
+        if column.words:
+            indices = self._arrow.array(np.asarray(values, np.int8))
+            return self._arrow.DictionaryArray.from_arrays(indices, list(column.words))
+        return self._arrow.array(values)
+
+
+def _conversion(words: Sequence[str]) -> dict[str, Any] | None:
+    """MDF4's table from numbers to words."""
+    if not words:
+        return None
+    numbers = {f"val_{number}": number for number in range(len(words))}
+    return numbers | {f"text_{number}": word.encode() for number, word in enumerate(words)}
+
+
+TABLE_WRITERS: Mapping[str, Callable[[Path, Sequence[WrittenColumn]], TableWriter]] = {
+    ".csv": CsvWriter,
+    ".mf4": Mdf4Writer,
+    ".parquet": ParquetWriter,
+}
+
+
+TIME = WrittenColumn("time_s", "time", "s")
+RAIL_PRESSURE = WrittenColumn("rail_pressure_MPa", "rail_pressure", "MPa", factor=MEGAPASCAL)
+NEEDLE_LIFT = WrittenColumn("needle_lift_mm", "needle_lift", "mm", factor=MILLIMETRE)
+LINE_PRESSURE = WrittenColumn("line_pressure_MPa", "line_pressure", "MPa", factor=MEGAPASCAL)
+INJECTION_RATE = WrittenColumn("injection_rate_mm3_per_ms", "injection_rate", "mm3/ms", factor=MM3_PER_MS)
+
+PRINTED = (TIME, RAIL_PRESSURE, NEEDLE_LIFT, LINE_PRESSURE, INJECTION_RATE)
+SI = (  # every double comes back as it was
+    TIME,
+    WrittenColumn("rail_pressure_Pa", "rail_pressure", "Pa"),
+    WrittenColumn("needle_lift_m", "needle_lift", "m"),
+    WrittenColumn("line_pressure_Pa", "line_pressure", "Pa"),
+    WrittenColumn("injection_rate_m3_per_s", "injection_rate", "m3/s"),
+)
+_LAYOUTS = {".csv": PRINTED, ".mf4": SI, ".parquet": SI}
+
+
+@contextmanager
+def recording_writer(path: Path, has_rate: bool) -> Iterator[Callable[[Recording], None]]:
+    """Writes the parts it is given in our own layout of the suffix, replacing an existing file."""
+    suffix = path.suffix.lower()
+    columns = _LAYOUTS[suffix] if has_rate else _LAYOUTS[suffix][:-1]
+    with TABLE_WRITERS[suffix](path, columns) as writer:
+
+        def write(part: Recording) -> None:
+            arrays = part.arrays
+            writer.write([arrays[column.channel] / column.factor for column in columns])
+
+        yield write
+
+
+def write_whole(path: Path, recording: Recording) -> None:
+    """Write a recording that is in memory."""
+    with recording_writer(path, recording.injection_rate is not None) as write:
+        write(recording)
+
+
+def write_columns(path: Path, columns: Sequence[tuple[WrittenColumn, NDArray[np.float64]]]) -> None:
+    """Write SI arrays of one length (n,) as CSV columns in their printed units, NaN as an empty cell."""
+    with CsvWriter(path, [column for column, _ in columns]) as writer:
+        writer.write([values / column.factor for column, values in columns])

@@ -1,0 +1,1 @@
+"""Models compared with recordings: likelihood, fit to a healthy injector, discovery of a missing effect."""

@@ -1,0 +1,171 @@
+"""Effects found on top of those in force, as one total for each: what the amended file must say."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from observer_rt.config.injector_file import InjectorFile, tables_in_force
+from observer_rt.foundation.errors import RunError, UserError
+from observer_rt.identification.discovery.report.text import printed
+from observer_rt.identification.discovery.search.result import (
+    Discovery,
+    FittedEffect,
+    FittedParameter,
+    Sizing,
+    Verdict,
+    minimum_from,
+)
+from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
+from observer_rt.identification.likelihood.likelihood import evidence_of
+from observer_rt.identification.likelihood.measurement import Measurement
+from observer_rt.identification.likelihood.reading import shortened
+from observer_rt.model.baseline import HealthyShape
+from observer_rt.model.effects import effective_model, sized_in_force
+from observer_rt.model.parameters import EffectInForce, InjectorParameters
+from observer_rt.model.stability import in_stable_cells
+from observer_rt.model.terms.in_force import TermInForce
+from observer_rt.model.terms.term import Term
+
+ORIGIN = "observer-rt discover"
+
+
+def amended_effects(
+    parameters: InjectorParameters,
+    found: Discovery,
+    measured: Sequence[Measurement],
+    recordings: Mapping[str, str],
+    healthy: HealthyShape | None = None,
+) -> tuple[EffectInForce, ...]:
+    """All that the amended file has in force, nothing when no effect was found.
+
+    recordings: SHA-256 by file name; healthy: mean innovation of the healthy injector, which is taken out.
+
+    An effect that is in force already and found again is fitted anew, from the model without it. Raises `RunError`
+    when that fails.
+    """
+    if not found.effects:
+        return ()
+    ids = found.named.ids
+    kept = tuple(effect for effect in parameters.effects if effect.id not in ids)
+    again = {effect.id: sized_in_force(effect).values for effect in parameters.effects if effect.id in ids}
+    sizes: Sequence[tuple[FittedParameter, ...]] = [effect.parameters for effect in found.effects]
+    if again:
+        sizes = _totals(parameters.model_copy(update={"effects": kept}), again, found, measured, healthy)
+    added = (
+        EffectInForce(
+            id=effect.id,
+            parameters=printed(effect.id, fitted),
+            origin=ORIGIN,
+            evidence=_reason(found, effect, recordings),
+            date=date.today().isoformat(),
+        )
+        for effect, fitted in zip(found.effects, sizes, strict=True)
+    )
+    return (*kept, *added)
+
+
+def accepted(
+    parameters: InjectorParameters, found: Discovery, number: int, recordings: Mapping[str, str]
+) -> tuple[tuple[EffectInForce, ...], tuple[TermInForce, ...]]:
+    """All effects and terms that the amended file has in force with a proposal, 1 for the first.
+
+    Raises `UserError` where there is no such proposal, or it may not enter a model.
+    """
+    option, many = f"--accept-term {number}", len(found.proposals)
+    if not 1 <= number <= many:
+        there = f"there are {many}" if many else f"the verdict is '{found.verdict.value}'"
+        raise UserError(option, f"there is no such proposal: {there}", "see the report")
+    proposal = found.proposals[number - 1]
+    if proposal.refusal is not None:
+        raise UserError(
+            option, f"no model may have this proposal: {proposal.refusal.reason}", proposal.refusal.remedy
+        )
+    evidence = f"-2 log L falls by {proposal.gain:.0f}; {', '.join(shortened(recordings))}"
+    why = {"origin": ORIGIN, "evidence": evidence, "date": date.today().isoformat()}
+    sizes = dict(zip(proposal.found.ids, proposal.found.parameters, strict=True))
+    effects = [EffectInForce(id=one, parameters=printed(one, sizes[one]), **why) for one in proposal.effects]
+    terms = [TermInForce.of(_rounded(term), str(term.equation.unit), **why) for term in proposal.terms]
+    return (*parameters.effects, *effects), (*parameters.terms, *terms)
+
+
+def _rounded(term: Term) -> Term:
+    """A term with its coefficient as far as anybody needs it."""
+    low, high = term.interval or (term.coefficient, term.coefficient)
+    value, low, high = (float(f"{each:.6g}") for each in (term.coefficient, low, high))
+    return replace(term, coefficient=value, interval=(low, high))
+
+
+def stable_cells(
+    parameters: InjectorParameters, in_force: Sequence[EffectInForce], measured: Sequence[Measurement]
+) -> int | None:
+    """Cells the amended file must state, since effects make waves faster than those of the file allow; else None."""
+    model = effective_model(parameters.model_copy(update={"effects": tuple(in_force)}))
+    highest = max(float(np.nanmax(one.recording.rail_pressure)) for one in measured)
+    stable = in_stable_cells(model, max(one.interval for one in measured), highest)
+    if stable is None or stable.injector.line.cells == model.injector.line.cells:
+        return None
+    return stable.injector.line.cells
+
+
+def write_amended(
+    path: Path,
+    file: InjectorFile,
+    effects: Sequence[EffectInForce],
+    cells: int | None = None,
+    terms: Sequence[TermInForce] = (),
+) -> None:
+    """Write the file given with these effects and terms in force, and no others.
+
+    cells: its line's, None: as they are.
+
+    Raises `RunError` when it would not be taken back.
+    """
+    with file.changed(path) as document:
+        content: Any = document
+        for name, entries in (("effects", effects), ("terms", terms)):
+            content.pop(name, None)
+            if entries:
+                content[name] = tables_in_force(entries)
+        if cells is not None:
+            content["line"]["cells"] = cells
+
+
+def _totals(
+    rest: InjectorParameters,
+    again: Mapping[str, tuple[float, ...]],
+    found: Discovery,
+    measured: Sequence[Measurement],
+    healthy: HealthyShape | None,
+) -> Sequence[tuple[FittedParameter, ...]]:
+    """Parameters of the effects found, fitted to a model without them. again: those that were in force, SI."""
+    base, hypothesis = effective_model(rest), found.named.hypothesis
+    start = np.concatenate(
+        [
+            values + np.array(again.get(effect.id, [0.0] * values.size))
+            for effect, values in zip(hypothesis.effects, hypothesis.split(found.named.theta), strict=True)
+        ]
+    )
+    fitted = minimum_from(Sizing(evidence_of(measured, base, healthy), base, hypothesis), [start])
+    if fitted is None:
+        raise RunError(f"{', '.join(again)}: the size in force and the one found make no model together")
+    spread = math.sqrt(max(1.0, float(np.mean(fitted.at.residuals.z**2))))
+    half = NORMAL_975 * spread * fitted.sigmas()
+    total = replace(found.named, sizes=tuple(fitted.at.theta.tolist()), half=tuple(half.tolist()))
+    return total.parameters
+
+
+def _reason(found: Discovery, effect: FittedEffect, recordings: Mapping[str, str]) -> str:
+    """Why an effect is believed in, in a line."""
+    or_else = ", ".join(effect.indistinguishable_from)
+    doubt = f"; cannot be told from {or_else}" if or_else else ""
+    if found.verdict is Verdict.AMBIGUOUS:
+        doubt += ", chosen by --choose"
+    return (
+        f"verdict {found.verdict.value}, confidence {found.confidence:.2f}{doubt}; "
+        f"-2 log L falls by {effect.gain:.0f} (threshold {found.threshold:.0f}); {', '.join(shortened(recordings))}"
+    )

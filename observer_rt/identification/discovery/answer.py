@@ -1,0 +1,304 @@
+"""From recordings to the whole answer: check, find, name, add, show; and the folder it is written into."""
+
+import hashlib
+import json
+import os
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+from observer_rt.config.injector_file import InjectorFile
+from observer_rt.engine.learning.healthy import holds_at
+from observer_rt.files.signals.recording import Recording
+from observer_rt.foundation import file_kinds
+from observer_rt.foundation.console import check_folder
+from observer_rt.foundation.errors import ObserverError, UserError
+from observer_rt.foundation.file_kinds import refuse_other_kind
+from observer_rt.foundation.files import file_errors
+from observer_rt.identification.discovery.amend import accepted, amended_effects, stable_cells, write_amended
+from observer_rt.identification.discovery.findings import (
+    Findings,
+    Opinion,
+    Sources,
+    is_level_measured,
+    is_like_inertance,
+    remedies,
+)
+from observer_rt.identification.discovery.gaps import disagreements, gaps_of, typical_overlays
+from observer_rt.identification.discovery.report.document import as_json, remove_data, write_data
+from observer_rt.identification.discovery.report.page import report
+from observer_rt.identification.discovery.report.text import headline
+from observer_rt.identification.discovery.search.adequacy import NO_BASELINE, HealthyBaseline, baseline_of_fit
+from observer_rt.identification.discovery.search.candidates import FitMemory, FitStore, problem_key
+from observer_rt.identification.discovery.search.result import Verdict
+from observer_rt.identification.discovery.search.verdict import SearchOptions, healthy_baseline, name_effects
+from observer_rt.identification.discovery.standstill import standstill_checks
+from observer_rt.identification.likelihood.appearance import with_healthy_offset
+from observer_rt.identification.likelihood.likelihood import evidence_of
+from observer_rt.identification.likelihood.measurement import Measurement
+from observer_rt.identification.likelihood.operating_points import by_operating_point
+from observer_rt.identification.likelihood.reading import chosen_words, refuse_rates_missing
+from observer_rt.model.effect import SizedEffect
+from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.effects import effective_model
+from observer_rt.model.parameters import EffectInForce, InjectorParameters
+from observer_rt.model.stability import refuse_unstable_cells
+
+_HEALTHY, _NAMED, _SHOWN = 0.4, 0.85, 0.9  # shares of the work done after these steps
+
+_AMEND_FIRST = (
+    "First run `observer-rt discover --out healthy` on the healthy recordings alone; then give healthy/amended.toml "
+    "here as --model."
+)
+_FIRST = {
+    Verdict.NAMED: _AMEND_FIRST,
+    Verdict.AMBIGUOUS: f"{_AMEND_FIRST} There, --choose says which of the tied effects it takes.",
+    Verdict.UNKNOWN: "First correct the injector file by drawing and data sheet: no effect explains its error.",
+}
+"""What to do when discovery finds this on healthy recordings."""
+
+AskObserver = Callable[[InjectorParameters, Sequence[Recording]], Opinion | None]
+"""What the learning observer says of recordings; raises `ObserverError` where it cannot take them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """What is asked.
+
+    healthy: recordings the model is judged against; hashes: SHA-256 of the recordings by name; chosen: effects the
+    user prefers among those that explain the recordings as well as each other, empty: none; accepted: number of the
+    proposal whose terms the amended model is to have, 0: none.
+    """
+
+    parameters: InjectorParameters
+    measured: tuple[Measurement, ...]
+    healthy: tuple[Measurement, ...]
+    hashes: Mapping[str, str]
+    chosen: tuple[str, ...] = ()
+    accepted: int = 0
+
+
+def refuse_incomparable(question: Question, model: str) -> None:
+    """Raise `UserError` for recordings that cannot be compared with the model, or not together; model: its file."""
+    refuse_rates_missing([one.recording for one in question.measured])
+    first = question.measured[0]
+    coefficients = first.coefficients_of(effective_model(question.parameters))
+    refuse_unstable_cells(model, question.parameters, coefficients, first.interval)
+
+
+_INADEQUATE = (
+    "The fit of this model to healthy recordings was not adequate: what is named here may be its error. Fit again "
+    "with another structure or more recordings."
+)
+
+
+_FORGOTTEN = (
+    "The model was fitted by an earlier version, which did not keep what the fit leaves of the healthy injector: "
+    "what is named here may be the model's error. Fit again, or give healthy recordings by --healthy."
+)
+_OTHER_RATE = (
+    "The model was fitted at {:g} kHz: what its fit leaves of the healthy injector says nothing at another sample "
+    "rate. Fit at this rate, or give healthy recordings by --healthy."
+)
+
+
+def answer(
+    question: Question,
+    memory: FitMemory,
+    ask_observer: AskObserver,
+    progress: Callable[[float], None],
+    amended_model: str,
+    threads: int | None = None,
+) -> Findings:
+    """Everything but the time it took; progress is told the share done, amended_model is the name of its file.
+
+    threads: to search with, None: one a CPU.
+
+    Raises `RunError` when the model has no solution on the recordings, `UserError` for a choice they do not leave.
+    """
+    nominal = effective_model(question.parameters)
+    known, warning = _remembered(nominal, [*question.measured, *question.healthy])
+    points = by_operating_point([with_healthy_offset(one, known.remainder) for one in question.measured])
+    measured = [point.measurement for point in points]
+    workers = threads or len(os.sched_getaffinity(0))
+    baseline = known
+    if question.healthy:
+        baseline, warning = _judged_by_healthy(nominal, question.healthy, workers, known)
+    begin = _HEALTHY if question.healthy else 0.0
+    progress(begin)
+    options = SearchOptions(
+        workers,
+        memory,
+        lambda share: progress(begin + (_NAMED - begin) * share),
+        baseline,
+        question.chosen,
+    )
+    found = name_effects(nominal, measured, options)
+    gaps = gaps_of(found, measured, nominal, baseline.shape)
+    progress(_SHOWN)
+    evidence = evidence_of(measured, nominal, baseline.shape)
+    files, in_part = tuple(question.hashes), map(chosen_words, question.measured)
+    several = Counter(point.file for point in points)
+    names = tuple(
+        files[point.file] if several[point.file] == 1 else f"{files[point.file]}, {point.name}"
+        for point in points
+    )
+    amended = found.named.model(nominal)
+    in_force: tuple[EffectInForce, ...] = ()
+    if (found.verdict is not Verdict.AMBIGUOUS or question.chosen) and not remedies(found):
+        in_force = amended_effects(question.parameters, found, measured, question.hashes, baseline.shape)
+    terms, refused = question.parameters.terms if in_force else (), ""
+    if question.accepted:
+        try:
+            in_force, terms = accepted(question.parameters, found, question.accepted, question.hashes)
+        except UserError as error:
+            refused = str(error)
+    return Findings(
+        discovery=found,
+        where=disagreements(found, evidence, nominal),
+        gaps=gaps,
+        checks=standstill_checks(question.measured, evidence, nominal, amended),
+        opinion=_opinion(ask_observer, question),
+        healthy_warning=warning,
+        like_inertance=is_like_inertance(nominal, amended),
+        level_measured=is_level_measured(nominal),
+        chosen=question.chosen,
+        amended_model=amended_model if in_force or terms else None,
+        in_force=in_force,
+        terms=terms,
+        not_accepted=refused,
+        overlays=typical_overlays(found, gaps, measured, nominal),
+        files=files,
+        in_part=tuple(f"{name}: {chosen}" for name, chosen in zip(files, in_part, strict=True) if chosen),
+        points=names,
+        fitted_on=tuple(names[i] for i in gaps.fitted_on),
+        held_out=tuple(names[i] for i in gaps.held_out),
+        healthy=baseline.remainder,
+    )
+
+
+def _remembered(nominal: EffectiveModel, found: Sequence[Measurement]) -> tuple[HealthyBaseline, str]:
+    """What the fit of a model remembers of the healthy injector, and what speaks against it, empty when nothing."""
+    fitted = nominal.injector.baseline
+    if fitted is None:
+        return NO_BASELINE, ""
+    comparable = all(holds_at(fitted, one.recording.sample_rate) for one in found)
+    baseline = baseline_of_fit(fitted, comparable)
+    if not fitted.adequate:
+        return baseline, _INADEQUATE
+    if fitted.healthy is None:
+        return baseline, _FORGOTTEN
+    return baseline, "" if comparable else _OTHER_RATE.format(fitted.sample_rate_Hz / 1e3)
+
+
+def _judged_by_healthy(
+    nominal: EffectiveModel, healthy: Sequence[Measurement], workers: int, known: HealthyBaseline
+) -> tuple[HealthyBaseline, str]:
+    """What healthy recordings leave unexplained, and what they say against the model, if anything.
+
+    known: what the fit of the model remembers, to which they add.
+    """
+    found_with = [with_healthy_offset(one, known.remainder) for one in healthy]
+    points = [point.measurement for point in by_operating_point(found_with)]
+    baseline, found = healthy_baseline(nominal, points, workers, known)
+    if found.verdict is Verdict.NONE:
+        return baseline, ""
+    return baseline, (
+        f"On the healthy recordings discovery says '{headline(found)}': the model itself is not that of this "
+        f"injector, and what is named here may be its error. {_FIRST[found.verdict]}"
+    )
+
+
+def _opinion(ask_observer: AskObserver, question: Question) -> Opinion | None:
+    try:
+        return ask_observer(question.parameters, [one.recording for one in question.measured])
+    except ObserverError:
+        return None  # not a matter of discovery: the report says that there is none
+
+
+FINDINGS, AMENDED, REPORT, FITS = "findings.json", "amended.toml", "report.html", "fits.jsonl"
+DATA = "data"
+ANSWER = (REPORT, FINDINGS, AMENDED, DATA)
+
+
+def refuse_replacing(folder: Path, model: Path, force: bool) -> None:
+    """Raise `UserError` where an answer, or a model that somebody may be using, would be replaced unless wanted."""
+    there = [name for name in ANSWER if (folder / name).exists()]
+    if (folder / AMENDED).resolve() == model.resolve():
+        raise UserError(
+            f"--out {folder}",
+            f"holds the model to be amended as {AMENDED}",
+            "name another folder, or copy the model",
+        )
+    for name, kind in (
+        (REPORT, None),
+        (FINDINGS, file_kinds.FINDINGS),
+        (AMENDED, None),
+        (FITS, file_kinds.FITS),
+    ):
+        refuse_other_kind("--out", folder / name, kind)
+    if there and (not force or there == [DATA]):  # which alone is no answer of ours
+        raise UserError(
+            f"--out {folder}",
+            f"holds {', '.join(there)} already",
+            "name another folder, or add --force to replace what is there",
+        )
+
+
+def make_folder(folder: Path) -> None:
+    """The folder, if it is not there. Raises `UserError` where it cannot be made or written."""
+    if folder.exists() and not folder.is_dir():
+        raise UserError(f"--out {folder}", "is a file", "name a folder")
+    with file_errors(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    check_folder("--out", folder)
+
+
+def fits_in(folder: Path, question: Question, stated: Sequence[SizedEffect]) -> FitStore:
+    """Where the search for an answer keeps its fits, and finds those of an interrupted one."""
+    parts = [
+        f"{sha256} {one.recording.samples}"  # of a long one it depends on the command how much is kept
+        for sha256, one in zip(question.hashes.values(), question.measured, strict=True)
+    ]
+    parts += [  # what is taken out of the evidence comes of these
+        hashlib.sha256(one.recording.line_pressure.tobytes()).hexdigest() for one in question.healthy
+    ]
+    with file_errors(folder):
+        return FitStore(folder / FITS, problem_key(question.parameters, parts, stated))
+
+
+def write_answer(
+    folder: Path,
+    question: Question,
+    found: Findings,
+    injector: InjectorFile,
+    healthy: Sequence[Path],
+    data: bool = False,
+) -> str:
+    """Everything into the folder, and back what findings.json says. data: figures and numbers as files, too.
+
+    What an earlier run left there and this one does not make is removed.
+    """
+    sources = Sources(
+        model=injector.name,
+        model_hash=injector.sha256,
+        in_force=tuple(effect.id for effect in question.parameters.effects),
+        recordings=question.hashes,
+        healthy=tuple(path.name for path in healthy),
+        made=datetime.now(),
+    )
+    document = json.dumps(as_json(found, sources), indent=2)
+    with file_errors(folder):
+        (folder / FINDINGS).write_text(document + "\n", encoding="utf-8")
+        (folder / REPORT).write_text(report(found, sources), encoding="utf-8")
+        remove_data(folder / DATA)
+        if data:
+            write_data(folder / DATA, found)
+        if found.amended_model is not None:
+            cells = stable_cells(question.parameters, found.in_force, question.measured)
+            write_amended(folder / AMENDED, injector, found.in_force, cells, found.terms)
+        else:
+            (folder / AMENDED).unlink(missing_ok=True)
+    return document

@@ -1,0 +1,316 @@
+"""What `discover` answers: what it rests on, the learning observer's opinion, and the caveats told with it."""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from datetime import datetime
+
+from observer_rt.engine.learning.adequacy import looks_like_inertance
+from observer_rt.foundation.units import MILLIGRAM
+from observer_rt.identification.discovery.gaps import Disagreement, ModelGaps, Overlay
+from observer_rt.identification.discovery.search.result import Discovery, FittedEffect, Verdict
+from observer_rt.identification.discovery.search.search import indistinguishable
+from observer_rt.identification.discovery.standstill import StandstillFigure
+from observer_rt.identification.likelihood.operating_points import distinct
+from observer_rt.model.baseline import HealthyRemainder
+from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.effects import VOCABULARY
+from observer_rt.model.parameters import EffectInForce
+from observer_rt.model.terms.in_force import TermInForce
+
+SIGNIFICANT = 4.0  # standard deviations
+AGREES = 0.1  # of the larger size, that both may differ besides their intervals
+
+
+@dataclass(frozen=True)
+class Indicator:
+    """One of the observer's figures, as the effect it stands for (SI). sigma: standard deviation, nan unknown."""
+
+    effect_id: str
+    value: float
+    sigma: float
+
+    @property
+    def stands_out(self) -> bool:
+        """Whether it is beyond its own uncertainty and the effect's dead zone."""
+        parameter = VOCABULARY[self.effect_id].parameters[0]
+        return abs(self.value) > max(parameter.dead_zone, SIGNIFICANT * self.sigma)
+
+
+@dataclass(frozen=True)
+class Opinion:
+    """The observer after it learned from all recordings, one after another.
+
+    indicators: at the last injection; valid, injections: how many of them it declared valid; reasons: how often each
+    reason for `not valid` was given, but for those of a start.
+    """
+
+    indicators: tuple[Indicator, ...]
+    valid: int
+    injections: int
+    reasons: Mapping[str, int]
+
+
+def contradictions(found: Discovery, opinion: Opinion) -> tuple[str, ...]:
+    """Where both say what cannot both be true, each in a sentence."""
+    if found.verdict is Verdict.UNKNOWN:
+        return ()
+    if found.verdict is Verdict.NONE:
+        return tuple(_of_nothing(opinion))
+    return tuple(_of_effects(found, opinion))
+
+
+def remark(found: Discovery, opinion: Opinion) -> str:
+    """What a reader must know of the observer's figures, in a sentence."""
+    known = {indicator.effect_id for indicator in opinion.indicators}
+    foreign = [effect.id for effect in found.effects if effect.id not in known]
+    if foreign:
+        return (
+            f"The observer has no term for {' and '.join(foreign)} and puts it down to what it knows; with the "
+            "amended model in force it need not."
+        )
+    if _inadequate(opinion):
+        return (
+            "It finds its model inadequate on some of these injections: its figures are not to be believed."
+        )
+    return ""
+
+
+def _of_nothing(opinion: Opinion) -> list[str]:
+    result = [
+        f"discovery finds nothing missing, the observer learned {indicator.effect_id}"
+        for indicator in opinion.indicators
+        if indicator.stands_out
+    ]
+    inadequate = _inadequate(opinion)
+    if inadequate:
+        result.append(
+            f"discovery finds the model adequate, the observer finds it inadequate in {inadequate} of "
+            f"{opinion.injections} injections"
+        )
+    return result
+
+
+def _inadequate(opinion: Opinion) -> int:
+    """Injections that contradict the observer's model, whichever cause it names."""
+    return opinion.reasons.get("MODEL_INADEQUATE", 0) + opinion.reasons.get("LIFT_SENSOR_LAG", 0)
+
+
+def _of_effects(found: Discovery, opinion: Opinion) -> list[str]:
+    """Compared only where the observer has a term for everything found: elsewhere it must put it down to others."""
+    by_id = {indicator.effect_id: indicator for indicator in opinion.indicators}
+    named = {effect.id: effect for effect in found.effects}
+    if not set(named) <= set(by_id):
+        return []
+    result = []
+    for effect_id, effect in named.items():
+        ours, (low, high) = effect.parameters[0].value, effect.parameters[0].ci95
+        theirs = by_id[effect_id]
+        sigma = math.hypot((high - low) / 4.0, 0.0 if math.isnan(theirs.sigma) else theirs.sigma)
+        allowed = SIGNIFICANT * sigma + AGREES * max(abs(ours), abs(theirs.value))
+        if abs(ours - theirs.value) > allowed:
+            result.append(f"both see {effect_id}, but of different size")
+    like = {other for effect in found.effects for other in effect.indistinguishable_from}
+    result += [
+        f"the observer learned {indicator.effect_id} besides"
+        for indicator in opinion.indicators
+        if indicator.stands_out and indicator.effect_id not in like | set(named)
+    ]
+    return result
+
+
+LEAST_MASS = 0.01 * MILLIGRAM  # kg, below which a change or gap is not worth a number
+RECORD_MORE = "record at least three rail pressures and two durations"
+
+
+@dataclass(frozen=True)
+class Caveat:
+    """A reservation. id: for programs; words: for a headline; sentence: what it means, and what would mend it."""
+
+    id: str
+    words: str
+    sentence: str
+
+
+def remedies(found: Discovery) -> tuple[str, ...]:
+    """What to do about the effects found that no injector file can have in force."""
+    return tuple(remedy for effect in found.effects if (remedy := VOCABULARY[effect.id].remedy))
+
+
+def is_level_measured(nominal: EffectiveModel) -> bool:
+    """Whether a rate or mass told the level of all flows when the model was fitted."""
+    baseline = nominal.injector.baseline
+    return baseline is not None and baseline.level != "file"
+
+
+def is_like_inertance(nominal: EffectiveModel, amended: EffectiveModel) -> bool:
+    """Whether nozzle flow and stiffness of the line were changed as if the line's inertance were another."""
+    before, after = nominal.injector, amended.injector
+    stiffness = [one.fluid.bulk_modulus_line / one.line.volume for one in (before, after)]
+    nozzle = after.nozzle.flow_coefficient / before.nozzle.flow_coefficient
+    return looks_like_inertance(nozzle - 1.0, stiffness[1] / stiffness[0] - 1.0)
+
+
+def _of_opponents(findings: "Findings") -> Iterator[Caveat]:
+    if findings.healthy_warning:
+        yield Caveat(
+            "healthy_recordings", "what is named may be the model's own error", findings.healthy_warning
+        )
+    if findings.contradictions:
+        yield Caveat(
+            "observer",
+            "the learning observer does not agree",
+            f"The learning observer does not agree: {'; '.join(findings.contradictions)}. Do not act before this is "
+            "understood.",
+        )
+
+
+def _of_bench(findings: "Findings") -> Iterator[Caveat]:
+    for remedy in remedies(findings.discovery):
+        yield Caveat(
+            "bench_file",
+            remedy,
+            f"What was found is of the bench, not of the injector: {remedy}, and give the command again with it. "
+            "Until then there is no amended model.",
+        )
+
+
+def _of_coverage(findings: "Findings") -> Iterator[Caveat]:
+    if not findings.held_apart:
+        yield Caveat(
+            "one_operating_point",
+            "one operating point, nothing held out",
+            "All this rests on one operating point: nothing could be held out, and what shows at another rail "
+            f"pressure or duration only cannot be told; {RECORD_MORE}.",
+        )
+    elif distinct({cell.rail_pressure for cell in findings.discovery.before}) == 1:
+        yield Caveat(
+            "one_rail_pressure",
+            "one rail pressure",
+            "All this rests on one rail pressure: a factor and an offset of a sensor, or a stiffness and its rise "
+            f"with pressure, look alike there; {RECORD_MORE}.",
+        )
+
+
+def _of_names(findings: "Findings") -> Iterator[Caveat]:
+    for effect in findings.discovery.effects:
+        others = " or ".join(indistinguishable(VOCABULARY[effect.id]))
+        if others:
+            yield Caveat(
+                "same_signals",
+                f"{others} would look the same",
+                f"{effect.id} and {others} have the same effect on every signal; either name is right for the model.",
+            )
+
+
+def _of_level(findings: "Findings") -> Iterator[Caveat]:
+    """Without a measured rate, now or when the model was fitted, the level of all flows is the line's inertance."""
+    found = findings.discovery
+    if findings.gaps.injection_rate is not None or found.verdict is Verdict.UNKNOWN:
+        return
+    if findings.like_inertance:
+        settled = " (right when the model was fitted: another fuel since then, say)"
+        yield Caveat(
+            "line_inertance",
+            "another line inertance would look the same",
+            "Flow and stiffness of the line changed together as they would for another inertance of the line "
+            f"(density, length and diameter in the model){settled if findings.level_measured else ''}; the "
+            "injection rate measured tells them apart.",
+        )
+    elif not findings.level_measured and (
+        not found.effects or any(abs(effect.moves.mass) >= LEAST_MASS for effect in found.effects)
+    ):
+        yield Caveat(
+            "mass_not_measured",
+            "injected mass not measured",
+            "No injection rate was measured: masses follow from the line pressure and the inertance of the line "
+            "(density, length and diameter in the model), and are wrong by the same share where that is. A model "
+            "fitted with a measured rate or mass (`observer-rt fit`) has it right.",
+        )
+
+
+@dataclass(frozen=True)
+class Findings:
+    """The answer with what it rests on.
+
+    opinion: of the learning observer, None where it could not be run; healthy_warning: what healthy recordings
+    say against the model, empty when nothing; like_inertance: the change found is one that another inertance of
+    the line would make as well; level_measured: whether the fit of the model had a measured rate or mass; chosen:
+    effects the user chose among those that explain as much; amended_model: name of the file beside the document,
+    None when nothing is added; in_force, terms: all effects and terms that it has then; not_accepted: why a proposal
+    that the user accepts is not in it, empty where it is; overlays: injections to be shown; files:
+    names of the recordings; in_part: which of these were too long to be judged as a whole, and how injections
+    were chosen of them; points: of their operating points, each of which counts as a recording; fitted_on,
+    held_out: of these; seconds: it took; healthy:
+    what the model leaves of the healthy injector, None where nothing is known of it.
+    """
+
+    discovery: Discovery
+    where: tuple[Disagreement, ...]
+    gaps: ModelGaps
+    checks: tuple[StandstillFigure, ...]
+    opinion: Opinion | None
+    healthy_warning: str
+    like_inertance: bool
+    level_measured: bool
+    chosen: tuple[str, ...]
+    amended_model: str | None
+    in_force: tuple[EffectInForce, ...]
+    overlays: tuple[Overlay, ...]
+    files: tuple[str, ...]
+    in_part: tuple[str, ...]
+    points: tuple[str, ...]
+    fitted_on: tuple[str, ...]
+    held_out: tuple[str, ...]
+    seconds: float = 0.0
+    healthy: HealthyRemainder | None = None
+    terms: tuple[TermInForce, ...] = ()
+    not_accepted: str = ""
+
+    @property
+    def contradictions(self) -> tuple[str, ...]:
+        """Where the learning observer says otherwise."""
+        return () if self.opinion is None else contradictions(self.discovery, self.opinion)
+
+    @property
+    def held_apart(self) -> bool:
+        """Whether the gaps are those of operating points that the sizes were not fitted to."""
+        return set(self.held_out) != set(self.fitted_on)
+
+    @property
+    def caveats(self) -> tuple[Caveat, ...]:
+        """What must be kept in mind with the answer, the gravest first."""
+        every = (_of_opponents, _of_bench, _of_coverage, _of_names, _of_level)
+        return tuple(caveat for arising in every for caveat in arising(self))
+
+    @property
+    def is_open(self) -> bool:
+        """Whether several explanations are tied and none was chosen."""
+        return self.discovery.verdict is Verdict.AMBIGUOUS and not self.chosen
+
+
+@dataclass(frozen=True)
+class Sources:
+    """What an answer was made from.
+
+    model, model_hash: name and SHA-256 of the injector file; in_force: effects in it already; recordings: SHA-256 by
+    file name; healthy: names of healthy recordings.
+    """
+
+    model: str
+    model_hash: str
+    in_force: tuple[str, ...]
+    recordings: Mapping[str, str]
+    healthy: tuple[str, ...]
+    made: datetime
+
+
+def explained_share(found: Discovery) -> float:
+    """Share of the disagreement that is explained: of what -2 log L has above that of an adequate model."""
+    left = sum(cell.samples * (cell.variance - 1.0) for cell in found.after)
+    return found.gain / (found.gain + max(0.0, left)) if found.gain > 0.0 else 0.0
+
+
+def gap_share(found: Discovery, effect: FittedEffect) -> float:
+    """An effect's part of that share, by what is lost without it."""
+    return explained_share(found) * effect.gain / sum(one.gain for one in found.effects)

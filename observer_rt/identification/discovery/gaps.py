@@ -1,0 +1,345 @@
+"""The gap between model and measurement before and after: signal by phase by operating point, and as curves.
+
+Operating points are those the model was not fitted to.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.engine.estimation.phases import Phase
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
+from observer_rt.identification.discovery.search.adequacy import SIGNIFICANT, cells_of
+from observer_rt.identification.discovery.search.result import Cell, Discovery, Sizing, Verdict
+from observer_rt.identification.likelihood.bounded_fit import fit
+from observer_rt.identification.likelihood.likelihood import GAIN_ERROR, Evidence, Signal, evidence_of
+from observer_rt.identification.likelihood.measurement import Measurement, every_second_point
+from observer_rt.identification.likelihood.open_loop import (
+    Simulated,
+    mass,
+    measured_mass,
+    noisier,
+    simulated,
+)
+from observer_rt.identification.likelihood.windows import in_mass_window
+from observer_rt.model.baseline import HealthyShape
+from observer_rt.model.effect import Equation
+from observer_rt.model.effective import EffectiveModel
+
+NOISE_RUNS = 3  # with noise added, for the noise floor
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Root mean squares of model minus measurement (SI): nominal, amended, and what noise alone would leave."""
+
+    before: float
+    after: float
+    noise_floor: float
+
+
+@dataclass(frozen=True)
+class PrintedGap(Gap):
+    """A gap in its printed unit; measured: else it is against the model with what was found."""
+
+    name: str
+    unit: str
+    measured: bool
+
+    @property
+    def words(self) -> str:
+        """What it is a gap of."""
+        return self.name.replace("_", " ")
+
+
+@dataclass(frozen=True)
+class SignalGaps:
+    """The gap of every signal; of the injection rate None where it is not measured."""
+
+    line_pressure: Gap
+    injection_rate: Gap | None
+    mass: Gap
+    injected: float  # kg, mean of an event
+
+    @property
+    def printed(self) -> dict[str, "PrintedGap"]:
+        """By the name of the signal; the mass is measured where a rate is."""
+        known = (
+            ("line_pressure", "MPa", MEGAPASCAL, self.line_pressure, True),
+            ("injection_rate", "mm3/ms", MM3_PER_MS, self.injection_rate, True),
+            ("injected_mass", "mg", MILLIGRAM, self.mass, self.injection_rate is not None),
+        )
+        return {
+            name: PrintedGap(gap.before / si, gap.after / si, gap.noise_floor / si, name, unit, measured)
+            for name, unit, si, gap, measured in known
+            if gap is not None
+        }
+
+
+@dataclass(frozen=True)
+class PointGap(SignalGaps):
+    """The gaps of one held-out recording."""
+
+    recording: int
+
+
+@dataclass(frozen=True)
+class ModelGaps(SignalGaps):
+    """Over all held-out recordings, and for each.
+
+    Mass is compared with the measured one; where no rate is measured, with that of the amended model fitted to all
+    recordings: before is then what the nominal model is wrong if the amended one is right.
+    """
+
+    refitted: EffectiveModel  # the winner, fitted to `fitted_on`
+    points: tuple[PointGap, ...]
+    fitted_on: tuple[int, ...]
+    held_out: tuple[int, ...]
+
+
+def gaps_of(
+    found: Discovery,
+    measured: Sequence[Measurement],
+    nominal: EffectiveModel,
+    healthy: HealthyShape | None = None,
+) -> ModelGaps:
+    """The gaps: with the winner refitted to every second operating point, on the others.
+
+    With one operating point there is nothing to hold out: it is fitted and shown. healthy: what is taken out when the
+    winner is refitted.
+    """
+    amended = found.named.model(nominal)
+    fitted_on, held_out = every_second_point(measured)
+    held_out = held_out or fitted_on
+    named, hypothesis = found.named, found.named.hypothesis
+    sizing = Sizing(evidence_of([measured[i] for i in fitted_on], nominal, healthy), nominal, hypothesis)
+    again = fit(sizing, named.theta, hypothesis.ranges())
+    refitted = hypothesis.model(nominal, named.theta if again is None else again.at.theta)
+    points = tuple(_point(number, measured[number], nominal, refitted, amended) for number in held_out)
+    rates = [point.injection_rate for point in points if point.injection_rate is not None]
+    return ModelGaps(
+        _together([point.line_pressure for point in points]),
+        _together(rates) if rates else None,
+        _together([point.mass for point in points]),
+        float(np.mean([point.injected for point in points])),
+        refitted,
+        points,
+        fitted_on,
+        held_out,
+    )
+
+
+def _point(
+    number: int,
+    measurement: Measurement,
+    nominal: EffectiveModel,
+    refitted: EffectiveModel,
+    amended: EffectiveModel,
+) -> PointGap:
+    before, after, reference = (simulated(measurement, model) for model in (nominal, refitted, amended))
+    noisy = [simulated(noisier(measurement, seed), refitted) for seed in range(NOISE_RUNS)]
+    noise = measurement.noise.line_pressure
+    line = measurement.recording.line_pressure
+    pressure = Gap(
+        _rms([one.line_pressure - line[one.samples] for one in before]),
+        _rms([one.line_pressure - line[one.samples] for one in after]),
+        math.hypot(_rms(_moves(noisy, after, "line_pressure")), noise),
+    )
+    models = nominal, refitted, amended
+    mass_gap, injected = _mass_gap(measurement, models, (before, after, reference), noisy)
+    return PointGap(pressure, _rate_gap(measurement, before, after, noisy), mass_gap, injected, number)
+
+
+def _rate_gap(
+    measurement: Measurement,
+    before: Sequence[Simulated],
+    after: Sequence[Simulated],
+    noisy: Sequence[Sequence[Simulated]],
+) -> Gap | None:
+    measured = measurement.recording.injection_rate
+    if measured is None:
+        return None
+    spraying = [in_mass_window(measurement, one.event, one.rate_samples) for one in before]
+
+    def rms(parts: Sequence[NDArray[np.float64]]) -> float:
+        return _rms(
+            [part[s] for part, s in zip(parts, [*spraying] * (len(parts) // len(spraying)), strict=True)]
+        )
+
+    floor = (
+        measurement.rate_noise,
+        rms(_moves(noisy, after, "rate")),
+        GAIN_ERROR * rms([one.rate for one in after]),
+    )
+    return Gap(
+        rms([one.rate - measured[one.rate_samples] for one in before]),
+        rms([one.rate - measured[one.rate_samples] for one in after]),
+        math.hypot(*floor),
+    )
+
+
+def _mass_gap(
+    measurement: Measurement,
+    models: tuple[EffectiveModel, EffectiveModel, EffectiveModel],
+    runs: tuple[Sequence[Simulated], Sequence[Simulated], Sequence[Simulated]],
+    noisy: Sequence[Sequence[Simulated]],
+) -> tuple[Gap, float]:
+    """The gap in mass, and the mean mass it belongs to [kg]. models, runs: nominal, refitted, reference."""
+    nominal, refitted, amended = models
+    before, after, reference = runs
+
+    def masses(model: EffectiveModel, ones: Sequence[Simulated]) -> NDArray[np.float64]:
+        return np.array([mass(measurement, one, model.coefficients.density) for one in ones])
+
+    of_after = masses(refitted, after)
+    if measurement.recording.injection_rate is None:
+        truth, gain_error = masses(amended, reference), 0.0
+    else:
+        density = amended.coefficients.density
+        truth = np.array([measured_mass(measurement, one, density) for one in before])
+        gain_error = GAIN_ERROR * float(np.mean(truth))
+    moves = [masses(refitted, ones) - of_after for ones in noisy]
+    gap = Gap(
+        _rms([masses(nominal, before) - truth]),
+        _rms([of_after - truth]),
+        math.hypot(_rms(moves), gain_error),
+    )
+    return gap, float(np.mean(truth))
+
+
+def _moves(
+    noisy: Sequence[Sequence[Simulated]], quiet: Sequence[Simulated], name: str
+) -> list[NDArray[np.float64]]:
+    """By how much noise moves a result, event after event."""
+    return [
+        getattr(one, name) - getattr(still, name)
+        for ones in noisy
+        for one, still in zip(ones, quiet, strict=True)
+    ]
+
+
+def _rms(parts: Sequence[NDArray[np.float64]]) -> float:
+    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
+
+
+def _together(gaps: Sequence[Gap]) -> Gap:
+    """Root mean square over recordings."""
+    return Gap(
+        *(
+            float(np.sqrt(np.mean([getattr(gap, name) ** 2 for gap in gaps])))
+            for name in ("before", "after", "noise_floor")
+        )
+    )
+
+
+PHASE_NAMES = {
+    Phase.STANDSTILL: "closed",
+    Phase.OPENING: "opening",
+    Phase.OPEN: "open",
+    Phase.CLOSING: "closing",
+    Phase.AFTER: "after",
+}
+
+_Key = tuple[Signal, Phase, int]
+
+
+@dataclass(frozen=True)
+class Disagreement:
+    """One signal in one phase of one recording, with the nominal model and with the winner of the search.
+
+    equation: which is violated; None where the nominal model does not disagree significantly, or nobody knows.
+    """
+
+    before: Cell
+    after: Cell
+    equation: Equation | None
+
+
+def disagreements(found: Discovery, evidence: Evidence, nominal: EffectiveModel) -> tuple[Disagreement, ...]:
+    """The map of disagreement, in the order of the recordings."""
+    after = {_key(cell): cell for cell in found.after}
+    equations = _equations(found, evidence, nominal)
+    result = []
+    for cell in found.before:
+        equation = equations.get(_key(cell)) if cell.excess > SIGNIFICANT else None
+        result.append(Disagreement(cell, after.get(_key(cell), cell), equation))
+    return tuple(result)
+
+
+def _equations(found: Discovery, evidence: Evidence, nominal: EffectiveModel) -> dict[_Key, Equation]:
+    """Of every cell: the equation of that effect without which it is explained worst."""
+    if found.verdict is Verdict.UNKNOWN and found.unexplained is not None:
+        return {_key(cell): found.unexplained.equation for cell in found.before}
+    worst: dict[_Key, tuple[float, Equation]] = {}
+    for number, effect in enumerate(found.named.hypothesis.effects):
+        others = found.named.model_without(number, nominal)
+        judged = evidence.judge(others)
+        for cell in found.before if judged is None else cells_of(evidence, judged, others):
+            key, loss = _key(cell), cell.variance
+            if key not in worst or loss > worst[key][0]:
+                worst[key] = loss, effect.equation
+    return {key: equation for key, (_, equation) in worst.items()}
+
+
+def _key(cell: Cell) -> _Key:
+    return cell.signal, cell.phase, cell.recording
+
+
+SHOWN_RINGING = 6e-3  # s after the last closing
+
+
+@dataclass(frozen=True, eq=False)
+class Overlay:
+    """One injection: time [s] (n,) from its opening, and signals (n,) in SI; None for what there is not.
+
+    noise_floor: of the line pressure [Pa]: what noise alone leaves between model and measurement.
+    """
+
+    title: str
+    time: NDArray[np.float64]
+    lift: NDArray[np.float64]
+    line_pressure: NDArray[np.float64]
+    nominal_pressure: NDArray[np.float64]
+    amended_pressure: NDArray[np.float64] | None
+    measured_rate: NDArray[np.float64] | None
+    nominal_rate: NDArray[np.float64]
+    amended_rate: NDArray[np.float64] | None
+    noise_floor: float
+
+
+def typical_overlays(
+    found: Discovery, gaps: ModelGaps, measured: Sequence[Measurement], nominal: EffectiveModel
+) -> tuple[Overlay, ...]:
+    """First injections of two held-out operating points: the one in the middle by its gap, and the one worst off."""
+    ranked = sorted(gaps.points, key=lambda point: point.line_pressure.before)
+    chosen = {point.recording: point for point in (ranked[(len(ranked) - 1) // 2], ranked[-1])}
+    amended = gaps.refitted if found.effects else None
+    return tuple(_overlay(point, measured[number], nominal, amended) for number, point in chosen.items())
+
+
+def _overlay(
+    point: PointGap, measurement: Measurement, nominal: EffectiveModel, amended: EffectiveModel | None
+) -> Overlay:
+    recording = measurement.recording
+    before = simulated(measurement, nominal)[0]
+    after: Simulated | None = None if amended is None else simulated(measurement, amended)[0]
+    last = before.event.openings[-1].last + round(SHOWN_RINGING * recording.sample_rate)
+    shown = slice(0, max(1, last - int(before.samples[0])))
+    samples = before.samples[shown]
+    rate = recording.injection_rate
+    pressure, duration = measurement.rail_pressure / MEGAPASCAL, measurement.duration / MILLISECOND
+    return Overlay(
+        title=f"{pressure:.0f} MPa, needle open {duration:.2f} ms",
+        time=(samples - samples[0]) * measurement.interval,
+        lift=recording.needle_lift[samples],
+        line_pressure=recording.line_pressure[samples],
+        nominal_pressure=before.line_pressure[shown],
+        amended_pressure=None if after is None else after.line_pressure[shown],
+        measured_rate=None if rate is None else rate[before.rate_samples[shown]],
+        nominal_rate=before.rate[shown],
+        amended_rate=None if after is None else after.rate[shown],
+        noise_floor=point.line_pressure.noise_floor,
+    )

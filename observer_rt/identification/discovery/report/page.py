@@ -1,0 +1,390 @@
+"""report.html: the answer first, then what it rests on, in one page; what its templates show, in words and units."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from observer_rt import __version__
+from observer_rt.engine.estimation.phases import Phase
+from observer_rt.foundation.files import templates_of
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
+from observer_rt.identification.discovery.findings import (
+    LEAST_MASS,
+    Findings,
+    Indicator,
+    Sources,
+    explained_share,
+    remark,
+)
+from observer_rt.identification.discovery.gaps import PHASE_NAMES, Disagreement, ModelGaps
+from observer_rt.identification.discovery.report import text
+from observer_rt.identification.discovery.report.figures import Bars, gap_figure, laws_figure, overlay_figure
+from observer_rt.identification.discovery.report.text import (
+    UNITS,
+    Size,
+    candidate_words,
+    printed,
+    shown,
+    sign,
+    significant,
+    visible_words,
+    where_words,
+)
+from observer_rt.identification.discovery.search import search
+from observer_rt.identification.discovery.search.adequacy import SIGNIFICANT
+from observer_rt.identification.discovery.search.result import (
+    Candidate,
+    Cell,
+    Consequence,
+    Discovery,
+    Verdict,
+)
+from observer_rt.identification.discovery.standstill import StandstillFigure
+from observer_rt.identification.likelihood.likelihood import Signal
+from observer_rt.identification.likelihood.operating_points import point_name
+from observer_rt.model.effect import Apparent
+from observer_rt.model.effects import VOCABULARY
+
+_LONGEST_BAR = 120  # px
+_STANDSTILL = {
+    "rail_line_offset": "line − rail pressure",
+    "line_pressure_slope": "slope of line pressure",
+    "rail_pressure_noise": "noise, rail pressure",
+    "line_pressure_noise": "noise, line pressure",
+    "needle_lift_noise": "noise, lift",
+    "injection_rate_noise": "noise, rate",
+}
+
+
+@dataclass(frozen=True)
+class StandstillColumn:
+    """Figures of one kind, by number of the recording."""
+
+    title: str
+    unit: str
+    figures: dict[int | None, StandstillFigure]
+
+
+@dataclass(frozen=True)
+class Tile:
+    """A figure at the top of the page."""
+
+    value: str
+    unit: str
+    text: str
+
+
+def title(findings: Findings) -> str:
+    """The answer in a sentence, all explanations that are tied in it."""
+    found = findings.discovery
+    if found.verdict is Verdict.NONE:
+        return "Nothing is missing: the model explains the recordings"
+    if found.verdict is Verdict.UNKNOWN:
+        return f"Something is missing that no effect of the vocabulary explains{where_words(found)}"
+    by_ids = {candidate.ids: candidate for candidate in found.ranking}
+    tied = [candidate_words(by_ids[ids]) for ids in (found.named.ids, *found.rivals)]
+    words = "; or ".join(tied)
+    if findings.chosen and found.rivals:
+        return f"Missing: {tied[0]}, as was chosen; these recordings would allow {'; or '.join(tied[1:])} as well"
+    if found.rivals:
+        return f"Missing: {words}: these recordings do not decide"
+    if found.verdict is Verdict.AMBIGUOUS:
+        return f"Missing: {words}, which may be one of the two"
+    return f"Missing: {words}"
+
+
+def mass_words(gaps: ModelGaps) -> str:
+    """The gap in mass, absolute and as a share, where it is one to speak of."""
+    gap = gaps.mass.before
+    if gap < LEAST_MASS:
+        return f"less than {LEAST_MASS / MILLIGRAM:g} mg"
+    return f"{gap / MILLIGRAM:.2g} mg ({gap / gaps.injected:.1%})"
+
+
+def tiles(findings: Findings) -> list[Tile]:
+    """Confidence, and gaps before and after."""
+    found, gaps = findings.discovery, findings.gaps
+    sure = "confidence that this is right"
+    if found.rivals:
+        sure = f"confidence that it is {' and '.join(found.named.ids)}"
+    elif findings.caveats:
+        sure = "confidence, with the reservations above"
+    result = [Tile(f"{found.confidence:.0%}", "", sure)]
+    for gap in gaps.printed.values():
+        if gap.measured:
+            value = f"{gap.before:.2g}" + (f" → {gap.after:.2g}" if found.effects else "")
+            result.append(Tile(value, sign(gap.unit), f"{gap.words}, model minus measured, rms"))
+        elif found.effects:
+            least = LEAST_MASS / MILLIGRAM
+            value = f"{gap.before:.2g}" if gaps.mass.before >= LEAST_MASS else f"< {least:g}"
+            result.append(Tile(value, gap.unit, f"{gap.words}, what the model given is wrong"))
+    if found.effects and len(result) < 4:
+        result.append(Tile(f"{explained_share(found):.0%}", "", "of the disagreement explained"))
+    return result
+
+
+def held_out_figure(findings: Findings) -> str:
+    """The gaps at operating points the sizes were not fitted to, as <svg>."""
+    gaps, amended = findings.gaps, bool(findings.discovery.effects)
+    places = {i.before.recording: (i.before.rail_pressure, i.before.duration) for i in findings.where}
+    labels = [point_name(*places[point.recording]).replace(", ", "\n") for point in gaps.points]
+    label = with_words(findings.discovery) if amended else None
+    of_points = [point.printed for point in gaps.points]
+    groups = []
+    for name, gap in gaps.printed.items():
+        every = tuple(printed[name] for printed in of_points if name in printed)
+        if gap.measured:
+            groups.append(Bars(gap.words, sign(gap.unit), every, label))
+        elif amended:
+            groups.append(Bars(f"{gap.words}, if this is right", gap.unit, every, None))
+    return gap_figure(labels, groups)
+
+
+def printed_in(value: float, unit: str) -> str:
+    """Two digits of a value in SI, with its unit."""
+    return f"{value / UNITS[unit]:.2g} {unit}"
+
+
+def whole(text: str) -> str:
+    """Text that is not broken into lines."""
+    return text.replace(" ", "\u00a0")
+
+
+def size_words(sizes: Mapping[str, Size]) -> list[str]:
+    """Such as `v_H = 0.301`."""
+    return [f"{name} = {size.value_text}" for name, size in sizes.items()]
+
+
+def sizes(candidate: Candidate) -> list[str]:
+    """All sizes of a candidate."""
+    every = zip(candidate.ids, candidate.parameters, strict=True)
+    return [words for effect_id, fitted in every for words in size_words(printed(effect_id, fitted))]
+
+
+def standing(candidate: Candidate, found: Discovery) -> str:
+    """What is to be said of a candidate in the ranking."""
+    doubt = "too small, or at a bound" if candidate.ids and not candidate.plausible else ""
+    if candidate.ids in found.rivals:
+        return "tied"
+    if found.verdict is Verdict.UNKNOWN and candidate.ids == found.best.ids:
+        return ", ".join(one for one in ("nearest, not enough", doubt) if one)
+    return doubt
+
+
+def explained_ids(found: Discovery) -> tuple[str, ...]:
+    """The effects found, and those tied with them."""
+    every = (found.named.ids, *found.rivals) if found.effects else ()
+    return tuple(dict.fromkeys(effect_id for ids in every for effect_id in ids))
+
+
+def role(point: str, findings: Findings) -> str:
+    """What an operating point was used for."""
+    if not findings.discovery.effects:
+        return "shown" if point in findings.held_out else "judged"
+    if not findings.held_apart:
+        return "sizes fitted, and shown"
+    return "shown" if point in findings.held_out else "sizes fitted"
+
+
+def with_words(found: Discovery) -> str:
+    """The model with what was found, for a legend."""
+    return f"with {' and '.join(found.named.ids)}"
+
+
+def bar(share: float) -> int:
+    """Length of a bar [px]."""
+    return max(1, round(_LONGEST_BAR * max(share, 0.0)))
+
+
+def gained(gain: float) -> str:
+    """A gain on held-out recordings."""
+    return f"{gain:.0f}" if math.isfinite(gain) else "no solution"
+
+
+def moved_pressure(moves: Consequence) -> str:
+    """By how much the line pressure moves, in MPa."""
+    return f"{moves.line_pressure / MEGAPASCAL:.2g}"
+
+
+def moved_mass(moves: Consequence) -> str:
+    """By how much the injected mass moves, in mg."""
+    return f"{moves.mass / MILLIGRAM:+.2g}" if abs(moves.mass) >= LEAST_MASS else "0"
+
+
+def indistinguishable(found: Discovery) -> dict[str, tuple[str, ...]]:
+    """The effects found that have others nobody can tell from them, with these."""
+    same = {effect.id: search.indistinguishable(VOCABULARY[effect.id]) for effect in found.effects}
+    return {effect_id: others for effect_id, others in same.items() if others}
+
+
+def standstill_columns(checks: Sequence[StandstillFigure]) -> list[StandstillColumn]:
+    """The figures of single recordings."""
+    columns = []
+    for name, words in _STANDSTILL.items():
+        figures = {check.recording: check for check in checks if check.id == name}
+        if figures:
+            columns.append(StandstillColumn(words, next(iter(figures.values())).unit, figures))
+    return columns
+
+
+def apparent_sizes(checks: Sequence[StandstillFigure]) -> list[dict[str, StandstillFigure]]:
+    """Apparent sizes by effect: of the settled needle, and of what is left."""
+    by_id = {check.id.removeprefix("apparent_"): check for check in checks if check.recording is None}
+    return [
+        {name: check for name, check in by_id.items() if VOCABULARY[name].apparent is how} for how in Apparent
+    ]
+
+
+def with_sigma(figure: StandstillFigure) -> str:
+    """A figure of the standstill with its standard deviation."""
+    if math.isnan(figure.sigma):
+        return f"{figure.value:#.3g}"
+    step = significant(figure.sigma)
+    return f"{shown(figure.value, step)} ± {shown(figure.sigma, step)}"
+
+
+def learned(indicator: Indicator) -> str:
+    """What the learning observer says of an effect, with its 95 % interval."""
+    definition = VOCABULARY[indicator.effect_id].parameters[0]
+    value, sigma = indicator.value / definition.si, indicator.sigma / definition.si
+    if not sigma > 0.0:
+        return "not needed"
+    step = significant(sigma)
+    return f"{shown(value, step)} ± {shown(1.96 * sigma, step)} {sign(definition.unit)}"
+
+
+@dataclass(frozen=True)
+class VisibleRow:
+    """An effect: what it appears to be on the healthy injector, and the smallest size that would have been seen."""
+
+    id: str
+    apparent: str
+    smallest: str
+
+
+def visible_rows(findings: Findings) -> list[VisibleRow]:
+    """Of every effect that has a size."""
+    appears = {} if findings.healthy is None else findings.healthy.appears
+    rows = []
+    for one in findings.discovery.smallest_visible:
+        known, apparent = appears.get(one.id), "–"
+        if known is not None:
+            step = significant(max(known.uncertainty, known.scatter))
+            scatter = f" ± {shown(known.scatter, step)}" if known.scatter > 0.0 else ""
+            words = f"{shown(known.mean, step)}{scatter} {sign(known.unit)}"
+            apparent = f"{one.parameter} = {words.rstrip()}"
+        rows.append(VisibleRow(one.id, apparent, visible_words(one)))
+    return rows
+
+
+def found_size(found: Discovery, effect_id: str) -> str:
+    """What discovery says of an effect."""
+    sized = [size_words(printed(e.id, e.parameters[:1])) for e in found.effects if e.id == effect_id]
+    return sized[0][0] if sized else "–"
+
+
+_PAGES = templates_of(__package__)
+_PAGES.globals |= vars(text) | globals()
+_PAGES.globals |= {
+    "version": __version__,
+    "remark": remark,
+    "overlay_figure": overlay_figure,
+    "laws_figure": laws_figure,
+}
+_WORST = 10.0  # times the noise, from which on a cell is as red as it gets
+_WHITE, _RED = (255, 246, 240), (176, 38, 28)
+_CALM = "#eef4f0"
+
+
+def report(findings: Findings, sources: Sources) -> str:
+    """The page."""
+    found, where = findings.discovery, findings.where
+    after = "With what was found" if found.effects else f"Nearest, not enough: {' + '.join(found.best.ids)}"
+    equations = dict.fromkeys(
+        text.EQUATION_WORDS[item.equation] for item in where if item.equation is not None
+    )
+    return _PAGES.get_template("report.html.j2").render(
+        findings=findings,
+        found=found,
+        sources=sources,
+        map_before=_gap_map("Model as given", [(item.before, item) for item in where], findings.points),
+        map_after=_gap_map(after, [(item.after, item) for item in where], findings.points),
+        violated=" and ".join(equations),
+        legend={
+            "colours": [_colour(_WORST ** (i / 4.0)) for i in range(5)],
+            "worst": _WORST,
+            "significant": SIGNIFICANT,
+        },
+    )
+
+
+@dataclass(frozen=True)
+class ShownCell:
+    """A cell: its number, colours of ground and text, and what is told of it besides."""
+
+    text: str
+    colour: str
+    ink: str
+    tip: str
+
+
+@dataclass(frozen=True)
+class ShownRow:
+    """An operating point; a cell a column, None where there is none."""
+
+    point: str
+    recording: str
+    cells: tuple[ShownCell | None, ...]
+
+
+@dataclass(frozen=True)
+class GapMap:
+    """The map of disagreement: operating points by phases, coloured by the ratio of residual to noise.
+
+    groups: signals with the number of their phases.
+    """
+
+    title: str
+    groups: tuple[tuple[str, int], ...]
+    phases: tuple[str, ...]
+    rows: tuple[ShownRow, ...]
+
+
+def _gap_map(title: str, cells: Sequence[tuple[Cell, Disagreement]], recordings: Sequence[str]) -> GapMap:
+    """Every cell of every recording, by rail pressure, then duration."""
+    present = {(cell.signal, cell.phase) for cell, _ in cells}
+    columns = [(signal, phase) for signal in Signal for phase in Phase if (signal, phase) in present]
+    shown = {(cell.recording, cell.signal, cell.phase): _shown(cell, item) for cell, item in cells}
+    places = {cell.recording: (cell.rail_pressure, cell.duration) for cell, _ in cells}
+    groups = [(signal.words, sum(of is signal for of, _ in columns)) for signal in Signal]
+    return GapMap(
+        title,
+        tuple(group for group in groups if group[1]),
+        tuple(PHASE_NAMES[phase] for _, phase in columns),
+        tuple(
+            ShownRow(
+                point_name(*places[recording]),
+                recordings[recording],
+                tuple(shown.get((recording, *column)) for column in columns),
+            )
+            for recording in sorted(places, key=lambda recording: (*places[recording], recording))
+        ),
+    )
+
+
+def _shown(cell: Cell, item: Disagreement) -> ShownCell:
+    ratio, signal = math.sqrt(cell.variance), cell.signal
+    rms = f"{cell.rms / signal.si:.3g} {sign(signal.unit)} rms"
+    tip = f"{rms}, {cell.excess:.1f} standard deviations beyond noise"
+    if item.equation is not None:
+        tip += f"; equation: {item.equation.value.replace('_', ' ')}"
+    significant = cell.excess > SIGNIFICANT
+    ratio = max(ratio, math.sqrt(cell.colour)) if significant else ratio
+    digits = 2 if ratio < 2.0 else 1 if ratio < 100.0 else 0
+    ink = "#fff" if significant and ratio > 0.5 * _WORST else "inherit"
+    return ShownCell(f"{ratio:.{digits}f}", _colour(ratio) if significant else _CALM, ink, tip)
+
+
+def _colour(ratio: float) -> str:
+    share = min(1.0, max(0.0, math.log(max(ratio, 1.0)) / math.log(_WORST)))
+    return "rgb({}, {}, {})".format(*(round(w + share * (r - w)) for w, r in zip(_WHITE, _RED, strict=True)))

@@ -1,0 +1,229 @@
+"""What is left unexplained, by signal, phase and operating point; whether that is adequate, and what it tells.
+
+Where the best model still fails, an equation is violated, and the excess depends on something: both are named.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.engine.estimation.phases import Phase, phase_statistics
+from observer_rt.identification.discovery.search.result import Candidate, Cell, Unexplained
+from observer_rt.identification.likelihood.likelihood import (
+    Evidence,
+    JudgedModel,
+    Pool,
+    Signal,
+    normalised,
+    phases_by_signal,
+)
+from observer_rt.model.baseline import Appearance, Baseline, HealthyRemainder, HealthyShape, PhaseFigures
+from observer_rt.model.effect import Equation
+from observer_rt.model.effective import EffectiveModel
+
+VARIANCE_LIMIT = {Signal.LINE_PRESSURE: 1.25, Signal.INJECTION_RATE: 1.6}
+COLOUR_LIMIT = {Signal.LINE_PRESSURE: 2.0, Signal.INJECTION_RATE: 4.0}
+SIGNIFICANT = 5.0  # standard deviations
+
+
+@dataclass(frozen=True)
+class HealthyBaseline:
+    """What the model leaves of the healthy injector: what counts is the difference from that.
+
+    variance, colour: left in each phase; trusted: nothing is named on the healthy recordings; remainder: the shape of
+    what is left and what effects it appears to be, None where nothing is known of it.
+    """
+
+    variance: Mapping[tuple[Signal, Phase], float]
+    colour: Mapping[tuple[Signal, Phase], float]
+    trusted: bool = True
+    remainder: HealthyRemainder | None = None
+
+    @property
+    def shape(self) -> HealthyShape | None:
+        """Mean innovation of the healthy injector, which is taken out of the evidence."""
+        return None if self.remainder is None else self.remainder.shape
+
+    @property
+    def appears(self) -> Mapping[str, Appearance]:
+        """What effects the healthy injector appears to have, by id."""
+        return {} if self.remainder is None else self.remainder.appears
+
+
+NO_BASELINE = HealthyBaseline({}, {})
+
+
+def cells_of(evidence: Evidence, judged: Sequence[JudgedModel], model: EffectiveModel) -> tuple[Cell, ...]:
+    """Every signal in every phase of every recording."""
+    result = []
+    for number, (trial, one) in enumerate(zip(evidence.trials, judged, strict=True)):
+        measurement = trial.measurement
+        scale = {
+            Signal.LINE_PRESSURE: float(np.exp(one.log_sigma)) * model.coefficients.pressure_scale,
+            Signal.INJECTION_RATE: measurement.rate_noise,
+        }
+        for signal, z in normalised(one).items():
+            phases = phases_by_signal(trial)[signal]
+            statistics = phase_statistics(z, 1.0, phases, 0)
+            for phase in Phase:
+                if not (phases == phase).any():
+                    continue
+                result.append(
+                    Cell(
+                        signal,
+                        phase,
+                        number,
+                        measurement.rail_pressure,
+                        measurement.duration,
+                        int(statistics.samples[phase]),
+                        statistics.variance(phase),
+                        statistics.colour(phase),
+                        statistics.excess(phase),
+                        float(np.sqrt(statistics.variance(phase))) * scale[signal],
+                    )
+                )
+    return tuple(result)
+
+
+def baseline_of(pool: Pool, remainder: HealthyRemainder, trusted: bool = True) -> HealthyBaseline:
+    """The baseline that healthy recordings set; never below what noise alone leaves. pool: of the measured rate."""
+    keys = [(Signal.INJECTION_RATE, phase) for phase in Phase if Signal.INJECTION_RATE in pool]
+    line = _of_line(remainder.variance, remainder.colour)
+    return HealthyBaseline(
+        line[0] | {(s, p): max(1.0, pool[s].variance(p)) for s, p in keys},
+        line[1] | {(s, p): max(1.0, pool[s].colour(p)) for s, p in keys},
+        trusted,
+        remainder,
+    )
+
+
+def baseline_of_fit(baseline: Baseline, comparable: bool) -> HealthyBaseline:
+    """What a fitted injector file remembers; nothing is named by a model whose fit was not adequate.
+
+    comparable: whether the recordings have the sample rate of the fit's, so that innovations mean the same.
+    """
+    healthy = baseline.healthy if comparable else None
+    if healthy is None:
+        return HealthyBaseline(*_of_line(baseline.variance, baseline.colour), trusted=False)
+    return HealthyBaseline(*_of_line(healthy.variance, healthy.colour), baseline.adequate, healthy)
+
+
+_Figures = dict[tuple[Signal, Phase], float]
+
+
+def _of_line(variance: PhaseFigures, colour: PhaseFigures) -> tuple[_Figures, _Figures]:
+    keys = [(Signal.LINE_PRESSURE, phase) for phase in Phase]
+    return (
+        {key: max(1.0, variance.at(key[1].name)) for key in keys},
+        {key: max(1.0, colour.at(key[1].name)) for key in keys},
+    )
+
+
+@dataclass(frozen=True)
+class Worst:
+    """The signal and phase a model explains worst: how many times its limit (above 1: not adequate)."""
+
+    signal: Signal
+    phase: Phase
+    ratio: float
+
+
+def worst(pool: Pool, baseline: HealthyBaseline = NO_BASELINE) -> Worst:
+    """Where the model is least adequate; what lies within SIGNIFICANT of noise counts as explained."""
+    ranked = []
+    for signal, statistics in pool.items():
+        for phase in Phase:
+            key = (signal, phase)
+            variance = statistics.variance(phase) / baseline.variance.get(key, 1.0)
+            colour = statistics.colour(phase) / baseline.colour.get(key, 1.0)
+            ratio = max(variance / VARIANCE_LIMIT[signal], colour / COLOUR_LIMIT[signal])
+            if statistics.excess(phase) < SIGNIFICANT:
+                ratio = min(ratio, 1.0)
+            ranked.append(Worst(signal, phase, ratio))
+    return max(ranked, key=lambda item: item.ratio)
+
+
+BLOCK = 8  # samples whose mean is looked at
+MATTERS = 0.1  # of the largest standardised slope, below which a dependence is not named
+
+
+@dataclass(frozen=True, eq=False)
+class _Blocks:
+    """Scaled means of blocks of residuals (b,), and what they may depend on (b, names)."""
+
+    means: NDArray[np.float64]
+    regressors: NDArray[np.float64]
+
+
+NAMES = ("rail pressure", "needle lift", "injection rate", "duration")
+
+
+def unexplained(
+    evidence: Evidence,
+    judged: Sequence[JudgedModel],
+    nominal: EffectiveModel,
+    place: Worst,
+    fitted: Sequence[Candidate],
+) -> Unexplained:
+    """What is left in the phase and signal a model explains worst.
+
+    The equation is that of the effect which explains most when nothing explains all.
+    """
+    blocks = _blocks(evidence, judged, nominal, place)
+    depends_on = _dependence(blocks)
+    equation = _equation(fitted)
+    sign = "more" if float(np.mean(blocks.means)) > 0.0 else "less"
+    what = "line pressure" if place.signal is Signal.LINE_PRESSURE else "injection rate"
+    term = f"measured {what} is {sign} than modelled"
+    if depends_on:
+        term += f"; the difference changes with {' and '.join(depends_on)}"
+    return Unexplained(equation, place.phase, place.signal, depends_on, term)
+
+
+def _equation(fitted: Sequence[Candidate]) -> Equation:
+    """Of the leading effect among all singles."""
+    singles = [one for one in fitted if len(one.hypothesis.effects) == 1]
+    best = min(singles, key=lambda one: one.statistic)
+    return best.hypothesis.effects[0].equation
+
+
+def _blocks(
+    evidence: Evidence, judged: Sequence[JudgedModel], nominal: EffectiveModel, place: Worst
+) -> _Blocks:
+    means, regressors = [], []
+    for trial, one in zip(evidence.trials, judged, strict=True):
+        at_line = place.signal is Signal.LINE_PRESSURE
+        z = one.z if at_line else one.rate_z[:-1]
+        phases = trial.phases if at_line else trial.rate_phases
+        lift, rate = trial.lift_and_rate(nominal, at_line)
+        chosen = np.flatnonzero(phases == place.phase)
+        for block in np.split(chosen, np.flatnonzero(np.diff(chosen) > 1) + 1):
+            for first in range(0, block.size - BLOCK + 1, BLOCK):
+                rows = block[first : first + BLOCK]
+                means.append(float(z[rows].sum()) / np.sqrt(BLOCK))
+                measurement = trial.measurement
+                regressors.append(
+                    (measurement.rail_pressure, lift[rows].mean(), rate[rows].mean(), measurement.duration)
+                )
+    return _Blocks(np.array(means), np.array(regressors).reshape(-1, len(NAMES)))
+
+
+def _dependence(blocks: _Blocks) -> tuple[str, ...]:
+    """Names of what the means of blocks depend on, most important first: significant standardised slopes."""
+    spread = blocks.regressors.std(axis=0) if len(blocks.means) else np.zeros(len(NAMES))
+    varying = np.flatnonzero(spread > 1e-9 * np.abs(blocks.regressors).max(axis=0, initial=0.0))
+    if len(blocks.means) <= varying.size + 1 or varying.size == 0:
+        return ()
+    centred = blocks.regressors[:, varying] - blocks.regressors[:, varying].mean(axis=0)
+    design = np.column_stack((np.ones(len(blocks.means)), centred / spread[varying]))
+    slopes, *_ = np.linalg.lstsq(design, blocks.means, rcond=None)
+    left = blocks.means - design @ slopes
+    variance = max(1.0, float(left @ left) / (len(left) - design.shape[1]))
+    sigma = np.sqrt(np.diag(np.linalg.pinv(design.T @ design)) * variance)
+    size, sigma = np.abs(slopes[1:]), sigma[1:]
+    important = [
+        i for i in np.argsort(-size) if size[i] > SIGNIFICANT * sigma[i] and size[i] > MATTERS * size.max()
+    ]
+    return tuple(NAMES[varying[i]] for i in important)

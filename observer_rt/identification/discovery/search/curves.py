@@ -1,0 +1,204 @@
+"""Laws made to measure: a free curve over one variable, and the simple form that comes nearest to it.
+
+A curve is a sum of hats, each a term of its own: what they do to the innovations, linearised, says what any law over
+that variable would gain.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.identification.discovery.search.term_search import (
+    Each,
+    Scores,
+    TermFit,
+    TermProblem,
+    scores_of,
+)
+from observer_rt.identification.discovery.search.waves import turned
+from observer_rt.identification.likelihood.bounded_fit import Residuals
+from observer_rt.model.effect import Effect
+from observer_rt.model.term_effect import LETTERS, FormNumber, term_effect
+from observer_rt.model.terms.parser import parse
+from observer_rt.model.terms.term import TermEquation
+
+Floats = NDArray[np.float64]
+
+MOST_LAWS = 4  # made at once
+MOST_OF_CURVE = 2  # over one variable
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A variable u of curves, of order 1.
+
+    over: u in the language of laws; knots: where its hats are; words, unit, scale: of what is shown, which is offset
+    + scale u; of: a moment at which it has its values, by variable what it is at 0, and how it goes with u.
+    """
+
+    over: str
+    knots: tuple[float, ...]
+    words: str
+    unit: str
+    scale: float
+    of: Mapping[str, tuple[float, float]]
+    offset: float = 0.0
+
+    @cached_property
+    def forms(self) -> tuple["Form", ...]:
+        """Simple laws of it."""
+        start, span = self.knots[0], self.knots[-1] - self.knots[0]
+        places = tuple(FormNumber(start + 0.1 * tenth * span, start, self.knots[-1]) for tenth in range(11))
+        widths = tuple(FormNumber(w * span, 0.2 * w * span, 4.0 * w * span) for w in (0.02, 0.08, 0.2, 0.35))
+        return (
+            Form("max(u - A, 0)", (places[1:-1],)),
+            Form("max(A - u, 0)", (places[1:-1],)),
+            Form("(1 + tanh((u - A)/W))/2", (places[1:-1], widths[:3])),
+            Form("tanh((u - A)/W)", (places[:-1], widths[1:3])),
+            *(
+                [] if self is PRESSURE else [Form("exp(-((u - A)/W)^2)", (places, widths[1:]))]
+            ),  # few are tried
+            *(Form(law) for law in ("1", "u", "u*abs(u)", "u^3")),
+            *([RINGING] if self is SINCE else []),
+        )
+
+    def hats(self, equation: TermEquation, factor: str = "") -> list[Effect]:
+        """Terms that are 1 at a knot, 0 at the next ones; the first and last stay 1 beyond."""
+        made = []
+        for place in range(len(self.knots)):
+            shown = range(max(0, place - 1), min(place + 2, len(self.knots)))
+            pairs = ", ".join(f"{self.knots[number]:g}, {float(number == place):g}" for number in shown)
+            made.append(term_effect(equation, f"{factor}table({self.over}, {pairs})"))
+        return made
+
+
+FLOW = Axis(
+    "line_flow/60", (-0.3, -0.1, 0.0, 0.1, 0.25, 0.5, 0.75, 1.0),
+    "flow through the line", "mm³/ms", 60.0, {"line_flow": (0.0, 60.0)},
+)  # fmt: skip
+PRESSURE = Axis(
+    "(line_pressure - 100)/50", (-1.0, -0.7, -0.4, -0.15, 0.0, 0.15, 0.4, 0.7),
+    "line pressure", "MPa", 50.0, {"line_pressure": (100.0, 50.0), "chamber_pressure": (0.0, 0.0)}, 100.0,
+)  # fmt: skip
+LIFT = Axis(
+    "needle_lift/max_lift", (0.0, 0.1, 0.25, 0.4, 0.55, 0.7, 0.85, 1.0),
+    "needle lift over the largest", "-", 1.0, {"needle_lift": (0.0, 1.0), "max_lift": (1.0, 0.0)},
+)  # fmt: skip
+SINCE = Axis(
+    "time_since_opening/1", (*(0.07 * number for number in range(19)), 1.5, 2.0),
+    "time since the opening", "ms", 1.0, {"time_since_opening": (0.0, 1.0)},
+)  # fmt: skip
+OVER_NOZZLE = Axis(
+    "(sac_pressure - chamber_pressure)/100", (0.0, 0.1, 0.25, 0.4, 0.6, 0.8, 1.0, 1.3),
+    "pressure drop over the nozzle", "MPa", 100.0, {"sac_pressure": (0.0, 100.0), "chamber_pressure": (0.0, 0.0)},
+)  # fmt: skip
+OVER_SEAT = Axis(
+    "(line_pressure - sac_pressure)/10", (0.0, 0.3, 0.7, 1.2, 2.0, 3.5, 6.0, 10.0),
+    "pressure drop over the seat", "MPa", 10.0, {"line_pressure": (0.0, 10.0), "sac_pressure": (0.0, 0.0)},
+)  # fmt: skip
+SPEED = Axis(
+    "lift_rate", (-0.5, -0.35, -0.2, -0.1, 0.1, 0.2, 0.35, 0.5),
+    "speed of the needle", "mm/ms", 1.0, {"lift_rate": (0.0, 1.0)},
+)  # fmt: skip
+RATE = Axis(
+    "line_pressure_rate/50", (-1.5, -0.8, -0.3, -0.1, 0.1, 0.3, 0.8, 1.5),
+    "change of the line pressure", "MPa/ms", 50.0, {"line_pressure_rate": (0.0, 50.0)},
+)  # fmt: skip
+AXES = (FLOW, PRESSURE, LIFT, SINCE, OVER_NOZZLE, OVER_SEAT, SPEED, RATE)
+CURVES: Mapping[TermEquation, tuple[tuple[Axis, str], ...]] = {
+    TermEquation.LINE_FLOW: ((FLOW, ""), (PRESSURE, "line_flow/60*")),
+    TermEquation.INERTANCE: ((FLOW, ""), (PRESSURE, "")),
+    TermEquation.STIFFNESS: ((PRESSURE, ""), (FLOW, ""), (LIFT, "")),
+    TermEquation.LINE_PRESSURE: ((PRESSURE, ""), (LIFT, ""), (SPEED, "")),
+    TermEquation.SEAT_FLOW: (
+        (LIFT, ""),
+        (LIFT, "closing*"),
+        (LIFT, "opening*"),
+        (SINCE, ""),
+        (OVER_SEAT, ""),
+    ),
+    TermEquation.NOZZLE_FLOW: ((SINCE, ""), (LIFT, ""), (OVER_NOZZLE, ""), (PRESSURE, "")),
+    TermEquation.CHAMBER_PRESSURE: ((SINCE, ""), (LIFT, ""), (OVER_NOZZLE, "")),
+    TermEquation.NEEDLE_LIFT: ((LIFT, "open*"), (SPEED, "open*")),
+    TermEquation.LINE_PRESSURE_SENSOR: ((PRESSURE, ""), (RATE, ""), (FLOW, "")),
+}
+"""Curves of an equation: over what, and a factor before it."""
+
+
+@dataclass(frozen=True)
+class Form:
+    """A law of a variable u; numbers: by `LETTERS`, what each is tried with, and between what it may be."""
+
+    law: str
+    numbers: tuple[tuple[FormNumber, ...], ...] = ()
+
+    def values(self, numbers: Sequence[FormNumber], knots: Floats) -> Floats:
+        """At knots (k,)."""
+        text = self.law.replace("u", "time")
+        for letter, number in zip(LETTERS, numbers, strict=False):
+            text = text.replace(letter, f"({number.value!r})")
+        return np.broadcast_to(parse(text).at({"time": knots}), knots.shape)
+
+
+RINGING = Form(
+    "exp(-u/A)*sin(6.283185307*W*u + F)",
+    (
+        (FormNumber(0.3, 0.1, 2.0), FormNumber(1.0, 0.1, 4.0)),  # ms
+        tuple(FormNumber(0.5 + 0.2 * step, 0.3 + 0.2 * step, 0.7 + 0.2 * step) for step in range(16)),  # kHz
+        tuple(FormNumber(0.25 * eighth * math.pi, -4.0, 8.0) for eighth in range(4)),
+    ),
+)
+"""What rings after every opening."""
+
+
+def made_to_measure(
+    equations: Sequence[TermEquation],
+    swings: Sequence[tuple[Effect, Effect]],
+    about_here: Callable[[Sequence[Effect]], TermProblem],
+    here: Residuals,
+    each: Each,
+) -> list[Effect]:
+    """Terms of these equations that would gain most, and of waves, of which sine and cosine are given.
+
+    about_here: terms as a problem of their own, beside nothing but the model at hand; here: its residuals. Each hat
+    and each wave is linearised once.
+    """
+    curves = [(equation, *one) for equation in equations for one in CURVES.get(equation, ())]
+    groups = [axis.hats(equation, factor) for equation, axis, factor in curves]
+    groups += [list(pair) for pair in swings]
+    nothing = TermFit((), np.zeros(0), np.zeros(0), here)
+    scores = scores_of(about_here([effect for group in groups for effect in group]), nothing, each)
+    ends = np.cumsum([len(group) for group in groups])
+    parts = [
+        scores.part(range(int(end) - len(group), int(end))) for end, group in zip(ends, groups, strict=True)
+    ]
+    promising = [found for curve, part in zip(curves, parts, strict=False) for found in _laws(part, *curve)]
+    for pair, part in zip(swings, parts[len(curves) :], strict=True):
+        sizes = np.linalg.lstsq(part.information, part.gradient, rcond=1e-9)[0]
+        if sizes.size == 2:
+            promising.append((float(sizes @ part.gradient), turned(pair[0], sizes.tolist())))
+    promising.sort(key=lambda item: -item[0])
+    return [effect for _, effect in promising[:MOST_LAWS]]
+
+
+def _laws(part: Scores, equation: TermEquation, axis: Axis, factor: str) -> list[tuple[float, Effect]]:
+    """The best forms of a curve, and what each would gain; part: scores of its hats."""
+    knots = np.array(axis.knots)[part.numbers]
+    found: list[tuple[float, Effect]] = []
+    for form in axis.forms:
+        tried = list(product(*form.numbers))
+        values = np.array([form.values(numbers, knots) for numbers in tried])
+        weights = np.einsum("ij,jk,ik->i", values, part.information, values)
+        slopes = values @ part.gradient
+        sizes = np.divide(slopes, weights, out=np.zeros_like(slopes), where=weights > 0.0)
+        sizes = np.clip(sizes, -equation.bounds[1], equation.bounds[1])
+        gains = 2.0 * sizes * slopes - sizes**2 * weights
+        best = int(np.argmax(gains))
+        law = form.law.replace("u", f"({axis.over})")
+        found.append((float(gains[best]), term_effect(equation, factor + law, tried[best])))
+    return sorted(found, key=lambda item: -item[0])[:MOST_OF_CURVE]

@@ -1,0 +1,142 @@
+"""Proposes terms where no effect of the vocabulary explains recordings, or a term does it clearly better."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import chain
+
+import numpy as np
+
+from observer_rt.config.effects import term_domain
+from observer_rt.foundation.errors import UserError
+from observer_rt.identification.discovery.search.adequacy import HealthyBaseline, worst
+from observer_rt.identification.discovery.search.candidates import Fitter
+from observer_rt.identification.discovery.search.law_evidence import law_curve
+from observer_rt.identification.discovery.search.result import (
+    Candidate,
+    Consequence,
+    LawCurve,
+    Proposal,
+    Refusal,
+)
+from observer_rt.identification.discovery.search.search import HeldOutPoints, SearchOutcome
+from observer_rt.identification.discovery.search.term_library import InjectorTerms, RecordingSpan, library
+from observer_rt.identification.discovery.search.term_search import (
+    PRICE,
+    TermFit,
+    TermSearch,
+    no_terms,
+    scores_of,
+)
+from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
+from observer_rt.identification.likelihood.likelihood import Evidence, pool_of
+from observer_rt.model.effect import Effect
+from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.term_effect import is_term
+from observer_rt.model.terms.bounds import refuse_unbounded
+
+CLEARLY = 50.0  # of -2 log L, by which a term must beat the vocabulary to be offered in its place
+SEVERAL = 2  # effects together, of which one law may take the place
+MOST_PROPOSED = 4
+INTERVAL_MARGIN = 1.08  # as of effects
+
+Moves = Callable[[EffectiveModel, EffectiveModel], Consequence]
+
+
+def propose(
+    fitter: Fitter, outcome: SearchOutcome, baseline: HealthyBaseline, held_out: HeldOutPoints, moves: Moves
+) -> tuple[Proposal, ...]:
+    """The best first, then what explains as much by another equation; none where the vocabulary does.
+
+    Without an effect that explains the recordings, all that terms explain is proposed; else only what does it
+    clearly better.
+    """
+    named = len(outcome.winner.hypothesis.effects) if outcome.adequate else SEVERAL
+    if named == 0 or (named < SEVERAL and not _leaves_a_term(fitter, outcome, baseline)):
+        return ()
+    problem = InjectorTerms(fitter.evidence, fitter.nominal, _candidates(fitter.evidence, outcome), baseline)
+    result = TermSearch(problem, fitter.each).run()
+    if not result.best.chosen or (outcome.adequate and not _beats(problem, result.best, outcome)):
+        return ()
+    judged = fitter.evidence.judge(fitter.nominal)
+    assert judged is not None  # the search began with it
+    phase = worst(pool_of(fitter.evidence, judged), baseline).phase
+    before = held_out.gap(outcome.nominal)
+
+    def proposal(fit: TermFit) -> Proposal:
+        half = NORMAL_975 * INTERVAL_MARGIN * fit.sigmas
+        hypothesis = problem.hypothesis(fit.chosen)
+        found = Candidate(hypothesis, tuple(fit.theta.tolist()), fit.statistic, tuple(half.tolist()))
+        model = found.model(fitter.nominal)
+        return Proposal(
+            found,
+            result.nothing.statistic - fit.statistic,
+            phase,
+            problem.is_adequate(fit.chosen, fit.theta),
+            _unsound(model, fitter.nominal),
+            (before, held_out.gap(found)),
+            moves(fitter.nominal, model),
+        )
+
+    first, *others = (proposal(fit) for fit in (result.best, *result.rivals)[:MOST_PROPOSED])
+    return (replace(first, curves=_curves(fitter, first, result.best, baseline)), *others)
+
+
+def _curves(
+    fitter: Fitter, first: Proposal, best: TermFit, baseline: HealthyBaseline
+) -> tuple[LawCurve, ...]:
+    """The laws of a proposal over their variables."""
+    span, model = _span(fitter.evidence), first.model(fitter.nominal)
+
+    def about_here(effects: Sequence[Effect]) -> InjectorTerms:
+        return InjectorTerms(fitter.evidence, model, effects, baseline)
+
+    reach = (span.time, span.injections)
+    drawn = (law_curve(term, about_here, best.residuals, fitter.each, reach) for term in first.terms)
+    return tuple(one for one in drawn if one is not None)
+
+
+def _leaves_a_term(fitter: Fitter, outcome: SearchOutcome, baseline: HealthyBaseline) -> bool:
+    """Whether a term alone would gain much beside what the vocabulary found."""
+    model = outcome.winner.model(fitter.nominal)
+    terms = list(library(_span(fitter.evidence)))
+    problem = InjectorTerms(fitter.evidence, model, terms, baseline)
+    nothing = no_terms(problem)
+    gains = scores_of(problem, nothing, fitter.each).validated
+    return bool(np.max(gains, initial=0.0) > CLEARLY * nothing.spread)
+
+
+def _beats(problem: InjectorTerms, best: TermFit, outcome: SearchOutcome) -> bool:
+    """Whether terms explain all, and clearly more than the effects named, each counted by its price.
+
+    One term in place of several effects need not do it clearly.
+    """
+    if not any(is_term(effect) for effect in problem.hypothesis(best.chosen).effects):
+        return False
+    named = outcome.winner.statistic + PRICE * len(outcome.winner.sizes)
+    margin = CLEARLY if len(best.chosen) >= len(outcome.winner.hypothesis.effects) else 0.0
+    better = best.statistic + PRICE * len(best.chosen) < named - margin
+    return better and problem.is_adequate(best.chosen, best.theta)
+
+
+def _candidates(evidence: Evidence, outcome: SearchOutcome) -> list[Effect]:
+    """The library, and the effects of the vocabulary that have one size."""
+    singles = (one.hypothesis.effects[0] for one in outcome.fitted if len(one.hypothesis.effects) == 1)
+    return [*library(_span(evidence)), *(effect for effect in singles if len(effect.parameters) == 1)]
+
+
+def _span(evidence: Evidence) -> RecordingSpan:
+    """How far time and injection number reach in the recordings."""
+    events = list(chain.from_iterable(trial.measurement.events for trial in evidence.trials))
+    last = max(event.clock.injections + len(event.openings) for event in events)
+    return RecordingSpan(max(event.clock.time for event in events), last)
+
+
+def _unsound(model: EffectiveModel, nominal: EffectiveModel) -> Refusal | None:
+    """Why an injector file may not have the terms that a model has beyond the nominal one; None where it may."""
+    domain = term_domain(nominal.injector)
+    try:
+        for term in model.terms[len(nominal.terms) :]:
+            refuse_unbounded(term, domain)
+    except UserError as error:
+        return Refusal(f"{error.place} {error.problem}", error.remedy)
+    return None

@@ -1,0 +1,404 @@
+"""What discovery found, as values: hypotheses, fitted effects, rivals, what is left unexplained. SI throughout."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from itertools import islice, product
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.engine.estimation.gain import NoiseLevels
+from observer_rt.engine.estimation.phases import Phase
+from observer_rt.identification.likelihood.bounded_fit import MAX_ITERATIONS, Minimum, Range, Residuals, fit
+from observer_rt.identification.likelihood.likelihood import Evidence, Signal
+from observer_rt.model.effect import Effect, EffectParameter, Equation
+from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.term_effect import TermLaw, is_term, term_of
+from observer_rt.model.terms.term import Term
+
+DEAD_SHARE = 0.75  # of the dead zone: estimates of an effect just beyond it scatter
+_STEP = 0.01  # of the dead zone, for finite differences
+_SHAPE_STEP = 1e-4  # of the range, for parameters without dead zone
+MOST_ENTERING = 2  # terms and effects that a model may be given: more say nothing of what is missing
+MOST_STARTS = 2  # from which a search begins
+_EXPLAINED = 1.1  # variance of the residuals below which no second start is tried
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """Effects in force beyond the nominal model; parameters theta (p,) in SI, effect after effect."""
+
+    effects: tuple[Effect, ...] = ()
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Ids of the effects."""
+        return tuple(effect.id for effect in self.effects)
+
+    @property
+    def parameters(self) -> tuple[EffectParameter, ...]:
+        """Parameters of all effects, as in theta."""
+        return tuple(parameter for effect in self.effects for parameter in effect.parameters)
+
+    def with_effect(self, effect: Effect) -> "Hypothesis":
+        """One effect more, at the end."""
+        return Hypothesis((*self.effects, effect))
+
+    def split(self, theta: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+        """theta by effects."""
+        ends = np.cumsum([len(effect.parameters) for effect in self.effects])
+        return tuple(np.split(theta, ends[:-1])) if self.effects else ()
+
+    def model(self, nominal: EffectiveModel, theta: NDArray[np.float64]) -> EffectiveModel:
+        """The nominal model with these effects at these sizes."""
+        for effect, values in zip(self.effects, self.split(theta), strict=True):
+            nominal = effect.apply(nominal, tuple(float(value) for value in values))
+        return nominal
+
+    def ranges(self) -> tuple[Range, ...]:
+        """Bounds and steps of theta."""
+        return tuple(
+            Range(p.lowest, p.highest, _STEP * p.dead_zone or _SHAPE_STEP * (p.highest - p.lowest))
+            for p in self.parameters
+        )
+
+    def starts(self) -> list[NDArray[np.float64]]:
+        """Where a search begins: all combinations of the starts of the last effect, the others off."""
+        if not self.effects:
+            return [np.zeros(0)]
+        before = [p.off for effect in self.effects[:-1] for p in effect.parameters]
+        grids = product(*(p.starts for p in self.effects[-1].parameters))
+        return [np.array([*before, *values]) for values in grids]
+
+    def is_plausible(self, theta: NDArray[np.float64]) -> bool:
+        """Whether every effect has a size that matters and that no bound holds back: the sizes, not the shapes."""
+        return self.is_within_bounds(theta) and all(
+            abs(value - p.off) > DEAD_SHARE * p.dead_zone for p, value in self._sizes(theta)
+        )
+
+    def is_within_bounds(self, theta: NDArray[np.float64]) -> bool:
+        """Whether no bound but `off` holds a size back."""
+        return all(value == p.off or p.lowest < value < p.highest for p, value in self._sizes(theta))
+
+    def _sizes(self, theta: NDArray[np.float64]) -> list[tuple[EffectParameter, float]]:
+        pairs = zip(self.parameters, theta, strict=True)
+        return [(p, float(value)) for p, value in pairs if p.dead_zone > 0.0]
+
+
+class Sizing:
+    """The problem of finding the sizes of a hypothesis' effects."""
+
+    def __init__(self, evidence: Evidence, nominal: EffectiveModel, hypothesis: Hypothesis) -> None:
+        self._evidence = evidence
+        self._nominal = nominal
+        self.hypothesis = hypothesis
+
+    def residuals(self, theta: NDArray[np.float64]) -> Residuals | None:
+        """Residuals on all recordings with effects of these sizes."""
+        return self._evidence.residuals(self.hypothesis.model(self._nominal, theta))
+
+
+def minimum_from(
+    sizing: Sizing,
+    starts: Sequence[NDArray[np.float64]],
+    max_iterations: int = MAX_ITERATIONS,
+    second_if_stuck: bool = False,
+) -> Minimum | None:
+    """Best fit from the most promising start, or two; None when the model has no solution at any of them.
+
+    second_if_stuck: a second start is tried only where the first fit got stuck.
+    """
+    tried = []
+    for start in starts:
+        residuals = sizing.residuals(start)
+        if residuals is not None:
+            tried.append((residuals.statistic, start))
+    tried.sort(key=lambda item: item[0])
+    ranges = sizing.hypothesis.ranges()
+    best: Minimum | None = None
+    for _, start in tried[:MOST_STARTS]:
+        found = fit(sizing, start, ranges, max_iterations)
+        if found is not None and (best is None or found.statistic < best.statistic):
+            best = found
+        if best is None or (second_if_stuck and best.stuck):
+            continue
+        if second_if_stuck or np.mean(best.at.residuals.z**2) < _EXPLAINED:
+            break
+    return best
+
+
+class Verdict(StrEnum):
+    """The answer in one word."""
+
+    NAMED = "named"
+    NONE = "none"
+    AMBIGUOUS = "ambiguous"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True)
+class FittedParameter:
+    """One parameter of an effect with its 95 % interval, SI."""
+
+    name: str
+    value: float
+    ci95: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Consequence:
+    """By how much a model moves: root mean square of the line pressure from opening to the end of the ringing [Pa],
+    and mean of the injected mass [kg], over all events."""
+
+    line_pressure: float
+    mass: float
+
+
+@dataclass(frozen=True)
+class FittedEffect:
+    """An effect found.
+
+    gain: what -2 log L rises without it, the others refitted; moves: what it does when it comes last.
+    """
+
+    id: str
+    parameters: tuple[FittedParameter, ...]
+    gain: float
+    indistinguishable_from: tuple[str, ...]
+    moves: Consequence
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A combination of effects fitted to all recordings; the nominal model is the one without effects.
+
+    sizes: (p,), SI, effect after effect; statistic: -2 log L, constants left out. Of those in a ranking also half:
+    half widths of the 95 % intervals (p,); held_out: -2 log L fitted on every second operating point and judged on
+    the others, nan where that was not done; moves: what it does to the model as given.
+    """
+
+    hypothesis: Hypothesis
+    sizes: tuple[float, ...]
+    statistic: float
+    half: tuple[float, ...] = ()
+    held_out: float = math.nan
+    moves: Consequence = Consequence(0.0, 0.0)
+
+    @property
+    def theta(self) -> NDArray[np.float64]:
+        """The sizes as a vector (p,)."""
+        return np.array(self.sizes)
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Ids of the effects."""
+        return self.hypothesis.ids
+
+    @property
+    def plausible(self) -> bool:
+        """Whether every effect has a size that matters and that no bound holds back."""
+        return self.hypothesis.is_plausible(self.theta)
+
+    @property
+    def within_bounds(self) -> bool:
+        """Whether no bound holds a size back."""
+        return self.hypothesis.is_within_bounds(self.theta)
+
+    @property
+    def parameters(self) -> tuple[tuple[FittedParameter, ...], ...]:
+        """The parameters of every effect, their intervals cut at the bounds of physics."""
+        every = zip(self.hypothesis.parameters, self.sizes, self.half, strict=True)
+        fitted = (
+            FittedParameter(p.name, value, (max(p.lowest, value - half), min(p.highest, value + half)))
+            for p, value, half in every
+        )
+        return tuple(tuple(islice(fitted, len(effect.parameters))) for effect in self.hypothesis.effects)
+
+    def model(self, nominal: EffectiveModel) -> EffectiveModel:
+        """The nominal model with these effects."""
+        return self.hypothesis.model(nominal, self.theta)
+
+    def model_without(self, number: int, nominal: EffectiveModel) -> EffectiveModel:
+        """The nominal model with all but one of these effects, the others at their sizes."""
+        parts = zip(self.hypothesis.effects, self.hypothesis.split(self.theta), strict=True)
+        for effect, sizes in (part for i, part in enumerate(parts) if i != number):
+            nominal = Hypothesis((effect,)).model(nominal, sizes)
+        return nominal
+
+
+@dataclass(frozen=True)
+class Decisive:
+    """A measurement that would tell effects apart."""
+
+    measurement: str
+    separates: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Innovations of one signal in one phase at one operating point (recording).
+
+    variance, colour: mean square of the normalised innovations and of their scaled block means, 1 when adequate;
+    excess: how improbable the larger is for white noise, in standard deviations; rms: of the innovations (SI).
+    """
+
+    signal: Signal
+    phase: Phase
+    recording: int
+    rail_pressure: float  # Pa
+    duration: float  # s, needle open
+    samples: int
+    variance: float
+    colour: float
+    excess: float
+    rms: float
+
+
+@dataclass(frozen=True)
+class Unexplained:
+    """Where the best model still fails and what its excess depends on."""
+
+    equation: Equation
+    phase: Phase
+    signal: Signal
+    depends_on: tuple[str, ...]
+    term: str
+
+
+@dataclass(frozen=True)
+class SmallestVisible:
+    """The size [SI] from which on an effect would have been seen in these recordings, by its first parameter."""
+
+    id: str
+    parameter: str
+    size: float
+
+
+@dataclass(frozen=True, eq=False)
+class LawCurve:
+    """A term over its variable, in printed units, beside what the recordings say of it.
+
+    x: (n,); law: lines (n,) of it and of its interval's ends; at, points, half: (k,) of a free curve about it,
+    with half widths of 95 % intervals.
+    """
+
+    term: Term
+    words: str
+    unit: str
+    x: NDArray[np.float64]
+    law: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+    at: NDArray[np.float64]
+    points: NDArray[np.float64]
+    half: NDArray[np.float64]
+
+
+class Refusal(NamedTuple):
+    """Why no model may have a proposal, and what to do about it, in words."""
+
+    reason: str
+    remedy: str
+
+
+_MORE_POINTS = "record more rail pressures and durations"
+INCOMPLETE = Refusal("it leaves something unexplained", _MORE_POINTS)
+TOO_MANY = Refusal(
+    "so many laws together would fit anything", f"{_MORE_POINTS}, or the injection rate as well"
+)
+TOO_FREE = Refusal("laws with numbers of their own in several equations would fit anything", TOO_MANY.remedy)
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """What would explain the recordings: terms, perhaps beside effects of the vocabulary.
+
+    found: the terms as effects with one size, and their intervals; gain: of -2 log L over the model as given; phase:
+    in which the model as given fails most; adequate: nothing but noise is left; unsound: why a law does not hold over
+    the whole domain, None where all do; held_out: rms of the line pressure's gap on events it was not fitted to,
+    before and after [Pa], nan where nothing was held out; moves: what it does to line pressure and mass; curves: of
+    the first proposal, its laws over their variables where they have one.
+    """
+
+    found: Candidate
+    gain: float
+    phase: Phase
+    adequate: bool
+    unsound: Refusal | None
+    held_out: tuple[float, float]
+    moves: Consequence
+    curves: tuple[LawCurve, ...] = ()
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """Its terms, with 95 % intervals of their coefficients."""
+        sizes = zip(self.found.hypothesis.effects, self.found.sizes, self.found.half, strict=True)
+        return tuple(
+            replace(term, interval=(size - half, size + half))
+            for effect, size, half in sizes
+            if (term := term_of(effect, size)) is not None
+        )
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Ids of the effects of the vocabulary beside them."""
+        return tuple(effect.id for effect in self.found.hypothesis.effects if not is_term(effect))
+
+    @property
+    def refusal(self) -> Refusal | None:
+        """Why no model may be given it; None of one that explains all, with few terms, sound everywhere.
+
+        What blames several equations must do it without numbers within its laws: with them it would fit anything.
+        """
+        effects = self.found.hypothesis.effects
+        laws = [effect.apply for effect in effects if isinstance(effect.apply, TermLaw)]
+        if not self.adequate:
+            return INCOMPLETE
+        if len(effects) > MOST_ENTERING:
+            return TOO_MANY
+        if len({effect.place for effect in effects}) > 1 and any(law.numbers for law in laws):
+            return TOO_FREE
+        return self.unsound
+
+    @property
+    def may_enter(self) -> bool:
+        """Whether a model may be given it."""
+        return self.refusal is None
+
+    def model(self, nominal: EffectiveModel) -> EffectiveModel:
+        """The model with it."""
+        return self.found.model(nominal)
+
+
+@dataclass(frozen=True)
+class Discovery:
+    """The answer to: which effect is missing?
+
+    named: the winner, or the leading explanation when ambiguous; without effects for `none` and `unknown`; best: the
+    same, but for `unknown` what explains most, which is not enough; effects: those of the named; rivals: combinations
+    that explain the recordings as well; ranking: leaders, best first, with the nominal model; samples: independent
+    innovations all this rests on; gain: of the winner over the nominal model, threshold: what it had to exceed;
+    before, after: cells of the nominal model and of the best; confidence: that the verdict is right;
+    smallest_visible: of every effect that has a size; proposals: of `unknown`, terms that explain it, the best first.
+    """
+
+    verdict: Verdict
+    named: Candidate
+    best: Candidate
+    effects: tuple[FittedEffect, ...]
+    rivals: tuple[tuple[str, ...], ...]
+    ranking: tuple[Candidate, ...]
+    samples: float
+    gain: float
+    threshold: float
+    confidence: float
+    confidence_method: str
+    unexplained: Unexplained | None
+    decide_by: tuple[Decisive, ...]
+    before: tuple[Cell, ...]
+    after: tuple[Cell, ...]
+    noise: NoiseLevels
+    rate_noise: float | None  # m3/s, None without a measured rate
+    smallest_visible: tuple[SmallestVisible, ...] = ()
+    proposals: tuple[Proposal, ...] = ()

@@ -1,0 +1,430 @@
+"""Searches for terms that a model misses: scores of all candidates from one linearisation each, refits of the best.
+
+It knows no injector: a system, its candidates and its data come in as a `TermProblem`.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.core.learning.whitening import HUBER
+from observer_rt.identification.likelihood.bounded_fit import Minimum, Range, Residuals, fit
+
+SAME = 0.998  # cosine of two signatures of one equation, from which on the weaker one is not fitted
+REFITTED, REFITTED_PAIRS = 5, 3  # of the best by score
+PAIR_GAIN, PAIR_SHARE = 30.0, 0.05  # that a pair of one equation must gain over the best single to be fitted
+TIE = 16.0  # of -2 log L, within which fits explain as much
+PRICE = 10.0  # of -2 log L for a term more, which of two near-ties leads
+LEAST_GAIN, LEAST_SHARE = 25.0, 0.05  # of what is left unexplained, that a further term must gain
+KEPT_SHARE = 0.02  # of the same, that a term already taken must be worth
+MOST_TERMS = 3
+SHORTLIST = 40  # candidates of further terms that are linearised again
+STARTS = 2  # first terms from which others are sought, where the best ends inadequate
+SHARPENED = 2  # best fits, in which the numbers within laws are fitted, too
+ITERATIONS = 6  # of a refit
+
+
+class CandidateTerm(Protocol):
+    """A term that may be missing; its coefficient is the only free number."""
+
+    @property
+    def equation(self) -> str:
+        """The equation it corrects."""
+
+    @property
+    def range(self) -> Range:
+        """Bounds of its coefficient, and a small one."""
+
+
+class TermProblem(Protocol):
+    """A system with candidates, and its data."""
+
+    @property
+    def candidates(self) -> Sequence[CandidateTerm]:
+        """Terms that may be missing."""
+
+    @property
+    def remainder(self) -> float:
+        """Share of what terms explain that may be the model's own error; 0 of an exact one."""
+
+    def residuals(self, chosen: Sequence[int], theta: NDArray[np.float64]) -> Residuals | None:
+        """Residuals with these candidates in force, their coefficients theta; None without a solution."""
+
+    def is_adequate(self, chosen: Sequence[int], theta: NDArray[np.float64]) -> bool:
+        """Whether nothing but noise is left."""
+
+    def tailored(self, about: "TermFit", equations: Sequence[str], each: "Each") -> Sequence[int]:
+        """Candidates made for what a fit leaves, which may be new; equations: the most promising first."""
+
+    def sharpened(self, chosen: Sequence[int], theta: NDArray[np.float64]) -> tuple[int, ...] | None:
+        """The same terms with the numbers within their laws fitted; None where they have none. They may be new."""
+
+
+Each = Callable[[Callable[[int], object], Sequence[int]], Iterable[object]]
+"""Applies work to items, on several threads if it likes, in the order of the items."""
+
+
+@dataclass(frozen=True, eq=False)
+class TermFit:
+    """Terms fitted together: numbers of the candidates, their coefficients with standard deviations, what is left."""
+
+    chosen: tuple[int, ...]
+    theta: NDArray[np.float64]
+    sigmas: NDArray[np.float64]
+    residuals: Residuals
+
+    @property
+    def statistic(self) -> float:
+        """-2 log L."""
+        return self.residuals.statistic
+
+    @property
+    def spread(self) -> float:
+        """Mean square of the normalised residuals as `statistic` counts it, 1 at least."""
+        return max(1.0, self.residuals.squares / self.residuals.z.size)
+
+
+def no_terms(problem: TermProblem) -> TermFit:
+    """The model as it is. Raises ArithmeticError where it has no solution."""
+    here = problem.residuals((), np.zeros(0))
+    if here is None:
+        raise ArithmeticError("the model has no finite solution on these recordings")
+    return TermFit((), np.zeros(0), np.zeros(0), here)
+
+
+@dataclass(frozen=True, eq=False)
+class TermSearchResult:
+    """How a search ended.
+
+    best: the terms found, none where nothing is worth one; nothing: the model as it is; adequate: whether the best
+    leaves nothing but noise; rivals: of other equations, the best fit of as many terms that explains as much.
+    """
+
+    nothing: TermFit
+    best: TermFit
+    adequate: bool
+    rivals: tuple[TermFit, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Scores:
+    """Signatures of candidates in the residuals about a model, and what each alone would gain.
+
+    numbers: (m,) of the candidates; information: (m, m); gradient: (m,) half of that of -2 log L, downwards; gains:
+    (m,) of -2 log L, sizes limited by bounds; validated: (m,) the same with every part of the data left out in turn;
+    slopes: (n, m) the signatures.
+    """
+
+    numbers: NDArray[np.int64]
+    information: NDArray[np.float64]
+    gradient: NDArray[np.float64]
+    gains: NDArray[np.float64]
+    validated: NDArray[np.float64]
+    slopes: NDArray[np.float32]
+
+    def cosine(self, one: int, other: int) -> float:
+        """Of the signatures in two rows."""
+        length = math.sqrt(self.information[one, one] * self.information[other, other])
+        return abs(float(self.information[one, other])) / length
+
+    def part(self, numbers: range) -> "Scores":
+        """Those of some candidates, their numbers counted from the first; what has no signature is not there."""
+        rows = np.flatnonzero((self.numbers >= numbers.start) & (self.numbers < numbers.stop))
+        return Scores(
+            self.numbers[rows] - numbers.start,
+            self.information[np.ix_(rows, rows)],
+            self.gradient[rows],
+            self.gains[rows],
+            self.validated[rows],
+            self.slopes[:, rows],
+        )
+
+    def pair_gain(self, one: int, other: int) -> float:
+        """What two rows together would gain."""
+        rows = [one, other]
+        information, gradient = self.information[np.ix_(rows, rows)], self.gradient[rows]
+        return float(gradient @ np.linalg.lstsq(information, gradient, rcond=1e-9)[0])
+
+
+def scores_of(problem: TermProblem, about: TermFit, each: Each, among: Sequence[int] | None = None) -> Scores:
+    """Scores of candidates, of all without `among`, that are not in force, one small coefficient each about a fit."""
+    here = about.residuals
+    tried = range(len(problem.candidates)) if among is None else among
+    free = [number for number in tried if number not in about.chosen]
+    weights = _weights(here)
+
+    def signature(number: int) -> NDArray[np.float32] | None:
+        bounds = problem.candidates[number].range
+        for step in (bounds.step, -bounds.step):
+            if bounds.lowest <= step <= bounds.highest:
+                there = problem.residuals((*about.chosen, number), np.append(about.theta, step))
+                if there is not None:
+                    return np.asarray(weights * (here.z - there.z) / step, np.float32)
+        return None
+
+    found = [
+        (number, one)
+        for number, one in zip(free, each(signature, free), strict=True)
+        if isinstance(one, np.ndarray) and one.any()
+    ]
+    numbers = np.array([number for number, _ in found], np.int64)
+    slopes = np.column_stack([one for _, one in found]) if found else np.zeros((here.z.size, 0), np.float32)
+    return _scored(problem, numbers, slopes, here)
+
+
+def _weights(here: Residuals) -> NDArray[np.float64]:
+    """Roots of what residuals count (n,)."""
+    return np.sqrt(np.minimum(1.0, HUBER / np.maximum(np.abs(here.z), HUBER)))
+
+
+def _scored(
+    problem: TermProblem, numbers: NDArray[np.int64], slopes: NDArray[np.float32], here: Residuals
+) -> Scores:
+    """Scores of candidates by their signatures in what is left."""
+    left = np.asarray(_weights(here) * here.z, np.float32)
+    ends = np.cumsum(here.counts)
+    parts = [slice(int(end - count), int(end)) for end, count in zip(ends, here.counts, strict=True) if count]
+    information = [np.asarray(slopes[part].T @ slopes[part], np.float64) for part in parts]
+    gradient = np.array([np.asarray(slopes[part].T @ left[part], np.float64) for part in parts])
+    own = np.array([np.diag(one) for one in information])
+    whole, total = np.sum(information, axis=0), gradient.sum(axis=0)
+    ranges = [problem.candidates[number].range for number in numbers]
+    lowest, highest = np.array([r.lowest for r in ranges]), np.array([r.highest for r in ranges])
+    sizes = np.clip(total / np.diag(whole), lowest, highest)
+    without = np.maximum(own.sum(axis=0) - own, 1e-12 * own.sum(axis=0))
+    validated = np.clip((total - gradient) / without, lowest, highest)
+    return Scores(
+        numbers,
+        whole,
+        total,
+        2.0 * sizes * total - sizes**2 * np.diag(whole),
+        np.sum(2.0 * validated * gradient - validated**2 * own, axis=0),
+        slopes,
+    )
+
+
+class TermSearch:
+    """Adds terms one after another, or two of one equation at once, until nothing but noise is left."""
+
+    def __init__(self, problem: TermProblem, each: Each) -> None:
+        self._problem = problem
+        self._each = each
+        self._first: Scores | None = None  # of the model as it is
+
+    def run(self) -> TermSearchResult:
+        """See `TermSearchResult`. Raises ArithmeticError where the model itself has no solution."""
+        nothing = best = no_terms(self._problem)
+        tried: list[TermFit] = []
+        adequate = self._is_adequate(nothing)
+        if not adequate:
+            tried = self._next(nothing)
+            for first in self._firsts(tried, nothing):
+                grown = self._grown(first, nothing, tried)
+                adequate = self._is_adequate(grown)
+                if adequate or _price(grown) < _price(best):
+                    best = grown
+                if adequate:
+                    break
+        rivals: dict[frozenset[str], TermFit] = {}
+        for one in sorted(tried, key=_price):
+            if self._is_rival(one, best):
+                rivals.setdefault(frozenset(self._equations(one)), one)
+        return TermSearchResult(nothing, best, adequate, tuple(rivals.values()))
+
+    def _firsts(self, fits: Sequence[TermFit], nothing: TermFit) -> list[TermFit]:
+        """First terms to go on from: the best, and the best that share no equation with it."""
+        found: list[TermFit] = []
+        left = list(fits)
+        while left and len(found) < STARTS:
+            one = self._without_idle(self._simplest(left, nothing), nothing)
+            if nothing.statistic - one.statistic < _least(nothing, LEAST_SHARE):
+                break
+            found.append(one)
+            left = [other for other in left if not self._equations(other) & self._equations(one)]
+        return found
+
+    def _grown(self, best: TermFit, nothing: TermFit, tried: list[TermFit]) -> TermFit:
+        """A fit with the terms added that it needs; what was fitted goes to `tried`."""
+        while len(best.chosen) < MOST_TERMS and not self._is_adequate(best):
+            fits = self._next(best)
+            if not fits:
+                break
+            tried += fits
+            better = self._without_idle(self._simplest(fits, nothing), nothing)
+            own = self._problem.remainder * (nothing.statistic - better.statistic)
+            if best.statistic - better.statistic < max(_least(best, LEAST_SHARE), own):
+                break
+            best = better
+        return best
+
+    def _next(self, about: TermFit) -> list[TermFit]:
+        """Fits with a term or two more: of those whose signatures explain most of what is left."""
+        scores = self._scores(about)
+        fits = self._sharpened(self._added(about, scores, self._leaders(scores)))
+        if fits and self._is_adequate(min(fits, key=_price)):
+            return fits
+        if MOST_TERMS - len(about.chosen) > 1:
+            fits += self._sharpened(self._added(about, scores, self._pairs(scores)))
+        return fits + self._tailored(about, scores)
+
+    def _scores(self, about: TermFit) -> Scores:
+        """Scores about a fit, further ones of the candidates that promise most by their first signatures."""
+        if self._first is None:
+            self._first = scores_of(self._problem, about, self._each)
+            return self._first
+        first = self._first
+        again = _scored(self._problem, first.numbers, first.slopes, about.residuals)
+        promising = first.numbers[np.argsort(-again.validated)[:SHORTLIST]].tolist()
+        new = range(int(np.max(first.numbers, initial=-1)) + 1, len(self._problem.candidates))
+        return scores_of(self._problem, about, self._each, [*promising, *new])
+
+    def _added(self, about: TermFit, scores: Scores, rows: Sequence[tuple[int, ...]]) -> list[TermFit]:
+        """Fits with the candidates of these rows more."""
+        return self._fits(lambda i: self._with(about, scores, rows[i]), len(rows))
+
+    def _fits(self, fit: Callable[[int], TermFit | None], count: int) -> list[TermFit]:
+        """Those that there are."""
+        return [one for one in self._each(fit, range(count)) if isinstance(one, TermFit)]
+
+    def _sharpened(self, fits: list[TermFit]) -> list[TermFit]:
+        """Fits, and the best of them with the numbers within their laws fitted, too."""
+        leaders = sorted(fits, key=_price)[:SHARPENED]
+
+        def sharpened(i: int) -> TermFit | None:
+            chosen = self._problem.sharpened(leaders[i].chosen, leaders[i].theta)
+            return None if chosen is None else self._fit(chosen, leaders[i].theta)
+
+        return fits + self._fits(sharpened, len(leaders))
+
+    def _tailored(self, about: TermFit, scores: Scores) -> list[TermFit]:
+        """Fits with a term more that is made for what is left."""
+        promising = (self._equation(scores, row) for row in np.argsort(-scores.validated).tolist())
+        made = self._problem.tailored(about, list(dict.fromkeys(promising)), self._each)
+
+        def fitted(i: int) -> TermFit | None:
+            return self._fit((*about.chosen, made[i]), np.append(about.theta, 0.0))
+
+        return self._sharpened(self._fits(fitted, len(made)))
+
+    def _is_adequate(self, one: TermFit) -> bool:
+        return self._problem.is_adequate(one.chosen, one.theta)
+
+    def _leaders(self, scores: Scores) -> list[tuple[int, ...]]:
+        """Rows of the best singles, but for those that another of their equation stands for."""
+        leaders: list[tuple[int, ...]] = []
+        for row in np.argsort(-scores.validated).tolist():
+            if len(leaders) == REFITTED or scores.validated[row] <= 0.0:
+                break
+            if not any(
+                self._equation(scores, row) == self._equation(scores, other)
+                and scores.cosine(row, other) > SAME
+                for (other,) in leaders
+            ):
+                leaders.append((row,))
+        return leaders
+
+    def _pairs(self, scores: Scores) -> list[tuple[int, ...]]:
+        """Rows of the best pairs of one equation, where they are worth more than the best single."""
+        limit = (1.0 + PAIR_SHARE) * float(np.max(scores.gains, initial=0.0)) + PAIR_GAIN
+        promising = np.argsort(-scores.gains).tolist()
+        worth = [
+            (scores.pair_gain(one, other), (one, other))
+            for one, other in combinations(promising, 2)
+            if self._equation(scores, one) == self._equation(scores, other)
+            and scores.cosine(one, other) < SAME
+        ]
+        worth.sort(reverse=True)
+        return [rows for gain, rows in worth[:REFITTED_PAIRS] if gain > limit]
+
+    def _equation(self, scores: Scores, row: int) -> str:
+        return self._problem.candidates[int(scores.numbers[row])].equation
+
+    def _with(self, about: TermFit, scores: Scores, rows: tuple[int, ...]) -> TermFit | None:
+        """The fit with more terms, from what their signatures say of their sizes."""
+        chosen = (*about.chosen, *(int(scores.numbers[row]) for row in rows))
+        information = scores.information[np.ix_(rows, rows)]
+        start = np.linalg.lstsq(information, scores.gradient[list(rows)], rcond=1e-9)[0]
+        return self._fit(chosen, np.append(about.theta, start))
+
+    def _fit(self, chosen: tuple[int, ...], start: NDArray[np.float64]) -> TermFit | None:
+        ranges = [self._problem.candidates[number].range for number in chosen]
+        for share in (1.0, 0.3):  # of what was scored, should the model have no solution there
+            found = fit(_Sized(self._problem, chosen), share * start, ranges, ITERATIONS)
+            if found is not None:
+                return None if self._has_twins(chosen, found) else _fitted(chosen, found)
+        return None
+
+    def _has_twins(self, chosen: tuple[int, ...], found: Minimum) -> bool:
+        """Whether two terms are one, each taking a part of a coefficient beyond the bounds of either."""
+        information = found.at.information
+        return any(
+            self._problem.candidates[chosen[one]].equation == self._problem.candidates[chosen[other]].equation
+            and information[one, other] ** 2 > SAME**2 * information[one, one] * information[other, other]
+            for one, other in combinations(range(len(chosen)), 2)
+        )
+
+    def _simplest(self, fits: Sequence[TermFit], nothing: TermFit) -> TermFit:
+        """The best fit, or one of fewer terms and equations that explains all but the model's own error."""
+        best = min(fits, key=_price)
+        own = self._problem.remainder * (nothing.statistic - best.statistic)
+        limit = _price(best) + max(own, TIE * best.spread)
+        tied = [one for one in fits if _price(one) <= limit]
+        return min(tied, key=lambda one: (len(one.chosen), len(self._equations(one)), _price(one)))
+
+    def _equations(self, one: TermFit) -> set[str]:
+        return {self._problem.candidates[number].equation for number in one.chosen}
+
+    def _without_idle(self, best: TermFit, nothing: TermFit) -> TermFit:
+        """Without the terms that later ones have made needless."""
+        for number in best.chosen:
+            if len(best.chosen) < 2:
+                break
+            place = best.chosen.index(number)
+            rest = tuple(one for one in best.chosen if one != number)
+            smaller = self._fit(rest, np.delete(best.theta, place))
+            if smaller is None:
+                continue
+            own = self._problem.remainder * (nothing.statistic - best.statistic)
+            if smaller.statistic - best.statistic < max(_least(smaller, KEPT_SHARE), own):
+                best = smaller
+        return best
+
+    def _is_rival(self, one: TermFit, best: TermFit) -> bool:
+        """Whether it explains as much with no more terms, by another equation."""
+        return (
+            bool(best.chosen)
+            and len(one.chosen) <= len(best.chosen)
+            and self._equations(one) != self._equations(best)
+            and one.statistic < best.statistic + TIE * best.spread
+        )
+
+
+class _Sized:
+    """A problem with its terms chosen."""
+
+    def __init__(self, problem: TermProblem, chosen: tuple[int, ...]) -> None:
+        self._problem = problem
+        self._chosen = chosen
+
+    def residuals(self, theta: NDArray[np.float64]) -> Residuals | None:
+        return self._problem.residuals(self._chosen, theta)
+
+
+def _fitted(chosen: tuple[int, ...], found: Minimum) -> TermFit:
+    spread = max(1.0, float(np.mean(found.at.residuals.z**2)))
+    return TermFit(chosen, found.at.theta, found.sigmas() * math.sqrt(spread), found.at.residuals)
+
+
+def _least(about: TermFit, share: float) -> float:
+    """What a term must gain: more the more is left, and a share of that, as `statistic` counts it."""
+    left = about.residuals.squares - about.residuals.z.size
+    return max(LEAST_GAIN * about.spread, share * max(0.0, left))
+
+
+def _price(one: TermFit) -> float:
+    return one.statistic + PRICE * len(one.chosen) * one.spread

@@ -1,0 +1,379 @@
+"""Which effect is missing: from recordings to the verdict, and to what a bench could measure to decide."""
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from observer_rt.engine.estimation.gain import NoiseLevels
+from observer_rt.foundation.errors import RunError, UserError
+from observer_rt.identification.discovery.search.adequacy import (
+    NO_BASELINE,
+    HealthyBaseline,
+    baseline_of,
+    cells_of,
+    unexplained,
+    worst,
+)
+from observer_rt.identification.discovery.search.candidates import FitMemory, Fitter
+from observer_rt.identification.discovery.search.proposals import propose
+from observer_rt.identification.discovery.search.result import (
+    Candidate,
+    Cell,
+    Consequence,
+    Decisive,
+    Discovery,
+    FittedEffect,
+    Proposal,
+    SmallestVisible,
+    Unexplained,
+    Verdict,
+)
+from observer_rt.identification.discovery.search.search import (
+    HeldOutPoints,
+    Search,
+    SearchOutcome,
+    indistinguishable,
+    price,
+    representatives,
+)
+from observer_rt.identification.likelihood.appearance import healthy_remainder
+from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
+from observer_rt.identification.likelihood.likelihood import evidence_of, pool_of
+from observer_rt.identification.likelihood.measurement import Measurement
+from observer_rt.identification.likelihood.open_loop import mass, simulated
+from observer_rt.model.effect import WITH_A_MEASURED_RATE, Effect, Place
+from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.effects import VOCABULARY
+
+_PRESSURE_SENSORS = frozenset({Place.RAIL_SENSOR, Place.LINE_SENSOR})
+
+
+_BESIDE_SHUT_NEEDLE = {Place.SEAT, Place.LIFT_SENSOR, Place.CLOSED_END}
+"""Where fuel may leave, or seem to, while the needle is shut."""
+
+
+def decide_by(ids: Iterable[str], rate_measured: bool = False) -> tuple[Decisive, ...]:
+    """For every two of the effects, the measurement that would tell them apart.
+
+    rate_measured: the injection rate is among what could not tell them.
+    """
+    found: dict[str, list[str]] = {}
+    for pair in combinations(dict.fromkeys(ids), 2):
+        one, other = (VOCABULARY[each] for each in pair)
+        together = found.setdefault(_measurement(one, other, rate_measured), [])
+        together.extend(each for each in pair if each not in together)
+    return tuple(Decisive(measurement, tuple(ids)) for measurement, ids in found.items())
+
+
+def decide_between(proposals: Sequence[Proposal], rate_measured: bool = False) -> tuple[Decisive, ...]:
+    """The measurements that would tell the first proposal from the others; see `decide_by`."""
+    found: dict[str, list[str]] = {}
+    for number, other in enumerate(proposals[1:], start=2):
+        ours, theirs = (one.found.hypothesis.effects for one in (proposals[0], other))
+        one = next((effect for effect in ours if effect not in theirs), ours[0])
+        instead = next((effect for effect in theirs if effect not in ours), theirs[0])
+        found.setdefault(_measurement(one, instead, rate_measured), ["proposal 1"]).append(
+            f"proposal {number}"
+        )
+    return tuple(Decisive(measurement, tuple(names)) for measurement, names in found.items())
+
+
+def _measurement(one: Effect, other: Effect, rate_measured: bool) -> str:
+    """What the effects themselves say decides, else what decides by their places."""
+    relation, places = one.relation_to(other), {one.place, other.place}
+    said = relation.decided_by if relation is not None else one.decided_by or other.decided_by
+    if said:
+        return WITH_A_MEASURED_RATE.get(said, said) if rate_measured else said
+    if places <= _BESIDE_SHUT_NEEDLE and len(places) > 1 and not rate_measured:
+        return "the injection rate or mass measured, or a recording with the needle shut for a second"
+    if places & _PRESSURE_SENSORS:
+        return "the pressure sensors against a reference gauge, and recordings at more rail pressures"
+    at_chamber = Place.CHAMBER in places or Place.NOZZLE in places
+    more = "rail pressures and at another chamber pressure" if at_chamber else "rail pressures and durations"
+    with_rate = "" if rate_measured else ", with the injection rate measured"
+    return f"recordings at more {more}{with_rate}"
+
+
+RANKED = 8  # candidates listed
+INTERVAL_MARGIN = (
+    1.08  # for what a steady gain does not know: errors on independent plants are that much larger
+)
+MODEL_SHARE = 0.01
+"""Of a size, standard deviation: a fitted model answers to an effect no more exactly than to an injection. Found on
+seven plants of other equations than the model's, each with a discrepancy of its own."""
+_EXPECTED_MORE = 10  # fits of a usual search after the first of every effect, for the progress shown
+
+Progress = Callable[[float], None]
+"""Called with the share done, 0 to 1."""
+
+METHOD = (
+    "share of exp(-X/(2 T)) among candidates of the same size that might be right, X = -2 log L + 10 a parameter, "
+    "T = 2 for what no model knows of noise and line; at most 0.99"
+)
+TEMPER = 2.0
+HIGHEST = 0.99
+WITH_A_WRONG_MODEL = 0.8  # at most, when discovery names something on healthy recordings
+
+
+@dataclass(frozen=True)
+class SearchOptions:
+    """How to search. workers: threads; memory: of candidates fitted before; baseline: of healthy recordings; chosen:
+    effects that are to lead where they are among those that explain the recordings as well as the best.
+    """
+
+    workers: int = 1
+    memory: FitMemory | None = None
+    progress: Progress | None = None
+    baseline: HealthyBaseline = NO_BASELINE
+    chosen: tuple[str, ...] = ()
+
+
+def name_effects(
+    nominal: EffectiveModel, found: Sequence[Measurement], options: SearchOptions | None = None
+) -> Discovery:
+    """The missing effects, fitted to all recordings.
+
+    Raises `RunError` when the nominal model has no finite solution on them, `UserError` when what is chosen is no
+    answer to them.
+    """
+    options = options or SearchOptions()
+    evidence = evidence_of(found, nominal, options.baseline.shape)
+    effects = representatives()
+    done = 0
+
+    def count(_: Candidate) -> None:
+        nonlocal done
+        done += 1
+        if options.progress is not None:
+            options.progress(min(1.0, done / (len(effects) + _EXPECTED_MORE)))
+
+    if evidence.judge(nominal) is None:
+        raise RunError("the model has no finite solution on these recordings: see `observer-rt check`")
+    fitter = Fitter(evidence, nominal, options.workers, options.memory, count, options.baseline.appears)
+    fitter.measure(effects)
+    search = Search(fitter, effects, options.baseline)
+    outcome = search.run()
+    if options.chosen:
+        outcome = _led_by(outcome, options.chosen)
+    result = _Verdict(fitter, outcome, options.baseline, search.held_out).discovery()
+    if options.progress is not None:
+        options.progress(1.0)
+    return result
+
+
+def _led_by(found: SearchOutcome, chosen: Sequence[str]) -> SearchOutcome:
+    """The outcome led by what the user chose. Raises `UserError` when the recordings do not leave it open."""
+    try:
+        if not found.adequate:
+            raise ValueError
+        return found.led_by(chosen)
+    except ValueError:
+        open_ids = [one.ids for one in (found.winner, *found.rivals)] if found.adequate else []
+        left = ", ".join(" + ".join(ids) for ids in open_ids if ids) or "nothing"
+        raise UserError(
+            f"--choose {'+'.join(chosen)}",
+            f"is no answer to these recordings, which leave open: {left}",
+            "choose one of these, or leave --choose out",
+        ) from None
+
+
+def healthy_baseline(
+    nominal: EffectiveModel,
+    found: Sequence[Measurement],
+    workers: int = 1,
+    known: HealthyBaseline = NO_BASELINE,
+) -> tuple[HealthyBaseline, Discovery]:
+    """What healthy recordings leave unexplained, and what discovery says of them: `none` for an adequate model.
+
+    known: what the model's own fit remembers of the healthy injector.
+    """
+    evidence = evidence_of(found, nominal, known.shape)
+    judged = evidence.judge(nominal)
+    if judged is None:
+        raise RunError("the model has no finite solution on the healthy recordings: see `observer-rt check`")
+    discovery = name_effects(nominal, found, SearchOptions(workers, baseline=known))
+    remainder = healthy_remainder(evidence, nominal, representatives(), known.remainder)
+    return baseline_of(pool_of(evidence, judged), remainder, discovery.verdict is Verdict.NONE), discovery
+
+
+class _Verdict:
+    """The result of a search in the words of a `Discovery`."""
+
+    def __init__(
+        self, fitter: Fitter, found: SearchOutcome, baseline: HealthyBaseline, held_out: HeldOutPoints
+    ) -> None:
+        self._fitter = fitter
+        self._held_out = held_out
+        self._nominal = fitter.nominal
+        self._evidence = fitter.evidence
+        self._found = found
+        self._baseline = baseline
+        self._rivals = tuple(rival.ids for rival in found.rivals) if found.adequate else ()
+        self._best = found.winner if found.adequate else min(found.fitted, key=lambda one: one.statistic)
+        self._proposals = propose(fitter, found, baseline, held_out, self._moves)
+
+    def discovery(self) -> Discovery:
+        """Everything together."""
+        found, verdict = self._found, self._verdict()
+        confidence = HIGHEST if found.adequate and self._proposals else confidence_of(found)
+        if not self._baseline.trusted:
+            confidence = min(confidence, WITH_A_WRONG_MODEL)
+        named = verdict in (Verdict.NAMED, Verdict.AMBIGUOUS)
+        open_ids = [one for ids in (found.winner.ids, *self._rivals) for one in ids]
+        noise = [trial.measurement.noise for trial in self._evidence.trials]
+        return Discovery(
+            verdict=verdict,
+            named=found.winner if named else found.nominal,
+            best=self._best,
+            effects=self._effects() if named else (),
+            rivals=self._rivals if named else (),
+            ranking=self._ranking(),
+            samples=float(self._samples()),
+            gain=found.nominal.statistic - found.winner.statistic,
+            threshold=found.threshold,
+            confidence=confidence,
+            confidence_method=METHOD,
+            unexplained=self._unexplained() if verdict is Verdict.UNKNOWN else None,
+            decide_by=decide_by(open_ids, self._rate_noise() is not None)
+            if verdict is Verdict.AMBIGUOUS
+            else decide_between(self._proposals, self._rate_noise() is not None),
+            before=self._cells(found.nominal),
+            after=self._cells(self._best),
+            noise=NoiseLevels(
+                *(
+                    float(np.sqrt(np.mean([getattr(level, name) ** 2 for level in noise])))
+                    for name in ("rail_pressure", "line_pressure", "needle_lift")
+                )
+            ),
+            rate_noise=self._rate_noise(),
+            smallest_visible=self._smallest_visible(),
+            proposals=self._proposals,
+        )
+
+    def _smallest_visible(self) -> tuple[SmallestVisible, ...]:
+        return tuple(
+            SmallestVisible(one.effect.id, one.effect.parameters[0].name, self._fitter.smallest_visible(one))
+            for one in self._fitter.signatures
+        )
+
+    def _samples(self) -> int:
+        return sum(trial.phases.size + trial.rate_phases.size for trial in self._evidence.trials)
+
+    def _rate_noise(self) -> float | None:
+        """Mean over the recordings with a measured rate [m3/s]."""
+        levels = [trial.measurement.rate_noise for trial in self._evidence.trials if trial.rate_phases.size]
+        return float(np.mean(levels)) if levels else None
+
+    def _verdict(self) -> Verdict:
+        if not self._found.adequate or self._proposals:
+            return Verdict.UNKNOWN
+        if not self._found.winner.hypothesis.effects:
+            return Verdict.NONE
+        return Verdict.AMBIGUOUS if self._rivals or self._found.soft else Verdict.NAMED
+
+    def _effects(self) -> tuple[FittedEffect, ...]:
+        winner = self._found.winner
+        whole, parameters = winner.model(self._nominal), self._with_intervals(winner).parameters
+        result = []
+        for number, effect in enumerate(winner.hypothesis.effects):
+            instead = [
+                one
+                for ids in self._rivals
+                if set(winner.ids) - {effect.id} <= set(ids)
+                for one in ids
+                if one not in winner.ids
+            ]
+            others = tuple(dict.fromkeys((*indistinguishable(effect), *instead)))
+            moves = self._moves(winner.model_without(number, self._nominal), whole)
+            result.append(FittedEffect(effect.id, parameters[number], self._gain(effect.id), others, moves))
+        return tuple(result)
+
+    def _gain(self, effect_id: str) -> float:
+        """What -2 log L rises without one of the winner's effects."""
+        winner = self._found.winner
+        rest = set(winner.ids) - {effect_id}
+        without = next(one for one in self._found.fitted if set(one.ids) == rest)
+        return without.statistic - winner.statistic
+
+    def _with_intervals(self, one: Candidate) -> Candidate:
+        """A candidate with the intervals of its sizes: by the information at the minimum, by how much the effect
+        appears to be now more, now less, on the healthy injector, and by how exact a fitted model is."""
+        variances = (INTERVAL_MARGIN * self._fitter.sigmas(one)) ** 2
+        if self._baseline.appears:
+            variances += (MODEL_SHARE * one.theta) ** 2
+        place = 0
+        for effect in one.hypothesis.effects:
+            if effect.parameters:
+                variances[place] += self._fitter.reference(effect).sigma ** 2
+            place += len(effect.parameters)
+        return replace(one, half=tuple((NORMAL_975 * np.sqrt(variances)).tolist()))
+
+    def _moves(self, before: EffectiveModel, after: EffectiveModel) -> Consequence:
+        return consequence([trial.measurement for trial in self._evidence.trials], before, after)
+
+    def _ranking(self) -> tuple[Candidate, ...]:
+        """Leaders by -2 log L, the winner, its rivals and the nominal model among them."""
+        found = self._found
+        leaders = sorted(found.fitted, key=lambda one: one.statistic)[:RANKED]
+        chosen = dict.fromkeys((*leaders, found.winner, *found.rivals, found.nominal))
+        return tuple(
+            replace(
+                self._with_intervals(one),
+                held_out=self._held_out.statistic(one),
+                moves=self._moves(self._nominal, one.model(self._nominal)),
+            )
+            for one in sorted(chosen, key=lambda one: one.statistic)
+        )
+
+    def _cells(self, one: Candidate) -> tuple[Cell, ...]:
+        model = one.model(self._nominal)
+        judged = self._evidence.judge(model)
+        return () if judged is None else cells_of(self._evidence, judged, model)
+
+    def _unexplained(self) -> Unexplained | None:
+        found = self._found
+        judged = self._evidence.judge(found.winner.model(self._nominal))
+        if judged is None:
+            return None
+        place = worst(pool_of(self._evidence, judged), self._baseline)
+        left = unexplained(self._evidence, judged, self._nominal, place, found.fitted)
+        if not self._proposals:
+            return left
+        best = self._proposals[0]
+        return replace(left, equation=best.found.hypothesis.effects[0].equation, phase=best.phase)
+
+
+def confidence_of(found: SearchOutcome) -> float:
+    """Probability that the winner is right; of the nominal model, that nothing is missing."""
+    if not found.adequate:
+        return HIGHEST * (1.0 - 0.5 / found.ratio)
+    handicap = 0.0 if found.winner.hypothesis.effects else found.threshold  # of those who would be accepted
+    return HIGHEST * _share(found.winner, [*found.contenders, found.nominal], handicap)
+
+
+def _share(winner: Candidate, others: Sequence[Candidate], handicap: float) -> float:
+    weights = [
+        math.exp(min(0.0, -(price(one) + handicap - price(winner)) / (2.0 * TEMPER)))
+        for one in others
+        if one is not winner
+    ]
+    return 1.0 / (1.0 + sum(weights))
+
+
+def consequence(
+    measured: Sequence[Measurement], before: EffectiveModel, after: EffectiveModel
+) -> Consequence:
+    """By how much line pressure and mass move from one model to another."""
+    pressures, masses = [], []
+    for measurement in measured:
+        for old, new in zip(simulated(measurement, before), simulated(measurement, after), strict=True):
+            pressures.append(new.line_pressure - old.line_pressure)
+            masses.append(
+                mass(measurement, new, after.coefficients.density)
+                - mass(measurement, old, before.coefficients.density)
+            )
+    squares = np.concatenate(pressures) ** 2
+    return Consequence(float(np.sqrt(np.mean(squares))), float(np.mean(masses)))

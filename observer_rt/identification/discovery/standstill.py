@@ -1,0 +1,172 @@
+"""Standstill: what the signals say of sensors and line while the needle is shut, before any injection is judged."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.core.stream.stream import dead_band
+from observer_rt.engine.estimation.phases import Phase
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS
+from observer_rt.identification.discovery.search.adequacy import SIGNIFICANT
+from observer_rt.identification.likelihood.likelihood import Evidence
+from observer_rt.identification.likelihood.measurement import Measurement
+from observer_rt.model.effect import Apparent, Effect, Place
+from observer_rt.model.effective import Coefficients, EffectiveModel
+from observer_rt.model.effects import VOCABULARY
+
+SETTLED = 15e-3  # s after a closing, from which the line is at rest but for some ringing
+_FEWEST_BLOCKS = 4
+_TOLERATED = {"rail_line_offset": 0.02 * MEGAPASCAL, "line_pressure_slope": 2 * MEGAPASCAL}  # SI
+
+
+@dataclass(frozen=True)
+class StandstillFigure:
+    """A figure of the standstill, in `unit`.
+
+    recording: its number, None for all together; sigma: standard deviation, nan for a noise level; explained: it
+    stands out in the model as given, and no more with what was found.
+    """
+
+    id: str
+    recording: int | None
+    value: float
+    sigma: float
+    unit: str
+    passed: bool
+    explained: bool = False
+
+
+def standstill_checks(
+    measured: Sequence[Measurement], evidence: Evidence, nominal: EffectiveModel, amended: EffectiveModel
+) -> tuple[StandstillFigure, ...]:
+    """Offset, slope and noise of every recording, and apparent sizes of sensor effects over all recordings.
+
+    Apparent offset and leak come from the settled needle alone. A lag does not show there, a ringing recorded late
+    being a ringing like any other: it is what is left of one beside the amended model, from opening to ringing.
+    """
+    result: list[StandstillFigure] = []
+    for number, measurement in enumerate(measured):
+        result += _of_recording(number, measurement, nominal.coefficients)
+    told = (effect for effect in VOCABULARY.values() if effect.apparent is not None)
+    # of the settled needle, sensors first; then of what is left
+    for effect in sorted(told, key=lambda e: (e.apparent is Apparent.LEFT, e.place is not Place.LINE_SENSOR)):
+        settled = effect.apparent is Apparent.SETTLED
+        figures = _apparent(evidence, nominal if settled else amended, effect, settled)
+        if settled and not all(figure.passed for figure in figures):
+            left = _apparent(evidence, amended, effect, settled)
+            figures = [replace(figure, explained=all(one.passed for one in left)) for figure in figures]
+        result += figures
+    return tuple(result)
+
+
+def _of_recording(number: int, measurement: Measurement, c: Coefficients) -> list[StandstillFigure]:
+    noise = measurement.noise
+    result = []
+    period = 2.0 * math.pi / c.line.mode
+    blocks = _blocks(measurement, period)
+    if blocks is not None:
+        offset, each = float(np.mean(blocks.differences)), float(np.std(blocks.differences, ddof=1))
+        result.append(
+            _check("rail_line_offset", number, offset, each / math.sqrt(blocks.runs.size), MEGAPASCAL, "MPa")
+        )
+        slope, sigma = _slope(blocks)
+        result.append(_check("line_pressure_slope", number, slope, sigma, MEGAPASCAL, "MPa/s"))
+    levels = [
+        ("rail_pressure_noise", noise.rail_pressure / MEGAPASCAL, "MPa"),
+        ("line_pressure_noise", noise.line_pressure / MEGAPASCAL, "MPa"),
+        ("needle_lift_noise", noise.needle_lift / MICROMETRE, "um"),
+    ]
+    if not math.isnan(measurement.rate_noise):
+        levels.append(("injection_rate_noise", measurement.rate_noise / MM3_PER_MS, "mm3/ms"))
+    return result + [
+        StandstillFigure(name, number, value, math.nan, unit, True) for name, value, unit in levels
+    ]
+
+
+@dataclass(frozen=True, eq=False)
+class _PeriodMeans:
+    """Means over whole periods of the line, in which its ringing cancels: (b,), SI; runs: stretch of standstill."""
+
+    times: NDArray[np.float64]
+    differences: NDArray[np.float64]  # line minus rail pressure
+    lines: NDArray[np.float64]
+    runs: NDArray[np.int64]
+
+
+def _blocks(measurement: Measurement, period: float) -> _PeriodMeans | None:
+    recording = measurement.recording
+    size = max(1, round(period * recording.sample_rate))
+    starts, runs = [], []
+    places = np.flatnonzero(_calm(measurement))
+    for number, run in enumerate(np.split(places, np.flatnonzero(np.diff(places) > 1) + 1)):
+        firsts = run[: run.size - run.size % size : size]
+        starts.extend(firsts.tolist())
+        runs.extend([number] * firsts.size)
+    if len(starts) < _FEWEST_BLOCKS:
+        return None
+    rows = np.array(starts)[:, None] + np.arange(size)
+    line, rail = recording.line_pressure[rows].mean(axis=1), recording.rail_pressure[rows].mean(axis=1)
+    return _PeriodMeans(recording.time[rows].mean(axis=1), line - rail, line, np.array(runs))
+
+
+def _calm(measurement: Measurement) -> NDArray[np.bool_]:
+    """Samples (n,) with both pressures, SETTLED and more after the needle was last seen open, or not seen."""
+    recording = measurement.recording
+    opens, _ = dead_band(measurement.noise.needle_lift)
+    every, settled = np.arange(recording.samples), round(SETTLED * recording.sample_rate)
+    last_open = np.maximum.accumulate(np.where(recording.needle_lift <= opens, -settled - 1, every))
+    finite = np.isfinite(recording.rail_pressure + recording.line_pressure)
+    return np.asarray((every - last_open > settled) & finite, np.bool_)
+
+
+def _slope(blocks: _PeriodMeans) -> tuple[float, float]:
+    """Slope of the line pressure within the stretches of standstill, and its standard deviation [Pa/s]."""
+    times, lines = blocks.times.copy(), blocks.lines.copy()
+    runs = np.unique(blocks.runs)
+    for run in runs:
+        inside = blocks.runs == run
+        times[inside] -= times[inside].mean()
+        lines[inside] -= lines[inside].mean()
+    spread = float(times @ times)
+    freedom = times.size - runs.size - 1
+    if not spread > 0.0 or freedom < 1:
+        return 0.0, math.inf
+    slope = float(times @ lines) / spread
+    left = lines - slope * times
+    return slope, math.sqrt(float(left @ left) / freedom / spread)
+
+
+def _check(name: str, number: int, value: float, sigma: float, si: float, unit: str) -> StandstillFigure:
+    passed = abs(value) <= max(_TOLERATED[name], SIGNIFICANT * sigma)
+    return StandstillFigure(name, number, value / si, sigma / si, unit, passed)
+
+
+def _apparent(
+    evidence: Evidence, model: EffectiveModel, effect: Effect, settled: bool
+) -> list[StandstillFigure]:
+    """Size of an effect on top of a model by one Gauss-Newton step on the innovations, as if it were alone.
+
+    settled: only of the settled needle, for right after a closing x~ still carries what happened while it was open.
+    """
+    parameter = effect.parameters[0]
+    step = parameter.dead_zone
+    here, there = evidence.judge(model), evidence.judge(effect.apply(model, (step,)))
+    if here is None or there is None:
+        return []
+    along, length = 0.0, 0.0
+    for trial, before, after in zip(evidence.trials, here, there, strict=True):
+        used = trial.phases == Phase.STANDSTILL if settled else np.ones(trial.phases.size, np.bool_)
+        slope = (after.z[used] - before.z[used]) / step
+        along -= float(slope @ before.z[used])
+        length += float(slope @ slope)
+    value = along / length if length > 0.0 else 0.0
+    sigma = 1.0 / math.sqrt(length) if length > 0.0 else math.inf
+    passed = abs(value) <= max(parameter.dead_zone, SIGNIFICANT * sigma)
+    return [
+        StandstillFigure(
+            f"apparent_{effect.id}", None, value / parameter.si, sigma / parameter.si, parameter.unit, passed
+        )
+    ]

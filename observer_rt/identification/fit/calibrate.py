@@ -1,0 +1,375 @@
+"""The whole fit: structures tried, one chosen and settled, its worth judged, its file written.
+
+Chosen is the simplest of those that explain recordings they were not fitted to as well as the best.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import date
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomlkit
+from numpy.typing import NDArray
+from tomlkit.items import Float, Trivia
+
+from observer_rt.config.injector_file import InjectorFile, inline
+from observer_rt.engine.estimation.phases import Phase
+from observer_rt.foundation.errors import RunError
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
+from observer_rt.identification.fit.odd_recording import OddRecording, odd_recording
+from observer_rt.identification.fit.parts import Part, Weighed, parts_of, share_between_samples, thinned
+from observer_rt.identification.fit.problem import INERTANCE, STRUCTURES, FreeParameter, Structure, interval
+from observer_rt.identification.fit.residuals import Comparison, UnexplainedSignal, compared, worst_parts
+from observer_rt.identification.fit.search import (
+    FINE_EVENTS,
+    ROUGH_EVENTS,
+    ROUGH_ITERATIONS,
+    FailedStructure,
+    Fitted,
+    explains,
+    fitted,
+    searched,
+    settled,
+)
+from observer_rt.identification.likelihood.appearance import healthy_remainder
+from observer_rt.identification.likelihood.likelihood import evidence_of
+from observer_rt.identification.likelihood.measurement import Measurement, rail_pressure_before
+from observer_rt.identification.likelihood.reading import shortened
+from observer_rt.model.baseline import Baseline, HealthyRemainder, NoiseFigures, PhaseFigures
+from observer_rt.model.effects import BUILT_IN, effective_model
+from observer_rt.model.parameters import InjectorParameters, LineOutflow
+
+MARGIN, WORST_MARGIN = (
+    1.15,
+    1.5,
+)  # times the best chi2, of the mean and of a phase, up to which one is as good
+NOISE = 0.03  # of a mean chi2 that is 1 for noise alone; what is below is chance
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The structure chosen, the others, and why, in words.
+
+    as_good: those that explain the recordings as well, the one chosen among them.
+    """
+
+    best: Fitted
+    tried: Sequence[Fitted | FailedStructure]
+    as_good: Sequence[Fitted]
+    reason: str
+
+    @property
+    def mass_spread(self) -> float:
+        """By what share the mass differs, at most, between structures that do as well; 0 with one."""
+        return max(abs(one.mass / self.best.mass - 1.0) for one in self.as_good)
+
+
+def judged_by(one: Fitted) -> UnexplainedSignal:
+    """What a structure leaves of recordings it was not fitted to; of all, where none could be left out."""
+    return one.left if one.held_out is None else one.held_out.unexplained
+
+
+def choose(tried: Sequence[Fitted | FailedStructure]) -> Choice | None:
+    """None where no structure could be fitted. Of equally good and simple ones that which conserves mass."""
+    candidates = [one for one in tried if isinstance(one, Fitted)]
+    if not candidates:
+        return None
+    lowest = min(candidates, key=lambda one: judged_by(one).mean)
+    as_good = [one for one in candidates if _is_as_good(judged_by(one), judged_by(lowest))]
+    best = min(
+        as_good,
+        key=lambda one: (
+            len(one.calibration.free),
+            one.structure.outflow is not LineOutflow.SEAT,
+            judged_by(one).mean,
+        ),
+    )
+    return Choice(best, tried, as_good, _reason(best, lowest, candidates, as_good))
+
+
+def _is_as_good(one: UnexplainedSignal, best: UnexplainedSignal) -> bool:
+    return one.mean <= MARGIN * best.mean + NOISE and all(
+        not np.isfinite(best.chi2[phase]) or one.chi2[phase] <= WORST_MARGIN * max(best.chi2[phase], 1.0)
+        for phase in Phase
+    )
+
+
+def _reason(best: Fitted, lowest: Fitted, candidates: Sequence[Fitted], as_good: Sequence[Fitted]) -> str:
+    unseen = judged_by(best)
+    where = "of recordings left out" if best.held_out is not None else "of the only injection there is"
+    worse = [one for one in candidates if one not in as_good]
+    words = [
+        f"{best.structure.name}: chi2 {where} {unseen.mean:.2f} in the mean of the phases, "
+        f"{unseen.chi2[unseen.worst]:.2f} at worst ({unseen.worst.name.lower()})"
+    ]
+    if lowest is not best:
+        words.append(
+            f"{lowest.structure.name} has the lowest ({judged_by(lowest).mean:.2f}), but not {MARGIN - 1.0:.0%} "
+            "less, and the simpler is taken"
+        )
+    equal = [one for one in as_good if one is not best and one is not lowest]
+    words += [f"{one.structure.name} does as well ({judged_by(one).mean:.2f})" for one in equal]
+    if worse:
+        second = min(worse, key=lambda one: judged_by(one).mean)
+        left = judged_by(second)
+        phase = max(Phase, key=lambda p: np.nan_to_num(left.chi2[p] / max(unseen.chi2[p], 1.0)))
+        words.append(
+            f"the next, {second.structure.name}, leaves {left.chi2[phase]:.3g} in phase {phase.name.lower()}"
+        )
+    return "; ".join(words)
+
+
+GATE = 2.5  # chi2 of a phase, above which a model is not adequate
+TOLERATED = (
+    0.005  # of the swing of the line pressure, which goes with the flow: less moves no mass that matters
+)
+LEAST_MASS_SHARE = (
+    1.2e-3  # of a mass: impedance of the cells at the closed end, corners of the lift and the like
+)
+
+
+class FlowLevel(StrEnum):
+    """What the absolute level of flow rests on."""
+
+    FILE = "file"
+    RATE = "measured_rate"
+    MASS = "measured_mass"
+
+
+@dataclass(frozen=True)
+class FittedNumber:
+    """A parameter with its 95 % interval, in its printed unit. file: what the file had, None: nothing."""
+
+    symbol: str
+    value: float
+    ci95: tuple[float, float]
+    file: float | None
+    unit: str
+
+
+@dataclass(frozen=True, eq=False)
+class Calibrated:
+    """What a fit found.
+
+    file: the injector before; choice: of structures, compared on few events; fitted: the chosen one on many; kept:
+    parameters the recordings do not tell, as in the file; comparison: before and after; odd: the recording that the
+    others contradict, asked where the model is inadequate.
+    """
+
+    file: InjectorParameters
+    found: Sequence[Measurement]
+    choice: Choice
+    fitted: Fitted
+    kept: tuple[FreeParameter, ...]
+    level: FlowLevel
+    comparison: Comparison
+    odd: OddRecording | None = None
+
+    @property
+    def injector(self) -> InjectorParameters:
+        """The injector fitted."""
+        return self.fitted.injector
+
+    @property
+    def offsets(self) -> NDArray[np.float64]:
+        """Of the line-pressure sensor in each part [MPa]."""
+        return self.fitted.minimum.at.theta[len(self.fitted.calibration.free) :]
+
+    @property
+    def sizes(self) -> dict[str, FittedNumber]:
+        """The parameters fitted, by name."""
+        sizes = {}
+        for one, sigma in zip(self.fitted.calibration.free, self.fitted.certainty.sigmas, strict=True):
+            value, before = one.of(self.injector), one.stated(self.file)
+            low, high = interval(value, float(sigma))
+            file = None if before is None else before / one.si
+            ci95 = (low / one.si, high / one.si)
+            sizes[one.name] = FittedNumber(one.symbol, value / one.si, ci95, file, one.unit)
+        return sizes
+
+    @property
+    def left(self) -> UnexplainedSignal:
+        """Of the line pressure."""
+        return self.comparison.after
+
+    @property
+    def above_gate(self) -> tuple[Phase, ...]:
+        """Phases in which more is left than noise."""
+        return tuple(phase for phase in Phase if self.left.chi2[phase] > GATE)
+
+    def _is_tolerated(self, phase: Phase) -> bool:
+        """Whether what is left hardly moves a mass; at standstill nothing flows, and it is no fault of the model."""
+        return phase is not Phase.STANDSTILL and self.comparison.share(phase) <= TOLERATED
+
+    @property
+    def inadequate(self) -> tuple[Phase, ...]:
+        """Phases the model does not explain, the worst first; none where it is adequate."""
+        over = [phase for phase in self.above_gate if not self._is_tolerated(phase)]
+        return tuple(sorted(over, key=lambda phase: -self.left.chi2[phase]))
+
+    @property
+    def mass_share(self) -> float:
+        """Standard deviation of a mass, as a share, that learning will not remove.
+
+        From what a recording left out changes, from structures that explain the recordings as well, from edges of the
+        lift between slow instants, and, where the absolute level is measured, from how well it was determined.
+        """
+        held_out = self.fitted.held_out
+        left_out = 0.0 if held_out is None else float(np.sqrt(np.mean(held_out.mass_shift**2)))
+        determined = zip(self.fitted.calibration.free, self.fitted.certainty.sigmas, strict=True)
+        level = sum(
+            2.0 * float(sigma) for one, sigma in determined if one is INERTANCE
+        )  # an area, of a diameter
+        between = max(map(share_between_samples, self.found))
+        return math.hypot(LEAST_MASS_SHARE, left_out, self.choice.mass_spread, level, between)
+
+
+def calibrate(
+    file: InjectorParameters,
+    found: Sequence[Measurement],
+    weighed: Mapping[int, Weighed],
+    progress: Callable[[float], None],
+    structures: Sequence[Structure] = STRUCTURES,
+) -> Calibrated:
+    """Fit an injector to recordings of it in health. weighed: measured masses, by the number of the recording.
+
+    Raises `RunError` where no structure has a solution.
+    """
+    level = FlowLevel.MASS if weighed else FlowLevel.FILE
+    if any(one.recording.injection_rate is not None for one in found):  # which gives it at every sample
+        level = FlowLevel.RATE
+    parts = parts_of(found, weighed)
+    coarse = tuple(thinned(part, ROUGH_EVENTS) for part in parts)  # structures are compared on
+    steps = len(structures) + 2
+    tried: list[Fitted | FailedStructure] = []
+    for structure in structures:
+        tried.append(_tried(structure, tried, file, level, coarse))
+        progress(len(tried) / steps)
+    choice = choose(tried)
+    if choice is None:
+        reasons = "; ".join(
+            f"{one.structure.name}: {one.reason}" for one in tried if isinstance(one, FailedStructure)
+        )
+        raise RunError(f"no structure can be fitted to these recordings\n  {reasons}")
+    best, kept = settled(choice.best, file, [thinned(part, FINE_EVENTS) for part in parts])
+    progress((len(structures) + 1) / steps)
+    offsets = best.minimum.at.theta[len(best.calibration.free) :]
+    comparison = compared(file, best.injector, offsets, best.calibration.parts)
+    done = Calibrated(file, found, choice, best, kept, level, comparison)
+    return replace(done, odd=odd_recording(best.calibration, best.minimum.at)) if done.inadequate else done
+
+
+def _tried(
+    structure: Structure,
+    earlier: Sequence[Fitted | FailedStructure],
+    file: InjectorParameters,
+    level: FlowLevel,
+    parts: Sequence[Part],
+) -> Fitted | FailedStructure:
+    """A structure fitted roughly, from the numbers of the file, or from those of one it is a refinement of."""
+    free = structure.free if level is FlowLevel.FILE else (*structure.free, INERTANCE)
+    simpler = [one for one in earlier if isinstance(one, Fitted) and structure.refines(one.structure)]
+    if simpler:
+        return fitted(structure, simpler[-1].injector, free, parts, ROUGH_ITERATIONS)
+    return searched(structure, file, free, parts, ROUGH_ITERATIONS, any(map(explains, earlier)))
+
+
+ORIGIN = "observer-rt fit"
+BASELINE = "baseline"
+_DIGITS = 7
+_PAIR = 2
+_OF_LINE = ("model", "cells", "wall_viscosity", "inlet_loss_factor", "impedance_ratio", "impedance_step")
+"""Keys of [line] that a structure changes."""
+
+
+def write_fitted(path: Path, file: InjectorFile, done: Calibrated, baseline: Baseline) -> None:
+    """Write the file given with the fitted numbers. Raises `RunError` when it would not be taken back."""
+    injector = done.injector
+    with file.changed(path) as document:
+        content: Any = document  # its sections are there, for the file was loaded
+        if injector.line_outflow != done.file.line_outflow:
+            content["line_outflow"] = injector.line_outflow.value
+        section, before, after = content["line"], done.file.line, injector.line
+        for key in _OF_LINE:
+            value = getattr(after, key)
+            if value is None:
+                section.pop(key, None)
+            elif value != getattr(before, key) or key in section:
+                section[key] = value
+        for parameter in done.fitted.calibration.free:
+            value = parameter.of(injector)
+            number = Float(value, Trivia(), f"{value:.{_DIGITS}g}")
+            content[parameter.section][parameter.key] = number
+        content.pop(BASELINE, None)
+        content[BASELINE] = _tables(baseline.model_dump(mode="json", exclude_none=True))
+
+
+def _tables(entry: Mapping[str, Any]) -> Any:
+    """A section; what holds numbers or pairs stands in one line of it, what holds more is a section below."""
+    table = tomlkit.table()
+    for key, value in entry.items():
+        is_section = isinstance(value, dict) and any(
+            isinstance(one, dict) or (isinstance(one, list) and len(one) > _PAIR) for one in value.values()
+        )
+        table[key] = _tables(value) if is_section else inline(value) if isinstance(value, dict) else value
+    return table
+
+
+def baseline_of(done: Calibrated, hashes: dict[str, str]) -> Baseline:
+    """What the file is to remember. hashes: SHA-256 of the recordings by name."""
+    found, left = done.found, worst_parts(done.fitted.calibration, done.fitted.judged)
+    noise = {
+        "rail_pressure_MPa": [one.noise.rail_pressure / MEGAPASCAL for one in found],
+        "line_pressure_MPa": [one.noise.line_pressure / MEGAPASCAL for one in found],
+        "needle_lift_um": [one.noise.needle_lift / MICROMETRE for one in found],
+    }
+    pressures = [
+        rail_pressure_before(event, one.recording) / MEGAPASCAL for one in found for event in one.events
+    ]
+    sigmas = done.fitted.certainty.sigmas
+    return Baseline(
+        adequate=not done.inadequate,
+        level=done.level.value,
+        mass_share=rounded(done.mass_share),
+        sample_rate_Hz=rounded(found[0].recording.sample_rate),
+        injections=sum(len(part.measurement.events) for part in done.fitted.calibration.parts),
+        rail_pressure_MPa=_rounded_pair((min(pressures), max(pressures))),
+        variance=_by_phase(left.variance),
+        chi2=_by_phase(left.chi2),
+        colour=_by_phase(left.colour),
+        noise=NoiseFigures(**{name: rounded(sum(of) / len(of)) for name, of in noise.items()}),
+        ci95={
+            one.name: _rounded_pair(interval(one.of(done.injector), float(sigma)))
+            for one, sigma in zip(done.fitted.calibration.free, sigmas, strict=True)
+        },
+        healthy=_remainder(done),
+        recordings=tuple(shortened(hashes)),
+        origin=ORIGIN,
+        date=date.today().isoformat(),
+    )
+
+
+def _by_phase(figures: Mapping[Phase, float]) -> PhaseFigures:
+    return PhaseFigures.of({phase.name: rounded(value) for phase, value in figures.items()})
+
+
+def _remainder(done: Calibrated) -> HealthyRemainder:
+    """What the fitted model leaves of the injections it was fitted to, each part compared with the others."""
+    offset = float(np.mean(done.offsets)) * MEGAPASCAL
+    model = effective_model(done.injector).with_terms("sensor", offset=offset)
+    evidence = evidence_of([part.measurement for part in done.fitted.calibration.parts], model)
+    found = healthy_remainder(evidence, model, tuple(BUILT_IN.values()))
+    return found.model_copy(update={"line_pressure_offset_MPa": rounded(offset / MEGAPASCAL)})
+
+
+def rounded(value: float) -> float:
+    """To the digits a file needs."""
+    return float(f"{value:.{_DIGITS}g}")
+
+
+def _rounded_pair(pair: tuple[float, float]) -> tuple[float, float]:
+    return rounded(pair[0]), rounded(pair[1])

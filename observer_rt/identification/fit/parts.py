@@ -1,0 +1,307 @@
+"""Recordings as a fit sees them: few events, parts left out in turn, measured masses; what will not do is refused."""
+
+import csv
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.files import file_errors
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM
+from observer_rt.identification.likelihood.measurement import (
+    COUNTED_LEAD,
+    POINT_DURATION,
+    Measurement,
+    open_time,
+    rail_pressure_before,
+)
+from observer_rt.identification.likelihood.operating_points import distinct, events_by_point
+
+T = TypeVar("T")
+
+RING_DOWN = 5e-3  # s after the last closing that count: the line forgets within less
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """Measured masses of a recording's injections [kg], each with its standard deviation.
+
+    single: by the first sample of the injection; mean: of all injections, None where they were not weighed together.
+    """
+
+    single: Mapping[int, tuple[float, float]]
+    mean: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """What can be left out to judge a fit by: a recording, or some events of the only one.
+
+    measurement: its events shortened; recording: number of its recording; weights: how
+    many injections of the recording each event stands for (events,); weighed: masses, None where none are measured.
+    """
+
+    measurement: Measurement
+    recording: int
+    weights: NDArray[np.float64]
+    weighed: Weighed | None = None
+
+    def mass_residuals(self, masses: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Modelled masses (events,) [kg] beside the measured ones, in standard deviations (m,)."""
+        if self.weighed is None:
+            return np.zeros(0)
+        single = self.weighed.single
+        residuals = [
+            (mass - single[first][0]) / single[first][1]
+            for event, mass in zip(self.measurement.events, masses, strict=True)
+            if (first := event.openings[0].first) in single
+        ]
+        if self.weighed.mean is not None:
+            mean, sigma = self.weighed.mean
+            residuals.append((float(np.average(masses, weights=self.weights)) - mean) / sigma)
+        return np.array(residuals)
+
+
+def parts_of(found: Sequence[Measurement], weighed: Mapping[int, Weighed]) -> tuple[Part, ...]:
+    """Every recording as a part; of a single one its operating points, or else its events by halves.
+
+    weighed: by the number of the recording.
+    """
+    short = []
+    for one in found:
+        tail = round(RING_DOWN * one.recording.sample_rate)
+        events = tuple(replace(e, end=min(e.end, e.openings[-1].last + tail)) for e in one.events)
+        short.append(replace(one, events=events))
+    if len(short) > 1 or len(short[0].events) == 1:
+        groups = [(number, list(one.events)) for number, one in enumerate(short)]
+    else:
+        points = events_by_point(short[0])
+        if len(points) == 1:
+            half = (len(points[0]) + 1) // 2
+            points = [points[0][:half], points[0][half:]]
+        groups = [(0, events) for events in points]
+    return tuple(
+        Part(replace(short[n], events=tuple(events)), n, np.ones(len(events)), weighed.get(n))
+        for n, events in groups
+    )
+
+
+def thinned(part: Part, most: int) -> Part:
+    """At most so many events of each operating point, spread evenly."""
+    kept = [
+        (event, len(point) / min(most, len(point)))
+        for point in events_by_point(part.measurement)
+        for event in spread(point, most)
+    ]
+    kept.sort(key=lambda item: item[0].start)
+    events = tuple(event for event, _ in kept)
+    return replace(
+        part,
+        measurement=replace(part.measurement, events=events),
+        weights=np.array([share for _, share in kept]),
+    )
+
+
+def spread(items: Sequence[T], most: int) -> list[T]:
+    """At most so many items, spread evenly."""
+    return [items[n] for n in np.linspace(0, len(items) - 1, min(most, len(items))).round().astype(int)]
+
+
+def standstill_offset(part: Part) -> float:
+    """Mean of line minus rail pressure before the injections [Pa]."""
+    recording = part.measurement.recording
+    difference = recording.line_pressure - recording.rail_pressure
+    before = math.ceil(COUNTED_LEAD * recording.sample_rate)
+    firsts = [event.openings[0].first for event in part.measurement.events]
+    return float(np.mean([np.mean(difference[first - before : first]) for first in firsts]))
+
+
+_RUN = 5  # equal samples at the edge of a range that are no chance
+_FINE = 0.2  # share of equal neighbours, below which a signal is so noisy that a run of them is none
+_FEW = 6  # injections, below which intervals are wide
+BETWEEN_SAMPLES = 0.005  # of a mass, by instants SLOW apart: of the richer plant, every fifth sample
+FAST, SLOW = 10e-6, 50e-6  # s between samples: edges of the lift lost nothing, and that
+WORTH_A_WORD = 0.001  # of a mass
+
+
+def refuse_clipped(found: Sequence[Measurement]) -> None:
+    """Raise `UserError` for a signal that stays at the edge of its range."""
+    for one in found:
+        recording = one.recording
+        signals = (
+            ("rail_pressure", recording.rail_pressure, MEGAPASCAL, "MPa", True),
+            ("line_pressure", recording.line_pressure, MEGAPASCAL, "MPa", True),
+            ("needle_lift", recording.needle_lift, MICROMETRE, "um", False),  # clipped at 0 it serves
+        )
+        for name, values, unit, symbol, both in signals:
+            clipped = _clipped(values, both)
+            if clipped is not None:
+                level, count = clipped
+                raise UserError(
+                    f"{recording.path or 'recording'}, {name}",
+                    f"is clipped: {count} samples in a row are exactly {level / unit:.6g} {symbol}, the edge of "
+                    "its range",
+                    "record with a wider range",
+                )
+
+
+def _clipped(values: NDArray[np.float64], both: bool) -> tuple[float, int] | None:
+    """The edge at which a noisy signal stays, and its longest run there; None where it does not."""
+    present = values[np.isfinite(values)]
+    if present.size < 2 or float(np.mean(np.diff(present) == 0.0)) > _FINE:
+        return None  # so coarse, or so smooth, that equal samples say nothing
+    for edge in (np.max, np.min)[: 2 if both else 1]:
+        level = float(edge(present))
+        steps = np.flatnonzero(np.diff(np.concatenate(([False], present == level, [False]))))
+        longest = int(np.max(steps[1::2] - steps[::2]))
+        if longest >= _RUN:
+            return level, longest
+    return None
+
+
+def share_between_samples(one: Measurement) -> float:
+    """Standard deviation of a mass, as a share: instants far apart miss where the needle leaves and meets its seat.
+
+    A mean over the sample period does not, for it holds what flowed in between.
+    """
+    return 0.0 if one.means else BETWEEN_SAMPLES * max(0.0, (one.interval - FAST) / (SLOW - FAST))
+
+
+def warnings(found: Sequence[Measurement]) -> list[str]:
+    """What makes the result less sure, in sentences."""
+    result = []
+    events = [(one, event) for one in found for event in one.events]
+    pressures = distinct(rail_pressure_before(event, one.recording) for one, event in events)
+    durations = np.array([open_time(event, one.recording) for one, event in events])
+    one_duration = float(np.ptp(durations)) < POINT_DURATION
+    if pressures == 1 and one_duration:
+        result.append(
+            "one operating point only: what is fitted holds there and nowhere else for sure; add recordings at other "
+            "rail pressures and energizing times, such as 60, 100 and 140 MPa by 0.6 and 1.9 ms"
+        )
+    elif pressures == 1:
+        result.append("one rail pressure only: add recordings at others, such as 60 and 140 MPa")
+    elif one_duration:
+        result.append("one energizing time only: add recordings with others, such as 0.6 and 1.9 ms")
+    if len(events) < _FEW:
+        result.append(f"{len(events)} injections only: intervals are wide; record {_FEW} or more")
+    between = max(map(share_between_samples, found))
+    if between > WORTH_A_WORD:
+        result.append(
+            f"samples are instants at {found[0].recording.sample_rate:g} Hz: between them the edges of the lift are "
+            f"lost, and masses are {between:.1%} (1 sigma) less sure, even if the verdict is adequate. Fit at "
+            "the full rate of the bench (100 kHz); if samples are means over the sample period, state it: "
+            'meaning = "mean" in [sampling] of the bench file (--bench)'
+        )
+    return result
+
+
+RECORDING, INJECTION, MASS, SIGMA = "recording", "injection", "mass_mg", "sigma_mg"
+SHARE_SIGMA = 0.005  # of a mass whose uncertainty is not stated: a good injection analyser
+LARGEST_MASS = 2000.0  # mg
+_EXAMPLE = f"{RECORDING},{MASS} with lines such as healthy_60.csv,31.4"
+
+
+def read_masses(path: Path, found: Sequence[Measurement]) -> dict[int, Weighed]:
+    """Measured masses by the number of the recording.
+
+    CSV: `recording` (file name), `mass_mg`, and, where there are such columns, `injection` (number in the recording
+    from 1, pilot and main as one; empty: the mean of all) and `sigma_mg` (standard deviation, else 0.5 %).
+    Raises `UserError` naming the line.
+    """
+    with file_errors(path), path.open(encoding="utf-8-sig", newline="") as file:
+        try:
+            rows = list(csv.reader(file))
+        except (csv.Error, UnicodeDecodeError) as error:
+            raise UserError(str(path), f"is no CSV: {error}", f"write {_EXAMPLE}") from None
+    if not rows:
+        raise UserError(str(path), "is empty", f"write {_EXAMPLE}")
+    header = [name.strip() for name in rows[0]]
+    _check_header(f"{path}, line 1", header)
+    single: dict[int, dict[int, tuple[float, float]]] = {}
+    means: dict[int, tuple[float, float]] = {}
+    for line, cells in enumerate(rows[1:], start=2):
+        if not any(cell.strip() for cell in cells):
+            continue
+        place = f"{path}, line {line}"
+        if len(cells) != len(header):
+            raise UserError(
+                place, f"has {len(cells)} cells, the header {len(header)}", "give every column a value"
+            )
+        row = {name: cell.strip() for name, cell in zip(header, cells, strict=True)}
+        number = _recording(place, row[RECORDING], found)
+        mass = _mass(place, row)
+        first = _first_sample(place, row.get(INJECTION, ""), found[number])
+        known = means if first is None else single.setdefault(number, {})
+        key = number if first is None else first
+        if key in known:
+            raise UserError(
+                place, f"another line has the mass of {row[RECORDING]}, too", "give every mass once"
+            )
+        known[key] = mass
+    numbers = sorted(single.keys() | means.keys())
+    if not numbers:
+        raise UserError(str(path), "holds no mass", f"write {_EXAMPLE}")
+    return {number: Weighed(single.get(number, {}), means.get(number)) for number in numbers}
+
+
+def _check_header(place: str, header: Sequence[str]) -> None:
+    known = (RECORDING, INJECTION, MASS, SIGMA)
+    for name in (RECORDING, MASS):
+        if name not in header:
+            raise UserError(place, f"has no column {name}", f"known columns: {', '.join(known)}")
+    for name in header:
+        if name not in known or header.count(name) > 1:
+            problem = "is given twice" if name in known else "is unknown"
+            raise UserError(place, f"column '{name}' {problem}", f"known columns: {', '.join(known)}")
+
+
+def _recording(place: str, name: str, found: Sequence[Measurement]) -> int:
+    paths = [one.recording.path for one in found]
+    numbers = [n for n, path in enumerate(paths) if path is not None and name in (path.name, str(path))]
+    if len(numbers) != 1:
+        given = ", ".join(sorted({path.name for path in paths if path is not None}))
+        problem = "is none of the recordings" if not numbers else "is the name of several recordings"
+        raise UserError(place, f"'{name}' {problem}", f"name one as on the command line: {given}")
+    return numbers[0]
+
+
+def _mass(place: str, row: Mapping[str, str]) -> tuple[float, float]:
+    """Mass and standard deviation [kg]."""
+    mass = _number(f"{place}, {MASS}", row[MASS], LARGEST_MASS)
+    stated = row.get(SIGMA, "")
+    sigma = _number(f"{place}, {SIGMA}", stated, mass) if stated else SHARE_SIGMA * mass
+    return mass * MILLIGRAM, sigma * MILLIGRAM
+
+
+def _number(place: str, text: str, highest: float) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0.0 < value <= highest:
+        raise UserError(place, f"'{text}' is out of range", f"give mg above 0 and up to {highest:g}")
+    return value
+
+
+def _first_sample(place: str, text: str, one: Measurement) -> int | None:
+    """First sample of the injection of this number; None for the mean of all."""
+    if not text:
+        return None
+    time = one.recording.time
+    left_out = np.searchsorted(time, [injection.time for injection in one.found.left_out])
+    firsts = sorted([event.openings[0].first for event in one.events] + left_out.tolist())
+    try:
+        number = int(text)
+    except ValueError:
+        number = 0
+    if not 1 <= number <= len(firsts):
+        raise UserError(
+            f"{place}, {INJECTION}", f"'{text}' is none of them", f"give 1 to {len(firsts)}, or nothing"
+        )
+    return int(firsts[number - 1])

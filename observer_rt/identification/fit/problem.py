@@ -1,0 +1,328 @@
+"""What a fit may change, structures and parameters; residuals as a function of these; which are determined."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.core.model.model import STEP
+from observer_rt.foundation.units import CUBIC_MILLIMETRE, MEGAPASCAL, MILLIMETRE
+from observer_rt.identification.fit.parts import Part, standstill_offset
+from observer_rt.identification.likelihood.bounded_fit import NORMAL_975, Quadratic, Range, Residuals
+from observer_rt.identification.likelihood.likelihood import JudgedModel, Trial
+from observer_rt.model.effective import EffectiveModel, coefficients
+from observer_rt.model.effects import effective_model
+from observer_rt.model.line.wave import DAMPING, FEWEST_CELLS, RESOLVED, STABLE, cells_for
+from observer_rt.model.parameters import InjectorParameters, LineOutflow
+
+CALM = 0.93  # of what a step may be, so that a fit can still move
+
+
+@dataclass(frozen=True)
+class FreeParameter:
+    """A parameter of the injector file that a fit sizes on a logarithmic scale.
+
+    symbol: as in the equations; section, key: where it stands in the file; unit, si: of printed values; lowest,
+    highest: bounds [SI]; start: where the file has none, or 0 [SI]; spread: standard deviation of its logarithm
+    before anything was measured.
+    """
+
+    symbol: str
+    section: str
+    key: str
+    unit: str
+    si: float
+    lowest: float
+    highest: float
+    start: float
+    spread: float
+
+    @property
+    def name(self) -> str:
+        """Such as `line.loss_factor`."""
+        return f"{self.section}.{self.key}"
+
+    def stated(self, injector: InjectorParameters) -> float | None:
+        """What an injector's file says [SI]; None where it says nothing."""
+        value: float | None = getattr(getattr(injector, self.section), self.key)
+        return value
+
+    def of(self, injector: InjectorParameters) -> float:
+        """Its value [SI], within the bounds."""
+        return float(np.clip(self.stated(injector) or self.start, self.lowest, self.highest))
+
+
+STIFFNESS = FreeParameter("K_L", "fluid", "bulk_modulus_line", "GPa", 1e9, 0.2e9, 8e9, 1.6e9, 0.5)
+LOSS = FreeParameter("xi", "line", "loss_factor", "-", 1.0, 0.01, 500.0, 8.0, 1.0)
+SEAT = FreeParameter("alpha_S", "seat", "flow_coefficient", "-", 1.0, 0.05, 5.0, 0.75, 0.5)
+NOZZLE = FreeParameter("alpha_H", "nozzle", "flow_coefficient", "-", 1.0, 0.05, 5.0, 0.78, 0.5)
+SAC = FreeParameter("V_S", "nozzle", "sac_volume", "mm3", CUBIC_MILLIMETRE, 1e-11, 1e-6, 1e-9, 1.0)
+WAVE_DAMPING = FreeParameter("nu", "line", "damping", "m2/s", 1.0, 0.01, 20.0, DAMPING, 2.0)
+END = FreeParameter("V_E", "line", "end_volume", "mm3", CUBIC_MILLIMETRE, 1e-10, 1e-6, 1e-8, 2.0)
+WALL = FreeParameter("nu_w", "line", "wall_viscosity", "mm2/s", 1e-6, 1e-7, 1e-4, 4e-6, 1.0)
+INLET = FreeParameter("xi_I", "line", "inlet_loss_factor", "-", 1.0, 0.01, 500.0, 4.0, 1.5)
+RATIO = FreeParameter("Z_2/Z_1", "line", "impedance_ratio", "-", 1.0, 0.2, 5.0, 1.0, 0.5)
+JOINT = FreeParameter("l_1/L", "line", "impedance_step", "-", 1.0, 0.1, 0.9, 0.5, 0.5)
+INERTANCE = FreeParameter("d_L", "line", "diameter", "mm", MILLIMETRE, 0.2e-3, 20e-3, 2.4e-3, 0.3)
+"""Stands for A_L/(rho_L L_L), in which it enters; free only when a measured rate or mass gives the level."""
+
+
+@dataclass(frozen=True)
+class Structure:
+    """A form of the model: what drains the line, which line it is, and the parameters a fit sizes in it."""
+
+    name: str
+    outflow: LineOutflow
+    line: str
+    free: tuple[FreeParameter, ...]
+
+    def of(self, injector: InjectorParameters, spare: float = 1.0) -> InjectorParameters:
+        """An injector in this form, its numbers as they are, its line in the cells that serve it best.
+
+        spare: by what factor the stiffness, and more than that the damping, may still grow in these cells.
+        """
+        keys: dict[str, object] = {"model": self.line, "cells": None}
+        if RATIO not in self.free:
+            keys |= {RATIO.key: None, JOINT.key: None}
+        keys |= {one.key: None for one in (WALL, INLET) if one not in self.free}
+        line = injector.line.model_copy(update=keys)
+        formed = injector.model_copy(update={"line_outflow": self.outflow, "line": line})
+        if WAVE_DAMPING not in self.free:
+            return formed
+        return _in_cells(formed, _cells(formed, spare))
+
+    def refines(self, other: "Structure") -> bool:
+        """Whether it is another with more parameters: pressure travels in both, and the same flow drains them."""
+        travels = WAVE_DAMPING in other.free and set(other.free) < set(self.free)
+        return travels and self.outflow is other.outflow
+
+
+def _cells(injector: InjectorParameters, spare: float) -> int:
+    """The cells that serve it best, or as many as are stable with what may still grow."""
+    free = (STIFFNESS, WAVE_DAMPING)
+    grown = with_values(injector, free, values_of(injector, free) * [spare, spare**4])
+    best = cells_for(injector, STEP)
+    for cells in range(best, FEWEST_CELLS, -1):
+        if coefficients(_in_cells(grown, cells)).line.strain(STEP) <= CALM:
+            return cells
+    return FEWEST_CELLS
+
+
+def _in_cells(injector: InjectorParameters, cells: int) -> InjectorParameters:
+    return injector.model_copy(update={"line": injector.line.model_copy(update={"cells": cells})})
+
+
+_ORIFICES = (SEAT, NOZZLE, SAC)
+_WAVES = (STIFFNESS, LOSS, WAVE_DAMPING, END)
+_LINES: Sequence[tuple[str, str, tuple[FreeParameter, ...]]] = (
+    ("lump", "one lump", (STIFFNESS, LOSS)),
+    ("wave", "waves", _WAVES),
+    ("wave", "waves with wall friction", (*_WAVES, WALL)),
+    ("wave", "waves behind a throttle", (*_WAVES, INLET)),
+    ("wave", "waves with both", (*_WAVES, WALL, INLET)),
+    ("wave_two_part", "waves in two parts", (*_WAVES, RATIO, JOINT)),
+)
+_DRAINED = {LineOutflow.NOZZLE: "drained by the nozzle flow", LineOutflow.SEAT: "drained by the seat flow"}
+STRUCTURES: tuple[Structure, ...] = tuple(
+    Structure(f"{words}, {drained}", outflow, line, (*free, *_ORIFICES))
+    for line, words, free in _LINES
+    for outflow, drained in _DRAINED.items()
+)
+"""All that are tried, the simplest first."""
+
+
+def with_values(
+    injector: InjectorParameters, free: Sequence[FreeParameter], values: NDArray[np.float64]
+) -> InjectorParameters:
+    """An injector with other values (p,) [SI] of its free parameters."""
+    sections: dict[str, dict[str, float]] = {}
+    for parameter, value in zip(free, values, strict=True):
+        sections.setdefault(parameter.section, {})[parameter.key] = float(value)
+    return injector.model_copy(
+        update={name: getattr(injector, name).model_copy(update=keys) for name, keys in sections.items()}
+    )
+
+
+def values_of(injector: InjectorParameters, free: Sequence[FreeParameter]) -> NDArray[np.float64]:
+    """Values (p,) [SI] of the free parameters of an injector."""
+    return np.array([parameter.of(injector) for parameter in free])
+
+
+OFFSET_SIGMA = 2 * MEGAPASCAL  # of the line-pressure sensor, in each recording
+_DIFFERENCE = 1e-3  # of a finite difference: of the logarithm, and of an offset in MPa
+_MOST_KEPT = 64  # residuals kept of a part: those of a linearisation
+
+
+class Calibration:
+    """A `bounded_fit.Problem`. theta: (p + parts,) logarithms of the parameters, then an offset [MPa] of each part.
+
+    What a part's residuals depend on is its own offset only, so those of the others are taken from memory.
+    """
+
+    def __init__(
+        self, start: InjectorParameters, free: Sequence[FreeParameter], parts: Sequence[Part]
+    ) -> None:
+        """start: the injector in the structure to be fitted, which the prior is centred at."""
+        self.free = tuple(free)
+        self.parts = tuple(parts)
+        self._injector = start
+        self.trials = [Trial(part.measurement, effective_model(start)) for part in parts]
+        """Of the parts, in their order."""
+        self._kept: list[dict[tuple[float, ...], JudgedModel | None]] = [{} for _ in parts]
+        self.centre = np.concatenate(
+            [np.log(values_of(start, free)), [standstill_offset(part) / MEGAPASCAL for part in parts]]
+        )
+
+    @property
+    def prior_sigmas(self) -> NDArray[np.float64]:
+        """(p + parts,)"""
+        return np.array([one.spread for one in self.free] + [OFFSET_SIGMA / MEGAPASCAL] * len(self.parts))
+
+    @property
+    def ranges(self) -> list[Range]:
+        """Bounds of theta."""
+        sized = [Range(math.log(one.lowest), math.log(one.highest), _DIFFERENCE) for one in self.free]
+        return sized + [Range(-20.0, 20.0, _DIFFERENCE) for _ in self.parts]
+
+    def injector(self, theta: NDArray[np.float64]) -> InjectorParameters:
+        """The injector at theta."""
+        return with_values(self._injector, self.free, np.exp(theta[: len(self.free)]))
+
+    def model(self, theta: NDArray[np.float64], number: int) -> EffectiveModel:
+        """The model at theta of one of the parts."""
+        model = effective_model(self.injector(theta))
+        offset = float(theta[len(self.free) + number]) * MEGAPASCAL
+        return model.with_terms("sensor", offset=model.sensor.offset + offset)
+
+    def judge(self, theta: NDArray[np.float64], number: int) -> JudgedModel | None:
+        """A part at theta; None where the model has no solution."""
+        p = len(self.free)
+        key = (*theta[:p].tolist(), float(theta[p + number]))
+        kept = self._kept[number]
+        if key not in kept:
+            if len(kept) >= _MOST_KEPT:
+                kept.pop(next(iter(kept)))
+            model = self.model(theta, number)
+            # sound must cross less than a cell in a step
+            is_stable = model.coefficients.line.strain(STEP) < STABLE
+            kept[key] = self.trials[number].judge(model) if is_stable else None
+        return kept[key]
+
+    def judge_all(self, theta: NDArray[np.float64]) -> list[JudgedModel] | None:
+        """All parts at theta; None where the model has no solution."""
+        judged = [self.judge(theta, number) for number in range(len(self.parts))]
+        complete = [one for one in judged if one is not None]
+        return complete if len(complete) == len(judged) else None
+
+    def residuals(self, theta: NDArray[np.float64]) -> Residuals | None:
+        """Line pressure, rate and masses of every part, then what the prior says of theta.
+
+        Of the line pressure, means of a few innovations: short waves, which cells do not carry as a pipe does, would
+        be made up for by the stiffness and the volume at the end, at the cost of the level.
+        """
+        judged = self.judge_all(theta)
+        if judged is None:
+            return None
+        groups = [group for number, one in enumerate(judged) for group in self._groups(number, one)]
+        groups.append(((theta - self.centre) / self.prior_sigmas, 0.0))
+        return _joined(groups)
+
+    def _groups(self, number: int, one: JudgedModel) -> list[tuple[NDArray[np.float64], float]]:
+        part = self.parts[number]
+        samples = max(1, round(RESOLVED / part.measurement.interval))
+        blocks = one.z[: one.z.size - one.z.size % samples].reshape(
+            -1, samples
+        )  # what is left over is left out
+        pressure = np.asarray(blocks.sum(axis=1) / math.sqrt(samples), np.float64)
+        return [(pressure, one.log_sigma), (one.rate_z, 0.0), (part.mass_residuals(one.masses), 0.0)]
+
+    def residuals_of(self, theta: NDArray[np.float64], number: int) -> Residuals | None:
+        """Of one part, without the prior."""
+        judged = self.judge(theta, number)
+        return None if judged is None else _joined(self._groups(number, judged))
+
+
+@dataclass(frozen=True)
+class OnePart:
+    """A `bounded_fit.Problem`: what one part says of theta."""
+
+    whole: Calibration
+    number: int
+
+    def residuals(self, theta: NDArray[np.float64]) -> Residuals | None:
+        """Of this part."""
+        return self.whole.residuals_of(theta, self.number)
+
+
+def _joined(groups: Sequence[tuple[NDArray[np.float64], float]]) -> Residuals:
+    return Residuals(
+        np.concatenate([z for z, _ in groups]),
+        np.array([z.size for z, _ in groups]),
+        np.array([log_sigma for _, log_sigma in groups]),
+    )
+
+
+UNDETERMINED = 1.0 / 3.0  # of what was unknown before: a parameter known no better is left to the file
+LARGEST_SIGMA = 3.0  # of a logarithm, in an interval
+_WEAK_SHARE = 0.3  # of a weak direction, from which a parameter is named in it
+
+
+@dataclass(frozen=True)
+class Direction:
+    """An eigenvector of the information on the logarithms of the parameters: what is determined together.
+
+    sigma: standard deviation along it, inf where nothing is determined; share: of each parameter, by symbol.
+    """
+
+    sigma: float
+    share: tuple[tuple[str, float], ...]
+
+    @property
+    def words(self) -> str:
+        """Its main parameters as a product of powers."""
+        return " ".join(f"{symbol}^{share:+.2f}" for symbol, share in self.share if abs(share) > _WEAK_SHARE)
+
+
+@dataclass(frozen=True, eq=False)
+class Certainty:
+    """What the data alone tell of the parameters, the offsets unknown.
+
+    sigmas: of the logarithms (p,), inf where nothing is determined; directions: from the most to the least certain.
+    """
+
+    free: tuple[FreeParameter, ...]
+    sigmas: NDArray[np.float64]
+    directions: tuple[Direction, ...]
+
+    @property
+    def undetermined(self) -> FreeParameter | None:
+        """The least certain of the parameters that are not determined."""
+        shares = self.sigmas / [one.spread for one in self.free]
+        worst = int(np.argmax(shares))
+        return self.free[worst] if shares[worst] > UNDETERMINED else None
+
+
+def certainty(calibration: Calibration, at: Quadratic, inflation: float) -> Certainty:
+    """At a minimum. inflation: of the variance, where residuals are more than noise."""
+    p = len(calibration.free)
+    data = at.information - np.diag(calibration.prior_sigmas**-2)
+    own, cross, offsets = data[:p, :p], data[:p, p:], data[p:, p:]
+    marginal = own - cross @ np.linalg.pinv(offsets, hermitian=True) @ cross.T
+    values, vectors = np.linalg.eigh(marginal / inflation)
+    information = np.maximum(values, np.finfo(float).eps * max(float(values[-1]), 1.0))
+    sigmas = np.sqrt(np.sum(vectors**2 / information, axis=1))
+    main = np.take_along_axis(vectors, np.argmax(np.abs(vectors), axis=0)[None], axis=0)
+    symbols, signed = [one.symbol for one in calibration.free], vectors * np.sign(main)
+    directions = tuple(
+        Direction(1.0 / math.sqrt(information[i]), tuple(zip(symbols, signed[:, i].tolist(), strict=True)))
+        for i in range(p)[::-1]
+    )
+    return Certainty(calibration.free, sigmas, directions)
+
+
+def interval(value: float, sigma: float) -> tuple[float, float]:
+    """95 % interval of a value whose logarithm has the standard deviation `sigma` (that of 3 for more)."""
+    half = NORMAL_975 * min(sigma, LARGEST_SIGMA)
+    return value * math.exp(-half), value * math.exp(half)

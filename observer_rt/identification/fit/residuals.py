@@ -1,0 +1,331 @@
+"""What the file's model and the fitted one leave unexplained, by signal and phase, and on parts left out."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.engine.estimation.phases import (
+    BLOCKS,
+    Phase,
+    PhaseStatistics,
+    no_statistics,
+    phase_statistics,
+)
+from observer_rt.foundation.errors import UserError
+from observer_rt.identification.fit.parts import Part
+from observer_rt.identification.fit.problem import Calibration, OnePart
+from observer_rt.identification.likelihood.bounded_fit import Quadratic, linearise
+from observer_rt.identification.likelihood.likelihood import (
+    Evidence,
+    JudgedModel,
+    Pool,
+    Signal,
+    Trial,
+    pool_of,
+)
+from observer_rt.identification.likelihood.open_loop import Simulated, mass, measured_mass, simulated
+from observer_rt.identification.likelihood.reading import is_chosen
+from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.parameters import InjectorParameters
+
+
+@dataclass(frozen=True)
+class UnexplainedSignal:
+    """What a model leaves of a signal: mean squares by phase, 1 where it leaves noise alone; nan without samples.
+
+    chi2: of means of 8 samples, which coloured residuals fill (of samples where a phase is shorter); excess: rms of
+    what these means are beyond noise, in standard deviations of a sample; variance: of samples; colour: the larger
+    of means of 8 and of 20.
+    """
+
+    chi2: Mapping[Phase, float]
+    excess: Mapping[Phase, float]
+    variance: Mapping[Phase, float]
+    colour: Mapping[Phase, float]
+
+    @property
+    def mean(self) -> float:
+        """Of the chi2 of all phases."""
+        return float(np.nanmean(list(self.chi2.values())))
+
+    @property
+    def worst(self) -> Phase:
+        """With the largest chi2."""
+        return max(self.chi2, key=lambda phase: np.nan_to_num(self.chi2[phase]))
+
+
+def unexplained(statistics: PhaseStatistics) -> UnexplainedSignal:
+    """In figures."""
+    seen = [phase for phase in Phase if statistics.samples[phase] > 0]
+    nothing = dict.fromkeys(Phase, math.nan)
+    return UnexplainedSignal(
+        nothing | {phase: _chi2(statistics, phase) for phase in seen},
+        nothing | {phase: _excess(statistics, phase) for phase in seen},
+        nothing | {phase: statistics.variance(phase) for phase in seen},
+        nothing | {phase: statistics.colour(phase) for phase in seen},
+    )
+
+
+def _chi2(statistics: PhaseStatistics, phase: Phase) -> float:
+    blocks = statistics.blocks[phase, 0]
+    return float(statistics.block_squares[phase, 0] / blocks) if blocks else statistics.variance(phase)
+
+
+def _excess(statistics: PhaseStatistics, phase: Phase) -> float:
+    samples = BLOCKS[0] if statistics.blocks[phase, 0] else 1
+    return math.sqrt(max(_chi2(statistics, phase) - 1.0, 0.0) / samples)
+
+
+def line_statistics(trial: Trial, one: JudgedModel) -> PhaseStatistics:
+    """Of the line pressure of a part."""
+    return phase_statistics(one.z, 1.0, trial.phases, 0)
+
+
+def pooled(trials: Sequence[Trial], judged: Sequence[JudgedModel]) -> UnexplainedSignal:
+    """Of the line pressure of parts together."""
+    total = no_statistics()
+    for trial, one in zip(trials, judged, strict=True):
+        total = total.faded(1.0, line_statistics(trial, one))
+    return unexplained(total)
+
+
+def worst_parts(calibration: Calibration, judged: Sequence[JudgedModel]) -> UnexplainedSignal:
+    """In each phase that of the part with the most left: what the model gets wrong goes with the operating point."""
+    of_parts = [
+        unexplained(line_statistics(trial, one))
+        for trial, one in zip(calibration.trials, judged, strict=True)
+    ]
+
+    def largest(figures: Sequence[Mapping[Phase, float]]) -> dict[Phase, float]:
+        return {phase: float(np.fmax.reduce([one[phase] for one in figures])) for phase in Phase}
+
+    return UnexplainedSignal(
+        *(largest([getattr(one, each.name) for one in of_parts]) for each in fields(UnexplainedSignal))
+    )
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Every part judged by what the others say of the parameters.
+
+    unexplained: of the line pressure; mass_shift: by what share the mass of its injections moves when a part is left
+    out (parts,), which is how sure masses are at operating points nobody fitted.
+    """
+
+    unexplained: UnexplainedSignal
+    mass_shift: NDArray[np.float64]
+
+
+def held_out(calibration: Calibration, at: Quadratic) -> HeldOut | None:
+    """At the minimum of all parts. None with a single part, or where the model has no solution without one.
+
+    theta without a part is one Newton step from the minimum: it is near, and all slopes are known there.
+    """
+    parts = len(calibration.parts)
+    if parts < 2:
+        return None
+    left_out, shifts = [], []
+    for number in range(parts):
+        theta = without(calibration, at, [number])
+        one, all_in = calibration.judge(theta, number), calibration.judge(at.theta, number)
+        if one is None or all_in is None:
+            return None
+        left_out.append(one)
+        shifts.append(float(np.sum(one.masses) / np.sum(all_in.masses)) - 1.0)
+    return HeldOut(pooled(calibration.trials, left_out), np.array(shifts))
+
+
+def without(calibration: Calibration, at: Quadratic, left_out: Sequence[int]) -> NDArray[np.float64]:
+    """theta by all parts but some, their own offsets as they are."""
+    information, gradient = at.information.copy(), at.gradient.copy()
+    for number in left_out:
+        own = calibration.residuals_of(at.theta, number)
+        assert own is not None  # it is part of the minimum
+        part = linearise(OnePart(calibration, number), at.theta, own, calibration.ranges)
+        information -= part.information
+        gradient -= part.gradient
+    theirs = [len(calibration.free) + number for number in left_out]
+    kept = np.setdiff1d(np.arange(at.theta.size), theirs)
+    theta = at.theta.copy()
+    theta[kept] -= np.linalg.pinv(information[np.ix_(kept, kept)], hermitian=True) @ gradient[kept]
+    lowest = np.array([r.lowest for r in calibration.ranges])
+    highest = np.array([r.highest for r in calibration.ranges])
+    return np.clip(theta, lowest, highest)
+
+
+@dataclass(frozen=True)
+class Residual:
+    """A signal in a phase, before and after the fit; nan where the file's model has no solution.
+
+    rms: of the prediction's error one sample ahead [Pa or m3/s]; chi2: of its means of 8 samples, 1 for noise alone.
+    """
+
+    signal: Signal
+    phase: Phase
+    rms: tuple[float, float]
+    chi2: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class InjectedMass:
+    """Mass of an injection [kg], by the file's model, the fitted one, and as measured; nan where there is none.
+
+    time: when the needle opens [s]; nan of a recording so long that some injections were chosen.
+    """
+
+    recording: int
+    time: float
+    rail_pressure: float
+    before: float
+    after: float
+    measured: float
+
+
+@dataclass(frozen=True, eq=False)
+class PartOverlay:
+    """A part with the models run open loop from the opening on; before: empty where the file's has no solution."""
+
+    part: Part
+    before: Sequence[Simulated]
+    after: Sequence[Simulated]
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """The file's model and the fitted one on the recordings as they are, their rail pressure not averaged.
+
+    after: of the line pressure, by the fitted model; innovation: standard deviation of a sample of it [Pa]; swing:
+    rms of the line pressure against the rail's while the needle is open [Pa]; open_loop: rms of the line pressure
+    from the opening on, with nothing corrected, before and after [Pa].
+    """
+
+    residuals: Sequence[Residual]
+    after: UnexplainedSignal
+    innovation: float
+    swing: float
+    open_loop: tuple[float, float]
+    masses: Sequence[InjectedMass]
+    overlays: Sequence[PartOverlay]
+
+    def share(self, phase: Phase) -> float:
+        """What is left in a phase beyond noise, over what the flow does to the line pressure."""
+        return self.after.excess[phase] * self.innovation / self.swing
+
+
+@dataclass(frozen=True, eq=False)
+class _ModelOnParts:
+    """A model on all parts."""
+
+    parts: Sequence[Part]
+    pool: Pool
+    judged: Sequence[JudgedModel]
+    models: Sequence[EffectiveModel]
+    simulated: Sequence[Sequence[Simulated]]
+
+    def chi2(self, signal: Signal, phase: Phase) -> float:
+        return unexplained(self.pool[signal]).chi2[phase]
+
+    def rms(self, signal: Signal, phase: Phase) -> float:
+        """In the signal's unit: normalised mean square times the standard deviation it was normalised by."""
+        sigma = math.sqrt(self.pool[signal].variance(phase))
+        if signal is Signal.INJECTION_RATE:
+            return sigma * float(np.mean([part.measurement.rate_noise for part in self.parts]))
+        return sigma * self.innovation
+
+    @property
+    def innovation(self) -> float:
+        """Standard deviation of a sample's innovation, by noise alone [Pa]."""
+        scale = self.models[0].coefficients.pressure_scale
+        return scale * float(np.mean([math.exp(one.log_sigma) for one in self.judged]))
+
+    def open_loop(self) -> float:
+        errors = [
+            one.line_pressure - part.measurement.recording.line_pressure[one.samples]
+            for part, runs in zip(self.parts, self.simulated, strict=True)
+            for one in runs
+        ]
+        return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
+
+
+def compared(
+    file: InjectorParameters, fitted: InjectorParameters, offsets: NDArray[np.float64], parts: Sequence[Part]
+) -> Comparison:
+    """offsets: of the line-pressure sensor in each part [MPa]."""
+    after = _seen(fitted, offsets, parts)
+    if after is None:
+        raise ArithmeticError("the fitted model has no finite solution on the recordings it was fitted to")
+    try:
+        before = _seen(file, offsets, parts)
+    except UserError:
+        before = None  # too few samples for its sac: nothing to compare with
+
+    def both(figure: Callable[..., float], *of: Signal | Phase) -> tuple[float, float]:
+        return math.nan if before is None else figure(before, *of), figure(after, *of)
+
+    return Comparison(
+        [
+            Residual(
+                signal, phase, both(_ModelOnParts.rms, signal, phase), both(_ModelOnParts.chi2, signal, phase)
+            )
+            for signal, statistics in after.pool.items()
+            for phase in Phase
+            if statistics.samples[phase] > 0
+        ],
+        unexplained(after.pool[Signal.LINE_PRESSURE]),
+        after.innovation,
+        _swing(parts),
+        both(_ModelOnParts.open_loop),
+        _masses(before, after),
+        [
+            PartOverlay(part, () if before is None else before.simulated[i], after.simulated[i])
+            for i, part in enumerate(parts)
+        ],
+    )
+
+
+def _swing(parts: Sequence[Part]) -> float:
+    drops = [
+        (part.measurement.recording.rail_pressure - part.measurement.recording.line_pressure)[
+            opening.first : opening.last + 1
+        ]
+        for part in parts
+        for event in part.measurement.events
+        for opening in event.openings
+    ]
+    return float(np.sqrt(np.mean(np.concatenate(drops) ** 2)))
+
+
+def _seen(
+    injector: InjectorParameters, offsets: NDArray[np.float64], parts: Sequence[Part]
+) -> _ModelOnParts | None:
+    calibration = Calibration(injector, (), parts)
+    judged = calibration.judge_all(offsets)
+    if judged is None:
+        return None
+    models = [calibration.model(offsets, number) for number in range(len(parts))]
+    runs = [simulated(part.measurement, model) for part, model in zip(parts, models, strict=True)]
+    return _ModelOnParts(parts, pool_of(Evidence(calibration.trials), judged), judged, models, runs)
+
+
+def _masses(before: _ModelOnParts | None, after: _ModelOnParts) -> list[InjectedMass]:
+    result = []
+    for number, part in enumerate(after.parts):
+        measurement, density = part.measurement, after.models[number].coefficients.density
+        single = {} if part.weighed is None else part.weighed.single
+        for i, one in enumerate(after.simulated[number]):
+            first = one.event.openings[0].first
+            weighed = single[first][0] if first in single else measured_mass(measurement, one, density)
+            result.append(
+                InjectedMass(
+                    part.recording,
+                    math.nan if is_chosen(measurement) else float(measurement.recording.time[first]),
+                    measurement.rail_pressure,
+                    math.nan if before is None else mass(measurement, before.simulated[number][i], density),
+                    mass(measurement, one, density),
+                    weighed,
+                )
+            )
+    return result

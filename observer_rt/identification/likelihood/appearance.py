@@ -1,0 +1,201 @@
+"""What every effect appears to be on a healthy injector, and the smallest size of it that recordings would show."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.engine.estimation.healthy_shape import EventStretch, ShapeFit, together
+from observer_rt.engine.estimation.phases import Phase, phase_statistics
+from observer_rt.foundation.units import MEGAPASCAL
+from observer_rt.identification.likelihood.healthy_shape import expected_of, stretches
+from observer_rt.identification.likelihood.likelihood import Evidence, JudgedModel
+from observer_rt.identification.likelihood.measurement import Measurement
+from observer_rt.model.baseline import Appearance, HealthyRemainder, PhaseFigures
+from observer_rt.model.effect import Effect
+from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.effects import sized
+
+VISIBLE = 25.0  # of -2 log L that a size must gain to be visible: 5 standard deviations
+VISIBLE_BESIDE_A_FIT = 36.0  # what a fitted model leaves of a healthy injector gains up to 30 now and then
+PROBES = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0)  # dead zones at which an effect is tried, until it is visible
+SEEN = 1e-3  # of what the recording that says most of an effect says: one that says less is left out
+_DIGITS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Signature:
+    """What a size [SI] of an effect does to the residuals of every recording, as a line through 0.
+
+    information: squared length of the change, and gain: its product with the residuals, both (recordings,).
+    """
+
+    effect: Effect
+    size: float
+    information: NDArray[np.float64]
+    gain: NDArray[np.float64]
+
+    @property
+    def sigma(self) -> float:
+        """Standard deviation of the size by noise alone, all recordings together [SI]."""
+        return self.size / math.sqrt(float(np.sum(self.information)))
+
+
+def signatures(
+    evidence: Evidence,
+    model: EffectiveModel,
+    judged: Sequence[JudgedModel],
+    effects: Sequence[Effect],
+    remaining: Sequence[JudgedModel] | None = None,
+) -> list[Signature]:
+    """Of all effects that have a size, beside a model that was `judged`.
+
+    remaining: residuals that the gains are of, where they are others.
+    """
+    found = (
+        _signature(evidence, model, judged, remaining or judged, effect)
+        for effect in effects
+        if effect.parameters
+    )
+    return [one for one in found if one is not None]
+
+
+def _signature(
+    evidence: Evidence,
+    model: EffectiveModel,
+    judged: Sequence[JudgedModel],
+    remaining: Sequence[JudgedModel],
+    effect: Effect,
+) -> Signature | None:
+    """At the smallest probe that is visible; None where no size has a solution or changes anything."""
+    first, others = effect.parameters[0], effect.parameters[1:]
+    found = None
+    for probe in PROBES:
+        size = probe * first.dead_zone
+        size = size if size <= first.highest else -size
+        there = evidence.judge(effect.apply(model, (size, *(p.starts[0] for p in others))))
+        if there is None or not first.lowest <= size <= first.highest:
+            break
+        changes = [_residuals(one) - _residuals(other) for one, other in zip(judged, there, strict=True)]
+        information = np.array([float(change @ change) for change in changes])
+        gain = np.array([float(c @ _residuals(one)) for c, one in zip(changes, remaining, strict=True)])
+        if float(np.sum(information)) > 0.0:
+            found = Signature(effect, abs(size), information, math.copysign(1.0, size) * gain)
+        if float(np.sum(information)) > VISIBLE:
+            break
+    return found
+
+
+def _residuals(one: JudgedModel) -> NDArray[np.float64]:
+    return np.concatenate([one.z, one.rate_z])
+
+
+def healthy_remainder(
+    evidence: Evidence,
+    model: EffectiveModel,
+    effects: Sequence[Effect],
+    known: HealthyRemainder | None = None,
+) -> HealthyRemainder:
+    """What a model leaves of healthy recordings: the shape of it, and what effects it appears to be beyond that.
+
+    Each recording is compared with the shape of the others, so that the appearances hold at operating points of
+    which no healthy injection was seen. known: what was known before, whose shape the evidence has taken out.
+
+    Raises ArithmeticError when the model has no finite solution.
+    """
+    judged = evidence.judge(model)
+    if judged is None:
+        raise ArithmeticError("the model has no finite solution on the healthy recordings")
+    measured = [trial.measurement for trial in evidence.trials]
+    sigmas = [math.exp(one.log_sigma) * model.coefficients.pressure_scale for one in judged]
+    fit = ShapeFit(
+        [_by_event(one, result.z) for one, result in zip(measured, judged, strict=True)],
+        float(np.mean(sigmas)),
+    )
+    several = len(measured) > 1
+    remaining = [
+        replace(one, z=one.z - expected_of(fit.shape(number if several else None), measurement) / sigma)
+        for number, (one, measurement, sigma) in enumerate(zip(judged, measured, sigmas, strict=True))
+    ]
+    found = signatures(evidence, model, judged, effects, remaining)
+    statistics = [
+        phase_statistics(one.z, 1.0, trial.phases, 0)
+        for trial, one in zip(evidence.trials, remaining, strict=True)
+    ]
+    return HealthyRemainder(
+        line_pressure_offset_MPa=0.0 if known is None else known.line_pressure_offset_MPa,
+        variance=PhaseFigures.of({p.name: max(one.variance(p) for one in statistics) for p in Phase}),
+        colour=PhaseFigures.of({p.name: max(one.colour(p) for one in statistics) for p in Phase}),
+        appears={one.effect.id: _appearance(one) for one in found},
+        shape=fit.shape() if known is None else together(known.shape, fit.shape()),
+    )
+
+
+def _by_event(
+    measurement: Measurement, z: NDArray[np.float64]
+) -> list[tuple[EventStretch, NDArray[np.float64]]]:
+    """Normalised innovations (n,) of a recording, event by event."""
+    parts = stretches(measurement)
+    ends = np.cumsum([part.samples for part in parts])
+    return list(zip(parts, np.split(z, ends[:-1]), strict=True))
+
+
+def _appearance(signature: Signature) -> Appearance:
+    """Mean size over the recordings, how sure that is, and by how much it differs between them beyond noise."""
+    seen = signature.information > SEEN * np.max(signature.information)
+    size, weights = signature.size, signature.information[seen] / signature.size**2
+    apparent, total = size * signature.gain[seen] / signature.information[seen], float(np.sum(weights))
+    mean = float(weights @ apparent) / total
+    if len(weights) == 1:
+        scatter = abs(mean)  # nothing says how it changes with the operating point
+    else:
+        beyond_noise = float(weights @ (apparent - mean) ** 2) - (len(weights) - 1)
+        scatter = math.sqrt(max(0.0, beyond_noise / (total - float(weights @ weights) / total)))
+    uncertainty = math.sqrt(1.0 / total + scatter**2 * float(weights @ weights) / total**2)
+    first = signature.effect.parameters[0]
+    mean, uncertainty, scatter = (
+        float(f"{value / first.si:.{_DIGITS}g}") for value in (mean, uncertainty, scatter)
+    )
+    return Appearance(mean=mean, uncertainty=uncertainty, scatter=scatter, unit=first.unit)
+
+
+def with_healthy_offset(measured: Measurement, known: HealthyRemainder | None) -> Measurement:
+    """A recording with the offset its line-pressure sensor had already when the injector was healthy."""
+    if known is None or known.line_pressure_offset_MPa == 0.0:
+        return measured
+    offset = sized("line_pressure_sensor_offset", o=known.line_pressure_offset_MPa * MEGAPASCAL)
+    return replace(measured, stated=(*measured.stated, offset))
+
+
+@dataclass(frozen=True)
+class HealthyAppearance:
+    """The size an effect has on the healthy injector as seen by other recordings [SI]: mean, standard deviation."""
+
+    mean: float
+    sigma: float
+
+
+def reference(appears: Mapping[str, Appearance], signature: Signature) -> HealthyAppearance:
+    """For recordings in which the effect has this signature; 0 and sure where nothing is known of it."""
+    known = appears.get(signature.effect.id)
+    if known is None:
+        return HealthyAppearance(0.0, 0.0)
+    weights = signature.information
+    by_recordings = float(weights @ weights) / float(np.sum(weights)) ** 2
+    si = signature.effect.parameters[0].si
+    return HealthyAppearance(
+        known.mean * si, si * math.hypot(known.uncertainty, known.scatter * math.sqrt(by_recordings))
+    )
+
+
+def least_gain(appears: Mapping[str, Appearance]) -> float:
+    """Of -2 log L, from which on an effect counts. appears: what the healthy injector appears to have, if known."""
+    return VISIBLE_BESIDE_A_FIT if appears else VISIBLE
+
+
+def smallest_visible(appears: Mapping[str, Appearance], signature: Signature) -> float:
+    """Size [SI] from which on an effect would have been told from noise and from the healthy injector."""
+    least = math.sqrt(least_gain(appears)) * math.hypot(signature.sigma, reference(appears, signature).sigma)
+    return max(least, signature.effect.parameters[0].dead_zone)

@@ -1,0 +1,182 @@
+"""Recordings as measurements, in memory that does not depend on their length: of long ones some injections are kept.
+
+Those are the first, then every second, fourth, ... of each operating point, with the standstill after them: rare
+operating points keep all of theirs, the others are spread over the whole recording.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from observer_rt.core.stream.stream import LOOK_BACK, dead_band
+from observer_rt.engine.estimation.signal_noise import white_noise
+from observer_rt.files.signals.recording import Chunk, Recording
+from observer_rt.files.signals.stream import SignalStream, copied, cut, followed
+from observer_rt.identification.likelihood.measurement import (
+    COUNTED_LEAD,
+    LEAD,
+    MARGIN,
+    FoundInjections,
+    JudgedEvent,
+    LeftOut,
+    Measurement,
+    MissingSamples,
+    events_of,
+    measurement_of,
+    measurements,
+    missing_samples,
+    open_time,
+    openings_of,
+    operating_point,
+    rail_pressure_before,
+    refuse_slow,
+)
+
+MOST_SAMPLES = 1 << 19  # of a recording that are kept: 5 s at 100 kHz, some 100 injections of a longer one
+BLOCK = 1 << 18  # samples looked at together
+STANDSTILL = 30e-3  # s after the last closing that are kept
+APART = 10e-3  # s between two excerpts: no sample belongs to both
+
+
+@dataclass(frozen=True, eq=False)
+class _Excerpt:
+    """An injection with the standstill after it; event: by the samples of the part."""
+
+    part: Chunk
+    event: JudgedEvent
+
+    @property
+    def samples(self) -> int:
+        """With those after it that are not available."""
+        return self.part.samples + round(APART * self.part.sample_rate)
+
+
+@dataclass
+class _Point:
+    """What is kept of an operating point: every stride-th injection, beginning with the first."""
+
+    seen: int = 0
+    stride: int = 1
+    kept: list[_Excerpt] = field(default_factory=list)
+
+
+class _Chosen:
+    """Injections spread evenly over the operating points, and over each."""
+
+    def __init__(self, most: int) -> None:
+        """most: samples of all together."""
+        self._most = most
+        self._points: dict[tuple[int, int], _Point] = {}
+        self._samples = 0
+
+    def take(self, excerpt: _Excerpt) -> None:
+        """Choose it, or not; others may have to go."""
+        part, event = excerpt.part, excerpt.event
+        place = operating_point(rail_pressure_before(event, part), open_time(event, part))
+        point = self._points.setdefault(place, _Point())
+        if point.seen % point.stride == 0:
+            point.kept.append(excerpt)
+            self._samples += excerpt.samples
+        point.seen += 1
+        while self._samples > self._most:
+            largest = max(self._points.values(), key=lambda each: len(each.kept))
+            if len(largest.kept) > 1:
+                dropped = largest.kept[1::2]
+                largest.kept, largest.stride = largest.kept[::2], 2 * largest.stride
+            else:  # more operating points than injections that can be kept
+                dropped = [point.kept.pop()]
+            self._samples -= sum(each.samples for each in dropped)
+
+    def excerpts(self) -> list[_Excerpt]:
+        """In the order of time."""
+        every = [excerpt for point in self._points.values() for excerpt in point.kept]
+        return sorted(every, key=lambda excerpt: excerpt.part.first)
+
+
+def measured(
+    source: SignalStream, progress: Callable[[float], None] = lambda _: None, most: int = MOST_SAMPLES
+) -> Measurement:
+    """A recording with its noise and events; of one that has more samples than `most` the excerpts that are kept.
+
+    progress is told how many samples were read. Raises `UserError` as `measurements`.
+    """
+    if source.grid_samples <= most:
+        return measurements([source.collected()])[0]
+    refuse_slow(source)
+    chosen, gaps = _Chosen(most), MissingSamples()
+    complete = 0
+    left_out: list[LeftOut] = []
+    for block in _blocks(source.on_one_grid()):
+        new = gaps.samples - block.first
+        gaps.take(missing_samples(block)[new:])
+        openings = openings_of(block)
+        events, others = events_of(block, openings)
+        complete += len(events)
+        left_out += others
+        starts = [opening.first - round(LEAD * block.sample_rate) for opening in openings]
+        for event in events:
+            chosen.take(_excerpt(block, event, starts))
+        progress(block.first + block.samples)
+    return _joined(source, chosen.excerpts(), FoundInjections(gaps, complete, tuple(left_out)))
+
+
+def _blocks(chunks: Iterator[Chunk]) -> Iterator[Chunk]:
+    """The samples in parts that overlap where the needle is shut longest, so that injections stay whole."""
+    held: Chunk | None = None
+    for chunk in chunks:
+        held = chunk if held is None else followed(held, chunk)
+        if held.samples >= BLOCK:
+            end, begin = _ends(held)
+            yield cut(held, 0, end)
+            held = cut(held, begin, held.samples)
+    if held is not None and held.samples:
+        yield held
+
+
+def _ends(block: Chunk) -> tuple[int, int]:
+    """Where a block may end, and where the next one is to begin: round the longest standstill of its second half."""
+    half, rate = block.samples // 2, block.sample_rate
+    noise = white_noise(block.needle_lift, np.ones(block.samples, np.bool_))
+    opens, _ = dead_band(noise if np.isfinite(noise) else 0.0)
+    edges = np.flatnonzero(np.diff(~(block.needle_lift[half:] > opens), prepend=False, append=False))
+    if not edges.size:
+        return block.samples, block.samples
+    longest = int(np.argmax(edges[1::2] - edges[::2]))
+    shut, opening = (half + int(edge) for edge in edges[2 * longest : 2 * longest + 2])
+    margin = round(MARGIN * rate) + 1
+    end = min(block.samples, opening - round(COUNTED_LEAD * rate) + margin)
+    begin = opening - LOOK_BACK - round(LEAD * rate) - margin
+    return max(end, shut), min(max(begin, shut), max(end, shut))
+
+
+def _excerpt(block: Chunk, event: JudgedEvent, starts: Sequence[int]) -> _Excerpt:
+    """An event of a block, up to the start of the next one; starts: of all of the block."""
+    margin = round(MARGIN * block.sample_rate) + 1
+    last = event.openings[-1].last
+    following = min(
+        (start - margin for start in starts if start > last - round(LEAD * block.sample_rate)),
+        default=block.samples,
+    )
+    end = max(event.end + margin, min(following, last + round(STANDSTILL * block.sample_rate), block.samples))
+    begin = event.start - margin
+    return _Excerpt(copied(cut(block, begin, end)), event.moved(-begin))
+
+
+def _joined(source: SignalStream, excerpts: Sequence[_Excerpt], found: FoundInjections) -> Measurement:
+    """One recording of excerpts, nothing being available between them."""
+    events, begin = [], 0
+    for excerpt in excerpts:
+        events.append(excerpt.event.moved(begin))
+        begin += excerpt.samples
+    names = ["rail_pressure", "needle_lift", "line_pressure", *(["injection_rate"] * source.has_rate)]
+    signals = {name: np.full(max(begin, 2), np.nan) for name in names}
+    begin = 0
+    for excerpt in excerpts:
+        for name, values in excerpt.part.signals.items():
+            signals[name][begin : begin + values.size] = values
+        begin += excerpt.samples
+    time = np.arange(max(begin, 2)) / source.sample_rate
+    recording = Recording(time, path=source.path, meaning=source.meaning, notes=source.notes, **signals)
+    openings = [opening for event in events for opening in event.openings]
+    return measurement_of(recording, openings, tuple(events), found)

@@ -1,0 +1,353 @@
+"""How well an effective model explains the recordings: whitened innovations, -2 log L, by phase."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.core.learning.predictor import follow
+from observer_rt.engine.estimation.gain import GainSchedule, gain_schedule
+from observer_rt.engine.estimation.phases import PhaseStatistics, no_statistics, phase_statistics
+from observer_rt.engine.estimation.predictor import NO_SLOPES, Setting
+from observer_rt.engine.estimation.scalars import Learned, nothing_learned
+from observer_rt.engine.stream.front_end import noise_gain
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import MEGAPASCAL, MM3_PER_MS
+from observer_rt.identification.likelihood.bounded_fit import Residuals
+from observer_rt.identification.likelihood.healthy_shape import expected_of
+from observer_rt.identification.likelihood.lift_noise import LiftNoise
+from observer_rt.identification.likelihood.measurement import Measurement
+from observer_rt.identification.likelihood.open_loop import SPARE_SUBSTEPS
+from observer_rt.identification.likelihood.windows import (
+    Batch,
+    Rows,
+    TrueInputs,
+    batch_of,
+    latest,
+    phases,
+    rail_on_time,
+    rate_as_recorded,
+    smoothing_of,
+)
+from observer_rt.model.baseline import HealthyShape
+from observer_rt.model.effective import EffectiveModel, InputTerms
+from observer_rt.model.hydraulics import Seat
+from observer_rt.model.line.interface import Line
+from observer_rt.model.stability import MAX_SUBSTEPS, in_stable_cells, substeps_needed
+
+GAIN_ERROR = 0.005  # standard deviation of a measured rate's gain, once a recording
+_MOST_GAINS = 4096  # kept: those round a few candidates
+
+
+def predict(
+    batch: Batch,
+    setting: Setting,
+    learned: Learned,
+    innovation: NDArray[np.float64],
+    rate: NDArray[np.float64],
+) -> None:
+    """Innovations (n,), normalised, and injection rate [m3/s] (n,) of x~ over all windows of a recording."""
+    for i, (first, end) in enumerate(pairwise(batch.bounds)):
+        of_window = slice(first, end)
+        window = batch.window(i)
+        follow(window, setting, learned, end - first, innovation[of_window], rate[of_window], None, NO_SLOPES)
+
+
+@dataclass(frozen=True, eq=False)
+class JudgedModel:
+    """A model on one recording: normalised innovations (n,) where counted, log of their standard deviation, and
+    normalised residuals of the measured rate (m,), the gain error taken out and appended; (0,) without a rate.
+    rate_log_sigma: of their standard deviation, beyond that without a lag of the lift; masses: injected in every
+    event by x~ (events,) [kg]."""
+
+    z: NDArray[np.float64]
+    log_sigma: float
+    rate_z: NDArray[np.float64]
+    rate_log_sigma: float
+    masses: NDArray[np.float64]
+
+
+class Trial:
+    """One recording, ready to be compared with models."""
+
+    def __init__(
+        self, measurement: Measurement, nominal: EffectiveModel, healthy: HealthyShape | None = None
+    ) -> None:
+        """healthy: mean innovation of the healthy injector, which is taken out."""
+        self.measurement = measurement
+        self._expected = None if healthy is None else expected_of(healthy, measurement)
+        nominal = measurement.as_recorded(nominal)
+        self._highest_pressure = float(np.nanmax(measurement.recording.rail_pressure))
+        self._rows = Rows(measurement)
+        self._latest = latest(measurement)
+        rate = measurement.recording.sample_rate
+        needed = substeps_needed(nominal.injector, rate, nominal.departures)
+        self._substeps = min(needed + SPARE_SUBSTEPS, MAX_SUBSTEPS)
+        self._gains: dict[tuple[Line, float, float], GainSchedule] = {}
+        self._nominal = nominal
+        self._nominal_rail = rail_on_time(measurement, nominal.inputs)
+        self._lift_noise = LiftNoise(measurement, self._with_lift_lag)
+        self._nominal_key = _input_key(nominal)
+        self._nominal_inputs = self._inputs(nominal)
+        c = measurement.coefficients_of(nominal)
+        batch = batch_of(measurement, self._rows, self._nominal_inputs, 0, 0.0, c)
+        every = phases(measurement, batch)
+        self.phases = every[self._rows.counted]
+        """(n,): of the counted innovations."""
+        self.rate_phases = np.zeros(0, np.int8)
+        """(m,): of the judged samples of the measured rate; (0,) without one."""
+        self._rate: NDArray[np.float64] | None = None
+        if measurement.recording.injection_rate is not None:
+            self.rate_phases = every[self._rows.rate_rows]
+            self._rate = measurement.recording.injection_rate[self._rows.rate_samples]
+            self._rate_by_lift = self._rate_noise_by_lift(nominal)
+            self._rate_sigma = self._rate_sigma_at(0.0)
+
+    def judge(self, model: EffectiveModel) -> JudgedModel | None:
+        """Compare with a model; None where its solution is not finite or cannot be had."""
+        stable = self._stable(model)
+        if stable is None:
+            return None
+        model = stable
+        late = math.floor(model.sensor.delay / self.measurement.interval)
+        if abs(late) >= self._latest or self._substeps_of(model) > MAX_SUBSTEPS:
+            return None
+        schedule = self._schedule(model)
+        innovation, rate = self._predicted(model, self._inputs_of(model), late, schedule)
+        z = innovation[self._rows.counted] / schedule.innovation_sigma
+        if self._expected is not None:
+            z -= self._expected / (schedule.innovation_sigma * model.coefficients.pressure_scale)
+        if not np.isfinite(z).all():
+            return None
+        log_sigma = math.log(schedule.innovation_sigma)
+        if model.inputs.lift_lag > 0.0:
+            variance = 1.0 + self._lift_noise.variance(model.inputs.lift_lag)
+            z /= np.sqrt(variance)
+            log_sigma += 0.5 * float(np.mean(np.log(variance)))
+        rate_z, rate_log_sigma = self._judged_rate(rate[self._rows.rate_rows + late], model.inputs.lift_lag)
+        masses = model.coefficients.density * self._rows.volumes(rate)
+        return JudgedModel(z, log_sigma, rate_z, rate_log_sigma, masses)
+
+    @property
+    def times(self) -> NDArray[np.float64]:
+        """(n,): of the counted innovations [s], on the clock of laws."""
+        events, interval = self.measurement.events, self.measurement.interval
+        return np.concatenate(
+            [e.clock.time + interval * np.arange(e.counted - e.start, e.end - e.start) for e in events]
+        )
+
+    def lift_and_rate(
+        self, model: EffectiveModel, at_line: bool
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Measured lift [m] and a model's injection rate [m3/s].
+
+        at_line: (n,) at the counted innovations; else (m,) where a measured rate is judged.
+        """
+        stable = self._stable(model)
+        assert stable is not None  # the model was judged
+        model = stable
+        _, rate = self._predicted(model, self._inputs_of(model), 0, self._schedule(model))
+        rows = np.flatnonzero(self._rows.counted) if at_line else self._rows.rate_rows
+        return self.measurement.recording.needle_lift[self._rows.samples[rows]], rate[rows]
+
+    def _stable(self, model: EffectiveModel) -> EffectiveModel | None:
+        """A model as this recording has it, in cells that are stable."""
+        measurement = self.measurement
+        return in_stable_cells(measurement.as_recorded(model), measurement.interval, self._highest_pressure)
+
+    def _predicted(
+        self, model: EffectiveModel, inputs: TrueInputs, late: int, schedule: GainSchedule
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Innovations and rate of all rows, the line pressure recorded `late` whole samples late."""
+        c, sensor, interval = self.measurement.coefficients_of(model), model.sensor, self.measurement.interval
+        batch = batch_of(self.measurement, self._rows, inputs, late, sensor.offset, c)
+        share = sensor.delay / interval - late
+        offset = sensor.offset / c.pressure_scale
+        gain = schedule.gains[-1].copy()
+        setting = Setting(
+            interval, self._substeps_of(model), c, gain, share, sensor.lag, offset, model.program
+        )
+        innovation, rate = np.empty(batch.output.size), np.empty(batch.output.size)
+        predict(batch, setting, nothing_learned(c), innovation, rate)
+        return innovation, rate_as_recorded(self.measurement, rate)
+
+    def _with_lift_lag(self, measurement: Measurement, lag: float) -> NDArray[np.float64]:
+        """Normalised innovations (n,), where counted, of the nominal model with a lag [s] of the lift undone.
+
+        measurement: this recording, or with other noise in its lift.
+        """
+        model, schedule = self._nominal.with_terms("inputs", lift_lag=lag), self._schedule(self._nominal)
+        c = measurement.coefficients_of(model)
+        inputs = TrueInputs(measurement, model.inputs, c, self._rail(model.inputs))
+        innovation, _ = self._predicted(model, inputs, 0, schedule)
+        return np.asarray(innovation[self._rows.counted] / schedule.innovation_sigma)
+
+    def _substeps_of(self, model: EffectiveModel) -> int:
+        rate = self.measurement.recording.sample_rate
+        return max(self._substeps, substeps_needed(model.injector, rate, model.departures))
+
+    def _schedule(self, model: EffectiveModel) -> GainSchedule:
+        c, sensor = self.measurement.coefficients_of(model), model.sensor
+        share = (sensor.delay / self.measurement.interval) % 1.0
+        key = (c.line, sensor.lag, share)
+        schedule = self._gains.get(key)
+        if schedule is None:
+            if len(self._gains) > _MOST_GAINS:
+                self._gains.clear()
+            rate = self.measurement.recording.sample_rate
+            smoothing = smoothing_of(self.measurement.interval)
+            schedule = gain_schedule(
+                c, self.measurement.noise, rate, sensor.lag, share, rail_smoothing=smoothing
+            )
+            self._gains[key] = schedule
+        return schedule
+
+    def _inputs_of(self, model: EffectiveModel) -> TrueInputs:
+        """True inputs under the model's terms; only the nominal ones are kept."""
+        if _input_key(model) == self._nominal_key:
+            return self._nominal_inputs
+        return self._inputs(model)
+
+    def _inputs(self, model: EffectiveModel) -> TrueInputs:
+        c = self.measurement.coefficients_of(model)
+        return TrueInputs(self.measurement, model.inputs, c, self._rail(model.inputs))
+
+    def _rail(self, terms: InputTerms) -> NDArray[np.float64]:
+        """Rail pressure on time; only that of the nominal delay is kept."""
+        if terms.rail_delay == self._nominal.inputs.rail_delay:
+            return self._nominal_rail
+        return rail_on_time(self.measurement, terms)
+
+    def _rate_noise_by_lift(self, nominal: EffectiveModel) -> NDArray[np.float64]:
+        """Standard deviation of the modelled rate (m,) by the noise of the lift as recorded."""
+        noise = self.measurement.noise.needle_lift
+        schedule = self._schedule(nominal)
+        shifted = nominal.with_terms("inputs", lift_shift=nominal.inputs.lift_shift + noise)
+        late = math.floor(nominal.sensor.delay / self.measurement.interval)
+        _, rate = self._predicted(nominal, self._nominal_inputs, late, schedule)
+        _, other = self._predicted(shifted, self._inputs_of(shifted), late, schedule)
+        return np.asarray(np.abs(other - rate)[self._rows.rate_rows + late], np.float64)
+
+    def _rate_sigma_at(self, lift_lag: float) -> NDArray[np.float64]:
+        """Standard deviation of measured minus modelled rate (m,): its own noise and that of the restored lift."""
+        by_lift = noise_gain(lift_lag / self.measurement.interval) * self._rate_by_lift
+        return np.asarray(np.hypot(self.measurement.rate_noise, by_lift), np.float64)
+
+    def _judged_rate(self, rate: NDArray[np.float64], lift_lag: float) -> tuple[NDArray[np.float64], float]:
+        """Residuals of the measured rate, its gain error estimated with its prior: exact for a Gaussian nuisance.
+
+        And by how much a lag of the lift makes the logarithm of their standard deviation larger, on average.
+        """
+        if self._rate is None:
+            return np.zeros(0), 0.0
+        sigma = self._rate_sigma_at(lift_lag) if lift_lag > 0.0 else self._rate_sigma
+        residual, scale = (self._rate - rate) / sigma, rate / sigma
+        gain = float(scale @ residual) / (float(scale @ scale) + GAIN_ERROR**-2)
+        larger = float(np.mean(np.log(sigma / self._rate_sigma)))
+        return np.append(residual - gain * scale, gain / GAIN_ERROR), larger
+
+
+def evidence_of(
+    found: Sequence[Measurement], nominal: EffectiveModel, healthy: HealthyShape | None = None
+) -> "Evidence":
+    """Recordings, ready to be compared with models that depart from the nominal one.
+
+    healthy: mean innovation of the healthy injector by the nominal model, which is taken out.
+
+    Raises `UserError` where the nominal model needs too many integration steps a sample.
+    """
+    for measurement in found:
+        rate = measurement.recording.sample_rate
+        substeps = substeps_needed(nominal.injector, rate, nominal.departures)
+        if substeps > MAX_SUBSTEPS:
+            raise UserError(
+                str(measurement.recording.path or "recording"),
+                f"{rate:g} Hz would need {substeps} integration steps a sample (at most {MAX_SUBSTEPS})",
+                f"record with {rate * substeps / MAX_SUBSTEPS:.0f} Hz or more, or give the model a larger sac",
+            )
+    return Evidence([Trial(measurement, nominal, healthy) for measurement in found])
+
+
+class Evidence:
+    """All recordings: what a model's residuals on them are."""
+
+    def __init__(self, trials: Sequence[Trial]) -> None:
+        self.trials = tuple(trials)
+
+    def judge(self, model: EffectiveModel) -> list[JudgedModel] | None:
+        """The model on every recording; None where its solution is not finite."""
+        judged = [trial.judge(model) for trial in self.trials]
+        complete = [one for one in judged if one is not None]
+        return complete if len(complete) == len(judged) else None
+
+    def residuals(self, model: EffectiveModel) -> Residuals | None:
+        """All residuals: line pressure, then rate, recording after recording."""
+        judged = self.judge(model)
+        return None if judged is None else residuals_of(judged)
+
+
+def residuals_of(judged: Sequence[JudgedModel]) -> Residuals:
+    """Residuals of all recordings as one."""
+    parts = [part for one in judged for part in (one.z, one.rate_z)]
+    return Residuals(
+        np.concatenate(parts),
+        np.array([part.size for part in parts]),
+        np.array([value for one in judged for value in (one.log_sigma, one.rate_log_sigma)]),
+    )
+
+
+def _input_key(model: EffectiveModel) -> tuple[InputTerms, Seat]:
+    """What the inputs depend on."""
+    return model.inputs, model.coefficients.seat
+
+
+class Signal(StrEnum):
+    """A signal whose innovations are judged."""
+
+    LINE_PRESSURE = "line_pressure"
+    INJECTION_RATE = "injection_rate"
+
+    @property
+    def unit(self) -> str:
+        """It is printed in."""
+        return "MPa" if self is Signal.LINE_PRESSURE else "mm3/ms"
+
+    @property
+    def si(self) -> float:
+        """What one of that unit is in SI."""
+        return MEGAPASCAL if self is Signal.LINE_PRESSURE else MM3_PER_MS
+
+    @property
+    def words(self) -> str:
+        """For people."""
+        return self.value.replace("_", " ")
+
+
+Pool = Mapping[Signal, PhaseStatistics]
+"""Statistics of each signal, pooled over recordings."""
+
+
+def normalised(one: JudgedModel) -> dict[Signal, NDArray[np.float64]]:
+    """Normalised residuals by signal, without the rate's gain error at the end."""
+    parts = {Signal.LINE_PRESSURE: one.z}
+    if one.rate_z.size:
+        parts[Signal.INJECTION_RATE] = one.rate_z[:-1]
+    return parts
+
+
+def phases_by_signal(trial: Trial) -> dict[Signal, NDArray[np.int8]]:
+    return {Signal.LINE_PRESSURE: trial.phases, Signal.INJECTION_RATE: trial.rate_phases}
+
+
+def pool_of(evidence: Evidence, judged: Sequence[JudgedModel]) -> Pool:
+    """Statistics of all recordings together."""
+    pool: dict[Signal, PhaseStatistics] = {}
+    for trial, one in zip(evidence.trials, judged, strict=True):
+        for signal, z in normalised(one).items():
+            found = phase_statistics(z, 1.0, phases_by_signal(trial)[signal], 0)
+            pool[signal] = pool.get(signal, no_statistics()).faded(1.0, found)
+    return pool

@@ -1,0 +1,325 @@
+"""Recordings as discovery sees them: noise, gaps, openings, and the stretches of samples that are judged."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.config.injector import Meaning
+from observer_rt.engine.estimation.gain import NoiseLevels
+from observer_rt.engine.estimation.signal_noise import white_noise
+from observer_rt.files.signals.recording import Recording
+from observer_rt.files.signals.stream import Sampled
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS
+from observer_rt.identification.likelihood.openings import Opening, find_openings, ramp_samples
+from observer_rt.model.effect import SizedEffect
+from observer_rt.model.effective import Coefficients, EffectiveModel, averaged
+from observer_rt.model.forcing import NO_CLOCK, Clock
+
+
+class MissingSamples:
+    """Counts samples, those that are missing, and the gaps these make, while a recording is read."""
+
+    def __init__(self) -> None:
+        self.samples = 0
+        """Of the recording."""
+        self.missing = 0
+        """Of these."""
+        self.count = 0
+        """Of gaps."""
+        self.longest = 0
+        """[samples]"""
+        self._open = 0  # samples of a gap that may go on
+
+    def take(self, missing: NDArray[np.bool_]) -> None:
+        """Go on with further samples (n,)."""
+        edges = np.flatnonzero(np.diff(missing, prepend=False, append=False))
+        lengths = edges[1::2] - edges[::2]
+        self.samples += missing.size
+        self.missing += int(lengths.sum())
+        self.count += lengths.size
+        if self._open and missing.size:
+            if missing[0]:
+                lengths[0] += self._open
+                self.count -= 1
+            self._open = 0
+        if lengths.size:
+            self.longest = max(self.longest, int(lengths.max()))
+            self._open = int(lengths[-1]) if missing[-1] else 0
+
+
+LEAD = 3e-3  # s before an opening from which x~ runs
+COUNTED_LEAD = 1e-3  # s before an opening from which innovations count: by then x~ has forgotten its start
+RING_DOWN = 12e-3  # s after the last closing that count
+EVENT_GAP = 10e-3  # s of shut needle that end an event
+RESTING = 3e-3  # s after which a shut sac is at chamber pressure
+START_MEAN = 0.05e-3  # s on either side of the start over which y is averaged
+MARGIN = 80e-6  # s at both ends, for channels recorded late or early
+FLOOR = NoiseLevels(rail_pressure=0.005 * MEGAPASCAL, line_pressure=0.005 * MEGAPASCAL, needle_lift=0.02e-6)
+RATE_FLOOR = 0.01 * MM3_PER_MS
+POINT_PRESSURE, POINT_DURATION = 5 * MEGAPASCAL, 0.1e-3  # Pa, s: one operating point within these
+_GUESSED_LIFT_NOISE = 0.4 * MICROMETRE  # where too few samples tell
+LOWEST_SAMPLE_RATE = 10e3  # Hz, below which the line mode is not seen
+SHORTEST_OPENING = 0.05e-3  # s
+
+
+@dataclass(frozen=True)
+class JudgedEvent:
+    """Openings closer than EVENT_GAP: x~ runs from sample `start`, innovations count in [counted, end).
+
+    clock: time and openings of the recording up to `start`.
+    """
+
+    openings: tuple[Opening, ...]
+    start: int
+    counted: int
+    end: int
+    clock: Clock = NO_CLOCK
+
+    def moved(self, by: int) -> "JudgedEvent":
+        """The same some samples later."""
+        openings = tuple(Opening(o.first + by, o.last + by, o.rising, o.falling) for o in self.openings)
+        return JudgedEvent(openings, self.start + by, self.counted + by, self.end + by, self.clock)
+
+
+class Lack(StrEnum):
+    """Why an injection cannot be judged."""
+
+    GAP = "samples are missing in it or beside it"
+    AFTER = f"less than {EVENT_GAP / 2 * 1e3:g} ms of shut needle follow"
+    BEFORE = f"less than {LEAD * 1e3:g} ms of shut needle come before"
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """An injection that is not judged; time: when the needle opens [s]."""
+
+    time: float
+    lack: Lack
+
+
+@dataclass(frozen=True)
+class FoundInjections:
+    """What there was in a recording. complete: injections that can be judged; left_out: others."""
+
+    gaps: MissingSamples
+    complete: int
+    left_out: tuple[LeftOut, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Measurement:
+    """A recording, or what was kept of a long one, with what was found in it.
+
+    noise: of a sample; rate_noise: of the measured rate [m3/s], nan without one; rail_pressure: mean before
+    the events [Pa]; duration: mean time the needle is open in an event [s]; found: in the whole recording; stated:
+    what is known of its channels.
+    """
+
+    recording: Recording
+    noise: NoiseLevels
+    rate_noise: float
+    events: tuple[JudgedEvent, ...]
+    rail_pressure: float
+    duration: float
+    found: FoundInjections
+    stated: tuple[SizedEffect, ...] = ()
+
+    @property
+    def interval(self) -> float:
+        """Sample interval [s]."""
+        return 1.0 / self.recording.sample_rate
+
+    @property
+    def means(self) -> bool:
+        """Whether samples are means over the sample period that ends at their time."""
+        return self.recording.meaning is Meaning.MEAN
+
+    def as_recorded(self, model: EffectiveModel) -> EffectiveModel:
+        """A model with what is known of the channels."""
+        for each in self.stated:
+            model = each.effect.apply(model, each.values)
+        return model
+
+    def coefficients_of(self, model: EffectiveModel) -> Coefficients:
+        """A model whose line pressure is as this recording's."""
+        return averaged(model.coefficients) if self.means else model.coefficients
+
+
+def measurements(recordings: Sequence[Recording]) -> tuple[Measurement, ...]:
+    """Every recording with its noise and events, in the order given.
+
+    Raises `UserError` for a recording without a complete injection, too short a standstill or a slow sample rate.
+    """
+    found = [_whole(recording) for recording in recordings]
+    if not found:
+        raise UserError("RECORDING", "no recordings", "give at least one recording with injections")
+    return tuple(found)
+
+
+def _whole(recording: Recording) -> Measurement:
+    refuse_slow(recording)
+    openings = openings_of(recording)
+    events, left_out = events_of(recording, openings)
+    gaps = MissingSamples()
+    gaps.take(missing_samples(recording))
+    return measurement_of(recording, openings, events, FoundInjections(gaps, len(events), left_out))
+
+
+def refuse_slow(recording: Sampled) -> None:
+    """Raise `UserError` for a sample rate at which the line's ringing does not show."""
+    if recording.sample_rate < LOWEST_SAMPLE_RATE:
+        raise UserError(
+            _name(recording),
+            f"{recording.sample_rate:g} samples a second do not show the ringing of the line",
+            f"record with {LOWEST_SAMPLE_RATE:g} Hz or more",
+        )
+
+
+def measurement_of(
+    recording: Recording, openings: Sequence[Opening], events: tuple[JudgedEvent, ...], found: FoundInjections
+) -> Measurement:
+    """A recording with its events, of all openings in it, and its noise. Errors as of `measurements`."""
+    if not events:
+        lacks = sorted({str(event.lack) for event in found.left_out})
+        raise UserError(
+            _name(recording),
+            "no complete injection" + "".join(f"; {lack}" for lack in lacks),
+            f"record {LEAD * 1e3:g} ms of shut needle before an injection and {EVENT_GAP * 1e3:g} ms after it",
+        )
+    levels, rate_noise = _noise(recording, openings)
+    return Measurement(
+        recording,
+        levels,
+        rate_noise,
+        events,
+        float(np.mean([rail_pressure_before(event, recording) for event in events])),
+        float(np.mean([open_time(event, recording) for event in events])),
+        found,
+    )
+
+
+def _name(recording: Sampled) -> str:
+    return str(recording.path) if recording.path is not None else "recording"
+
+
+def rail_pressure_before(event: JudgedEvent, recording: Recording) -> float:
+    """Mean rail pressure before an event [Pa]."""
+    first = event.openings[0].first
+    lead = max(1, round(COUNTED_LEAD * recording.sample_rate))
+    return float(np.mean(recording.rail_pressure[first - lead : first]))
+
+
+def open_time(event: JudgedEvent, recording: Recording) -> float:
+    """How long the needle is open in an event [s]."""
+    return sum(o.last - o.first + 1 for o in event.openings) / recording.sample_rate
+
+
+def missing_samples(recording: Recording) -> NDArray[np.bool_]:
+    """Samples (n,) of which an input or the line pressure is not available."""
+    return np.isnan(recording.rail_pressure + recording.needle_lift + recording.line_pressure)
+
+
+def openings_of(recording: Recording) -> list[Opening]:
+    """Openings of the needle, found with the lift's own noise."""
+    lift = recording.needle_lift
+    everywhere = np.ones(lift.size, np.bool_)
+    noise = white_noise(lift, everywhere)
+    noise = max(noise if np.isfinite(noise) else _GUESSED_LIFT_NOISE, FLOOR.needle_lift)
+    shortest = SHORTEST_OPENING * recording.sample_rate
+    ramp = ramp_samples(recording.sample_rate)
+    return [o for o in find_openings(lift, noise, ramp) if o.last - o.first >= shortest]
+
+
+def events_of(
+    recording: Recording, openings: Sequence[Opening]
+) -> tuple[tuple[JudgedEvent, ...], tuple[LeftOut, ...]]:
+    """Complete events whose samples are all available, and what is none."""
+    rate = recording.sample_rate
+    groups: list[list[Opening]] = []
+    for opening in openings:
+        if groups and opening.first - groups[-1][-1].last < EVENT_GAP * rate:
+            groups[-1].append(opening)
+        else:
+            groups.append([opening])
+    margin = round(MARGIN * rate) + 1
+    lead = round(COUNTED_LEAD * rate)
+    limits = [*(group[0].first - lead for group in groups), recording.samples - margin][1:]
+    missing = missing_samples(recording)
+    events, left_out = [], []
+    previous_end, before = 0, 0
+    for group, limit in zip(groups, limits, strict=True):
+        start = group[0].first - round(LEAD * rate)
+        counted = group[0].first - lead
+        end = min(group[-1].last + round(RING_DOWN * rate), limit)
+        lack = None
+        if start - margin < previous_end:
+            lack = Lack.BEFORE
+        elif end - group[-1].last < 0.5 * EVENT_GAP * rate:
+            lack = Lack.AFTER
+        elif missing[start - margin : end + margin].any():
+            lack = Lack.GAP
+        if lack is None:
+            clock = Clock(float(recording.time[start]), float(before))
+            events.append(JudgedEvent(tuple(group), start, counted, end, clock))
+        else:
+            left_out.append(LeftOut(float(recording.time[group[0].first]), lack))
+        previous_end = group[-1].last
+        before += len(group)
+    return tuple(events), tuple(left_out)
+
+
+def _noise(recording: Recording, openings: Sequence[Opening]) -> tuple[NoiseLevels, float]:
+    """Noise levels and that of the rate: needle shut for pressures and rate, open for the lift."""
+    shut = shut_mask(recording.samples, openings, round(RESTING * recording.sample_rate))
+    is_open = np.zeros(recording.samples, np.bool_)
+    for opening in openings:
+        is_open[opening.first : opening.last + 1] = True
+    rail, line = (white_noise(v, shut) for v in (recording.rail_pressure, recording.line_pressure))
+    if not np.isfinite(rail + line):
+        raise UserError(
+            _name(recording),
+            "too little standstill to measure the noise",
+            "record some ms more of shut needle",
+        )
+    lift = white_noise(recording.needle_lift, is_open)
+    if not np.isfinite(lift):
+        lift = white_noise(recording.needle_lift, shut)
+    levels = NoiseLevels(
+        rail_pressure=max(rail, FLOOR.rail_pressure),
+        line_pressure=max(line, FLOOR.line_pressure),
+        needle_lift=max(lift, FLOOR.needle_lift),
+    )
+    if recording.injection_rate is None:
+        return levels, float("nan")
+    return levels, max(white_noise(recording.injection_rate, shut), RATE_FLOOR)
+
+
+def shut_mask(samples: int, openings: Sequence[Opening], settled: int) -> NDArray[np.bool_]:
+    """Samples (n,) at which the needle has been shut for `settled` samples and more."""
+    result = np.ones(samples, np.bool_)
+    for opening in openings:
+        result[opening.first : opening.last + 1 + settled] = False
+    return result
+
+
+def every_second_point(found: Sequence[Measurement]) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Recordings (by number) of every second operating point, and the others: like the squares of a chessboard.
+
+    Of rail pressures by durations each half has all of both, as far as there are two.
+    """
+    points = [operating_point(one.rail_pressure, one.duration) for one in found]
+    pressures = sorted({pressure for pressure, _ in points})
+    halves: tuple[list[int], list[int]] = [], []
+    for number, (pressure, duration) in enumerate(points):
+        beside = sorted({other for same, other in points if same == pressure})
+        halves[(pressures.index(pressure) + beside.index(duration)) % 2].append(number)
+    return tuple(halves[0]), tuple(halves[1])
+
+
+def operating_point(rail_pressure: float, duration: float) -> tuple[int, int]:
+    """Of a rail pressure [Pa] and time open [s]: equal within a few MPa and some hundredths of a millisecond."""
+    return round(rail_pressure / POINT_PRESSURE), round(duration / POINT_DURATION)

@@ -1,0 +1,120 @@
+"""A model run through a recording as a reader of a report imagines it: open loop from the opening on."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.core.learning.predictor import follow
+from observer_rt.engine.estimation.gain import gain_schedule
+from observer_rt.engine.estimation.predictor import NO_SLOPES, Setting
+from observer_rt.engine.estimation.scalars import nothing_learned
+from observer_rt.identification.likelihood.measurement import JudgedEvent, Measurement
+from observer_rt.identification.likelihood.windows import (
+    Rows,
+    TrueInputs,
+    batch_of,
+    in_mass_window,
+    rate_as_recorded,
+    smoothing_of,
+)
+from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.stability import in_stable_cells, substeps_needed
+
+SPARE_SUBSTEPS = 1  # so that a little wear does not change their number
+
+
+@dataclass(frozen=True, eq=False)
+class Simulated:
+    """A model on one event: n samples from the opening to the end of the ringing, SI.
+
+    samples, rate_samples: (n,) of the recording, that the line pressure and the rate belong to.
+    """
+
+    event: JudgedEvent
+    samples: NDArray[np.int64]
+    line_pressure: NDArray[np.float64]
+    rate_samples: NDArray[np.int64]
+    rate: NDArray[np.float64]
+
+
+def simulated(measurement: Measurement, model: EffectiveModel) -> tuple[Simulated, ...]:
+    """Line pressure as it would be recorded, and injection rate, of every event of a recording.
+
+    The state follows the measurement by x~ up to the opening and runs open loop from there.
+    """
+    interval = measurement.interval
+    highest_pressure = float(np.nanmax(measurement.recording.rail_pressure))
+    stable = in_stable_cells(measurement.as_recorded(model), interval, highest_pressure)
+    if stable is None:
+        raise ArithmeticError("no number of cells is stable for this line")
+    model = stable
+    c, sensor = measurement.coefficients_of(model), model.sensor
+    late = math.floor(sensor.delay / interval)
+    share = sensor.delay / interval - late
+    rows = Rows(measurement)
+    inputs = TrueInputs(measurement, model.inputs, c)
+    batch = batch_of(measurement, rows, inputs, late, sensor.offset, c)
+    sample_rate = measurement.recording.sample_rate
+    gains = gain_schedule(
+        c, measurement.noise, sample_rate, sensor.lag, share, rail_smoothing=smoothing_of(interval)
+    ).gains
+    substeps = substeps_needed(model.injector, sample_rate, model.departures) + SPARE_SUBSTEPS
+    offset = sensor.offset / c.pressure_scale
+    setting = Setting(interval, substeps, c, gains[-1].copy(), share, sensor.lag, offset, model.program)
+    learned = nothing_learned(c)
+    result = []
+    for number, event in enumerate(measurement.events):
+        window = batch.window(number)
+        size = window.output.size
+        errors, rate = np.empty(size), np.empty(size)
+        follow(window, setting, learned, window.opening, errors, rate, None, NO_SLOPES)
+        rate = rate_as_recorded(measurement, rate)
+        shown = window.output - errors
+        first = event.openings[0].first - event.start
+        samples = rows.samples[batch.bounds[number] : batch.bounds[number + 1]][first:]
+        result.append(
+            Simulated(
+                event,
+                samples,
+                shown[first:] * c.pressure_scale + c.chamber_pressure,
+                samples - late,
+                rate[first:],
+            )
+        )
+    return tuple(result)
+
+
+def mass(measurement: Measurement, one: Simulated, density: float) -> float:
+    """Injected mass of an event [kg]."""
+    inside = in_mass_window(measurement, one.event, one.rate_samples)
+    return float(np.trapezoid(one.rate[inside])) * measurement.interval * density
+
+
+def measured_mass(measurement: Measurement, one: Simulated, density: float) -> float:
+    """Mass of an event by the measured rate [kg], nan without one."""
+    measured = measurement.recording.injection_rate
+    if measured is None:
+        return math.nan
+    inside = one.rate_samples[in_mass_window(measurement, one.event, one.rate_samples)]
+    return float(np.trapezoid(measured[inside])) * measurement.interval * density
+
+
+def noisier(measurement: Measurement, seed: int) -> Measurement:
+    """The recording with its own noise added once more: how far a result moves is how far it may be off."""
+    random = np.random.default_rng(seed)
+    recording, noise = measurement.recording, measurement.noise
+
+    def moved(values: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
+        return values + random.normal(0.0, sigma, values.size)
+
+    return replace(
+        measurement,
+        recording=replace(
+            recording,
+            rail_pressure=moved(recording.rail_pressure, noise.rail_pressure),
+            needle_lift=moved(recording.needle_lift, noise.needle_lift),
+            line_pressure=moved(recording.line_pressure, noise.line_pressure),
+        ),
+    )

@@ -1,0 +1,133 @@
+"""When the needle is open, from a measured lift, and the lift as it was before a slow sensor rounded it."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.core.stream.stream import CONFIRM, FOOT, LOOK_BACK, dead_band
+from observer_rt.engine.stream.front_end import noise_gain
+
+RAMP = 8  # samples at most, through which the straight line of a ramp is laid
+RAMP_TIME = 80e-6  # s, of these samples
+
+
+@dataclass(frozen=True)
+class Ramp:
+    """A straight ramp at the edge of an opening: lift [m] at its outermost sample, and change towards the inside
+    [m a sample]."""
+
+    lift: float
+    slope: float
+
+
+@dataclass(frozen=True)
+class Opening:
+    """One opening of the needle as recorded: samples first..last with measured lift, and its two ramps."""
+
+    first: int
+    last: int
+    rising: Ramp
+    falling: Ramp
+
+
+def ramp_samples(sample_rate: float) -> int:
+    """Samples through which the straight line of a ramp is laid; sample rate [Hz]."""
+    return min(max(round(RAMP_TIME * sample_rate), 2), RAMP)
+
+
+def find_openings(lift: NDArray[np.float64], noise: float, ramp: int = RAMP) -> list[Opening]:
+    """Openings in a measured lift [m] (n,) with white noise [m] of this standard deviation.
+
+    ramp: samples through which the straight line of a ramp is laid.
+    Open from the first of CONFIRM samples above the dead band to the last before CONFIRM samples below its half;
+    up to LOOK_BACK samples beside them that stand out of the noise belong to the ramps.
+    """
+    opens, shuts = dead_band(noise)
+    above, below = _runs(lift > opens), _runs(~(lift > shuts))
+    result = []
+    k = 0
+    while (first := _next(above, k)) is not None:
+        end = _next(below, first)
+        if end is None:
+            break  # cut off: the recording ends with an open needle
+        if first > 0:
+            result.append(_opening(lift, first, end - 1, opens, ramp))
+        k = end
+    return result
+
+
+def opening_between(lift: NDArray[np.float64], first: int, last: int, ramp: int) -> Opening:
+    """The opening of these samples in a lift [m] (n,). ramp: samples its straight lines are laid through."""
+    inside = lift[first : last + 1]
+    return Opening(first, last, _ramp(inside, ramp), _ramp(inside[::-1], ramp))
+
+
+def _runs(true: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Samples from which on CONFIRM samples are true."""
+    run = true.copy()
+    for ahead in range(1, CONFIRM):
+        run[:-ahead] &= true[ahead:]
+        run[-ahead:] = False
+    return np.flatnonzero(run)
+
+
+def _next(starts: NDArray[np.int64], k: int) -> int | None:
+    place = int(np.searchsorted(starts, k))
+    return int(starts[place]) if place < starts.size else None
+
+
+def _opening(lift: NDArray[np.float64], first: int, last: int, opens: float, ramp: int) -> Opening:
+    for _ in range(LOOK_BACK):
+        if first > 0 and lift[first - 1] > FOOT * opens:
+            first -= 1
+        if last + 1 < lift.size and lift[last + 1] > FOOT * opens:
+            last += 1
+    return opening_between(lift, first, last, ramp)
+
+
+def _ramp(lift: NDArray[np.float64], samples: int) -> Ramp:
+    """The straight line through the first samples of a ramp, never falling.
+
+    The very first lies in the rounded foot; an opening shorter than two ramps has its line from its first half.
+    """
+    first, end = (1, 1 + samples) if lift.size > 2 * samples else (0, max(2, math.ceil(lift.size / 2)))
+    used = lift[first:end]
+    beside = np.arange(used.size) - 0.5 * (used.size - 1)
+    slope = float(beside @ used) / max(float(beside @ beside), 0.5)  # one sample has none
+    level = float(np.mean(used)) - slope * (first + 0.5 * (used.size - 1))
+    return Ramp(level, max(slope, 0.0))
+
+
+GRID = 2e-6  # s of lag, at whose multiples openings are looked for: between them nothing jumps
+
+
+def without_lag(lift: NDArray[np.float64], sample_rate: float, lag: float) -> NDArray[np.float64]:
+    """y + lag y' [m] (n,) of a recorded lift y; central differences leave straight ramps exact."""
+    return np.asarray(lift + lag * sample_rate * np.gradient(lift))
+
+
+def openings_without_lag(
+    lift: NDArray[np.float64], noise: float, recorded: Sequence[Opening], sample_rate: float, lag: float
+) -> list[tuple[float, list[Opening]]]:
+    """Openings of `without_lag`, as those of two multiples of GRID beside the lag, with the share of each.
+
+    noise: white, of the recorded lift [m]. Only openings that were recorded are kept; they begin and end earlier.
+    """
+    restored, ramp = without_lag(lift, sample_rate, lag), ramp_samples(sample_rate)
+    below = math.floor(lag / GRID)
+    result = []
+    for multiple, share in ((below, 1.0 + below - lag / GRID), (below + 1, lag / GRID - below)):
+        near = multiple * GRID
+        found = find_openings(
+            without_lag(lift, sample_rate, near), noise * noise_gain(near * sample_rate), ramp
+        )
+        kept = [one for one in found if any(_overlap(one, other) for other in recorded)]
+        result.append((share, [opening_between(restored, one.first, one.last, ramp) for one in kept]))
+    return result
+
+
+def _overlap(one: Opening, other: Opening) -> bool:
+    return one.first <= other.last and other.first <= one.last

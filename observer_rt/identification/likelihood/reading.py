@@ -1,0 +1,158 @@
+"""Recordings read from files; what is refused before any work begins, and what of them is judged, in words."""
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from rich.console import Console
+
+from observer_rt.engine.signal_survey import doubts, refuse_dead, refuse_implausible, refuse_perforated
+from observer_rt.files.signals.recording import Recording
+from observer_rt.files.signals.stream import Sampled, SignalStream
+from observer_rt.foundation.console import progress_bar, say
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.files import file_errors, file_hash
+from observer_rt.foundation.units import MILLISECOND
+from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES, measured
+from observer_rt.identification.likelihood.measurement import Measurement
+from observer_rt.model.baseline import Baseline
+from observer_rt.model.effect import SizedEffect
+
+_RATE_TOLERANCE = 1e-6  # relative
+
+
+def read_measured(
+    paths: Sequence[Path],
+    read: Callable[[Path], SignalStream],
+    console: Console,
+    most: int = MOST_SAMPLES,
+    stated: tuple[SizedEffect, ...] = (),
+    baseline: Baseline | None = None,
+) -> tuple[Measurement, ...]:
+    """Recordings, read and looked through.
+
+    read: looks through a file the user named, and refuses one that is none; most: samples kept of a recording;
+    stated: what is known of its channels; baseline: of the model, where it was fitted.
+    Raises `UserError` for recordings that cannot serve, or not together.
+    """
+    for number, path in enumerate(paths):
+        if path.resolve() in {other.resolve() for other in paths[:number]}:
+            raise UserError(str(path), "is given twice", "give every recording once")
+    sources = [read(path) for path in paths]
+    refuse_sample_rates(sources)
+    for source in sources:
+        refuse_implausible(source.path, source.survey, source.names)
+        refuse_dead(source.path, source.survey, source.names)
+        refuse_perforated(source.path, source.survey)
+        for doubt in doubts(source.survey, baseline):
+            say(console, doubt.as_text(source.path))
+    found = []
+    for path, source in zip(paths, sources, strict=True):
+        with progress_bar(console, f"finding injections in {path.name}", source.grid_samples) as progress:
+            found.append(replace(measured(source, progress, most), stated=stated))
+    return tuple(found)
+
+
+def without_copies(paths: Sequence[Path], console: Console) -> list[Path]:
+    """Recordings but for those with the content of one before, which say nothing more; they are named.
+
+    A file that is given twice stays, and is refused as such.
+    """
+    sizes = []
+    for path in paths:
+        with file_errors(path):
+            sizes.append(path.stat().st_size)
+    kept: dict[str, Path] = {}
+    result = []
+    for path, size in zip(paths, sizes, strict=True):
+        first = path
+        if sizes.count(size) > 1:  # else it is no copy, and need not be read for that
+            with file_errors(path):
+                first = kept.setdefault(file_hash(path), path)
+        if first is not path and first.resolve() != path.resolve():
+            say(console, f"warning: {path} is left out: a copy of {first}")
+        else:
+            result.append(path)
+    return result
+
+
+def refuse_sample_rates(recordings: Sequence[Sampled]) -> None:
+    """Refuse recordings of different sample rates."""
+    first = recordings[0]
+    for other in recordings[1:]:
+        if abs(other.sample_rate - first.sample_rate) > _RATE_TOLERANCE * first.sample_rate:
+            raise UserError(
+                str(other.path),
+                f"is sampled at {other.sample_rate:g} Hz, {first.path} at {first.sample_rate:g} Hz",
+                "give recordings of one sample rate: sort them into several calls, or resample them",
+            )
+
+
+def refuse_rates_missing(recordings: Sequence[Recording]) -> None:
+    """Refuse a measured injection rate that some recordings have and others have not."""
+    first = recordings[0]
+    for other in recordings[1:]:
+        if (other.injection_rate is None) != (first.injection_rate is None):
+            without = other if other.injection_rate is None else first
+            raise UserError(
+                str(without.path),
+                "has no measured injection rate, other recordings have one",
+                "leave the column out of all recordings, or give only those that have it",
+            )
+
+
+def hashes(paths: Sequence[Path]) -> dict[str, str]:
+    """SHA-256 of recordings by file name, by path where two have one name."""
+    names = Counter(path.name for path in paths)
+    return {path.name if names[path.name] == 1 else str(path): file_hash(path) for path in paths}
+
+
+def shortened(hashes: Mapping[str, str]) -> list[str]:
+    """Recordings by name and the first digits of their SHA-256: what a file keeps of where its numbers are from."""
+    return [f"{name} sha256 {digest[:12]}" for name, digest in hashes.items()]
+
+
+_SHOWN = 5  # of the injections left out for one reason
+
+
+def coverage(measurement: Measurement) -> str:
+    """One line for a recording used as a whole, else several. Pilot, main and post are one injection."""
+    recording, found = measurement.recording, measurement.found
+    judged, left_out = len(measurement.events), found.left_out
+    lines = [
+        f"{recording.path or 'recording'}: {found.gaps.samples} samples at {recording.sample_rate:g} Hz, "
+        f"{_gaps(measurement)}, {judged} of {found.complete + len(left_out)} injections judged"
+    ]
+    if chosen := chosen_words(measurement):
+        lines.append(f"  {chosen}")
+    for lack in sorted({event.lack for event in left_out}):
+        times = [f"{event.time:.4f} s" for event in left_out if event.lack is lack]
+        more = f" and {len(times) - _SHOWN} more" if len(times) > _SHOWN else ""
+        lines.append(f"  left out, {lack}: at {', '.join(times[:_SHOWN])}{more}")
+    return "\n".join(lines)
+
+
+def is_chosen(measurement: Measurement) -> bool:
+    """Whether not all injections are judged, so that times are not those of the recording."""
+    return len(measurement.events) != measurement.found.complete
+
+
+def chosen_words(measurement: Measurement) -> str:
+    """How injections were chosen of a recording too long to be judged as a whole; empty for others."""
+    judged, complete = len(measurement.events), measurement.found.complete
+    if not is_chosen(measurement):
+        return ""
+    return (
+        f"{judged} of {complete} complete injections chosen, spread evenly over each operating point: no more than "
+        f"{MOST_SAMPLES} samples of a recording are kept"
+    )
+
+
+def _gaps(measurement: Measurement) -> str:
+    gaps = measurement.found.gaps
+    if not gaps.count:
+        return "no gap"
+    longest = gaps.longest * measurement.interval / MILLISECOND
+    number = "1 gap" if gaps.count == 1 else f"{gaps.count} gaps"
+    return f"{number} of {gaps.missing} samples in all, the longest {longest:.3g} ms"

@@ -1,0 +1,280 @@
+"""The judged stretches of a recording as inputs and output of the predictor, for given input terms.
+
+The rail pressure as models are driven with it: smoothed, and moved by the delay of its channel.
+
+A line in which pressure travels takes the noise of its rail pressure for pressure. What rounds that noise - a rail
+pressure read between two samples, a line pressure taken for late and early at once - would explain any recording
+better. So the rail pressure is smoothed first, by one kernel whatever its delay: the same noise is left of it.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.core.identification.areas import fill_areas
+from observer_rt.core.learning.phases import phases_of
+from observer_rt.core.model.model import rest_state
+from observer_rt.core.stream.stream import dead_band
+from observer_rt.engine.estimation.phases import AFTERGLOW, EDGE
+from observer_rt.engine.estimation.predictor import Window
+from observer_rt.identification.likelihood.measurement import (
+    MARGIN,
+    RESTING,
+    START_MEAN,
+    JudgedEvent,
+    Measurement,
+    shut_mask,
+)
+from observer_rt.identification.likelihood.openings import Opening, openings_without_lag, without_lag
+from observer_rt.model.effective import Coefficients, InputTerms
+from observer_rt.model.forcing import Clock
+
+WIDTH = 50e-6  # s, of the kernel: it leaves what a rail does up to some 3 kHz
+REACH = 4.0  # widths to either side
+MOVING = 0.5  # of the noise: by so much the rail moves in events where its delay can be seen at all
+
+
+def smoothing_of(interval: float) -> float:
+    """Width of the kernel [s] at a sample interval [s]: a sample at least, so that noise does not tell the delay."""
+    return max(WIDTH, interval)
+
+
+def true_rail_pressure(measurement: Measurement, delay: float) -> NDArray[np.float64]:
+    """Rail pressure [Pa] (n,), smoothed, of a channel that records it `delay` [s] late.
+
+    The kernel is of fourth order, (3 - u2)/2 times a normal density: parabolas pass as they are. A rail at rest
+    during events is not moved: to move its noise is to draw another noise, which some delay always likes.
+    """
+    rail = measurement.recording.rail_pressure
+    late, width = delay / measurement.interval, smoothing_of(measurement.interval) / measurement.interval
+    if not _moves(measurement):
+        late = 0.0
+    known = np.isfinite(rail)
+    if not known.all():  # outside of what is judged, but within the kernel's reach
+        sample = np.arange(rail.size)
+        rail = np.interp(sample, sample[known], rail[known])
+    reach = int(np.ceil(REACH * width + abs(late)))
+    u = (np.arange(-reach, reach + 1) - late) / width
+    weights = (3.0 - u**2) * np.exp(-0.5 * u**2)
+    beyond = np.pad(rail, reach, mode="edge")
+    return np.asarray(np.convolve(beyond, weights[::-1] / weights.sum(), "valid"), np.float64)
+
+
+def _moves(measurement: Measurement) -> bool:
+    """Whether the rail pressure moves within events."""
+    rail, noise = measurement.recording.rail_pressure, measurement.noise.rail_pressure
+    variance = np.mean([np.var(rail[event.start : event.end]) for event in measurement.events])
+    return bool(variance > (1.0 + MOVING**2) * noise**2)
+
+
+RATE_DELAY = 40e-6  # s after an opening from which a measured rate is judged
+MASS_LEAD, MASS_TAIL = 0.15e-3, 0.5e-3  # s beside an event's openings that its mass is summed over
+FOOT_ROUNDING = 8e-6  # s before and after a needle leaves or meets its seat, in which it gathers speed
+
+
+class Batch(NamedTuple):
+    """All windows of a recording, one after another; n samples, w windows, normalised by (24).
+
+    inputs (n, 2), output (n,), resting (n,), starts (w, states + 1), knots (n, 2) or (0, 2) as in `Window`; bounds
+    (w + 1,): window i is [bounds[i], bounds[i+1]); openings (w,): in the window; clocks (w, 2): as of `Clock`.
+    """
+
+    inputs: NDArray[np.float64]
+    output: NDArray[np.float64]
+    resting: NDArray[np.bool_]
+    starts: NDArray[np.float64]
+    bounds: NDArray[np.int64]
+    openings: NDArray[np.int64]
+    knots: NDArray[np.float64]
+    clocks: NDArray[np.float64]
+
+    def window(self, number: int) -> Window:
+        """One of the windows."""
+        part = slice(self.bounds[number], self.bounds[number + 1])
+        return Window(
+            self.inputs[part],
+            self.output[part],
+            self.resting[part],
+            self.starts[number],
+            self.openings[number],
+            self.knots[part],
+            clock=Clock(*self.clocks[number]),
+        )
+
+
+def in_mass_window(
+    measurement: Measurement, event: JudgedEvent, samples: NDArray[np.int64]
+) -> NDArray[np.bool_]:
+    """Which samples (n,) of a recording an event's mass is summed over."""
+    lead, tail = (round(t / measurement.interval) for t in (MASS_LEAD, MASS_TAIL))
+    inside = np.zeros(samples.size, np.bool_)
+    for opening in event.openings:
+        inside |= (samples >= opening.first - lead) & (samples <= opening.last + tail)
+    return inside
+
+
+class Rows:
+    """Where the samples of a recording lie in its batch."""
+
+    def __init__(self, measurement: Measurement) -> None:
+        events = measurement.events
+        self.samples = np.concatenate([np.arange(e.start, e.end) for e in events])
+        """(n,): the sample whose line pressure a row holds."""
+        self.bounds = np.concatenate(([0], np.cumsum([e.end - e.start for e in events])))
+        self.counted = np.concatenate([np.arange(e.start, e.end) >= e.counted for e in events])
+        """(n,): rows whose innovation is judged."""
+        skipped = round(RATE_DELAY * measurement.recording.sample_rate)
+        rows, times = [], []
+        for event, bound in zip(events, self.bounds, strict=False):
+            near = np.zeros(event.end - event.start, np.bool_)
+            for opening in event.openings:
+                end = opening.last + 1 - int(measurement.means)
+                near[opening.first - event.start + skipped : end - event.start] = True
+            rows.append(bound + np.flatnonzero(near))
+            times.append(event.start + np.flatnonzero(near))
+        self.rate_rows = np.concatenate(rows)
+        """(m,): rows at which a measured rate is judged, when the line pressure is not recorded late.
+
+        Those with an open needle, from RATE_DELAY on: a lift within its noise, and an orifice law that is smooth at
+        low pressure, say little of how the sac begins to fill. Of means, not the one in which the needle shuts.
+        """
+        self.rate_samples = np.concatenate(times)
+        self._injecting = np.concatenate(
+            [in_mass_window(measurement, e, np.arange(e.start, e.end)) for e in events]
+        )
+        self._interval = measurement.interval
+
+    def volumes(self, rate: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Volume of every event (w,) [m3] by the injection rate (n,) [m3/s] of its rows."""
+        inside = np.where(self._injecting, rate, 0.0)
+        return np.add.reduceat(inside, self.bounds[:-1]) * self._interval
+
+
+class TrueInputs:
+    """A recording's true inputs under given input terms, normalised, for every sample.
+
+    A mean over the sample period that ends at a sample's time is the value half a period before. The rail pressure is
+    brought from there to the times of the samples; the area has its corners there, as knots.
+    """
+
+    def __init__(
+        self,
+        measurement: Measurement,
+        terms: InputTerms,
+        c: Coefficients,
+        rail: NDArray[np.float64] | None = None,
+    ) -> None:
+        """rail: `rail_on_time` of the same terms, where it is known already."""
+        rail = (
+            terms.rail_factor * (rail_on_time(measurement, terms) if rail is None else rail)
+            + terms.rail_shift
+        )
+        self.rail = (rail - c.chamber_pressure) / c.pressure_scale
+        self.area = _areas(measurement, terms, c)
+        self.knots = np.empty((0, 2))
+        if measurement.means:
+            later = np.append(self.area[1:], self.area[-1])
+            self.knots = np.column_stack([np.full(later.size, 0.5), later])
+            self.area = 0.5 * (self.area + later)
+
+
+def rail_on_time(measurement: Measurement, terms: InputTerms) -> NDArray[np.float64]:
+    """Recorded rail pressure [Pa] (n,), smoothed, at the times of the other two channels."""
+    return true_rail_pressure(
+        measurement, terms.rail_delay + (0.5 * measurement.interval if measurement.means else 0.0)
+    )
+
+
+def _areas(measurement: Measurement, terms: InputTerms, c: Coefficients) -> NDArray[np.float64]:
+    """Normalised seat areas (n,) of the true lift, at the times of its samples."""
+    lift, noise = measurement.recording.needle_lift, measurement.noise.needle_lift
+    openings = [o for event in measurement.events for o in event.openings]
+    if terms.lift_lag <= 0.0:
+        return _areas_of(measurement, lift, openings, terms, c)
+    rate = measurement.recording.sample_rate
+    restored = without_lag(lift, rate, terms.lift_lag)
+    area = np.zeros(lift.size)
+    for share, found in openings_without_lag(lift, noise, openings, rate, terms.lift_lag):
+        area += share * _areas_of(measurement, restored, found, terms, c)
+    return area
+
+
+def _areas_of(
+    measurement: Measurement,
+    lift: NDArray[np.float64],
+    openings: Sequence[Opening],
+    terms: InputTerms,
+    c: Coefficients,
+) -> NDArray[np.float64]:
+    """Normalised seat areas (n,) of a lift [m] (n,) without lag, with its openings."""
+    area = np.zeros(lift.size)
+    if not openings:
+        return area
+    fill_areas(
+        lift,
+        np.array([(o.first, o.last) for o in openings]),
+        np.array([(o.rising.lift, o.rising.slope, o.falling.lift, o.falling.slope) for o in openings]),
+        terms.lift_factor,
+        terms.lift_shift,
+        FOOT_ROUNDING / measurement.interval,
+        dead_band(measurement.noise.needle_lift)[1] if measurement.means else math.nan,
+        c.seat,
+        area,
+    )
+    return area
+
+
+def batch_of(
+    measurement: Measurement, rows: Rows, inputs: TrueInputs, late: int, offset: float, c: Coefficients
+) -> Batch:
+    """The windows when the line pressure is recorded `late` samples late with an offset [Pa] added.
+
+    Rows belong to samples of the line pressure, so that every candidate is judged on the same ones.
+    """
+    recording = measurement.recording
+    openings = [o for event in measurement.events for o in event.openings]
+    resting = shut_mask(recording.samples, openings, round(RESTING * recording.sample_rate))
+    resting &= inputs.area <= 0.0  # the foot of a ramp the sensor did not see
+    source = rows.samples - late
+    output = (recording.line_pressure - c.chamber_pressure) / c.pressure_scale
+    beside = round(START_MEAN * recording.sample_rate)
+    starts = np.zeros((len(measurement.events), c.states + 1))
+    clocks = np.array([event.clock for event in measurement.events])
+    for i, event in enumerate(measurement.events):
+        mean = float(np.mean(output[event.start - beside : event.start + beside + 1]))
+        starts[i, -1] = mean - offset / c.pressure_scale
+        rest_state(starts[i, :-1], starts[i, -1], c)
+    return Batch(
+        np.ascontiguousarray(np.stack((inputs.rail[source], inputs.area[source]), axis=1)),
+        output[rows.samples],
+        resting[source],
+        starts,
+        rows.bounds,
+        np.array([event.openings[0].first - event.start + late for event in measurement.events]),
+        inputs.knots[source] if inputs.knots.size else inputs.knots,
+        clocks,
+    )
+
+
+def rate_as_recorded(measurement: Measurement, rate: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A modelled injection rate (n,) at the samples as a measured one is: over each period where that is a mean."""
+    if not measurement.means:
+        return rate
+    beyond = np.concatenate([rate[:1], rate, rate[-1:]])
+    middle = 13.0 * (rate[1:] + rate[:-1]) - beyond[:-3] - beyond[3:]  # of the cubic through four samples
+    return np.append(rate[:1], middle / 24.0)
+
+
+def phases(measurement: Measurement, batch: Batch) -> NDArray[np.int8]:
+    """`Phase` of every row of a batch (n,)."""
+    edge, afterglow = (round(t / measurement.interval) for t in (EDGE, AFTERGLOW))
+    windows = [batch.window(i) for i in range(len(measurement.events))]
+    return np.concatenate([phases_of(window, edge, afterglow) for window in windows])
+
+
+def latest(measurement: Measurement) -> int:
+    """By how many samples the line pressure may be late."""
+    return round(MARGIN / measurement.interval)

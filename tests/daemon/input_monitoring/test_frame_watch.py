@@ -1,0 +1,134 @@
+"""Damaged frames, two devices with one identifier, outages and another rate are named, and what to do."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from observer_rt.bus.alignment.clock import Jitter
+from observer_rt.bus.alignment.timekeeping import MessageTiming
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import load_bench
+from observer_rt.config.signals import Role
+from observer_rt.daemon.input_monitoring.arrivals import sources_of
+from observer_rt.daemon.input_monitoring.frame_watch import LASTING, LOOKS, FrameWatch, RateWatch
+from observer_rt.daemon.input_monitoring.input_watch import IN_A_ROW, SWAPPED, UnitWatch
+from observer_rt.daemon.input_monitoring.input_watch import LOOKS as UNIT_LOOKS
+from observer_rt.engine.service.core import Core
+from observer_rt.engine.service.messages import Counters
+from observer_rt.engine.stream.state import Reason
+
+RATE = 100e3
+SOURCES = sources_of(map_bus(load_bench()))
+SAMPLE_BLOCK = "SampleBlock 0x100 (rail_pressure, needle_lift, line_pressure)"
+
+
+@pytest.fixture
+def counters() -> Counters:
+    bench = load_bench()
+    return Core(bench.injector, map_bus(bench), learning=False).counters
+
+
+def told(
+    watch: FrameWatch, counters: Counters, step: dict[str, int], looks: int, is_explained: bool = False
+) -> list[str]:
+    """What is said while each look finds `step` more; the counters go on."""
+    found = []
+    for _ in range(looks):
+        vars(counters).update({name: getattr(counters, name) + more for name, more in step.items()})
+        found += [notice.text for notice in watch.look(replace(counters), is_explained)]
+    return found
+
+
+@pytest.mark.parametrize(
+    ("counter", "said"),
+    [
+        (
+            "crc_errors",
+            "5 % of frames have a wrong CRC\n  remedy: the bus is disturbed: see to cable, termination",
+        ),
+        ("length_errors", "5 % of frames have another length than the database says"),
+        (
+            "repeated_frames",
+            "5 % of frames come twice, the first of them counts\n  remedy: do two devices send one",
+        ),
+        ("old_frames", "5 % of frames come too late"),
+    ],
+)
+def test_frames_of_no_use_are_told_once_by_their_share_and_when_it_is_over(
+    counters: Counters, counter: str, said: str
+) -> None:
+    watch = FrameWatch(SOURCES, RATE)
+    assert told(watch, counters, {"frames": 1000, counter: 1}, 2 * LOOKS + 1) == []
+    (found,) = told(watch, counters, {"frames": 1000, counter: 50}, 4 * LOOKS)
+    assert found.startswith(f"{SAMPLE_BLOCK}: ")
+    assert said in found
+    (over,) = told(watch, counters, {"frames": 1000}, 3 * LOOKS)
+    assert "no more frames that" in over
+
+
+def test_what_is_explained_already_is_not_told_again(counters: Counters) -> None:
+    watch = FrameWatch(SOURCES, RATE)
+    assert told(watch, counters, {"frames": 1000, "crc_errors": 900}, 4 * LOOKS, is_explained=True) == []
+
+
+def test_an_outage_is_told_by_its_length(counters: Counters) -> None:
+    watch = FrameWatch(SOURCES, RATE)
+    assert told(watch, counters, {"frames": 1000, "lost_samples": 90}, 5) == []
+    (found,) = told(watch, counters, {"lost_samples": 20_000}, 1)
+    assert f"{SAMPLE_BLOCK}: 20000 samples were lost at once, 0.2 s\n  remedy: see to cable" in found
+
+
+def timing(drift: float) -> list[MessageTiming]:
+    return [MessageTiming("SampleBlock", Jitter(10_000, 1e-6, 1e-5), drift, 0.0, 0.0)]
+
+
+def test_the_rate_that_the_bench_file_should_state_is_named() -> None:
+    """It says 50 kHz and 100 kHz come: each of its samples takes half the time."""
+    watch = RateWatch(50e3)
+    assert not [*watch.look(timing(-0.5003), Reason.NONE)] * LASTING  # a recording at another speed
+    found = [
+        notice.text
+        for _ in range(3 * LASTING)
+        for notice in watch.look(timing(-0.5003), Reason.MODEL_INADEQUATE)
+    ]
+    assert len(found) == 1
+    assert "samples come at 100060 a second, sampling.rate_hz is 50000" in found[0]
+    assert "sampling.rate_hz is likely 100000;" in found[0]
+    assert watch.reported == found[0]
+    assert not [*watch.look(timing(1e-5), Reason.MODEL_INADEQUATE)]
+    assert not watch.reported
+
+
+def test_what_is_said_at_the_stop_of_another_rate_is_not_that_it_has_no_effect() -> None:
+    assert "no effect" in timing(1e-5)[0].as_text()
+    said = timing(-0.5)[0].as_text()
+    assert "sent at 2 times its rate" in said
+    assert "no effect" not in said
+    assert "sampling.rate_hz" in said
+
+
+def test_an_hour_is_not_told_in_milliseconds() -> None:
+    late = replace(timing(0.0)[0], jitter=Jitter(10_000, 1e-6, 3600.0))
+    assert "late by up to 3600 s" in late.as_text()
+
+
+def test_swapped_pressures_are_named_live() -> None:
+    watch = UnitWatch(SOURCES)
+    time = np.linspace(0.0, 1.0, 200)
+    rail, line = 100e6 + 1e3 * np.arange(200) % 3, 100e6 - 15e6 * np.sin(40.0 * time)
+    lift = 0.3e-3 * (time > 0.5)
+
+    def looks(rail: np.ndarray, line: np.ndarray, lift: np.ndarray) -> list[str]:
+        samples = {Role.RAIL_PRESSURE: rail, Role.LINE_PRESSURE: line, Role.NEEDLE_LIFT: lift}
+        newest = np.array([samples[role][-1] for role in Role])
+        return [notice.text for _ in range(UNIT_LOOKS * IN_A_ROW) for notice in watch.look(newest, samples)]
+
+    assert looks(rail, line, lift) == []
+    (found,) = looks(line, rail, lift)
+    assert "most likely the two are swapped" in found
+    assert "remedy: compare their columns or signals" in found
+    assert [*watch.reported] == [SWAPPED]
+    assert looks(line, rail, 0.0 * lift) == []  # without an injection nothing tells
+    (over,) = looks(rail, line, lift)
+    assert "in its range again" in over

@@ -1,0 +1,256 @@
+"""Which cable is off: faults cut into the frames of a healthy bench are named by message and identifier."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import load_bench
+from observer_rt.daemon.input_monitoring.arrivals import SECOND, Arrivals
+from observer_rt.daemon.input_monitoring.input_watch import (
+    HUNG,
+    PERIOD,
+    InputWatch,
+    LearningWatch,
+    LiftWatch,
+    RestartWatch,
+)
+from observer_rt.engine.reports.news import Notice
+from observer_rt.engine.service.core import Core
+from observer_rt.engine.stream.standstill import LiftFigures
+from observer_rt.files.replay.framing import TimedFrame
+from tests.benches import SAMPLE_RATE, block_bench
+from tests.device import damaged, frames_of, later, worn_recording
+
+LIFT = "NeedleLiftBlock 0x111 (needle_lift)"
+RAIL = "RailPressureBlock 0x110 (rail_pressure)"
+LINE = "LinePressureBlock 0x112 (line_pressure)"
+Values = NDArray[np.float64]
+LIFT_ID = 0x111
+
+
+class Watched:
+    """Four seconds of a healthy bench."""
+
+    def __init__(self, bench: Path) -> None:
+        self.bench, self.recording = bench, worn_recording(80, 0.0)
+        self.frames = frames_of(bench, self.recording)
+
+    def tells(self, frames: Sequence[TimedFrame], silence: float = 0.0) -> list[str]:
+        """What the watch says of frames, by their times, and of so many seconds [s] without any after them.
+
+        It looks while no frame comes, too.
+        """
+        loaded = load_bench(self.bench)
+        bus = map_bus(loaded)
+        core = Core(loaded.injector, bus, learning=False)
+        watch = InputWatch(loaded.injector, bus, core)
+        due = frames[0].stamp_ns
+        watch.arrivals.begin(due)
+        told: list[Notice] = []
+        for frame in frames:
+            while due < frame.stamp_ns - PERIOD:
+                due += PERIOD
+                told += watch.look(due)
+            core.handle(frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns)
+            watch.arrivals.note(0, frame.frame_id, frame.is_extended, frame.stamp_ns)
+            if frame.stamp_ns >= due:
+                due = frame.stamp_ns + PERIOD
+                told += watch.look(frame.stamp_ns)
+        for late in np.arange(0.0, silence, PERIOD / SECOND):
+            told += watch.look(frames[-1].stamp_ns + round(late * SECOND))
+        return [notice.text for notice in told]
+
+    def tells_of(self, role: str, law: Callable[[Values], Values]) -> list[str]:
+        """What it says of another signal."""
+        spoilt = replace(self.recording, **{role: law(getattr(self.recording, role))})  # type: ignore[arg-type]
+        return self.tells(frames_of(self.bench, spoilt))
+
+
+@pytest.fixture(scope="module")
+def watched(tmp_path_factory: pytest.TempPathFactory) -> Watched:
+    return Watched(block_bench(tmp_path_factory.mktemp("watch"), "virtual", ["watch"]))
+
+
+def frozen(values: Values) -> Values:
+    return np.full_like(values, values[0])
+
+
+def unplugged(values: Values) -> Values:
+    return np.where(np.arange(len(values)) > 60_000, np.nan, values)
+
+
+def overdriven(values: Values) -> Values:
+    return np.where(np.arange(len(values)) > 60_000, 1e9, values)
+
+
+def test_of_a_healthy_bench_nothing_is_told(watched: Watched) -> None:
+    assert watched.tells(watched.frames, silence=1.9) == []
+
+
+def test_of_windows_filled_up_nothing_is_told(watched: Watched) -> None:
+    """Frames come for 10 ms of every 100 ms only, as from a source that sends windows."""
+    assert (
+        watched.tells([frame for frame in watched.frames if frame.stamp_ns % 100_000_000 < 10_000_000]) == []
+    )
+
+
+def test_a_message_that_never_comes(watched: Watched) -> None:
+    (told,) = watched.tells([frame for frame in watched.frames if frame.frame_id != LIFT_ID])
+    assert told.startswith(f"{LIFT}: no frame since the start 2.0 s ago\n  remedy: ")
+
+
+def test_a_message_that_stays_away_for_a_while(watched: Watched) -> None:
+    def is_heard(frame: TimedFrame) -> bool:
+        return frame.frame_id != LIFT_ID or not 1e9 < frame.stamp_ns < 3.5e9
+
+    told = watched.tells([frame for frame in watched.frames if is_heard(frame)])
+    assert told[0].startswith(f"{LIFT}: no frame for 2.")
+    assert told[1:] == [f"{LIFT}: comes again after 2.5 s"]
+
+
+def test_all_stay_away(watched: Watched) -> None:
+    (told,) = watched.tells(watched.frames, silence=10.0)
+    assert told.startswith(f"no frame of any input for 2.1 s: {RAIL}, {LIFT}, {LINE}")
+
+
+def test_one_that_stays_away_when_the_others_come_again(watched: Watched) -> None:
+    """All were silent; that one still is, is news."""
+    before = [frame for frame in watched.frames if frame.stamp_ns < 1e9]
+    after = later((f for f in watched.frames if f.stamp_ns >= 1e9 and f.frame_id != LIFT_ID), 3.0)
+    told = watched.tells([*before, *after])
+    assert told[0].startswith("no frame of any input for 2.")
+    assert [text.rpartition(" after ")[0] for text in told[1:3]] == [
+        f"{n}: comes again" for n in (RAIL, LINE)
+    ]
+    assert told[3].startswith(f"{LIFT}: no frame for 5.")
+    assert len(told) == 4
+
+
+def test_frames_that_cannot_be_used(watched: Watched) -> None:
+    """The CRC of one message is wrong, as with another E2EDataId."""
+    spoilt = [
+        f._replace(payload=b"\0\0" + f.payload[2:]) if f.frame_id == LIFT_ID else f for f in watched.frames
+    ]
+    share, told = watched.tells(spoilt)
+    assert "33 % of frames have a wrong CRC" in share
+    assert told.startswith(f"{LIFT}: ")
+    assert "none could be used" in told
+    assert "E2EDataId" in told
+
+
+@pytest.mark.parametrize(
+    ("role", "name"), [("rail_pressure", RAIL), ("needle_lift", LIFT), ("line_pressure", LINE)]
+)
+@pytest.mark.parametrize(
+    ("fault", "said"),
+    [
+        (frozen, "is frozen: the same value"),
+        (unplugged, "says `not available` or `error`"),
+        (overdriven, "is at the upper end of its range"),
+    ],
+)
+def test_a_bad_sensor(watched: Watched, role: str, name: str, fault, said: str) -> None:  # type: ignore[no-untyped-def]
+    (told,) = watched.tells_of(role, fault)
+    assert told.startswith(f"{name}: {role} {said}")
+
+
+def test_a_sensor_that_is_mended(watched: Watched) -> None:
+    def for_a_second(values: Values) -> Values:
+        second = np.arange(len(values)) // round(SAMPLE_RATE)
+        return np.where(second == 1, values[0], values)
+
+    told = watched.tells_of("line_pressure", for_a_second)
+    assert len(told) == 2
+    assert told[1] == f"{LINE}: line_pressure moves again"
+
+
+def test_a_lift_that_is_cut_off_at_rest_is_not_called_frozen(watched: Watched) -> None:
+    """Its noise does not show while the needle is shut, and the line still swings then."""
+    assert watched.tells_of("needle_lift", lambda lift: np.where(lift < 20e-6, 0.0, lift)) == []
+
+
+@pytest.mark.parametrize(
+    ("unit", "problem", "likely"),
+    [
+        ("10 MPa", "reaches 1", "which is likely bar"),
+        (
+            "bar",
+            "MPa in the mean, rail_pressure 120 MPa: 0.1 times as much",
+            "line_pressure is likely MPa, read as bar",
+        ),
+    ],
+)
+def test_a_pressure_in_another_unit_is_named_as_it_is_in_files(
+    watched: Watched, tmp_path: Path, unit: str, problem: str, likely: str
+) -> None:
+    wrong = block_bench(tmp_path, "virtual", ["watch"])
+    pattern = 'pattern = "LinePressure_{:02d}"'
+    wrong.write_text(wrong.read_text().replace(pattern, f'{pattern}\nunit = "{unit}"'))
+    told = Watched(wrong).tells(watched.frames)
+    (named,) = (text for text in told if likely in text)
+    assert named.startswith(f"{LINE}: line_pressure ")
+    assert problem in named
+
+
+def test_an_input_with_an_invalid_protection_is_named_until_it_is_valid_again(watched: Watched) -> None:
+    of_lift = [n for n, frame in enumerate(watched.frames) if frame.frame_id == LIFT_ID]
+    frames = list(watched.frames)
+    for n in of_lift[1000:6000]:
+        frames[n] = damaged(frames[n], 40)
+    told = watched.tells(frames)
+    assert [text.split("\n")[0] for text in told] == [
+        f"{LIFT}: its end-to-end protection is INVALID, its values are not taken",
+        f"{LIFT}: its end-to-end protection is VALID again",
+    ]
+
+
+FINE = LiftFigures(at_stop=0.3e-3, stop=0.3e-3)
+
+
+def test_crosstalk_is_told_once() -> None:
+    watch = LiftWatch()
+    pressed = LiftFigures(crosstalk=0.15e-12)
+    (found,) = watch.look(pressed)
+    assert "1.5 um per 10 MPa" in found.text
+    assert watch.look(pressed) == []
+    (over,) = watch.look(FINE)
+    assert over.is_over
+
+
+def test_scale_is_told_once() -> None:
+    watch = LiftWatch()
+    assert watch.look(LiftFigures()) == []
+    short = LiftFigures(at_stop=0.27e-3, stop=0.3e-3)
+    (found,) = watch.look(short)
+    assert "270 um" in found.text
+    assert "seat.max_lift = 300 um" in found.text
+    assert not found.is_over
+    assert watch.look(short) == []
+    assert [one.is_over for one in watch.look(FINE)] == [True]
+
+
+def test_a_restart_is_told_with_its_index(watched: Watched) -> None:
+    watch = RestartWatch(Arrivals(map_bus(load_bench(watched.bench))))
+    assert watch.look([-1, -1, -1], 0) == []
+    assert watch.look([95_000, 95_000, 95_000], 0) == []
+    (told,) = watch.look([95_100, 95_100, 27], 1)
+    assert told.text.startswith(
+        f"a measuring device was restarted: {LINE}: sample index 95000 -> 27\n  remedy: "
+    )
+    assert watch.look([27, 27, 54], 1) == []
+
+
+def test_learning_that_hangs_is_told_once_and_when_it_goes_on() -> None:
+    watch, late = LearningWatch(), round(HUNG * SECOND)
+    assert not watch.look(0, None) + watch.look(late, 3) + watch.look(late + late - 1, 3)
+    (told,) = watch.look(2 * late, 3)
+    assert "learning from an event has taken 5 s" in told.text
+    assert not watch.look(9 * late, 3)
+    (over,) = watch.look(9 * late, 4)
+    assert over.is_over
+    assert not watch.look(9 * late + 1, None)

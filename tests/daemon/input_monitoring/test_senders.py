@@ -1,0 +1,167 @@
+"""A second sender of our identifiers, while the daemon runs: told, counted, and nothing that is sent is valid."""
+
+import time
+from collections.abc import Iterable
+from pathlib import Path
+
+import pytest
+
+from observer_rt.daemon.event_logger import line
+from observer_rt.engine.reports.injection_report import FIELDS, Output, row_of
+from observer_rt.engine.stream.state import Reason, State
+from observer_rt.engine.stream.validity import contested
+from observer_rt.engine.words import Topic
+from observer_rt.files.replay.framing import TimedFrame
+from tests.daemon.end_to_end import RATE, STATUS, SUMMARY, decoded
+from tests.daemon.participants import HeardDaemon, ScriptedLink, bench_file, serving, until
+from tests.device import encoded, frames_of, worn_recording
+
+INJECTIONS = 8
+AFTER_FOUR, AFTER_SIX = 0.348, 0.448  # s, when the last of as many was judged, just before the next one
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return bench_file(tmp_path_factory.mktemp("senders"), "senders-test")
+
+
+def test_it_is_told_counted_and_shown(bench: Path) -> None:
+    recording = worn_recording()
+    ours = frames_of(bench, recording)
+    other = [encoded(message, bytes(64)) for message in (RATE, STATUS)]
+    link = ScriptedLink([*ours[:-100], *(3 * other), *ours[-100:]])
+    daemon = HeardDaemon(bench, link)
+    notes = daemon.notes
+    with serving(daemon):
+        until(lambda: bool(notes.notices))
+        until(lambda: link.statuses()[-1]["ForeignFrames"] == 6)
+        until(lambda: any(notice.topic is Topic.SENDER and notice.is_over for notice in notes.notices))
+        assert daemon.now()[1] is Reason.INPUT_TIMEOUT
+    told = [notice.text for notice in notes.notices if notice.topic is Topic.SENDER]
+    assert told[0].startswith("another node sends InjectionRate 0x200")
+    assert told[1:] == ["the other sender is silent after 6 frames"]
+    status = link.statuses()
+    assert (State.DEGRADED, Reason.SECOND_SENDER, 0) in {
+        (int(s["State"]), int(s["Reason"]), int(s["Valid"])) for s in status
+    }
+    assert daemon.core.processed == recording.samples
+
+
+def test_ages_of_the_inputs_are_in_the_status(bench: Path) -> None:
+    ages = ("RailPressureAge", "NeedleLiftAge", "LinePressureAge")
+    silent = ScriptedLink()
+    with serving(HeardDaemon(bench, silent)):
+        until(lambda: bool(silent.statuses()))
+    assert all(silent.statuses()[-1][age] == 25.5 for age in ages)  # code 255: none came yet
+    link = ScriptedLink(frames_of(bench, worn_recording()))
+    with serving(HeardDaemon(bench, link)):
+        until(link.empty.is_set)
+        until(lambda: link.statuses()[-1]["LinePressureAge"] >= 0.5)
+    last = link.statuses()[-1]
+    assert last["RailPressureAge"] == last["NeedleLiftAge"] == last["LinePressureAge"] < 25.0
+
+
+class FedLink(ScriptedLink):
+    """Delivers what it is fed, bit by bit."""
+
+    def feed(self, frames: Iterable[TimedFrame]) -> None:
+        """Deliver these, too, and wait until they are taken."""
+        self._frames.extend(frames)
+        until(lambda: not self._frames)
+        self.empty.clear()
+        until(self.empty.is_set)
+
+    def taken(self, identifier: int) -> list[bytes]:
+        """What was sent under an identifier since the last call."""
+        found = [frame.payload for frame in self.sent if frame.frame_id == identifier]
+        self.sent = [frame for frame in self.sent if frame.frame_id != identifier]
+        return found
+
+
+def marks(payloads: list[bytes]) -> set[tuple[int, int]]:
+    """(Valid, State) of rates."""
+    return {(int(s["Valid"]), int(s["State"])) for s in (decoded(RATE, payload) for payload in payloads)}
+
+
+def test_nothing_is_valid_while_there_is_one(bench: Path) -> None:
+    """In rates, summaries, reports and status alike, from its first frame until it is silent; then as before."""
+    recording = worn_recording(INJECTIONS)
+    frames = frames_of(bench, recording)
+    first, second = (round(at * len(frames) / recording.time[-1]) for at in (AFTER_FOUR, AFTER_SIX))
+    other = encoded(STATUS, bytes(64))
+    link = FedLink()
+    daemon = HeardDaemon(bench, link)
+    notes = daemon.notes
+    with serving(daemon):
+        link.feed(frames[:first])
+        until(lambda: (1, State.ADAPTED) in marks(link.taken(RATE.frame_id)))
+        until(lambda: daemon.core.counters.frames == first)
+        link.feed([other])
+        until(lambda: Reason.SECOND_SENDER in daemon.standing(time.monotonic_ns())[1])
+        time.sleep(0.1)  # for rates from before to be sent
+        link.taken(RATE.frame_id)
+        link.feed(frames[first:second])
+        until(lambda: daemon.core.counters.frames == second)
+        assert marks(link.taken(RATE.frame_id)) == {(0, State.DEGRADED)}
+        assert daemon.now() == (State.DEGRADED, Reason.SECOND_SENDER)
+        until(lambda: daemon.standing(time.monotonic_ns())[1] == (Reason.INPUT_TIMEOUT, Reason.SECOND_SENDER))
+        until(lambda: any(each.is_over for each in notes.notices if each.topic is Topic.SENDER))
+        until(lambda: not daemon.arrivals.is_contested(time.monotonic_ns()))
+        link.feed(frames[second:])
+        until(lambda: len(notes.injections) == INJECTIONS)
+    rates = link.taken(RATE.frame_id)
+    before_the_stop = marks(rates[:-1])
+    assert before_the_stop <= {
+        (0, State.DEGRADED),
+        (1, State.ADAPTED),
+    }  # the block under way when it began, at the most
+    assert (1, State.ADAPTED) in before_the_stop
+    assert marks(rates[-1:]) == {(0, State.ADAPTED)}  # the stop cuts it short
+    summaries = [decoded(SUMMARY, payload) for payload in link.taken(SUMMARY.frame_id)]
+    said = [(int(s["Valid"]), int(s["State"]), int(s["Reason"])) for s in summaries]
+    assert said == [(each.valid, each.state, each.reason) for each in notes.injections]
+    early, other_sends = (Reason.TOO_FEW_EVENTS,), (Reason.SECOND_SENDER,)
+    reasons = [each.reasons for each in notes.injections]
+    assert reasons == [early, early, (), (), other_sends, other_sends, (), ()]
+    contested_one = notes.injections[4]
+    assert contested_one.state is State.DEGRADED
+    assert line(contested_one).endswith(
+        "not valid: SECOND_SENDER: another node sends what only this observer should"
+    )
+    c = daemon.core.compiled.observer.constants.coefficients
+    row = row_of(FIELDS, Output.JOURNAL, contested_one, c)
+    assert (row["valid"], row["reasons"], row["state"]) == (0, "SECOND_SENDER", "DEGRADED")
+
+
+@pytest.mark.parametrize(
+    ("own", "both"),
+    [
+        ((State.ADAPTED, Reason.NONE), (State.DEGRADED, (Reason.SECOND_SENDER,))),
+        (
+            (State.RUNNING_NOMINAL, Reason.TOO_FEW_EVENTS),
+            (State.DEGRADED, (Reason.SECOND_SENDER, Reason.TOO_FEW_EVENTS)),
+        ),
+        (
+            (State.DEGRADED, Reason.MODEL_INADEQUATE),
+            (State.DEGRADED, (Reason.MODEL_INADEQUATE, Reason.SECOND_SENDER)),
+        ),
+        (
+            (State.WAITING_FOR_DATA, Reason.INPUT_TIMEOUT),
+            (State.WAITING_FOR_DATA, (Reason.INPUT_TIMEOUT, Reason.SECOND_SENDER)),
+        ),
+    ],
+)
+def test_it_hides_no_other_reason(own: tuple[State, Reason], both: tuple[State, tuple[Reason, ...]]) -> None:
+    assert contested(*own) == both
+
+
+def test_the_log_says_all_reasons(bench: Path) -> None:
+    """Of a bench whose inputs stay away while another node sends."""
+    link = FedLink()
+    daemon = HeardDaemon(bench, link)
+    with serving(daemon):
+        link.feed([encoded(STATUS, bytes(64))])
+        until(lambda: any(notice.topic is Topic.STATE for notice in daemon.notes.notices))
+    told = next(notice.text for notice in daemon.notes.notices if notice.topic is Topic.STATE)
+    assert told.startswith("WAITING_FOR_DATA: no input comes in; SECOND_SENDER: another node sends")
+    assert "; STARTING: the observer has just begun; SampleBlock 0x100" in told

@@ -1,0 +1,262 @@
+"""Others on the bus of a daemon under test: a measuring device, a listener, and a link that obeys the test."""
+
+import io
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any, Self
+
+import pytest
+from rich.console import Console
+
+from observer_rt.bus.links.link import BusCondition, Frame, Link, LinkDownError
+from observer_rt.bus.links.opening import open_link
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import Bench, load_bench
+from observer_rt.daemon import port
+from observer_rt.daemon.daemon import Daemon
+from observer_rt.daemon.input_monitoring.arrivals import Arrivals
+from observer_rt.daemon.pump.pump import FramePump
+from observer_rt.daemon.shown_injections import References
+from observer_rt.daemon.view import Overview, View
+from observer_rt.engine.reports.news import Notes
+from observer_rt.engine.service.core import Core
+from observer_rt.engine.service.messages import OutputFrame
+from observer_rt.engine.stream.state import Reason, State
+from observer_rt.files.replay.framing import TimedFrame
+from observer_rt.files.replay.player import play
+from observer_rt.foundation.errors import RunError
+from tests.benches import SAMPLE_RATE
+from tests.daemon.end_to_end import STATUS, Heard, Listener, decoded, output_bus, write_bench
+from tests.links import FakeLink
+
+BLOCK_ID = 0x100  # of the message with samples
+PATIENCE = 60.0  # s, after which the test fails: the machine is too slow, or the daemon stuck
+
+
+def until(condition: Callable[[], bool], patience: float = PATIENCE) -> None:
+    """Wait until it holds, so long [s] at the most."""
+    end = time.monotonic() + patience
+    while not condition():
+        assert time.monotonic() < end, "machine too slow, or the daemon is stuck"
+        time.sleep(0.005)
+
+
+class ScriptedLink(FakeLink):
+    """Delivers given frames at once, then nothing, or fails if told so; keeps what is sent."""
+
+    def __init__(self, frames: Iterable[TimedFrame] = (), failure: RunError | None = None) -> None:
+        super().__init__()
+        self.empty = threading.Event()
+        self._frames = deque(frames)
+        self._failure = failure
+
+    def receive(self, timeout_s: float) -> Frame | None:
+        if self._frames:
+            frame = self._frames.popleft()
+            return Frame(frame.frame_id, frame.payload, 0, frame.is_extended, frame.is_fd)
+        if self._failure is not None:
+            raise self._failure
+        self.empty.set()
+        time.sleep(timeout_s)
+        return None
+
+    def statuses(self) -> list[dict[str, float]]:
+        """Status frames sent so far, decoded by cantools."""
+        return [decoded(STATUS, f.payload) for f in self.sent if f.frame_id == STATUS.frame_id]
+
+
+class TroubledLink(ScriptedLink):
+    """A scripted link that can be unplugged, and whose transmit queue can be full."""
+
+    def __init__(self, frames: Iterable[TimedFrame] = ()) -> None:
+        super().__init__(frames)
+        self.plugged = threading.Event()
+        self.plugged.set()
+        self.has_room = True
+        self.why = "can5 is down\n  remedy: plug it in"
+        self.told = BusCondition()
+
+    def receive(self, timeout_s: float) -> Frame | None:
+        self._require()
+        return super().receive(timeout_s)
+
+    def try_send(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool) -> bool:
+        self._require()
+        if self.has_room:
+            self.send(frame_id, payload, is_extended, is_fd)
+        return self.has_room
+
+    def reconnect(self) -> None:
+        self._require()
+
+    def deliver(self, frames: Iterable[TimedFrame]) -> None:
+        self.empty.clear()
+        self._frames = deque(frames)
+
+    @property
+    def condition(self) -> BusCondition:
+        return self.told
+
+    def _require(self) -> None:
+        if not self.plugged.is_set():
+            raise LinkDownError(self.why)
+
+
+class HeardDaemon(Daemon):
+    """A daemon of a bench on the links given, whose news are kept, and shown by a view."""
+
+    def __init__(
+        self,
+        bench: Path | Bench,
+        *links: Link,
+        references: References | None = None,
+        **options: Any,
+    ) -> None:
+        """references: of `View`; options: of `Daemon`."""
+        loaded = bench if isinstance(bench, Bench) else load_bench(bench)
+        bus = map_bus(loaded)
+        self.notes, self.view = Notes(), View("title of the view", loaded.injector, references)
+        super().__init__(loaded, bus, links, listeners=[self.notes, self.view.hear], **options)
+        self.view.watch(self)
+        self.messages = self.notes.messages
+
+    def drawn(self, width: int = 80, height: int = 24) -> str:
+        """Its view on a terminal of this size."""
+        return "\n".join(drawn(self.view, width, height))
+
+    def now(self) -> tuple[State, Reason]:
+        """State and reason."""
+        return self.state(time.monotonic_ns())
+
+
+class Pumped:
+    """A pump without a daemon on one link, closed at the end; unsent: counts of rates it gave up."""
+
+    def __init__(self, path: Path, link: Link, waits_for_verdicts: bool = True) -> None:
+        bench = load_bench(path)
+        bus = map_bus(bench)
+        self.core, self.arrivals, self.unsent = Core(bench.injector, bus), Arrivals(bus), list[int]()
+        self.core.compiled.observer.memory["waits_for_verdicts"] = waits_for_verdicts
+        self.pump = FramePump([link], self.core, bus, self.arrivals, self.unsent.append)
+
+    def serve_until_taken(self, frames: int) -> list[OutputFrame]:
+        """What is handed over meanwhile."""
+        handed: list[OutputFrame] = []
+        end = time.monotonic() + PATIENCE
+        while self.arrivals.frames < frames:
+            assert time.monotonic() < end
+            handed += self.pump.serve(1e-3)
+        return handed
+
+    def ends(self) -> bool:
+        """Whether it comes to its end while nobody attends to it."""
+        ending = threading.Thread(target=self.pump.finish, daemon=True)
+        ending.start()
+        ending.join(PATIENCE)
+        return not ending.is_alive()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.pump.close()
+
+
+def drawn(screen: View | Overview, width: int = 80, height: int = 24, now: int | None = None) -> list[str]:
+    """Lines on a terminal of this size; now: a monotonic time [ns]."""
+    file = io.StringIO()
+    console = Console(file=file, width=width, height=height, force_terminal=True, color_system=None)
+    console.print(screen.render(time.monotonic_ns() if now is None else now, width, height))
+    return file.getvalue().splitlines()
+
+
+@contextmanager
+def serving(daemon: Daemon) -> Iterator[threading.Event]:
+    """The daemon's loop in a thread; the event stops it, and what it raised is raised at the end."""
+    stop = threading.Event()
+    failure: list[BaseException] = []
+
+    def loop() -> None:
+        try:
+            daemon.run(stop)
+        except BaseException as error:
+            failure.append(error)
+
+    thread = threading.Thread(target=loop, name="daemon under test")
+    thread.start()
+    try:
+        yield stop
+    finally:
+        stop.set()
+        thread.join()
+    if failure:
+        raise failure[0]
+
+
+@contextmanager
+def listening(interface: str, channel: str) -> Iterator[Listener]:
+    """Another participant that notes what the daemon says."""
+    with output_bus(interface, channel) as bus:
+        listener = Listener(bus)
+        try:
+            yield listener
+        finally:
+            listener.stop()
+
+
+def give_link(monkeypatch: pytest.MonkeyPatch, link: Link) -> None:
+    """What the service opens to observe; nobody else sends on it."""
+
+    def opened(_interface: str, _channel: str, _fd: bool, wanted: list[tuple[int, bool]], _: bool) -> Link:
+        is_input = (BLOCK_ID, False) in wanted
+        return link if is_input else FakeLink()
+
+    monkeypatch.setattr(port, "open_link", opened)
+
+
+def bench_file(folder: Path, channel: str, interface: str = "virtual") -> Path:
+    """Bench at SAMPLE_RATE, learning in lockstep."""
+    return write_bench(folder, interface, channel, SAMPLE_RATE)
+
+
+@contextmanager
+def opened(path: Path, sending: bool) -> Iterator[list[Link]]:
+    """A link to each bus of a bench, for the daemon or for the measuring devices."""
+    bench = load_bench(path)
+    bus = map_bus(bench)
+    with ExitStack() as stack:
+        links = []
+        for number, each in enumerate(bench.config.buses):
+            inputs = [] if sending else bus.received_on(number)
+            computer_time = not sending and len(bench.config.buses) > 1
+            link = open_link(each.config.interface, each.config.channel, True, inputs, computer_time)
+            links.append(stack.enter_context(link))
+        yield links
+
+
+def over_bus(path: Path, frames: Sequence[TimedFrame], speed: float = math.inf) -> tuple[Heard, Daemon]:
+    """Frames played to a daemon over the buses of a bench; what is heard on the last, all in this process."""
+    bench = load_bench(path)
+    results = bench.config.buses[-1].config
+    with (
+        listening(results.interface, results.channel) as listener,
+        opened(path, sending=False) as links,
+        opened(path, sending=True) as players,
+    ):
+        daemon = HeardDaemon(bench, *links)
+        with serving(daemon):
+            play(frames, players[0], speed, by_bus=dict(enumerate(players)))
+            until(lambda: daemon.core.counters.frames + daemon.dropped >= len(frames))
+        until(lambda: bool(listener.heard.statuses) and _samples(listener.heard) == daemon.core.processed)
+    if daemon.dropped:
+        pytest.fail("machine too slow: the daemon's socket dropped frames")
+    return listener.heard, daemon
+
+
+def _samples(heard: Heard) -> int:
+    return int(heard.last_status()["SamplesProcessed"])

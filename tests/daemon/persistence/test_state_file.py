@@ -1,0 +1,380 @@
+"""The learned state on disk: exact, whole at any time, restored only where it belongs."""
+
+import hashlib
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from observer_rt.config.bench import load_injector
+from observer_rt.daemon.persistence.state_file import Restored, load_knowledge, model_hash, save_knowledge
+from observer_rt.engine.estimation.gain import NoiseLevels
+from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, Parameter
+from observer_rt.engine.learning.knowledge import Knowledge, no_knowledge
+from observer_rt.engine.learning.memory import NOTHING
+from observer_rt.engine.stream.standstill import RestingLift
+from observer_rt.foundation.errors import RunError, UserError
+from observer_rt.model.sensor import LAG_UNIT
+from tests.daemon.samples import PRESSURE_SCALE, damage, some_knowledge
+
+MODEL = model_hash(load_injector())
+NOISE = NoiseLevels(rail_pressure=0.1e6, line_pressure=0.15e6, needle_lift=0.4e-6)
+Change = Callable[[dict[str, Any]], object]
+in_one_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+
+
+def bits(knowledge: Knowledge) -> tuple[object, ...]:
+    """Every field of a piece of knowledge, arrays by their bytes."""
+    fields = dict(vars(knowledge)) | knowledge.belief.parts | vars(knowledge.statistics)
+    if knowledge.colour is not None:
+        fields |= vars(knowledge.colour) | vars(knowledge.colour.whitening)
+        del fields["whitening"]
+    del fields["belief"], fields["statistics"], fields["colour"]
+    return tuple(v.tobytes() if isinstance(v, np.ndarray) else v for v in fields.values())
+
+
+class StateFile:
+    """A state file in a folder, as its writer would change it, and as an evil twin of it."""
+
+    def __init__(self, folder: Path) -> None:
+        self.path = folder / "state.json"
+
+    def save(self, knowledge: Knowledge | None = None) -> Knowledge:
+        """What was saved: `some_knowledge` unless told otherwise."""
+        knowledge = knowledge or some_knowledge()
+        save_knowledge(self.path, knowledge, MODEL)
+        return knowledge
+
+    def load(self) -> Restored:
+        return load_knowledge(self.path, MODEL)
+
+    def holds(self, knowledge: Knowledge) -> bool:
+        """Whether it is restored, and agrees in every bit."""
+        restored = self.load().knowledge
+        return restored is not None and bits(restored) == bits(knowledge)
+
+    def rewrite(self, change: Change) -> bytes:
+        """Change it, its checksum right all the same: what it holds then."""
+        document = json.loads(self.path.read_bytes())
+        change(document)
+        canonical = json.dumps(document["content"], sort_keys=True, separators=(",", ":"))
+        document["sha256"] = hashlib.sha256(canonical.encode()).hexdigest()
+        self.path.write_text(json.dumps(document))
+        return self.path.read_bytes()
+
+
+@pytest.fixture
+def state(tmp_path: Path) -> StateFile:
+    return StateFile(tmp_path)
+
+
+@in_one_folder
+@given(seed=st.integers(0, 2**32), phi_version=st.integers(0, 2**40), events=st.integers(0, 2**40))
+def test_what_is_saved_is_restored_to_the_bit(
+    state: StateFile, seed: int, phi_version: int, events: int
+) -> None:
+    assert state.holds(state.save(some_knowledge(seed, phi_version, events)))
+    assert [*state.path.parent.iterdir()] == [state.path]
+
+
+def test_the_prior_can_be_saved(state: StateFile) -> None:
+    prior = no_knowledge(NOISE, PRESSURE_SCALE)
+    assert prior.belief.information.shape  # what is kept of that is nothing to be saved
+    assert state.holds(state.save(prior))
+    assert "restored" in state.load().message
+
+
+def test_no_file_means_the_prior(state: StateFile) -> None:
+    restored = state.load()
+    assert restored.knowledge is None
+    assert restored.message == f"no learned state at {state.path}, starting from the prior"
+
+
+@in_one_folder
+@given(data=st.data())
+def test_a_damaged_file_is_restored_equal_or_set_aside(state: StateFile, data: st.DataObject) -> None:
+    knowledge = state.save()
+    content = damage(state.path, data)
+    try:
+        restored = state.load()
+    except UserError:  # nothing says any more what it was
+        assert state.path.read_bytes() == content
+        return
+    if restored.knowledge is None:
+        assert not state.path.exists()
+        kept = Path(restored.message.splitlines()[0].rsplit("kept as ", 1)[1])
+        assert kept.read_bytes() == content
+        kept.unlink()
+    else:
+        assert bits(restored.knowledge) == bits(knowledge)
+        assert state.path.exists()
+
+
+def put(*keys: str | int, value: Any) -> Change:
+    """In the content."""
+
+    def change(document: dict[str, Any]) -> None:
+        target: Any = document["content"]
+        for key in keys[:-1]:
+            target = target[key]
+        target[keys[-1]] = value
+
+    return change
+
+
+def remove(key: str) -> Change:
+    return lambda document: document["content"].pop(key)
+
+
+NOT_RESTORED = {
+    "older version": (lambda document: document.update(version=1), r"version 1, not 4 (observer_rt "),
+    "newer version": (lambda document: document.update(version=5), "format is version 5, not 4"),
+    "a name twice": (put("columns", 0, value="lag"), "as many parameters as it names"),
+    "a name too few": (put("columns", value=list(SCALARS.names[:-1])), "as many parameters as it names"),
+    "model": (put("model_sha256", value="0" * 64), "another injector model"),
+    "short mean": (put("mean", value=[0.0] * (PARAMETERS - 1)), "as many parameters"),
+    "flat covariance": (put("covariance", value=[1.0] * PARAMETERS), "shape"),
+    "ragged": (put("covariance", value=[[1.0], [1.0, 2.0]]), "not as expected (covariance"),
+    "text": (put("mean", value="none"), "not as expected (mean"),
+    "nan": (put("mean", 0, value=float("nan")), "not a learned state"),
+    "too large a number": (put("mean", 0, value=10**400), "not a learned state"),
+    "negative error": (put("error_covariance", 2, 2, value=-1.0), "error's covariance"),
+    "asymmetric": (put("covariance", 0, 1, value=0.9), "symmetric"),
+    "negative variance": (put("covariance", 2, 2, value=-1.0), "positive definite"),
+    "wear beyond bounds": (put("mean", int(Parameter.NOZZLE_BIAS), value=1.51), "beyond"),
+    "impossible leak": (put("in_force", int(Parameter.GUIDE_LEAKAGE), value=-1e-9), "beyond"),
+    "slower than any sensor": (put("mean", int(Parameter.SENSOR_LAG), value=0.3e-3 / LAG_UNIT), "0.3 ms"),
+    "nozzle at its limit": (put("mean", int(Parameter.NOZZLE_BIAS), value=1.5), "at the limit"),
+    "active network": (put("active", value=[int(Parameter.NOZZLE_BIAS)]), "left out"),
+    "active fraction": (put("active", value=[float(Parameter.SENSOR_LAG)]), "not as expected (active"),
+    "endless filter": (put("colour", "taps", value=[0.1] * 30), "no filter"),
+    "high pass that grows": (put("colour", "forgetting", value=1.5), "high pass"),
+    "noise of no level": (put("colour", "sigma", value=0.0), "no level"),
+    "short statistics": (put("statistics", "squares", value=[1.0]), "shape"),
+    "negative statistics": (put("statistics", "blocks", 0, 0, value=-1.0), "sums of squares"),
+    "offset beyond bounds": (put("in_force", int(Parameter.LINE_PRESSURE_OFFSET), value=-0.101), "beyond"),
+    "no noise": (put("noise", "line_pressure", value=0.0), "line pressure"),
+    "much noise": (put("noise", "needle_lift", value=1e-4), "needle lift"),
+    "a zero further than drift goes": (put("lift", "zero", value=41e-6), "shut needle"),
+    "crosstalk beyond any": (put("lift", "crosstalk", value=-0.6e-12), "shut needle"),
+    "noise of another signal": (put("noise", "x", value=1.0), "not as expected"),
+    "missing": (remove("in_force"), "in_force"),
+    "negative count": (put("events", value=-1), "not as expected (events"),
+    "fractional count": (put("phi_version", value=1.5), "not as expected (phi_version"),
+    "no object": (lambda document: document.update(content=[]), "not as expected"),
+}
+
+
+@pytest.mark.parametrize(("change", "reason"), NOT_RESTORED.values(), ids=NOT_RESTORED)
+def test_what_cannot_be_used_is_set_aside(state: StateFile, change: Change, reason: str) -> None:
+    state.save()
+    content = state.rewrite(change)
+    restored = state.load()
+    assert restored.knowledge is None
+    assert reason in restored.message
+    kept = state.path.with_name("state.json.set-aside-1")
+    assert str(kept) in restored.message
+    assert kept.read_bytes() == content
+    assert not state.path.exists()
+
+
+def older(document: dict[str, Any]) -> None:
+    """It names no parameters, and remembers nothing of what learning follows."""
+    document["version"] = 3
+    del document["content"]["columns"], document["content"]["memory"]
+
+
+@pytest.mark.parametrize(
+    ("change", "lost"),
+    [
+        (
+            put("package_version", value="0.0.1"),
+            {},
+        ),  # the cases above do not fail for being rewritten
+        (older, {"memory": NOTHING}),
+        (remove("colour"), {"colour": None}),
+        (remove("lift"), {"lift": RestingLift()}),
+    ],
+    ids=["no change", "the version before", "before colours", "before lifts"],
+)
+def test_what_an_older_file_does_not_tell_is_not_known(
+    state: StateFile, change: Change, lost: dict[str, Any]
+) -> None:
+    knowledge = state.save()
+    state.rewrite(change)
+    assert state.holds(replace(knowledge, **lost))
+
+
+def test_parameters_are_known_by_name(state: StateFile) -> None:
+    """In another order, with one that there is no more; what the file does not know is as before any event."""
+    known = state.save()
+    prior = no_knowledge(known.noise, PRESSURE_SCALE)
+    order = np.random.default_rng(4).permutation(PARAMETERS)
+    gone = int(Parameter.NOZZLE_BIAS)
+
+    def other(document: dict[str, Any]) -> None:
+        content = document["content"]
+        for part in ("in_force", "mean"):
+            content[part] = np.array(content[part])[order].tolist()
+        for part in ("covariance", "error_covariance"):
+            content[part] = np.array(content[part])[np.ix_(order, order)].tolist()
+        content["columns"] = [SCALARS.names[column] if column != gone else "once" for column in order]
+        content["active"] = [order.tolist().index(column) for column in content["active"]]
+
+    state.rewrite(other)
+    restored = state.load().knowledge
+    assert restored is not None
+    kept = np.arange(PARAMETERS) != gone
+    both = np.ix_(kept, kept)
+    assert restored.active == known.active
+    np.testing.assert_array_equal(restored.in_force[kept], known.in_force[kept])
+    np.testing.assert_array_equal(restored.belief.covariance[both], known.belief.covariance[both])
+    assert restored.in_force[gone] == 0.0
+    np.testing.assert_array_equal(restored.belief.covariance[gone], prior.belief.covariance[gone])
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b'{"version": 4, "sha256": ' + b"[" * 200_000, b'{"version": 9' * 5_000, bytes(2 << 20)]
+)
+def test_what_is_left_of_a_state_is_set_aside(state: StateFile, content: bytes) -> None:
+    state.path.write_bytes(content)
+    assert state.load().knowledge is None
+    assert not state.path.exists()
+
+
+@pytest.mark.parametrize("content", [b"[" * 200_000, b"\xff\xfe", b"null", b"time_s,rail_pressure_MPa\n"])
+def test_what_was_no_state_is_refused_and_stays(state: StateFile, content: bytes) -> None:
+    state.path.write_bytes(content)
+    with pytest.raises(UserError, match="not a learned state"):
+        state.load()
+    assert state.path.read_bytes() == content
+
+
+def test_nothing_set_aside_is_overwritten(state: StateFile) -> None:
+    for number in range(3):
+        state.path.write_text(f'{{"version": {number}')
+        state.load()
+    for number in range(3):
+        kept = state.path.with_name(f"state.json.set-aside-{number + 1}")
+        assert kept.read_text() == f'{{"version": {number}'
+
+
+def test_a_model_that_comes_back_finds_what_was_learned_for_it(state: StateFile) -> None:
+    """As when the bench file is changed to another injector, and back."""
+    first = state.save()
+    assert load_knowledge(state.path, "f" * 64).knowledge is None
+    other = some_knowledge(2)
+    save_knowledge(state.path, other, "f" * 64)
+    restored = state.load()
+    assert restored.knowledge is not None
+    assert bits(restored.knowledge) == bits(first)
+    assert "state.json.set-aside-2\nlearned state restored from" in restored.message
+    again = load_knowledge(state.path.with_name("state.json.set-aside-2"), "f" * 64).knowledge
+    assert again is not None
+    assert bits(again) == bits(other)
+
+
+def test_the_offset_bound_is_in_pascal(state: StateFile) -> None:
+    """0.15 p_0 is 15 MPa for p_0 = 100 MPa, and 1.2 MPa for 8 MPa; 10 MPa may be learned."""
+    knowledge = some_knowledge()
+    knowledge.in_force[Parameter.LINE_PRESSURE_OFFSET] = 0.15
+    with pytest.raises(RunError, match="beyond"):
+        state.save(knowledge)
+    save_knowledge(state.path, knowledge, MODEL, pressure_scale=0.08e8)
+    restored = load_knowledge(state.path, MODEL, pressure_scale=0.08e8).knowledge
+    assert restored is not None
+    assert bits(restored) == bits(knowledge)
+
+
+def test_what_could_not_be_restored_does_not_replace_a_good_file(state: StateFile) -> None:
+    good = state.save()
+    with pytest.raises(RunError, match="not finite"):
+        state.save(replace(good, belief=replace(good.belief, mean=np.full(PARAMETERS, np.nan))))
+    assert state.holds(good)
+
+
+KILLED_BEFORE_RENAME = """
+import os, signal, sys
+from pathlib import Path
+from observer_rt.engine.estimation.gain import NoiseLevels
+from observer_rt.engine.learning.knowledge import no_knowledge
+from observer_rt.daemon.persistence.state_file import save_knowledge
+os.replace = lambda source, target: os.kill(os.getpid(), signal.SIGKILL)
+save_knowledge(Path(sys.argv[1]), no_knowledge(NoiseLevels(1e5, 1e5, 1e-6), 1e8), sys.argv[2])
+"""
+
+
+def test_a_kill_before_the_rename_leaves_the_old_file(state: StateFile) -> None:
+    old = state.save()
+    command = [sys.executable, "-c", KILLED_BEFORE_RENAME, str(state.path), MODEL]
+    assert subprocess.run(command, check=False).returncode == -signal.SIGKILL
+    assert state.holds(old)
+    assert state.holds(
+        state.save(some_knowledge(2))
+    )  # what the killed process left behind is in nobody's way
+    assert [*state.path.parent.iterdir()] == [state.path]
+
+
+def test_a_failed_write_leaves_the_old_file(state: StateFile, monkeypatch: pytest.MonkeyPatch) -> None:
+    old = state.save()
+
+    def disk_is_full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", disk_is_full)
+    with pytest.raises(RunError, match="No space left"):
+        state.save(some_knowledge(2))
+    assert state.holds(old)
+    assert [*state.path.parent.iterdir()] == [state.path]
+
+
+def test_a_symbolic_link_stays_one(state: StateFile, tmp_path: Path) -> None:
+    (tmp_path / "link.json").symlink_to(state.path)
+    save_knowledge(tmp_path / "link.json", some_knowledge(), MODEL)
+    assert (tmp_path / "link.json").is_symlink()
+    assert state.holds(some_knowledge())
+
+
+def test_paths_that_are_no_file(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="is no file"):
+        load_knowledge(tmp_path, MODEL)
+    with pytest.raises(UserError, match="is no file"):
+        load_knowledge(Path("/dev/null"), MODEL)
+    with pytest.raises(UserError, match="no existing folder"):
+        load_knowledge(tmp_path / "missing" / "state.json", MODEL)
+    with pytest.raises(RunError, match="cannot be written"):
+        save_knowledge(tmp_path / "missing" / "state.json", some_knowledge(), MODEL)
+
+
+def test_a_file_that_may_not_be_read(state: StateFile, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Simulated, because the superuser may read everything."""
+    state.save()
+
+    def refuse(*_: object, **__: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "open", refuse)
+    with pytest.raises(UserError, match="Permission denied"):
+        state.load()
+
+
+def test_the_model_hash_tells_models_apart_but_not_their_spelling(tmp_path: Path) -> None:
+    injector = load_injector()
+    wider = injector.nozzle.model_copy(update={"hole_diameter": 0.18e-3})
+    worn = injector.model_copy(update={"nozzle": wider})
+    assert len(MODEL) == 64
+    assert model_hash(worn) != MODEL
+    text = (Path(__file__).parents[3] / "observer_rt" / "data" / "crin3_nominal.toml").read_text()
+    respelt = tmp_path / "injector.toml"
+    respelt.write_text(text.replace("0.9e-6", "900e-9").replace("holes = 8", "holes = 8  # eight"))
+    assert model_hash(load_injector(respelt)) == MODEL

@@ -1,0 +1,184 @@
+"""Links that the loop cannot read itself: fed to it frame by frame, and its rates sent for it."""
+
+import socket
+from pathlib import Path
+
+import pytest
+
+from observer_rt.bus.links.descriptor import DescriptorLink
+from observer_rt.bus.links.link import Frame, LinkDownError
+from observer_rt.bus.links.receiver import BusDownError
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import load_bench
+from observer_rt.desk.evaluation.evaluate import evaluate
+from observer_rt.files.replay.framing import TimedFrame
+from observer_rt.foundation.errors import RunError
+from tests.benches import SAMPLE_RATE
+from tests.bus.j1939_bench import GROUP, write_j1939_bench
+from tests.daemon.end_to_end import RATE, payloads
+from tests.daemon.participants import Pumped, TroubledLink, bench_file, until
+from tests.device import core_of, frames_of, worn_recording
+
+BEGIN = 1_700_000_000_000_000_000  # ns
+FRAMES = 600
+
+
+def device_frames(path: Path, injections: int = 2) -> list[TimedFrame]:
+    return frames_of(path, worn_recording(injections))
+
+
+def published(path: Path) -> list[bytes]:
+    """All rates that the frames of `device_frames` cause."""
+    return payloads(evaluate(load_bench(path), [worn_recording(2)]).frames, RATE)
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return bench_file(tmp_path, "can5")
+
+
+@pytest.fixture
+def grouped(tmp_path: Path) -> Path:
+    """A bench of J1939 without sample indices, whose clock is that of the stamps."""
+    path = write_j1939_bench(tmp_path)
+    path.write_text(f"{path.read_text()}[sampling]\nrate_hz = {SAMPLE_RATE}\n")
+    return path
+
+
+def test_stamps_are_kept_to_the_nanosecond(grouped: Path) -> None:
+    """The clock of frames without an index is that of the core alone."""
+
+    class StampingLink(TroubledLink):
+        def receive(self, timeout_s: float) -> Frame | None:
+            frame = super().receive(timeout_s)
+            return frame and frame._replace(stamp_ns=next(stamps))
+
+    wanted = [BEGIN + 20_000 * n + n * 7919 % 1013 for n in range(FRAMES)]
+    stamps = iter(wanted)
+    frames = device_frames(grouped)[:FRAMES]
+    alone = core_of(grouped)
+    for frame, stamp in zip(frames, wanted, strict=True):
+        alone.handle(frame.frame_id, frame.is_extended, frame.payload, stamp)
+    with Pumped(grouped, StampingLink(frames)) as it:
+        it.serve_until_taken(FRAMES)
+    clocks, expected = (core.compiled.pipeline.keeping.clocks for core in (it.core, alone))
+    assert clocks.tobytes() == expected.tobytes()
+    assert it.core.processed == alone.processed > 0
+
+
+def test_messages_of_j1939_come_under_any_source_address(grouped: Path) -> None:
+    """From a raw socket, too, which the loop would read by itself."""
+    wanted = map_bus(load_bench(grouped)).received_on(0)
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with (
+        ours,
+        theirs,
+        DescriptorLink(str(ours.fileno()), True, wanted) as link,
+        DescriptorLink(str(theirs.fileno()), True, None) as device,
+        Pumped(grouped, link) as it,
+    ):
+        for frame in device_frames(grouped)[:FRAMES]:
+            device.send((GROUP & ~0xFF) | 0x42, frame.payload, True, False)
+        it.serve_until_taken(FRAMES)
+    assert it.core.counters.frames == FRAMES
+    assert it.core.counters.length_errors == 0
+
+
+def test_rates_that_found_no_room_are_handed_over_in_order(path: Path) -> None:
+    frames = device_frames(path)
+    link = TroubledLink(frames)
+    link.has_room = False
+    with Pumped(path, link) as it:
+        handed = [*it.serve_until_taken(len(frames)), *it.pump.finish()]
+    assert payloads(handed, RATE) == published(path)
+    assert not link.sent
+    assert not it.unsent
+
+
+def test_some_sent_then_none_lost(path: Path) -> None:
+    """A driver that takes every other frame: what it has not taken by the end is handed over behind the others."""
+
+    class HaltingLink(TroubledLink):
+        def try_send(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool) -> bool:
+            self.has_room = not self.has_room and len(self.sent) < 100
+            return super().try_send(frame_id, payload, is_extended, is_fd)
+
+    frames = device_frames(path)
+    link = HaltingLink(frames)
+    with Pumped(path, link) as it:
+        handed = [*it.serve_until_taken(len(frames)), *it.pump.finish()]
+    assert 0 < len(link.sent) <= 100
+    assert payloads(link.sent, RATE) + payloads(handed, RATE) == published(path)
+
+
+def test_rates_on_their_way_to_a_link_that_goes_down_are_counted(path: Path) -> None:
+    frames = device_frames(path)
+    link = TroubledLink(frames)
+    link.has_room = False
+    with Pumped(path, link) as it:
+        it.serve_until_taken(len(frames))
+        link.plugged.clear()
+        with pytest.raises(BusDownError, match="can5 is down") as raised:
+            until(lambda: bool(it.pump.serve(1e-3)))
+        it.pump.leave_out(raised.value.bus)
+        handed = it.pump.finish()
+    assert sum(it.unsent) + len(payloads(handed, RATE)) == len(published(path))
+    assert sum(it.unsent) > 100
+
+
+def test_it_is_served_again_once_it_is_back(path: Path) -> None:
+    frames = device_frames(path)
+    link = TroubledLink(frames[:FRAMES])
+    with Pumped(path, link) as it:
+        for first in (FRAMES, 2 * FRAMES):
+            it.serve_until_taken(first)
+            link.plugged.clear()
+            with pytest.raises(BusDownError):
+                until(lambda: bool(it.pump.serve(1e-3)))
+            it.pump.leave_out(0)
+            it.pump.serve(0.0)
+            link.plugged.set()
+            link.deliver(frames[first : first + FRAMES])
+            it.pump.take_back(0)
+        it.serve_until_taken(min(3 * FRAMES, len(frames)))
+    assert it.core.counters.lost_samples == 0
+
+
+@pytest.mark.parametrize(
+    "failure", [RunError("broken"), ZeroDivisionError("in the driver"), LinkDownError("gone")]
+)
+def test_what_ends_it_is_raised_behind_the_frames_that_came(path: Path, failure: Exception) -> None:
+    class FailingLink(TroubledLink):
+        def receive(self, timeout_s: float) -> Frame | None:
+            if not self._frames:
+                raise failure
+            return super().receive(timeout_s)
+
+    frames = device_frames(path)[:FRAMES]
+    with Pumped(path, FailingLink(frames)) as it:
+        with pytest.raises((type(failure), BusDownError), match=str(failure)):
+            until(lambda: bool(it.pump.serve(1e-3)))
+        assert it.core.counters.frames == FRAMES
+
+
+def test_it_ends_while_frames_wait(path: Path) -> None:
+    """The loop waits for a verdict that nobody gives, the pair is full, and more frames are in the driver."""
+    link = TroubledLink(device_frames(path))
+    with Pumped(path, link) as it:
+        until(lambda: bool(it.core.compiled.observer.memory["waiting"][0]))
+        assert it.ends()
+        assert not link.empty.is_set()
+
+
+def test_other_results_come_behind_the_rates(path: Path) -> None:
+    frames = device_frames(path)[:FRAMES]
+    link = TroubledLink(frames)
+    link.has_room = False
+    with Pumped(path, link) as it:
+        it.serve_until_taken(FRAMES)
+        until(lambda: it.core.counters.frames == FRAMES)
+        assert it.pump.sender(0).try_send(0x321, b"other", False, True)
+        link.has_room = True
+        until(lambda: bool(link.sent) and link.sent[-1].payload == b"other")
+    assert len(link.sent) > 100
+    assert link.sent[-1].frame_id == 0x321

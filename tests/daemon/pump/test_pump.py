@@ -1,0 +1,252 @@
+"""The pump on a pair of sockets that carries what a raw CAN socket does: same frames in, same frames out."""
+
+import select
+import socket
+import struct
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from observer_rt.bus.links.descriptor import DescriptorLink
+from observer_rt.bus.mapping.bus_map import BusMap, map_bus
+from observer_rt.config.bench import load_bench
+from observer_rt.daemon.daemon import Daemon
+from observer_rt.desk.evaluation.evaluate import evaluate
+from observer_rt.engine.service.messages import OutputFrame
+from observer_rt.engine.stream.state import Reason, State
+from observer_rt.engine.stream.verdict import Taken
+from observer_rt.files.replay.framing import TimedFrame
+from observer_rt.foundation.errors import RunError
+from tests.daemon.end_to_end import RATE, STATUS, SUMMARY, decoded, payloads, published_rates, results_of
+from tests.daemon.participants import Pumped, bench_file, serving, until
+from tests.daemon.slow_frames import bed, slow_bench
+from tests.device import RATES, Device, encoded, frames_of, inserted, run, simulated, worn_recording
+from tests.engine.service.test_fuel_temperature import bench as temperature_bench
+from tests.engine.service.test_fuel_temperature import sensor
+
+FD_FRAME = struct.Struct("=IBB2x64s")
+LITTLE_ROOM = 1 << 14  # bytes of a socket's queue, some twenty frames
+
+
+class FarEnd:
+    """The other end of the sockets: sends frames, and keeps what comes back."""
+
+    def __init__(self, end: socket.socket) -> None:
+        self._end = end
+        self.received: dict[int, list[bytes]] = {}
+
+    def send(self, frames: Iterable[TimedFrame], listening: bool = True) -> None:
+        for frame in frames:
+            self._end.send(FD_FRAME.pack(frame.frame_id, len(frame.payload), 1, frame.payload))
+            if listening:
+                self.read()
+
+    def has_room(self) -> bool:
+        """Whether a frame can be sent now."""
+        return bool(select.select([], [self._end], [], 0.0)[1])
+
+    def close(self) -> None:
+        self._end.close()
+
+    def read(self) -> None:
+        while True:
+            try:
+                identifier, length, _, data = FD_FRAME.unpack(self._end.recv(80, socket.MSG_DONTWAIT))
+            except BlockingIOError:
+                return
+            self.received.setdefault(identifier, []).append(data[:length])
+
+
+@contextmanager
+def paired(bus: BusMap, room: int | None = None) -> Iterator[tuple[FarEnd, DescriptorLink]]:
+    """A device, and our link to it; room: for what we send, in bytes, None: the usual."""
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    if room is not None:
+        ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, room)
+    with ours, theirs, DescriptorLink(str(ours.fileno()), True, bus.received_on(0)) as link:
+        yield FarEnd(theirs), link
+
+
+@contextmanager
+def connected(path: Path) -> Iterator[tuple[FarEnd, Daemon]]:
+    """A device, and a daemon that serves it."""
+    bench = load_bench(path)
+    bus = map_bus(bench)
+    with paired(bus) as (device, link):
+        yield device, Daemon(bench, bus, [link])
+
+
+@contextmanager
+def pumped(
+    path: Path, room: int | None = None, waits_for_verdicts: bool = True
+) -> Iterator[tuple[FarEnd, Pumped]]:
+    """A device, which has read all that was sent in the end, and a pump that serves it; room: as of `paired`."""
+    with paired(map_bus(load_bench(path)), room) as (device, link):
+        with Pumped(path, link, waits_for_verdicts) as it:
+            yield device, it
+        device.read()
+
+
+def test_same_frames_as_evaluate(tmp_path: Path) -> None:
+    """Bit for bit, learning included: a loop in compiled code, and everything in one thread without a bus."""
+    path = bench_file(tmp_path, "0")
+    worn = worn_recording()
+    frames = frames_of(path, worn)
+    history = evaluate(load_bench(path), [worn])
+    with connected(path) as (device, daemon):
+        with serving(daemon):
+            device.send(frames)
+            until(lambda: daemon.core.counters.frames == len(frames))
+        device.read()
+    assert (device.received[RATE.frame_id], device.received[SUMMARY.frame_id]) == results_of(history.frames)
+    last = decoded(STATUS, device.received[STATUS.frame_id][-1])
+    assert last["SamplesProcessed"] == worn.samples
+    assert last["DroppedFrames"] == last["LateAdoptions"] == 0
+    assert daemon.core.counters.adoptions >= 2
+
+
+def test_while_another_node_sends_the_same_no_rate_is_valid(tmp_path: Path) -> None:
+    """And nothing else of the frames differs, but for their protection."""
+    path = bench_file(tmp_path, "0")
+    worn = worn_recording()
+    frames = frames_of(path, worn)
+    history = payloads(evaluate(load_bench(path), [worn]).frames, RATE)
+    with connected(path) as (device, daemon):
+        with serving(daemon):
+            device.send(frames[:-200])
+            until(lambda: daemon.core.counters.frames == len(frames) - 200)
+            device.send([encoded(RATE, bytes(64))])
+            until(lambda: daemon.arrivals.foreign_frames == 1)
+            until(lambda: daemon.state(time.monotonic_ns())[1] is Reason.SECOND_SENDER)
+            time.sleep(0.1)
+            device.read()
+            before = len(device.received[RATE.frame_id])
+            device.send(frames[-200:])
+            until(lambda: daemon.core.counters.frames == len(frames))
+        device.read()
+    received = [decoded(RATE, payload) for payload in device.received[RATE.frame_id]]
+    expected = [decoded(RATE, payload) for payload in history]
+    assert any(each["Valid"] for each in expected[before:])
+    marked = {"Valid": 0.0, "State": float(State.DEGRADED)}
+    crc = {"CRC": 0.0}
+    assert len(received) == len(expected)
+    assert [each | crc for each in received] == [
+        *(each | crc for each in expected[:before]),
+        *(each | marked | crc for each in expected[before:]),
+    ]
+
+
+def through_pump(path: Path, frames: Sequence[TimedFrame]) -> dict[int, list[bytes]]:
+    """What comes of frames in lockstep, to the end, by identifier."""
+    out: list[OutputFrame] = []
+    with pumped(path) as (device, it):
+        for frame in frames:
+            while not device.has_room():  # the loop may wait for a verdict
+                out += it.pump.serve(1e-3)
+            device.send([frame])
+            out += it.pump.serve(0.0)
+        out += it.serve_until_taken(len(frames))
+        device.read()
+        out += it.pump.finish()
+    for frame_out in out:
+        device.received.setdefault(frame_out.frame_id, []).append(frame_out.payload)
+    return device.received
+
+
+def warming_fuel(folder: Path) -> tuple[Path, list[TimedFrame]]:
+    """Fuel that warms within events, is silent for longer than it counts, and is not known for a while."""
+    frames = Device().send(simulated())
+    quarter = len(frames) // 4
+    told = [
+        (0, 40.0),
+        (7, 43.0),
+        (quarter, 60.0),
+        (quarter + 30, 85.0),
+        (2 * quarter, None),
+        (3 * quarter, 20.0),
+    ]
+    told += [(number, 50.0 + number % 7) for number in range(3 * quarter + 20, len(frames), 11)]
+    changes = [(number, sensor(celsius)) for number, celsius in told]
+    return temperature_bench(folder, "timeout_ms = 60\n"), inserted(frames, changes)
+
+
+def switched_learning(folder: Path) -> tuple[Path, list[TimedFrame]]:
+    """Learning that is held up from before the first injection until after it, and again for the last."""
+    frames = Device().send(simulated())
+    quarter = len(frames) // 4
+    told = [(5, 0), (2 * quarter, 1), (3 * quarter, 0)]
+    changes = [(number, bed("LearnEnable", value)) for number, value in told]
+    return slow_bench(folder, {"learning_enable": ("Bed", "LearnEnable")}), inserted(frames, changes)
+
+
+@pytest.mark.parametrize("case", [warming_fuel, switched_learning])
+def test_optional_inputs_take_effect_where_they_do_without_a_pump(
+    tmp_path: Path, case: Callable[[Path], tuple[Path, list[TimedFrame]]]
+) -> None:
+    path, frames = case(tmp_path)
+    alone = run(path, frames)
+    through = through_pump(path, frames)
+    assert (through[RATE.frame_id], through[SUMMARY.frame_id]) == results_of(alone.frames)
+    assert len(alone.reports) == 3
+
+
+def test_rates_need_no_attention(tmp_path: Path) -> None:
+    """Rates come while nothing of Python runs for the pump, which does not wait for verdicts nobody posts."""
+    path = bench_file(tmp_path, "0")
+    worn = worn_recording(2)
+    frames = frames_of(path, worn)
+    with pumped(path, waits_for_verdicts=False) as (device, it):
+        device.send(frames)
+        until(lambda: it.core.counters.frames == len(frames))
+    observer = it.core.compiled.observer
+    taken = int(observer.memory["events_taken"][0])
+    assert taken > 0
+    assert (observer.events["taken"][:taken] == Taken.NOTHING).all()
+    _, count = published_rates(device.received[RATE.frame_id], worn.samples)
+    assert (count[: it.core.processed - RATES] == 1).all()
+
+
+def test_rates_that_wait_at_the_end_are_handed_over(tmp_path: Path) -> None:
+    """A device that reads nothing until the loop has ended: what found no room is the caller's to send."""
+    path = bench_file(tmp_path, "0")
+    worn = worn_recording(2)
+    bench = load_bench(path)
+    handed: list[OutputFrame] = []
+    with pumped(path, LITTLE_ROOM) as (device, it):
+        for frame in frames_of(bench, worn):
+            while not device.has_room():
+                handed += it.pump.serve(1e-3)
+            device.send([frame], listening=False)
+        while it.core.processed <= worn.samples - RATES:
+            handed += it.pump.serve(1e-3)
+        handed += it.pump.finish()
+    rates, late = payloads(evaluate(bench, [worn]).frames, RATE), payloads(handed, RATE)
+    assert 0 < len(device.received[RATE.frame_id]) < len(rates) - 1
+    assert device.received[RATE.frame_id] + late == rates
+    assert not it.unsent
+
+
+def test_it_ends_while_the_stream_waits_for_a_verdict(tmp_path: Path) -> None:
+    """Nobody gives one any more: the loop is not to wait for it."""
+    path = bench_file(tmp_path, "0")
+    worn = worn_recording(2)
+    with pumped(path) as (device, it):
+        waiting = it.core.compiled.observer.memory["waiting"]
+        for frame in frames_of(path, worn):
+            until(lambda: waiting[0] or device.has_room())
+            if waiting[0]:
+                break
+            device.send([frame])
+        assert waiting[0]
+        assert it.ends()
+
+
+def test_a_device_that_goes_away_is_said(tmp_path: Path) -> None:
+    with connected(bench_file(tmp_path, "0")) as (device, daemon):
+        device.close()
+        with pytest.raises(RunError, match="closed"):
+            daemon.run(threading.Event())

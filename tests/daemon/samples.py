@@ -1,0 +1,92 @@
+"""Knowledge and injections as they might have been learned and reported, for tests of what keeps them."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from hypothesis import strategies as st
+
+from observer_rt.engine.estimation.gain import NoiseLevels
+from observer_rt.engine.estimation.gating import Belief
+from observer_rt.engine.estimation.phases import PhaseStatistics, no_statistics
+from observer_rt.engine.estimation.prediction_error import Whitening
+from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS
+from observer_rt.engine.learning.disturbances.colour import ORDERS, Colour
+from observer_rt.engine.learning.indicators import Estimate
+from observer_rt.engine.learning.interval import EventPoint
+from observer_rt.engine.learning.knowledge import Knowledge
+from observer_rt.engine.learning.memory import Memory
+from observer_rt.engine.reports.injection_report import CommandedOpening, InjectionReport
+from observer_rt.engine.stream.standstill import RestingLift
+from observer_rt.engine.stream.state import Reason, State
+
+PRESSURE_SCALE = 1e8  # Pa
+
+
+def some_knowledge(seed: int = 1, phi_version: int = 7, events: int = 20) -> Knowledge:
+    random = np.random.default_rng(seed)
+    root = 0.1 * random.normal(size=(PARAMETERS, PARAMETERS))
+    covariance = root @ root.T + 1e-6 * np.eye(PARAMETERS)
+    covariance = 0.5 * (covariance + covariance.T)
+    lowest, highest = SCALARS.bounds(PRESSURE_SCALE)
+    return Knowledge(
+        belief=Belief(random.uniform(-0.01, 0.01, PARAMETERS), covariance, 0.6 * covariance),
+        in_force=np.clip(random.uniform(-0.01, 0.01, PARAMETERS), lowest, highest),
+        noise=NoiseLevels(*(random.uniform(0.1, 1.0, 3) * [1e6, 1e6, 1e-6]).tolist()),
+        active=frozenset(column for column in SCALARS.gate.columns if random.random() < 0.5),
+        phi_version=phi_version,
+        events=events,
+        statistics=PhaseStatistics(
+            *(random.uniform(0.0, 1e4, sums.shape) for sums in vars(no_statistics()).values())
+        ),
+        colour=Colour(
+            Whitening(
+                forgetting=0.96 if random.random() < 0.5 else None,
+                taps=random.normal(size=random.integers(ORDERS)),
+            ),
+            interval=1e-5,
+            sigma=float(random.uniform(5e-4, 2e-3)),
+        ),
+        learned_at=tuple(EventPoint(*point) for point in random.uniform(-1.0, 1.0, (3, 3)).tolist()),
+        lift=RestingLift(*(random.uniform(-1.0, 1.0, 3) * [4e-5, 0.0, 4e-13] + [0.0, 2e-7, 0.0]).tolist()),
+        memory=Memory(1e-5, {"_freezer": {"_bad": seed, "_good": 0, "_frozen": False}}),
+    )
+
+
+def damage(path: Path, data: st.DataObject) -> bytes:
+    """Cut the file off anywhere, or change one of its bytes; what it holds then."""
+    content = bytearray(path.read_bytes())
+    place = data.draw(st.integers(0, len(content) - 1))
+    if data.draw(st.booleans(), label="truncate"):
+        del content[place:]
+    else:
+        content[place] = data.draw(st.integers(0, 255))
+    path.write_bytes(content)
+    return bytes(content)
+
+
+def some_report(number: int = 1, **changes: Any) -> InjectionReport:
+    """The injection of a number, in SI units, with everything known that can be known unless changed."""
+    content: dict[str, Any] = {
+        "number": number,
+        "event": number,
+        "start": 1000 * number,
+        "end": 1000 * number + 100,
+        "start_index": 5000 + 1000 * number,
+        "end_index": 5000 + 1000 * number + 100,
+        "volume": 50e-9,
+        "mass": 41.5e-6 + number * 1e-9,
+        "mass_ci95": (41.0e-6, 42.0e-6),
+        "rate_sigma": np.full(101, 1e-7),
+        "peak_rate": 69e-6,
+        "rail_pressure": 120e6,
+        "valid": True,
+        "reason": Reason.NONE,
+        "state": State.ADAPTED,
+        "phi_version": number,
+        "indicators": {shown.effect: Estimate(0.3, 0.01) for _, shown in SCALARS.shown()},
+        "density": 830.0,
+        "fuel_temperature": 313.15,
+        "commanded": CommandedOpening(number, 320e-6, 1.1e-3),
+    }
+    return InjectionReport(**(content | changes))

@@ -1,0 +1,236 @@
+"""Databases as benches have them, with the bench files of `docs/dbc.md`: the same samples, the same estimate."""
+
+import math
+from collections.abc import Callable, Iterable
+from functools import cache
+from pathlib import Path
+
+import can
+import cantools.database
+import e2e.p01
+import numpy as np
+import pytest
+
+from observer_rt.bus.links.opening import open_link
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.bus.mapping.output_messages import StatusValues
+from observer_rt.config.bench import PACKAGE_DATA, load_bench, load_injector
+from observer_rt.desk.simulation.schedule import make_schedule
+from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
+from observer_rt.engine.estimation.scalars import NOZZLE
+from observer_rt.engine.service.messages import OutputFrame
+from observer_rt.files.replay.framing import TimedFrame
+from observer_rt.files.replay.player import play
+from observer_rt.files.replay.recording_frames import RecordingPart
+from observer_rt.files.signals.recording import Recording
+from observer_rt.files.signals.stream import HeldSignals
+from observer_rt.model.effects import sized
+from tests.benches import sample_bench
+from tests.daemon.foreign_frames import (
+    DATABASES,
+    INJECTIONS,
+    classic_frames,
+    database,
+    fd_frames,
+    multiplexed_frames,
+)
+from tests.daemon.participants import HeardDaemon, serving, until
+from tests.device import Device, Result, frames_of, run, simulated
+
+RESULTS: list[can.typechecking.CanFilter] = [
+    {"can_id": frame_id, "can_mask": 0x7FF, "extended": False} for frame_id in (0x201, 0x202)
+]
+
+Frames = Callable[[Recording], Iterable[TimedFrame]]
+
+
+def rates_of(result: Result) -> dict[int, float]:
+    """The last rates [m3/s] that a core estimated, by sample index."""
+    rows = result.core.rows(0, result.core.processed)
+    return dict(zip(rows["index"].tolist(), rows["injection_rate"].tolist(), strict=True))
+
+
+def in_blocks(folder: Path, rate: float, data: Recording) -> Result:
+    """A recording through our own FD layout."""
+    path = sample_bench(folder / "blocks", rate=rate)
+    return run(path, Device(path).send(data))
+
+
+@pytest.fixture(scope="module")
+def in_our_layout(tmp_path_factory: pytest.TempPathFactory) -> Callable[[float], Result]:
+    """The recording at a rate through our own blocks."""
+
+    return cache(lambda rate: in_blocks(tmp_path_factory.mktemp("own"), rate, simulated(rate=rate)))
+
+
+EXAMPLES = [
+    ("testbed_classic", 10e3, classic_frames),
+    ("fast_daq_fd", 50e3, fd_frames),
+    ("adc_multiplexed", 50e3, multiplexed_frames),
+]
+
+
+@pytest.mark.parametrize(("name", "rate", "frames"), EXAMPLES)
+def test_the_same_estimate_as_in_our_own_layout(
+    name: str, rate: float, frames: Frames, in_our_layout: Callable[[float], Result]
+) -> None:
+    own = in_our_layout(rate)
+    foreign = run(DATABASES / f"{name}.toml", frames(simulated(rate=rate)))
+    assert foreign.core.counters.lost_samples == 0
+    assert foreign.core.counters.repeated_frames == foreign.core.counters.old_frames == 0
+    assert len(foreign.reports) == len(own.reports) == INJECTIONS
+    for ours, theirs in zip(own.reports, foreign.reports, strict=True):
+        assert (theirs.start_index, theirs.end_index) == (ours.start_index, ours.end_index)
+        assert theirs.valid == ours.valid
+        assert theirs.mass == pytest.approx(ours.mass, rel=1e-3)
+    both = rates_of(foreign), rates_of(own)
+    common = sorted(set(both[0]) & set(both[1]))
+    assert len(common) > 1000
+    estimated, expected = (np.array([rates[n] for n in common]) for rates in both)
+    assert np.array_equal(np.isnan(estimated), np.isnan(expected))
+    assert np.nanmax(expected) > 30e-6  # there was something to compare
+    assert np.sqrt(np.nanmean((estimated - expected) ** 2)) < 0.05e-6
+
+
+@pytest.mark.parametrize(("name", "rate", "frames"), EXAMPLES)
+def test_replay_sends_what_cantools_encodes(name: str, rate: float, frames: Frames) -> None:
+    """By frame: what a replay of the same recording by the bench file puts on the bus."""
+    data = simulated(rate=rate)
+    db = database(name)
+
+    def contents(sent: Iterable[TimedFrame]) -> dict[int, list[dict[str, float]]]:
+        found: dict[int, list[dict[str, float]]] = {}
+        for frame in sent:
+            message = db.get_message_by_frame_id(frame.frame_id)
+            raw = message.decode(frame.payload, decode_choices=False, scaling=False)
+            kept = {n: v for n, v in raw.items() if not n.endswith(("SensorState", "Temperature", "Page"))}
+            if kept.get("ADC_Channel") != 15:
+                found.setdefault(frame.frame_id, []).append(kept)
+        return found
+
+    bench = load_bench(DATABASES / f"{name}.toml")
+    replayed = contents(frames_of(bench, data))
+    assert RecordingPart(HeldSignals(data), map_bus(bench)).extent.frames == sum(map(len, replayed.values()))
+    expected = contents(frames(data))
+    assert expected.keys() == replayed.keys()
+    for frame_id, sent in expected.items():
+        assert replayed[frame_id][: len(sent)] == sent
+        assert len(replayed[frame_id]) - len(sent) <= 6  # the last block, which is not full
+
+
+def test_a_lost_half_of_a_channel_is_lost_samples() -> None:
+    sent = list(multiplexed_frames(simulated(rate=50e3)))[:3000]
+    fourth = [n for n, frame in enumerate(sent) if frame.payload[0] & 0xF == 3][100]
+    outcome = run(DATABASES / "adc_multiplexed.toml", sent[:fourth] + sent[fourth + 1 :])
+    assert outcome.core.counters.lost_samples == 3
+    assert outcome.core.counters.jumps == 0
+
+
+def _pages(frames: list[OutputFrame], name: str) -> list[dict[str, float]]:
+    """Summaries or statuses put together from their frames, protection checked."""
+    message = cantools.database.load_file(PACKAGE_DATA / "observer_classic.dbc").get_message_by_name(name)
+    found = [frame for frame in frames if frame.frame_id == message.frame_id]
+    whole_messages: list[dict[str, float]] = []
+    for number, frame in enumerate(found):
+        assert len(frame.payload) == 8
+        assert e2e.p01.e2e_p01_check(bytearray(frame.payload), message.frame_id, length=8)
+        values = message.decode(frame.payload, decode_choices=False)
+        assert values["Counter"] == number % 15
+        if values["Page"] == 0:
+            whole_messages.append({})
+        whole_messages[-1] |= values
+    return whole_messages
+
+
+def test_a_classic_bus_gets_summaries_and_no_rates() -> None:
+    outcome = run(DATABASES / "testbed_classic.toml", classic_frames(simulated(rate=10e3)))
+    assert {frame.frame_id for frame in outcome.frames} == {0x201}
+    summaries = _pages(outcome.frames, "InjectionSummary")
+    assert len(summaries) == len(outcome.reports) == INJECTIONS
+    for summary, report in zip(summaries, outcome.reports, strict=True):
+        assert summary["SampleIndex"] == report.start_index
+        assert summary["EndIndex"] == report.end_index
+        assert summary["InjectionNumber"] == report.number
+        assert summary["Valid"] == report.valid
+        assert summary["Reason"] == report.reason
+        assert summary["Mass"] == pytest.approx(report.mass / 1e-6, abs=0.005)
+        assert summary["NozzleWear"] == pytest.approx(report.indicators[NOZZLE].value, abs=5e-5)
+        assert summary["RailPressureAtStart"] == pytest.approx(report.rail_pressure / 1e6, abs=0.0025)
+
+
+@pytest.mark.parametrize(
+    ("interface", "speed"),
+    [("virtual", math.inf), pytest.param("socketcan", 0.1, marks=pytest.mark.vcan)],
+)
+def test_replay_and_daemon_on_a_bus(
+    request: pytest.FixtureRequest, tmp_path: Path, interface: str, speed: float
+) -> None:
+    """Classic frames only; summaries and status in pages."""
+    channel = "classic" if interface == "virtual" else request.getfixturevalue("vcan")
+    text = (DATABASES / "testbed_classic.toml").read_text()
+    text = text.replace('channel = "can0"', f'interface = "{interface}"\nchannel = "{channel}"')
+    text = text.replace('"testbed_classic.dbc"', f'"{DATABASES / "testbed_classic.dbc"}"')
+    path = tmp_path / "bench.toml"
+    path.write_text(text + "status_period_ms = 1000\n[learning]\nlockstep = true\n")
+    bench = load_bench(path)
+    bus = map_bus(bench)
+    data = simulated(rate=10e3)
+    frames = list(RecordingPart(HeldSignals(data), bus).frames())
+    inputs = [(layout.frame_id, layout.is_extended) for layout in bus.input_layouts]
+    heard: list[can.Message] = []
+    with (
+        can.Bus(interface=interface, channel=channel, can_filters=RESULTS) as listener,
+        open_link(interface, channel, False, inputs) as daemon_link,
+        open_link(interface, channel, False, []) as player_link,
+    ):
+        daemon = HeardDaemon(bench, daemon_link)
+        with serving(daemon):
+            play(frames, player_link, speed)
+            until(lambda: daemon.core.counters.frames + daemon.dropped >= len(frames))
+        while (message := listener.recv(0.1)) is not None:
+            heard.append(message)
+    assert daemon.dropped == 0
+    assert not any(message.is_fd for message in heard)
+    sent = [OutputFrame(m.arbitration_id, m.is_extended_id, m.is_fd, bytes(m.data)) for m in heard]
+    assert {frame.frame_id for frame in sent} == {0x201, 0x202}
+    direct = run(DATABASES / "testbed_classic.toml", classic_frames(data))
+    assert [f.payload for f in sent if f.frame_id == 0x201] == [f.payload for f in direct.frames]
+    status = _pages(sent, "ObserverStatus")[-1]
+    assert status["SamplesProcessed"] == daemon.core.processed
+    assert status["LostSamples"] == 0
+    # CRC, counter and page too, but nothing of the energizing, of outliers and of refused frames
+    assert len(status) == len(StatusValues._fields) + 3 - 5
+
+
+def classic_layout(folder: Path, rate: float) -> Path:
+    """A bench that uses nothing but our classic layout."""
+    roles = {"rail_pressure": "RailPressure", "needle_lift": "NeedleLift", "line_pressure": "LinePressure"}
+    text = '[link]\nfd = false\ninterface = "virtual"\n[[dbc]]\nfile = "observer_classic.dbc"\n'
+    text += "".join(
+        f'[signals.{role}]\nmessage = "Sample"\nsignal = "{name}"\n' for role, name in roles.items()
+    )
+    path = folder / "bench.toml"
+    path.write_text(text + f"[sampling]\nrate_hz = {rate}\n[outputs]\ninjection_rate = false\n")
+    return path
+
+
+def test_our_classic_layout(tmp_path: Path) -> None:
+    """Without an index: frames are counted by the counter of their protection and when they come.
+
+    Until that clock is trusted nothing is valid and nothing is learned; then the estimate is that of our FD layout.
+    """
+    schedule = make_schedule([100e6], 10, 0.2, [1.1e-3])
+    effects = (sized("orifice_area", v_H=0.2),)
+    data = simulate(load_injector(), schedule, 10e3, effects, SimulatedNoise(), seed=8).recording
+    frames = frames_of(classic_layout(tmp_path, 10e3), data)
+    for number, frame in enumerate(frames):
+        assert e2e.p01.e2e_p01_check(bytearray(frame.payload), 256, length=8)
+        assert frame.payload[1] == number % 15
+    classic = run(tmp_path / "bench.toml", frames)
+    own = in_blocks(tmp_path, 10e3, data)
+    assert classic.core.counters.lost_samples == 0
+    assert len(_pages(classic.frames, "InjectionSummary")) == len(classic.reports) == len(own.reports) == 10
+    assert not any(report.valid for report in classic.reports[:4])
+    for report, expected in zip(classic.reports[6:], own.reports[6:], strict=True):
+        assert report.valid
+        assert report.mass == pytest.approx(expected.mass, rel=5e-3)

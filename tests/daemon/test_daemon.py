@@ -1,0 +1,176 @@
+"""The daemon on the bus of this process: what it publishes, what it says of itself, and whether it is alive."""
+
+import math
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from observer_rt.bus.links.link import Frame
+from observer_rt.config.bench import load_bench
+from observer_rt.desk.evaluation.evaluate import evaluate
+from observer_rt.engine.stream.state import Reason, State
+from observer_rt.files.replay.framing import TimedFrame, windows
+from observer_rt.foundation.errors import RunError
+from tests.daemon.end_to_end import RATE, SUMMARY, decoded, payloads, published_rates, results_of
+from tests.daemon.participants import HeardDaemon, ScriptedLink, bench_file, over_bus, serving, until
+from tests.device import frames_of, worn_recording
+
+BLOCK = 9  # samples of a SampleBlock
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return bench_file(tmp_path_factory.mktemp("bench"), "daemon-test")
+
+
+@pytest.fixture(scope="module")
+def frames(bench: Path) -> list[TimedFrame]:
+    return frames_of(bench, worn_recording())
+
+
+@pytest.fixture(params=["virtual", pytest.param("socketcan", marks=pytest.mark.vcan)])
+def bus(request: pytest.FixtureRequest, tmp_path: Path) -> tuple[Path, float]:
+    """A bench on the bus of this process, or on a real interface, and the speed of replay on it."""
+    if request.param == "virtual":
+        return bench_file(tmp_path, "daemon-test"), math.inf
+    return bench_file(tmp_path, request.getfixturevalue("vcan"), "socketcan"), 0.1
+
+
+def test_frames_equal_those_of_evaluate(bus: tuple[Path, float]) -> None:
+    """Bit for bit: a worker thread over a bus, and everything in one thread without a bus; learning included."""
+    bench, speed = bus
+    recording = worn_recording()
+    heard, daemon = over_bus(bench, frames_of(bench, recording), speed)
+    assert heard.results == results_of(evaluate(load_bench(bench), [recording]).frames)
+    assert len(heard.summaries) == 4
+    assert daemon.core.counters.adoptions >= 2
+    _, count = published_rates(heard.rates, recording.samples)
+    assert (count == 1).all()
+    last = heard.last_status()
+    assert last["SamplesProcessed"] == recording.samples
+    assert last["Adoptions"] == daemon.core.counters.adoptions
+    assert last["State"] == State.ADAPTED
+    assert last["LostSamples"] == last["DroppedFrames"] == last["LateAdoptions"] == 0
+
+
+def test_windowed_source_every_index_sent_once(bus: tuple[Path, float]) -> None:
+    bench, speed = bus
+    recording = worn_recording()
+    spans = windows(recording)
+    heard, daemon = over_bus(bench, frames_of(bench, recording, spans), speed)
+    rate, count = published_rates(heard.rates, recording.samples)
+    assert count.max() == 1
+    assert len(heard.summaries) == len(spans) == 4
+    outside = np.ones(recording.samples, bool)
+    for span in spans:
+        assert (count[span.start : span.end] == 1).all()
+        assert not np.isnan(rate[span.start + 75 : span.end]).any()  # from 0.5 ms before the opening on
+        outside[span.start : span.end] = False
+    assert np.isnan(rate[outside]).all()
+    assert daemon.core.counters.lost_samples == 0
+    assert [decoded(SUMMARY, s)["Valid"] for s in heard.summaries] == [0, 0, 1, 1]
+
+
+def test_lost_frame_is_not_available_and_counted(bus: tuple[Path, float]) -> None:
+    bench, speed = bus
+    frames, gone = frames_of(bench, worn_recording()), 200
+    heard, _ = over_bus(bench, frames[:gone] + frames[gone + 1 : 600], speed)
+    rate, count = published_rates(heard.rates, 600 * BLOCK)
+    assert count.max() == 1
+    assert np.isnan(rate[gone * BLOCK : (gone + 1) * BLOCK]).all()
+    assert not np.isnan(rate[gone * BLOCK - 1])
+    assert not np.isnan(rate[(gone + 50) * BLOCK])
+    assert heard.last_status()["LostSamples"] == BLOCK
+
+
+def test_states_before_frames_between_and_after(bench: Path, frames: list[TimedFrame]) -> None:
+    link, waiting = ScriptedLink(frames), ScriptedLink()
+    with serving(HeardDaemon(bench, waiting)):
+        until(lambda: len(waiting.statuses()) >= 2)
+    for status in waiting.statuses():
+        assert (status["State"], status["Reason"]) == (State.WAITING_FOR_DATA, Reason.STARTING)
+        assert status["Valid"] == 0
+    daemon = HeardDaemon(bench, link)
+    with serving(daemon):
+        until(lambda: daemon.now() == (State.ADAPTED, Reason.NONE))
+        until(lambda: link.statuses()[-1]["Reason"] == Reason.INPUT_TIMEOUT)
+        assert link.statuses()[-1]["State"] == State.WAITING_FOR_DATA
+        assert link.statuses()[-1]["Valid"] == 0
+
+
+def test_status_comes_in_its_period(bench: Path) -> None:
+    link = ScriptedLink()
+    with serving(HeardDaemon(bench, link)):
+        time.sleep(1.0)
+    assert 5 <= len(link.statuses()) <= 12  # every 100 ms if the machine lets it, and the last
+
+
+def test_dropped_frames_are_told(bench: Path, frames: list[TimedFrame]) -> None:
+    link = ScriptedLink(frames[:10])
+    with serving(HeardDaemon(bench, link)):
+        until(lambda: bool(link.statuses()))
+        link.lost = 7
+    assert link.statuses()[0]["DroppedFrames"] == 0
+    assert link.statuses()[-1]["DroppedFrames"] == 7
+
+
+def test_failing_link_ends_the_loop(bench: Path, frames: list[TimedFrame]) -> None:
+    """With its reason, and with all that was learned until then."""
+    others = set(threading.enumerate())
+    daemon = HeardDaemon(bench, ScriptedLink(frames, RunError("the interface went away")))
+    with pytest.raises(RunError, match="the interface went away"):
+        daemon.run(threading.Event())
+    assert daemon.core.knowledge.events >= 3
+    assert daemon.core.knowledge.phi_version >= 2
+    left = set(threading.enumerate()) - others
+    assert "learning" not in [thread.name.split("_")[0] for thread in left]
+
+
+def test_learning_that_is_switched_off(bench: Path, frames: list[TimedFrame], tmp_path: Path) -> None:
+    path = tmp_path / "bench.toml"
+    path.write_text(bench.read_text().replace("enabled = true", "enabled = false"))
+    heard, _ = over_bus(path, frames)
+    expected = evaluate(load_bench(path), [worn_recording()], learning=False)
+    assert heard.rates == payloads(expected.frames, RATE)
+    last = heard.last_status()
+    assert (last["Learning"], last["Adoptions"], last["State"]) == (0, 0, State.DEGRADED)  # worn
+
+
+def test_writes_that_failed_are_counted_in_the_status(bench: Path, frames: list[TimedFrame]) -> None:
+    """Of those who write files beside the loop; the count stays at its largest value."""
+    for failed, shown in ((3, 3), (100_000, 65535)):
+        link = ScriptedLink(frames[:10])
+        with serving(HeardDaemon(bench, link, failed_writes=lambda: failed)):  # noqa: B023
+            until(link.empty.is_set)
+        assert link.statuses()[-1]["FailedWrites"] == shown
+
+
+class HangingLink(ScriptedLink):
+    """Does not come back from `receive` while it is told so."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.may_return = threading.Event()
+        self.may_return.set()
+
+    def receive(self, timeout_s: float) -> Frame | None:
+        self.may_return.wait()
+        return super().receive(timeout_s)
+
+
+def test_a_loop_that_hangs_is_not_alive(bench: Path) -> None:
+    """Who watches the loop hears of completed steps only: a link that hangs is not hidden by anything beside it."""
+    link, alive = HangingLink(), list[float]()
+    daemon = HeardDaemon(bench, link, on_alive=lambda: alive.append(time.monotonic()))
+    with serving(daemon):
+        until(lambda: len(alive) >= 5)
+        link.may_return.clear()
+        time.sleep(0.2)
+        count = len(alive)
+        time.sleep(0.5)
+        assert len(alive) == count
+        link.may_return.set()
+        until(lambda: len(alive) > count + 3)

@@ -1,0 +1,237 @@
+"""Rights of a process, and processors of its loops: what is asked for is tried, and what is granted is used."""
+
+import os
+import resource
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Iterable
+from itertools import groupby
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from observer_rt.config.bench import EXAMPLE_BENCH
+from observer_rt.daemon.rights import (
+    Processors,
+    Rights,
+    hurry,
+    numbers_in,
+    processors,
+    rights,
+    take_time,
+)
+from tests.daemon.participants import until
+
+LOCKED = """
+from pathlib import Path
+from observer_rt.daemon.rights import lock_memory, rights
+granted = lock_memory(rights(50))
+status = Path("/proc/self/status").read_text()
+locked = next(int(line.split()[1]) for line in status.splitlines() if line.startswith("VmLck"))
+assert (locked > 0) == granted.may_lock_memory, (locked, granted)
+"""
+LIMITED = """
+import os, resource
+from observer_rt.daemon.rights import Rights, hurry, lock_memory, rights
+resource.setrlimit(resource.RLIMIT_RTPRIO, (0, 0))
+resource.setrlimit(resource.RLIMIT_MEMLOCK, (65536, 65536))
+if os.getuid() == 0:
+    os.setresuid(65534, 65534, 65534)
+assert not hurry(None, 50)
+assert lock_memory(rights(50)) == Rights(False, False, 50)
+"""
+
+
+def in_thread_of_its_own() -> tuple[bool, int, int]:
+    """Whether a thread was granted priority, and its policies before and after it took time."""
+    found: list[tuple[bool, int, int]] = []
+
+    def ask() -> None:
+        granted = hurry(None, 50)
+        policy = os.sched_getscheduler(0)
+        take_time()
+        found.append((granted, policy, os.sched_getscheduler(0)))
+
+    thread = threading.Thread(target=ask)
+    thread.start()
+    thread.join()
+    return found[0]
+
+
+def test_priority_is_that_of_one_thread() -> None:
+    granted, hurried, slow = in_thread_of_its_own()
+    assert granted == rights(50).may_hurry
+    assert hurried == (os.SCHED_FIFO if granted else os.SCHED_OTHER)
+    assert slow == os.SCHED_OTHER
+    assert os.sched_getscheduler(0) == os.SCHED_OTHER
+
+
+def run_alone(code: str) -> None:
+    """In a process of its own, which keeps what it asks for."""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=os.environ)
+    assert done.returncode == 0, done.stderr
+
+
+def test_memory_is_locked_where_it_is_said_to_be() -> None:
+    run_alone(LOCKED)
+
+
+def test_a_process_without_rights_goes_on_without() -> None:
+    run_alone(LIMITED)
+
+
+def test_what_is_said() -> None:
+    assert Rights(True, False, 80).as_text() == "real time: priority 80 for the loop, memory not locked"
+    assert resource.getrlimit(resource.RLIMIT_RTPRIO)[0] == resource.getrlimit(resource.RLIMIT_RTPRIO)[1]
+
+
+NOT_THERE = 8191
+USED = """
+import os, threading
+from observer_rt.daemon.rights import leave_to_loops, processors
+from observer_rt.daemon.rights import hurry
+before, go, seen = os.sched_getaffinity(0), threading.Event(), {}
+def work(processor):
+    go.wait()
+    if processor is not None:
+        hurry(processor, 0)
+    seen[processor] = os.sched_getaffinity(0)
+threads = [threading.Thread(target=work, args=[None])]
+threads[0].start()
+mine = max(before)
+found = processors([mine], 1)
+assert found.of(0) == mine, found
+assert os.sched_getaffinity(0) == before  # it was only tried
+leave_to_loops(found)
+threads.append(threading.Thread(target=work, args=[mine]))
+threads[1].start()
+go.set()
+for thread in threads:
+    thread.join()
+others = before - {mine} or before
+assert os.sched_getaffinity(0) == others
+assert seen == {None: others, mine: {mine}}, seen
+assert found.are_shared == (len(before) == 1)
+"""
+
+
+def test_python_is_kept_off_the_loops_processor() -> None:
+    run_alone(USED)
+
+
+def test_what_is_not_there_is_said_and_the_rest_used() -> None:
+    mine = min(os.sched_getaffinity(0))
+    found = processors([NOT_THERE, mine, mine], 3)
+    assert (found.own, found.refused) == ((mine,), (NOT_THERE,))
+    assert [found.of(loop) for loop in range(3)] == [mine] * 3
+    assert f"CPU {NOT_THERE} of realtime.cpus" in found.trouble
+
+
+def test_none_are_taken_where_none_are_asked_for() -> None:
+    none = processors([], 2)
+    assert none == Processors(are_shared=False)
+    assert none.of(0) is None
+    assert none.trouble == ""
+    assert processors(None, 0).own == ()
+
+
+def test_no_more_than_there_are_loops() -> None:
+    there = sorted(os.sched_getaffinity(0))
+    assert processors(there, 1).own == (there[0],)
+
+
+def test_isolated_ones_are_taken_without_being_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mine = max(os.sched_getaffinity(0))
+    isolated = tmp_path / "isolated"
+    isolated.write_text(f"{mine},{NOT_THERE}\n")
+    monkeypatch.setattr("observer_rt.daemon.rights._ISOLATED", isolated)
+    found = processors(None, 2)
+    assert (found.own, found.refused, found.are_isolated) == ((mine,), (), True)
+    assert processors([], 2).own == ()
+    isolated.write_text("\n")
+    assert processors(None, 2).own == ()
+
+
+def as_linux_writes(numbers: Iterable[int]) -> str:
+    """Runs of neighbours as ranges."""
+    runs = groupby(enumerate(sorted(numbers)), lambda each: each[1] - each[0])
+    ends = [[number for _, number in run] for _, run in runs]
+    return ",".join(f"{run[0]}-{run[-1]}" if len(run) > 1 else str(run[0]) for run in ends) + "\n"
+
+
+@given(st.sets(st.integers(0, 300)))
+def test_lists_of_linux(numbers: set[int]) -> None:
+    assert numbers_in(as_linux_writes(numbers)) == tuple(sorted(numbers))
+
+
+@pytest.mark.parametrize(
+    ("found", "text"),
+    [
+        (Processors(), "no CPU of its own for the loop"),
+        (Processors((3,)), "the loop on CPU 3, Python beside it"),
+        (Processors((2, 3), are_isolated=True), "the loop on CPU 2, 3, isolated"),
+        (Processors((0,), are_shared=True), "the loop on CPU 0, with Python on it, too"),
+    ],
+)
+def test_what_is_said_of_processors(found: Processors, text: str) -> None:
+    assert found.as_text() == text
+
+
+def test_the_loop_of_a_daemon_is_alone_on_its_processor(tmp_path: Path) -> None:
+    there = os.sched_getaffinity(0)
+    mine = max(there)
+    bench = tmp_path / "bench.toml"
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    link = f'interface = "descriptor"\nchannel = "{ours.fileno()}"'
+    text = EXAMPLE_BENCH.read_text().replace('interface = "socketcan"', link).replace('channel = "can0"', "")
+    bench.write_text(f"{text}\n[realtime]\ncpus = [{mine}, {NOT_THERE}]\n")
+    command = [sys.executable, "-m", "observer_rt", "run", "--bench", str(bench)]
+    with (
+        ours,
+        theirs,
+        subprocess.Popen(command, stderr=subprocess.PIPE, text=True, pass_fds=[ours.fileno()]) as daemon,
+    ):
+        assert daemon.stderr is not None
+        said = []
+        for line in daemon.stderr:
+            said.append(line)
+            if line.endswith("ready\n"):
+                break
+        until(lambda: {mine} in allowed(daemon.pid))
+        found = allowed(daemon.pid)
+        daemon.terminate()
+        said += daemon.stderr.readlines()
+    others = there - {mine} or there
+    assert sorted(map(sorted, found)) == sorted([[mine], *[sorted(others)] * (len(found) - 1)])
+    beside = "Python beside it" if others != there else "with Python on it, too"
+    assert any(f"the loop on CPU {mine}, {beside}" in line for line in said), said
+    assert any(f"WARNING start: CPU {NOT_THERE} of realtime.cpus cannot be used" in line for line in said)
+    assert daemon.returncode == 0, said
+
+
+def allowed(process: int) -> list[set[int]]:
+    """Processors that each thread of a process may run on."""
+    return [set(os.sched_getaffinity(int(task.name))) for task in Path(f"/proc/{process}/task").iterdir()]
+
+
+TOUCHED = """
+import resource
+import numpy as np
+from observer_rt.daemon.rights import touch
+arrays = (np.zeros(1 << 20), (np.zeros(3, [("a", "f8"), ("b", "i1", 3)]), 5), np.broadcast_to(0.0, (1 << 40,)))
+touch(arrays)
+before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+arrays[0][::512] = 1.0
+assert resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before < 100
+assert not arrays[1][0]["b"].any()
+"""
+
+
+def test_memory_that_was_touched_is_there() -> None:
+    run_alone(TOUCHED)

@@ -1,0 +1,147 @@
+"""The terminal view: all on one screen, whatever its size; of several injectors a line each, one as a whole."""
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from observer_rt.bus.mapping.bus_map import map_bench
+from observer_rt.config.bench import load_bench
+from observer_rt.daemon.daemon import Daemon
+from observer_rt.daemon.shown_injections import ComparedRate, NominalInjection
+from observer_rt.daemon.view import TURN, Overview, View
+from observer_rt.engine.reports.injection_report import InjectionReport
+from observer_rt.engine.reports.news import Notes
+from tests.daemon.participants import HeardDaemon, ScriptedLink, bench_file, drawn, serving, until
+from tests.device import core_of, frames_of, hand, worn_recording
+from tests.three_injectors import NAMES, frames_of_all, one_alone, three_injectors
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return bench_file(tmp_path, "view-test")
+
+
+@pytest.fixture
+def view(path: Path) -> View:
+    """After twelve injections, compared with a reference."""
+
+    def references(report: InjectionReport, rows: NDArray[np.void]) -> list[ComparedRate]:
+        return [ComparedRate("bought", np.full(len(rows), 50e-6), 123.45e-6)]
+
+    link = ScriptedLink(frames_of(path, worn_recording(injections=12)))
+    daemon = HeardDaemon(path, link, references=references)
+    with serving(daemon):
+        until(link.empty.is_set)
+    return daemon.view
+
+
+@pytest.mark.parametrize(("width", "height"), [(80, 24), (80, 50), (120, 40), (200, 60)])
+def test_fits_the_terminal_and_shows_it_all(view: View, width: int, height: int) -> None:
+    lines = drawn(view, width, height)
+    assert len(lines) <= height
+    assert max(map(len, lines)) <= width
+    text = "\n".join(lines)
+    for expected in (
+        *("title of the view", "ADAPTED", "observing with what was learned", "injection 12 at 120 MPa"),
+        *("123.45", "bought", "95 % band", "flow", "learned 12 times in 12 events"),
+        "noise: rail 0.1 MPa, line 0.15 MPa, lift 0.4 um",
+        *("error-active", "stamps by arrival", "unsent 0", "ms ago", time.strftime("%Y-%m-%d")),
+    ):
+        assert expected in text
+    assert "…" not in text  # nothing was cut
+    assert "12  120" in text  # the table's last row
+
+
+def test_failed_writes_are_shown_once_there_are_any(path: Path) -> None:
+    failed = 0
+    daemon = HeardDaemon(path, ScriptedLink(), failed_writes=lambda: failed)
+    assert "failed writes" not in daemon.drawn()
+    failed = 3
+    assert "3 failed writes of learned state, journal or log" in daemon.drawn()
+
+
+def test_more_injections_where_there_is_room(view: View) -> None:
+    shown = [sum(" valid " in line for line in drawn(view, 80, height)) for height in (24, 50)]
+    assert 1 <= shown[0] < shown[1]
+
+
+@pytest.mark.parametrize("height", [24, 40, 70])
+def test_the_height_there_is_is_used(view: View, height: int) -> None:
+    assert height - 3 <= len(drawn(view, 100, height)) <= height
+
+
+def test_the_line_pressure_where_there_is_room(view: View) -> None:
+    assert not any("line pressure, MPa" in line for line in drawn(view, 80, 24))
+    (tall,) = (line for line in drawn(view, 80, 60) if "line pressure, MPa" in line)
+    (wide,) = (line for line in drawn(view, 180, 30) if "line pressure, MPa" in line)
+    assert "sensor" in tall
+    assert "injection 12" in wide  # side by side
+
+
+def test_the_nominal_model_is_what_an_injector_that_learned_nothing_shows(path: Path) -> None:
+    """Without wear and learning both are the same; the view's runs on its own, from the inputs."""
+    bench = load_bench(path)
+    nominal = NominalInjection(bench.injector)
+    found: list[tuple[float, float]] = []
+    notes = Notes()
+    core = core_of(bench, learning=False, listeners=[notes])
+    for frame in frames_of(bench, worn_recording(v_h=0.0)):
+        hand(core, [frame])
+        for report in notes.injections[len(found) :]:
+            (reference,) = nominal(report, core.rows(report.start, report.end + 1))
+            found.append((reference.mass, report.mass))
+    assert len(found) == 4
+    for mass, published in found:
+        assert mass == pytest.approx(published, rel=2e-3)
+
+
+def test_an_input_that_stays_away_is_named(view: View, path: Path) -> None:
+    later = time.monotonic_ns() + 3_000_000_000
+    text = "\n".join(drawn(view, 100, 30, later))
+    assert "SampleBlock 0x100 (rail_pressure, needle_lift, line_pressure) 3." in text
+    assert "INPUT_TIMEOUT: no frame of any input comes" in text
+
+
+@pytest.mark.parametrize(("width", "height"), [(30, 8), (10, 3)])
+def test_tiny_terminal_is_survived(view: View, width: int, height: int) -> None:
+    assert drawn(view, width, height)
+
+
+def test_before_the_first_injection(path: Path) -> None:
+    assert "starting" in "\n".join(drawn(View("title", load_bench(path).injector)))
+    text = HeardDaemon(path, ScriptedLink()).drawn()
+    assert "WAITING_FOR_DATA" in text
+    assert "no injection yet" in text
+
+
+@pytest.fixture
+def overview(tmp_path: Path) -> Overview:
+    """The first has seen four injections, the second waits for data, the third for its interface."""
+    bench = load_bench(three_injectors(tmp_path, "overview"))
+    mapped = map_bench(bench)
+    views = [View(f"{each.injector.name}: title", each.injector) for each in bench.each]
+    links = [ScriptedLink(frames_of_all([one_alone(tmp_path, 0, "x")], [worn_recording()])), ScriptedLink()]
+    for alone, bus, link, view in zip(bench.each, mapped.injectors, links, views, strict=False):
+        daemon = Daemon(alone, bus, [link], listeners=[view.hear])
+        view.watch(daemon)
+        with serving(daemon):
+            until(link.empty.is_set)
+    return Overview(views)
+
+
+@pytest.mark.parametrize(("width", "height"), [(80, 24), (120, 40)])
+def test_all_of_them_and_one_as_a_whole(overview: Overview, width: int, height: int) -> None:
+    for turn, name in enumerate((*NAMES, NAMES[0])):
+        lines = [line.rstrip() for line in drawn(overview, width, height, turn * TURN)]
+        assert len(lines) <= height
+        assert max(map(len, lines)) <= width
+        first, second, third = lines[1:4]
+        assert first.split()[:3] == ["one", "ADAPTED", "4"]
+        assert first.endswith("yes")
+        assert second.split() == ["two", "WAITING_FOR_DATA", "STARTING"]
+        assert third.split() == ["three", "starting"]
+        assert [line for line in lines if f" {name}: title " in line]
+        assert sum(": title" in line for line in lines) == 1

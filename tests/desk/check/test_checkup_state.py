@@ -1,0 +1,111 @@
+"""What `check` says of a learned state and of an injector's parameters, whatever they hold."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench, load_injector
+from observer_rt.daemon.persistence.state_file import load_knowledge, model_hash, save_knowledge
+from observer_rt.desk.check.checkup import checkup, plausibility_findings
+from observer_rt.desk.check.findings import Finding, Level
+from observer_rt.engine.learning.knowledge import no_knowledge
+from observer_rt.engine.service.constants import configured_noise
+from tests.daemon.samples import PRESSURE_SCALE, damage, some_knowledge
+
+MODEL = model_hash(load_injector())
+
+
+def of_state(path: Path, bench: Path = EXAMPLE_BENCH) -> Finding:
+    (finding,) = (f for f in checkup(load_bench(bench), path) if f.topic == "learned state")
+    return finding
+
+
+def test_without_a_state_nothing_is_said_of_it() -> None:
+    assert not [f for f in checkup(load_bench()) if f.topic == "learned state"]
+
+
+def test_a_state_that_fits(tmp_path: Path) -> None:
+    path = tmp_path / "state.json"
+    save_knowledge(path, some_knowledge(phi_version=7, events=20), MODEL)
+    finding = of_state(path)
+    assert finding.level is Level.OK
+    assert "correction 7, learned from 20 events" in finding.text
+
+
+def test_a_state_that_is_not_there_yet(tmp_path: Path) -> None:
+    finding = of_state(tmp_path / "state.json")
+    assert finding.level is Level.OK
+    assert "begins with the prior" in finding.text
+
+
+def test_a_state_learned_from_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "state.json"
+    save_knowledge(path, no_knowledge(configured_noise(load_bench().injector), PRESSURE_SCALE), MODEL)
+    assert of_state(path).level is Level.WARNING
+
+
+def test_a_state_of_another_model(tmp_path: Path) -> None:
+    path = tmp_path / "state.json"
+    save_knowledge(path, some_knowledge(), "0123456789abcdef" * 4)
+    finding = of_state(path)
+    assert finding.level is Level.WARNING
+    assert f"another injector model, SHA-256 01234567... instead of {MODEL[:8]}..." in finding.text
+    assert "name the model file it belongs to" in finding.text
+
+
+@pytest.mark.parametrize("place", ["no/state.json", "."])
+def test_a_state_that_run_would_refuse(tmp_path: Path, place: str) -> None:
+    assert of_state(tmp_path / place).level is Level.ERROR
+
+
+def test_a_training_that_keeps_no_state(tmp_path: Path) -> None:
+    bench = tmp_path / "bench.toml"
+    text = EXAMPLE_BENCH.read_text().replace(
+        'training = "prediction_error"', 'training = "paper"\nidentification_gain = 1e5'
+    )
+    bench.write_text(text)
+    finding = of_state(tmp_path / "state.json", bench)
+    assert finding.level is Level.ERROR
+    assert "keeps nothing" in finding.text
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=30)
+@given(data=st.data())
+def test_check_foretells_what_becomes_of_a_damaged_state_and_leaves_it(
+    tmp_path: Path, data: st.DataObject
+) -> None:
+    path = tmp_path / "state.json"
+    save_knowledge(path, some_knowledge(), MODEL)
+    content = damage(path, data)
+    finding = of_state(path)
+    assert path.read_bytes() == content
+    is_restored = load_knowledge(path, MODEL).knowledge is not None
+    assert finding.level is (Level.OK if is_restored else Level.WARNING)
+
+
+def test_the_nominal_injector_is_plausible() -> None:
+    assert [finding.level for finding in plausibility_findings(load_injector())] == [Level.OK]
+
+
+@pytest.mark.parametrize(
+    ("key", "si", "other", "unit"),
+    [
+        ("line.length", "0.15 ", 150, "m"),
+        ("nozzle.hole_diameter", "0.17e-3", 0.17, "m"),
+        ("nozzle.sac_volume", "0.075e-6", 75, "m3"),
+        ("fluid.bulk_modulus_line", "1.6e9", 1600, "Pa"),
+        ("fluid.density_line", "830.0", 0.83, "kg/m3"),
+        ("seat.cone_angle", "60.0", 1.047, "deg"),
+    ],
+)
+def test_other_units_than_si_are_noticed(tmp_path: Path, key: str, si: str, other: float, unit: str) -> None:
+    path = tmp_path / "injector.toml"
+    name = key.split(".")[1]
+    text = NOMINAL_INJECTOR.read_text()
+    assert f"{name} = {si}" in text
+    path.write_text(text.replace(f"{name} = {si}", f"{name} = {other} "))
+    (finding,) = plausibility_findings(load_injector(path))
+    assert finding.level is Level.WARNING
+    assert f"{key} = {other} {unit}" in finding.text

@@ -1,0 +1,82 @@
+"""What `check` says of several injectors: each by itself, what they share once."""
+
+from pathlib import Path
+
+import pytest
+
+from observer_rt.bus.mapping.bus_map import map_bench
+from observer_rt.bus.mapping.output_messages import frame_time
+from observer_rt.config.bench import load_bench
+from observer_rt.desk.check.buses import INJECTIONS_PER_SECOND, expected_load
+from observer_rt.desk.check.checkup import Finding, Level, checkup
+from observer_rt.foundation.errors import UserError
+from tests.two_injectors import one_injector, two_injectors
+
+
+def errors(findings: list[Finding]) -> list[str]:
+    return [finding.text for finding in findings if finding.level is Level.ERROR]
+
+
+def test_each_is_reported_by_its_name(tmp_path: Path) -> None:
+    two = checkup(load_bench(two_injectors(tmp_path)))
+    for number, name in enumerate(("left", "right"), 1):
+        alone = checkup(load_bench(one_injector(tmp_path, name, number)))
+        for topic in (
+            "mapping",
+            "sampling",
+            "integration",
+            "gain",
+            "dead band",
+            "events",
+            "time",
+            "injector",
+        ):
+            told = [finding.text for finding in two if finding.topic == topic]
+            said = [f"{name}: {finding.text}" for finding in alone if finding.topic == topic]
+            assert said == [text for text in told if text.startswith(f"{name}: ")], topic
+            assert said, topic
+    assert [finding.text for finding in two if finding.topic == "identifiers"] == [
+        "11 messages, all different"
+    ]
+    assert not errors([finding for finding in two if finding.topic != "interface"])
+
+
+def test_a_shared_message_loads_its_bus_once(tmp_path: Path) -> None:
+    bench = load_bench(two_injectors(tmp_path))
+    loads = [expected_load(bench, map_bench(bench), number).continuous for number in range(3)]
+    frame, blocks = frame_time(64, True, 500e3, 5e6, False), 100e3 / 28
+    results = 10 + INJECTIONS_PER_SECOND  # summaries and states a second, each in one frame
+    assert loads[0] == pytest.approx(frame * blocks)
+    assert loads[1] == loads[2] == pytest.approx(frame * (3 * blocks + results), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        (
+            'link = "right"\ninjector_id',
+            'link = "left"\ninjector_id',
+            "the message InjectionRate on left (can1)",
+        ),
+        ("injector_id = 2", "injector_id = 1", "outputs.injector_id = 1"),
+        ("[sampling]", '[state]\nfile = "learned.json"\n[sampling]', "learned.json"),
+    ],
+)
+def test_results_that_two_would_send_alike_are_errors(tmp_path: Path, old: str, new: str, said: str) -> None:
+    path = two_injectors(tmp_path)
+    assert old in path.read_text()
+    path.write_text(path.read_text().replace(old, new))
+    (first, *_) = [text for text in errors(checkup(load_bench(path))) if "give each its own" in text]
+    assert first.startswith("injectors: left and right share")
+    assert said in first
+
+
+def test_one_state_is_not_that_of_two(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="this is for one"):
+        checkup(load_bench(two_injectors(tmp_path)), tmp_path / "learned.json")
+
+
+def test_the_state_the_bench_file_names_is_looked_at(tmp_path: Path) -> None:
+    findings = checkup(load_bench(two_injectors(tmp_path, '[injectors.left.state]\nfile = "left.json"\n')))
+    (state,) = (finding.text for finding in findings if finding.topic == "learned state")
+    assert state == f"left: none at {tmp_path / 'left.json'} yet, `run` begins with the prior"

@@ -1,0 +1,114 @@
+"""What `check --log` says of a log."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from observer_rt.bus.links.link import Frame as BusFrame
+from observer_rt.config.bench import load_bench
+from observer_rt.desk.check.checkup import log_findings
+from observer_rt.desk.check.findings import Finding, Level
+from observer_rt.files.canlog.can_log import LogFrame
+from observer_rt.files.replay.framing import whole
+from tests.daemon.time_frames import END, Received, jitter, merged, send, write_time_bench
+from tests.daemon.time_scenarios import GRID, ONE_BASE, OTHER, RATE, TWO_BASES
+from tests.desk.evaluation.test_logged import BENCH, frames, log_of, worn
+from tests.files.canlog.log_cases import write_log
+
+
+def found(folder: Path, sent: list[LogFrame]) -> list[Finding]:
+    write_log(folder / "bus.log", sent)
+    return log_findings(BENCH, folder / "bus.log")
+
+
+def found_of(folder: Path, signals: dict[str, str], sent: list[Received]) -> list[Finding]:
+    """Of devices with clocks of their own, whose frames are late by chance."""
+    bench = load_bench(write_time_bench(folder, RATE, signals))
+    write_log(folder / "bus.log", [LogFrame(BusFrame(f.frame_id, f.payload, f.stamp_ns), "1") for f in sent])
+    return log_findings(bench, folder / "bus.log")
+
+
+def number(pattern: str, finding: Finding) -> float:
+    match = re.search(pattern, finding.text)
+    assert match, finding.text
+    return float(match[1])
+
+
+def test_a_good_log(tmp_path: Path) -> None:
+    findings = found(tmp_path, frames())
+    assert {finding.level for finding in findings} == {Level.OK}
+    samples, regularity, noise = findings
+    assert f"{len(frames())} input frames" in samples.text
+    assert " 0 lost" in samples.text
+    assert regularity.text.startswith("SampleBlock: ")
+    assert abs(number(r"line pressure ([\d.]+) \(0.15\) MPa", noise) - 0.15) < 0.01
+    assert abs(number(r"needle lift ([\d.]+) \(0.4\) um", noise) - 0.4) < 0.03
+
+
+def test_hum_is_told(tmp_path: Path) -> None:
+    hum = 0.2e6 * np.sin(2.0 * np.pi * 50.0 * worn().time)
+    humming = replace(worn(), line_pressure=worn().line_pressure + hum)
+    findings = found(tmp_path, log_of(humming, whole(humming)))
+    assert {finding.level for finding in findings} == {Level.OK}
+    told = findings[-1]
+    assert told.text.startswith("noise of the line pressure is not white: hum ")
+    assert abs(number(r"hum (\d+) Hz", told) - 50.0) <= 2.0
+    assert abs(number(r"Hz ([\d.]+) MPa", told) - 0.2) < 0.03
+
+
+def test_jitter_is_told_in_microseconds_and_words(tmp_path: Path) -> None:
+    sent = {name: send(name, GRID, jitter(300e-6), END) for name in ("Line", "RailLift")}
+    findings = found_of(tmp_path, ONE_BASE, merged(*sent.values()))
+    for name, sent_frames in sent.items():
+        (told,) = (f for f in findings if f.text.startswith(f"{name}: "))
+        sigma = number(r"jitter is ([\d.]+) us", told)
+        delays = [frame.stamp_ns - 1e9 * frame.taken for frame in sent_frames]
+        assert told.level is Level.OK
+        assert abs(1e3 * sigma / np.std(np.array(delays) - delays[0]) - 1.0) < 0.1
+        greatest = number(r"late by up to ([\d.]+) us", told)
+        assert abs(1e3 * greatest / (max(delays) - min(delays)) - 1.0) < 0.1
+        assert told.text.endswith("no effect, samples are counted")
+        assert "MPa" not in told.text
+
+
+def test_losses_are_warnings(tmp_path: Path) -> None:
+    damaged = frames()[200]
+    payload = bytes([damaged.frame.payload[0] ^ 1]) + damaged.frame.payload[1:]
+    sent = [
+        *frames()[:100],
+        *frames()[103:200],
+        damaged._replace(frame=damaged.frame._replace(payload=payload)),
+    ]
+    findings = found(tmp_path, [*sent, *frames()[201:]])
+    warnings = [finding.text for finding in findings if finding.level is Level.WARNING]
+    assert " 36 lost" in warnings[0]
+    assert "1 with CRC errors" in warnings[1]
+
+
+def test_clocks_that_stamps_do_not_tell_are_a_warning(tmp_path: Path) -> None:
+    delays = jitter(200e-6)
+    sent = merged(send("Line", GRID, delays, END), send("RailLift", OTHER, delays, END))
+    told = [f for f in found_of(tmp_path, TWO_BASES, sent) if f.level is Level.WARNING]
+    assert [finding.text.split(":")[0] for finding in told] == ["RailLift"]
+    assert "docs/time.md" in told[0].text
+
+
+def test_a_log_that_cannot_be_read_is_an_error(tmp_path: Path) -> None:
+    (tmp_path / "bus.log").write_text("no frame at all\n")
+    (finding,) = log_findings(BENCH, tmp_path / "bus.log")
+    assert finding.level is Level.ERROR
+    assert "bus.log, line 1: " in finding.text
+
+
+def test_a_slow_replay_is_no_drift_of_a_clock(tmp_path: Path) -> None:
+    start = frames()[0].frame.stamp_ns
+
+    def slowed(one: LogFrame) -> LogFrame:
+        return one._replace(frame=one.frame._replace(stamp_ns=start + 20 * (one.frame.stamp_ns - start)))
+
+    texts = [finding.text for finding in found(tmp_path, [slowed(frame) for frame in frames()])]
+    assert any(
+        "SampleBlock: frames came late" in text and "sent at 0.05 times its rate" in text for text in texts
+    )

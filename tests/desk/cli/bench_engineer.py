@@ -1,0 +1,72 @@
+"""Who plays frames to a running `observer-rt run`, and ends it once they are processed."""
+
+import math
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from observer_rt.bus.links.opening import open_link
+from observer_rt.config.bench import load_bench
+from observer_rt.files.replay.framing import TimedFrame
+from observer_rt.files.replay.player import play
+from tests.daemon.end_to_end import Heard
+from tests.daemon.participants import BLOCK_ID, listening, until
+from tests.desk.cli.conftest import Command, Outcome
+from tests.device import frames_of
+
+
+@contextmanager
+def ended_when(
+    done: Callable[[], bool],
+    first: Callable[[], object] = lambda: None,
+    number: signal.Signals = signal.SIGTERM,
+) -> Iterator[None]:
+    """Beside a command: do something first, and once what is to be done is done, send it a signal."""
+
+    def work() -> None:
+        try:
+            first()
+            until(done)
+        finally:
+            os.kill(os.getpid(), number)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    yield
+    thread.join()
+
+
+def run_and_stop(
+    command: Command,
+    bench: Path,
+    sent: Path | Sequence[TimedFrame],
+    number: signal.Signals = signal.SIGTERM,
+    *options: object,
+    meanwhile: Callable[[], bool] = lambda: True,
+) -> tuple[Outcome, Heard]:
+    """Play a recording, or frames, to the command over the virtual bus, then send it a signal.
+
+    As fast as it can, from the first status on; the last two frames of samples may stay unprocessed. meanwhile: done
+    once they are played.
+    """
+    channel = load_bench(bench).config.link.channel
+    frames = frames_of(bench, sent) if isinstance(sent, Path) else list(sent)
+    samples = 9 * (sum(frame.frame_id == BLOCK_ID for frame in frames) - 2)
+    with listening("virtual", channel) as listener, open_link("virtual", channel, True, []) as player:
+        heard = listener.heard
+
+        def first() -> None:
+            until(lambda: bool(heard.statuses))
+            play(frames, player, math.inf)
+
+        def done() -> bool:
+            return heard.last_status()["SamplesProcessed"] >= samples and meanwhile()
+
+        with ended_when(done, first, number):
+            outcome = command("run", "--bench", bench, *options)
+        time.sleep(0.2)  # for the listener to hear the last frames
+    return outcome, heard

@@ -1,0 +1,160 @@
+"""Several buses from the command line: recorded into one log, evaluated, converted and replayed from it."""
+
+import json
+import threading
+import uuid
+from collections.abc import Iterator
+from pathlib import Path
+
+import can
+import pytest
+
+from observer_rt.bus.links.opening import open_link
+from observer_rt.files.formats import open_log
+from tests.benches import block_bench, twin_bench
+from tests.daemon.participants import until
+from tests.desk.cli.conftest import Command
+from tests.device import candump_lines, frames_of, later, worn_recording
+
+CHANNELS = ("can0", "can1", "can2", "can3")
+
+
+def log_of(bench: Path, path: Path) -> int:
+    """The frames of a recording as `candump` would have logged them; their number."""
+    frames = frames_of(bench, worn_recording())
+    path.write_text("".join(candump_lines(later(frames, 100.0), CHANNELS)))
+    return len(frames)
+
+
+@pytest.fixture(scope="module")
+def twins(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return twin_bench(tmp_path_factory.mktemp("twins"))
+
+
+@pytest.fixture(scope="module")
+def log(twins: Path) -> Path:
+    path = twins.parent / "bus.log"
+    log_of(twins, path)
+    return path
+
+
+def masses(command: Command, *arguments: object) -> list[float]:
+    outcome = command.done("evaluate", *arguments, "--json")
+    (recording,) = json.loads(outcome.out)["recordings"]
+    return [injection["mass_mg"] for injection in recording["injections"]]
+
+
+def test_a_log_of_three_buses_gives_what_the_recording_gives(
+    command: Command, twins: Path, log: Path, tmp_path: Path
+) -> None:
+    found = masses(command, log, "--bench", twins)
+    assert len(found) == 4
+    numbered = tmp_path / "bus.blf"
+    command.done("convert", log, numbered)
+    assert {entry.channel for entry in open_log(numbered)} == {"1", "2", "3"}
+    assert masses(command, numbered, "--bench", twins) == found
+    csv = tmp_path / "bus.csv"
+    outcome = command.done("convert", numbered, csv, "--bench", twins)
+    assert "channel 1 is can0, 2 is lift (can1), 3 is line (can2)" in " ".join(outcome.err.split())
+    assert masses(command, csv, "--bench", twins) == pytest.approx(found, rel=1e-9)
+
+
+def test_channels_of_other_names_must_be_said(
+    command: Command, twins: Path, log: Path, tmp_path: Path
+) -> None:
+    renamed = tmp_path / "other.log"
+    renamed.write_text(log.read_text().replace(" can", " vcan"))
+    assert "--from-channel lift=CHANNEL" in command.refused("evaluate", renamed, "--bench", twins)
+    said = ("--from-channel", "vcan0", "--from-channel", "lift=vcan1", "--from-channel", "line=vcan2")
+    assert masses(command, renamed, "--bench", twins, *said) == masses(command, log, "--bench", twins)
+    swapped = ("--from-channel", "vcan0", "--from-channel", "lift=vcan1", "--from-channel", "line=vcan7")
+    assert "has no channel vcan7" in command.refused("evaluate", renamed, "--bench", twins, *swapped)
+
+
+@pytest.fixture
+def channels() -> list[str]:
+    """Names of virtual channels of the test's own."""
+    return [f"{uuid.uuid4().hex[:8]}-{number}" for number in range(4)]
+
+
+@pytest.fixture
+def ears(channels: list[str]) -> Iterator[list[can.BusABC]]:
+    buses: list[can.BusABC] = [can.Bus(interface="virtual", channel=name) for name in channels]
+    try:
+        yield buses
+    finally:
+        for bus in buses:
+            bus.shutdown()
+
+
+def heard(bus: can.BusABC) -> list[bytes]:
+    return [bytes(message.data) for message in iter(lambda: bus.recv(0.0), None)]
+
+
+def test_replay_sends_every_message_on_its_bus(
+    command: Command, channels: list[str], ears: list[can.BusABC], tmp_path: Path, worn: Path
+) -> None:
+    bench = block_bench(tmp_path, "virtual", CHANNELS)
+    said = [
+        word
+        for name, channel in zip(("", "lift=", "line=", "results="), channels, strict=True)
+        for word in ("--channel", f"{name}{channel}")
+    ]
+    arguments = ("--bench", bench, *said, "--speed", "0")
+    command.done("replay", worn, *arguments)
+    sent = [heard(bus) for bus in ears]
+    frames = frames_of(bench, worn_recording())
+    assert [len(each) for each in sent] == [sum(f.bus == bus for f in frames) for bus in range(4)]
+    log = tmp_path / "bus.log"
+    log_of(bench, log)
+    assert f"--map-channel CHANNEL={channels[0]}" in command.refused("replay", log, *arguments)
+    routes = ("can0=" + channels[0], "can1=lift", "can2=line")
+    command.done("replay", log, *arguments, *(word for to in routes for word in ("--map-channel", to)))
+    assert [heard(bus) for bus in ears] == sent
+
+
+def test_a_busy_bus_is_refused_and_another_bus_does_not_matter(
+    command: Command, channels: list[str], tmp_path: Path, worn: Path
+) -> None:
+    bench = block_bench(tmp_path, "virtual", channels)
+    for busy, code in ((channels[0], 0), (channels[1], 2)):  # NeedleLiftBlock of the lift's bus
+        over = threading.Event()
+
+        def send(channel: str, over: threading.Event) -> None:
+            with open_link("virtual", channel, True, []) as link:
+                while not over.wait(0.01):
+                    link.send(0x111, b"\1", False, True)
+
+        sender = threading.Thread(target=send, args=(busy, over))
+        sender.start()
+        try:
+            outcome = command("replay", worn, "--bench", bench, "--speed", "0", "--stop", "0.01")
+        finally:
+            over.set()
+            sender.join()
+        assert outcome.code == code, outcome.err
+    assert f"virtual {channels[1]}: another sender is active" in outcome.err
+
+
+def test_all_buses_are_recorded_into_one_log(command: Command, channels: list[str], tmp_path: Path) -> None:
+    bench = block_bench(tmp_path, "virtual", channels)
+    path = tmp_path / "bus.log"
+    sent = frames_of(bench, worn_recording())[:300]
+
+    def send() -> None:
+        until(lambda: threading.active_count() >= before + 1 + len(channels))
+        links = [open_link("virtual", name, True, []) for name in channels]
+        for frame in sent:
+            links[frame.bus].send(frame.frame_id, frame.payload, False, True)
+        for link in links:
+            link.close()
+
+    before = threading.active_count()
+    sender = threading.Thread(target=send)
+    sender.start()
+    outcome = command("record", "--bench", bench, "--out", path, "--frames", len(sent))
+    sender.join()
+    assert outcome.code == 0, outcome.err
+    for bus, channel in enumerate(channels):
+        recorded = [entry.frame.payload for entry in open_log(path) if entry.channel == channel]
+        assert recorded == [frame.payload for frame in sent if frame.bus == bus]

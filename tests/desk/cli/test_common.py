@@ -1,0 +1,169 @@
+"""What holds for every command; help is for people: whole sentences, no types of Python, `-h` as well, completion."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from observer_rt import __version__
+from observer_rt.desk.cli.app import EXIT_CODES, app
+from tests.desk.cli.conftest import Command, module
+from tests.pages import Page
+
+
+def test_help_fits_80_columns(command: Command) -> None:
+    outcome = command.done("--help")
+    assert max(map(len, outcome.out.splitlines())) <= 80
+
+
+def test_version(command: Command) -> None:
+    assert command("--version").out == f"observer-rt {__version__}\n"
+
+
+def test_as_a_module_results_and_messages_apart(resting: Path) -> None:
+    process = module("evaluate", resting, "--json")
+    out, err = process.communicate()
+    assert process.returncode == 0, err
+    assert json.loads(out)["recordings"][0]["samples"] == 2000
+
+
+def test_evaluate_does_not_wait_for_libraries_of_other_formats(resting: Path) -> None:
+    code = (
+        "import sys\n"
+        "from observer_rt.__main__ import main\n"
+        "try:\n"
+        "    main()\n"
+        "except SystemExit:\n"
+        "    pass\n"
+        "loaded = {'asammdf', 'pandas'} & sys.modules.keys()\n"
+        "import asammdf\n"
+        "sys.exit(f'{loaded} {asammdf.__version__}')\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, "evaluate", str(resting)], capture_output=True, text=True, check=False
+    )
+    assert re.fullmatch(r"set\(\) [\d.]+", done.stderr.splitlines()[-1])
+
+
+def test_as_a_module_mistake_of_the_user() -> None:
+    process = module("evaluate", "nowhere.csv")
+    said = "error: nowhere.csv: no such file or folder\n  remedy: check the path\n"
+    assert process.communicate() == ("", said)
+    assert process.returncode == 2
+
+
+def test_results_that_cannot_be_written() -> None:
+    with Path("/dev/full").open("w") as full:
+        process = module("run", "--print-example-bench", stdout=full.fileno())
+        _, err = process.communicate()
+    assert (process.returncode, err) == (1, "error: output: No space left on device\n")
+
+
+def test_reader_that_goes_away() -> None:
+    with module("run", "--print-example-bench") as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        assert process.stderr.read() == ""
+        assert process.wait() == 1
+
+
+# Python imports a module of this name, if there is one, before anything else.
+HOOK = """
+import sys
+class Interrupting:
+    def find_spec(self, name, path=None, target=None):
+        if name == "{module}":
+            raise KeyboardInterrupt
+sys.meta_path.insert(0, Interrupting())
+"""
+
+
+@pytest.mark.parametrize("name", ["typer", "observer_rt.config.bench", "numpy", "observer_rt.daemon.rights"])
+def test_ctrl_c_while_modules_are_imported(tmp_path: Path, name: str) -> None:
+    (tmp_path / "sitecustomize.py").write_text(HOOK.format(module=name))
+    path = os.pathsep.join([str(tmp_path), *filter(None, sys.path)])
+    done = subprocess.run(
+        [sys.executable, "-m", "observer_rt", "check"],
+        env=os.environ | {"PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
+
+
+REGISTERED = [command for command in app.registered_commands if command.callback]
+COMMANDS = [command.callback.__name__ for command in REGISTERED if command.callback]
+HEADINGS = list(dict.fromkeys(str(command.rich_help_panel) for command in REGISTERED))
+
+
+EACH_HELP = """
+import sys
+from observer_rt.__main__ import main
+for arguments in sys.argv[1:]:
+    print(end=chr(12), flush=True)
+    sys.argv = ["observer-rt", *arguments.split()]
+    try:
+        main()
+    except SystemExit:
+        pass
+"""
+
+
+@cache
+def helps() -> dict[str, str]:
+    """What the program prints to the arguments that ask for help, on a narrow terminal."""
+    asked = [f"{command} {option}".strip() for command in ("", *COMMANDS) for option in ("-h", "--help")]
+    done = subprocess.run(
+        [sys.executable, "-c", EACH_HELP, *asked], capture_output=True, text=True, check=True
+    )
+    return dict(zip(asked, done.stdout.split("\f")[1:], strict=True))
+
+
+def test_the_list_of_commands_cuts_no_sentence() -> None:
+    listed = helps()["-h"].split(f"\n{HEADINGS[0]}:\n")[1].split("\n\n  Every command")[0]
+    assert re.findall(r"^  (\w+)", listed, re.MULTILINE) == COMMANDS
+    assert re.findall(r"^(\w[\w ]*):$", listed, re.MULTILINE) == HEADINGS[1:]
+    sentences = re.split(r"^  \w+ +", re.sub(r"\n\n.*:\n", "\n", listed), flags=re.MULTILINE)[1:]
+    assert all(sentence.rstrip().endswith(".") and "..." not in sentence for sentence in sentences)
+
+
+def test_the_page_of_commands_lists_every_one_as_the_program_does() -> None:
+    text = Page("docs/commands.md").text
+    rows = re.findall(r"^## (.*)$|^\| `observer-rt (\w+)` \| (.*) \|$", text, re.MULTILINE)
+    heading, listed = "", []
+    for title, name, sentence in rows:
+        heading = title or heading
+        if name:
+            listed.append((heading, name, sentence))
+    assert listed == [
+        (command.rich_help_panel, command.callback.__name__, command.short_help)
+        for command in REGISTERED
+        if command.callback
+    ]
+
+
+def test_the_page_of_commands_names_options_that_several_have() -> None:
+    """As the help of a command that has the option does, without its name."""
+    listed = re.findall(r"^\| `(--[\w-]+)`", Page("docs/commands.md").text, re.MULTILINE)
+    assert len(listed) > 5
+    for option in listed:
+        assert sum(f"{option} " in helps()[f"{command} -h"] for command in COMMANDS) > 1, option
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_names_no_types_and_has_an_example(command: str) -> None:
+    text = helps()[f"{command} -h"]
+    assert text == helps()[f"{command} --help"]
+    assert not re.search(r"<\w+(\[\w+\])?( range)?>", text)
+    assert f"Example: observer-rt {command}" in text
+    assert EXIT_CODES in " ".join(text.split())
+
+
+def test_completion_can_be_installed() -> None:
+    assert "--install-completion" in helps()["--help"]

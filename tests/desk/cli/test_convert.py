@@ -1,0 +1,90 @@
+"""`observer-rt convert`: frames and signals from format to format, and what it refuses."""
+
+import itertools
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from observer_rt.files.formats import is_log, open_log, read_recording
+from tests.desk.cli.conftest import Command
+from tests.device import frames_of
+from tests.files.canlog.log_cases import as_read, mixture, sent_log, write_log
+
+FORMATS = (".asc", ".blf", ".log", ".mf4", ".trc")
+
+
+def contents(path: Path) -> list[tuple[object, ...]]:
+    return [tuple(frame.frame) for frame in open_log(path)]
+
+
+@pytest.mark.parametrize(("source", "target"), list(itertools.permutations(FORMATS, 2)))
+def test_frames_survive_every_conversion(command: Command, tmp_path: Path, source: str, target: str) -> None:
+    frames = mixture(".trc", 50)
+    write_log(tmp_path / f"in{source}", frames)
+    outcome = command.done("convert", tmp_path / f"in{source}", tmp_path / f"out{target}")
+    assert outcome.out == f"{tmp_path / f'out{target}'}: 50 frames\n"
+    assert contents(tmp_path / f"out{target}") == [tuple(frame.frame) for frame in frames]
+
+
+@pytest.mark.parametrize("target", FORMATS)
+def test_channels_stay_apart_and_one_can_be_chosen(command: Command, tmp_path: Path, target: str) -> None:
+    frames = mixture(".trc", 50)
+    write_log(tmp_path / "in.log", frames)
+    command.done("convert", tmp_path / "in.log", tmp_path / f"all{target}")
+    assert list(open_log(tmp_path / f"all{target}")) == as_read(frames, target)
+    chosen = ("--from-channel", "can1")
+    command.done("convert", tmp_path / "in.log", tmp_path / f"one{target}", *chosen)
+    assert len(list(open_log(tmp_path / f"one{target}"))) == sum(f.channel == "2" for f in frames)
+
+
+def test_signals_survive(command: Command, tmp_path: Path, worn: Path) -> None:
+    first, second = tmp_path / "worn.mf4", tmp_path / "again.csv"
+    command.done("convert", worn, first)
+    outcome = command.done("convert", first, second)
+    assert "samples at 50000 Hz" in outcome.out
+    for name, values in read_recording(worn).signals.items():
+        np.testing.assert_array_equal(read_recording(second).signals[name], values)
+    assert not is_log(first)
+
+
+def test_fd_does_not_go_into_a_classic_format(command: Command, tmp_path: Path) -> None:
+    write_log(tmp_path / "in.blf", mixture(".blf", 20))
+    said = command.refused("convert", tmp_path / "in.blf", tmp_path / "out.trc")
+    assert "classic frames only" in said
+    assert "write a format that keeps CAN FD" in said
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["in.blf"]
+
+
+def test_an_error_names_the_file_and_not_its_part(command: Command, tmp_path: Path) -> None:
+    log = tmp_path / "in.log"
+    late = "".join(f"({1700000010 + n}.5) can0 100#00\n" for n in range(1000))
+    log.write_text(f"{late}(1700000001.5) can1 100#00\n")
+    for suffix in (".blf", ".asc", ".trc"):
+        assert f"{tmp_path}/out{suffix}: a frame is older than the first ones" in command.refused(
+            "convert", log, tmp_path / f"out{suffix}"
+        )
+    assert list(tmp_path.iterdir()) == [log]
+
+
+def test_what_is_lost_is_said(command: Command, tmp_path: Path) -> None:
+    log = tmp_path / "in.log"
+    log.write_text("(1.000000001) can0 100#00\n(1.1) can0 100#R\n(1.2) can0 100#00\n")
+    outcome = command.done("convert", log, tmp_path / "out.trc")
+    assert "left out: 1 remote frame" in outcome.err
+    assert "1 stamps are rounded to multiples of 1000 ns" in outcome.err
+
+
+def test_a_log_becomes_a_recording_by_a_bench_file(
+    command: Command, tmp_path: Path, worn: Path, bench: Path
+) -> None:
+    """Replayed, recorded, converted: the samples that were sent, in the recording's own time."""
+    recording = read_recording(worn)
+    frames = sent_log(frames_of(bench, recording))
+    write_log(tmp_path / "bus.blf", frames)
+    for target in ("out.csv", "out.mf4"):
+        outcome = command.done("convert", tmp_path / "bus.blf", tmp_path / target, "--bench", bench)
+        assert "at 50000 Hz, from sample index 0 on" in outcome.out
+        found = read_recording(tmp_path / target)
+        error = np.abs(found.rail_pressure[: recording.samples] - recording.rail_pressure)
+        assert error.max() <= 0.0026e6

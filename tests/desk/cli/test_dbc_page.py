@@ -1,0 +1,109 @@
+"""The pages on databases and on buses: what they show is what the commands print and what the files say."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from tests.daemon.foreign_frames import classic_frames, fd_frames, multiplexed_frames
+from tests.desk.cli.conftest import Command
+from tests.device import simulated
+from tests.files.canlog.log_cases import sent_log, write_log
+from tests.pages import ROOT, Page
+
+PAGE = Page("docs/dbc.md")
+DATABASES = ROOT / "tests" / "bus" / "databases"
+EXAMPLES = ("testbed_classic", "fast_daq_fd", "adc_multiplexed")
+CHECKED = [*((PAGE, name) for name in EXAMPLES), (Page("docs/buses.md"), "three_buses")]
+DEVICES = {
+    "testbed_classic": (classic_frames, 10e3, 3),  # frames, samples a second, frames a sample
+    "fast_daq_fd": (fd_frames, 50e3, 2 / 12),
+    "adc_multiplexed": (multiplexed_frames, 50e3, 1),
+}
+_INJECTION = re.compile(
+    r"(?P<place> *\d+ +\d+ \d+\.\d{3} +\d+\.\d) +(?P<mass>\d+\.\d\d) +(?P<bound>\d+\.\d)"
+    r"(?P<nominal> +\d+\.\d\d) +(?P<nozzle>[+-]\d+\.\d%) +(?P<seat>[+-]\d+\.\d%)(?P<valid> +(?:yes|no))"
+)
+
+
+def words(text: str) -> str:
+    return " ".join(text.split())
+
+
+@pytest.mark.parametrize(("page", "name"), CHECKED)
+def test_what_check_prints(page: Page, name: str, command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.chdir(DATABASES)
+    printed = words(command("check", "--bench", f"{name}.toml").out)  # a long finding takes several lines
+    shown = [words(line) for line in page.shown(f"observer-rt check --bench {name}.toml")]
+    assert len(shown) >= 5
+    assert [line for line in shown if line not in printed] == []
+
+
+@pytest.fixture
+def with_logs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder the user is in: databases, bench files, and a log of each bus."""
+    for path in DATABASES.iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    for name, (frames, rate, a_sample) in DEVICES.items():
+        sent = enumerate(frames(simulated(rate=rate)))
+        timed = (frame._replace(time=n / rate / a_sample) for n, frame in sent)
+        write_log(tmp_path / f"{name}.log", sent_log(timed))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_what_evaluate_prints(name: str, command: Command, with_logs: Path) -> None:
+    shown = PAGE.shown(f"observer-rt evaluate {name}.log --bench {name}.toml")
+    outcome = command.done("evaluate", f"{name}.log", "--bench", f"{name}.toml")
+    assert [_without_learned(line) for line in shown] == [
+        _without_learned(f"    {line}".rstrip()) for line in outcome.out.splitlines()
+    ]
+    assert sum(_INJECTION.fullmatch(line) is not None for line in shown) == 3
+
+
+def _without_learned(line: str) -> str:
+    """A line without what the observer learned, whose last digits differ from version to version."""
+    row = _INJECTION.fullmatch(line)
+    return line if row is None else f"{row['place']} mass bound{row['nominal']} nozzle seat{row['valid']}"
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_what_replay_prints(name: str, command: Command, with_logs: Path) -> None:
+    on_bus = ("--interface", "virtual", "--channel", "try", "--speed", "0")
+    shown = PAGE.shown(f"observer-rt replay {name}.log --bench {name}.toml {' '.join(on_bus)}")
+    outcome = command.done("replay", f"{name}.log", "--bench", f"{name}.toml", *on_bus)
+    duration = re.compile(r"\d+\.\d{3} s")
+    assert [duration.sub("a while", line.strip()) for line in shown] == [
+        duration.sub("a while", line) for line in outcome.out.splitlines()
+    ]
+
+
+@pytest.mark.parametrize(("page", "name"), CHECKED)
+def test_the_files_say_what_the_page_quotes(page: Page, name: str) -> None:
+    files = [DATABASES / f"{name}.toml", DATABASES / f"{name}.dbc"]
+    text = "".join(path.read_text() for path in files if path.exists())
+    section = page.text[: page.text.index(f"check --bench {name}.toml")].rsplit("\n### ", 1)[-1]
+    quoted = [line.strip() for line in section.splitlines() if line.startswith("    ") and "$" not in line]
+    assert len(quoted) > 5
+    assert [line for line in quoted if line not in text] == []
+
+
+def test_an_overlap(command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = (DATABASES / "testbed_classic.dbc").read_text()
+    mistaken = text.replace("RP_SensorState : 55|2@0+", "RP_SensorState : 47|2@0+")
+    assert mistaken != text
+    (tmp_path / "testbed_classic.dbc").write_text(mistaken)
+    bench = (DATABASES / "testbed_classic.toml").read_text()
+    (tmp_path / "testbed_classic.toml").write_text(bench)
+    monkeypatch.chdir(tmp_path)
+    said = command.refused("run", "--bench", "testbed_classic.toml")
+    shown = PAGE.shown("observer-rt run --bench testbed_classic.toml")
+    assert [words(line) for line in shown] == [words(line) for line in said.splitlines() if line.strip()]
+    monkeypatch.setenv("COLUMNS", "200")
+    overlooked = "overlooked: testbed_classic.dbc: The signals RP_SensorState and RP_RailPressure"
+    assert overlooked in command("check", "--bench", "testbed_classic.toml", "--lenient").out
+    lenient = bench.replace('"testbed_classic.dbc"', '"testbed_classic.dbc"\nlenient = true', 1)
+    (tmp_path / "testbed_classic.toml").write_text(lenient)
+    assert overlooked in command("check", "--bench", "testbed_classic.toml").out

@@ -1,0 +1,256 @@
+"""`observer-rt discover` and `compare`: what they write and print; mistakes they name; an interruption survived."""
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import can
+import numpy as np
+import pytest
+
+import observer_rt.identification.discovery.answer
+from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
+from observer_rt.files.formats import read_recording, write_recording
+from observer_rt.foundation.errors import RunError
+from tests.desk.cli.conftest import Command
+from tests.device import simulated
+
+
+def test_a_worn_nozzle_is_named_and_the_amended_model_explains_it(
+    command: Command, worn: Path, tmp_path: Path
+) -> None:
+    found = tmp_path / "found"
+    done = command.done("discover", "--out", found, worn)
+    assert done.out.startswith("named: orifice_area")
+    assert "MPa" in done.out
+    assert "mg" in done.out
+    assert {path.name for path in found.iterdir()} == {
+        "findings.json",
+        "amended.toml",
+        "report.html",
+        "fits.jsonl",
+    }
+    (effect,) = load_injector(found / "amended.toml").effects
+    assert effect.parameters["v_H"].value == pytest.approx(0.3, abs=0.02)
+    findings = json.loads((found / "findings.json").read_text())
+    assert findings["seconds"] > 0.0
+    assert len(findings["held_out"]) == 1  # two rail pressures in one recording
+    amended = tmp_path / "in_force.toml"
+    amended.write_bytes((found / "amended.toml").read_bytes())
+    for name in ("findings.json", "report.html"):
+        kept = (found / name).read_bytes()
+        said = command.refused("discover", "--model", amended, "--out", found, worn)
+        assert name in said
+        assert "--force" in said
+        assert (found / name).read_bytes() == kept
+    again = command.done("discover", "--model", amended, "--out", found, "--json", "--force", worn)
+    assert json.loads(again.out)["verdict"] == "none"
+    assert json.loads(again.out) == json.loads((found / "findings.json").read_text())
+    assert not (found / "amended.toml").exists()  # that of another question
+
+
+@pytest.mark.parametrize("named_by", ["--model", "--bench"])
+def test_the_model_is_never_overwritten(
+    command: Command, worn: Path, bench: Path, tmp_path: Path, named_by: str
+) -> None:
+    model = tmp_path / "amended.toml"
+    model.write_bytes(NOMINAL_INJECTOR.read_bytes())
+    bench.write_text(bench.read_text().replace("[model]", '[model]\nfile = "amended.toml"'))
+    named = model if named_by == "--model" else bench
+    assert "name another folder" in command.refused("discover", named_by, named, "--out", tmp_path, worn)
+    assert model.read_bytes() == NOMINAL_INJECTOR.read_bytes()
+
+
+def test_of_two_that_are_tied_the_one_chosen_is_amended(command: Command, tmp_path: Path) -> None:
+    recording, found = tmp_path / "seat.csv", tmp_path / "found"
+    command(
+        *("simulate", "--measured-rate", "--rail-pressure", "60,140", "--injections", "4"),
+        *("--effect", "seat_area:v_S=-0.2", "--output", recording),
+    )
+    done = command.done("discover", "--out", found, recording)
+    headline, *rest = done.out.splitlines()
+    assert re.match(r"ambiguous: (lift_gain, or seat_area|seat_area, or lift_gain) \(", headline)
+    assert not (found / "amended.toml").exists()
+    assert "--choose seat_area" in "".join(rest)
+    advice = next(line for line in rest if line.strip().startswith("to tell"))
+    assert "rate" not in advice  # which was measured
+    assert "which leave open: " in command.refused(
+        "discover", "--out", found, "--force", "--choose", "orifice_area", recording
+    )
+    chosen = command("discover", "--out", found, "--force", "--choose", "seat_area", recording)
+    assert chosen.out.startswith("ambiguous: seat_area, or lift_gain")
+    (effect,) = load_injector(found / "amended.toml").effects
+    assert effect.id == "seat_area"
+    assert "chosen" in effect.evidence
+
+
+def test_healthy_recordings_are_looked_at_first(
+    command: Command, worn: Path, healthy: Path, tmp_path: Path
+) -> None:
+    done = command.done("discover", "--out", tmp_path / "found", "--healthy", healthy, "--json", worn)
+    findings = json.loads(done.out)
+    assert findings["effects"][0]["id"] == "orifice_area"
+    assert findings["healthy_warning"] == ""
+
+
+def test_a_model_that_is_wrong_on_healthy_recordings_is_told(
+    command: Command, worn: Path, tmp_path: Path
+) -> None:
+    done = command.done(
+        "discover", "--out", tmp_path / "found", "--healthy", _copy(worn, tmp_path), "--json", worn
+    )
+    findings = json.loads(done.out)
+    assert "orifice_area" in findings["healthy_warning"]
+    assert findings["confidence"] <= 0.8
+
+
+def test_an_interrupted_search_goes_on_where_it_was(
+    command: Command, worn: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(_: object, memory: object, *__: object) -> None:
+        memory.put(("orifice_area",), np.array([0.3]), -1.0)  # type: ignore[attr-defined]
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(observer_rt.identification.discovery.answer, "answer", interrupted)
+        done = command("discover", "--out", tmp_path / "found", worn)
+    assert done.code == 130
+    assert "1 fitted candidates are kept" in done.err
+    assert "same command" in done.err
+    done = command.done("discover", "--out", tmp_path / "found", worn)
+    assert "going on with 1" in done.err
+
+
+@pytest.mark.parametrize(
+    ("fault", "message"),
+    [
+        ("no injection", "is 0 mm all the time, though the line pressure moves"),
+        ("in bar", "rail_pressure"),
+        ("another sample rate", "sampled at"),
+        ("without rate", "no measured injection rate"),
+        ("given twice", "given twice"),
+        ("out is a file", "is a file"),
+        ("wrong column", "unknown column"),
+        ("cut short", "no complete injection"),
+    ],
+)
+def test_mistakes_are_named_before_anything_is_written(
+    command: Command, worn: Path, tmp_path: Path, fault: str, message: str
+) -> None:
+    out, other = tmp_path / "found", tmp_path / "other.csv"
+    recording = read_recording(worn)
+    match fault:
+        case "no injection":
+            write_recording(other, replace(recording, needle_lift=np.zeros(recording.samples)))
+        case "in bar":
+            write_recording(other, replace(recording, rail_pressure=recording.rail_pressure * 1e-2))
+        case "another sample rate":
+            write_recording(other, replace(recording, time=recording.time * 2.0))
+        case "without rate":
+            write_recording(other, replace(recording, injection_rate=None))
+        case "given twice":
+            other = worn
+        case "out is a file":
+            out.write_text("mine")
+            _copy(worn, tmp_path).rename(other)
+        case "wrong column":
+            other.write_text(worn.read_text().replace("needle_lift_mm", "needle_lift_inch", 1))
+        case "cut short":
+            lines = worn.read_text().splitlines(keepends=True)
+            other.write_text("".join(lines[:1000]))
+    said = command.refused("discover", "--out", out, worn, other)
+    assert message in said
+    assert "remedy" in said
+    assert not out.is_dir()
+
+
+@pytest.mark.slow
+def test_a_log_of_the_replayed_recording_gives_the_same_verdict(
+    command: Command, worn: Path, bench: Path, tmp_path: Path
+) -> None:
+    signals, log = tmp_path / "worn.csv", tmp_path / "bus.blf"
+    write_recording(signals, replace(read_recording(worn), injection_rate=None))  # a bus carries none
+    messages = _replayed(command, signals, bench)
+    _write_log(log, messages)
+    expected = json.loads(command("discover", "--out", tmp_path / "a", "--json", signals).out)
+    done = command.done("discover", "--bench", bench, "--out", tmp_path / "b", "--json", log)
+    assert "no gap, 4 of 4 injections judged" in done.err
+    found = json.loads(done.out)
+    assert found["verdict"] == expected["verdict"] == "named"
+    assert [effect["id"] for effect in found["effects"]] == ["orifice_area"]
+    sizes = [one["effects"][0]["parameters"]["v_H"]["value"] for one in (found, expected)]
+    assert sizes[0] == pytest.approx(sizes[1], abs=0.002)  # a code of the bus is a fraction of the noise
+
+
+def test_a_log_with_gaps_is_judged_by_what_is_whole(
+    command: Command, worn: Path, bench: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(observer_rt.identification.discovery.answer, "answer", _stopped)
+    messages = _replayed(command, worn, bench)
+    lift = read_recording(worn).needle_lift
+    opening = int(np.flatnonzero(lift > 20e-6)[0]) // 9  # of the first injection, in frames of nine samples
+    log = tmp_path / "bus.log"
+    _write_log(log, messages[: opening + 1] + messages[opening + 3 :])
+    done = command("discover", "--bench", bench, "--out", tmp_path / "found", log)
+    assert "1 gap of 18 samples in all, the longest 0.36 ms, 3 of 4 injections judged" in done.err
+    assert "left out, samples are missing in it or beside it: at 0.15" in done.err
+
+
+def test_a_log_needs_whole_injections(command: Command, worn: Path, bench: Path, tmp_path: Path) -> None:
+    log = tmp_path / "bus.log"
+    _write_log(log, _replayed(command, worn, bench, "--windowed"))
+    said = command.refused("discover", "--bench", bench, "--out", tmp_path / "found", log)
+    assert "no complete injection; less than" in said
+    assert "; samples are missing in it or beside it" in said
+    assert not (tmp_path / "found").exists()
+
+
+def _stopped(*_: object) -> None:
+    raise RunError("not wanted here")
+
+
+def _replayed(command: Command, recording: Path, bench: Path, *options: str) -> list[can.Message]:
+    """What a listener on the bus hears of `observer-rt replay`."""
+    with can.Bus(interface="virtual", channel="discover-test", fd=True) as bus:
+        on_bus = ("--channel", "discover-test", "--speed", "0")
+        command.done("replay", recording, "--bench", bench, *on_bus, *options)
+        return list(iter(lambda: bus.recv(0.0), None))
+
+
+def _write_log(path: Path, messages: list[can.Message]) -> None:
+    with can.Logger(path) as logger:
+        for message in messages:
+            message.channel = 0
+            logger(message)
+
+
+@pytest.fixture(scope="session")
+def healthy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Recording of a new nozzle."""
+    path = tmp_path_factory.mktemp("healthy") / "healthy.csv"
+    write_recording(path, simulated(4, 0.0, (60e6, 120e6), seed=4, measured_rate=True))
+    return path
+
+
+def _copy(recording: Path, folder: Path) -> Path:
+    path = folder / "copy.csv"
+    path.write_bytes(recording.read_bytes())
+    return path
+
+
+@pytest.mark.slow
+def test_wear_grew_from_one_run_to_the_next(command: Command, tmp_path: Path) -> None:
+    folders = []
+    for name, v_h in (("spring", 0.1), ("autumn", 0.2)):
+        recording, folder = tmp_path / f"{name}.csv", tmp_path / name
+        command("simulate", "--injections", 4, "--effect", f"orifice_area={v_h}", "--output", recording)
+        command.done("discover", "--out", folder, recording)
+        folders.append(folder)
+    done = command.done("compare", *folders)
+    assert "one operating point, nothing held out" in done.out
+    assert "spring.csv" in done.out
+    assert re.search(r"orifice_area v_H: \+0\.\d+ ± 0\.0\d+ \(95 %\), changed", done.out)
+    (change,) = json.loads(command("compare", "--json", *folders).out)["changes"]
+    assert change["significant"]
+    assert change["ci95"][0] < 0.1 < change["ci95"][1]

@@ -1,0 +1,256 @@
+"""`observer-rt evaluate`: results on the screen, as JSON, trace, figure and learned state; mistakes it names."""
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from observer_rt.files.formats import read_recording, write_recording
+from tests.desk.cli.conftest import Command, document
+from tests.device import candump_lines, frames_of
+
+RECORDING_KEYS = {
+    *("file", "samples", "sample_rate_hz", "lost_samples", "spikes", "bridged_samples"),
+    *("checks", "injections", "summary"),
+}
+INJECTION_KEYS = {
+    *("number", "event", "start_index", "end_index", "start_s", "end_s", "rail_pressure_MPa", "mass_mg"),
+    *("mass_ci95_mg", "nominal_mass_mg", "measured_mass_mg", "rate_rmse_mm3_per_ms"),
+    *("nominal_rate_rmse_mm3_per_ms", "rate_ci95_halfwidth_mm3_per_ms", "valid", "reasons", "state"),
+    *("phi_version", "indicators"),
+}
+INDICATORS = {
+    *("nozzle_v_H", "seat_v_S", "line_friction", "guide_leakage", "line_pressure_sensor_offset"),
+    *("line_pressure_sensor_lag", "bulk_modulus", "entrained_air"),
+}
+
+
+def test_json_document(command: Command, worn: Path) -> None:
+    found = document(command, worn)
+    assert found.keys() == {"schema", "model_sha256", "recordings"}
+    assert found["schema"] == 1
+    (recording,) = found["recordings"]
+    assert recording.keys() == RECORDING_KEYS
+    assert recording["summary"].keys() == {"valid_share", "adoptions", "rejected_adoptions"}
+    assert recording["file"] == str(worn)
+    assert recording["sample_rate_hz"] == 50e3
+    assert recording["lost_samples"] == 0
+    assert recording["checks"][0]["id"] == "rail_line_offset"
+    assert recording["checks"][0]["passed"] is True
+    assert [i["number"] for i in recording["injections"]] == [1, 2, 3, 4]
+    for injection in recording["injections"]:
+        assert injection.keys() == INJECTION_KEYS
+        assert injection["indicators"].keys() == INDICATORS
+        assert injection["reasons"] == ([] if injection["valid"] else ["TOO_FEW_EVENTS"])
+    last = recording["injections"][-1]
+    assert last["valid"]
+    assert last["state"] == "ADAPTED"
+    assert last["mass_mg"] == pytest.approx(last["measured_mass_mg"], rel=0.01)
+    assert last["nominal_mass_mg"] < 0.85 * last["measured_mass_mg"]
+    assert last["rate_rmse_mm3_per_ms"] < 0.2 * last["nominal_rate_rmse_mm3_per_ms"]
+    low, high = last["indicators"]["nozzle_v_H"]["ci95"]
+    assert low < 0.3 < high
+    assert recording["summary"]["valid_share"] == 0.5
+    assert recording["summary"]["adoptions"] >= 2
+
+
+def test_table_fits_80_columns_and_tells_what_is_not_valid(command: Command, worn: Path) -> None:
+    outcome = command.done("evaluate", worn)
+    title, *table = outcome.out.splitlines()
+    assert title.startswith(f"{worn}: ")
+    assert max(len(line.rstrip()) for line in table if not line.startswith("(they")) <= 80
+    assert "not valid for TOO_FEW_EVENTS: 1-2" in table
+    rows = [line.split() for line in table[2:6]]
+    assert [row[-1] for row in rows] == ["no", "no", "yes", "yes"]
+
+
+def test_table_without_a_measurement_says_how_sure_a_mass_is(
+    command: Command, worn: Path, tmp_path: Path
+) -> None:
+    unmeasured = tmp_path / "unmeasured.csv"
+    lines = worn.read_text().splitlines()
+    unmeasured.write_text("".join(line.rsplit(",", 1)[0] + "\n" for line in lines))
+    outcome = command("evaluate", unmeasured)
+    _, *table = outcome.out.splitlines()
+    assert max(len(line.rstrip()) for line in table if not line.startswith("(they")) <= 80
+    mass, bound, nominal = map(float, table[5].split()[4:7])
+    assert 0.0 < bound < 0.05 * mass
+    assert nominal < mass - bound
+
+
+def test_recording_without_injections(command: Command, resting: Path, tmp_path: Path) -> None:
+    figure = tmp_path / "empty.svg"
+    outcome = command.done("evaluate", resting, "--plot", figure)
+    assert "no injection found" in outcome.out
+    assert "no injection found" in figure.read_text()
+    (recording,) = document(command, resting)["recordings"]
+    assert recording["injections"] == []
+    assert recording["summary"]["valid_share"] == 0.0
+
+
+@pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
+def test_figure(command: Command, worn: Path, tmp_path: Path, suffix: str) -> None:
+    figure = tmp_path / f"worn{suffix}"
+    command.done("evaluate", worn, "--plot", figure)
+    start = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}[suffix]
+    assert figure.read_bytes().startswith(start)
+
+
+def _words(figure: Path) -> str:
+    """What is written in an SVG, where every text stands as a comment beside its outlines."""
+    return " ".join(re.findall("<!-- (.*?) -->", figure.read_text(), re.DOTALL))
+
+
+def test_chosen_injections_are_drawn_with_units(command: Command, worn: Path, tmp_path: Path) -> None:
+    figure = tmp_path / "worn.svg"
+    command.done("evaluate", worn, "--plot", figure, "--injections", "2,4")
+    words = _words(figure)
+    assert re.findall(r"injection (\d), ", words) == ["2", "4"]
+    for name, unit in (
+        ("injection rate", "mm³/ms"),
+        ("line pressure", "MPa"),
+        ("mass error against measured", "%"),
+        ("95 % interval", "%"),
+        ("time", "ms"),
+    ):
+        assert re.search(rf"{name} \[{unit}\]", words), name
+
+
+def test_one_that_is_not_there_after_all_costs_no_result(
+    command: Command, worn: Path, tmp_path: Path
+) -> None:
+    """A lift that rises for a single sample is no injection, which only the observer knows."""
+    recording = read_recording(worn)
+    lift = recording.needle_lift.copy()
+    lift[100] = 40e-6
+    write_recording(tmp_path / "odd.csv", replace(recording, needle_lift=lift))
+    outcome = command("evaluate", tmp_path / "odd.csv", "--plot", tmp_path / "x.png", "--injections", "5")
+    assert outcome.code == 2
+    assert "there are 1 to 4" in outcome.err
+    assert "mass" in outcome.out
+
+
+def test_several_recordings_share_their_axes(
+    command: Command, worn: Path, resting: Path, tmp_path: Path
+) -> None:
+    figure, again = tmp_path / "both.svg", tmp_path / "again.csv"
+    again.write_bytes(worn.read_bytes())
+    command.done("evaluate", worn, again, resting, "--plot", figure)
+    words = _words(figure)
+    assert "3 recordings" in words
+    assert re.findall(r"injection (\d)", words)[:3] == ["1", "3", "4"]
+    for path in (worn, again):
+        assert str(path) in words
+
+
+def test_traces_of_several_recordings_go_to_a_folder(
+    command: Command, worn: Path, resting: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "new" / "traces"
+    command.done("evaluate", worn, resting, "--output", folder)
+    assert {path.name for path in folder.iterdir()} == {"worn.csv.trace.csv", "resting.csv.trace.csv"}
+
+
+def test_learned_state_is_saved_and_makes_the_second_injection_valid(
+    command: Command, worn: Path, tmp_path: Path
+) -> None:
+    state = tmp_path / "learned.json"
+    document(command, worn, "--save-state", state)
+    outcome = command("evaluate", worn, "--state", state, "--json")
+    assert "learned from 4 events" in outcome.err
+    injections = json.loads(outcome.out)["recordings"][0]["injections"]
+    assert [i["valid"] for i in injections] == [False, True, True, True]
+    assert injections[0]["mass_mg"] == pytest.approx(injections[0]["measured_mass_mg"], rel=0.02)
+
+
+@pytest.mark.parametrize("said_by", ["option", "bench"])
+def test_no_learning(command: Command, worn: Path, bench: Path, said_by: str) -> None:
+    bench.write_text(bench.read_text().replace("enabled = true", "enabled = false"))
+    arguments = ("--no-learning",) if said_by == "option" else ("--bench", bench)
+    (recording,) = document(command, worn, *arguments)["recordings"]
+    assert recording["summary"]["adoptions"] == 0
+    for injection in recording["injections"]:
+        assert injection["mass_mg"] == pytest.approx(injection["nominal_mass_mg"])
+        assert injection["phi_version"] == 0
+
+
+def test_chain_is_one_history_and_apart_are_several(command: Command, worn: Path) -> None:
+    """The second begins with what was learned from the first, and counts on."""
+    chained = document(command, worn, worn, "--chain")["recordings"]
+    later = chained[1]["injections"]
+    assert [i["number"] for i in later] == [5, 6, 7, 8]
+    assert all(i["valid"] and i["phi_version"] > 0 for i in later)
+    assert later[0]["mass_mg"] == pytest.approx(later[0]["measured_mass_mg"], rel=0.02)
+    first, second = document(command, worn, worn)["recordings"]
+    assert first == second
+    assert first["injections"] == chained[0]["injections"]
+
+
+def test_model_replaces_that_of_the_bench(command: Command, worn: Path, bench: Path, tmp_path: Path) -> None:
+    model = tmp_path / "injector.toml"
+    text = command("run", "--print-example-injector").out
+    model.write_text(text.replace("flow_coefficient = 0.78", "flow_coefficient = 0.70"))
+    own = document(command, worn, "--bench", bench)
+    other = document(command, worn, "--bench", bench, "--model", model)
+    assert own["model_sha256"] != other["model_sha256"]
+    lower = other["recordings"][0]["injections"][0]["nominal_mass_mg"]
+    assert lower < 0.95 * own["recordings"][0]["injections"][0]["nominal_mass_mg"]
+
+
+@pytest.mark.parametrize("name", ["damaged.csv", "damaged.mf4"])
+def test_files_that_are_no_recordings(command: Command, tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
+    path.write_bytes(bytes(range(256)) * 20)
+    assert str(path) in command.refused("evaluate", path)
+
+
+def test_a_log_is_evaluated_as_the_recording_it_was_made_of(
+    command: Command, worn: Path, bench: Path, tmp_path: Path
+) -> None:
+    log = tmp_path / "bus.log"
+    log.write_text("(0.0) can0 123#R\n" + "".join(candump_lines(frames_of(bench, worn))))
+    expected = json.loads(command("evaluate", worn, "--bench", bench, "--json").out)["recordings"][0]
+    outcome = command.done("evaluate", log, "--bench", bench, "--json")
+    assert f"{log}: left out: 1 remote frame" in outcome.err
+    found = json.loads(outcome.out)["recordings"][0]
+    assert [i["mass_mg"] for i in found["injections"]] == [i["mass_mg"] for i in expected["injections"]]
+    command.refused("evaluate", log, "--bench", bench, "--from-channel", "can7")
+
+
+def test_logs_of_a_device_that_went_on_are_as_one(
+    command: Command, worn: Path, bench: Path, tmp_path: Path
+) -> None:
+    """Such as files a recorder began anew, here within the third injection."""
+    within = 1394  # frames of nine samples
+    assert read_recording(worn).needle_lift[9 * within] > 100e-6
+    lines = candump_lines(frames_of(bench, worn))
+    for name, part in (("whole", lines), ("first", lines[:within]), ("second", lines[within:])):
+        (tmp_path / f"{name}.log").write_text("".join(part))
+    (known,) = document(command, tmp_path / "whole.log", "--bench", bench)["recordings"]
+    parts = (tmp_path / "first.log", tmp_path / "second.log")
+    chained = document(command, *parts, "--bench", bench, "--chain")["recordings"]
+    found = [injection for part in chained for injection in part["injections"]]
+    assert [injection["number"] for injection in found] == [1, 2, 3, 4]
+    keys = ("mass_mg", "mass_ci95_mg", "valid", "phi_version", "indicators")
+    assert [[i[key] for key in keys] for i in found] == [
+        [i[key] for key in keys] for i in known["injections"]
+    ]
+    apart = document(command, *parts, "--bench", bench)["recordings"]
+    assert apart[1]["injections"][0]["number"] == 1
+
+
+@pytest.mark.parametrize("first", ["bus.log", "worn.csv"])
+def test_after_a_restart_a_log_goes_on_with_what_was_learned(
+    command: Command, worn: Path, bench: Path, tmp_path: Path, first: str
+) -> None:
+    log, state = tmp_path / "bus.log", tmp_path / "learned"
+    log.write_text("".join(candump_lines(frames_of(bench, worn))))
+    before = log if first == "bus.log" else worn
+    chained = document(command, before, log, "--bench", bench, "--chain")["recordings"]
+    document(command, before, "--bench", bench, "--save-state", state)
+    (known,) = document(command, log, "--bench", bench, "--state", state)["recordings"]
+    assert chained[1] == known
+    (fresh,) = document(command, log, "--bench", bench)["recordings"]
+    assert chained[1] != fresh

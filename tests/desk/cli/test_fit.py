@@ -1,0 +1,129 @@
+"""`observer-rt fit`: what it writes and prints, and the mistakes it names."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
+from observer_rt.files.formats import write_recording
+from observer_rt.files.signals.recording import Recording
+from observer_rt.identification.fit.problem import STRUCTURES
+from tests.desk.cli.conftest import Command
+from tests.identification.fit.healthy import simulations
+
+POINTS = ((60e6, 0.6e-3), (140e6, 1.9e-3))
+
+
+@pytest.fixture(scope="module")
+def healthy(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, ...]:
+    """Two recordings of the nominal injector."""
+    folder = tmp_path_factory.mktemp("healthy")
+    paths = []
+    for number, one in enumerate(simulations(POINTS)):
+        paths.append(folder / f"healthy_{number}.csv")
+        write_recording(paths[-1], one.recording)
+    return tuple(paths)
+
+
+@pytest.fixture
+def wrong(tmp_path: Path) -> Path:
+    """An injector file 10 % wrong in stiffness and nozzle."""
+    path = tmp_path / "injector.toml"
+    text = NOMINAL_INJECTOR.read_text().replace("bulk_modulus_line = 1.6e9", "bulk_modulus_line = 1.44e9")
+    path.write_text(text.replace("flow_coefficient = 0.78", "flow_coefficient = 0.858"))
+    return path
+
+
+def test_a_fit_writes_the_file_the_figure_and_says_what_it_is_worth(
+    command: Command, healthy: tuple[Path, ...], wrong: Path, tmp_path: Path
+) -> None:
+    fitted, figure = tmp_path / "fitted.toml", tmp_path / "fit.png"
+    done = command.done("fit", *healthy, "--model", wrong, "--output", fitted, "--plot", figure)
+    for words in ("verdict: adequate", "one to one on A_L/(rho_L L_L)", "alpha_H", "chosen: one lump"):
+        assert words in done.out
+    assert "6 injections" not in done.err
+    injector = load_injector(fitted)
+    assert injector.fluid.bulk_modulus_line == pytest.approx(1.6e9, rel=0.005)
+    assert injector.nozzle.flow_coefficient == pytest.approx(0.78, rel=0.01)
+    assert injector.baseline is not None
+    assert injector.baseline.adequate
+    assert figure.read_bytes().startswith(b"\x89PNG")
+    assert "--force" in command.refused("fit", *healthy, "--model", wrong, "--output", fitted)
+    command.done("evaluate", healthy[0], "--model", fitted, "--json")
+
+
+@pytest.mark.slow
+def test_json_holds_all_of_it(
+    command: Command, healthy: tuple[Path, ...], wrong: Path, tmp_path: Path
+) -> None:
+    masses = tmp_path / "masses.csv"
+    masses.write_text("recording,mass_mg\nhealthy_1.csv,144.2\n")
+    fitted = tmp_path / "fitted.toml"
+    done = command.done("fit", *healthy, "--model", wrong, "--output", fitted, "--mass", masses, "--json")
+    document = json.loads(done.out, parse_constant=lambda name: pytest.fail(name))
+    assert document["schema"] == 1
+    assert document["verdict"] == "adequate"
+    assert document["level"]["from"] == "measured_mass"
+    assert document["parameters"]["line.diameter"]["unit"] == "mm"
+    low, high = document["parameters"]["nozzle.flow_coefficient"]["ci95"]
+    assert low < document["parameters"]["nozzle.flow_coefficient"]["value"] < high
+    assert {one["phase"] for one in document["residuals"]} == {
+        "standstill",
+        "opening",
+        "open",
+        "closing",
+        "after",
+    }
+    assert len(document["injections"]) == 6
+    assert len(document["structures"]) == len(STRUCTURES)
+    assert document["baseline"]["injections"] == 6
+
+
+RECORDING = simulations([(100e6, 1.9e-3)], injections=1)[0].recording
+
+
+def _first(samples: int) -> Recording:
+    names = ("time", "rail_pressure", "needle_lift", "line_pressure")
+    return replace(RECORDING, **{name: getattr(RECORDING, name)[:samples] for name in names})
+
+
+@pytest.mark.parametrize(
+    ("recording", "said"),
+    [
+        (_first(10_000), "no complete injection"),
+        (_first(15_400), "ms of shut needle follow"),
+        (replace(RECORDING, line_pressure=10.0 * RECORDING.line_pressure), "unit"),
+        (replace(RECORDING, line_pressure=np.minimum(RECORDING.line_pressure, 103e6)), "is clipped"),
+    ],
+)
+def test_a_recording_that_will_not_do_is_refused(
+    command: Command, tmp_path: Path, recording: Recording, said: str
+) -> None:
+    path, fitted = tmp_path / "recording.csv", tmp_path / "fitted.toml"
+    write_recording(path, recording)
+    told = command.refused("fit", path, "--model", NOMINAL_INJECTOR, "--output", fitted)
+    assert "recording.csv" in told
+    assert said in told
+    assert not fitted.exists()
+
+
+def test_the_model_is_not_written_over(command: Command, healthy: tuple[Path, ...], wrong: Path) -> None:
+    before = wrong.read_bytes()
+    assert "is the model that is fitted" in command.refused(
+        "fit", *healthy, "--model", wrong, "--output", wrong, "--force"
+    )
+    assert wrong.read_bytes() == before
+
+
+@pytest.mark.slow
+def test_one_operating_point_is_warned_of(command: Command, tmp_path: Path) -> None:
+    path = tmp_path / "one.csv"
+    write_recording(path, RECORDING)
+    done = command.done(
+        "fit", path, "--model", NOMINAL_INJECTOR, "--output", tmp_path / "fitted.toml", "--json"
+    )
+    assert "one operating point only" in done.err
+    assert any("one operating point only" in one for one in json.loads(done.out)["warnings"])

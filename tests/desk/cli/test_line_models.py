@@ -1,0 +1,133 @@
+"""Injectors on every line there is, through the commands; and lines that cannot be computed, refused."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench
+from observer_rt.desk.check.findings import Level
+from observer_rt.desk.check.injector import observer_findings
+from observer_rt.identification.fit.calibrate import BASELINE
+from tests.desk.cli.conftest import Command, document
+from tests.desk.cli.injector_files import ADDED, FITTED, injector
+
+
+@pytest.mark.parametrize("outflow", ["nozzle", "seat"])
+@pytest.mark.parametrize("line", list(ADDED))
+def test_every_structure_is_simulated_and_observed(
+    command: Command, tmp_path: Path, line: str, outflow: str
+) -> None:
+    model = injector(tmp_path / "injector.toml", line, outflow)
+    made = tmp_path / "made.csv"
+    points = ("--rail-pressure", "60,140", "--energizing-time", 1.1, "--injections", 4)
+    command.done("simulate", "--model", model, *points, "--output", made)
+    (found,) = document(command, made, "--model", model)["recordings"]
+    assert [one["valid"] for one in found["injections"]] == [False, False, True, True]
+    rate = np.loadtxt(f"{made}.truth.csv", delimiter=",", skiprows=1)[:, 1]
+    for one in found["injections"][2:]:
+        first = one["start_index"]
+        true = np.sum(rate[first - 100 : first + 1000]) * 0.01 * 0.83  # 0.01 ms, 0.83 mg/mm3
+        assert one["mass_mg"] == pytest.approx(true, rel=0.01)
+
+
+@pytest.mark.parametrize("name", ["evaluate", "check", "run"])
+def test_too_many_cells_are_refused_with_the_numbers(
+    command: Command, resting: Path, tmp_path: Path, name: str
+) -> None:
+    model = injector(tmp_path / "injector.toml", "wave", added="cells = 40\n")
+    bench = tmp_path / "bench.toml"
+    bench.write_text(
+        EXAMPLE_BENCH.read_text().replace('"socketcan"', '"virtual"').replace("# file = ", "file = ")
+    )
+    arguments = {
+        "evaluate": (resting, "--model", model),
+        "check": ("--model", model),
+        "run": ("--bench", bench),
+    }
+    outcome = command(name, *arguments[name])
+    said = " ".join((outcome.out + outcome.err).split())
+    assert outcome.code == (1 if name == "check" else 2)
+    assert "line.cells: 40 cells are not stable: sound crosses 3.21 of a cell in a step of 10 us" in said
+    assert "(at most 0.98)" in said
+    told = re.search(r"give (\d+) cells, or leave 'cells' out", said)
+    assert told is not None
+    model.write_text(model.read_text().replace("cells = 40", f"cells = {told[1]}"))
+    command.done("check", "--model", model)
+
+
+def test_discovery_refuses_them_with_the_numbers_too(command: Command, tmp_path: Path) -> None:
+    model, made = injector(tmp_path / "injector.toml", "wave", added="cells = 40\n"), tmp_path / "made.csv"
+    command.done("simulate", "--injections", "2", "--output", made)
+    assert "line.cells: 40 cells are not stable: sound crosses 3.21 of a cell" in " ".join(
+        command.refused("discover", made, "--model", model, "--out", tmp_path / "out").split()
+    )
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_cannot_be_integrated_is_not_looked_at_further(tmp_path: Path) -> None:
+    model = injector(tmp_path / "injector.toml", "wave", added="cells = 40\n")
+    findings = observer_findings(load_bench(model=model).injector)
+    assert [(one.topic, one.level) for one in findings] == [("integration", Level.ERROR)]
+
+
+def test_check_tells_of_the_cells(tmp_path: Path) -> None:
+    findings = observer_findings(load_bench(model=injector(tmp_path / "injector.toml", "wave")).injector)
+    (integration,) = (one for one in findings if one.topic == "integration")
+    assert re.search(
+        r"a line of \d+ cells, of which sound crosses 0\.\d+ in its step of 10 us", integration.text
+    )
+
+
+@pytest.mark.parametrize(
+    ("adequate", "rate", "said"),
+    [
+        (
+            "false",
+            1e5,
+            "injector.toml was found inadequate by its own fit: nothing is learned, and no injection is",
+        ),
+        ("true", 2e4, "injector.toml was fitted at 20000 Hz and is not comparable at 100000 Hz"),
+        ("true", 1e5, None),
+    ],
+)
+def test_a_fit_that_will_not_do_is_told_at_once(
+    command: Command, resting: Path, tmp_path: Path, adequate: str, rate: float, said: str | None
+) -> None:
+    model = injector(tmp_path / "injector.toml", end=FITTED.format(adequate=adequate, rate=rate))
+    evaluated = command.done("evaluate", resting, "--model", model)
+    lines = [line for line in evaluated.err.splitlines() if line.startswith("warning")]
+    (checked,) = (
+        one for one in observer_findings(load_bench(model=model).injector) if one.topic == "fitted model"
+    )
+    if said is None:
+        assert lines == []
+        assert checked.level is Level.OK
+    else:
+        assert [said in line for line in lines] == [True]
+        assert checked.level is Level.WARNING
+        assert said in checked.text
+
+
+def test_the_keys_of_the_printed_example_are_those_of_a_fitted_file(tmp_path: Path) -> None:
+    """Uncommented, they load."""
+    text = NOMINAL_INJECTOR.read_text()
+    for key in (
+        "line_outflow",
+        "model",
+        "cells",
+        "damping",
+        "end_volume",
+        "inlet_loss_factor",
+        "wall_viscosity",
+        "impedance_ratio",
+        "impedance_step",
+    ):
+        assert f"# {key} = " in text
+        text = text.replace(f"# {key} = ", f"{key} = ")
+    path = tmp_path / "injector.toml"
+    path.write_text(text.replace('model = "lump"', 'model = "wave_two_part"'))
+    loaded = load_bench(model=path).injector.parameters
+    assert (loaded.line.model, loaded.line.cells) == ("wave_two_part", 8)
+    assert f"[{BASELINE}]" in text

@@ -1,0 +1,220 @@
+"""Mistakes of a bench file: `check` names each with key and remedy, and `run` starts with none of them."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.desk.cli.conftest import Command
+
+BENCH = """[link]
+interface = "virtual"
+channel = "mistakes"
+fd = true
+bit_rate = 500e3
+data_bit_rate = 5e6
+[[dbc]]
+file = "observer_fd.dbc"
+[signals.rail_pressure]
+message = "SampleBlock"
+pattern = "RailPressure_{:02d}"
+time_base = "device"
+[signals.needle_lift]
+message = "SampleBlock"
+pattern = "NeedleLift_{:02d}"
+[signals.line_pressure]
+message = "SampleBlock"
+pattern = "LinePressure_{:02d}"
+[sampling]
+rate_hz = 50e3
+meaning = "instant"
+bridge_ms = 0.5
+[noise]
+line_pressure_MPa = 0.15
+[outputs]
+injection_rate = "InjectionRate"
+injector_id = 1
+status_period_ms = 100
+[learning]
+enabled = true
+event_gap_ms = 10
+"""
+RAIL = 'pattern = "RailPressure_{:02d}"'
+LIFT = 'pattern = "NeedleLift_{:02d}"'
+LINE = 'pattern = "LinePressure_{:02d}"'
+END = ""
+"""Where what is added has no place of its own."""
+FUEL = '[signals.fuel_temperature]\nmessage = "SampleBlock"\nsignal = '
+RECORDING = '[recording]\nrail_pressure = { column = "p" }\nneedle_lift = { column = "x" }\nline_pressure = '
+PAPER = 'training = "paper"\nidentification_gain = '
+TWO = "[injectors.left.outputs]\nstatus_period_ms = 100\n[injectors.right.outputs]\nstatus_period_ms = 100\n"
+
+# what stands there, what stands there instead, and words that are said of it
+MISTAKES = {
+    # the file as such
+    "a bracket is missing": ("[sampling]", "[sampling", "line 19", "is not valid TOML"),
+    "decimal comma": ("rate_hz = 50e3", "rate_hz = 50000,0", "line 20", "TOML"),
+    "text without quotes": ('meaning = "instant"', "meaning = instant", "line 21", "TOML"),
+    "key twice": ("rate_hz = 50e3", "rate_hz = 50e3\nrate_hz = 50e3", "line 21", "TOML"),
+    "section twice": (END, "[link]\nfd = true\n", "link", "TOML"),
+    "nothing in it": (BENCH, "", "dbc", "--print-example-bench"),
+    "unknown section": ("[sampling]", "[sampels]", "sampels", "did you mean 'sampling'?"),
+    "unknown key": ("rate_hz =", "rate_hzz =", "sampling.rate_hzz", "did you mean 'rate_hz'?"),
+    "unknown key of a database": ("file =", "fil =", "dbc.0.fil", "did you mean 'file'?"),
+    "unknown key of a role": (RAIL, 'patern = "X"', "signals.rail_pressure.patern", "'pattern'"),
+    "unknown key of an optional role": (END, f'{FUEL}"X"\nunits = "K"', "fuel_temperature.units", "'unit'"),
+    "signal of a role that is none": ("[signals.needle_lift]", "[signals.lift]", "signals.lift", "needle_lift"),
+    "no message": (f'message = "SampleBlock"\n{LIFT}', LIFT, "signals.needle_lift.message", "is missing"),
+    "no database": ('[[dbc]]\nfile = "observer_fd.dbc"', "", "dbc", "[[dbc]]", "is missing"),
+    # types
+    "one bracket for a list of sections": ("[[dbc]]", "[dbc]", "dbc", "write [[dbc]], with two brackets"),
+    "text for a section": ("[sampling]", 'model = "injector.toml"\n[sampling]', "line_pressure.model"),
+    "text for a list": (RAIL, 'signals = "RailPressure_00"', "rail_pressure.signals", 'signals = ["A", "B"]'),
+    "numbers for a list of texts": (RAIL, "signals = [0, 1]", "signals.rail_pressure.signals.0", "in quotes"),
+    "number for a list of numbers": (END, "[realtime]\ncpus = 3\n", "realtime.cpus", "[3]"),
+    "text for a switch": ("enabled = true", 'enabled = "yes"', "learning.enabled", "true or false"),
+    "number for a switch": ("enabled = true", "enabled = 1", "learning.enabled", "true or false"),
+    "text for fd": ("fd = true", 'fd = "on"', "link.fd", "true or false"),
+    "number with its unit": ("50e3", '"50 kHz"', "sampling.rate_hz", "1000 to 1000000 Hz"),
+    "number in quotes": ("50e3", '"50e3"', "sampling.rate_hz", "1000 to 1000000 Hz"),
+    "switch for a number": ("bridge_ms = 0.5", "bridge_ms = true", "sampling.bridge_ms", "0 to 5 ms"),
+    "number for a name": ('"mistakes"', "0", "link.channel", 'a text in quotes, such as channel = "..."'),
+    "switch for a name": ('"InjectionRate"', "true", "outputs.injection_rate", "in quotes", "false"),
+    "text for a number": ("injector_id = 1", 'injector_id = "one"', "outputs.injector_id", "0 to 255"),
+    "half a number": ("injector_id = 1", "injector_id = 1.5", "outputs.injector_id", "whole number"),
+    "list for a number": ("rate_hz = 50e3", "rate_hz = [50e3]", "sampling.rate_hz", "1000 to 1000000 Hz"),
+    # buses
+    "unknown interface": ('"virtual"', '"sockecan"', "link.interface", "'sockecan'", "'socketcan'?"),
+    "no channel": ('"mistakes"', '""', "link.channel"),
+    "bit rate in kbit/s": ("\nbit_rate = 500e3", "\nbit_rate = 500", "link.bit_rate", "bit/s"),
+    "bit rate beyond CAN": ("\nbit_rate = 500e3", "\nbit_rate = 500e6", "link.bit_rate", "bit/s"),
+    "data rate below the bit rate": ("= 5e6", "= 50e3", "link.data_bit_rate", "bit/s"),
+    "no bit rate": ("\nbit_rate = 500e3", "\nbit_rate = 0", "link.bit_rate", "bit/s"),
+    "CAN FD on a classic bus": ("fd = true", "fd = false", "link.fd", "is a CAN FD message", "set link.fd = true"),
+    "more than the bus carries": ("rate_hz = 50e3", "rate_hz = 500e3", "link.data_bit_rate", "of 6 ms: 130%"),
+    "two links, one channel": (END, '[links.lift]\nchannel = "mistakes"\n', "links.lift.channel", "another channel"),
+    "link without a channel": (END, "[links.lift]\n", "links.lift.channel", "missing"),
+    "unknown link": (LIFT, f'{LIFT}\nlink = "lift"', "signals.needle_lift.link", "add [links.lift]"),
+    # databases
+    "no such database": ("observer_fd.dbc", "nowhere.dbc", "dbc.0.file", "nowhere.dbc does not exist"),
+    "a database that is none": ("observer_fd.dbc", "bench.toml", "bench.toml", "canconvert"),
+    # signals
+    "unknown message": ("SampleBlock", "SampleBlok", "signals.rail_pressure.message", "SampleBlock"),
+    "unknown signal": (LIFT, 'signal = "NeedleLift"', "signals.needle_lift", "NeedleLift_00"),
+    "pattern of nothing": (LIFT, 'pattern = "Lift_{:02d}"', "signals.needle_lift", "Lift_{:02d}"),
+    "pattern without braces": (LIFT, 'pattern = "NeedleLift_"', "signals.needle_lift", "NeedleLift_00"),
+    "signal twice": (LIFT, 'signals = ["NeedleLift_00", "NeedleLift_00"]', "signals.needle_lift", "listed twice"),
+    "list of nothing": (LIFT, "signals = []", "signals.needle_lift", "name"),
+    "two ways to name samples": (LIFT, f'{LIFT}\nsignal = "X"', "signals.needle_lift", "exactly one"),
+    "no way to name samples": (f"{LIFT}\n", "", "signals.needle_lift", "exactly one"),
+    "equal signals of two inputs": (LINE, RAIL, "rail_pressure and line_pressure read the same signals"),
+    "fewer samples of one input": (LIFT, 'signal = "NeedleLift_00"', "signals.needle_lift", "as many samples"),
+    "unit that is none": (LINE, f'{LINE}\nunit = "barg"', "signals.line_pressure.unit", "'barg'", "bar"),
+    "unit of another quantity": (LIFT, f'{LIFT}\nunit = "MPa"', "signals.needle_lift.unit", "'MPa'", "um"),
+    "unknown index": (LIFT, f'{LIFT}\nindex = "Index"', "signals.needle_lift.index", "Index"),
+    "index that is none": (LIFT, f'{LIFT}\nindex = "Counter"', "signals.needle_lift.index", "32 bits"),
+    "counter beside an index": (LIFT, f'{LIFT}\nindex = "SampleIndex"\ncounter = "Counter"',
+        "signals.needle_lift.counter", "index"),
+    "time base of one input of a message": (LIFT, f'{LIFT}\ntime_base = "other"',
+        "signals.needle_lift.time_base", "SampleBlock", "same for all signals"),
+    "delay below 0": (LIFT, f"{LIFT}\ndelay_us = -5", "signals.needle_lift.delay_us", "0 to 1000000 us"),
+    "lag too long": (LIFT, f"{LIFT}\nlag_us = 1500", "signals.needle_lift.lag_us", "0 to 150 us"),
+    "lag in words": (LIFT, f'{LIFT}\nlag_us = "slow"', "signals.needle_lift.lag_us", "0 to 150 us"),
+    "lag of the rail pressure": (RAIL, f"{RAIL}\nlag_us = 5", "rail_pressure", "'lag_us'", "'filter_delay_us'"),
+    "delay of a filter too long": (LINE, f"{LINE}\nfilter_delay_us = 900", "filter_delay_us", "0 to 500 us"),
+    "a slower needle lift": (LIFT, f"{LIFT}\nrate_hz = 10e3", "signals.needle_lift.rate_hz", "lift"),
+    "hold of a signal that is not slower": (RAIL, f"{RAIL}\nmax_hold_ms = 5",
+        "signals.rail_pressure.max_hold_ms", "slower", "leave it out"),
+    "optional input from nowhere": (END, f'{FUEL}"Fuel"', "signals.fuel_temperature", "FuelTemperature"),
+    "optional input of another quantity": (END, f'{FUEL}"FuelTemperature"\nunit = "bar"',
+        "signals.fuel_temperature.unit", "'bar'", "degC"),
+    "no time for an optional input": (END, f'{FUEL}"FuelTemperature"\ntimeout_ms = 0',
+        "signals.fuel_temperature.timeout_ms", "above 0 ms"),
+    # numbers out of their range
+    "rate in kHz": ("rate_hz = 50e3", "rate_hz = 50", "sampling.rate_hz", "1000 to 1000000 Hz"),
+    "rate that is no number": ("rate_hz = 50e3", "rate_hz = nan", "sampling.rate_hz", "1000 to 1000000 Hz"),
+    "rate too low for the model": ("50e3", "1e3", "sampling.rate_hz", "integration steps a sample"),
+    "bridge in us": ("bridge_ms = 0.5", "bridge_ms = 500", "sampling.bridge_ms", "0 to 5 ms"),
+    "no noise": ("MPa = 0.15", "MPa = 0", "noise.line_pressure_MPa", "up to 5 MPa"),
+    "noise in Pa": ("MPa = 0.15", "MPa = 150000", "noise.line_pressure_MPa", "up to 5 MPa"),
+    "endless noise": ("MPa = 0.15", "MPa = inf", "noise.line_pressure_MPa", "up to 5 MPa"),
+    "status too often": ("period_ms = 100", "period_ms = 0.1", "outputs.status_period_ms", "10 to 10000 ms"),
+    "gap too long": ("event_gap_ms = 10", "event_gap_ms = 100", "learning.event_gap_ms", "2 to 50 ms"),
+    "a choice that is none": ('"instant"', '"average"', "sampling.meaning", '"instant"', '"mean"'),
+    "training that is none": ("enabled = true", 'training = "papers"',
+        "learning.training", '"prediction_error"', '"paper"'),
+    "training without its gain": ("enabled = true", 'training = "paper"', "needs 'identification_gain'"),
+    "no gain": ("enabled = true", f"{PAPER}0", "learning.identification_gain", "a number above 0"),
+    "gain without its training": ("enabled = true", "identification_gain = 1e5",
+        "no effect with training = 'prediction_error'"),
+    # results
+    "unknown rates": ('"InjectionRate"', '"Rates"', "outputs.injection_rate", "InjectionRate"),
+    "unknown summary": ("injector_id = 1", 'injection_summary = "X"', "outputs.injection_summary", "message X"),
+    "unknown status": ("injector_id = 1", 'status = "Nothing"', "outputs.status", "message Nothing not in"),
+    "message of an input for results": ('"InjectionRate"', '"SampleBlock"',
+        "outputs.injection_rate", "message SampleBlock has no signal"),
+    "identifier of an input": ("injector_id = 1", "injection_rate_id = 0x100",
+        "outputs.injection_rate_id", "SampleBlock and InjectionRate share 0x100"),
+    "identifier of another result": ("injector_id = 1", "injection_rate_id = 0x201",
+        "outputs.injection_rate_id", "and InjectionSummary share 0x201"),
+    "identifier beyond CAN": ("injector_id = 1", "status_id = 0x20000000", "outputs.status_id", "to 536870911"),
+    "one message for two results": ("injector_id = 1", 'status = "InjectionSummary"',
+        "outputs", "2 results share the message InjectionSummary", "give each its own"),
+    "input for a result": ("injector_id = 1", 'status = "SampleBlock"', "outputs.status_id", "share 0x100"),
+    # files
+    "no such injector file": (END, '[model]\nfile = "x.toml"\n', "model.file", "x.toml does not exist"),
+    "a folder for the injector file": (END, '[model]\nfile = "."\n', "bench.toml: model.file", "folder"),
+    "a bench file for the injector file": (END, '[model]\nfile = "bench.toml"\n',
+        "bench.toml: link: unknown key", "fluid"),
+    "state in no folder": (END, '[state]\nfile = "no/learned.json"\n', "state.file", "no such folder"),
+    "journal in no folder": (END, '[state]\njournal = "no/all.sqlite"\n', "state.journal", "no such folder"),
+    "state and journal in one": (END, '[state]\nfile = "x"\njournal = "x"\n', "state.journal", "another"),
+    "state in the bench file": (END, '[state]\nfile = "bench.toml"\n', "bench.toml: state.file"),
+    "saved at no time": (END, "[state]\nsave_within_s = 0\n", "state.save_within_s", "0.1 to 3600 s"),
+    # recordings
+    "column without a name": (END, f"{RECORDING}{{}}\n", "line_pressure.column"),
+    "unit of a column": (END, f'{RECORDING}{{ column = "q", unit = "furlong" }}\n',
+        "recording.line_pressure", "'furlong'", "MPa"),
+    "two separators": (END, f'{RECORDING}{{ column = "q" }}\nseparator = ";;"\n',
+        "recording.separator", "one character"),
+    "separator and decimal alike": (END, f'{RECORDING}{{ column = "q" }}\nseparator = ","\ndecimal = ","\n',
+        "recording", "decimal"),
+    "factor of nothing": (END, f'{RECORDING}{{ column = "q", factor = 0 }}\n',
+        "recording.line_pressure", "factor"),
+    # several injectors
+    "results of two injectors alike": (END, TWO, "injectors", "give each its own"),
+    "key that is not an injector's": (END, "[injectors.left.link]\nfd = true\n", "injectors.left.link"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_mistake_is_named_and_does_not_start(command: Command, tmp_path: Path, mistake: str) -> None:
+    old, new, *words = MISTAKES[mistake]
+    assert old in BENCH
+    path = tmp_path / "bench.toml"
+    path.write_text(BENCH.replace(old, new, 1) if old else BENCH + new, encoding="utf-8")
+    checked = command("check", "--bench", path)
+    assert checked.code in (1, 2)
+    for said in (
+        checked.err if checked.code == 2 else " ".join(checked.out.split()),
+        command.refused("run", "--bench", path),
+    ):
+        assert str(tmp_path) in said
+        assert all(word in said for word in words), said
+        assert "remedy: " in said or checked.code == 1
+
+
+@pytest.mark.parametrize(
+    ("encoding", "before"), [("latin-1", "# Prüfstand\n"), ("cp1252", "\n# 5 µm\n"), ("utf-16", "")]
+)
+def test_file_that_is_not_utf_8(command: Command, tmp_path: Path, encoding: str, before: str) -> None:
+    path = tmp_path / "bench.toml"
+    path.write_text(before + BENCH, encoding=encoding)
+    said = command.refused("check", "--bench", path)
+    assert f"{path}" in said
+    assert "save it as UTF-8" in said
+
+
+def test_mark_of_utf_8_is_passed_over(command: Command, tmp_path: Path) -> None:
+    path = tmp_path / "bench.toml"
+    path.write_text(BENCH, encoding="utf-8-sig")
+    command.done("check", "--bench", path)

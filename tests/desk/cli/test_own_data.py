@@ -1,0 +1,198 @@
+"""Files of the user's own layout, wrong units, overwriting, logs with a restart: at the command line."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from observer_rt.files.formats import read_recording, write_recording
+from observer_rt.files.signals.recording import Recording
+from tests.desk.cli.conftest import Command, document
+from tests.device import frames_of, later
+from tests.files.canlog.log_cases import sent_log, write_log
+
+SECTION = """
+[recording]
+[recording.time]
+column = "Zeit"
+unit = "ms"
+[recording.rail_pressure]
+column = "p_Rail"
+unit = "bar"
+[recording.needle_lift]
+column = "Hub"
+unit = "um"
+[recording.line_pressure]
+column = "p_Leitung"
+unit = "bar"
+"""
+
+
+@pytest.fixture
+def own(bench: Path) -> Path:
+    """Bench file with a `[recording]` section."""
+    bench.write_text(bench.read_text() + SECTION)
+    return bench
+
+
+@pytest.fixture
+def foreign(worn: Path, tmp_path: Path) -> Path:
+    """The worn injector as another tool would write it, a few rows lost, 20 ms not recorded."""
+    recording = read_recording(worn)
+    kept = np.delete(np.arange(recording.samples), [500, *range(6000, 7000)])
+    rows = [
+        f"{recording.time[k] * 1e3:.4f};{recording.rail_pressure[k] / 1e5:.2f};{recording.needle_lift[k] * 1e6:.2f};"
+        f"{recording.line_pressure[k] / 1e5:.2f};on"
+        for k in kept
+    ]
+    text = "\n".join(["Bench 7", "Zeit;p_Rail;Hub;p_Leitung;Mode", *rows]) + "\n"
+    path = tmp_path / "foreign.csv"
+    path.write_text(text.replace(".", ","))
+    return path
+
+
+def test_a_foreign_file_is_evaluated(command: Command, foreign: Path, own: Path, worn: Path) -> None:
+    outcome = command.done("evaluate", foreign, "--bench", own)
+    assert "1 gaps are bridged" in outcome.err
+    assert "split into 2 stretches" in outcome.err
+    (found,) = document(command, foreign, "--bench", own)["recordings"]
+    (known,) = document(command, worn, "--bench", own)["recordings"]
+    assert len(found["injections"]) in (3, 4)
+    masses = [each["mass_mg"] for each in known["injections"]]
+    assert found["injections"][0]["mass_mg"] == pytest.approx(masses[0], rel=5e-3)
+
+
+def test_check_shows_what_it_makes_of_a_file(command: Command, foreign: Path, own: Path) -> None:
+    outcome = command("check", "--bench", own, "--recording", foreign, "--json")
+    texts = [each["text"] for each in json.loads(outcome.out)["findings"] if each["topic"] == "recording"]
+    told = "\n".join(texts)
+    for part in (
+        "names in line 2",
+        "separated by ';'",
+        "decimal ','",
+        "rail_pressure is 'p_Rail' in bar (as the bench file says), every 0.02 ms",
+        "not used: Mode",
+        "samples at 50000 Hz",
+        "split into 2 stretches",
+        "needle_lift: ",
+    ):
+        assert part in told
+    own.write_text(own.read_text().replace('column = "Hub"\nunit = "um"', 'column = "Hub"\nunit = "mm"'))
+    outcome = command("check", "--bench", own, "--recording", foreign)
+    assert outcome.code == 1
+    assert "likely um" in " ".join(outcome.out.split())
+
+
+def test_a_foreign_file_without_a_mapping_names_the_way(command: Command, foreign: Path) -> None:
+    assert "[recording] of a bench file" in command.refused("evaluate", foreign)
+
+
+def test_stretches_become_files(command: Command, foreign: Path, own: Path, tmp_path: Path) -> None:
+    command.done("convert", foreign, tmp_path / "x.parquet", "--bench", own)
+    first, second = (read_recording(tmp_path / f"x_000{number}.parquet") for number in (1, 2))
+    assert (first.samples, first.sample_rate) == (6000, 50e3)
+    assert second.time[0] == pytest.approx(7000 / 50e3)
+    command.refused("convert", foreign, tmp_path / "x.parquet", "--bench", own)
+
+
+@pytest.mark.parametrize("name", ["rail_pressure", "line_pressure", "needle_lift"])
+@pytest.mark.parametrize("name_of_command", ["evaluate", "convert", "replay", "discover"])
+def test_wrong_units_are_refused_by_every_command(
+    command: Command, worn: Path, bench: Path, tmp_path: Path, name: str, name_of_command: str
+) -> None:
+    right = read_recording(worn)
+    factors = {name: 1e3 if name == "needle_lift" else 10.0}
+    if name == "rail_pressure":
+        factors["line_pressure"] = 10.0
+    signals = {each: values * factors.get(each, 1.0) for each, values in right.signals.items()}
+    rail, lift, line = (signals[each] for each in ("rail_pressure", "needle_lift", "line_pressure"))
+    path = tmp_path / "wrong.csv"
+    write_recording(path, Recording(right.time, rail, lift, line))
+    further: dict[str, list[object]] = {
+        "evaluate": [],
+        "convert": [tmp_path / "out.csv"],
+        "replay": ["--bench", bench],
+        "discover": ["--out", tmp_path / "found"],
+    }
+    said = command.refused(name_of_command, path, *further[name_of_command])
+    assert f"wrong.csv, {name}" in said
+    assert "mind the unit" in said
+    assert not (tmp_path / "out.csv").exists()
+
+
+def test_time_in_ms_is_named(command: Command, worn: Path, tmp_path: Path) -> None:
+    head, *rows = worn.read_text().splitlines()
+    slow = [f"{float(row.split(',', 1)[0]) * 1e3:.6g},{row.split(',', 1)[1]}" for row in rows]
+    path = tmp_path / "ms.csv"
+    path.write_text("\n".join([head, *slow]) + "\n")
+    said = command.refused("evaluate", path)
+    assert "is sampled at 50 Hz" in said
+    assert "unit of the time, which is likely ms" in said
+
+
+def test_nothing_is_overwritten_without_force(
+    command: Command, worn: Path, bench: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for line in (
+        "simulate --injections 1 --output mine.csv",
+        f"convert {worn} mine.log --bench {bench}",
+        f"evaluate {worn} --output mine.csv",
+        f"evaluate {worn} --plot mine.png",
+        f"evaluate {worn} --save-state mine.json",
+    ):
+        path = next(word for word in line.split() if word.startswith("mine"))
+        Path(path).write_bytes(b"")
+        said = command.refused(*line.split())
+        assert f"{path}: exists already" in said
+        assert "add --force" in said
+        assert Path(path).read_bytes() == b""
+        command.done(*line.split(), "--force")
+        assert Path(path).read_bytes() != b""
+    command.done("evaluate", worn, "--state", "mine.json", "--save-state", "mine.json")
+    Path("mine.blf").touch()
+    assert "exists already" in command.refused("record", "--out", "mine.blf", "--interface", "virtual")
+
+
+def test_truths_beside_recordings_are_left_out(command: Command, worn: Path, tmp_path: Path) -> None:
+    shutil.copy(worn, tmp_path / "worn.csv")
+    (tmp_path / "worn.csv.truth.csv").write_text("time_s,sac_pressure_MPa\n0,5\n")
+    outcome = command.done("evaluate", *sorted(tmp_path.glob("*.csv")))
+    assert "left out: 1 files truth.csv" in outcome.err
+    command.refused("evaluate", tmp_path / "worn.csv.truth.csv")
+
+
+def test_a_recording_becomes_a_log_by_a_bench_file(
+    command: Command, worn: Path, bench: Path, tmp_path: Path
+) -> None:
+    command.refused("convert", worn, tmp_path / "x.log")
+    command.done("convert", worn, tmp_path / "x.log", "--bench", bench)
+    ours, theirs = (
+        document(command, path, "--bench", bench)["recordings"][0]["injections"]
+        for path in (worn, tmp_path / "x.log")
+    )
+    assert [each["mass_mg"] for each in theirs] == [each["mass_mg"] for each in ours]
+
+
+def test_a_log_with_a_restart_is_split(command: Command, worn: Path, bench: Path, tmp_path: Path) -> None:
+    frames = frames_of(bench, worn)
+    again = later(frames, frames[-1].time + 1.0)
+    path = tmp_path / "bus.blf"
+    write_log(path, sent_log([*frames, *again]))
+    outcome = command.done("evaluate", path, "--bench", bench)
+    assert "a device was restarted" in outcome.err
+    (found,) = document(command, path, "--bench", bench)["recordings"]
+    assert len(found["injections"]) == 8
+    command.done("convert", path, tmp_path / "x.csv", "--bench", bench)
+    assert read_recording(tmp_path / "x_0001.csv").samples == read_recording(tmp_path / "x_0002.csv").samples
+
+
+def test_many_injections_are_summarised(command: Command, tmp_path: Path) -> None:
+    path = tmp_path / "many.csv"
+    arguments = ("--injections", 51, "--period", 12, "--energizing-time", 0.4, "--sample-rate", 50e3)
+    command.done("simulate", *arguments, "--output", path)
+    outcome = command.done("evaluate", path, "--no-learning")
+    rows = [line for line in outcome.out.splitlines() if "-" in line.split(" ")[0] or " %" in line]
+    assert 10 < len(rows) <= 20

@@ -1,0 +1,408 @@
+"""README and docs: every command that needs no bus is run as it stands, where the files are that the page speaks of.
+
+Those that need one run in tests/daemon/test_on_vcan_pages.py. A command that is added to a page is run as well.
+"""
+
+import csv
+import importlib
+import json
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer.main
+
+import observer_rt.identification.discovery.findings
+import tools.benchmarks.__main__  # noqa: F401
+from observer_rt.bus.mapping.bus_map import map_bench
+from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench, load_injector
+from observer_rt.config.bench_file import LinkConfig
+from observer_rt.config.signals import SignalConfig
+from observer_rt.desk.check.findings import Level
+from observer_rt.desk.check.machine import interface_findings
+from observer_rt.desk.simulation.schedule import make_schedule
+from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
+from observer_rt.files.formats import read_recording, write_recording
+from observer_rt.model.baseline import Baseline
+from tests import own_injector, several_injectors
+from tests.desk.cli.conftest import Command, document
+from tests.pages import PAGES, ROOT, Page, needs_bus, serves_a_page, words_of
+from tools.benchmarks.command_line import app as bench
+
+NOT_RUN = {  # with the reason, and what looks after it instead
+    "tools/demo": "it is `observer-rt demo`, which test_demo.py runs, in a virtual environment of its own",
+    "tools/test": "it runs these tests",
+    "source .venv/bin/activate": "these tests run in that environment",
+    "pip install -e '.[batch,monitor]'": "below: the package has these extras",
+    "sudo ip link set can0 up type can bitrate 500000 dbitrate 5000000 fd on restart-ms 100": (
+        "it needs a controller; below: it is what `check` tells for the example bench file"
+    ),
+    "sudo ip link add vcan0 type vcan && sudo ip link set vcan0 mtu 72 up": (
+        "below: it is what `check` tells; the tests on a bus have one"
+    ),
+    (
+        "tools/vcan bash -c 'observer-rt run --bench bench.toml --json 2> run.log & "
+        'until grep -qs "start: ready\\|error" run.log; do sleep 1; done; '
+        "observer-rt replay worn.csv --bench bench.toml --speed 0.02; sleep 2; kill %1; wait'"
+    ): "test_on_vcan_pages.py types its two commands on such an interface",
+    "sudo prlimit --pid $$ --rtprio=99 --memlock=unlimited": (
+        "it changes the shell; test_checkup.py sees that `check` tells it"
+    ),
+    'sqlite3 -readonly injections.sqlite "SELECT judged_utc, mass_mg, nozzle_v_H FROM injection WHERE valid"': (
+        "the tool may not be there; test_on_vcan_pages.py gives the query to Python's sqlite3"
+    ),
+    "sudo cp tools/systemd/observer-rt.service /etc/systemd/system/": "tests/tools/test_systemd_unit.py",
+    "sudo mkdir -p /etc/observer-rt && sudo cp bench.toml injector.toml /etc/observer-rt/": (
+        "tests/tools/test_systemd_unit.py: the unit starts with these files"
+    ),
+    "sudo systemctl enable --now observer-rt": "it needs systemd as the first process",
+    "journalctl -u observer-rt -f": "it needs systemd as the first process",
+}
+SEVERAL_POINTS = ("--rail-pressure", "60,140", "--energizing-time", "0.6,1.9", "--injections", 4)
+WORN = ("--effect", "orifice_area:v_H=0.3")
+
+
+@pytest.fixture
+def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: Command) -> Path:
+    """The folder of somebody who follows the pages: their recordings are simulated, by what is shipped."""
+    monkeypatch.chdir(tmp_path)
+    Path("bench.toml").write_text(command("run", "--print-example-bench").out)
+    Path("injector.toml").write_text(command("run", "--print-example-injector").out)
+    return tmp_path
+
+
+def run_all(command: Command, commands: list[str]) -> None:
+    for line in commands:
+        words, into = words_of(line)
+        outcome = command.done(*words)
+        if into is not None:
+            into.write_text(outcome.out)
+
+
+def without_bus(page: Page) -> list[str]:
+    return [
+        line
+        for line in page.commands
+        if line not in NOT_RUN and not needs_bus(line) and not serves_a_page(line)
+    ]
+
+
+@pytest.mark.slow
+def test_the_commands_of_the_readme(command: Command, desk: Path) -> None:
+    measured = desk / "measured"
+    measured.mkdir()
+    command.done("simulate", *SEVERAL_POINTS, *WORN, "--output", measured / "injector_a.csv")
+    run_all(command, without_bus(Page("README.md")))
+    made = {"worn.png", "figures", "found", "bench.toml", "results"}
+    assert made <= {path.name for path in desk.iterdir()}
+    assert (desk / "results" / "trend.html").exists()
+
+
+@pytest.mark.slow
+def test_the_commands_on_many_recordings(command: Command, desk: Path) -> None:
+    for name, effect in (("a", ()), ("b", WORN)):
+        path = desk / "measured" / f"injector_{name}" / "run.csv"
+        path.parent.mkdir(parents=True)
+        command.done("simulate", *SEVERAL_POINTS, *effect, "--output", path)
+    run_all(command, without_bus(Page("docs/batch.md")))
+    page = (desk / "results" / "trend.html").read_text()
+    assert page.index("#1") < page.index(">b<") < page.index(">a<")
+    assert (desk / "wear.png").exists()
+
+
+@pytest.mark.slow
+def test_the_commands_on_recordings(command: Command, desk: Path) -> None:
+    page = Page("docs/recordings.md")
+    command.done("simulate", *SEVERAL_POINTS, *WORN, "--output", "worn.csv")
+    command.done("convert", "worn.csv", "made.log", "--bench", "bench.toml")
+    command.done("convert", "made.log", "bus.blf")
+    write_mine(page, Path("worn.csv"))
+    run_all(command, without_bus(page))
+    mine, worn = read_recording(Path("mine.mf4")), read_recording(Path("worn.csv"))
+    np.testing.assert_allclose(mine.needle_lift, worn.needle_lift, atol=1e-8)
+    np.testing.assert_allclose(mine.rail_pressure, worn.rail_pressure, rtol=1e-4)
+
+
+@pytest.mark.slow
+def test_the_commands_for_other_tools(command: Command, desk: Path) -> None:
+    command.done("simulate", "--injections", 4, *WORN, "--output", "worn.csv")
+    command.done("convert", "worn.csv", "made.log", "--bench", "bench.toml")
+    command.done("convert", "made.log", "bus.blf")
+    run_all(command, without_bus(Page("docs/measurement-tools.md")))
+    assert {"bus.asc", "bus.mf4", "signals.mf4", "trace.mf4"} <= {path.name for path in desk.iterdir()}
+
+
+def write_mine(page: Page, like: Path) -> None:
+    """A file in the layout of the page's `[recording]`, which goes into the bench file."""
+    (section,) = page.fenced("toml")
+    Path("bench.toml").write_text(EXAMPLE_BENCH.read_text() + section)
+    recording, mapped = read_recording(like), tomllib.loads(section)["recording"]
+    lift = mapped["needle_lift"]
+    columns = {
+        mapped["time"]["column"]: recording.time * 1e3,
+        mapped["rail_pressure"]["column"]: recording.rail_pressure / 1e5,
+        lift["column"]: (recording.needle_lift * 1e6 - lift["offset"]) / lift["factor"],
+        f"{mapped['line_pressure']['column']} [MPa]": recording.line_pressure / 1e6,
+    }
+    rows = np.stack(list(columns.values()), axis=1)
+    np.savetxt("mine.csv", rows, "%.9g", ";", header=";".join(columns), comments="")
+
+
+def test_every_other_command_is_looked_after() -> None:
+    on_pages = {line for page in PAGES for line in page.commands if not line.startswith("observer-rt ")}
+    assert on_pages == set(NOT_RUN)
+
+
+def test_the_interface_is_brought_up_as_check_tells(tmp_path: Path) -> None:
+    """With the bit rates of the example bench file."""
+    network = tmp_path / "can0"
+    network.mkdir()
+    for name, content in {"type": "280", "flags": "0x40040", "mtu": "72", "tx_queue_len": "1000"}.items():
+        (network / name).write_text(content)
+    (network / "operstate").write_text("down")
+    down = interface_findings(load_bench(EXAMPLE_BENCH).config.buses[0].config, network=tmp_path)[0]
+    assert down.level is not Level.OK
+    assert next(line for line in NOT_RUN if "ip link set can0" in line) in str(down)
+    missing = interface_findings(LinkConfig(channel="vcan0"), network=tmp_path)[0]
+    assert next(line for line in NOT_RUN if "ip link add vcan0" in line) in str(missing)
+
+
+def test_the_state_section_is_one(tmp_path: Path) -> None:
+    (section,) = (block for block in Page("docs/journal.md").indented() if block.startswith("[state]"))
+    path = tmp_path / "bench.toml"
+    text = re.sub(r"^\[state\]\n(?:.+\n)*", "", EXAMPLE_BENCH.read_text(), flags=re.M)
+    path.write_text(text + section)
+    fitted = load_bench(path).injector
+    assert (fitted.state, fitted.journal) == (tmp_path / "learned.json", tmp_path / "injections.sqlite")
+
+
+def test_the_keys_of_a_signal_are_those_there_are() -> None:
+    section = Page("docs/time.md").text.split("## The keys of `[signals.<role>]`\n")[1].split("\n## ")[0]
+    keys = set(re.findall(r"^\| `(\w+)` \|", section, re.M))
+    assert len(keys) > 5
+    assert keys <= set(SignalConfig.model_fields)
+
+
+def test_the_description_of_the_package_has_no_link_into_the_repository() -> None:
+    """On a package index it would lead nowhere."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    text = Page("README.md").text
+    for each in project["tool"]["hatch"]["metadata"]["hooks"]["fancy-pypi-readme"]["substitutions"]:
+        text = re.sub(each["pattern"], each["replacement"], text)
+    assert re.findall(r"\]\((?!https?:)", text) == []
+    assert "`docs/operating.md` of the sources" in text
+
+
+def test_the_extras_that_are_installed_are_there() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    named = {
+        name
+        for page in PAGES
+        for extras in re.findall(r"pip install .*\[([\w,]+)\]", page.text)
+        for name in extras.split(",")
+    }
+    assert {"batch", "monitor"} <= named <= set(project["optional-dependencies"])
+
+
+def test_the_readme_is_two_screens() -> None:
+    assert len(Page("README.md").text.splitlines()) <= 120
+
+
+def test_the_benchmarks_that_are_named_are_there() -> None:
+    named = {name for page in PAGES for name in re.findall(r"`tools/bench (\w[\w-]*)", page.text)}
+    there = typer.main.get_command(bench).commands  # type: ignore[attr-defined]
+    assert len(named) > 4
+    assert named <= set(there)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.path)
+def test_links_lead_somewhere(page: Page) -> None:
+    targets = re.findall(r"\]\((?!https?:)([^)#\s]+)", page.text)
+    assert [target for target in targets if not (ROOT / page.path).parent.joinpath(target).exists()] == []
+
+
+@pytest.mark.slow
+def test_the_commands_of_a_fit(command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    commands = [line for line in Page("docs/fit.md").commands if "healthy_*" not in line]
+    assert len(commands) == 4
+    run_all(command, commands)
+    assert Path("fitted.toml").exists()
+    assert Path("fit.png").exists()
+
+
+def test_the_keys_of_the_baseline_are_those_there_are() -> None:
+    section = Page("docs/fit.md").text.split("## `[baseline]`\n")[1].split("\n## ")[0]
+    keys = {
+        key for row in re.findall(r"^\| (`.*?`) \|", section, re.M) for key in re.findall(r"`(\w+)`", row)
+    }
+    assert keys == set(Baseline.model_fields) - {"format"}
+
+
+@pytest.mark.slow
+def test_the_commands_of_a_discovery(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    commands = [words_of(line)[0] for line in Page("docs/discovery.md").commands]
+    of_ones_own, *alone, compare = commands[:4] + commands[-1:]
+    assert of_ones_own[:2] == ["discover", "--out"]  # the same with other files, of the README
+    assert [words[0] for words in alone] == ["simulate", "discover", "evaluate"]
+    for words in alone:
+        command.done(*words)
+    assert {path.suffix for path in Path("found/data").iterdir()} == {".csv", ".svg"}
+    Path("found").rename("found_later")
+    command.done(*alone[1])
+    done = command.done(*compare)
+    assert "no change that shows" in done.out
+
+
+@pytest.mark.slow
+def test_from_unknown_to_the_daemon(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    page = Page("docs/discovery.md")
+    simulate_plugged, discover_plugged, evaluate_amended = (words_of(line)[0] for line in page.commands[4:-1])
+    plugged = NOMINAL_INJECTOR.read_text(encoding="utf-8") + (
+        '\n[[terms]]\nequation = "nozzle_flow"\nlaw = "-0.15 * (time_since_opening > 0.6)"\n'
+    )
+    Path("plugging.toml").write_text(plugged, encoding="utf-8")
+    command.done(*simulate_plugged)
+    found = command.done(*discover_plugged).out
+    table = command.done(*evaluate_amended).out
+    [proposal] = re.findall(
+        r"^ +proposal 1: as if the nozzle lost 15 % of its flow .*$", page.text, re.MULTILINE
+    )
+    assert proposal.strip().split(" = c *")[0] in " ".join(found.split())
+    rows = re.findall(r"^ +( [456]   .* yes)$", page.text, re.MULTILINE)
+    assert len(rows) == 3
+    assert [row for row in rows if row not in table] == []
+
+
+def test_every_reservation_is_explained() -> None:
+    source = Path(observer_rt.identification.discovery.findings.__file__).read_text(encoding="utf-8")
+    known = set(re.findall(r'Caveat\(\s*"(\w+)"', source))
+    assert len(known) > 5
+    assert set(re.findall(r"^\| `(\w+)` \|", Page("docs/discovery.md").text, re.MULTILINE)) - {"id"} == known
+
+
+LIBRARY = Page("docs/library.md")
+PROGRAMS = LIBRARY.fenced("python")
+NAMES = re.findall(r"^\|[^|]*\| `(observer_rt[\w.]+)` \| (.*) \|$", LIBRARY.text, flags=re.MULTILINE)
+
+
+def printed(program: str, folder: Path) -> list[str]:
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=folder, capture_output=True, text=True, check=True
+    )
+    return done.stdout.splitlines()
+
+
+@pytest.mark.slow
+def test_programs_do_what_the_page_says(tmp_path: Path) -> None:
+    recorded, reported, framed = PROGRAMS
+    made = simulate(load_injector(), make_schedule([100e6], 3, 0.05, [1.1e-3]), 100e3, noise=SimulatedNoise())
+    write_recording(tmp_path / "worn.csv", made.recording)
+    *lines, lag = printed(recorded + reported, tmp_path)
+    assert [re.sub(r"\d+\.\d mg", "x mg", line) for line in lines] == [
+        "1: x mg TOO_FEW_EVENTS",
+        "2: x mg TOO_FEW_EVENTS",
+        "3: x mg valid",
+    ]
+    assert re.fullmatch(r"\{'value': \S+, 'ci95': \[\S+, \S+\], 'unit': 's'\}", lag)
+    assert printed(framed, tmp_path) == ["1 frame with a wrong CRC"]
+
+
+def test_every_name_of_the_page_is_there() -> None:
+    assert len(NAMES) > 8
+    for module, names in NAMES:
+        found = importlib.import_module(module)
+        for name in re.findall(r"`(\w+)`", names):
+            assert hasattr(found, name), f"{module}.{name}"
+
+
+@pytest.mark.slow
+def test_the_commands_on_several_injectors(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    several_injectors.write_bench(tmp_path)
+    for words in several_injectors.make_log():
+        command.done(*words)
+    several_injectors.merge_logs(tmp_path)
+    command.done("convert", "engine.log", "engine.blf")
+    (tmp_path / "right.csv").unlink()
+    for line in several_injectors.PAGE.commands:
+        if not needs_bus(line):
+            command.done(*words_of(line)[0])
+    assert {"engine_left.png", "engine_right.png", "right.csv"} <= {path.name for path in tmp_path.iterdir()}
+    assert read_recording(tmp_path / "right.csv").samples > 10_000
+
+
+def test_the_variant_with_one_bus(tmp_path: Path) -> None:
+    (tmp_path / "one.toml").write_text(several_injectors.on_one_bus(tmp_path))
+    (tmp_path / "right.toml").write_text(several_injectors.NOMINAL_INJECTOR.read_text())
+    sent = [(layout.name, layout.frame_id) for layout in map_bench(load_bench(tmp_path / "one.toml")).sent]
+    assert sent == [
+        (name, identifier + step)
+        for step in (0, 0x10)
+        for name, identifier in (
+            ("InjectionRate", 0x300),
+            ("InjectionSummary", 0x301),
+            ("ObserverStatus", 0x302),
+        )
+    ]
+
+
+@pytest.mark.slow
+def test_the_page_on_an_injector_of_ones_own(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    own_injector.write_files(tmp_path)
+    for line in own_injector.PAGE.commands:
+        if line.startswith(("sudo", "tools/vcan")) or needs_bus(line):
+            continue  # tests/daemon/test_on_vcan_pages.py
+        words, into = words_of(line)
+        outcome = command.done(*words)
+        if into is not None:
+            into.write_text(outcome.out)
+        if line == own_injector.PRINT_BENCH:
+            own_injector.change_bench(tmp_path / "bench.toml")
+        elif words[:2] == ["check", "--bench"]:
+            assert "fitted.toml: adequate" in " ".join(outcome.out.split())
+    the_fit_is_as_the_page_says()
+    the_worn_injector_is(
+        document(command, "worn.csv", "--model", "fitted.toml")["recordings"][0]["injections"]
+    )
+    assert json.loads(Path("found/findings.json").read_text())["verdict"] == "named"
+
+
+def the_fit_is_as_the_page_says() -> None:
+    plant, by_file, fitted = (
+        load_injector(Path(name)) for name in ("plant.toml", "by_file.toml", "fitted.toml")
+    )
+    for found in (by_file, fitted):
+        assert (found.line_outflow, found.line.model) == (plant.line_outflow, plant.line.model)
+        assert found.baseline is not None
+        assert found.baseline.adequate
+    assert by_file.line.diameter == 2.4e-3
+    assert fitted.line.diameter == pytest.approx(plant.line.diameter, rel=0.005)
+    assert fitted.nozzle.flow_coefficient == pytest.approx(plant.nozzle.flow_coefficient, rel=0.01)
+    assert fitted.fluid.bulk_modulus_line == pytest.approx(plant.fluid.bulk_modulus_line, rel=0.01)
+
+
+def the_worn_injector_is(injections: list[dict[str, float]]) -> None:
+    """Every mass from the third on, beside the truth."""
+    assert [bool(one["valid"]) for one in injections] == [False, False, *[True] * 4]
+    with Path("worn.csv.truth.csv").open() as file:
+        rows = [{name: float(text) for name, text in row.items()} for row in csv.DictReader(file)]
+    for one in injections[2:]:
+        first = int(one["start_index"])
+        rates = [row["injection_rate_mm3_per_ms"] for row in rows[first - 100 : first + 2000]]
+        assert one["mass_mg"] == pytest.approx(sum(rates) * 0.01 * 0.83, rel=0.006)

@@ -1,0 +1,86 @@
+"""`observer-rt record` on the virtual bus of this process."""
+
+import json
+import os
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import can
+import pytest
+
+from observer_rt.files.formats import open_log
+from tests.desk.cli.conftest import Command
+
+CHANNEL = "record-test"
+ON_BUS = ("--interface", "virtual", "--channel", CHANNEL)
+
+
+@contextmanager
+def sending() -> Iterator[None]:
+    """Frames on the bus, classic and FD by turns, with the number of each as its content."""
+    over = threading.Event()
+
+    def send() -> None:
+        with can.Bus(interface="virtual", channel=CHANNEL, fd=True) as bus:
+            number = 0
+            while not over.wait(0.001):
+                data = number.to_bytes(8, "big")
+                bus.send(
+                    can.Message(arbitration_id=0x123, is_extended_id=False, is_fd=number % 2 == 1, data=data)
+                )
+                number += 1
+
+    sender = threading.Thread(target=send)
+    sender.start()
+    try:
+        yield
+    finally:
+        over.set()
+        sender.join()
+
+
+@pytest.mark.parametrize("suffix", [".blf", ".log"])
+def test_a_bus_is_recorded_frame_by_frame(command: Command, tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"bus{suffix}"
+    with sending():
+        outcome = command("record", "--out", path, *ON_BUS, "--frames", 50, "--json")
+    assert outcome.code == 0
+    assert json.loads(outcome.out)["frames"] == 50
+    assert json.loads(outcome.out)["files"] == [str(path)]
+    frames = list(open_log(path))
+    numbers = [int.from_bytes(found.frame.payload, "big") for found in frames]
+    assert numbers == list(range(numbers[0], numbers[0] + 50))
+    assert [found.frame.is_fd for found in frames] == [number % 2 == 1 for number in numbers]
+    assert abs(frames[-1].frame.stamp_ns / 1e9 - time.time()) < 60.0
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_completes_the_file(command: Command, tmp_path: Path, number: signal.Signals) -> None:
+    path = tmp_path / "bus.blf"
+
+    def interrupt() -> None:
+        while not path.exists():
+            time.sleep(0.01)
+        time.sleep(0.1)
+        os.kill(os.getpid(), number)
+
+    interrupter = threading.Thread(target=interrupt)
+    with sending():
+        interrupter.start()
+        outcome = command("record", "--out", path, *ON_BUS)
+        interrupter.join()
+    assert outcome.code == 0
+    log = open_log(path)
+    assert len(list(log)) > 0
+    assert log.notes() == []
+    assert "0 lost" in outcome.out
+
+
+def test_an_interface_that_is_not_there_is_a_failure_at_run_time(command: Command, tmp_path: Path) -> None:
+    outcome = command("record", "--out", tmp_path / "bus.blf", "--channel", "can_none_here")
+    assert (outcome.code, "remedy: " in outcome.err) == (1, True)
+    assert not list(tmp_path.iterdir())

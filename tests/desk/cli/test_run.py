@@ -1,0 +1,340 @@
+"""`observer-rt run` in this process: its signals, its learned state, its exit codes."""
+
+import contextlib
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+from typing import ClassVar
+
+import pytest
+
+from observer_rt.bus.links.link import Frame, Link, LinkDownError
+from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench, load_injector
+from observer_rt.daemon import port
+from observer_rt.daemon.persistence.state_file import load_knowledge, model_hash
+from observer_rt.files.formats import read_recording
+from observer_rt.files.replay.framing import TimedFrame
+from observer_rt.foundation.errors import RunError
+from tests.daemon.end_to_end import SUMMARY, Heard, decoded
+from tests.daemon.participants import BLOCK_ID, ScriptedLink, give_link, until
+from tests.desk.cli.bench_engineer import run_and_stop
+from tests.desk.cli.conftest import Command, module
+from tests.desk.cli.injector_files import FITTED, injector
+from tests.device import frames_of
+from tests.links import FakeLink
+
+
+@pytest.fixture
+def bench(bench: Path, tmp_path: Path) -> Path:
+    """Learning in lockstep, on a channel of the test's own."""
+    text = bench.read_text().replace("lockstep = false", "lockstep = true")
+    bench.write_text(text.replace('"can0"', f'"{tmp_path.name}"'))
+    return bench
+
+
+def valid_injections(heard: Heard) -> list[float]:
+    return [decoded(SUMMARY, payload)["Valid"] for payload in heard.summaries]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signal_is_a_clean_stop(command: Command, bench: Path, worn: Path, number: signal.Signals) -> None:
+    before = signal.getsignal(number)
+    outcome, heard = run_and_stop(command, bench, worn, number)
+    assert outcome.code == 0
+    assert outcome.out == ""
+    assert "ready" in outcome.err
+    assert "time stamps: arrival" in outcome.err
+    assert "injection 4 at index" in outcome.err
+    assert "stopped after" in outcome.err
+    samples = read_recording(worn).samples
+    assert heard.last_status()["SamplesProcessed"] == samples  # also those the look-ahead held
+    assert signal.getsignal(number) == before
+
+
+def test_state_is_saved_and_restored(command: Command, bench: Path, worn: Path, tmp_path: Path) -> None:
+    """With it the first valid injection is the second, without it the third."""
+    state = tmp_path / "learned.json"
+    first, heard = run_and_stop(command, bench, worn, signal.SIGTERM, "--state", state)
+    assert f"no learned state at {state}" in first.err
+    assert f"learned state saved in {state}" in first.err
+    assert valid_injections(heard) == [0, 0, 1, 1]
+    second, heard = run_and_stop(command, bench, worn, signal.SIGTERM, "--state", state)
+    assert "learned state restored" in second.err
+    assert "learned from 4 events" in second.err
+    assert valid_injections(heard) == [0, 1, 1, 1]
+    restored = load_knowledge(state, model_hash(load_injector())).knowledge
+    assert restored is not None
+    assert restored.events == 8
+
+
+@pytest.mark.slow
+def test_state_learned_from_nothing_earns_no_trust(
+    command: Command, bench: Path, worn: Path, resting: Path, tmp_path: Path
+) -> None:
+    state = tmp_path / "learned.json"
+    text = bench.read_text()
+    bench.write_text(text.replace("rate_hz = 50e3", "rate_hz = 100e3"))
+    run_and_stop(command, bench, resting, signal.SIGTERM, "--state", state)
+    bench.write_text(text)
+    _, heard = run_and_stop(command, bench, worn, signal.SIGTERM, "--state", state)
+    assert valid_injections(heard) == [0, 0, 1, 1]
+
+
+@pytest.mark.slow
+def test_an_inadequate_fit_is_told_at_the_start_and_nothing_is_valid(
+    command: Command, bench: Path, worn: Path, tmp_path: Path
+) -> None:
+    injector(tmp_path / "injector.toml", end=FITTED.format(adequate="false", rate=50e3))
+    bench.write_text(bench.read_text().replace("# file = ", "file = ", 1))
+    outcome, heard = run_and_stop(command, bench, worn, signal.SIGTERM)
+    (told,) = (line for line in outcome.err.splitlines() if "inadequate by its own fit" in line)
+    assert " WARNING start: injector.toml was found inadequate" in told
+    assert "remedy: see what `observer-rt fit` says to try" in told
+    assert valid_injections(heard) == [0, 0, 0, 0]
+    bench.write_text(bench.read_text().replace("on_inadequate_model = false", "on_inadequate_model = true"))
+    outcome, heard = run_and_stop(command, bench, worn, signal.SIGTERM)
+    assert "learned with all the same" in outcome.err
+    assert valid_injections(heard) == [0, 0, 1, 1]
+
+
+def test_damaged_state_is_set_aside(command: Command, bench: Path, resting: Path, tmp_path: Path) -> None:
+    state = tmp_path / "learned.json"
+    state.write_text('{"version": 1}')
+    bench.write_text(bench.read_text().replace("rate_hz = 50e3", "rate_hz = 100e3"))
+    outcome, _ = run_and_stop(command, bench, resting, signal.SIGTERM, "--state", state)
+    assert outcome.code == 0
+    assert "learned state not restored" in outcome.err
+    assert (tmp_path / "learned.json.set-aside-1").read_text() == '{"version": 1}'
+
+
+def test_link_that_fails_ends_with_the_state_saved(
+    command: Command, bench: Path, worn: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    state = tmp_path / "learned.json"
+    give_link(monkeypatch, ScriptedLink(frames_of(bench, worn), RunError("vcan9 went away")))
+    outcome = command("run", "--bench", bench, "--state", state)
+    assert outcome.code == 1
+    assert "error: vcan9 went away" in outcome.err
+    restored = load_knowledge(state, model_hash(load_injector())).knowledge
+    assert restored is not None
+    assert restored.events == 4
+
+
+def test_trouble_on_the_link_is_told(
+    command: Command, bench: Path, worn: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class TroubledLink(ScriptedLink):
+        warnings = ("a small receive buffer",)
+        failures: ClassVar = [LinkDownError("vcan9 is down"), RunError("vcan9 failed for good")]
+
+        def receive(self, timeout_s: float) -> Frame | None:
+            frame = super().receive(0.0)
+            if frame is None:
+                raise self.failures.pop(0)
+            return frame
+
+    give_link(monkeypatch, TroubledLink(frames_of(bench, worn)))
+    outcome = command("run", "--bench", bench)
+    assert outcome.code == 1
+    channel = load_bench(bench).config.link.channel
+    told = [
+        "WARNING link: a small receive buffer",
+        "ready",
+        "vcan9 is down",
+        f"{channel} is back",
+        "for good",
+    ]
+    places = [outcome.err.index(text) for text in told]
+    assert places == sorted(places)
+
+
+def test_without_a_terminal_the_view_gives_way_to_lines(command: Command, bench: Path, worn: Path) -> None:
+    outcome, _ = run_and_stop(command, bench, worn, signal.SIGINT, "--view")
+    assert outcome.code == 0
+    assert "no terminal for the view" in outcome.err
+    assert len(re.findall(r"INFO injection: injection \d at index", outcome.err)) == 4
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signal_while_starting_is_not_lost(bench: Path, tmp_path: Path, number: signal.Signals) -> None:
+    """From the first message on the process can be stopped, ready or not."""
+    state = tmp_path / "learned.json"
+    process = module("run", "--bench", bench, "--state", state, environment={"HOME": str(tmp_path)})
+    assert process.stderr is not None
+    assert "no learned state" in process.stderr.readline()
+    process.send_signal(number)
+    _, messages = process.communicate(timeout=120)
+    assert process.returncode == 0, messages
+    assert "Traceback" not in messages
+    assert "stop: " in messages
+
+
+def said_in(capture: Path, text: str) -> bool:
+    return capture.exists() and text in capture.read_text()
+
+
+def test_hang_up_takes_over_a_bench_file_that_was_changed(
+    command: Command, bench: Path, worn: Path, tmp_path: Path
+) -> None:
+    """What was learned goes on, though no file keeps it; a file with a mistake leaves the one before in force."""
+    log = tmp_path / "run.log"
+    text = bench.read_text()
+
+    def changed_to(new: str, said: str) -> None:
+        bench.write_text(text.replace("bridge_ms = 0.5", new))
+        os.kill(os.getpid(), signal.SIGHUP)
+        until(lambda: said_in(log, said))
+
+    def hang_up() -> bool:
+        changed_to("bridge_ms = 50", "not taken over, the one before goes on")
+        changed_to("bridge_ms = 0.5", "is as it was: nothing to take over")
+        changed_to("bridge_ms = 0.75", "what was learned from 4 events goes on in force")
+        until(lambda: log.read_text().count("start: ready") == 2)
+        return True
+
+    outcome, _ = run_and_stop(command, bench, worn, signal.SIGTERM, "--log", log, meanwhile=hang_up)
+    assert outcome.code == 0
+    assert "sampling.bridge_ms: 50 is not allowed; remedy: write a number from 0 to 5 ms" in outcome.err
+    assert "is taken over: sampling.bridge_ms 0.5 -> 0.75" in outcome.err
+    assert outcome.err.count("stop: stopped after") == 2
+
+
+def test_a_terminal_that_hangs_up_ends_it_in_order(bench: Path, tmp_path: Path) -> None:
+    log, state = tmp_path / "run.log", tmp_path / "learned.json"
+    ours, theirs = os.openpty()
+    files = {"--bench": bench, "--log": log, "--state": state}
+    words = [
+        sys.executable,
+        "-m",
+        "observer_rt",
+        "run",
+        *(str(word) for pair in files.items() for word in pair),
+    ]
+    process = subprocess.Popen(words, stdin=theirs, stdout=theirs, stderr=theirs, start_new_session=True)
+    os.close(theirs)
+    until(lambda: said_in(log, "start: ready"))
+    os.close(ours)
+    for _ in range(2):  # as kernel and shell do
+        process.send_signal(signal.SIGHUP)
+    assert process.wait(timeout=60) == 0
+    assert said_in(log, "stop: stopped after")
+    assert state.exists()
+
+
+@pytest.mark.parametrize(
+    ("option", "path"),
+    [("--print-example-bench", EXAMPLE_BENCH), ("--print-example-injector", NOMINAL_INJECTOR)],
+)
+def test_examples_can_be_used_as_they_are(command: Command, tmp_path: Path, option: str, path: Path) -> None:
+    outcome = command.done("run", option)
+    assert outcome.out == path.read_text()
+    (tmp_path / path.name).write_text(outcome.out)
+    if option == "--print-example-bench":
+        assert load_bench(tmp_path / path.name).config == load_bench().config
+    else:
+        assert load_injector(tmp_path / path.name) == load_injector()
+
+
+def test_what_check_only_warns_of_starts(
+    command: Command, bench: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench.write_text(bench.read_text().replace("needle_lift_um = 0.4", "needle_lift_um = 10"))
+    give_link(monkeypatch, ScriptedLink((), RunError("that was it")))
+    outcome = command("run", "--bench", bench)
+    assert (outcome.code, "INFO start: ready" in outcome.err) == (1, True)
+
+
+def test_an_interface_that_is_not_there_is_waited_for(
+    command: Command, bench: Path, worn: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At the start as later: what is awaited is told once, and the service begins as soon as it is there."""
+    link = ScriptedLink(frames_of(bench, worn), RunError("that was it"))
+    tries: list[str] = []
+
+    def opened(_interface: str, channel: str, _fd: bool, wanted: list[tuple[int, bool]], _: bool) -> Link:
+        tries.append(channel)
+        if len(tries) < 4:
+            raise LinkDownError(f"there is no interface {channel}\n  remedy: plug it in")
+        return link if (BLOCK_ID, False) in wanted else FakeLink()
+
+    monkeypatch.setattr(port, "open_link", opened)
+    outcome = command("run", "--bench", bench)
+    assert outcome.code == 1
+    channel = load_bench(bench).config.link.channel
+    assert outcome.err.count(f"waiting for the interface: there is no interface {channel}; remedy: plug") == 1
+    assert f"INFO link: {channel} is there" in outcome.err
+    assert "injection 4 at index" in outcome.err
+
+
+def test_it_can_be_stopped_while_it_waits_for_its_interface(bench: Path) -> None:
+    text = bench.read_text().replace('interface = "virtual"', 'interface = "serial"')
+    bench.write_text(text.replace(load_bench(bench).config.link.channel, "/dev/no-such-line"))
+    process = module("run", "--bench", bench)
+    assert process.stderr is not None
+    told = ""
+    while "waiting for the interface" not in told:
+        told = process.stderr.readline()
+        assert told, "ended by itself"
+    process.send_signal(signal.SIGTERM)
+    _, messages = process.communicate(timeout=60)
+    assert process.returncode == 0, messages
+    assert "stopped while it waited" in messages
+
+
+def test_another_sender_is_told_before_anything_is_sent(
+    command: Command, bench: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = TimedFrame(0.0, 0x202, False, True, bytes(64))
+
+    def opened(_interface: str, _channel: str, _fd: bool, wanted: list[tuple[int, bool]], _: bool) -> Link:
+        is_input = (BLOCK_ID, False) in wanted
+        return ScriptedLink((), RunError("that was it")) if is_input else ScriptedLink([other])
+
+    monkeypatch.setattr(port, "open_link", opened)
+    outcome = command("run", "--bench", bench)
+    assert "WARNING sender: another node sends ObserverStatus 0x202 already; remedy: stop" in outcome.err
+    assert outcome.err.index("sender:") < outcome.err.index("ready")
+
+
+EARLIER = "2026-03-01T12:00:00.000+01:00 INFO stop: an earlier run"
+
+
+def test_injections_as_lines_of_json_and_a_log(
+    command: Command, bench: Path, worn: Path, tmp_path: Path
+) -> None:
+    log = tmp_path / "run.log"
+    log.write_text(f"{EARLIER}\n")
+    outcome, _ = run_and_stop(command, bench, worn, signal.SIGTERM, "--json", "--log", log)
+    records = [json.loads(line) for line in outcome.out.splitlines()]
+    assert [record["number"] for record in records] == [1, 2, 3, 4]
+    assert [record["valid"] for record in records] == [False, False, True, True]
+    assert all(record["end_index"] > record["start_index"] > 0 for record in records)
+    lines = log.read_text().splitlines()
+    assert lines[0] == EARLIER
+    assert sum(" INFO injection: " in line for line in lines) == 4
+    assert "not valid: TOO_FEW_EVENTS: too few injections were judged yet" in log.read_text()
+    assert lines[1:] == outcome.err.splitlines()
+
+
+def test_the_service_manager_hears_of_it(
+    command: Command, bench: Path, worn: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """READY once it is compiled, the watchdog from the loop, STOPPING at the end."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(str(tmp_path / "notify"))
+        monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
+        monkeypatch.setenv("WATCHDOG_USEC", "600000")
+        run_and_stop(command, bench, worn, signal.SIGTERM)
+        manager.setblocking(False)
+        heard = []
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                heard.append(manager.recv(1000).decode())
+    assert heard[0] == "READY=1"
+    assert heard[-1] == "STOPPING=1"
+    assert "WATCHDOG=1" in heard

@@ -1,0 +1,77 @@
+"""Recordings of every sample rate through the commands that judge them: a result, or a refusal with its remedy."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tests.desk.cli.conftest import Command
+from tests.desk.cli.injector_files import FITTED, injector
+from tests.device import simulated
+
+HEADER = "time_s,rail_pressure_MPa,needle_lift_mm,line_pressure_MPa"
+KINDS = {"lump": ("lump", "nozzle", ""), "fitted": ("wave_two_part", "seat", FITTED)}
+
+
+@pytest.fixture(scope="module")
+def source() -> NDArray[np.float64]:
+    """Time [s], pressures [MPa] and lift [mm] of three injections, (n, 4)."""
+    one = simulated()
+    pressures = one.rail_pressure / 1e6, one.line_pressure / 1e6
+    return np.column_stack([one.time, pressures[0], one.needle_lift * 1e3, pressures[1]])
+
+
+def resampled(path: Path, source: NDArray[np.float64], rate: float) -> Path:
+    """The same at another rate [Hz], on straight lines."""
+    time = np.arange(int(source[-1, 0] * rate)) / rate
+    columns = [np.interp(time, source[:, 0], source[:, i]) for i in (1, 2, 3)]
+    np.savetxt(path, np.column_stack([time, *columns]), "%.9g", ",", header=HEADER, comments="")
+    return path
+
+
+def model(folder: Path, kind: str) -> Path:
+    line, outflow, end = KINDS[kind]
+    return injector(
+        folder / "injector.toml", line, outflow, end=end.format(adequate="true", rate=1e5) if end else ""
+    )
+
+
+def has_result_or_remedy(command: Command, *arguments: object) -> bool:
+    """Whether there is a result; else it is refused with a remedy."""
+    outcome = command(*arguments)
+    assert outcome.code == 0 or (outcome.code == 2 and "remedy: " in outcome.err), outcome.err
+    return outcome.code == 0
+
+
+@pytest.mark.parametrize("kind", list(KINDS))
+@pytest.mark.parametrize("rate", [500.0, 1e3, 2e3, 5e3, 12e3, 50e3])
+def test_evaluate(
+    command: Command, tmp_path: Path, source: NDArray[np.float64], kind: str, rate: float
+) -> None:
+    made = resampled(tmp_path / "made.csv", source, rate)
+    is_result = has_result_or_remedy(command, "evaluate", made, "--model", model(tmp_path, kind))
+    assert is_result == (rate >= (10e3 if kind == "lump" else 1e3))
+
+
+@pytest.mark.parametrize("name", ["fit", "discover"])
+@pytest.mark.parametrize("rate", [500.0, 5e3, 2e6])
+def test_fit_and_discover_refuse_what_shows_nothing(
+    command: Command, tmp_path: Path, source: NDArray[np.float64], name: str, rate: float
+) -> None:
+    made = resampled(tmp_path / "made.csv", source[: len(source) // 2], rate)
+    out = ("--output", tmp_path / "fitted.toml") if name == "fit" else ("--out", tmp_path / "out")
+    assert not has_result_or_remedy(command, name, made, "--model", model(tmp_path, "fitted"), *out)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", list(KINDS))
+@pytest.mark.parametrize("rate", [10e3, 300e3, 1e6])
+def test_discover(
+    command: Command, tmp_path: Path, source: NDArray[np.float64], kind: str, rate: float
+) -> None:
+    made = resampled(tmp_path / "made.csv", source, rate)
+    bench = tmp_path / "layout.toml"
+    bench.write_text(f'[sampling]\nrate_hz = {rate:g}\nmeaning = "mean"\n')
+    of = ("--model", model(tmp_path, kind), "--bench", bench, "--out", tmp_path / "out")
+    has_result_or_remedy(command, "discover", made, *of)

@@ -1,0 +1,69 @@
+"""`observer-rt simulate`: files it writes and mistakes it names."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from observer_rt.files.formats import read_recording
+from tests.desk.cli.conftest import Command
+
+FEW = ("--injections", "2", "--sample-rate", "50e3")
+
+
+def truth_columns(path: Path) -> dict[str, NDArray[np.float64]]:
+    """Columns of a truth file by header."""
+    header = path.read_text().split("\n", 1)[0].split(",")
+    table = np.loadtxt(path, delimiter=",", skiprows=1)
+    return dict(zip(header, table.T, strict=True))
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".mf4"])
+def test_recording_and_its_truth(command: Command, tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"made{suffix}"
+    outcome = command.done("simulate", *FEW, "--measured-rate", "--output", path)
+    assert outcome.out == ""
+    assert "2 events" in outcome.err
+    recording = read_recording(path)
+    assert recording.sample_rate == 50e3
+    assert recording.injection_rate is not None
+    truth = truth_columns(tmp_path / f"made{suffix}.truth.csv")
+    np.testing.assert_allclose(truth["time_s"], recording.time, atol=1e-9)
+    error = recording.injection_rate / 1e-6 - truth["injection_rate_mm3_per_ms"]
+    assert 0.2 < np.std(error) < 1.0  # it is a measurement
+
+
+def test_without_noise_the_recording_is_the_truth(command: Command, tmp_path: Path) -> None:
+    path = tmp_path / "clean.csv"
+    command.done("simulate", *FEW, "--noise", "off", "--output", path)
+    recording = read_recording(path)
+    truth = truth_columns(tmp_path / "clean.csv.truth.csv")
+    np.testing.assert_allclose(recording.line_pressure / 1e6, truth["line_pressure_MPa"], rtol=1e-9)
+    np.testing.assert_allclose(recording.needle_lift / 1e-3, truth["needle_lift_mm"], rtol=1e-9, atol=1e-9)
+    assert recording.injection_rate is None
+
+
+def test_shots_pressures_and_effects(command: Command, tmp_path: Path) -> None:
+    """Two events of pilot and main at their own pressures, through a nozzle that passes 30 % more."""
+    shots = ("--shots", "0.4@-2,1.0@0", "--rail-pressure", "60,120", "--noise", "off", *FEW)
+    flows = []
+    for name, effect in (("healthy", ()), ("worn", ("--effect", "orifice_area:v_H=0.3"))):
+        path = tmp_path / f"{name}.csv"
+        command.done("simulate", *shots, *effect, "--output", path)
+        flows.append(truth_columns(Path(f"{path}.truth.csv"))["injection_rate_mm3_per_ms"])
+    healthy, worn = flows
+    starts = np.count_nonzero(np.diff((healthy > 1.0).astype(int)) == 1)
+    assert starts == 4
+    half = healthy.size // 2
+    assert healthy[half:].max() > 1.25 * healthy[:half].max()
+    assert 1.2 < worn.max() / healthy.max() < 1.3  # the line yields a little
+
+
+def test_same_seed_same_file(command: Command, tmp_path: Path) -> None:
+    texts = []
+    for name, seed in (("a", 5), ("b", 5), ("c", 6)):
+        path = tmp_path / f"{name}.csv"
+        command.done("simulate", *FEW, "--measured-rate", "--seed", seed, "--output", path)
+        texts.append(path.read_bytes())
+    assert texts[0] == texts[1] != texts[2]

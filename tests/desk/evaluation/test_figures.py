@@ -1,0 +1,87 @@
+"""The picture of evaluated recordings: what is drawn can be seen, and nothing lies on anything else."""
+
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from observer_rt.desk.evaluation.curves import RateCurves
+from observer_rt.desk.evaluation.figures import MassRow, Picture, draw_masses, plot_injections
+from observer_rt.foundation.units import MILLIGRAM, MILLISECOND, MM3_PER_MS
+
+TIME = np.linspace(0.0, 2.0, 50) * MILLISECOND
+RATE = 60.0 * MM3_PER_MS * np.sin(np.linspace(0.0, np.pi, 50))
+
+
+def picture(title: str, sigma: float | None = None, reference: float | None = None) -> Picture:
+    """Injections of 50 and 100 mg by the nominal model, 1 % more as estimated; sigma: of their rate [mm3/ms]."""
+    known = None if sigma is None else np.full(TIME.size, sigma * MM3_PER_MS)
+    curves = {1: RateCurves("injection 1", TIME, 1.01 * RATE, RATE, None, known)}
+    rows = [
+        MassRow(
+            number,
+            1.01 * nominal * MILLIGRAM,
+            nominal * MILLIGRAM,
+            None if reference is None else reference * nominal * MILLIGRAM,
+            True,
+            (1.005 * nominal * MILLIGRAM, 1.015 * nominal * MILLIGRAM),
+        )
+        for number, nominal in enumerate((50.0, 100.0), 1)
+    ]
+    return Picture(title, curves, rows)
+
+
+@pytest.fixture
+def figure(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
+    """The figures that were written, kept."""
+    kept: list[Figure] = []
+    monkeypatch.setattr(plt, "close", kept.append)
+    return kept
+
+
+def test_a_percent_of_a_mass_can_be_seen_whatever_the_masses_are() -> None:
+    axes = Figure().add_subplot()
+    draw_masses(axes, [picture("one")], "measured")
+    low, high = axes.get_ylim()
+    assert high - low < 3.0
+    bars = [bar for bar in axes.patches if isinstance(bar, Rectangle)]
+    estimated = [bar.get_height() for bar in bars if bar.get_height()]
+    assert estimated == pytest.approx([1.0, 1.0])
+    assert {text.get_text() for text in axes.texts} == {"50.50", "101.00"}
+    assert "numbers: mg" in axes.get_title(loc="right")
+
+
+def test_errors_are_those_of_the_reference_where_there_is_one() -> None:
+    axes = Figure().add_subplot()
+    draw_masses(axes, [picture("one", reference=1.02)], "measured")
+    assert {text.get_text() for text in axes.texts} == {"-0.98"}
+    assert "mass error against measured" in axes.get_ylabel()
+
+
+def test_an_interval_that_tells_nothing_does_not_flatten_the_curves(
+    figure: list[Figure], tmp_path: Path
+) -> None:
+    plot_injections(tmp_path / "wide.png", [picture("one", sigma=50.0)], "measured")
+    low, high = figure[0].axes[0].get_ylim()
+    assert -10.0 < low < 0.0
+    assert 60.0 < high < 70.0
+
+
+@pytest.mark.parametrize("count", [2, 6, 8])
+def test_the_legend_of_several_recordings_lies_on_nothing(
+    figure: list[Figure], tmp_path: Path, count: int
+) -> None:
+    names = [f"measured_on_the_other_bench/recording_number_{number}.csv" for number in range(count)]
+    plot_injections(tmp_path / "several.png", [picture(name) for name in names], "measured")
+    (drawn,) = figure
+    (legend,) = drawn.legends
+    box = legend.get_window_extent()
+    assert box.x0 >= 0.0
+    assert box.x1 <= drawn.bbox.x1
+    others = [axes.get_tightbbox() for axes in drawn.axes]
+    assert not any(box.overlaps(other) for other in others if other is not None)
+    assert drawn.get_suptitle() == ""
+    assert f"{count} recordings" in legend.get_title().get_text()

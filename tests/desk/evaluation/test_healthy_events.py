@@ -1,0 +1,96 @@
+"""What the observer's x~ leaves of a healthy injector, and that learning does not take it for wear."""
+
+import numpy as np
+import pytest
+
+from observer_rt.config.bench import load_bench, load_injector
+from observer_rt.desk.evaluation.evaluate import evaluate
+from observer_rt.desk.evaluation.healthy_events import observer_remainder
+from observer_rt.desk.simulation.schedule import make_schedule
+from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
+from observer_rt.engine.estimation.healthy_shape import KNOTS
+from observer_rt.files.signals.recording import Recording
+from observer_rt.model.effects import sized
+from tests.baselines import baseline
+from tests.identification.fit.healthy import POINTS, simulations
+
+NOMINAL = load_injector()
+SWING = 0.6  # MPa, of what the model below leaves after an opening
+
+
+def ringing(recording: Recording, seed: int) -> Recording:
+    """The same injections with a line pressure that rings after each opening as no model knows, a little differently
+    each time."""
+    random = np.random.default_rng(seed)
+    open_now = recording.needle_lift > 20e-6
+    pressure = recording.line_pressure.copy()
+    for first in np.flatnonzero(open_now[1:] & ~open_now[:-1]):
+        time = np.arange(150) * 1e-5
+        size = SWING * random.normal(1.0, 0.2) * 1e6
+        pressure[first : first + 150] += size * np.sin(time / 40e-6) * np.exp(-time / 0.3e-3)
+    return Recording(recording.time, recording.rail_pressure, recording.needle_lift, pressure)
+
+
+@pytest.fixture(scope="module")
+def healthy() -> list[Recording]:
+    return [one.recording for one in simulations(injections=4)]
+
+
+@pytest.fixture(scope="module")
+def rung(healthy: list[Recording]) -> list[Recording]:
+    return [ringing(one, seed) for seed, one in enumerate(healthy)]
+
+
+def test_an_exact_model_leaves_noise(healthy: list[Recording]) -> None:
+    found = observer_remainder(NOMINAL, baseline(), healthy)
+    assert found is not None
+    assert found.overdispersion < 1.2
+    assert np.abs(found.shape.opening).max() < 0.1
+    assert found.variance.open == pytest.approx(1.0, abs=0.2)
+
+
+def test_what_comes_back_after_every_opening_is_found(rung: list[Recording]) -> None:
+    found = observer_remainder(NOMINAL, baseline(), rung)
+    assert found is not None
+    after = np.array(found.shape.opening)[(KNOTS > 0.0) & (KNOTS < 0.3e-3)]
+    assert after.max() > 0.5 * SWING
+
+
+def test_recordings_without_injections_say_nothing(healthy: list[Recording]) -> None:
+    one = healthy[0]
+    still = Recording(one.time, one.rail_pressure, np.zeros_like(one.needle_lift), one.rail_pressure)
+    assert observer_remainder(NOMINAL, baseline(), [still]) is None
+
+
+def test_injections_that_differ_beyond_noise_are_overdispersed() -> None:
+    """Every recording of another nozzle, by 4 %: no mean course explains that."""
+    recordings = [
+        simulate(
+            NOMINAL,
+            make_schedule([pressure], 3, 0.05, [duration]),
+            100e3,
+            (sized("orifice_area", v_H=0.04 if number % 2 else -0.04),),
+            SimulatedNoise(),
+            seed=number,
+        ).recording
+        for number, (pressure, duration) in enumerate(POINTS)
+    ]
+    found = observer_remainder(NOMINAL, baseline(), recordings)
+    assert found is not None
+    assert found.overdispersion > 1.5
+
+
+@pytest.mark.parametrize("is_known", [False, True])
+def test_what_a_model_leaves_of_the_healthy_injector_is_not_held_against_it(
+    rung: list[Recording], is_known: bool
+) -> None:
+    stated = baseline()
+    if is_known:
+        stated = stated.model_copy(update={"observer": observer_remainder(NOMINAL, stated, rung)})
+    bench = load_bench().with_parameters(NOMINAL.model_copy(update={"baseline": stated}))
+    history = evaluate(bench, rung)
+    results = [one for each in history.evaluations for one in each.injections][4:]
+    assert np.mean([one.report.valid for one in results]) == pytest.approx(1.0 if is_known else 0.0, abs=0.1)
+    if is_known:
+        shares = [one.report.mass / one.nominal_mass - 1.0 for one in results]
+        assert np.abs(shares).max() < 0.005

@@ -1,0 +1,172 @@
+"""The intervals of mass and rate against the truth of simulated worn injectors."""
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from observer_rt.config.bench import load_bench, load_injector
+from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate, evaluate_stream
+from observer_rt.desk.evaluation.figures import picture_of
+from observer_rt.desk.simulation.plant import Truth
+from observer_rt.desk.simulation.schedule import Shot, make_schedule
+from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
+from observer_rt.engine.reports.injection_report import InjectionReport
+from observer_rt.files.replay.framing import bench_for
+from observer_rt.model.effective import coefficients
+from observer_rt.model.effects import sized
+from tests.desk.evaluation.documents import recording_json
+
+BENCH, NOMINAL = load_bench(), load_injector()
+C = coefficients(NOMINAL)
+SAMPLE_RATE = 50e3
+SHOTS = [Shot(0.4e-3, -1.5e-3), Shot(1.1e-3, 0.0)]
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A recording evaluated, and its truth."""
+
+    found: Evaluation
+    truth: Truth
+
+    def errors(self, report: InjectionReport) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Error of the published rate and its sigma [m3/s] while it flows in an injection's window."""
+        window = slice(report.start_index, report.end_index + 1)
+        trace = self.found.trace
+        flowing = trace.injection_rate[window] > 1e-6
+        error = trace.injection_rate[window] - self.truth.injection_rate[window]
+        return error[flowing], trace.injection_rate_sigma[window][flowing]
+
+    def masses(self, report: InjectionReport) -> tuple[float, float, float]:
+        """Ends of the interval of an injection's mass, and the true one [kg]."""
+        assert report.mass_ci95 is not None
+        window = slice(report.start_index, report.end_index + 1)
+        true = float(np.trapezoid(self.truth.injection_rate[window])) / SAMPLE_RATE * C.density
+        return *report.mass_ci95, true
+
+
+@cache
+def run(seed: int, v_h: float, v_s: float = 0.0, twice: bool = False, learning: bool = True) -> Run:
+    """Six events, pilot and main, at three pressures."""
+    schedule = make_schedule([60e6, 100e6, 140e6], 6, 0.05, shots=SHOTS)
+    effects = (sized("orifice_area", v_H=v_h), sized("seat_area", v_S=v_s))
+    noise, bench = SimulatedNoise(), BENCH
+    if twice:
+        noise = SimulatedNoise(**{name: 2 * sigma for name, sigma in vars(noise).items()})
+        stated = BENCH.injector.config.noise
+        expected = {name: 2 * sigma for name, sigma in stated.model_dump().items()}
+        bench = BENCH.with_sections(noise=stated.model_copy(update=expected))
+    made = simulate(NOMINAL, schedule, SAMPLE_RATE, effects, noise, seed=seed)
+    (found,) = evaluate(bench, [made.recording], learning=learning).evaluations
+    return Run(found, made.truth)
+
+
+@cache
+def population() -> tuple[Run, ...]:
+    """Injectors worn at random, each with other noise."""
+    random = np.random.default_rng(11)
+    return tuple(run(seed, random.uniform(-0.4, 0.4), random.uniform(-0.3, 0.3)) for seed in range(16))
+
+
+@pytest.mark.slow
+def test_masses_lie_in_their_intervals() -> None:
+    """Of the injections from the third event on 95 % do; those of one injector are nearly one draw."""
+    inside = []
+    for made in population():
+        for report in made.found.reports[4:]:
+            low, high, true = made.masses(report)
+            assert high - low < 0.04 * true
+            inside.append(low <= true <= high)
+    assert np.mean(inside) >= 0.87
+
+
+def test_rates_lie_in_their_intervals() -> None:
+    shares = []
+    for made in population():
+        for report in made.found.reports[4:]:
+            error, sigma = made.errors(report)
+            shares.append(np.mean(np.abs(error) <= 1.96 * sigma))
+    assert np.mean(shares) >= 0.87
+
+
+def test_intervals_are_no_wider_than_the_errors_ask_for() -> None:
+    """Neither those of the masses, nor those of the rates: the errors fill them."""
+    masses, rates = [], []
+    for made in population():
+        for report in made.found.reports[4:]:
+            low, high, true = made.masses(report)
+            masses.append((0.5 * (low + high) - true) / (0.5 * (high - low) / 1.96))
+            error, sigma = made.errors(report)
+            rates.append(np.mean(error**2) / np.mean(sigma**2))
+    assert 0.6 < float(np.sqrt(np.mean(np.square(masses)))) < 1.4
+    assert 0.5 < float(np.sqrt(np.mean(rates))) < 1.4
+
+
+def test_before_anything_is_learned_the_interval_is_that_of_the_prior() -> None:
+    """The nominal rate of an injector that may be anything: right to some ten percent, not to one."""
+    made = run(3, 0.3)
+    error, sigma = made.errors(made.found.reports[1])
+    rate = made.truth.injection_rate.max()
+    assert np.mean(np.abs(error) <= 1.96 * sigma) > 0.9
+    assert 0.1 * rate < sigma.max() < rate
+    _, known = made.errors(made.found.reports[-1])
+    assert known.max() < 0.1 * sigma.max()
+
+
+def test_twice_the_noise_widens_both_intervals() -> None:
+    def widths(made: Run) -> tuple[float, float]:
+        last = made.found.reports[-1]
+        assert last.mass_ci95 is not None
+        return last.mass_ci95[1] - last.mass_ci95[0], float(np.mean(made.errors(last)[1]))
+
+    once, twice = widths(run(5, 0.2)), widths(run(5, 0.2, twice=True))
+    assert 1.4 * once[0] < twice[0] < 2.6 * once[0]
+    assert 1.4 * once[1] < twice[1] < 2.6 * once[1]
+
+
+def test_no_interval_where_nothing_was_learned() -> None:
+    made = run(3, 0.3, learning=False)
+    assert np.isnan(made.found.trace.injection_rate_sigma).all()
+    for injection in recording_json(made.found, C)["injections"]:
+        assert injection["rate_ci95_halfwidth_mm3_per_ms"] is None
+        assert injection["mass_ci95_mg"] is None
+
+
+def test_rate_has_a_sigma_in_the_windows_of_injections_only() -> None:
+    made = run(3, 0.3)
+    sigma = made.found.trace.injection_rate_sigma
+    expected = np.zeros(sigma.size, np.bool_)
+    for report in made.found.reports:
+        expected[report.start_index : report.end_index + 1] = True
+    np.testing.assert_array_equal(~np.isnan(sigma), expected)
+    shut = expected & (made.found.trace.injection_rate == 0.0)
+    assert shut.any()
+    assert sigma[shut].max() < 1e-7  # m3/s: with a shut needle nothing flows
+
+
+def test_mean_half_width_of_the_rate_in_the_document() -> None:
+    made = run(3, 0.3)
+    document = recording_json(made.found, C)
+    for result, injection in zip(made.found.injections, document["injections"], strict=True):
+        window = slice(result.report.start_index, result.report.end_index + 1)
+        flows = made.found.trace.injection_rate[window] != 0.0
+        mean = 1.96 * made.found.trace.injection_rate_sigma[window][flows].mean()
+        assert injection["rate_ci95_halfwidth_mm3_per_ms"] == pytest.approx(mean / 1e-6)
+    assert injection["rate_ci95_halfwidth_mm3_per_ms"] < 1.5
+
+
+def test_figure_gets_the_sigma_of_its_injections() -> None:
+    made = run(3, 0.3)
+    results = made.found.injections
+    bench = bench_for(BENCH, made.found.source)
+    (streamed,), _ = evaluate_stream(bench, [made.found.source], curves_of=C)
+    picture = picture_of(streamed, {1, 3})
+    assert set(picture.curves) == {1, 3}
+    assert [row.ci95 for row in picture.masses] == [result.report.mass_ci95 for result in results]
+    for curve in picture.curves.values():
+        assert curve.sigma is not None
+        assert curve.sigma.shape == curve.estimated.shape
+        assert np.isfinite(curve.sigma).all()

@@ -1,0 +1,219 @@
+"""CAN logs through the observer: the same frames in every format give the same, bit for bit."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from observer_rt.bus.links.link import Frame
+from observer_rt.config.bench import Bench, load_bench
+from observer_rt.desk.evaluation.evaluate import History, evaluate
+from observer_rt.desk.evaluation.logged import LoggedSignals
+from observer_rt.files.canlog.can_log import LogFrame
+from observer_rt.files.formats import log_formats, suffixes_of, written
+from observer_rt.files.replay.framing import Span, whole, windows
+from observer_rt.files.signals.recording import Recording
+from observer_rt.foundation.errors import UserError
+from tests.benches import bench_with, block_bench, own_bench
+from tests.daemon.time_frames import Clock, merged, plant, send, write_time_bench
+from tests.daemon.time_scenarios import LIFT_ALONE
+from tests.device import frames_of, later, simulated, worn_recording
+from tests.files.canlog.log_cases import sent_log, write_log
+
+BENCH = load_bench()
+RATE = 100e3
+START = 1_700_000_000_123_456_000  # ns since 1970
+HOLDING_FD = sorted(suffixes_of(each for each in written(log_formats()) if each.keeps_fd))
+
+
+def worn() -> Recording:
+    return simulated(3, 0.3, (60e6, 120e6), RATE, seed=3)
+
+
+@cache
+def frames(bench: Bench = BENCH) -> list[LogFrame]:
+    return log_of(worn(), whole(worn()), bench)
+
+
+def log_of(
+    recording: Recording, spans: list[Span], bench: Bench = BENCH, shift: float = 0.0
+) -> list[LogFrame]:
+    return sent_log(later(frames_of(bench, recording, spans), shift), START)
+
+
+@cache
+def expected() -> History:
+    return evaluate(BENCH, [worn()])
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Callable[[list[LogFrame], str], Path]:
+    def write(frames: list[LogFrame], suffix: str) -> Path:
+        path = tmp_path / f"bus{suffix}"
+        write_log(path, frames)
+        return path
+
+    return write
+
+
+@pytest.fixture
+def classic_bench(tmp_path: Path) -> Bench:
+    """Two samples in a frame of 8 bytes, one message a signal, 20 kHz."""
+    lines, signals = ['VERSION ""', "BU_: Daq"], {}
+    for number, (role, code) in enumerate(
+        (
+            ("rail_pressure", '(0.005,-10) [0|0] "MPa"'),
+            ("needle_lift", '(0.01,-50) [0|0] "um"'),
+            ("line_pressure", '(0.005,-10) [0|0] "MPa"'),
+        )
+    ):
+        lines += [f"BO_ {0x300 + number} {role}_frame: 8 Daq", ' SG_ Index : 0|32@1+ (1,0) [0|0] "" Daq']
+        lines += [f" SG_ {role}_{k} : {32 + 16 * k}|16@1+ {code} Daq" for k in range(2)]
+        signals[role] = f'message = "{role}_frame"\nindex = "Index"\npattern = "{role}_{{}}"'
+    rate = "[sampling]\nrate_hz = 20e3\n"
+    return load_bench(own_bench(tmp_path, "\n".join([*lines, ""]), signals, rate))
+
+
+Write = Callable[[list[LogFrame], str], Path]
+
+
+@pytest.mark.parametrize("suffix", HOLDING_FD)
+def test_the_same_frames_give_the_same_in_every_format(write: Write, suffix: str) -> None:
+    logged = LoggedSignals(BENCH, write(frames(), suffix))
+    assert logged.notes == ()
+    history = evaluate(BENCH, [logged])
+    assert history.frames == expected().frames
+    assert len(history.evaluations[0].reports) == 3
+    for name, values in vars(expected().evaluations[0].trace).items():
+        found = getattr(history.evaluations[0].trace, name)
+        np.testing.assert_array_equal(found[: len(values)], values)
+
+
+@pytest.mark.parametrize("suffix", sorted(suffixes_of(written(log_formats()))))
+def test_the_same_classic_frames_give_the_same_in_every_format(
+    write: Write, classic_bench: Bench, suffix: str
+) -> None:
+    recording = simulated(2, 0.0, (60e6,), 20e3, seed=4)
+    path = write(log_of(recording, whole(recording), classic_bench), suffix)
+    logged = LoggedSignals(classic_bench, path)
+    assert logged.notes == ()
+    known = evaluate(classic_bench, [recording])
+    assert len(known.evaluations[0].reports) == 2
+    assert evaluate(classic_bench, [logged]).frames == known.frames
+
+
+def test_a_classic_format_refuses_the_frames(write: Write) -> None:
+    with pytest.raises(UserError, match=r"classic frames only"):
+        write(frames(), ".trc")
+
+
+def test_delays_stay_in_what_was_sent(write: Write) -> None:
+    """Whoever reads the samples undoes them, once."""
+    path = write(frames(), ".blf")
+    late = bench_with(
+        rail_pressure={"filter_delay_us": 30.0},
+        needle_lift={"filter_delay_us": 23.0, "lag_us": 16.0},
+        line_pressure={"filter_delay_us": 7.0},
+    )
+    found, sent = (LoggedSignals(bench, path).collected() for bench in (late, BENCH))
+    for name in ("time", "rail_pressure", "needle_lift", "line_pressure"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(sent, name))
+    assert evaluate(late, [LoggedSignals(late, path)]).frames == evaluate(late, [worn()]).frames
+
+
+def test_what_the_observer_was_given(write: Write) -> None:
+    found = LoggedSignals(BENCH, write(frames(), ".blf")).collected()
+    known = worn()
+    assert found.sample_rate == RATE
+    assert known.samples <= found.samples < known.samples + 9
+    for name, step in (("rail_pressure", 0.005e6), ("needle_lift", 0.01e-6), ("line_pressure", 0.005e6)):
+        error = np.abs(getattr(found, name)[: known.samples] - getattr(known, name))
+        assert error.max() <= 0.501 * step
+
+
+def test_samples_that_were_lost_are_not_available(write: Write) -> None:
+    kept = frames()[:100] + frames()[103:]
+    found = LoggedSignals(BENCH, write(kept, ".log")).collected()
+    assert np.flatnonzero(np.isnan(found.rail_pressure[: 9 * 1000])).tolist() == list(range(900, 927))
+
+
+def test_windows_of_a_source_keep_their_place(write: Write) -> None:
+    spans = windows(worn())
+    logged = LoggedSignals(BENCH, write(log_of(worn(), spans), ".log"))
+    assert logged.logged[0].first_index == spans[0].start
+    sent = ~np.isnan(logged.collected().line_pressure)
+    known = np.concatenate([np.arange(span.start, span.end) for span in spans])
+    assert set(known - spans[0].start) <= set(np.flatnonzero(sent))
+    (found,) = evaluate(BENCH, [logged]).evaluations
+    assert [report.start_index for report in found.reports] == pytest.approx(
+        [report.start_index for report in expected().evaluations[0].reports], abs=2
+    )
+
+
+def test_inputs_on_several_channels_need_a_choice(write: Write) -> None:
+    doubled = [frame._replace(channel=channel) for frame in frames() for channel in "12"]
+    path = write(doubled, ".blf")
+    with pytest.raises(UserError, match="SampleBlock is on several channels: 1, 2"):
+        LoggedSignals(BENCH, path)
+    assert evaluate(BENCH, [LoggedSignals(BENCH, path, ("2",))]).frames == expected().frames
+    with pytest.raises(UserError, match="no channel 7"):
+        LoggedSignals(BENCH, path, ("7",))
+
+
+def test_a_log_of_another_bus_names_what_it_has(write: Write) -> None:
+    other = [frame._replace(frame=frame.frame._replace(frame_id=0x555)) for frame in frames()[:5]]
+    with pytest.raises(UserError, match=r"holds no frame of SampleBlock \(0x100\); it has 0x555"):
+        LoggedSignals(BENCH, write(other, ".log"))
+
+
+def test_stamps_that_contradict_the_sample_rate_are_told(write: Write) -> None:
+    slow = [f._replace(frame=f.frame._replace(stamp_ns=START + 900_000 * n)) for n, f in enumerate(frames())]
+    (note,) = LoggedSignals(BENCH, write(slow, ".log")).notes
+    assert "by its stamps 1e+04 samples a second were sent, the bench file says 100000" in note
+
+
+def test_lift_of_another_clock_is_brought_to_the_samples_of_the_line_pressure(tmp_path: Path) -> None:
+    """It moves by 1.2 um/us at most: 20 us late it would be wrong by up to 24 um."""
+    bench = load_bench(write_time_bench(tmp_path, 20e3, LIFT_ALONE))
+    sent = merged(send("RailLine", Clock(20e3), end=1.2), send("Lift", Clock(20e3, 20e-6), end=1.2))
+    path = tmp_path / "two_clocks.log"
+    write_log(path, [LogFrame(Frame(f.frame_id, f.payload, f.stamp_ns), "1") for f in sent])
+    logged = LoggedSignals(bench, path)
+    truth = plant()[1]
+    found = logged.collected()
+    lift = np.interp(found.time + logged.logged[0].first_index / 20e3, truth.time, truth.needle_lift)
+    moving = (lift > 50e-6) & (lift < 250e-6) & ~np.isnan(found.needle_lift)
+    assert moving.sum() > 20
+    assert np.abs(found.needle_lift - lift)[moving].max() < 8e-6
+
+
+def test_a_message_that_is_not_in_the_log_is_named(tmp_path: Path) -> None:
+    """Not the bench file is blamed: the frames of the other messages are good."""
+    bench = block_bench(tmp_path, "virtual", ["x"])
+    sent = frames_of(bench, worn_recording())
+    write_log(tmp_path / "a.log", sent_log(frame for frame in sent if frame.frame_id != 0x111))
+    with pytest.raises(UserError) as refused:
+        LoggedSignals(load_bench(bench), tmp_path / "a.log")
+    assert "NeedleLiftBlock 0x111 (needle_lift): no frame in the log" in refused.value.problem
+    assert "--bench" not in (refused.value.remedy or "")
+
+
+def test_a_message_that_ends_early_is_named(tmp_path: Path) -> None:
+    bench = block_bench(tmp_path, "virtual", ["x"])
+    sent = frames_of(bench, worn_recording(injections=24))
+    part = [frame for frame in sent if frame.frame_id != 0x111 or frame.time < 0.5]
+    write_log(tmp_path / "a.log", sent_log(part))
+    notes = LoggedSignals(load_bench(bench), tmp_path / "a.log").notes
+    assert any("NeedleLiftBlock 0x111 (needle_lift): no frame in the last 0.9 s" in note for note in notes)
+
+
+def test_a_dead_sensor_in_a_log_is_named(tmp_path: Path) -> None:
+    bench = block_bench(tmp_path, "virtual", ["x"])
+    recording = worn_recording(injections=12)
+    dead = replace(recording, needle_lift=np.zeros_like(recording.needle_lift))
+    write_log(tmp_path / "a.log", sent_log(frames_of(bench, dead)))
+    (note,) = LoggedSignals(load_bench(bench), tmp_path / "a.log").notes
+    assert "NeedleLiftBlock 0x111 (needle_lift): needle_lift is frozen" in note

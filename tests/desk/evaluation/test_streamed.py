@@ -1,0 +1,200 @@
+"""Files in parts through the observer: the same bits as in one piece, in memory that does not grow."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import load_bench
+from observer_rt.desk.evaluation import passage
+from observer_rt.desk.evaluation.evaluate import evaluate, evaluate_stream
+from observer_rt.desk.evaluation.logged import LoggedSignals
+from observer_rt.desk.evaluation.passage import Passage, Signal
+from observer_rt.desk.evaluation.spool import Spool
+from observer_rt.files.formats import open_recording, write_recording
+from observer_rt.files.replay.framing import Framer, whole
+from observer_rt.files.signals import csv_table
+from observer_rt.files.signals.recording import Chunk, Recording
+from observer_rt.files.signals.stream import HeldSignals, SignalStream, Stretch
+from observer_rt.model.effects import effective_model
+from tests.desk.evaluation.documents import recording_json
+from tests.device import frames_of, later, simulated
+from tests.files.canlog.log_cases import sent_log, write_log
+
+BENCH = load_bench()
+C = effective_model(BENCH.injector.parameters).coefficients
+
+
+def worn() -> Recording:
+    return simulated(4, 0.3, (60e6, 120e6), 100e3, seed=3, measured_rate=True)
+
+
+class Cut(SignalStream):
+    """A recording in stretches, read in chunks of any size."""
+
+    def __init__(self, recording: Recording, bounds: list[int], at_once: int) -> None:
+        super().__init__(recording.path)
+        self._recording, self._bounds, self._at_once = recording, bounds, at_once
+        self.rate = recording.sample_rate
+        self.has_rate = recording.injection_rate is not None
+        pairs = list(pairwise(bounds))
+        self.stretches = tuple(Stretch(float(recording.time[a]), b - a) for a, b in pairs)
+
+    def chunks(self) -> Iterator[Chunk]:
+        r = self._recording
+        for number, (begin, end) in enumerate(pairwise(self._bounds)):
+            for first in range(begin, end, self._at_once):
+                part = slice(first, min(end, first + self._at_once))
+                assert r.injection_rate is not None
+                yield Chunk(
+                    r.time[part],
+                    r.rail_pressure[part],
+                    r.needle_lift[part],
+                    r.line_pressure[part],
+                    r.injection_rate[part],
+                    r.path,
+                    self.rate,
+                    number,
+                    first - begin,
+                )
+
+
+@pytest.mark.parametrize("at_once", [701, 9000])
+def test_in_parts_as_in_one_piece(tmp_path: Path, at_once: int) -> None:
+    recording = worn()
+    traces = [tmp_path / "found.csv", tmp_path / "known.csv"]
+    (found,), _ = evaluate_stream(BENCH, [Cut(recording, [0, recording.samples], at_once)], traces[:1])
+    (known,), _ = evaluate_stream(BENCH, [HeldSignals(recording)], traces[1:])
+    assert recording_json(found, C) == recording_json(known, C)
+    assert traces[0].read_bytes() == traces[1].read_bytes()
+
+
+def test_a_file_read_in_parts_as_in_one_piece(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "worn.csv"
+    write_recording(path, worn())
+    (known,), _ = evaluate_stream(BENCH, [open_recording(path)])
+    monkeypatch.setattr(csv_table, "SAMPLES_AT_ONCE", 777)
+    (found,), _ = evaluate_stream(BENCH, [open_recording(path)])
+    assert recording_json(found, C) == recording_json(known, C)
+
+
+def test_stretches_are_one_history_with_a_pause_between(tmp_path: Path) -> None:
+    recording = worn()
+    middle = recording.samples // 2
+    (found,), _ = evaluate_stream(BENCH, [Cut(recording, [0, middle, recording.samples], 5000)])
+    halves = [Cut(recording, [a, b], 5000).collected() for a, b in ((0, middle), (middle, recording.samples))]
+    known = evaluate(BENCH, halves).evaluations
+    results = [result for evaluation in known for result in evaluation.injections]
+    assert [result.report.mass for result in found.injections] == [result.report.mass for result in results]
+    assert [result.start for result in found.injections] == [result.start for result in results]
+    assert len(results) == 4
+
+
+def test_a_restarted_device_splits_the_log(tmp_path: Path) -> None:
+    frames = frames_of(BENCH, worn())
+    end = frames[-1].time + 1.0
+    again = later(frames, end)
+    path = tmp_path / "bus.blf"
+    write_log(path, sent_log([*frames, *again]))
+    log = LoggedSignals(BENCH, path)
+    assert len(log.logged) == 2
+    assert any("a device was restarted" in note for note in log.notes)
+    (found,), _ = evaluate_stream(BENCH, [log], [tmp_path / "trace.csv"])
+    known = evaluate(BENCH, [worn()]).evaluations[0].injections
+    assert len(found.injections) == 8
+    assert [each.report.mass for each in found.injections[:4]] == [each.report.mass for each in known]
+    masses = np.array([each.report.mass for each in found.injections])
+    np.testing.assert_allclose(masses[4:], masses[3], rtol=0.6)  # two pressures
+    assert len((tmp_path / "trace.csv").read_text().splitlines()) == 1 + found.samples
+    starts = [each.start for each in found.injections]
+    assert starts == sorted(starts)
+    decoded = list(log.chunks())
+    assert sum(chunk.samples for chunk in decoded) == log.samples
+
+
+def test_what_is_remembered_does_not_grow(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(passage, "RING", 4096)
+    sizes: list[int] = []
+    give = Passage.give
+
+    def watched(self: Passage, time: Signal, measured_rate: Signal | None) -> None:
+        give(self, time, measured_rate)
+        sizes.append(self.time.size)
+
+    monkeypatch.setattr(Passage, "give", watched)
+    monkeypatch.setattr("observer_rt.desk.evaluation.run.RING", 4096)
+    recording = worn()
+    assert recording.samples > 15_000
+    evaluate_stream(BENCH, [Cut(recording, [0, recording.samples], 1000)])
+    assert max(sizes) < 4096 + 3000
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".mf4", ".parquet"])
+def test_a_trace_is_in_the_format_of_its_suffix(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"trace{suffix}"
+    source = HeldSignals(worn())
+    evaluate_stream(BENCH, [source], [path])
+    (known,) = evaluate(BENCH, [worn()]).evaluations
+    time, rate, state = _columns(path)
+    np.testing.assert_allclose(time, worn().time, rtol=1e-8)
+    np.testing.assert_allclose(rate, known.trace.injection_rate / 1e-6, rtol=1e-8, atol=1e-12)
+    assert set(state) == {"RUNNING_NOMINAL", "ADAPTED", "STARTING"} & set(state)
+    assert "ADAPTED" in state
+
+
+def _columns(path: Path) -> tuple[Signal, Signal, list[str]]:
+    if path.suffix == ".mf4":
+        from asammdf import MDF
+
+        with MDF(path) as file:
+            rate = file.get("injection_rate")
+            assert rate.unit == "mm3/ms"
+            return rate.timestamps, rate.samples, [word.decode() for word in file.get("state").samples]
+    if path.suffix == ".parquet":
+        import pyarrow.parquet
+
+        table = pyarrow.parquet.read_table(path)
+        return (
+            table["time_s"].to_numpy(),
+            table["injection_rate_mm3_per_ms"].to_numpy(),
+            table["state"].to_pylist(),
+        )
+    rows = [line.split(",") for line in path.read_text().splitlines()[1:]]
+    rates = np.array([float(row[1] or "nan") for row in rows])
+    return np.array([float(row[0]) for row in rows]), rates, [row[3] for row in rows]
+
+
+@pytest.mark.parametrize("in_memory", [1, 2, 5, 6])
+def test_a_spool_is_a_sequence(in_memory: int) -> None:
+    spool: Spool[tuple[int, str]] = Spool(in_memory)
+    for number in range(5):
+        spool.append((number, str(number)))
+        assert spool[0] == (0, "0")
+    assert list(spool) == [(number, str(number)) for number in range(5)]
+    assert spool[-1] == (4, "4")
+    assert spool[1:3] == [(1, "1"), (2, "2")]
+
+
+@pytest.mark.slow
+def test_a_log_with_long_holes_as_in_one_piece(tmp_path: Path) -> None:
+    """Holes longer than the observer remembers: a row of the trace for every sample all the same."""
+    framer = Framer(map_bus(BENCH))
+    frames, begin = [], 0.0
+    for _ in range(3):
+        frames += [frame._replace(time=frame.time + begin) for frame in framer.frames(worn(), whole(worn()))]
+        framer.pause(100_000)
+        begin = framer.next_index / 100e3
+    path = tmp_path / "bus.blf"
+    write_log(path, sent_log(frames))
+    log = LoggedSignals(BENCH, path)
+    assert (len(log.logged), len(log.logged[0].resumed)) == (1, 2)
+    in_parts, in_one_piece = tmp_path / "found.csv", tmp_path / "known.csv"
+    (found,), _ = evaluate_stream(BENCH, [log], [in_parts])
+    log.logged = (replace(log.logged[0], resumed=()),)
+    (known,), _ = evaluate_stream(BENCH, [log], [in_one_piece])
+    assert recording_json(found, C) == recording_json(known, C)
+    assert in_parts.read_bytes() == in_one_piece.read_bytes()

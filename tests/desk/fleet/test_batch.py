@@ -1,0 +1,82 @@
+"""A batch on a real cluster of processes: nothing is lost, doubled or done again, whatever is killed or damaged."""
+
+import shutil
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+from observer_rt.desk.fleet.batch import read_injections
+from observer_rt.files.formats import write_recording
+from observer_rt.foundation.files import file_hash
+from tests.desk.fleet.rows import masses
+from tests.desk.fleet.running import PATIENCE, ended, started, wait_until, workers_of
+from tests.device import simulated
+
+pytestmark = pytest.mark.slow
+INJECTIONS = 6
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two recordings of each of three injectors, one of them twice, a damaged one, and a truth."""
+    folder = tmp_path_factory.mktemp("measured")
+    for number in range(6):
+        wear = 0.1 * (number % 3)
+        made = simulated(INJECTIONS, wear, (60e6, 120e6), seed=number)
+        path = folder / f"injector_{number % 3}" / f"run_{number // 3}.csv"
+        path.parent.mkdir(exist_ok=True)
+        write_recording(path, made)
+    shutil.copy(folder / "injector_1" / "run_0.csv", folder / "injector_1" / "copy.csv")
+    (folder / "injector_2" / "damaged.csv").write_text("time_s,rail_pressure_MPa\n1,2\n")
+    (folder / "injector_2" / "run_0.csv.truth.csv").write_text("not for the observer")
+    return folder
+
+
+def test_a_killed_worker_loses_and_doubles_nothing_and_a_bad_file_is_a_row(
+    recordings: Path, tmp_path: Path
+) -> None:
+    process = started(recordings, "--out", tmp_path)
+    wait_until(process, (tmp_path / "done.jsonl").exists)
+    workers_of(process)[0].kill()
+    said = ended(process)
+
+    assert (said["done"], said["skipped"], said["failed"]) == (6, 1, 1)
+    rows = read_injections(tmp_path).to_pylist()
+    keys = [(row["file"], row["number"]) for row in rows]
+    assert len(set(keys)) == len(keys) == said["injections"]
+    failed = pq.read_table(tmp_path / "errors.parquet").to_pylist()
+    assert [Path(each["file"]).name for each in failed] == ["damaged.csv"]
+
+    for path in sorted(recordings.glob("*/run_?.csv")):
+        mine = [row for row in rows if row["sha256"] == file_hash(path)]
+        assert [row["mass_mg"] for row in mine] == pytest.approx(masses(path), rel=1e-12)
+        assert {row["injector"] for row in mine} == {path.parent.name[-1]}
+
+    again = ended(started(recordings, "--out", tmp_path))
+    assert (again["done"], again["skipped"], again["failed"]) == (0, 7, 1)
+    assert read_injections(tmp_path).num_rows == len(rows)
+
+
+def test_an_interrupted_batch_goes_on(recordings: Path, tmp_path: Path) -> None:
+    process = started(recordings, "--out", tmp_path)
+    wait_until(process, (tmp_path / "done.jsonl").exists)
+    process.terminate()
+    _, err = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 130
+    assert "give the same command again" in err
+    before = read_injections(tmp_path).num_rows
+    assert before > 0
+
+    said = ended(started(recordings, "--out", tmp_path))
+    assert said["done"] != 0
+    assert said["done"] + said["skipped"] == 7
+    assert read_injections(tmp_path).num_rows == before + said["injections"]
+
+
+def test_no_scheduler_is_said_with_what_to_do(recordings: Path, tmp_path: Path) -> None:
+    process = started(recordings, "--out", tmp_path, "--scheduler", "tcp://127.0.0.1:1")
+    _, err = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 1
+    assert "tcp://127.0.0.1:1" in err
+    assert "remedy: start one" in err

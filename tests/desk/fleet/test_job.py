@@ -1,0 +1,79 @@
+"""What a worker makes of one file, which it reads once."""
+
+import gc
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pytest
+
+from observer_rt.config.bench import load_bench
+from observer_rt.desk.fleet.job import FailedFile, Task, evaluated
+from observer_rt.engine.service.core import Core
+from observer_rt.engine.signal_survey import refuse_implausible
+from observer_rt.files.formats import open_recording, write_recording
+from observer_rt.files.signals.recording import Recording
+from observer_rt.files.signals.stream import SAMPLES_AT_ONCE
+from observer_rt.foundation.errors import UserError
+from tests.desk.fleet.rows import masses
+from tests.device import worn_recording
+
+
+def worn() -> Recording:
+    return worn_recording(24, 0.2)
+
+
+def result_of(path: Path) -> pa.Table | FailedFile:
+    return evaluated(Task(load_bench(), path.parent, learning=False), Path(path.name), "hash")
+
+
+def test_rows_are_those_of_evaluate(tmp_path: Path) -> None:
+    path = tmp_path / "worn.parquet"
+    write_recording(path, worn())
+    table = result_of(path)
+    assert isinstance(table, pa.Table)
+    assert table.num_rows == 24
+    assert table["mass_mg"].to_pylist() == pytest.approx(masses(path, learning=False), rel=1e-12)
+
+
+def test_a_rate_that_the_beginning_does_not_tell(tmp_path: Path) -> None:
+    """The file is looked through, then."""
+    path = tmp_path / "slower.parquet"
+    late = np.maximum(np.arange(worn().samples) - SAMPLES_AT_ONCE, 0) * 5e-10
+    write_recording(path, replace(worn(), time=worn().time + late))
+    assert open_recording(path).sample_rate < 49_999.5
+    table = result_of(path)
+    assert isinstance(table, pa.Table)
+    assert table["mass_mg"].to_pylist() == pytest.approx(masses(path, learning=False), rel=1e-12)
+
+
+def test_what_is_no_injector_has_no_rows(tmp_path: Path) -> None:
+    """As it is refused where a file is looked through before."""
+    path = tmp_path / "bar.parquet"
+    write_recording(path, replace(worn(), rail_pressure=0.1 * worn().rail_pressure))
+    source = open_recording(path)
+    with pytest.raises(UserError) as refused:
+        refuse_implausible(path, source.survey)
+    failed = result_of(path)
+    assert isinstance(failed, FailedFile)
+    assert failed.problem == str(refused.value)
+
+
+def test_nothing_is_left_of_a_file(tmp_path: Path) -> None:
+    """Thousands of them follow each other, and some 10 MB of each would add up until somebody looks for garbage."""
+    path = tmp_path / "worn.parquet"
+    write_recording(path, worn())
+    gc.collect()
+    gc.disable()
+    before = _cores()  # that other tests keep
+    try:
+        result_of(path)
+        assert _cores() == before
+    finally:
+        gc.enable()
+
+
+def _cores() -> set[int]:
+    """All that are there; not by isinstance: some are weak proxies."""
+    return {id(each) for each in gc.get_objects() if type(each) is Core}

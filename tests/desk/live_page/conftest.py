@@ -1,0 +1,54 @@
+"""A real browser, without a screen; and a monitor that serves its page to it."""
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, Page, Request, sync_playwright
+
+from observer_rt.foundation.errors import UserError
+from tests.daemon.end_to_end import command
+from tools.benchmarks.live_page.watched import launch, served
+
+Serve = Callable[..., str]
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    """Tests cannot do without one."""
+    with sync_playwright() as playwright:
+        try:
+            started = launch(playwright)
+        except UserError as error:
+            pytest.fail(str(error), pytrace=False)
+        yield started
+        started.close()
+
+
+@pytest.fixture
+def page(browser: Browser) -> Iterator[Page]:
+    """A page that must not ask any other computer for anything, nor fail in its own code."""
+    opened = browser.new_page(viewport={"width": 1920, "height": 1080})
+    wrong: list[str] = []
+
+    def note(request: Request) -> None:
+        if not request.url.startswith(("http://127.0.0.1", "ws://127.0.0.1", "data:", "blob:")):
+            wrong.append(request.url)
+
+    opened.on("request", note)
+    opened.on("pageerror", lambda error: wrong.append(str(error)))
+    yield opened
+    opened.close()
+    assert wrong == []
+
+
+@pytest.fixture
+def serve(tmp_path: Path) -> Iterator[Serve]:
+    """Starts `observer-rt monitor` with some arguments; gives the address of its page."""
+    with ExitStack() as stack:
+
+        def started(*arguments: str | Path) -> str:
+            return stack.enter_context(served(command("monitor", "--port", "0", *arguments), tmp_path)).url
+
+        yield started

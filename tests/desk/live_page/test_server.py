@@ -1,0 +1,92 @@
+"""The page's server among clients that are no browsers: half requests, odd messages, addresses of other computers."""
+
+import resource
+import socket
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from urllib.error import URLError
+from urllib.parse import urlsplit
+from urllib.request import urlopen
+
+import pytest
+from tornado.ioloop import IOLoop
+from tornado.websocket import websocket_connect
+
+from tests.daemon.end_to_end import command
+from tests.daemon.participants import bench_file, until
+from tools.benchmarks.live_page.watched import Served, served
+
+pytestmark = pytest.mark.slow
+DESCRIPTORS = 1024  # that a process may open on most computers
+HALF = 1100  # requests that never end
+
+
+@contextmanager
+def silent(folder: Path, *arguments: str) -> Iterator[Served]:
+    """A monitor of a bus where nothing comes, with the usual limit of open files."""
+    bench = bench_file(folder, "served")
+    words = command("monitor", "--port", "0", "--bench", bench, *arguments)
+    with served(["prlimit", f"--nofile={DESCRIPTORS}", *words], folder) as monitor:
+        yield monitor
+
+
+def answers(url: str) -> bool:
+    """Whether the page is served."""
+    try:
+        with urlopen(url, timeout=5.0) as found:
+            return bool(found.status == 200)
+    except (URLError, OSError):
+        return False
+
+
+def said_until_end(monitor: Served) -> list[str]:
+    """What it says from now on, once it is asked to end."""
+    monitor.process.terminate()
+    assert monitor.process.stderr is not None
+    return monitor.process.stderr.read().splitlines()
+
+
+@pytest.fixture
+def many_files() -> Iterator[None]:
+    """This process may open more than the monitor."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, min(hard, 4 * HALF)), hard))
+    yield
+    resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+
+
+@pytest.mark.usefixtures("many_files")
+def test_requests_that_never_end_are_limited_and_given_up(tmp_path: Path) -> None:
+    """They come before any token; the page is served again while they are still held."""
+    with silent(tmp_path) as monitor, ExitStack() as stack:
+        place = urlsplit(monitor.url)
+        for _ in range(HALF):
+            half = stack.enter_context(socket.create_connection((place.hostname, place.port)))
+            half.sendall(b"GET / HTTP/1.1\r\n")
+        until(lambda: answers(monitor.url))
+        (line, remedy) = said_until_end(monitor)
+    assert "connections at once" in line
+    assert "remedy" in remedy
+
+
+def test_odd_messages_close_their_socket_and_say_nothing(tmp_path: Path) -> None:
+    with silent(tmp_path) as monitor:
+        url = f"{monitor.url.replace('http', 'ws', 1)}drawings"
+        loop = IOLoop(make_current=False)
+        for message in ("", "{", "[]", '["choose"]', "[" * 900, '["step", null]', "x" * 5000):
+            page = loop.run_sync(lambda: websocket_connect(url))
+            loop.run_sync(lambda page=page, said=message: page.write_message(said))
+            while loop.run_sync(page.read_message) is not None:
+                pass
+        loop.close(all_fds=True)
+        assert answers(monitor.url)
+        assert said_until_end(monitor) == []
+
+
+def test_the_address_for_other_computers_is_one_they_can_open(tmp_path: Path) -> None:
+    with silent(tmp_path, "--address", "0.0.0.0") as monitor:
+        found = urlsplit(monitor.url)
+        assert found.hostname not in (None, "0.0.0.0", "localhost")
+        assert not str(found.hostname).startswith("127.")
+        assert answers(found._replace(netloc=f"127.0.0.1:{found.port}").geturl())

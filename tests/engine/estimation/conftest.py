@@ -1,0 +1,153 @@
+"""Shared by the tests of the estimation engine: events simulated with the model itself: the truth is known."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from observer_rt.config.bench import load_injector
+from observer_rt.core.model.laws import lagged
+from observer_rt.core.model.model import advance_state
+from observer_rt.engine.estimation.gain import GainSchedule, NoiseLevels, gain_schedule
+from observer_rt.engine.estimation.predictor import Setting, Window, innovations
+from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter, learned_of
+from observer_rt.model.effective import Coefficients, coefficients
+from observer_rt.model.effects import effective_model, sized
+from observer_rt.model.integrator import Interval
+from observer_rt.model.network import HIDDEN
+from observer_rt.model.parameters import InjectorParameters, LineOutflow
+from observer_rt.model.sensor import LAG_UNIT
+from observer_rt.model.stability import substeps_needed
+
+SAMPLE_RATE = 100e3
+NOISE = NoiseLevels(rail_pressure=0.1e6, line_pressure=0.15e6, needle_lift=0.4e-6)
+RAIL = 0.95
+
+
+@dataclass(frozen=True)
+class Case:
+    """A model with its gain at 100 kHz."""
+
+    c: Coefficients
+    schedule: GainSchedule
+    setting: Setting
+
+    def tuned_to(self, theta: NDArray[np.float64]) -> "Case":
+        """The same model with the gain for the line and the sensor of theta."""
+        learned = learned_of(theta, self.c)
+        schedule = gain_schedule(learned.coefficients, NOISE, SAMPLE_RATE, learned.lag)
+        return Case(self.c, schedule, self.setting._replace(gain=schedule.gains[-1].copy()))
+
+
+@pytest.fixture(scope="session", params=list(LineOutflow), ids=str)
+def case(request: pytest.FixtureRequest) -> Case:
+    """The nominal injector in both outflow forms."""
+    return make_case(load_injector().model_copy(update={"line_outflow": request.param}))
+
+
+@pytest.fixture(scope="session", params=list(LineOutflow), ids=str)
+def affected(request: pytest.FixtureRequest) -> Case:
+    """Both forms with effects in force on everything the predictor computes."""
+    injector = load_injector().model_copy(update={"line_outflow": request.param})
+    model = effective_model(
+        injector,
+        [
+            sized("orifice_area", v_H=0.1),
+            sized("guide_leakage", c=1e-14),
+            sized("pressure_dependent_bulk_modulus", n=6.0),
+            sized("entrained_air", g=2e-3),
+            sized("orifice_cavitation", n_crit_excess=0.15),
+            sized("chamber_pressure_rise", dp=6e6, s=0.5),
+        ],
+    )
+    c = model.coefficients
+    schedule = gain_schedule(c, NOISE, SAMPLE_RATE, 10e-6, 0.4)
+    substeps = substeps_needed(model.injector, SAMPLE_RATE)
+    setting = Setting(
+        1 / SAMPLE_RATE, substeps, c, schedule.gains[-1].copy(), late=0.4, lag=10e-6, offset=0.006
+    )
+    return Case(c, schedule, setting)
+
+
+@pytest.fixture(scope="session")
+def nominal() -> Case:
+    """The nominal injector in the paper's form."""
+    return make_case(load_injector())
+
+
+def make_case(injector: InjectorParameters) -> Case:
+    c = coefficients(injector)
+    schedule = gain_schedule(c, NOISE, SAMPLE_RATE)
+    substeps = substeps_needed(injector, SAMPLE_RATE)
+    return Case(c, schedule, Setting(1 / SAMPLE_RATE, substeps, c, schedule.gains[-1].copy()))
+
+
+def worn_theta(seed: int = 1) -> NDArray[np.float64]:
+    """A parameter vector (PARAMETERS,) with every entry away from 0: offset 0.4 MPa, lag 25 us."""
+    random = np.random.default_rng(seed)
+    theta = np.zeros(PARAMETERS)
+    theta[Parameter.NOZZLE_BIAS] = 0.25
+    theta[Parameter.NOZZLE_WEIGHT : Parameter.NOZZLE_WEIGHT + HIDDEN] = random.uniform(0.02, 0.08, HIDDEN)
+    theta[Parameter.SEAT_BIAS] = -0.15
+    theta[Parameter.LINE_PRESSURE_OFFSET] = 0.004
+    theta[Parameter.LINE_FRICTION] = 0.8
+    theta[Parameter.GUIDE_LEAKAGE] = 0.03
+    theta[Parameter.BULK_MODULUS] = -0.07
+    theta[Parameter.SENSOR_LAG] = 25e-6 / LAG_UNIT
+    theta[Parameter.ENTRAINED_AIR] = 0.02
+    theta[Parameter.BACK_PRESSURE : Parameter.BACK_PRESSURE + 2] = 0.03, 0.02
+    return theta
+
+
+def event_inputs(rail: float = RAIL, samples: int = 600) -> NDArray[np.float64]:
+    """Inputs (samples, 2) at 100 kHz: a stroke from 1 to 2.4 ms."""
+    time = np.arange(samples) / SAMPLE_RATE
+    area = np.interp(time, [1.0e-3, 1.3e-3, 2.1e-3, 2.4e-3], [0.0, 0.9, 0.9, 0.0])
+    return np.column_stack([np.full(samples, rail), area])
+
+
+def simulated_event(
+    case: Case, theta: NDArray[np.float64], inputs: NDArray[np.float64], seed: int | None = None
+) -> Window:
+    """What is measured of an injector that is exactly `theta`; `seed` adds the noise of NOISE."""
+    learned = learned_of(theta, case.c)
+    c, setting = learned.coefficients, case.setting
+    x = settled_line(c, float(inputs[0, 0]))
+    start = np.array([*x, x[0]])
+    indicated = [x[0]]
+    for u_start, u_end in pairwise((float(rail), float(area)) for rail, area in inputs):
+        before = x[0]
+        advance_state(
+            x, Interval(u_start, u_end, setting.interval, setting.substeps), c, learned.network, None
+        )
+        lag = setting.lag + learned.lag
+        indicated.append(lagged(indicated[-1], before, x[0], setting.interval, lag))
+    shown = np.array(indicated)
+    shown[1:] -= setting.late * np.diff(shown)
+    output = shown + setting.offset + learned.offset
+    measured = inputs.copy()
+    if seed is not None:
+        random = np.random.default_rng(seed)
+        output += random.normal(0.0, NOISE.line_pressure / case.c.pressure_scale, output.size)
+        measured[:, 0] += random.normal(0.0, NOISE.rail_pressure / case.c.pressure_scale, output.size)
+    opened = np.flatnonzero(inputs[:, 1])
+    opening = int(opened[0]) if opened.size else output.size
+    resting = np.arange(output.size) < opening
+    return Window(measured, output, resting, start, opening)
+
+
+def settled_line(c: Coefficients, rail: float) -> NDArray[np.float64]:
+    """The state behind a shut needle that has rested for long: what leaks flows in, against the friction."""
+    pressure = rail
+    for _ in range(50):
+        pressure = rail - c.line.a4 / c.line.a3 * (c.line.leak / c.line.a1 * pressure) ** 2
+    return np.array([pressure, c.line.leak / c.line.a1 * pressure, 0.0])
+
+
+def innovations_at(case: Case, window: Window, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Innovations (n,) of a window for theta."""
+    result = np.empty(window.output.size)
+    innovations(window, case.setting, learned_of(theta, case.c), result)
+    return result

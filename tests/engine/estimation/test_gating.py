@@ -1,0 +1,172 @@
+"""Scalars that must pay for themselves: against a search written another way."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from observer_rt.engine.estimation.gating import ENTER, STAY, Belief, Gate, GatedBelief, best_subset
+
+SIZE = 6
+GATE = Gate(columns=(1, 3, 4), lowest=(-0.5, 0.0, 0.0))
+
+
+def belief(seed: int, strength: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Information (SIZE, SIZE) and vector of a random Gaussian belief."""
+    random = np.random.default_rng(seed)
+    root = random.normal(size=(SIZE, SIZE))
+    information = strength * (root @ root.T + 0.2 * np.eye(SIZE))
+    return information, information @ random.normal(size=SIZE)
+
+
+def searched(
+    information: NDArray[np.float64], vector: NDArray[np.float64], active: frozenset[int]
+) -> tuple[NDArray[np.float64], frozenset[int]]:
+    """Every choice of on and off by least squares on a square root of the information."""
+    square_root = np.linalg.cholesky(information).T
+    target = np.linalg.solve(square_root.T, vector)
+    best: tuple[float, NDArray[np.float64], frozenset[int]] | None = None
+    for switches in product([False, True], repeat=len(GATE.columns)):
+        off = [c for c, on in zip(GATE.columns, switches, strict=True) if not on]
+        used = [c for c in range(SIZE) if c not in off]
+        theta = np.zeros(SIZE)
+        theta[used] = np.linalg.lstsq(square_root[:, used], target, rcond=None)[0]
+        if any(on and theta[c] < low for c, low, on in zip(GATE.columns, GATE.lowest, switches, strict=True)):
+            continue
+        chi2 = float(np.sum((square_root @ theta - target) ** 2))
+        on = frozenset(c for c in GATE.columns if c not in off)
+        cost = chi2 + STAY * len(on & active) + ENTER * len(on - active)
+        if best is None or cost < best[0]:
+            best = cost, theta, on
+    assert best is not None  # all off is always possible
+    return best[1], best[2]
+
+
+@given(st.integers(0, 10_000), st.floats(-1.0, 2.0), st.frozensets(st.sampled_from(GATE.columns)))
+def test_best_subset_is_the_best(seed: int, exponent: float, active: frozenset[int]) -> None:
+    information, vector = belief(seed, 10.0**exponent)
+    theta, chosen = best_subset(information, vector, GATE, active)
+    expected, expected_chosen = searched(information, vector, active)
+    assert chosen == expected_chosen
+    np.testing.assert_allclose(theta, expected, atol=1e-8)
+    left_out = [c for c in GATE.columns if c not in chosen]
+    assert not theta[left_out].any()
+
+
+def single(significance: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Nothing known but column 3, which is `significance` of its standard deviations above 0."""
+    information = np.eye(SIZE)
+    vector = np.zeros(SIZE)
+    vector[3] = significance
+    return information, vector
+
+
+@pytest.mark.parametrize(
+    ("significance", "active", "chosen"),
+    [(3.9, False, False), (4.1, False, True), (2.4, True, False), (2.6, True, True), (2.6, False, False)],
+)
+def test_four_sigma_to_enter_and_two_and_a_half_to_stay(
+    significance: float, active: bool, chosen: bool
+) -> None:
+    before = frozenset({3}) if active else frozenset[int]()
+    theta, after = best_subset(*single(significance), GATE, before)
+    assert (after == {3}) == chosen
+    assert theta[3] == pytest.approx(significance if chosen else 0.0)
+
+
+def test_impossible_sign_is_not_chosen_however_well_it_fits() -> None:
+    theta, chosen = best_subset(*single(-50.0), GATE, frozenset({3}))
+    assert chosen == frozenset()
+    assert not theta.any()
+
+
+def test_lower_bound_may_be_negative() -> None:
+    information, vector = 1e4 * np.eye(SIZE), np.zeros(SIZE)
+    vector[1] = -0.4e4
+    assert best_subset(information, vector, GATE, frozenset())[1] == {1}
+    vector[1] = -0.6e4
+    assert best_subset(information, vector, GATE, frozenset())[1] == frozenset()
+
+
+def test_two_that_only_pay_together_are_found() -> None:
+    """Alone each explains next to nothing: a search that adds one at a time would stop."""
+    information = 1e4 * np.eye(SIZE)
+    information[3, 4] = information[4, 3] = -0.99e4
+    truth = np.zeros(SIZE)
+    truth[[3, 4]] = 0.1
+    theta, chosen = best_subset(information, information @ truth, GATE, frozenset())
+    for alone in (3, 4):
+        gain = (information @ truth)[alone] ** 2 / information[alone, alone]
+        assert gain < ENTER
+    assert chosen == frozenset()  # 0.1 is worth 2 here, the price is 32
+    theta, chosen = best_subset(information, information @ (10 * truth), GATE, frozenset())
+    assert chosen == {3, 4}
+    np.testing.assert_allclose(theta, 10 * truth, atol=1e-9)
+
+
+def test_singular_information_is_refused() -> None:
+    with pytest.raises(np.linalg.LinAlgError):
+        best_subset(np.zeros((SIZE, SIZE)), np.zeros(SIZE), GATE, frozenset())
+
+
+@given(st.integers(0, 10_000), st.floats(0.1, 1.0), st.frozensets(st.sampled_from(GATE.columns)))
+def test_gated_covariance_is_that_of_the_error_when_the_rest_is_known(
+    seed: int, share: float, active: frozenset[int]
+) -> None:
+    """By regression of the used on the known within the joint belief; its error is independent of the belief."""
+    information, _ = belief(seed, 1.0)
+    joint = np.asarray(np.linalg.inv(information), np.float64)
+    error = np.asarray(share * np.linalg.inv(belief(seed + 1, 1.0)[0]), np.float64)
+    known = [c for c in GATE.columns if c not in active]
+    used = [c for c in range(SIZE) if c not in known]
+    regression = np.zeros((SIZE, SIZE))
+    regression[used, used] = 1.0
+    if known:
+        regression[np.ix_(used, known)] = -joint[np.ix_(used, known)] @ np.linalg.inv(
+            joint[np.ix_(known, known)]
+        )
+    for covariance in (error, joint):
+        np.testing.assert_allclose(
+            GatedBelief(Belief(np.zeros(SIZE), joint, covariance), GATE, active).covariance,
+            regression @ covariance @ regression.T,
+            rtol=1e-6,
+            atol=1e-6,
+        )
+
+
+def left_out_at(significance: float) -> tuple[NDArray[np.float64], Belief]:
+    """The theta without column 3 and the joint belief, in which that is so many standard deviations from 0."""
+    information, vector = np.diag([4.0, 1.0, 4.0, 25.0, 1.0, 4.0]), np.zeros(SIZE)
+    information[0, 3] = information[3, 0] = 5.0
+    joint = np.asarray(np.linalg.inv(information), np.float64)
+    vector[3] = significance / np.sqrt(joint[3, 3])
+    theta, active = best_subset(information, vector, GATE, frozenset())
+    assert active == frozenset()
+    return theta, Belief(joint @ vector, joint, joint)
+
+
+def test_what_is_left_out_but_believed_is_an_error_of_what_is_carried() -> None:
+    """3.5 sigma do not pay their way; chi2 is 12.25 where noise in the three scalars left out makes 3."""
+    theta, belief = left_out_at(3.5)
+    covariance = GatedBelief(belief, GATE, frozenset()).carried(theta)
+    beyond_noise = 1.0 - 3.0 / 12.25
+    assert covariance[3, 3] == pytest.approx(beyond_noise * belief.mean[3] ** 2)
+    assert covariance[0, 0] == pytest.approx(1.0 / 4.0 + beyond_noise * belief.mean[0] ** 2)
+    assert covariance[2, 2] == pytest.approx(1.0 / 4.0)
+
+
+def test_what_is_left_out_and_no_more_than_noise_is_no_error() -> None:
+    theta, belief = left_out_at(1.5)
+    covariance = GatedBelief(belief, GATE, frozenset()).carried(theta)
+    np.testing.assert_allclose(covariance, GatedBelief(belief, GATE, frozenset()).covariance, atol=1e-12)
+
+
+def test_what_was_not_adopted_is_an_error_of_what_is_carried() -> None:
+    theta, belief = left_out_at(1.5)
+    apart = np.array([0.3, 0.0, -0.1, 0.0, 0.0, 0.0])
+    covariance = GatedBelief(belief, GATE, frozenset()).carried(theta + apart)
+    expected = GatedBelief(belief, GATE, frozenset()).covariance + np.outer(apart, apart)
+    np.testing.assert_allclose(covariance, expected, atol=1e-12)

@@ -1,0 +1,141 @@
+"""The identification system of samples that are means: what it predicts, its slopes, its gain."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.linalg import expm, solve_discrete_are
+
+from observer_rt.config.bench import load_injector
+from observer_rt.core.model.laws import lagged, recorded_mean
+from observer_rt.core.model.model import rest_state
+from observer_rt.engine.estimation.gain import gain_schedule
+from observer_rt.engine.estimation.predictor import Setting, Window, innovations, innovations_with_sensitivity
+from observer_rt.engine.estimation.scalars import PARAMETERS, learned_of
+from observer_rt.model.effective import Coefficients, averaged, coefficients
+from observer_rt.model.stability import substeps_needed
+from tests.differences import differences
+from tests.engine.estimation.conftest import NOISE, worn_theta
+
+pytestmark = pytest.mark.slow  # compiles what only these tests call, or is a whole closed loop
+
+SLOW = 20e3  # Hz
+LAG = 25e-6  # s
+
+
+def setting_for(model: str, late: float = 0.0, lag: float = 0.0) -> Setting:
+    nominal = load_injector()
+    injector = nominal.model_copy(update={"line": nominal.line.model_copy(update={"model": model})})
+    c = averaged(coefficients(injector))
+    gain = gain_schedule(c, NOISE, SLOW, lag, late).gains[-1].copy()
+    return Setting(1 / SLOW, substeps_needed(injector, SLOW), c, gain, late=late, lag=lag)
+
+
+def event(setting: Setting) -> Window:
+    """An injection between sample times, with made-up pressures."""
+    time = np.arange(80) / SLOW
+    area = np.interp(time, [1.03e-3, 1.3e-3, 2.1e-3, 2.38e-3], [0.0, 0.9, 0.9, 0.0])
+    knots = np.column_stack([np.full(80, 0.5), np.append(0.5 * (area[1:] + area[:-1]), 0.0)])
+    start = np.zeros(setting.coefficients.states + 1)
+    rest_state(start[:-1], 0.95, setting.coefficients.line)
+    start[-1] = 0.95
+    output = 0.95 - 0.04 * area + np.random.default_rng(2).normal(0.0, 1e-3, 80)
+    return Window(np.column_stack([np.full(80, 0.95), area]), output, time < 1e-3, start, 21, knots)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model", ["lump", "wave"])
+@pytest.mark.parametrize(("late", "lag"), [(0.0, 0.0), (0.4, LAG)])
+def test_filtered_gradient_is_the_derivative(model: str, late: float, lag: float) -> None:
+    setting = setting_for(model, late, lag)
+    window, theta = event(setting), worn_theta()
+    errors, slopes = np.empty(80), np.empty((80, PARAMETERS))
+    innovations_with_sensitivity(window, setting, theta, errors, slopes)
+
+    def innovations_of(moved: NDArray[np.float64]) -> NDArray[np.float64]:
+        result = np.empty(80)
+        innovations(window, setting, learned_of(moved, setting.coefficients), result)
+        return result
+
+    numeric = differences(innovations_of, theta, 1e-5)
+    tolerance = 1e-5 * np.abs(numeric).max(axis=0) + 1e-8
+    assert (np.abs(slopes - numeric).max(axis=0) < tolerance).all()
+
+
+@pytest.mark.parametrize("fraction", [0.0, 0.3, 0.9])
+@pytest.mark.parametrize("lag", [0.0, 5e-6, 60e-6])
+def test_mean_of_what_a_lagging_sensor_recorded_late_shows(fraction: float, lag: float) -> None:
+    """Of a pressure that rises ever faster."""
+    interval, fine = 1 / SLOW, 2000
+    indicated = [1.0]
+    pressure = 1.0 + 0.02 * np.arange(2 * fine + 1) / fine + 0.02 * (np.arange(2 * fine + 1) / fine) ** 2
+    for before, after in pairwise(pressure.tolist()):
+        indicated.append(lagged(indicated[-1], before, after, interval / fine, lag))
+    curve = np.array(indicated)
+    mean = float(np.mean(pressure[fine:-1] + pressure[fine + 1 :])) / 2
+    shown = recorded_mean(curve[fine], curve[-1], mean, lag / interval, fraction)
+    first = fine - round(fraction * fine)
+    window = curve[first : first + fine + 1]
+    expected = float(np.mean(window[:-1] + window[1:])) / 2
+    assert shown == pytest.approx(expected, abs=1e-6 if fraction * lag == 0.0 else 1e-3)
+    assert abs(curve[-1] - expected) > 5e-3  # the value at the end is something else
+
+
+def steady_kalman(c: Coefficients, lag: float) -> tuple[NDArray[np.float64], float]:
+    """Gain on p_L, Q_L, the indicated pressure, and innovation sigma, by matrix exponentials and Riccati's equation.
+
+    States p_L, Q_L, what the sensor indicates, and what is shown: its mean since the sample before.
+    """
+    interval = 1.0 / SLOW
+    rates = np.zeros((4, 4))  # p_L, Q_L, integral of p_L, rail
+    rates[0, 1], rates[1, 0], rates[1, 3], rates[2, 0] = c.line.a1, -c.line.a3, c.line.a3, 1.0
+    line = expm(rates * interval)
+    slowness = max(lag, 1e-3 * interval)
+    ramp = expm(np.array([[-1.0, 1.0, 0.0], [0.0, 0.0, slowness], [0.0, 0.0, 0.0]]) * interval / slowness)[0]
+    by_start, by_end = ramp[1] - ramp[2] / interval, ramp[2] / interval
+    rows = np.zeros((4, 5))  # from p_L, Q_L, indicated, shown, rail
+    rows[:2, [0, 1, 4]] = line[:2][:, [0, 1, 3]]
+    rows[2] = by_end * rows[0]
+    rows[2, 0] += by_start
+    rows[2, 2] += ramp[0]
+    rows[3, [0, 1, 4]] = line[2, [0, 1, 3]] / interval
+    rows[3] -= lag / interval * rows[2]
+    rows[3, 2] += lag / interval
+    process = np.outer(rows[:, 4], rows[:, 4]) * (NOISE.rail_pressure / c.pressure_scale) ** 2
+    measurement = np.array([[(NOISE.line_pressure / c.pressure_scale) ** 2]])
+    covariance = solve_discrete_are(rows[:, :4].T, np.array([[0.0, 0.0, 0.0, 1.0]]).T, process, measurement)
+    variance = covariance[3, 3] + measurement[0, 0]
+    return covariance[:3, 3] / variance, math.sqrt(variance)
+
+
+@pytest.mark.parametrize("lag", [0.0, LAG])
+def test_steady_gain_solves_the_riccati_equation(lag: float) -> None:
+    c = averaged(coefficients(load_injector()))
+    schedule = gain_schedule(c, NOISE, SLOW, lag)
+    gain, sigma = steady_kalman(c, lag)
+    np.testing.assert_allclose(schedule.gains[-1][:3], gain, rtol=0.02)
+    assert schedule.innovation_sigma == pytest.approx(sigma, rel=2e-3)
+    instant = gain_schedule(coefficients(load_injector()), NOISE, SLOW, lag).gains[-1]
+    assert abs(instant[1] / gain[1] - 1.0) > 0.05  # the mean matters more than the tolerance
+
+
+def test_innovations_of_means_are_white() -> None:
+    """A shut line under the stated noise of both sensors: as large as the gain says, and white."""
+    setting = setting_for("lump")
+    c, count = setting.coefficients, 40_000
+    random = np.random.default_rng(11)
+    rail = 0.95 + random.normal(0.0, NOISE.rail_pressure / c.pressure_scale, count)
+    line = 0.95 + random.normal(0.0, NOISE.line_pressure / c.pressure_scale, count)
+    start = np.zeros(c.states + 1)
+    rest_state(start[:-1], 0.95, c.line)
+    start[-1] = 0.95
+    window = Window(np.column_stack([rail, np.zeros(count)]), line, np.ones(count, np.bool_), start, count)
+    errors = np.empty(count)
+    innovations(window, setting, learned_of(np.zeros(PARAMETERS), c), errors)
+    e = errors[1000:]
+    sigma = gain_schedule(c, NOISE, SLOW).innovation_sigma
+    assert e.std() == pytest.approx(sigma, rel=0.03)
+    correlations = [np.corrcoef(e[lag:], e[:-lag])[0, 1] for lag in (1, 2, 3, 5, 8, 20)]
+    assert np.abs(correlations).max() < 0.06  # straight lines between two samples correlate the rail noise

@@ -1,0 +1,127 @@
+"""The rate of x^ and its derivatives over an event, by parameters and by the state."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from observer_rt.core.model.model import advance_state, rate_of_injection
+from observer_rt.engine.estimation.open_loop import open_loop
+from observer_rt.engine.estimation.predictor import Window
+from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter, learned_of
+from observer_rt.model.integrator import Interval
+from tests.differences import assert_columns_agree, differences
+from tests.engine.estimation.conftest import Case, event_inputs, simulated_event, worn_theta
+
+HEALTHY = np.zeros(PARAMETERS)
+SENSOR = (Parameter.LINE_PRESSURE_OFFSET, Parameter.SENSOR_LAG)
+
+
+def rate_of(
+    case: Case, window: Window, theta: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    run = open_loop(window, case.setting, theta)
+    return run.rate, run.slopes
+
+
+def quiet_event(case: Case) -> Window:
+    """An event before which x~ is at the truth whatever theta says: the needle opens with the second sample."""
+    inputs = event_inputs()[99:]
+    window = simulated_event(case, HEALTHY, inputs, seed=3)
+    assert window.opening == 2
+    return window._replace(opening=1)
+
+
+def assert_slopes(case: Case, theta: NDArray[np.float64]) -> None:
+    """Against differences of the rate, by every parameter."""
+    window = quiet_event(case)
+    _, slopes = rate_of(case, window, theta)
+    expected = differences(lambda moved: rate_of(case, window, moved)[0], theta, 1e-5)
+    assert_columns_agree(slopes, expected, 1e-6)
+    largest = np.abs(expected).max(axis=0)  # m3/s
+    assert not largest[list(SENSOR)].any()  # x^ runs open loop
+    assert np.delete(largest, SENSOR).min() > 1e-9
+
+
+@pytest.mark.parametrize("theta", [HEALTHY, worn_theta()], ids=["healthy", "worn"])
+def test_slopes_are_the_derivatives_of_the_rate(case: Case, theta: NDArray[np.float64]) -> None:
+    assert_slopes(case, theta)
+
+
+def test_slopes_with_effects_in_force(affected: Case) -> None:
+    assert_slopes(affected, worn_theta())
+
+
+def test_rate_is_that_of_the_observer_in_open_loop(case: Case) -> None:
+    theta = worn_theta()
+    window = quiet_event(case)
+    rate, _ = rate_of(case, window, theta)
+    learned = learned_of(theta, case.c)
+    c = learned.coefficients
+    x = window.start[:3].copy()
+    inputs = [(float(rail), float(area)) for rail, area in window.inputs]
+    expected = [0.0]
+    for k in range(1, window.output.size):
+        between = Interval(inputs[k - 1], inputs[k], 1e-5, case.setting.substeps)
+        advance_state(x, between, c, learned.network, None)
+        expected.append(rate_of_injection(x, inputs[k], c, learned.network))
+    assert max(expected) > 40e-6  # m3/s
+    np.testing.assert_allclose(rate, expected, atol=1e-12 * max(expected))
+
+
+def test_before_the_opening_there_is_no_rate_and_no_slope(case: Case) -> None:
+    window = simulated_event(case, worn_theta(), event_inputs(), seed=3)
+    rate, slopes = rate_of(case, window, worn_theta())
+    assert not rate[: window.opening].any()
+    assert not slopes[: window.opening].any()
+    assert rate[window.opening + 5] > 0.0
+
+
+def test_line_pressure_after_the_opening_does_not_matter(case: Case) -> None:
+    window = simulated_event(case, worn_theta(), event_inputs(), seed=3)
+    output = window.output.copy()
+    output[window.opening :] += 0.05
+    for one, other in zip(
+        rate_of(case, window, worn_theta()),
+        rate_of(case, window._replace(output=output), worn_theta()),
+        strict=True,
+    ):
+        np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize("row", range(2))
+def test_transitions_carry_an_error_of_the_start(case: Case, row: int) -> None:
+    """Of p_L or Q_L at the opening, into the rate of every later sample."""
+    window, theta = quiet_event(case), worn_theta()
+    run = open_loop(window, case.setting, theta)
+    step = np.zeros(4)
+    step[row] = 1e-6
+    rates = [rate_of(case, window._replace(start=window.start + side * step), theta)[0] for side in (-1, 1)]
+    numeric = (rates[1] - rates[0]) / 2e-6
+    error = np.eye(3)[row]
+    expected = np.zeros(window.output.size)
+    for k in range(1, window.output.size):
+        error = run.transition[k] @ error
+        expected[k] = run.gradient[k, :3] @ error
+    assert np.abs(numeric).max() > 1e-6  # m3/s
+    np.testing.assert_allclose(expected, numeric, atol=1e-5 * np.abs(numeric).max())
+
+
+def test_sac_goes_where_the_area_leads_it(case: Case) -> None:
+    """A small step of the area at a constant opening, linear from one sample to the next."""
+    inputs = np.tile([0.95, 0.4], (60, 1))
+    window = quiet_event(case)._replace(inputs=inputs, output=np.zeros(60), resting=np.zeros(60, np.bool_))
+    theta = worn_theta()
+    run = open_loop(window, case.setting, theta)
+    wider = inputs.copy()
+    wider[41:, 1] += 1e-4
+    change = open_loop(window._replace(inputs=wider), case.setting, theta).rate - run.rate
+    assert 2e4 < run.relaxation[41] < 2e5  # 1/s
+    first = 1.0 - lagged_share(run.relaxation[41] * 1e-5)
+    by_sac = run.gradient[41, 2] * run.by_area[41] * first
+    assert min(by_sac, run.gradient[41, 3]) > 1e-6  # m3/s, the sac's and the network's share both matter
+    assert change[41] == pytest.approx(1e-4 * (by_sac + run.gradient[41, 3]), rel=0.03)
+
+
+def lagged_share(interval: float) -> float:
+    """What a first-order lag still lacks of a ramp at its end; interval in time constants."""
+    return float((1.0 - np.exp(-interval)) / interval)

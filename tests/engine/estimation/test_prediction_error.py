@@ -1,0 +1,250 @@
+"""The cost of prediction-error learning: its gradient, its robustness; what theta means; x^ re-simulated."""
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from observer_rt.config.bench import load_injector
+from observer_rt.core.learning.whitening import robust_cost
+from observer_rt.core.model.model import changes_of_flow, rest_state
+from observer_rt.engine.estimation.prediction_error import EventCost
+from observer_rt.engine.estimation.predictor import Window, open_loop_errors
+from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter, learned_of, network_of
+from observer_rt.model.effective import coefficients
+from observer_rt.model.line.wave import RESOLVED
+from observer_rt.model.network import HIDDEN
+from observer_rt.model.parameters import LineOutflow
+from tests.differences import differences
+from tests.engine.estimation.conftest import (
+    SAMPLE_RATE,
+    Case,
+    event_inputs,
+    innovations_at,
+    make_case,
+    simulated_event,
+    worn_theta,
+)
+
+BURN_IN = 20
+HEALTHY = np.zeros(PARAMETERS)
+SIGMA = 1.5e-3  # of p_0: what the predictor's innovations have at 100 kHz
+
+
+def cost_of(case: Case, window: Window, burn_in: int = BURN_IN) -> EventCost:
+    return EventCost(window, case.setting, SIGMA, burn_in)
+
+
+def spiked(window: Window) -> Window:
+    """Every fortieth sample off by 20 sigma, where the cost is linear."""
+    output = window.output.copy()
+    output[25::40] += 0.03
+    return window._replace(output=output)
+
+
+@pytest.mark.parametrize("outliers", [False, True])
+@pytest.mark.parametrize("theta", [HEALTHY, worn_theta()], ids=["healthy", "worn"])
+def test_gradient_is_the_derivative(case: Case, theta: NDArray[np.float64], outliers: bool) -> None:
+    window = simulated_event(case, worn_theta(7), event_inputs(), seed=3)
+    cost = cost_of(case, spiked(window) if outliers else window)
+    linearised = cost.linearised(theta)
+    assert linearised.value == cost.value(theta)
+    numeric = differences(cost.value, theta, 1e-6)
+    np.testing.assert_allclose(linearised.gradient, numeric, atol=1e-5 * np.abs(numeric).max())
+
+
+def test_value_is_half_the_sum_of_squares(nominal: Case) -> None:
+    theta = worn_theta(7)
+    window = simulated_event(nominal, theta, event_inputs(), seed=3)
+    e = innovations_at(nominal, window, theta)
+    z = e[BURN_IN:] / SIGMA
+    assert np.abs(z).max() < 4.0  # nothing is robustified here
+    cost = cost_of(nominal, window)
+    assert cost.value(theta) == pytest.approx(0.5 * z @ z, rel=1e-9)
+    np.testing.assert_array_equal(cost.innovations, e)
+
+
+@pytest.mark.parametrize("temper", [1.0, 2.5])
+def test_chi2_beyond_noise_is_that_of_the_innovations_however_much_they_are_tempered(
+    nominal: Case, temper: float
+) -> None:
+    window = simulated_event(nominal, HEALTHY, event_inputs(), seed=3)
+    cost = EventCost(window, nominal.setting, SIGMA, BURN_IN, temper=temper)
+    beyond = cost.beyond_noise(cost.value(HEALTHY))
+    z = innovations_at(nominal, window, HEALTHY)[BURN_IN:] / SIGMA
+    assert cost.terms == z.size
+    assert beyond == pytest.approx(z @ z - z.size, rel=1e-9)
+
+
+def test_a_noisier_sample_counts_as_a_smaller_one(nominal: Case) -> None:
+    """Value, gradient and information of innovations and slopes over their level."""
+    theta = worn_theta(7)
+    window = simulated_event(nominal, theta, event_inputs(), seed=3)
+    levels = np.random.default_rng(1).uniform(1.0, 3.0, len(window.output))
+    cost = EventCost(window, nominal.setting, SIGMA, BURN_IN, levels=levels)
+    plain = cost_of(nominal, window)
+    linearised = cost.linearised(theta)
+    plain.linearised(theta)
+    z = (plain.innovations / levels)[BURN_IN:] / SIGMA
+    slopes = (plain.slopes / levels[:, None])[BURN_IN:] / SIGMA
+    assert linearised.value == pytest.approx(0.5 * z @ z, rel=1e-9)
+    np.testing.assert_allclose(linearised.gradient, slopes.T @ z, rtol=1e-9)
+    np.testing.assert_allclose(linearised.information, slopes.T @ slopes, rtol=1e-9)
+    np.testing.assert_array_equal(cost.unfiltered, plain.innovations)
+
+
+def test_outlier_counts_linearly(nominal: Case) -> None:
+    """Ten sigma more beyond the fourth cost forty, not hundreds."""
+    window = simulated_event(nominal, HEALTHY, event_inputs(), seed=None)
+    last = window.output.size - 1
+    values = []
+    for size in (20.0, 30.0):
+        output = window.output.copy()
+        output[last] += size * SIGMA
+        values.append(cost_of(nominal, window._replace(output=output)).value(HEALTHY))
+    assert values[1] - values[0] == pytest.approx(4.0 * 10.0, rel=1e-6)
+
+
+def test_information_is_that_of_the_slopes(nominal: Case) -> None:
+    theta = worn_theta(7)
+    window = simulated_event(nominal, theta, event_inputs(), seed=3)
+    jacobian = differences(lambda moved: innovations_at(nominal, window, moved), theta, 1e-5)
+    weighted = jacobian[BURN_IN:] / SIGMA
+    expected = weighted.T @ weighted
+    information = cost_of(nominal, window).linearised(theta).information
+    np.testing.assert_allclose(information, expected, atol=1e-6 * np.abs(expected).max())
+
+
+def test_vector_points_to_the_minimum_of_the_quadratic(nominal: Case) -> None:
+    """information @ (theta + step) where the step is Gauss and Newton's: the normal equations."""
+    theta = worn_theta(7)
+    window = simulated_event(nominal, worn_theta(), event_inputs(), seed=3)
+    here = cost_of(nominal, window).linearised(theta)
+    step = -np.linalg.lstsq(here.information, here.gradient, rcond=1e-12)[0]
+    np.testing.assert_allclose(here.information @ (theta + step), here.vector, rtol=1e-6, atol=1e-3)
+
+
+def test_gauss_newton_finds_the_truth_without_noise(nominal: Case) -> None:
+    """All thirteen parameters at once, held by a prior so wide that it hardly counts."""
+    truth = worn_theta()
+    events = [simulated_event(nominal, truth, event_inputs(rail=rail)) for rail in (0.45, 0.95, 1.55)]
+    theta = HEALTHY
+    for _ in range(12):
+        parts = [cost_of(nominal, event).linearised(theta) for event in events]
+        information = sum(part.information for part in parts) + 1e-6 * np.eye(PARAMETERS)
+        theta = theta - np.linalg.solve(information, sum(part.gradient for part in parts))
+    np.testing.assert_allclose(theta, truth, atol=1e-4)
+
+
+def test_first_samples_do_not_count(nominal: Case) -> None:
+    window = simulated_event(nominal, HEALTHY, event_inputs(), seed=3)
+    all_of_it = window.output.size
+    assert cost_of(nominal, window, all_of_it).value(HEALTHY) == 0.0
+    assert not cost_of(nominal, window, all_of_it).linearised(HEALTHY).information.any()
+    assert cost_of(nominal, window).value(HEALTHY) > 100
+
+
+def test_prediction_that_is_no_number_has_infinite_cost(nominal: Case) -> None:
+    window = simulated_event(nominal, HEALTHY, event_inputs())
+    output = window.output.copy()
+    output[200] = np.nan
+    cost = cost_of(nominal, window._replace(output=output))
+    assert cost.value(HEALTHY) == math.inf
+    assert cost.linearised(HEALTHY).value == math.inf
+
+
+def test_meaning_of_a_parameter_vector() -> None:
+    """Every entry lands where its name says, and nowhere else."""
+    x, u = (0.9, 1.0, 0.7), (0.95, 0.8)
+    theta = np.zeros(PARAMETERS)
+    theta[Parameter.LINE_PRESSURE_OFFSET] = 0.3
+    theta[Parameter.LINE_FRICTION] = 2.0
+    theta[Parameter.GUIDE_LEAKAGE] = 0.04
+    theta[Parameter.BULK_MODULUS] = -0.1
+    theta[Parameter.SENSOR_LAG] = 0.4
+    theta[Parameter.ENTRAINED_AIR] = 0.05
+    c = coefficients(load_injector())
+    learned = learned_of(theta, c)
+    changed = c.line.with_stiffness(-0.1).with_friction(2.0).with_leakage(0.04).with_air(0.05)
+    assert learned.coefficients == c._replace(line=changed)
+    assert learned.offset == 0.3
+    assert learned.lag == pytest.approx(40e-6)
+    assert changes_of_flow(x, u, learned.network) == (0.0, 0.0)
+    theta[Parameter.NOZZLE_BIAS] = 0.2
+    assert changes_of_flow(x, u, network_of(theta)) == (0.2, 0.0)
+    theta[Parameter.SEAT_BIAS] = -0.1
+    assert changes_of_flow(x, u, network_of(theta)) == (0.2, -0.1)
+    theta[Parameter.NOZZLE_WEIGHT + HIDDEN - 1] = 0.05
+    nozzle, seat = changes_of_flow(x, u, network_of(theta))
+    assert nozzle == pytest.approx(0.2 + 0.05 * math.tanh(4 * u[1] - 3.2))
+    assert seat == -0.1
+
+
+def test_open_loop_error_is_lowest_for_the_truth(case: Case) -> None:
+    theta = worn_theta()
+    window = simulated_event(case, theta, event_inputs())
+
+    def error(of: NDArray[np.float64]) -> float:
+        errors = open_loop_errors(window, case.setting, learned_of(of, case.c))
+        return float(np.sum(errors[window.opening :] ** 2))
+
+    assert error(theta) < 1e-20
+    for parameter in range(PARAMETERS):
+        wrong = theta.copy()
+        wrong[parameter] += 0.05
+        assert error(wrong) > 1e-5
+
+
+def test_open_loop_error_leaves_the_time_before_the_opening_out(nominal: Case) -> None:
+    """A disturbance that the predictor has corrected before the needle opens costs next to nothing."""
+    window = simulated_event(nominal, HEALTHY, event_inputs())
+    start = window.start.copy()
+    start[[0, 3]] += 0.01
+    window = window._replace(start=start)
+    errors = open_loop_errors(window, nominal.setting, learned_of(HEALTHY, nominal.c))
+    assert np.sum(errors[window.opening :] ** 2) < 0.02 * 0.01**2 * window.output.size
+
+
+@pytest.mark.parametrize("together", [1, 3, 5])
+def test_samples_that_count_together_count_by_their_mean(together: int) -> None:
+    """In units of the mean's own standard deviation; one that is left over at the end does not count."""
+    e = np.random.default_rng(5).normal(0.0, 3.0 * SIGMA, 10 + 7 * together + together - 1)
+    z = np.abs(e[10 : 10 + 7 * together].reshape(7, together).mean(axis=1)) / (SIGMA / math.sqrt(together))
+    expected = np.where(z <= 4.0, 0.5 * z**2, 4.0 * (z - 2.0)).sum()
+    assert robust_cost(e, 10, SIGMA, together) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.slow
+def test_short_waves_do_not_count_on_a_line_of_cells() -> None:
+    """Value, gradient and information are those of means over the time that cells resolve."""
+    nominal = load_injector()
+    line = nominal.line.model_copy(update={"model": "wave"})
+    case = make_case(nominal.model_copy(update={"line": line, "line_outflow": LineOutflow.SEAT}))
+    window, theta = made_up_event(case), worn_theta(7)
+    cost = cost_of(case, window)
+    linearised = cost.linearised(theta)
+    samples = round(RESOLVED * SAMPLE_RATE)
+    counted = (window.output.size - BURN_IN) // samples * samples
+    z = cost.innovations[BURN_IN:][:counted].reshape(-1, samples).sum(axis=1) / (SIGMA * math.sqrt(samples))
+    slopes = cost.slopes[BURN_IN:][:counted].reshape(-1, samples, PARAMETERS).sum(axis=1)
+    slopes /= SIGMA * math.sqrt(samples)
+    weights = np.minimum(1.0, 4.0 / np.abs(z))
+    assert (weights < 1.0).any()
+    assert cost.terms == len(z)
+    assert linearised.value == pytest.approx(
+        np.where(weights < 1.0, 4.0 * (np.abs(z) - 2.0), 0.5 * z**2).sum(), rel=1e-9
+    )
+    np.testing.assert_allclose(linearised.gradient, slopes.T @ (weights * z), rtol=1e-9, atol=1e-6)
+    expected = slopes.T @ (weights[:, None] * slopes)
+    np.testing.assert_allclose(linearised.information, expected, atol=1e-9 * np.abs(expected).max())
+
+
+def made_up_event(case: Case) -> Window:
+    """An injection with a line pressure that nothing explains."""
+    inputs = event_inputs()
+    start = np.zeros(case.c.states + 1)
+    rest_state(start[:-1], float(inputs[0, 0]), case.c.line)
+    start[-1] = inputs[0, 0]
+    output = inputs[:, 0] - 0.04 * inputs[:, 1] + np.random.default_rng(2).normal(0.0, 1e-3, len(inputs))
+    return Window(inputs, output, np.arange(len(inputs)) < 100, start, 100)

@@ -1,0 +1,106 @@
+"""The filtered gradient against differences of the innovations themselves."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from observer_rt.engine.estimation.predictor import Window, innovations_with_sensitivity
+from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter
+from observer_rt.model.sensor import LAG_UNIT
+from tests.differences import assert_columns_agree, differences
+from tests.engine.estimation.conftest import Case, event_inputs, innovations_at, simulated_event, worn_theta
+
+HEALTHY = np.zeros(PARAMETERS)
+FLOW = [
+    *range(Parameter.LINE_PRESSURE_OFFSET),
+    *range(Parameter.BACK_PRESSURE, PARAMETERS),
+]  # nozzle and seat
+QUICK = worn_theta()
+QUICK[Parameter.SENSOR_LAG] = 5e-9 / LAG_UNIT  # far shorter than a sample: another branch of the sensor
+
+
+def with_slopes(
+    case: Case, window: Window, theta: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    result = np.empty(window.output.size)
+    slopes = np.empty((window.output.size, PARAMETERS))
+    innovations_with_sensitivity(window, case.setting, theta, result, slopes)
+    return result, slopes
+
+
+def assert_slopes(case: Case, window: Window, theta: NDArray[np.float64]) -> None:
+    """Against differences of the innovations, by every parameter."""
+    _, slopes = with_slopes(case, window, theta)
+    expected = differences(lambda moved: innovations_at(case, window, moved), theta, 1e-5)
+    assert np.abs(expected).max(axis=0).all()
+    assert_columns_agree(slopes, expected, 1e-6)
+
+
+@pytest.mark.parametrize("theta", [HEALTHY, worn_theta(), QUICK], ids=["healthy", "worn", "quick sensor"])
+def test_slopes_are_the_derivatives_of_the_innovations(case: Case, theta: NDArray[np.float64]) -> None:
+    assert_slopes(case, simulated_event(case, worn_theta(seed=7), event_inputs(), seed=3), theta)
+
+
+def test_slopes_with_effects_in_force(affected: Case) -> None:
+    """Everything the right-hand side may be asked for at once, and a slow sensor recorded late."""
+    assert_slopes(
+        affected, simulated_event(affected, worn_theta(seed=7), event_inputs(), seed=3), worn_theta()
+    )
+
+
+def test_slopes_with_a_lift_sampled_between(case: Case) -> None:
+    assert_slopes(case, lift_sampled_between(case), worn_theta())
+
+
+def lift_sampled_between(case: Case) -> Window:
+    """An event whose area bends 0.3 of an interval after every sample, by up to a tenth."""
+    window = simulated_event(case, worn_theta(seed=7), event_inputs(), seed=3)
+    area = window.inputs[:, 1]
+    bends = area + 0.3 * np.append(np.diff(area), 0.0) + 0.1 * (area > 0.0) * np.cos(np.arange(area.size))
+    return window._replace(knots=np.column_stack([np.full(area.size, 0.3), bends]))
+
+
+def test_a_lift_sampled_between_moves_the_innovations(case: Case) -> None:
+    """With and without slopes alike, and not so where the needle is shut."""
+    window, theta = lift_sampled_between(case), worn_theta()
+    bent = innovations_at(case, window, theta)
+    np.testing.assert_array_equal(with_slopes(case, window, theta)[0], bent)
+    straight = innovations_at(case, window._replace(knots=np.empty((0, 2))), theta)
+    np.testing.assert_array_equal(bent[: window.opening], straight[: window.opening])
+    assert np.abs(bent - straight).max() > 5e-4
+
+
+def test_innovations_are_the_same_with_and_without_slopes(case: Case) -> None:
+    window = simulated_event(case, worn_theta(seed=7), event_inputs(), seed=3)
+    theta = worn_theta()
+    np.testing.assert_array_equal(with_slopes(case, window, theta)[0], innovations_at(case, window, theta))
+
+
+def test_nothing_flows_and_nothing_is_learned_while_shut(case: Case) -> None:
+    """Before the opening no flow parameter moves an innovation; line and sensor do."""
+    window = simulated_event(case, worn_theta(), event_inputs(), seed=3)
+    _, slopes = with_slopes(case, window, worn_theta())
+    shut = slopes[1 : window.opening]
+    assert not shut[:, FLOW].any()
+    others = [p for p in range(PARAMETERS) if p not in FLOW]
+    assert shut[1:, others].all()  # the lag from the second sample on
+
+
+def test_true_parameters_leave_no_innovation(case: Case) -> None:
+    """Noise-free, the predictor that is the truth is never corrected."""
+    theta = worn_theta()
+    window = simulated_event(case, theta, event_inputs())
+    assert np.abs(innovations_at(case, window, theta)).max() < 1e-12
+    assert np.abs(innovations_at(case, window, np.zeros(PARAMETERS))).max() > 1e-3
+
+
+def test_effects_in_force_are_part_of_the_truth(affected: Case) -> None:
+    """None of the sensor's terms may be left out."""
+    theta = worn_theta()
+    window = simulated_event(affected, theta, event_inputs())
+    assert np.abs(innovations_at(affected, window, theta)).max() < 1e-12
+    setting = affected.setting
+    for other in (setting._replace(late=0.0), setting._replace(lag=0.0), setting._replace(offset=0.0)):
+        assert np.abs(innovations_at(replace(affected, setting=other), window, theta)).max() > 1e-3

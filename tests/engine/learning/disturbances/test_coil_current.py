@@ -1,0 +1,78 @@
+"""What the coil's current adds to the line pressure is taken out once its end is clear, and not before."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from observer_rt.engine.estimation.predictor import Window
+from observer_rt.engine.learning.disturbances.coil_current import CoilCurrent, CoilPulse, Edge
+
+INTERVAL = 1e-5  # s
+COUNT = 600
+SIGMA = 1.5e-3  # p_0
+OPENINGS = ((100, 250), (400, 460))
+BEFORE, UNTIL = 25, 30
+PRIOR = np.full(2, 100.0)
+
+
+def window(output: NDArray[np.float64]) -> Window:
+    inputs = np.zeros((COUNT, 2))
+    inputs[99, 1] = -0.1  # beside an opening
+    for opening, shut in OPENINGS:
+        inputs[opening:shut, 1] = 1.0
+    return Window(inputs, output, np.zeros(COUNT, np.bool_), np.zeros(4), OPENINGS[0][0])
+
+
+def as_seen(window: Window) -> NDArray[np.float64]:
+    """Innovations of a predictor that slowly takes what it sees for its own."""
+    return np.asarray(lfilter([1.0, -1.0], [1.0, -0.97], window.output / SIGMA), np.float64)
+
+
+def slopes() -> NDArray[np.float64]:
+    k = np.arange(COUNT)
+    return np.stack([np.where((k > 120) & (k < 250), 1.0, 0.0), np.sin(k / 40.0)], axis=1)
+
+
+def after(events: int, height: float, until: int = UNTIL) -> CoilCurrent:
+    """What was found in events with a pulse of a height [SIGMA]."""
+    current = CoilCurrent(INTERVAL, PRIOR.size)
+    for seed in range(events):
+        noise = window(SIGMA * np.random.default_rng(seed).normal(size=COUNT))
+        recorded = CoilPulse(-height * SIGMA, BEFORE, until).taken_out(noise)
+        current.take_in(recorded, Edge(height * SIGMA, BEFORE), as_seen, slopes(), PRIOR)
+    return current
+
+
+@pytest.mark.parametrize("height", [1.5, -1.0])
+def test_end_and_height_of_the_pulse_are_found(height: float) -> None:
+    pulse = after(20, height).pulse
+    assert pulse is not None
+    assert pulse.before == BEFORE
+    assert pulse.until == UNTIL
+    assert pulse.height == pytest.approx(height * SIGMA, rel=0.1)
+
+
+def test_nothing_is_taken_out_while_its_end_is_not_clear() -> None:
+    assert after(1, 0.3).pulse is None
+    beyond = after(20, 1.5, until=-10)
+    assert beyond.pulse is None
+    assert beyond.undone(window(np.ones(COUNT))).output.min() == 1.0
+
+
+def test_the_less_is_known_of_it_the_wider_theta_is() -> None:
+    few, many = after(3, 1.5), after(30, 1.5)
+    assert few.pulse is not None
+    assert 0.0 < np.trace(np.atleast_2d(many.covariance)) < np.trace(np.atleast_2d(few.covariance))
+
+
+def test_it_is_taken_out_of_every_opening_and_forgotten_with_the_edge() -> None:
+    current = after(20, 1.5)
+    height = SIGMA if current.pulse is None else current.pulse.height
+    output = current.undone(window(np.ones(COUNT))).output
+    taken = np.zeros(COUNT, np.bool_)
+    for opening, shut in OPENINGS:
+        taken[opening - BEFORE : shut - UNTIL] = True
+    assert np.allclose(output, np.where(taken, 1.0 - height, 1.0))
+    current.forget()
+    assert current.undone(window(np.ones(COUNT))).output.min() == 1.0

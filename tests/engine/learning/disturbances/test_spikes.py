@@ -1,0 +1,53 @@
+"""Few samples that stand out, and what is none of them."""
+
+import numpy as np
+import pytest
+
+from observer_rt.engine.learning.disturbances.masks import sharp_spikes_of, spikes_of
+
+COUNT, FIRST = 1500, 50
+
+
+@pytest.mark.parametrize("height", [-15.0, 15.0])
+def test_innovations_that_leap_away_and_back_are_spikes(height: float) -> None:
+    innovations = np.random.default_rng(2).normal(size=COUNT)
+    innovations[400] += height
+    innovations[700:705] += height
+    assert spikes_of(innovations, 1.0, FIRST) == [(400, 401), (700, 705)]
+
+
+def test_innovations_that_leap_and_stay_are_no_spike() -> None:
+    innovations = np.random.default_rng(2).normal(size=COUNT)
+    innovations[700:] += 20.0
+    innovations[760:] += 20.0
+    assert spikes_of(innovations, 1.0, FIRST) == []
+
+
+@pytest.mark.parametrize("width", [1, 2, 3])
+def test_spikes_that_leap_little_are_sharp(width: int) -> None:
+    innovations = np.random.default_rng(4).normal(size=COUNT)
+    assert sharp_spikes_of(innovations, 1.0, FIRST) == []
+    innovations[600 : 600 + width] = -6.5
+    assert sharp_spikes_of(innovations, 1.0, FIRST) == [(600, 600 + width)]
+
+
+def test_what_lasts_is_not_sharp() -> None:
+    innovations = np.random.default_rng(4).normal(size=COUNT)
+    innovations[600:620] += 4.0
+    assert sharp_spikes_of(innovations, 1.0, FIRST) == []
+
+
+def test_innovations_that_are_too_large_everywhere_have_no_sharp_spikes() -> None:
+    innovations = 3.0 * np.random.default_rng(4).normal(size=COUNT)
+    assert sharp_spikes_of(innovations, 1.0, FIRST) == []
+
+
+def test_of_many_sharp_ones_the_model_is_to_blame() -> None:
+    innovations = np.random.default_rng(4).normal(size=COUNT)
+    innovations[100::40] = 9.0
+    assert sharp_spikes_of(innovations, 1.0, FIRST) == []
+
+
+def test_a_wrong_model_has_no_spikes() -> None:
+    swing = 20.0 * np.sin(np.arange(COUNT) / 10.0)
+    assert spikes_of(swing + np.random.default_rng(3).normal(size=COUNT), 1.0, FIRST) == []

@@ -1,0 +1,138 @@
+"""When what was learned is set aside, when learning stops, and when what was believed before is believed again."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from observer_rt.desk.evaluation.evaluate import evaluate
+from observer_rt.engine.estimation.gating import prior_belief
+from observer_rt.engine.estimation.phases import Phase, no_statistics
+from observer_rt.engine.estimation.scalars import SCALARS
+from observer_rt.engine.learning.adequacy import SETTLED, Objection
+from observer_rt.engine.learning.disturbances.pressure_gains import PressureGains
+from observer_rt.engine.learning.explained import EventReader
+from observer_rt.engine.learning.fallback import CHANGES, BelievedSoFar, Checkpoint, Freezer, Mistrust
+from observer_rt.engine.stream.state import Reason
+from tests.engine.learning.test_adequacy import statistics_of
+from tests.engine.learning.worn_injector import recorded
+from tools.benchmarks.plant import Measured, event_start
+from tools.benchmarks.scoring import bench_at, recording_of
+
+
+def test_learning_freezes_after_two_bad_standstills_and_goes_on_after_three_good_ones() -> None:
+    bad, good = (statistics_of(colour, 1.0, 1e3, Phase.STANDSTILL) for colour in (3.0, 1.0))
+    open_phase = statistics_of(3.0, 1.0, 1e3, Phase.OPEN)
+    freezer = Freezer()
+    events = [bad, good, open_phase, bad, bad, good, good, bad, good, good, good, bad, good]
+    frozen = [freezer.is_frozen_after(statistics) for statistics in events]
+    assert frozen == [False] * 4 + [True] * 6 + [False] * 3
+
+
+def doubts(*reasons: Reason | None) -> list[Reason | None]:
+    """Why what was learned is set aside after each of the events; None as a reason: it passed."""
+    mistrust = Mistrust()
+    found = [mistrust.after([] if r is None else [Objection(r)]) for r in reasons]
+    return [None if objection is None else objection.reason for objection in found]
+
+
+BAD, CHANGE, OFFSET = Reason.MODEL_INADEQUATE, Reason.SUDDEN_CHANGE, Reason.PRESSURE_OFFSET
+
+
+def test_one_change_is_no_doubt_but_changes_all_the_time_are() -> None:
+    assert doubts(CHANGE, None, None, CHANGE, None) == [None] * 5
+    assert doubts(CHANGE, CHANGE) == [None, CHANGE]
+    # what is named and corrected neither raises nor removes doubt
+    assert doubts(OFFSET, OFFSET, OFFSET) == [None] * 3
+    assert doubts(CHANGE, OFFSET, CHANGE, OFFSET) == [None, None, CHANGE, CHANGE]
+
+
+def test_doubt_ends_when_two_events_in_a_row_passed() -> None:
+    assert doubts(BAD, BAD, None, BAD, None, None) == [None, BAD, BAD, BAD, BAD, None]
+    assert doubts(BAD, BAD, None, None, BAD) == [None, BAD, BAD, None, None]
+
+
+def test_changes_that_do_not_end_are_a_model_that_does_not_fit() -> None:
+    """Though some operating points contradict it less, and events there pass."""
+    found = doubts(*[CHANGE, None, CHANGE] * CHANGES)
+    assert found[:8] == [None] * 3 + [CHANGE] * 5
+    assert set(found[2 * CHANGES :]) == {BAD}
+    assert doubts(*[CHANGE, CHANGE, None, None] * CHANGES)[-4:] == [None, CHANGE, CHANGE, None]
+
+
+def test_a_scale_that_is_not_known_is_doubted_at_once() -> None:
+    assert doubts(Reason.AMBIGUOUS_SCALE) == [Reason.AMBIGUOUS_SCALE]
+
+
+def gains_after(events: int) -> PressureGains:
+    gains = PressureGains()
+    gains.difference = 1e-3 * events
+    return gains
+
+
+def checkpoint_after(passed: list[bool]) -> Checkpoint:
+    """Events, numbered from 1 on; what is believed after each is its number."""
+    reader = EventReader(1e-5, 1e8, SCALARS, None)
+    checkpoint = Checkpoint(2, reader)
+    for number, each in enumerate(passed, 1):
+        theta = np.full(2, float(number))
+        belief = prior_belief(theta, np.eye(2))
+        believed = BelievedSoFar(belief, theta, frozenset({1}), number, gains_after(number), no_statistics())
+        checkpoint.after(believed, reader, each)
+    return checkpoint
+
+
+def test_what_was_believed_is_kept_until_enough_events_passed_in_a_row() -> None:
+    trouble = [True] * SETTLED + [False, False]
+    for passed, kept in (
+        (trouble, SETTLED),
+        (trouble + [True] * (SETTLED - 1), SETTLED),
+        (trouble + [True] * SETTLED, 2 * SETTLED + 2),
+    ):
+        belief, theta, active, events, gains, _ = checkpoint_after(passed).believed
+        assert (theta[0], belief.mean[0], events) == (kept, kept, kept)
+        assert active == {1}
+        assert gains.difference == gains_after(kept).difference
+
+
+def test_it_is_tried_while_a_trouble_lasts() -> None:
+    assert not checkpoint_after([]).is_worth_trying
+    assert not checkpoint_after([False] * 3).is_worth_trying  # there is none
+    settled = [True] * SETTLED
+    assert not checkpoint_after([*settled[1:], False]).is_worth_trying
+    assert not checkpoint_after(settled).is_worth_trying
+    assert all(checkpoint_after(settled + [False] * n).is_worth_trying for n in range(1, 30))
+    assert not checkpoint_after([*settled, False, True]).is_worth_trying
+
+
+EVENTS, FIRST, LAST = 15, 6, 8  # events, and those within which a sensor is wrong
+
+
+def rail_steps(measured: Measured, during: np.ndarray) -> Measured:
+    return replace(measured, rail_pressure=measured.rail_pressure + 3e6 * during)
+
+
+def line_in_another_unit(measured: Measured, during: np.ndarray) -> Measured:
+    return replace(measured, line_pressure=np.where(during, 0.1, 1.0) * measured.line_pressure)
+
+
+def swapped(measured: Measured, during: np.ndarray) -> Measured:
+    rail, line = measured.rail_pressure, measured.line_pressure
+    return replace(
+        measured, rail_pressure=np.where(during, line, rail), line_pressure=np.where(during, rail, line)
+    )
+
+
+@pytest.mark.parametrize("fault", [rail_steps, line_in_another_unit, swapped])
+def test_after_a_fault_the_third_injection_is_valid_and_right(fault) -> None:  # type: ignore[no-untyped-def]
+    outcome = recorded(EVENTS, 4)
+    time = outcome.measured.time
+    during = (time >= event_start(FIRST) - 0.02) & (time < event_start(LAST) + 0.02)
+    recording = recording_of(replace(outcome, measured=fault(outcome.measured, during)))
+    found = evaluate(bench_at(100e3), [recording]).evaluations[0].reports
+    plain = evaluate(bench_at(100e3), [recording_of(outcome)]).evaluations[0].reports
+    assert not any(report.valid for report in found[FIRST : LAST + 1])
+    assert all(report.valid for report in found[LAST + 3 :])
+    assert [report.mass for report in found[LAST + 3 :]] == pytest.approx(
+        [report.mass for report in plain[LAST + 3 :]], rel=0.01
+    )

@@ -1,0 +1,70 @@
+"""What a fitted model leaves unexplained is not held against an event; a model that fits nobody is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from observer_rt.engine.estimation.phases import BLOCKS, PHASES, Phase, PhaseStatistics
+from observer_rt.engine.learning.adequacy import Objection, inadequate_phase, objections
+from observer_rt.engine.learning.healthy import NOT_FITTED, healthy_of
+from observer_rt.engine.stream.state import Reason
+from tests.baselines import WHITE, baseline
+
+COUNT = 4000.0  # samples of a phase
+COLOUR = 3.0  # of the opening, which the fitted model does not explain
+
+
+FITTED = {
+    "variance": WHITE,
+    "chi2": WHITE | {"opening": COLOUR, "standstill": 0.5},
+    "colour": WHITE | {"opening": COLOUR},
+}
+
+
+def statistics(opening: float, standstill: float = 1.0) -> PhaseStatistics:
+    """White but for the means of blocks in two phases."""
+    blocks = np.array([COUNT / length for length in BLOCKS])
+    sums = np.tile(blocks, (PHASES, 1))
+    sums[Phase.OPENING] *= opening
+    sums[Phase.STANDSTILL] *= standstill
+    return PhaseStatistics(np.full(PHASES, COUNT), np.full(PHASES, COUNT), sums, np.tile(blocks, (PHASES, 1)))
+
+
+def test_what_the_fit_left_is_not_held_against_an_event() -> None:
+    healthy = healthy_of(baseline(**FITTED), 1e5)
+    assert inadequate_phase(statistics(COLOUR)) is Phase.OPENING
+    assert inadequate_phase(healthy.relative(statistics(COLOUR))) is None
+    assert inadequate_phase(healthy.relative(statistics(2.0 * COLOUR))) is Phase.OPENING
+
+
+def test_samples_that_scatter_at_an_edge_are_not_held_against_a_fitted_model() -> None:
+    healthy = healthy_of(baseline(**FITTED), 1e5)
+    white = statistics(1.0)
+    for phase, variance, refused in ((Phase.CLOSING, 1.5, False), (Phase.OPEN, 2.5, True)):
+        scattered = replace(white, squares=white.squares.copy())
+        scattered.squares[phase] *= variance
+        assert inadequate_phase(scattered) is phase
+        assert (inadequate_phase(healthy.relative(scattered)) is phase) == refused
+
+
+def test_a_phase_quieter_than_noise_does_not_make_others_loud() -> None:
+    healthy = healthy_of(baseline(**FITTED), 1e5)
+    assert inadequate_phase(healthy.relative(statistics(COLOUR, standstill=1.0))) is None
+
+
+@pytest.mark.parametrize("rate", [2e4, 9.5e4])
+def test_figures_of_another_sample_rate_are_not_compared(rate: float) -> None:
+    healthy = healthy_of(baseline(**FITTED), rate)
+    assert healthy.mass_share == 0.002
+    assert inadequate_phase(healthy.relative(statistics(COLOUR))) is Phase.OPENING
+
+
+def test_a_model_that_fits_nobody() -> None:
+    white = statistics(1.0)
+    refused = [Objection(Reason.MODEL_INADEQUATE, None)]
+    assert objections(white, 0.0, 0.0, healthy_of(baseline(**FITTED, adequate=False), 1e5)) == refused
+    assert (
+        objections(white, 0.0, 0.0, healthy_of(baseline(**FITTED, adequate=False), 1e5, trusted=True)) == []
+    )
+    assert objections(white, 0.0, 0.0, NOT_FITTED) == []

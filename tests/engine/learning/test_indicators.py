@@ -1,0 +1,42 @@
+"""Wear as a number, whatever the structure that holds it."""
+
+import numpy as np
+import pytest
+
+from observer_rt.core.model.model import rate_of_injection
+from observer_rt.engine.estimation.scalars import NOZZLE, PARAMETERS, SEAT, Parameter, network_of
+from observer_rt.engine.learning.indicators import LEAST_SEAT_SIGMA, indicators_of, nozzle_change
+from observer_rt.model.effective import coefficients
+from observer_rt.model.network import HIDDEN, zero_network
+from tests.differences import differences
+from tests.engine.sample_stream import NOMINAL
+
+X, U = (0.9, 1.0, 0.8), (0.95, 0.6)
+
+
+def worn() -> np.ndarray:
+    theta = np.zeros(PARAMETERS)
+    theta[Parameter.NOZZLE_BIAS] = 0.2
+    theta[Parameter.NOZZLE_WEIGHT : Parameter.NOZZLE_WEIGHT + HIDDEN] = np.linspace(-0.05, 0.08, HIDDEN)
+    theta[Parameter.BACK_PRESSURE : Parameter.BACK_PRESSURE + 2] = 0.03, 0.05
+    return theta
+
+
+def test_nozzle_change_is_that_of_the_injection_rate() -> None:
+    c = coefficients(NOMINAL)
+    c = c._replace(nozzle=c.nozzle._replace(transition=1e-9))
+    changed = rate_of_injection(X, U, c, network_of(worn()))
+    assert nozzle_change(worn(), X, U)[0] == pytest.approx(
+        changed / rate_of_injection(X, U, c, zero_network()) - 1.0
+    )
+
+
+def test_slopes_are_derivatives() -> None:
+    expected = differences(lambda theta: nozzle_change(theta, X, U)[0], worn(), 1e-6)
+    assert nozzle_change(worn(), X, U)[1] == pytest.approx(expected, abs=1e-7)
+
+
+def test_seat_wear_is_never_told_closer_than_sensors_allow() -> None:
+    exact = indicators_of(worn(), np.zeros((PARAMETERS, PARAMETERS)), np.array(X), np.array(U))
+    assert exact[SEAT].sigma == pytest.approx(LEAST_SEAT_SIGMA)
+    assert exact[NOZZLE].sigma == 0.0

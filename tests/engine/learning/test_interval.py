@@ -1,0 +1,98 @@
+"""The intervals of an injected volume and of a rate against the distribution they claim."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from observer_rt.engine.estimation.open_loop import InputVariance, OpenLoop
+from observer_rt.engine.learning.interval import Resimulated, is_revised, rate_sigma, volume_interval
+
+SIZE, SAMPLES = 13, 121
+INTERVAL = 1e-5
+RATE = 50e-6 * np.sin(np.linspace(0.0, np.pi, SAMPLES)) ** 2  # m3/s
+VOLUME = 50e-6 * 120 * INTERVAL / 2  # m3, the mean of a squared sine is 1/2
+WHOLE = slice(0, SAMPLES)
+NOTHING = np.zeros((SIZE, SIZE))
+
+
+def event(seed: int) -> Resimulated:
+    """Random slopes; parameters and inputs known exactly."""
+    random = np.random.default_rng(seed)
+    run = OpenLoop(
+        rate=RATE,
+        slopes=random.normal(scale=5e-6, size=(SAMPLES, SIZE)),
+        gradient=np.zeros((SAMPLES, 4)),
+        transition=np.zeros((SAMPLES, 3, 3)),
+        relaxation=np.zeros(SAMPLES),
+        by_area=np.zeros(SAMPLES),
+    )
+    exact = InputVariance(np.zeros(SAMPLES), np.zeros(SAMPLES))
+    return Resimulated(run, exact, NOTHING, NOTHING, INTERVAL)
+
+
+def test_volume_without_doubt_about_parameters_and_inputs() -> None:
+    assert volume_interval(event(1), WHOLE, VOLUME) == pytest.approx((VOLUME, VOLUME))
+
+
+@given(
+    published=st.floats(0.5 * VOLUME, 1.5 * VOLUME) | st.just(math.nan),
+    systematic=st.floats(0.0, 0.1),
+)
+def test_a_published_volume_lies_within_its_interval(published: float, systematic: float) -> None:
+    known = replace(event(1), systematic=systematic)
+    low, high = volume_interval(known, WHOLE, published)
+    learned = volume_interval(known, WHOLE, math.nan)
+    assert not published < low
+    assert not published > high
+    assert low <= learned[0] <= learned[1] <= high
+    assert {low, high} <= {*learned, published}
+
+
+@pytest.mark.parametrize(("share", "revised"), [(0.97, True), (0.99, False), (1.01, False), (1.03, True)])
+def test_a_volume_is_revised_where_learning_moved_it(share: float, revised: bool) -> None:
+    assert is_revised(event(1), WHOLE, share * VOLUME) is revised
+
+
+def test_a_volume_that_is_no_number_is_revised() -> None:
+    assert is_revised(event(1), WHOLE, float("nan"))
+
+
+def test_width_of_the_volume_follows_from_parameters_and_inputs() -> None:
+    """By drawing both and integrating."""
+    random = np.random.default_rng(3)
+    root = 0.2 * random.normal(size=(SIZE, SIZE))
+    by_inputs = 0.8e-10
+    spread = event(3)
+    spread = replace(spread, covariance=root @ root.T)
+    spread.by_inputs.volume[-1] = by_inputs**2
+    draws = random.normal(size=(20_000, SIZE)) @ root.T
+    volumes = np.trapezoid(RATE[:, None] + spread.run.slopes @ draws.T, dx=INTERVAL, axis=0)
+    volumes += by_inputs * random.normal(size=volumes.size)
+    low, high = volume_interval(spread, WHOLE, VOLUME)
+    assert 0.5 * (low + high) == pytest.approx(VOLUME)
+    assert (high - low) / (2 * 1.96) == pytest.approx(volumes.std(), rel=0.02)
+    assert np.mean((low < volumes) & (volumes < high)) == pytest.approx(0.95, abs=0.01)
+
+
+def test_sigma_of_the_published_rate_is_that_of_the_parameters_it_was_published_with() -> None:
+    """Not of those learned later; away from steep ramps, and input noise on top."""
+    random = np.random.default_rng(5)
+    root = 0.2 * random.normal(size=(SIZE, SIZE))
+    spread = replace(event(5), covariance=1e6 * np.eye(SIZE), carried_covariance=root @ root.T)
+    spread.by_inputs.rate[:] = (2e-6) ** 2
+    rates = spread.run.slopes @ (root @ random.normal(size=(SIZE, 20_000)))
+    rates += 2e-6 * random.normal(size=rates.shape)
+    window = slice(20, 101)
+    np.testing.assert_allclose(rate_sigma(spread, window), rates.std(axis=1)[window], rtol=0.03)
+
+
+def test_ramps_are_less_certain_than_a_steady_rate() -> None:
+    """For the inputs between the samples are not known."""
+    sigma = rate_sigma(event(7), WHOLE)
+    steepest, steady = np.argmax(np.gradient(RATE)), np.argmax(RATE)
+    assert sigma[steady] < 1e-3 * sigma[steepest]
+    assert 0.0 < sigma[steepest] < np.gradient(RATE)[steepest]

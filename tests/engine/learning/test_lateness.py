@@ -1,0 +1,157 @@
+"""A lag of the line-pressure sensor is told from a channel recorded late."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from observer_rt.config.bench import load_bench
+from observer_rt.desk.evaluation.evaluate import evaluate
+from observer_rt.desk.simulation.schedule import make_schedule
+from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
+from observer_rt.engine.estimation.gating import prior_belief
+from observer_rt.engine.estimation.prediction_error import EventCost
+from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, Parameter
+from observer_rt.engine.learning.fitting import EventFitter, theta_limits
+from observer_rt.engine.learning.lateness import (
+    RELEVANT_RATE,
+    SLOWED,
+    LagDoubt,
+    Lateness,
+    SlowedSensor,
+    lag_score,
+)
+from observer_rt.engine.stream.state import Reason
+from observer_rt.model.effect import SizedEffect
+from observer_rt.model.effects import sized
+from observer_rt.model.sensor import LAG_UNIT
+from tests.engine.estimation.conftest import event_inputs, make_case, simulated_event, worn_theta
+from tests.engine.sample_stream import NOMINAL
+
+LAGGING = sized("line_pressure_sensor_lag", tau=40e-6)
+LATE = sized("channel_skew", d=30e-6)
+SHORT = sized("channel_skew", d=12e-6)
+NOISE = SimulatedNoise()
+QUIET = SimulatedNoise(rail_pressure=0.05e6, line_pressure=0.03e6)
+EVENTS = 12
+
+
+@cache
+def reasons(*effects: SizedEffect, noise: SimulatedNoise = NOISE) -> tuple[Reason, ...]:
+    """Why each of twelve injections at three pressures and two durations is not valid."""
+    schedule = make_schedule([60e6, 100e6, 140e6], EVENTS, 0.05, [0.8e-3, 1.9e-3])
+    recording = simulate(NOMINAL, schedule, 100e3, effects, noise, seed=5).recording
+    reports = evaluate(load_bench(), [recording]).evaluations[0].reports
+    return tuple(report.reason for report in reports)
+
+
+def test_a_lag_is_believed() -> None:
+    assert reasons(LAGGING)[3:] == (Reason.NONE,) * (EVENTS - 3)
+
+
+def test_a_channel_recorded_late_is_not_taken_for_a_lag() -> None:
+    assert Reason.NONE not in reasons(LATE)[-4:]
+    assert Reason.TIME_BASE in reasons(LATE)[-4:]
+
+
+def test_score_of_a_fit_is_not_changed_by_what_was_tried_after_it() -> None:
+    """An event that contradicts may keep its first fit, though another was tried from a wide prior."""
+    case = make_case(NOMINAL)
+    lagging = np.zeros(PARAMETERS)
+    lagging[Parameter.SENSOR_LAG] = 40e-6 / LAG_UNIT
+    window = simulated_event(case, lagging, event_inputs(), seed=3)
+    cost = EventCost(window, case.setting, case.schedule.innovation_sigma, burn_in=50)
+    wide = SCALARS.prior(case.c.pressure_scale)
+    fitter = EventFitter(cost, SCALARS.gate, frozenset(), theta_limits(case.c.pressure_scale))
+    fit = fitter.fit(cost.linearised(lagging), prior_belief(lagging, np.diag(wide**2)), 2)
+    before = lag_score(window, case.setting, fit, cost, wide)
+    assert before is not None
+    elsewhere = cost.linearised(worn_theta())
+    fitter.fit(elsewhere, prior_belief(worn_theta(), np.diag((1e-3 * wide) ** 2)), 1)
+    after = lag_score(window, case.setting, fit, cost, wide)
+    assert after is not None
+    assert after.score == before.score
+
+
+def doubted(doubt: LagDoubt, score: float, rate_share: float = 2.0 * RELEVANT_RATE) -> bool:
+    doubt.take_in(Lateness(score, rate_share, 0.004, np.array([0.01, 0.0])))
+    return doubt.is_relevant
+
+
+def test_white_scores_hardly_ever_contradict_a_lag() -> None:
+    doubt = LagDoubt(2)
+    assert not any(doubted(doubt, score) for score in np.random.default_rng(6).normal(size=5000))
+
+
+@pytest.mark.parametrize("pull", [-3.0, 3.0])
+def test_scores_of_one_sign_do(pull: float) -> None:
+    doubt = LagDoubt(2)
+    assert [doubted(doubt, pull) for _ in range(4)] == [False, False, True, True]
+
+
+def test_without_a_lag_all_is_forgotten() -> None:
+    doubt = LagDoubt(2)
+    for _ in range(5):
+        doubted(doubt, -3.0)
+    doubt.take_in(None)
+    assert not doubt.is_relevant
+    assert doubt.volume_share == 0.0
+    assert not doubted(doubt, -3.0)
+
+
+def test_a_delay_too_short_to_matter_only_widens_the_interval() -> None:
+    doubt = LagDoubt(2)
+    assert not any(doubted(doubt, -3.0, 0.5 * RELEVANT_RATE) for _ in range(8))
+    assert doubt.volume_share == pytest.approx(0.004)
+    assert doubt.variance == pytest.approx([1e-4, 0.0])
+
+
+def test_a_lag_widens_nothing() -> None:
+    doubt = LagDoubt(2)
+    assert not any(doubted(doubt, score) for score in (0.5, -1.0, 0.2))
+    assert doubt.volume_share == 0.0
+
+
+def test_an_unstated_filter_of_the_line_is_no_reason_to_refuse() -> None:
+    """12 us late, which quiet sensors tell from a lag, move the rate by a third of a percent of its peak."""
+    assert reasons(SHORT, noise=QUIET)[3:] == (Reason.NONE,) * (EVENTS - 3)
+
+
+def test_a_channel_recorded_late_is_not_believed_with_quiet_sensors() -> None:
+    assert Reason.NONE not in reasons(LATE, noise=QUIET)[-4:]
+
+
+def test_a_sensor_that_becomes_slower_all_at_once_is_at_fault_until_it_is_as_before() -> None:
+    sensor = SlowedSensor()
+    before, later = 20e-6, 20e-6 + 2.0 * SLOWED
+    assert not sensor.after(before, later, is_sudden=False)  # learned in the beginning
+    assert not sensor.after(before, before + 0.5 * SLOWED, is_sudden=True)
+    assert sensor.after(before, later, is_sudden=True)
+    assert sensor.after(later, later, is_sudden=False)
+    assert sensor.after(later, later + SLOWED, is_sudden=True)
+    assert not sensor.after(later, before, is_sudden=True)
+    assert not sensor.after(before, before, is_sudden=False)
+
+
+def test_a_sensor_that_seemed_to_lead_is_healthy_again_without_a_lag() -> None:
+    """What was believed of signals that were none may be a lead, which is kept in a state file, too."""
+    sensor = SlowedSensor()
+    assert sensor.after(-2.0 * SLOWED, 2.0 * SLOWED, is_sudden=True)
+    again = SlowedSensor()
+    again.recall(sensor.memory())
+    for healthy in (sensor, again):
+        assert not healthy.after(0.0, 0.0, is_sudden=False)
+
+
+def test_a_delay_with_which_the_model_is_not_stable_tells_nothing() -> None:
+    case = make_case(NOMINAL)
+    lagging = np.zeros(PARAMETERS)
+    lagging[Parameter.SENSOR_LAG] = 40e-6 / LAG_UNIT
+    window = simulated_event(case, lagging, event_inputs(), seed=3)
+    cost = EventCost(window, case.setting, case.schedule.innovation_sigma, burn_in=50)
+    wide = SCALARS.prior(case.c.pressure_scale)
+    fitter = EventFitter(cost, SCALARS.gate, frozenset(), theta_limits(case.c.pressure_scale))
+    fit = fitter.fit(cost.linearised(lagging), prior_belief(lagging, np.diag(wide**2)), 2)
+    wild = window._replace(output=np.where(np.arange(window.output.size) > 200, 1e200, window.output))
+    assert lag_score(window, case.setting, fit, cost, wide) is not None
+    assert lag_score(wild, case.setting, fit, cost, wide) is None

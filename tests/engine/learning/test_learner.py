@@ -1,0 +1,369 @@
+"""Learning from simulated events: wear found, masses right, and nothing learned where there is nothing to learn."""
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from observer_rt.config.bench import BenchInjector, load_bench
+from observer_rt.core.model.model import advance_state, changes_of_flow
+from observer_rt.desk.evaluation.evaluate import History, evaluate
+from observer_rt.desk.simulation.plant import Truth
+from observer_rt.desk.simulation.schedule import make_schedule
+from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
+from observer_rt.engine.estimation.gating import Belief, prior_belief
+from observer_rt.engine.estimation.predictor import Window
+from observer_rt.engine.estimation.scalars import (
+    NOZZLE,
+    OFFSET,
+    PARAMETERS,
+    SCALARS,
+    SEAT,
+    Parameter,
+    Scalars,
+    network_of,
+)
+from observer_rt.engine.learning.knowledge import (
+    Adoption,
+    Knowledge,
+    no_knowledge,
+)
+from observer_rt.engine.learning.learner import Learner
+from observer_rt.engine.learning.memory import NOTHING, Memory, Remembered
+from observer_rt.engine.mailbox import judge
+from observer_rt.engine.observer import Durations, constants_for, in_force, make_observer
+from observer_rt.engine.stream.standstill import Standstill
+from observer_rt.engine.stream.state import Constants
+from observer_rt.model.effect import SizedEffect
+from observer_rt.model.effects import sized
+from observer_rt.model.integrator import Interval
+from tests.engine.sample_stream import NOISE, NOMINAL
+
+BENCH = load_bench()
+SAMPLE_RATE = 50e3
+EVENTS = 8
+Vector = NDArray[np.float64]
+NO_STANDSTILL = Standstill(samples=0, offset=0.0, noise=None)
+
+
+@dataclass(frozen=True)
+class Case:
+    """Wear of nozzle and seat, and offset of the line sensor [Pa]."""
+
+    v_h: float = 0.0
+    v_s: float = 0.0
+    offset: float = 0.0
+
+    @property
+    def effects(self) -> tuple[SizedEffect, ...]:
+        """The same as effects."""
+        return (
+            sized("orifice_area", v_H=self.v_h),
+            sized("seat_area", v_S=self.v_s),
+            sized("line_pressure_sensor_offset", o=self.offset),
+        )
+
+
+CASES = {
+    "healthy": Case(),
+    "eroded": Case(v_h=0.3),
+    "coked": Case(v_h=-0.3),
+    "worn seat": Case(v_s=0.3),
+    "line offset": Case(offset=1e6),
+    "offset and wear": Case(v_h=0.2, offset=-1e6),
+}
+
+
+@dataclass(frozen=True)
+class Run:
+    """A recording's truth and what the observer made of it."""
+
+    truth: Truth
+    history: History
+
+    def volumes(self, first: int) -> tuple[float, float, float]:
+        """Estimated, nominal and true volume [m3] of the events from number `first` on, in their windows."""
+        evaluation = self.history.evaluations[0]
+        estimated = nominal = true = 0.0
+        for report in evaluation.reports[first - 1 :]:
+            window = slice(report.start_index, report.end_index + 1)
+            estimated += report.volume
+            nominal += float(np.trapezoid(evaluation.trace.nominal_rate[window])) / SAMPLE_RATE
+            true += float(np.trapezoid(self.truth.injection_rate[window])) / SAMPLE_RATE
+        return estimated, nominal, true
+
+
+@cache
+def run(name: str, scalars: Scalars = SCALARS) -> Run:
+    """Eight events at three pressures and two durations, 50 kHz, with noise; learning in lockstep."""
+
+    def learner_of(_: BenchInjector, constants: Constants, knowledge: Knowledge) -> Learner:
+        scale = constants.coefficients.pressure_scale
+        return Learner(constants, no_knowledge(knowledge.noise, scale, scalars), scalars)
+
+    schedule = make_schedule([60e6, 100e6, 140e6], EVENTS, 0.05, [0.8e-3, 1.9e-3])
+    made = simulate(NOMINAL, schedule, SAMPLE_RATE, CASES[name].effects, SimulatedNoise(), seed=len(name))
+    return Run(made.truth, evaluate(BENCH, [made.recording], learner_of=learner_of))
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_masses_are_right_from_the_fourth_event_on(name: str) -> None:
+    assert len(run(name).history.evaluations[0].reports) == EVENTS
+    estimated, _, true = run(name).volumes(first=4)
+    assert estimated == pytest.approx(true, rel=0.01)
+
+
+@pytest.mark.parametrize(("name", "error"), [("eroded", -0.21), ("coked", 0.38)])
+def test_without_learning_the_worn_masses_are_wrong(name: str, error: float) -> None:
+    """So that the test above can fail: what the nominal model is known to be off."""
+    _, nominal, true = run(name).volumes(first=4)
+    assert nominal / true - 1.0 == pytest.approx(error, abs=0.03)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_wear_indicators(name: str) -> None:
+    last = run(name).history.evaluations[0].reports[-1].indicators
+    case = CASES[name]
+    assert last[NOZZLE].value == pytest.approx(case.v_h, abs=0.02)
+    assert last[SEAT].value == pytest.approx(case.v_s, abs=0.1)
+    for estimate, true in ((last[NOZZLE], case.v_h), (last[SEAT], case.v_s)):
+        assert estimate.sigma is not None
+        assert abs(estimate.value - true) < 4 * estimate.sigma + 0.005
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_offset_of_the_line_sensor_is_told_from_wear(name: str) -> None:
+    last = run(name).history.evaluations[0].reports[-1].indicators
+    offset = last[OFFSET].value * NOMINAL.scaling.pressure
+    assert offset == pytest.approx(CASES[name].offset, abs=0.03e6)
+
+
+def test_healthy_injector_stays_with_the_nominal_model() -> None:
+    estimated, nominal, _ = run("healthy").volumes(first=4)
+    assert estimated == pytest.approx(nominal, rel=0.005)
+
+
+def test_uncertainty_shrinks_with_every_event() -> None:
+    sigmas = [report.indicators[NOZZLE].sigma for report in run("eroded").history.evaluations[0].reports]
+    known = [sigma for sigma in sigmas if sigma is not None]
+    assert len(known) == EVENTS
+    assert known[-1] < 0.7 * known[0]
+
+
+def test_a_learner_goes_by_the_table_it_is_given() -> None:
+    """A prior that knows the seat is new: its wear is not found, while the line's terms, not gated, all are used."""
+    rows = tuple(
+        replace(row, prior=1e-6, drift=0.0) if row.name == "seat_bias" else replace(row, gated_from=None)
+        for row in SCALARS.rows
+    )
+    last = run("worn seat", Scalars(rows)).history.evaluations[0].reports[-1].indicators
+    assert abs(last[SEAT].value) < 1e-4
+    assert last["line_friction"].value != 0.0
+    assert last["guide_leakage"].sigma is not None
+    assert last["guide_leakage"].sigma > 0.0
+
+
+# One event at a time ----------------------------------------------------------------------------------------
+
+
+def nozzle_wear(v_h: float) -> Vector:
+    theta = np.zeros(PARAMETERS)
+    theta[Parameter.NOZZLE_BIAS] = v_h
+    return theta
+
+
+def wear_of(theta: Vector) -> float:
+    """v_H that theta means with the needle open at 95 MPa: bias and hidden neurons share it."""
+    return float(changes_of_flow((0.9, 1.0, 0.8), (0.95, 0.9), network_of(theta))[0])
+
+
+def event(v_h: float, seed: int | None = None) -> Window:
+    """7 ms at 100 kHz with one stroke, of an injector worn by v_H."""
+    constants = constants_for(NOMINAL, 100e3, Durations(), events_required=2)
+    time = np.arange(700) / 100e3
+    area = np.interp(time, [1.0e-3, 1.3e-3, 2.1e-3, 2.4e-3], [0.0, 0.9, 0.9, 0.0])
+    x = np.array([0.95, 0.0, 0.0])
+    line = [x[0]]
+    network = network_of(nozzle_wear(v_h))
+    for k in range(699):
+        u_start, u_end = (0.95, float(area[k])), (0.95, float(area[k + 1]))
+        advance_state(
+            x, Interval(u_start, u_end, 1e-5, constants.substeps), constants.coefficients, network, None
+        )
+        line.append(x[0])
+    output = np.array(line)
+    if seed is not None:
+        output += np.random.default_rng(seed).normal(0.0, NOISE.line_pressure / 100e6, output.size)
+    inputs = np.column_stack([np.full(time.size, 0.95), area])
+    return Window(inputs, output, time < 1.0e-3, np.array([0.95, 0.0, 0.0, 0.95]), opening=100)
+
+
+def learner_with(belief: Belief, in_force: Vector) -> Learner:
+    constants = constants_for(NOMINAL, 100e3, Durations(), events_required=2)
+    return Learner(constants, Knowledge(belief, in_force, NOISE, phi_version=3, events=5))
+
+
+def belief_in(v_h: float, sigma: float) -> Belief:
+    return prior_belief(nozzle_wear(v_h), sigma**2 * np.eye(PARAMETERS))
+
+
+def test_better_phi_is_adopted() -> None:
+    outcome = learner_with(belief_in(0.0, 0.3), nozzle_wear(0.0)).learn(
+        event(0.3, seed=1), NO_STANDSTILL, nozzle_wear(0.0)
+    )
+    assert outcome.adoption is Adoption.ADOPTED
+    assert wear_of(outcome.estimate) == pytest.approx(0.3, abs=0.02)
+
+
+def test_phi_that_predicts_worse_is_rejected_and_the_old_one_stays() -> None:
+    """A stubborn prior holds theta far from the truth, which is in force."""
+    constants = constants_for(NOMINAL, 100e3, Durations(), events_required=2)
+    true = nozzle_wear(0.3)
+    learner = learner_with(belief_in(0.0, 1e-4), true)
+    knowledge = Knowledge(belief_in(0.0, 1e-4), true, NOISE, phi_version=3)
+    observer = make_observer(constants, knowledge, learner)
+    outcome = learner.learn(event(0.3, seed=1), NO_STANDSTILL, in_force(observer))
+    assert outcome.adoption is Adoption.REJECTED
+    judge(observer, outcome.objections, outcome)
+    np.testing.assert_array_equal(in_force(observer), true)
+    assert int(observer.memory["phi_version"][0]) == 3
+
+
+def test_adopted_phi_takes_force() -> None:
+    constants = constants_for(NOMINAL, 100e3, Durations(), events_required=2)
+    learner = learner_with(belief_in(0.0, 0.3), nozzle_wear(0.0))
+    knowledge = Knowledge(belief_in(0.0, 0.3), nozzle_wear(0.0), NOISE, phi_version=3)
+    observer = make_observer(constants, knowledge, learner)
+    outcome = learner.learn(event(0.3, seed=1), NO_STANDSTILL, in_force(observer))
+    judge(observer, outcome.objections, outcome)
+    np.testing.assert_array_equal(in_force(observer), outcome.estimate)
+    np.testing.assert_array_equal(outcome.knowledge.in_force, outcome.estimate)
+    assert int(observer.memory["phi_version"][0]) == 4
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda output: np.where(np.arange(output.size) == 300, np.nan, output),
+        lambda output: np.full(output.size, np.inf),
+    ],
+    ids=["one sample no number", "infinite"],
+)
+def test_event_that_cannot_be_learned_from_changes_nothing(
+    damage: Callable[[Vector], Vector],
+) -> None:
+    learner = learner_with(belief_in(0.1, 0.3), nozzle_wear(0.1))
+    broken = event(0.3, seed=1)
+    outcome = learner.learn(broken._replace(output=damage(broken.output)), NO_STANDSTILL, nozzle_wear(0.1))
+    assert outcome.adoption is Adoption.FAILED
+    np.testing.assert_array_equal(outcome.knowledge.in_force, nozzle_wear(0.1))
+    np.testing.assert_array_equal(outcome.estimate, nozzle_wear(0.1))
+    np.testing.assert_array_equal(outcome.knowledge.belief.mean, nozzle_wear(0.1))
+    # and the next event is learned from as if it had not been
+    after = learner.learn(event(0.3, seed=2), NO_STANDSTILL, nozzle_wear(0.1))
+    assert after.adoption is Adoption.ADOPTED
+    assert wear_of(after.estimate) == pytest.approx(0.3, abs=0.02)
+
+
+def test_same_events_same_bits() -> None:
+    outcomes = []
+    for _ in range(2):
+        learner = learner_with(belief_in(0.0, 0.3), nozzle_wear(0.0))
+        learner.learn(event(0.3, seed=1), NO_STANDSTILL, nozzle_wear(0.0))
+        outcomes.append(learner.learn(event(0.3, seed=2), NO_STANDSTILL, nozzle_wear(0.0)))
+    np.testing.assert_array_equal(outcomes[0].estimate, outcomes[1].estimate)
+    first, second = (outcome.knowledge.belief.covariance for outcome in outcomes)
+    np.testing.assert_array_equal(first, second)
+
+
+def test_standstill_that_contradicts_the_model_freezes_learning() -> None:
+    """Something swings in the shut line that the model does not know: phi falls back to 0 until it is over."""
+    learner = learner_with(belief_in(0.0, 0.3), nozzle_wear(0.0))
+    carried = nozzle_wear(0.0)
+    adoptions = []
+    for number in range(12):
+        window = event(0.3, seed=number)
+        if number < 3:
+            window.output[:100] += 4e-3 * np.sin(np.arange(100) / 8)
+        outcome = learner.learn(window, NO_STANDSTILL, carried)
+        carried = outcome.knowledge.in_force
+        adoptions.append(outcome.adoption)
+        if outcome.adoption is Adoption.FROZEN:
+            assert not carried.any()
+            assert not outcome.knowledge.belief.mean.any()
+            assert (
+                outcome.objections
+            )  # nothing is valid while frozen, the good events before the release included
+    assert adoptions[:3] == [Adoption.ADOPTED, Adoption.FROZEN, Adoption.FROZEN]
+    assert adoptions[4] is Adoption.FROZEN  # fewer than three good events since
+    assert Adoption.FROZEN not in adoptions[-2:]
+    assert wear_of(carried) == pytest.approx(0.3, abs=0.02)
+
+
+@pytest.mark.parametrize("meanwhile", [0.3, 0.0])
+def test_of_what_explained_events_once_the_best_is_carried_where_nothing_does(meanwhile: float) -> None:
+    """The open line swings as no model of it does: what was learned, or phi = 0, from the second such event on.
+
+    With the gains of what is carried, for with others x~ may swing ever higher.
+    """
+    learner = learner_with(belief_in(0.0, 0.3), nozzle_wear(0.0))
+    carried, nominal = nozzle_wear(0.0), learner.schedule.gains
+    adoptions = []
+    for number in range(16):
+        is_troubled = number in (2, 3, 4)
+        window = event(meanwhile if is_troubled else 0.3, seed=number)
+        if is_troubled:
+            window.output[120:260] += 0.02 * np.sin(np.arange(140) / 6)
+        outcome = learner.learn(window, NO_STANDSTILL, carried)
+        carried = outcome.knowledge.in_force
+        adoptions.append(outcome.adoption)
+        if outcome.adoption is Adoption.SET_ASIDE and meanwhile:
+            assert wear_of(carried) == pytest.approx(0.3, abs=0.05)
+        elif outcome.adoption is Adoption.SET_ASIDE and is_troubled:
+            assert not carried.any()
+            np.testing.assert_allclose(outcome.schedule.gains, nominal)
+    assert Adoption.SET_ASIDE not in adoptions[:3]  # one such event alone does not
+    assert adoptions[3:5] == [Adoption.SET_ASIDE, Adoption.SET_ASIDE]
+    assert Adoption.SET_ASIDE not in adoptions[-2:]
+    assert wear_of(carried) == pytest.approx(0.3, abs=0.02)
+
+
+def as_text(remembered: Remembered) -> str:
+    """As a file keeps it, arrays as lists."""
+    return json.dumps(remembered, default=np.ndarray.tolist)
+
+
+def test_one_that_takes_over_learns_as_the_one_before() -> None:
+    """From what a file keeps of it: theta, belief, and what it follows from event to event, to the bit."""
+    theta = nozzle_wear(0.0)
+    before = learner_with(belief_in(0.0, 0.3), theta)
+    outcome = None
+    for seed in range(4):
+        spiky = event(0.3, seed=seed)
+        spiky.output[400 + 20 * seed] += 0.02
+        outcome = before.learn(spiky, NO_STANDSTILL, theta)
+        theta = outcome.knowledge.in_force
+    assert outcome is not None
+    known = outcome.knowledge
+    remembered = as_text(known.memory.found)
+    kept = replace(known, memory=Memory(known.memory.interval, json.loads(remembered)))
+    constants = constants_for(NOMINAL, 100e3, Durations(), events_required=2)
+    after = Learner(constants, kept)
+    assert as_text(after.memory()) == as_text(before.memory()) == remembered
+    assert remembered != as_text(Learner(constants, replace(known, memory=NOTHING)).memory())
+    first, second = (one.learn(event(0.3, seed=9), NO_STANDSTILL, theta) for one in (before, after))
+    np.testing.assert_array_equal(first.estimate, second.estimate)
+    np.testing.assert_array_equal(first.knowledge.belief.covariance, second.knowledge.belief.covariance)
+    assert as_text(first.knowledge.memory.found) == as_text(second.knowledge.memory.found)
+
+
+def test_what_was_remembered_at_another_sample_rate_is_not_taken_over() -> None:
+    before = learner_with(belief_in(0.0, 0.3), nozzle_wear(0.0))
+    known = before.learn(event(0.3, seed=1), NO_STANDSTILL, nozzle_wear(0.0)).knowledge
+    constants = constants_for(NOMINAL, 50e3, Durations(), events_required=2)
+    found, fresh = (Learner(constants, each).memory() for each in (known, replace(known, memory=NOTHING)))
+    assert as_text(found) == as_text(fresh)

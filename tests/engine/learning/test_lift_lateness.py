@@ -1,0 +1,92 @@
+"""A needle lift recorded late is named as that, another wrong model is not."""
+
+from dataclasses import replace
+from itertools import count
+
+import numpy as np
+import pytest
+
+from observer_rt.engine.estimation.prediction_error import EventCost
+from observer_rt.engine.estimation.predictor import Window
+from observer_rt.engine.estimation.scalars import SCALARS
+from observer_rt.engine.learning.lateness import LiftLag, LiftLagSearch, lift_lag_of
+from observer_rt.engine.stream.state import Reason
+from observer_rt.model.effect import SizedEffect
+from observer_rt.model.effects import sized
+from tests.engine.estimation.conftest import event_inputs, make_case, simulated_event, worn_theta
+from tests.engine.learning.test_lateness import EVENTS, reasons
+from tests.engine.sample_stream import NOMINAL
+
+EXPLAINED = LiftLag(16e-6, without=300.0, left=10.0, samples=1200)
+OF_ANOTHER_CAUSE = LiftLag(16e-6, without=300.0, left=200.0, samples=1200)
+SMALL = LiftLag(16e-6, without=12.0, left=0.0, samples=1200)
+STILL_WRONG = LiftLag(60e-6, without=9000.0, left=2000.0, samples=1200)
+NEARLY_ALL = LiftLag(28e-6, without=2000.0, left=180.0, samples=240)
+NO_MORE_THAN_NOISE = LiftLag(16e-6, without=-490.0, left=-640.0, samples=1200)
+
+
+@pytest.mark.parametrize("wear", [0.0, 0.25])
+@pytest.mark.parametrize("lag", [15e-6, 40e-6])
+def test_a_slow_lift_sensor_is_named(lag: float, wear: float) -> None:
+    found = reasons(sized("needle_lift_sensor_lag", tau=lag), sized("orifice_area", v_H=wear))
+    assert found[4:] == (Reason.LIFT_SENSOR_LAG,) * (EVENTS - 4)
+
+
+@pytest.mark.parametrize("other", [sized("channel_skew", d=50e-6), sized("seat_outflow")])
+def test_a_late_line_pressure_or_another_seat_is_none(other: SizedEffect) -> None:
+    found = reasons(other)
+    assert Reason.NONE not in found[4:]
+    assert Reason.LIFT_SENSOR_LAG not in found
+
+
+@pytest.mark.parametrize("late", [0.0, 16e-6, 30e-6])
+def test_the_lag_is_found_although_the_nozzle_is_worn(late: float) -> None:
+    case = make_case(NOMINAL)
+    window = simulated_event(case, worn_theta(), event_inputs(), seed=3)
+    samples = np.arange(len(window.output))
+    area = np.interp(samples - late / case.setting.interval, samples, window.inputs[:, 1])
+    recorded = window._replace(inputs=np.column_stack([window.inputs[:, 0], area]))
+
+    def cost_of(moved: Window) -> EventCost:
+        return EventCost(moved, case.setting, case.schedule.innovation_sigma, burn_in=50)
+
+    found = lift_lag_of(recorded, case.setting, cost_of, SCALARS)
+    assert found.lag == pytest.approx(late, abs=4e-6)
+    assert found.left <= found.without
+
+
+def test_what_explains_recent_events_is_told() -> None:
+    search = LiftLagSearch()
+    assert [search.found_after(lambda _: EXPLAINED) for _ in range(3)] == pytest.approx([16e-6] * 3)
+
+
+def test_on_a_fitted_line_something_may_be_left() -> None:
+    assert LiftLagSearch().found_after(lambda _: NEARLY_ALL) == pytest.approx(28e-6)
+
+
+def test_a_lag_that_differs_from_event_to_event_is_none() -> None:
+    """As a nozzle with other holes gives: the sensor would be as slow at every rail pressure."""
+    search, of_others = LiftLagSearch(), replace(EXPLAINED, missed=30.0)
+    assert search.found_after(lambda _: of_others) is not None  # nothing was expected yet
+    assert [search.found_after(lambda _: of_others) for _ in range(3)] == [None] * 3
+
+
+@pytest.mark.parametrize("event", [OF_ANOTHER_CAUSE, SMALL, STILL_WRONG, NO_MORE_THAN_NOISE])
+def test_what_does_not_is_not(event: LiftLag) -> None:
+    search = LiftLagSearch()
+    assert [search.found_after(lambda _: event) for _ in range(10)] == [None] * 10
+
+
+def test_where_events_are_refused_for_long_few_are_asked() -> None:
+    """Asking takes long, and the answer does not change."""
+    search, asked = LiftLagSearch(), count()
+
+    def ask(_: float) -> LiftLag:
+        next(asked)
+        return EXPLAINED
+
+    assert all(search.found_after(ask) for _ in range(64))
+    assert next(asked) == 6 + 64 // 8
+    search.told((), ask)
+    search.found_after(ask)
+    assert next(asked) == 6 + 64 // 8 + 2

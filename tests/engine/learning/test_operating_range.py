@@ -1,0 +1,126 @@
+"""What was learned at some operating points holds less at others."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from observer_rt.desk.evaluation.evaluate import evaluate
+from observer_rt.engine.estimation.open_loop import InputVariance, OpenLoop
+from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter
+from observer_rt.engine.learning.interval import (
+    EVERYWHERE,
+    NOWHERE,
+    REACH,
+    EventPoint,
+    KnownFlow,
+    Resimulated,
+    known_flow,
+    remembered,
+    unfamiliarity,
+)
+from observer_rt.engine.stream.state import Reason
+from tests.engine.learning.worn_injector import recorded_at
+from tools.benchmarks.plant_parameters import Injector
+from tools.benchmarks.score import windows_of
+from tools.benchmarks.scoring import bench_at, recording_of
+
+points = st.builds(EventPoint, st.floats(0.1, 2.0), st.floats(-9.0, -5.0), st.floats(0.0, 1.0))
+
+
+def test_nothing_is_known_before_the_first_event() -> None:
+    assert unfamiliarity(EventPoint(1.0, -7.0, 1.0), ()) == 1.0
+
+
+@given(points, st.lists(points, max_size=16), points)
+def test_an_event_more_never_makes_a_point_stranger(
+    point: EventPoint, learned_at: list[EventPoint], more: EventPoint
+) -> None:
+    before, after = unfamiliarity(point, learned_at), unfamiliarity(point, [*learned_at, more])
+    assert 0.0 <= after <= before + 1e-9 <= 1.0 + 1e-9
+
+
+def test_it_grows_with_the_distance_to_full() -> None:
+    origin = EventPoint(1.0, -7.0, 0.8)
+    away = np.array([unfamiliarity(EventPoint(1.0 + d * REACH[0], -7.0, 0.8), [origin]) for d in range(5)])
+    assert np.all(np.diff(away) > 0.0)
+    assert away[-1] == pytest.approx(1.0, abs=1e-3)
+
+
+def test_repeated_events_leave_little_open() -> None:
+    point = EventPoint(1.0, -7.0, 0.8)
+    assert unfamiliarity(point, [point] * 10) < 0.2
+
+
+def test_old_points_are_forgotten() -> None:
+    far, near = EventPoint(0.4, -8.0, 0.2), EventPoint(1.6, -6.0, 1.0)
+    learned_at: tuple[EventPoint, ...] = (far,)
+    for _ in range(20):
+        learned_at = remembered(learned_at, near)
+    assert unfamiliarity(far, learned_at) > 0.99
+
+
+def known(sigmas: dict[int, float], filled: float = 0.9, rate: float = 50e-6) -> KnownFlow:
+    """After an event of a constant rate [m3/s] at p_0, with independent errors of theta; filled: p_S / p_L in it."""
+    slopes = np.zeros((100, PARAMETERS))
+    slopes[:, Parameter.NOZZLE_BIAS] = filled * rate
+    slopes[:, Parameter.SEAT_BIAS] = (1.0 - filled) * rate
+    nothing = np.zeros(100)
+    run = OpenLoop(
+        np.full(100, rate), slopes, np.zeros((100, 4)), np.zeros((100, 3, 3)), nothing, nothing.copy()
+    )
+    covariance = np.zeros((PARAMETERS, PARAMETERS))
+    for column, sigma in sigmas.items():
+        covariance[column, column] = sigma**2
+    event = Resimulated(run, InputVariance(nothing, nothing), covariance, covariance, 1e-5)
+    return known_flow(event, np.zeros(PARAMETERS), covariance, EventPoint(1.0, -7.0, 0.5))
+
+
+WEIGHTS = range(Parameter.NOZZLE_WEIGHT, Parameter.SEAT_BIAS)
+
+
+def test_a_flow_known_well_is_known_everywhere() -> None:
+    assert known({Parameter.NOZZLE_BIAS: 0.01, Parameter.SEAT_BIAS: 0.01}) == EVERYWHERE
+
+
+@given(st.floats(1e-4, 0.3), st.floats(1.0, 3.0))
+def test_the_less_is_known_of_the_pressure_dependence_the_nearer_it_ends(sigma: float, factor: float) -> None:
+    less = known(dict.fromkeys(WEIGHTS, factor * sigma))
+    more = known(dict.fromkeys(WEIGHTS, sigma))
+    if less != NOWHERE and math.isinf(less.filled_to) == math.isinf(more.filled_to):
+        assert more.rail_from <= less.rail_from <= 1.0 <= less.rail_to <= more.rail_to
+
+
+def test_from_short_injections_the_nozzle_is_not_known() -> None:
+    """Of a sac that hardly fills the nozzle is a third of the flow: 3 % of it are 1.2 % of one that is 40 % full."""
+    found = known({Parameter.NOZZLE_BIAS: 0.03}, filled=0.3)
+    assert found[:2] == EVERYWHERE[:2]
+    assert found.filled_to == pytest.approx(0.4, abs=0.02)
+
+
+@pytest.mark.parametrize(("sigma", "rate"), [(0.1, 50e-6), (0.0, 0.0)])
+def test_what_not_even_the_event_showed_is_known_nowhere(sigma: float, rate: float) -> None:
+    assert known({Parameter.NOZZLE_BIAS: sigma}, rate=rate) == NOWHERE
+
+
+RAILS, OPENINGS = (50e6, 50e6, 50e6, 150e6, 150e6, 50e6), (1.4e-3,) * 6
+
+
+@pytest.mark.parametrize(
+    ("rails", "openings"),
+    [(RAILS, OPENINGS), ((100e6,) * 6, (0.25e-3, 0.25e-3, 0.25e-3, 1.4e-3, 1.4e-3, 0.25e-3))],
+    ids=["another rail pressure", "longer"],
+)
+def test_an_injection_unlike_those_learned_from_is_not_valid(
+    rails: tuple[float, ...], openings: tuple[float, ...]
+) -> None:
+    """The fourth is; it is learned from, and all after it are valid and right."""
+    outcome = recorded_at(rails, openings, seed=3)
+    reports = evaluate(bench_at(100e3), [recording_of(outcome)]).evaluations[0].reports
+    few, outside = Reason.TOO_FEW_EVENTS, Reason.OUTSIDE_LEARNED_RANGE
+    assert [each.reason for each in reports] == [few, few, Reason.NONE, outside, Reason.NONE, Reason.NONE]
+    true = windows_of(outcome, 100e3).masses(outcome.truth.injection_rate, Injector().density)
+    for report, mass in zip(reports, true, strict=True):
+        assert not report.valid or report.mass == pytest.approx(mass, rel=0.02)

@@ -1,0 +1,64 @@
+"""How far events scatter beyond noise is found, and is not taken for the scatter of an exact model."""
+
+import numpy as np
+import pytest
+
+from observer_rt.engine.estimation.prediction_error import Linearisation
+from observer_rt.engine.learning.overdispersion import (
+    LARGEST,
+    USUAL_SCORE,
+    Overdispersion,
+    TemperedEvent,
+    overdispersion_of,
+)
+
+EVENTS = 400
+SIZE = int(USUAL_SCORE)  # parameters, all well determined by one event
+
+
+def scores(factor: float, seed: int = 1) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    """Of events that scatter so much, by an exact model."""
+    return factor * np.random.default_rng(seed).chisquare(SIZE, EVENTS)
+
+
+@pytest.mark.parametrize("factor", [0.8, 1.0, 2.0, 4.0])
+def test_the_factor_of_steady_events_is_found(factor: float) -> None:
+    followed = Overdispersion()
+    for score in scores(factor):
+        followed.add(score / followed.factor)
+    assert followed.factor == pytest.approx(max(factor, 1.0), rel=0.25)
+
+
+def test_the_fit_is_believed_until_events_say_otherwise() -> None:
+    followed = Overdispersion(3.0)
+    assert followed.factor == 3.0
+    for score in scores(1.0):
+        followed.add(score / followed.factor)
+    assert followed.factor < 1.7
+
+
+def test_a_change_of_the_injector_is_no_scatter() -> None:
+    followed = Overdispersion()
+    for score in scores(1.0)[:20]:
+        followed.add(score)
+    followed.add(5000.0)
+    assert followed.factor < 1.2
+
+
+def test_it_ends_where_a_model_is_inadequate() -> None:
+    followed = Overdispersion()
+    for _ in range(EVENTS):
+        followed.add(1e4)
+    assert followed.factor == LARGEST
+
+
+@pytest.mark.parametrize("factor", [1.0, 2.5])
+def test_the_factor_of_known_events_makes_their_scores_the_usual_ones(factor: float) -> None:
+    random = np.random.default_rng(5)
+    information = np.diag(random.uniform(1e2, 1e4, SIZE))
+    events = []
+    for _ in range(100):
+        gradient = np.sqrt(factor * np.diag(information)) * random.normal(size=SIZE)
+        cost = Linearisation(np.zeros(SIZE), 0.0, gradient, information)
+        events.append(TemperedEvent(cost, np.zeros((SIZE, SIZE))))
+    assert overdispersion_of(events) == pytest.approx(factor, rel=0.15)

@@ -1,0 +1,40 @@
+"""Wear that moves on is told from wear that stands still."""
+
+import numpy as np
+import pytest
+
+from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, Parameter
+from observer_rt.engine.learning.trend import Trend
+
+USUAL = SCALARS.drift(1e8)
+EVENTS = 2000
+
+
+def test_wear_at_rest_is_hardly_ever_taken_to_move() -> None:
+    random = np.random.default_rng(3)
+    trend = Trend()
+    moving = [trend.extra_after(random.normal(size=PARAMETERS), USUAL).any() for _ in range(EVENTS)]
+    assert np.mean(moving) < 0.08  # a false alarm lasts ten events
+
+
+@pytest.mark.parametrize("column", [Parameter.NOZZLE_BIAS, Parameter.SEAT_BIAS])
+@pytest.mark.parametrize("pull", [-2.0, 2.0])
+def test_small_contradictions_of_the_same_sign_add_up(column: Parameter, pull: float) -> None:
+    random = np.random.default_rng(4)
+    trend = Trend()
+    extra = np.zeros(PARAMETERS)
+    for _ in range(8):
+        scores = 0.5 * random.normal(size=PARAMETERS)
+        scores[column] += pull
+        extra = trend.extra_after(scores, USUAL)
+    assert np.flatnonzero(extra).tolist() == [column]
+    assert extra[column] > USUAL[column]
+
+
+def test_a_trend_that_ended_is_forgotten() -> None:
+    trend = Trend()
+    for _ in range(8):
+        trend.extra_after(np.full(PARAMETERS, 2.0), USUAL)
+    for _ in range(20):
+        extra = trend.extra_after(np.zeros(PARAMETERS), USUAL)
+    assert not extra.any()

@@ -1,0 +1,129 @@
+"""What is printed wrongly in the paper, shown by numbers: (5), (6), (9), (12) against (13).
+
+That (17) is the DFP update of the inverse Hessian is shown in tests/engine/estimation/test_paper_errata.py.
+"""
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from observer_rt.core.model.model import rates_of_change
+from observer_rt.engine.paper_scheme.network import fault_cost, free_network, no_fault, scaled_identity
+from observer_rt.engine.paper_scheme.systems import swept
+from observer_rt.engine.paper_scheme.training import network_of
+from observer_rt.model.network import constant_network
+from tests.differences import differences
+from tests.engine.paper_scheme.conftest import GAIN, SAMPLE_RATE, Injection
+
+Vector = NDArray[np.float64]
+
+
+def identification_error(injection: Injection, gain: float) -> Vector:
+    """|y - C x~| along an injection for the gain of (5); a negative one is the printed minus."""
+    setting = injection.setting()._replace(gain=gain, substeps=10)
+    window = injection.window
+    start = window.start.copy()
+    start[0] += 0.01  # 1 MPa off
+    seen = swept(window._replace(start=start), setting, network_of(no_fault(), setting))
+    return np.abs(seen.error)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("gain", [1e4, 3e4, 1e5])
+def test_minus_of_equation_5_diverges_and_plus_converges(healthy: Injection, gain: float) -> None:
+    plus, minus = identification_error(healthy, gain), identification_error(healthy, -gain)
+    assert plus[-100:].max() < 1e-4  # of p_0: the initial error is forgotten
+    within = round(10 * SAMPLE_RATE / gain)  # ten time constants
+    assert np.nanmax(minus[:within]) > 10 * minus[0]
+    assert not (minus[-100:] < 1.0).any()  # p_0 and more, or no number at all
+
+
+def identification_states(injection: Injection) -> Vector:
+    """x~ of (5) along an injection (n, 3): with the opening beyond its end, x^ is x~ throughout."""
+    window, setting = injection.window, injection.setting()
+    shut = window._replace(resting=np.zeros_like(window.resting), opening=window.output.size)
+    return swept(shut, setting, network_of(no_fault(), setting)).x
+
+
+def derivative(values: Vector) -> Vector:
+    """Time derivative [1/s], central differences."""
+    return np.asarray(np.gradient(values, 1 / SAMPLE_RATE), np.float64)
+
+
+def model_rates(x: Vector, u: Vector, injection: Injection) -> Vector:
+    """f(x, u) along states (n, 3) and inputs (n, 2)."""
+    nothing = constant_network()
+    return np.array(
+        [
+            rates_of_change((a[0], a[1], a[2]), (b[0], b[1]), injection.c, nothing)
+            for a, b in zip(x, u, strict=True)
+        ]
+    )
+
+
+def correlation(a: Vector, b: Vector) -> float:
+    return float(np.corrcoef(a, b)[0, 1])
+
+
+def test_equation_6_as_printed_is_not_the_fault(worn: Injection) -> None:
+    """Printed: x~' + C f(x^) - C f(x~). Talebi: e' + C f(x^) - C f(x), e = y - C x^, here x or x~ for x; phi = 0."""
+    inputs, setting = worn.window.inputs, worn.setting()
+    x_tilde = identification_states(worn)
+    x_hat = swept(worn.window, setting, network_of(no_fault(), setting)).x
+    f_tilde, f_hat, f_true = (model_rates(x, inputs, worn)[:, 0] for x in (x_tilde, x_hat, worn.x))
+    error_rate = derivative(worn.window.output - x_hat[:, 0])
+    true = worn.fault[worn.scored, 0]
+    printed = (derivative(x_tilde[:, 0]) + f_hat - f_tilde)[worn.scored]
+    assert abs(correlation(true, printed)) < 0.35
+    assert correlation(true, (error_rate + f_hat - f_true)[worn.scored]) > 0.99
+    assert correlation(true, (error_rate + f_hat - f_tilde)[worn.scored]) > 0.9
+
+
+def test_target_without_derivative_is_the_fault_as_the_identification_sees_it(worn: Injection) -> None:
+    """e~' + l e~ = Phi + C f(x) - C f(x~) exactly; l e~ leaves out only a derivative."""
+    inputs, span = worn.window.inputs, worn.scored
+    x_tilde = identification_states(worn)
+    error = worn.window.output - x_tilde[:, 0]
+    seen = derivative(error) + GAIN * error
+    difference = model_rates(worn.x, inputs, worn)[:, 0] - model_rates(x_tilde, inputs, worn)[:, 0]
+    exact = worn.fault[:, 0] + difference
+    largest = np.abs(worn.fault[:, 0]).max()
+    assert np.sqrt(np.mean((seen - exact)[span] ** 2)) < 0.02 * largest
+    assert np.sqrt(np.mean((GAIN * error - exact)[span] ** 2)) < 0.05 * largest
+
+
+@pytest.mark.parametrize("argument", [-3.0, -0.2, 0.0, 0.7, 2.0])
+def test_equation_9_is_the_hyperbolic_tangent(argument: float) -> None:
+    printed = 2 / (1 + math.exp(-2 * argument)) - 1
+    assert math.tanh(argument) == pytest.approx(printed, abs=1e-15)
+    # and the slope (13) prints, (sigma + 1)^2 / exp(2 v z), is that of tanh
+    assert (printed + 1) ** 2 / math.exp(2 * argument) == pytest.approx(1 - math.tanh(argument) ** 2)
+
+
+def test_gradient_orders_w_by_rows(worn: Injection) -> None:
+    """Finite differences in the order of (13), W by rows, agree; in that of (12), W by columns, they do not."""
+    random = np.random.default_rng(4)
+    z, target = random.normal(size=(40, 6)), random.normal(size=(40, 3))
+    z[:, 5] = 1.0  # z = [x u 1]
+    unit = 2.0
+    cost = fault_cost(z, target * unit, unit)
+    p = scaled_identity(0.3) + 0.2 * random.normal(size=48)
+
+    def printed_13(p: Vector) -> Vector:
+        """(13) as printed, with W and V taken from p as this package orders it."""
+        network = free_network(p, unit)
+        sigma = 2 / (1 + np.exp(-2 * z @ network.hidden.T)) - 1
+        error = target - sigma @ network.output.T - network.bias
+        slope = (sigma + 1) ** 2 / np.exp(2 * z @ network.hidden.T)
+        hidden = -((error @ network.output) * slope).T @ z
+        rows = [-(error[:, i] @ sigma) for i in range(3)]
+        return np.concatenate([hidden.ravel(), *rows, -error.sum(axis=0)])
+
+    by_rows = differences(cost.value, p, 1e-6)
+    by_columns = by_rows.copy()  # as (12) arranges p
+    by_columns[30:45] = by_rows[30:45].reshape(3, 5).T.ravel()
+    np.testing.assert_allclose(printed_13(p), by_rows, atol=1e-6)
+    assert np.abs(printed_13(p) - by_columns).max() > 1.0
+    np.testing.assert_allclose(cost.value_and_gradient(p)[1], by_rows, atol=1e-6)

@@ -1,0 +1,94 @@
+"""The observer on recordings of the benchmark's plant, which shares no code with it; each case runs once."""
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.config.bench import load_injector
+from observer_rt.desk.evaluation.evaluate import evaluate
+from observer_rt.engine.estimation.scalars import SCALARS
+from observer_rt.engine.learning.indicators import Estimate
+from observer_rt.engine.reports.injection_report import InjectionReport
+from observer_rt.model.effect import SizedEffect
+from observer_rt.model.effective import coefficients
+from observer_rt.model.parameters import EffectInForce, EffectValue
+from tools.benchmarks.plant import Bench, Event, Needle, Shot, record
+from tools.benchmarks.plant_parameters import Faults, Injector
+from tools.benchmarks.score import windows_of
+from tools.benchmarks.scoring import bench_at, recording_of
+
+EVENTS = 10
+HEALTHY = Faults()
+GATED = {row.shown.effect for row in SCALARS.rows if row.shown is not None and row.gated_from is not None}
+RAIL_PRESSURES = (60e6, 100e6, 140e6, 80e6, 120e6)  # Pa
+DURATIONS = (1.4e-3, 0.9e-3, 1.9e-3)  # s, of the openings
+
+
+@dataclass(frozen=True, eq=False)
+class PlantRun:
+    """Estimated and true mass [mg] of every event, and what the observer said of its injection."""
+
+    estimated: NDArray[np.float64]
+    true: NDArray[np.float64]
+    reports: tuple[InjectionReport, ...]
+
+    @property
+    def errors(self) -> NDArray[np.float64]:
+        """Relative mass error of every event."""
+        return np.asarray(self.estimated / self.true - 1.0, np.float64)
+
+    def error(self, first: int) -> float:
+        """Relative error of the masses of the events from number `first` (from 1) on, together."""
+        return float(self.estimated[first - 1 :].sum() / self.true[first - 1 :].sum() - 1.0)
+
+    def indicator(self, effect: str) -> Estimate:
+        """An indicator after the last event, SI."""
+        estimate = self.reports[-1].indicators[effect]
+        si = next(
+            shown.si(coefficients(load_injector())) for _, shown in SCALARS.shown() if shown.effect == effect
+        )
+        return Estimate(estimate.value * si, None if estimate.sigma is None else estimate.sigma * si)
+
+
+def in_force(known: SizedEffect) -> EffectInForce:
+    """An effect as an injector file names it."""
+    sizes = zip(known.effect.parameters, known.values, strict=True)
+    printed = {p.name: EffectValue(value=value / p.si, unit=p.unit) for p, value in sizes}
+    return EffectInForce(id=known.effect.id, parameters=printed)
+
+
+@cache
+def run_plant(
+    faults: Faults,
+    events: int = EVENTS,
+    change_at: int | None = None,
+    seed: int = 5,
+    known: SizedEffect | None = None,
+) -> PlantRun:
+    """Single injections at changing operating points; with `change_at` (from 1) healthy before that event.
+
+    known: an effect the observer's injector file has in force.
+    """
+    schedule = []
+    for k in range(events):
+        changed = change_at is None or k + 1 >= change_at
+        shot = Shot(7e-6 * (k % 5), DURATIONS[k % len(DURATIONS)])
+        rail = RAIL_PRESSURES[k % len(RAIL_PRESSURES)]
+        schedule.append(Event(rail, (shot,), faults if changed else HEALTHY))
+    injector = Injector()
+    bench = Bench(injector, Needle(), tuple(schedule), seed=seed)
+    outcome = record(bench)
+    observer = bench_at(bench.sample_rate)
+    if known is not None:
+        changes = {"effects": (in_force(known),)}
+        observer = observer.with_parameters(observer.injector.parameters.model_copy(update=changes))
+    evaluation = evaluate(observer, [recording_of(outcome)]).evaluations[0]
+    assert len(evaluation.reports) == events
+    windows = windows_of(outcome, bench.sample_rate)
+    return PlantRun(
+        np.array(windows.event_masses_mg(np.nan_to_num(evaluation.trace.injection_rate), injector.density)),
+        np.array(windows.event_masses_mg(outcome.truth.injection_rate, injector.density)),
+        evaluation.reports,
+    )

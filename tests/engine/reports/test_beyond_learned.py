@@ -1,0 +1,27 @@
+"""An injection that what was learned does not reach: its line says how far it does, and what would help."""
+
+import math
+
+import pytest
+
+from observer_rt.daemon.event_logger import line
+from observer_rt.engine.stream.state import Reason
+from tests.daemon.samples import some_report
+
+
+@pytest.mark.parametrize(
+    ("known", "said"),
+    [
+        ((43e6, 98e6), "what was learned reaches from 43 up to 98 MPa; record injections at 120 MPa"),
+        ((-math.inf, 98e6), "what was learned reaches up to 98 MPa; record"),
+        ((140e6, math.inf), "what was learned reaches from 140 MPa; record"),
+        ((math.inf, -math.inf), "nothing learned reaches it; record injections at 120 MPa"),
+        ((-math.inf, math.inf), "longer than those learned from"),
+    ],
+)
+def test_how_far_it_is(known: tuple[float, float], said: str) -> None:
+    report = some_report(
+        rail_pressure=120e6, known_rails=known, valid=False, reason=Reason.OUTSIDE_LEARNED_RANGE
+    )
+    assert said in line(report)
+    assert said not in line(some_report(rail_pressure=120e6, known_rails=known))

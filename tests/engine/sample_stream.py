@@ -1,0 +1,216 @@
+"""Drives the observer sample by sample, as the service does, and keeps every processed sample."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.config.bench import load_injector
+from observer_rt.core.stream.stream import INJECTIONS, RING
+from observer_rt.engine.estimation.gain import NoiseLevels
+from observer_rt.engine.learning.knowledge import Outcome, no_knowledge
+from observer_rt.engine.learning.learner import Learner
+from observer_rt.engine.mailbox import judge
+from observer_rt.engine.observer import (
+    Durations,
+    constants_for,
+    event_standstill,
+    event_window,
+    in_force,
+    make_observer,
+    samples_at,
+)
+from observer_rt.engine.stream.standstill import RestingLift, Standstill, standstill_of
+from observer_rt.engine.stream.state import LIFT, Observer, sample_dtype
+from observer_rt.engine.stream.state import RAIL as RAIL_CHANNEL
+from observer_rt.foundation.continuity import RECORDED, RECORDED_RING, Break
+from observer_rt.model.effect import SizedEffect
+from observer_rt.model.parameters import InjectorParameters
+
+NOISE = NoiseLevels(rail_pressure=0.1e6, line_pressure=0.15e6, needle_lift=0.4e-6)
+NOMINAL = load_injector()
+RAIL = 100e6  # Pa
+PIECE = 1000  # samples fed between two looks
+
+
+def _push_all(
+    observer: Observer,
+    index: int,
+    rail: NDArray[np.float64],
+    lift: NDArray[np.float64],
+    line: NDArray[np.float64],
+    broken: int,
+    between: tuple[float, float],
+) -> None:
+    """Samples from an index on into the ring of recorded ones, and taken in; between: shares of lift and rail."""
+    recorded = int(observer.memory[0]["recorded"])
+    places = np.arange(recorded, recorded + rail.size) % RECORDED_RING
+    rows = np.zeros(rail.size, RECORDED)
+    rows["index"] = index + np.arange(rail.size)
+    rows["values"] = np.stack([rail, lift, line], axis=1)
+    rows["shares"][:, LIFT], rows["shares"][:, RAIL_CHANNEL] = between
+    if rail.size:
+        rows["broken"][0] = broken
+    observer.recorded[places] = rows
+    observer.stream.take(recorded + rail.size, 0)
+
+
+@dataclass
+class Stream:
+    """One observer; `rows` are the processed samples, `judged` the indices before which an event was judged.
+
+    stated: what is to be undone of the channels; lift: what is known of the shut needle's before.
+    """
+
+    injector: InjectorParameters = NOMINAL
+    sample_rate: float = 100e3
+    durations: Durations = field(default_factory=Durations)
+    events_required: int = 2
+    learning: bool = False
+    keep: bool = True
+    stated: tuple[SizedEffect, ...] = ()
+    lift: RestingLift = field(default_factory=RestingLift)
+    judged: list[int] = field(default_factory=list)
+    outcomes: list[Outcome | None] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        constants = constants_for(
+            self.injector, self.sample_rate, self.durations, self.events_required, stated=self.stated
+        )
+        knowledge = replace(no_knowledge(NOISE, constants.coefficients.pressure_scale), lift=self.lift)
+        self.learner = Learner(constants, knowledge)
+        self.observer: Observer = make_observer(constants, knowledge, self.learner)
+        if not self.learning:  # the pressures are made up: nothing shall contradict them
+            self.observer.memory["innovation_weight"] = 0.0
+        self._kept: list[NDArray[np.void]] = []
+        self._seen = 0
+        self._next_index = 0
+        self._begun = False
+
+    def feed(
+        self,
+        rail: NDArray[np.float64],
+        lift: NDArray[np.float64],
+        line: NDArray[np.float64],
+        index: int | None = None,
+        broken: Break = Break.NONE,
+        lift_after: float = 0.0,
+        rail_share: float = 0.0,
+    ) -> "Stream":
+        """Samples [Pa, m, Pa] from `index` on (default: where the last ones ended).
+
+        lift_after: share of an interval by which the lift was taken later than the rest; rail_share: of the later
+        one of the two neighbours between which the rail pressure lies.
+        """
+        first = self._next_index if index is None else index
+        if not self._begun:
+            broken, self._begun = Break.START, True
+        for k in range(0, rail.size, PIECE):
+            piece = slice(k, k + PIECE)
+            begins = int(broken) if k == 0 else 0
+            _push_all(
+                self.observer,
+                first + k,
+                rail[piece],
+                lift[piece],
+                line[piece],
+                begins,
+                (lift_after, rail_share),
+            )
+            self._advance()
+        self._next_index = first + rail.size
+        return self
+
+    def rest(self, duration: float, pressure: float = RAIL, **where: int) -> "Stream":
+        """A shut needle for `duration` [s], without noise."""
+        samples = round(duration * self.sample_rate)
+        constant = np.full(samples, pressure)
+        return self.feed(constant, np.zeros(samples), constant, **where)  # type: ignore[arg-type]
+
+    def finish(self) -> "Stream":
+        """No sample will come."""
+        self.observer.memory["draining"] = True
+        self._advance()
+        return self
+
+    @property
+    def rows(self) -> NDArray[np.void]:
+        """Processed samples, dtype of the ring."""
+        return np.concatenate(self._kept) if self._kept else np.zeros(0, sample_dtype(3))
+
+    @property
+    def injections(self) -> NDArray[np.void]:
+        """Injections begun, in order."""
+        begun = int(self.observer.memory["injections_begun"][0])
+        assert begun <= INJECTIONS
+        records: NDArray[np.void] = self.observer.injections[:begun]
+        return records
+
+    def count(self, name: str) -> int:
+        """A counter of the observer's memory."""
+        return int(self.observer.memory[name][0])
+
+    @property
+    def standstill(self) -> Standstill:
+        """Statistics so far."""
+        return standstill_of(self.observer.memory[0], self.observer.constants.coefficients.pressure_scale)
+
+    def _advance(self) -> None:
+        while self.observer.stream.advance():
+            self._keep()
+            position = self.count("processed")
+            waiting_index = int(self.observer.ring[position % RING]["index"])
+            self.judged.append(waiting_index if position < self.count("received") else -1)
+            number = self.count("events_taken")
+            window = event_window(self.observer, number) if self.learning else None
+            outcome = None
+            if window is not None:
+                outcome = self.learner.learn(
+                    window, event_standstill(self.observer, number), in_force(self.observer)
+                )
+            self.outcomes.append(outcome)
+            judge(self.observer, () if outcome is None else outcome.objections, outcome)
+        self._keep()
+
+    def _keep(self) -> None:
+        processed = self.count("processed")
+        if self.keep:
+            self._kept.append(samples_at(self.observer, self._seen, processed))
+        self._seen = processed
+
+
+def stroke(open_for: int, peak: float = 0.3e-3, ramp: int = 20) -> NDArray[np.float64]:
+    """Lift [m] of one opening: exactly `open_for` samples above 0, straight ramps of `ramp` samples."""
+    k = np.arange(1, open_for + 1)
+    return peak * np.clip(np.minimum(k, open_for + 1 - k) / ramp, 0.0, 1.0)
+
+
+def place(length: int, **strokes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Lift [m] of `length` samples with strokes at the samples given by name: at_100=stroke(50)."""
+    lift = np.zeros(length)
+    for name, shape in strokes.items():
+        start = int(name.removeprefix("at_"))
+        lift[start : start + shape.size] = shape
+    return lift
+
+
+def opened(starts: Iterable[int], length: int, open_for: int = 110) -> NDArray[np.float64]:
+    """Lift [m] of `length` samples, with openings."""
+    return place(length, **{f"at_{start}": stroke(open_for) for start in starts})
+
+
+def beside_rest(
+    lift: NDArray[np.float64], fall: float = 0.0, since: int = 0, innovation_weight: float = 0.0
+) -> Stream:
+    """What comes of a lift [m] beside pressures at rest with their noise; the line's falls [Pa] at a sample.
+
+    innovation_weight: 1/sigma^2; 0: nothing contradicts the model.
+    """
+    random = np.random.default_rng(9)
+    rail = RAIL + random.normal(0.0, NOISE.rail_pressure, lift.size)
+    line = RAIL + random.normal(0.0, NOISE.line_pressure, lift.size)
+    line[since:] -= fall
+    stream = Stream(events_required=0)
+    stream.observer.memory["innovation_weight"] = innovation_weight
+    return stream.feed(rail, lift, line)

@@ -1,0 +1,101 @@
+"""Frames of any bytes, and memory of any content: nothing leaves its bounds, nothing unwritten is read.
+
+In `tools/test --debug-core` every access beyond an array ends the process.
+"""
+
+from pathlib import Path
+
+import cantools
+import numpy as np
+import pytest
+from cantools.database.can import Database
+from hypothesis import given
+from hypothesis import strategies as st
+
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
+from observer_rt.engine.service.core import Core
+from tests.device import core_of, frames_of, hand, simulated
+
+CLASSIC = Path(__file__).parents[2] / "bus" / "databases" / "testbed_classic.toml"
+LIMITS = {"RP_RailPressure": 1e5, "NL_Lift": 1e-6, "LP_LinePressure": 1e5}
+
+
+def database() -> Database:
+    found = cantools.database.load_file(CLASSIC.with_suffix(".dbc"))
+    assert isinstance(found, Database)
+    return found
+
+
+FRAMES = st.lists(
+    st.tuples(st.integers(0, 3), st.binary(max_size=64), st.integers(-(10**9), 10**9)), max_size=400
+)
+
+
+@pytest.mark.parametrize("bench", [EXAMPLE_BENCH, CLASSIC], ids=["protected", "three messages"])
+@given(frames=FRAMES)
+def test_any_bytes_are_counted_and_harm_nothing(bench: Path, frames: list[tuple[int, bytes, int]]) -> None:
+    loaded = load_bench(bench)
+    bus = map_bus(loaded)
+    core = Core(loaded.injector, bus, learning=False)
+    lengths = {layout.frame_id: layout.length for layout in bus.input_layouts}
+    of_ours = dict.fromkeys(lengths, 0)
+    for number, payload, stamp in frames:
+        frame_id = [*lengths, 0x7FF][min(number, len(lengths))]
+        core.handle(frame_id, False, payload, stamp)
+        if frame_id in lengths:
+            of_ours[frame_id] += 1
+    core.finish()
+    counters = core.counters
+    assert counters.frames == sum(of_ours.values())
+    wrong = sum(
+        1
+        for number, payload, _ in frames
+        if number < len(lengths) and len(payload) < [*lengths.values()][number]
+    )
+    assert counters.length_errors >= wrong
+
+
+@given(st.lists(st.binary(min_size=8, max_size=8), min_size=1, max_size=40))
+def test_signals_of_any_bytes_are_those_of_cantools(payloads: list[bytes]) -> None:
+    """What reaches the observer is what plain cantools reads of the same bytes, in SI units."""
+    loaded, plain = load_bench(CLASSIC), database()
+    core = Core(loaded.injector, map_bus(loaded), learning=False)
+    names = ("DAQ_RailPress", "DAQ_NeedleLift", "DAQ_LinePress")
+    expected = []
+    for index, payload in enumerate(payloads):
+        row = []
+        for name, (signal, unit) in zip(names, LIMITS.items(), strict=True):
+            message = plain.get_message_by_name(name)
+            values = message.decode(
+                payload[: message.length].ljust(message.length, b"\0"), decode_choices=False, scaling=False
+            )
+            assert isinstance(values, dict)
+            counter = next(each for each in values if each.endswith("MsgCnt"))
+            values[counter] = index % 256
+            sent = message.encode(values, scaling=False, strict=False)
+            core.handle(message.frame_id, bool(message.is_extended_frame), sent, index * 100_000)
+            read = message.decode(sent, decode_choices=False)
+            assert isinstance(read, dict)
+            row.append(float(read[signal]) * unit)
+        expected.append(row)
+    ring = core.compiled.observer.recorded
+    received = int(core.compiled.observer.memory["received"][0])
+    found = ring["values"][:received]
+    assert received == len(payloads)
+    for row, values in zip(found, expected, strict=True):
+        known = np.isfinite(row)
+        np.testing.assert_allclose(row[known], np.array(values)[known], rtol=1e-9, atol=1e-12)
+
+
+@given(st.binary(min_size=64, max_size=64))
+def test_what_lay_in_memory_before_changes_nothing(rubbish: bytes) -> None:
+    """Rings hold anything where nothing was written yet."""
+    recording = simulated(1)
+    frames = frames_of(EXAMPLE_BENCH, recording)[:600]
+    clean, dirty = core_of(EXAMPLE_BENCH), core_of(EXAMPLE_BENCH)
+    observer = dirty.compiled.observer
+    for ring in (observer.recorded, observer.ring, observer.x_tilde, observer.x_hat):
+        raw = ring.view(np.uint8).reshape(-1)
+        raw[:] = np.resize(np.frombuffer(rubbish, np.uint8), raw.size)
+    assert hand(dirty, frames) == hand(clean, frames)

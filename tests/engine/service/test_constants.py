@@ -1,0 +1,13 @@
+"""What a bench file says of time reaches the observer in samples."""
+
+import pytest
+
+from observer_rt.config.bench import load_bench
+from observer_rt.config.injector import SamplingConfig
+from observer_rt.engine.service.constants import bench_constants
+
+
+@pytest.mark.parametrize(("rate", "bridge", "samples"), [(100e3, 0.5, 50), (100e3, 0.0, 0), (20e3, 2.0, 40)])
+def test_how_long_an_input_is_bridged(rate: float, bridge: float, samples: int) -> None:
+    bench = load_bench().with_sections(sampling=SamplingConfig(rate_hz=rate, bridge_ms=bridge))
+    assert bench_constants(bench.injector).timing.bridge == samples

@@ -1,0 +1,123 @@
+"""The optional input `energizing`: which command an opening belongs to, and how long after it the needle opens."""
+
+from pathlib import Path
+
+import pytest
+
+from observer_rt.config.bench import load_injector
+from tests.benches import SAMPLE_RATE
+from tests.daemon.pulses import (
+    BED,
+    PILOT_AND_MAIN,
+    SOURCES,
+    Told,
+    durations,
+    index_at,
+    injected,
+    is_on,
+    pulse_bench,
+    samples,
+    triple_bench,
+    watch,
+)
+from tests.device import encoded, later, merged, run
+
+DELAY = load_injector().needle.opening_delay
+SAMPLE = 1 / SAMPLE_RATE
+ERRORS = {  # of delay and duration [s]
+    "level": (SAMPLE, SAMPLE),
+    "duration": (SAMPLE, 1e-7),
+    "block": (SAMPLE, SAMPLE),
+    "by stamp": (SAMPLE, 1e-7),
+    "protected": (SAMPLE, 1e-7),
+    "cyclic": (0.5e-3 + SAMPLE, 1e-3),
+}
+
+
+@pytest.mark.parametrize("name", SOURCES)
+def test_every_opening_has_its_command(tmp_path: Path, name: str) -> None:
+    (lines, source), (delay_error, time_error) = SOURCES[name], ERRORS[name]
+    pulses, recording = injected(3)
+    watched = watch(pulse_bench(tmp_path, lines), recording, source(pulses))
+    assert watched.energized == ([1, 2, 3], [], [])
+    for report in watched.reports:
+        assert report.commanded is not None
+        assert report.commanded.opening_delay == pytest.approx(DELAY, abs=1.5 * delay_error)
+        assert report.commanded.energizing_time == pytest.approx(1.1e-3, abs=1.01 * time_error)
+
+
+@pytest.mark.parametrize(
+    ("late", "stated", "made_up"),
+    [(0.3e-3, "", 0.0), (0.8e-3, "", 0.0), (2e-3, "delay_us = 2000\n", 2e-3)],
+    ids=["before it opens", "after it opened", "stated"],
+)
+def test_a_stamp_that_is_late_makes_the_delay_too_short(
+    tmp_path: Path, late: float, stated: str, made_up: float
+) -> None:
+    """Even below zero; it is the same command all the same, that of a pilot too. What is stated is made up for."""
+    pulses, recording = injected(2, PILOT_AND_MAIN)
+    bench = pulse_bench(tmp_path, Told.TIME_BY_STAMP + stated)
+    watched = watch(bench, recording, later(durations(pulses), late))
+    assert watched.energized == ([1, 2, 3, 4], [], [])
+    for report in watched.reports:
+        assert report.commanded is not None
+        assert report.commanded.opening_delay == pytest.approx(DELAY - late + made_up, abs=1.5 * SAMPLE)
+
+
+@pytest.mark.parametrize("step", [5e-3, -5e-3, 1.0])
+def test_no_alarm_while_the_receivers_clock_was_set(tmp_path: Path, step: float) -> None:
+    """At first commands are not known, later they are again."""
+    pulses, recording = injected(28)
+    frames = merged(samples(recording), durations(pulses))
+    stamped = [one._replace(time=one.time + step) if one.time > 0.96 else one for one in frames]
+    watched = run(pulse_bench(tmp_path, Told.TIME_BY_STAMP), stamped, learning=False)
+    assert watched.notes.mismatches == []
+    assert watched.commands[:16] == [*range(1, 17)]
+    assert watched.commands[-2:] == [27, 28]
+    assert None in watched.commands
+
+
+def test_level_beside_samples_without_an_index(tmp_path: Path) -> None:
+    """One sample a frame, and its level: frames are counted by their stamps, and so are commands placed."""
+    pulses, recording = injected(2)
+    message = BED.get_message_by_name("Triple")
+    sent = []
+    for n in range(recording.samples):
+        values = {
+            "Rail": recording.rail_pressure[n] / 1e6,
+            "Lift": recording.needle_lift[n] / 1e-6,
+            "Line": recording.line_pressure[n] / 1e6,
+            "Level": int(is_on(pulses, n / SAMPLE_RATE + 1e-9)),
+            "LevelPlain": 0,
+            "Time": 0,
+        }
+        sent.append(encoded(message, values, n / SAMPLE_RATE))
+    watched = watch(triple_bench(tmp_path, "Level"), sent)
+    assert watched.energized == ([1, 2], [], [])
+    assert watched.core.optional.energizing is not None
+    assert watched.core.optional.energizing.mean_delay == pytest.approx(DELAY, abs=1.5 * SAMPLE)
+
+
+def test_multiplexed_message(tmp_path: Path) -> None:
+    """Pages without the duration say nothing."""
+    pulses, recording = injected(2)
+    message = BED.get_message_by_name("Pages")
+    sent = []
+    for start, duration in pulses:
+        page = {"Page": 2, "PageDuration": duration / 1e-6, "PageIndex": index_at(start)}
+        sent.append(encoded(message, page, start))
+        sent.append(encoded(message, {"Page": 1, "PageOther": 500}, start + 1e-3))
+    lines = 'message = "Pages"\nsignal = "PageDuration"\nindex = "PageIndex"\n'
+    assert watch(pulse_bench(tmp_path, lines), recording, sent).energized == ([1, 2], [], [])
+
+
+def test_mean_and_spread_of_the_delays(tmp_path: Path) -> None:
+    """Commands told 40 us too late and too early in turn."""
+    pulses, recording = injected(4)
+    moved = [(start + 40e-6 * (-1) ** n, duration) for n, (start, duration) in enumerate(pulses)]
+    figures = watch(pulse_bench(tmp_path, Told.TIME), recording, durations(moved)).core.optional.energizing
+    assert figures is not None
+    assert figures.commands == 4
+    assert figures.mean_delay == pytest.approx(DELAY, abs=1.5 * SAMPLE)
+    assert figures.delay_sigma == pytest.approx(40e-6, abs=10e-6)
+    assert "4 commands, 0 injections missing" in figures.as_text()

@@ -1,0 +1,110 @@
+"""Commands from levels: every rising edge, whatever the blocks, and nothing invented where blocks are lost."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.bus.mapping.optional_inputs import EnergizingLayout, EnergizingSignal
+from observer_rt.config.bench import load_bench
+from observer_rt.engine.service.energizing import Command, CommandReader
+from tests.benches import SAMPLE_RATE
+from tests.daemon.pulses import LEVELS, Told, pulse_bench
+
+INDICES = 1 << 32
+FIRST = st.sampled_from([0, 12345, INDICES - 70])  # of the samples: the count may begin again among them
+STRETCHES = st.lists(st.integers(1, 45), min_size=1, max_size=10)
+
+
+@pytest.fixture(scope="module")
+def in_blocks(tmp_path_factory: pytest.TempPathFactory) -> EnergizingLayout:
+    return energizing(tmp_path_factory.mktemp("blocks"), Told.LEVELS_IN_BLOCK)
+
+
+def energizing(folder: Path, lines: str) -> EnergizingLayout:
+    mapped = map_bus(load_bench(pulse_bench(folder, lines))).energizing
+    assert mapped is not None
+    return mapped
+
+
+@dataclass(frozen=True)
+class Pulses:
+    """Levels of consecutive samples, low first, and where they rise and fall."""
+
+    levels: list[int]
+    starts: list[int]
+    lengths: list[int]
+
+
+def pulses(stretches: list[int]) -> Pulses:
+    """Low and high in turn, so many samples each; whole blocks, low at the end."""
+    edges = np.cumsum(stretches).tolist()
+    starts, ends = edges[:-1:2], edges[1::2]
+    size = -(-(edges[-1] + 1) // LEVELS) * LEVELS
+    levels = np.zeros(size, np.int64)
+    for start, end in zip(starts, ends, strict=False):
+        levels[start:end] = 1
+    return Pulses(levels.tolist(), starts, [end - start for start, end in zip(starts, ends, strict=False)])
+
+
+def read(
+    mapped: EnergizingLayout, told: Pulses, first: int, lost: set[int]
+) -> tuple[CommandReader, list[Command]]:
+    reader = CommandReader(mapped, SAMPLE_RATE)
+    found: list[Command] = []
+    for number in range(len(told.levels) // LEVELS):
+        if number not in lost:
+            values = np.array(told.levels[number * LEVELS : (number + 1) * LEVELS], float)
+            found += reader.read(EnergizingSignal((first + number * LEVELS) % INDICES, 0, values, None))
+    return reader, found
+
+
+@given(STRETCHES, FIRST)
+def test_every_rising_edge_is_a_command(
+    in_blocks: EnergizingLayout, stretches: list[int], first: int
+) -> None:
+    told = pulses(stretches)
+    _, found = read(in_blocks, told, first, set())
+    assert [(one.start - first) % INDICES for one in found] == told.starts
+    assert [round(one.duration * SAMPLE_RATE) for one in found] == told.lengths
+    assert all(one.is_certain and one.margin == 0.0 for one in found)
+
+
+@given(STRETCHES, FIRST, st.sets(st.integers(0, 10)))
+def test_what_is_lost_is_known_to_be(
+    in_blocks: EnergizingLayout, stretches: list[int], first: int, lost: set[int]
+) -> None:
+    """Certain commands are true ones; a true one that is not found lies in a span said to be lost."""
+    told = pulses(stretches)
+    reader, found = read(in_blocks, told, first, lost)
+    certain = [(one.start - first) % INDICES for one in found if one.is_certain]
+    assert set(certain) <= set(told.starts)
+    for one in found:
+        length = dict(zip(told.starts, told.lengths, strict=True)).get((one.start - first) % INDICES)
+        assert np.isnan(one.duration) or round(one.duration * SAMPLE_RATE) == length
+    spans = [((begin - first) % INDICES, (end - first) % INDICES) for begin, end in reader.lost]
+    end_of_last = max((n + 1 for n in range(len(told.levels) // LEVELS) if n not in lost), default=0) * LEVELS
+    for start in set(told.starts) - set(certain):
+        is_told = any(begin <= start <= end or (begin > end and start <= end) for begin, end in spans)
+        assert is_told or start >= end_of_last
+
+
+def test_a_cyclic_level_changed_in_the_middle_between_two_frames(tmp_path: Path) -> None:
+    reader = CommandReader(energizing(tmp_path, Told.CYCLIC), SAMPLE_RATE)
+    found = []
+    for millisecond, level in enumerate((0, 0, 1, 1, 0)):
+        found += reader.read(EnergizingSignal(None, millisecond * 10**6, np.array([level], float), None))
+    [command] = found
+    assert command.start == 1_500_000
+    assert command.margin == 0.5e-3 * SAMPLE_RATE
+    assert command.duration == pytest.approx(2e-3)
+
+
+@pytest.mark.parametrize("nothing", [0.0, -1e-3, np.nan, np.inf])
+def test_no_duration_is_no_command(tmp_path: Path, nothing: float) -> None:
+    reader = CommandReader(energizing(tmp_path, Told.TIME), SAMPLE_RATE)
+    assert reader.read(EnergizingSignal(100, 0, np.array([nothing]), None)) == []

@@ -1,0 +1,246 @@
+"""The optional input `fuel_temperature`: the model follows it, and nothing is valid without it."""
+
+import gc
+from collections.abc import Sequence
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+
+import cantools
+import numpy as np
+import pytest
+
+from observer_rt.config.bench import load_bench, load_injector
+from observer_rt.desk.check.checkup import Level, checkup
+from observer_rt.desk.evaluation.evaluate import evaluate
+from observer_rt.desk.simulation.schedule import make_schedule
+from observer_rt.desk.simulation.simulate import SimulatedNoise, Simulation, simulate
+from observer_rt.engine.stream.state import Observer, Reason, State
+from observer_rt.files.replay.framing import TimedFrame
+from observer_rt.foundation.errors import UserError
+from observer_rt.model.effective import coefficients
+from observer_rt.model.effects import sized
+from tests.benches import SAMPLE_RATE, sample_bench
+from tests.daemon.end_to_end import DATABASE
+from tests.daemon.participants import HeardDaemon, ScriptedLink
+from tests.desk.evaluation.documents import recording_json
+from tests.device import Device, Result, core_of, encoded, hand, inserted, recoded, run
+
+NOMINAL = load_injector()
+REFERENCE, HOT = 40.0, 85.0  # degC
+BLOCK = 9  # samples in a frame
+INJECTIONS = 4
+SENSOR = """VERSION ""
+BU_: Bed
+BO_ 803 Sensor: 8 Bed
+ SG_ Fuel : 0|16@1+ (0.1,-100) [-100|400] "degC" Bed
+VAL_ 803 Fuel 65535 "SNA" ;
+"""
+SENSOR_DATABASE = cantools.database.load_string(SENSOR, "dbc")
+
+
+def fuel_at(celsius: float, injections: int = INJECTIONS) -> Simulation:
+    """Injections of a nozzle worn by 20 %, its fuel so warm, 50 ms each. The law written out once more."""
+    warmer = celsius - REFERENCE
+    changes = {
+        "density_line": 830.0 * (1.0 - 7e-4 * warmer),
+        "density_nozzle": 830.0 * (1.0 - 7e-4 * warmer),
+        "bulk_modulus_line": 1.6e9 - 7e6 * warmer,
+        "bulk_modulus_sac": 1.6e9 - 7e6 * warmer,
+    }
+    injector = NOMINAL.model_copy(update={"fluid": NOMINAL.fluid.model_copy(update=changes)})
+    schedule = make_schedule([100e6], injections, 0.05, [1.1e-3])
+    return simulate(
+        injector, schedule, SAMPLE_RATE, (sized("orifice_area", v_H=0.2),), SimulatedNoise(), seed=3
+    )
+
+
+@cache
+def simulation(celsius: float) -> Simulation:
+    return fuel_at(celsius)
+
+
+def true_mass(simulated: Simulation, result: Result, number: int, celsius: float) -> float:
+    """Of an injection (0, 1, ..) [kg], over the window the observer has for it."""
+    report = result.reports[number]
+    rate = simulated.truth.injection_rate[report.start_index : report.end_index + 1]
+    return float(np.trapezoid(rate)) / SAMPLE_RATE * 830.0 * (1.0 - 7e-4 * (celsius - REFERENCE))
+
+
+def bench(folder: Path, timeout: str = "") -> Path:
+    """Temperature by a message of its own."""
+    (folder / "sensor.dbc").write_text(SENSOR)
+    extra = '[[dbc]]\nfile = "sensor.dbc"\n[signals.fuel_temperature]\nmessage = "Sensor"\nsignal = "Fuel"\n'
+    return sample_bench(folder, extra=extra + timeout)
+
+
+def block_bench(folder: Path) -> Path:
+    """Temperature in the message of the samples."""
+    extra = '[signals.fuel_temperature]\nmessage = "SampleBlock"\nsignal = "FuelTemperature"\n'
+    return sample_bench(folder, extra=extra)
+
+
+def sensor(celsius: float | None) -> TimedFrame:
+    """A frame of the sensor; None: not available."""
+    message = SENSOR_DATABASE.get_message_by_name("Sensor")
+    return encoded(message, b"\xff\xff" + bytes(6) if celsius is None else {"Fuel": celsius})
+
+
+def with_block_temperature(frames: Sequence[TimedFrame], kelvin: float) -> list[TimedFrame]:
+    signal = DATABASE.get_message_by_name("SampleBlock").get_signal_by_name("FuelTemperature")
+    code = int(signal.conversion.numeric_scaled_to_raw(kelvin))
+    return [recoded(frame, FuelTemperature=code) for frame in frames]
+
+
+@cache
+def frames_at(celsius: float) -> list[TimedFrame]:
+    """What the measuring device sends of fuel so warm, by our own layout."""
+    return Device().send(simulation(celsius).recording)
+
+
+def test_masses_of_hot_fuel_are_right_with_its_temperature_only(tmp_path: Path) -> None:
+    """Untold, fuel 45 K warmer looks like a softer, lighter one: nothing is valid then."""
+    hot = simulation(HOT)
+    frames = frames_at(HOT)
+    told = run(bench(tmp_path), [sensor(HOT), *frames])
+    untold = run(sample_bench(tmp_path / "untold"), frames)
+    for number in range(2, INJECTIONS):
+        true = true_mass(hot, told, number, HOT)
+        assert told.reports[number].valid
+        assert told.reports[number].mass == pytest.approx(true, rel=4e-3)
+        assert not untold.reports[number].valid
+        assert abs(untold.reports[number].mass / true - 1.0) > 0.01
+    assert abs(told.reports[-1].indicators["bulk_modulus"].value) < 0.02
+    assert untold.reports[-1].indicators["bulk_modulus"].value < -0.1
+
+
+def test_a_block_may_carry_it_in_kelvins(tmp_path: Path) -> None:
+    by_block = run(block_bench(tmp_path), with_block_temperature(frames_at(HOT), HOT + 273.15))
+    (tmp_path / "other").mkdir()
+    by_sensor = run(bench(tmp_path / "other"), [sensor(HOT), *frames_at(HOT)])
+    assert by_block.reports[-1].fuel_temperature == pytest.approx(HOT + 273.15, abs=0.01)
+    assert by_block.reports[-1].mass == pytest.approx(by_sensor.reports[-1].mass, rel=1e-3)
+
+
+def test_nothing_is_valid_before_it_is_known(tmp_path: Path) -> None:
+    frames = frames_at(REFERENCE)
+    result = run(bench(tmp_path), frames)
+    assert [report.reason for report in result.reports] == [Reason.INPUT_STALE] * INJECTIONS
+    assert result.core.state == (State.DEGRADED, Reason.INPUT_STALE)
+    assert result.core.knowledge.events == 0
+
+
+def test_nor_when_it_stays_away(tmp_path: Path) -> None:
+    """It counts for 20 ms, and comes until the third injection."""
+    frames = frames_at(REFERENCE)
+    often = [(number, sensor(REFERENCE)) for number in range(0, round(0.26 * SAMPLE_RATE / BLOCK), 50)]
+    result = run(bench(tmp_path, "timeout_ms = 20\n"), inserted(frames, often))
+    assert [report.valid for report in result.reports] == [False, False, True, False]
+    assert result.reports[-1].reason is Reason.INPUT_STALE
+    assert result.core.state == (State.DEGRADED, Reason.INPUT_STALE)
+
+
+@pytest.mark.parametrize("broken", [sensor(None), sensor(-100.0), sensor(300.0)])
+def test_what_is_no_temperature_of_a_fuel_counts_as_none(tmp_path: Path, broken: TimedFrame) -> None:
+    """The last good value is kept meanwhile, for a second."""
+    frames = frames_at(HOT)
+    disturbed = run(bench(tmp_path), inserted(frames, [(0, sensor(HOT)), (400, broken)]))
+    assert [report.valid for report in disturbed.reports[2:]] == [True, True]
+    assert disturbed.frames == run(bench(tmp_path), [sensor(HOT), *frames]).frames
+    first = run(bench(tmp_path), [broken, *frames])
+    assert not any(report.valid for report in first.reports)
+
+
+def test_it_may_come_before_the_first_sample(tmp_path: Path) -> None:
+    """Whose index may be any: it tells nothing of how long ago the temperature came."""
+    path = bench(tmp_path, "timeout_ms = 1000\n")
+    frames = Device(path, index=1_000_000_000).send(simulation(REFERENCE).recording)
+    result = run(path, [sensor(REFERENCE), *frames])
+    assert [report.valid for report in result.reports[2:]] == [True, True]
+
+
+def test_it_takes_effect_between_events(tmp_path: Path) -> None:
+    """Told in the middle of the third injection, it holds from the fourth on."""
+    frames = frames_at(REFERENCE)
+    usual = run(bench(tmp_path), [sensor(REFERENCE), *frames])
+    middle = (usual.reports[2].start_index + usual.reports[2].end_index) // 2 // BLOCK
+    result = run(bench(tmp_path), inserted(frames, [(0, sensor(REFERENCE)), (middle, sensor(HOT))]))
+    kelvins = [round(report.fuel_temperature or 0.0, 2) for report in result.reports]
+    assert kelvins == [313.15, 313.15, 313.15, 358.15]
+    assert [r.mass for r in result.reports[:3]] == [r.mass for r in usual.reports[:3]]
+    assert result.reports[3].density == pytest.approx(830.0 * (1.0 - 7e-4 * 45.0))
+
+
+def test_fuel_that_warms_up_makes_no_wear(tmp_path: Path) -> None:
+    """From 40 to 80 degC within eight injections: every one is right, none is told to be a change of the injector."""
+    ramp = np.linspace(40.0, 80.0, 8)
+    device = Device(bench(tmp_path))
+    frames: list[TimedFrame] = []
+    rates = []
+    for celsius in ramp:
+        simulated = fuel_at(float(celsius), injections=1)
+        blocks = simulated.recording.samples // BLOCK
+        frames += [sensor(float(celsius)), *device.send(simulated.recording)]
+        device.index += (blocks + 1) * BLOCK  # a window each: the line rings on where the next begins at rest
+        rates.append(np.append(simulated.truth.injection_rate[: blocks * BLOCK], np.zeros(BLOCK)))
+    result = run(bench(tmp_path), frames)
+    assert [report.valid for report in result.reports] == [False] * 2 + [True] * 6
+    rate = np.concatenate(rates)
+    for celsius, report in zip(ramp, result.reports, strict=True):
+        volume = float(np.trapezoid(rate[report.start_index : report.end_index + 1])) / SAMPLE_RATE
+        true = volume * 830.0 * (1.0 - 7e-4 * (celsius - REFERENCE))
+        assert not report.valid or report.mass == pytest.approx(true, rel=5e-3)
+
+
+def test_nobody_keeps_the_constants_of_other_fuel(tmp_path: Path) -> None:
+    core = core_of(bench(tmp_path))
+    before = core.compiled.observer.constants
+    hand(core, [*frames_at(REFERENCE)[:10], sensor(HOT)])
+    now = core.compiled.observer
+    assert now.constants != before
+    observers = [one for one in gc.get_objects() if type(one) is Observer and one.memory is now.memory]
+    assert [one.constants for one in observers] == [now.constants] * len(observers)
+
+
+def test_a_recording_is_taken_to_be_at_the_reference(tmp_path: Path) -> None:
+    recording = simulation(REFERENCE).recording
+    (tmp_path / "block").mkdir()
+    for path in (bench(tmp_path), block_bench(tmp_path / "block")):
+        history = evaluate(load_bench(path), [recording])
+        assert [report.valid for report in history.evaluations[0].reports[2:]] == [True, True]
+        shown = recording_json(history.evaluations[0], coefficients(NOMINAL))["injections"]
+        assert [injection["fuel_temperature_degC"] for injection in shown] == pytest.approx(
+            [40.0] * INJECTIONS
+        )
+
+
+def test_the_view_shows_it(tmp_path: Path) -> None:
+    daemon = HeardDaemon(bench(tmp_path), ScriptedLink())
+    hand(daemon.core, [sensor(62.5), *frames_at(REFERENCE)[:50]])
+    assert "fuel 62.5 °C" in daemon.drawn(100, 30)
+
+
+def test_check_shows_the_law(tmp_path: Path) -> None:
+    findings = checkup(load_bench(bench(tmp_path)))
+    texts = [finding.text for finding in findings]
+    assert any("fuel_temperature: Sensor 0x323, Fuel, -100 to 400 degC" in text for text in texts)
+    assert any("80 degC: 807 kg/m3, 1.32 GPa" in text for text in texts)
+
+
+def test_an_injector_without_a_reference_is_refused(tmp_path: Path) -> None:
+    path = bench(tmp_path)
+    text = load_bench(path).injector.parameters_path.read_text()
+    (tmp_path / "injector.toml").write_text(text.replace("reference_temperature", "# reference_temperature"))
+    loaded = load_bench(path, model=tmp_path / "injector.toml")
+    with pytest.raises(UserError, match=r"injector\.toml: fluid\.reference_temperature"):
+        core_of(loaded)
+    assert any(f.level is Level.ERROR and "reference_temperature" in f.text for f in checkup(loaded))
+
+
+def test_neighbouring_reports_differ_little_in_density(tmp_path: Path) -> None:
+    """A noisy sensor does not make the model jump."""
+    frames = frames_at(REFERENCE)
+    noisy = [(50 * n, sensor(REFERENCE + 0.5 * (-1) ** n)) for n in range(len(frames) // 50)]
+    reports = run(bench(tmp_path), inserted(frames, noisy)).reports
+    assert all(report.valid for report in reports[2:])
+    assert all(abs(a.density / b.density - 1.0) < 1e-3 for a, b in pairwise(reports))

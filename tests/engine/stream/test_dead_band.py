@@ -1,0 +1,141 @@
+"""When the needle counts as open: dead band, hysteresis, look-back to the foot of the ramp."""
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from observer_rt.core.model.laws import seat_area
+from observer_rt.core.stream.stream import LOOK_BACK, dead_band
+from tests.engine.sample_stream import NOMINAL, RAIL, Stream, stroke
+
+UM = 1e-6
+
+
+def open_samples(lift: NDArray[np.float64]) -> list[int]:
+    """Samples with a seat area, counted from the beginning of `lift`; rest before and after."""
+    stream = Stream().rest(5e-3)
+    pressure = np.full(lift.size, RAIL)
+    stream.feed(pressure, lift, pressure).rest(1e-3)
+    return [int(row["index"]) - 500 for row in stream.rows if row["seat_area"] > 0.0]
+
+
+@pytest.mark.parametrize(("noise", "opens"), [(0.4e-6, 2e-6), (0.1e-6, 2e-6), (1e-6, 5e-6)])
+def test_dead_band_is_five_sigma_and_at_least_two_micrometres(noise: float, opens: float) -> None:
+    on, off = dead_band(noise)
+    assert on == pytest.approx(opens)
+    assert 0.0 < off < on
+
+
+def test_noise_never_opens_the_needle() -> None:
+    """Ten seconds of 0.4 um at 100 kHz: no sample of a million has a seat area, no event begins."""
+    random = np.random.default_rng(1)
+    stream = Stream(keep=False)
+    for _ in range(100):
+        pressure = np.full(10_000, RAIL)
+        stream.feed(pressure, random.normal(0.0, 0.4 * UM, 10_000), pressure)
+    assert stream.count("processed") > 999_000
+    assert stream.count("event_number") == 0
+    assert stream.count("rest_count") > 999_000 - 1000
+
+
+def test_samples_above_the_band_open_and_the_look_back_has_its_raw_lift() -> None:
+    """Three samples before the crossing count with what they measured, those before them do not."""
+    lift = np.array([0.3, 0.6, 0.9, 1.2, 1.5, 2.5, 6.0, 14.0, 22.0, 30.0, *[30.0] * 50, 15.0, 1.5]) * UM
+    stream = Stream().rest(5e-3)
+    pressure = np.full(lift.size, RAIL)
+    stream.feed(pressure, lift, pressure).rest(1e-3)
+    area = {int(row["index"]) - 500: float(row["seat_area"]) for row in stream.rows}
+    crossing = 5
+    assert area[crossing - LOOK_BACK - 1] == 0.0
+    half_cone = math.radians(NOMINAL.seat.cone_angle / 2)
+    for k in range(crossing - LOOK_BACK, crossing + 5):
+        expected = seat_area(lift[k], NOMINAL.seat.diameter, half_cone) / NOMINAL.scaling.area
+        assert area[k] == pytest.approx(expected, rel=1e-2 if k < crossing else 1e-3)  # the zero is followed
+
+
+def test_foot_of_the_ramp_does_not_close_the_needle_again() -> None:
+    """Look-back samples lie below the closing threshold: still one injection."""
+    lift = np.concatenate([[0.7 * UM, 0.8 * UM, 0.9 * UM], stroke(60)])
+    stream = Stream().rest(5e-3)
+    pressure = np.full(lift.size, RAIL)
+    stream.feed(pressure, lift, pressure).rest(1e-3)
+    assert stream.count("injections_begun") == 1
+    assert open_samples(lift) == list(range(63))
+
+
+@pytest.mark.parametrize(
+    ("foot", "first"),
+    [
+        ([0.7, 0.8, 0.9], 0),
+        ([0.7, 0.5, 0.9], 2),  # what lies in the noise parts the foot from what was before
+        ([0.1, 0.2, 0.4], 3),
+        ([3.0, 0.9, 0.9], 1),  # a spike before it is none of it
+    ],
+)
+def test_look_back_is_only_as_long_as_the_lift_stands_out_of_the_noise(foot: list[float], first: int) -> None:
+    assert open_samples(np.concatenate([np.array(foot) * UM, stroke(60)]))[0] == first
+
+
+@pytest.mark.parametrize("phase", [0.2, 0.5, 0.9])
+def test_seat_opens_and_shuts_between_samples_where_the_needle_does(phase: float) -> None:
+    """20 kHz, 0.4 m/s: 20 um a sample. The ramps start and end `phase` of a sample after one."""
+    time = np.arange(80) - 20 - phase
+    lift = 20 * UM * np.clip(np.minimum(time, 40 - time), 0.0, 15.0)
+    stream = Stream(sample_rate=20e3).rest(5e-3)
+    pressure = np.full(lift.size, RAIL)
+    stream.feed(pressure, lift, pressure).rest(1e-3)
+    area = stream.rows["seat_area"][100:180]
+    opened = np.flatnonzero(area > 0.0)
+    before, after = opened[0] - 1, opened[-1] + 1
+    assert (before, after) == (20, 61)
+    zero = [before - area[before] / (area[before + 1] - area[before]), after]
+    zero[1] = after - area[after] / (area[after] - area[after - 1])
+    assert zero == pytest.approx([20 + phase, 60 + phase], abs=0.06)
+    assert not area[[before - 1, after + 1]].any()
+
+
+def test_hysteresis() -> None:
+    """Between the thresholds an open needle stays open, unless it lingers, and a shut one shut."""
+    assert open_samples(np.full(50, 1.5 * UM)) == []
+    opened = np.concatenate([stroke(60)[:30], np.full(8, 1.5 * UM), stroke(60)[30:]])
+    assert open_samples(opened) == list(range(68))
+
+
+@pytest.mark.parametrize(
+    ("samples", "rate", "opens"), [(3, 100e3, 0), (4, 100e3, 1), (7, 200e3, 0), (1, 20e3, 0)]
+)
+def test_what_lasts_less_than_forty_microseconds_is_no_opening(samples: int, rate: float, opens: int) -> None:
+    stream = Stream(sample_rate=rate).rest(5e-3)
+    spike = np.zeros(50)
+    spike[20 : 20 + samples] = 50 * UM
+    pressure = np.full(50, RAIL)
+    stream.feed(pressure, spike, pressure).rest(1e-3)
+    assert stream.count("injections_begun") == opens
+
+
+def with_dip(lift: float) -> NDArray[np.float64]:
+    """An open needle that turns round where its lift is another one for a sample: no straight line bridges it."""
+    moving = np.asarray((200.0 - 5.0 * np.abs(np.arange(50) - 20.0)) * UM, np.float64)
+    moving[20] = lift
+    return moving
+
+
+def test_one_sample_is_not_enough_to_close() -> None:
+    assert open_samples(with_dip(0.0)) == [k for k in range(50) if k != 20]
+
+
+def test_negative_lift_of_an_open_needle_has_no_area() -> None:
+    assert 20 not in open_samples(with_dip(-5 * UM))
+
+
+def test_one_sample_of_a_steady_lift_is_bridged() -> None:
+    lift = np.full(50, 100 * UM)
+    lift[20] = 0.0
+    assert open_samples(lift) == list(range(50))
+
+
+def test_shut_from_the_first_of_two_samples_below_the_closing_threshold() -> None:
+    lift = np.concatenate([np.full(30, 100 * UM), [3 * UM, 0.9 * UM, 0.8 * UM, 0.9 * UM, 0.5 * UM]])
+    assert open_samples(lift) == list(range(31))

@@ -1,0 +1,222 @@
+"""Openings, injections, events: what belongs together, where windows end, when an event is judged."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from observer_rt.core.stream.stream import MAX_EVENT, RING
+from observer_rt.engine.observer import Durations
+from observer_rt.engine.stream.state import Reason, State
+from observer_rt.foundation.continuity import Break
+from tests.engine.sample_stream import RAIL, Stream, stroke
+
+MS = 100  # samples at 100 kHz
+GAP, DELAY = 10 * MS, 20 * MS
+
+
+def lift_with(openings: dict[int, int], length: int) -> NDArray[np.float64]:
+    """Lift with openings {first open sample: samples open}."""
+    lift = np.zeros(length)
+    for start, open_for in openings.items():
+        lift[start : start + open_for] = stroke(open_for)[: length - start]
+    return lift
+
+
+def run(openings: dict[int, int], length: int, **options: object) -> Stream:
+    pressure = np.full(length, RAIL)
+    stream = Stream(**options)  # type: ignore[arg-type]
+    return stream.feed(pressure, lift_with(openings, length), pressure)
+
+
+def test_pilot_main_and_post_are_one_event() -> None:
+    openings = {1000: 30, 1150: 110, 1400: 40}
+    stream = run(openings, 6000)
+    assert stream.count("event_number") == 1
+    assert stream.count("events_judged") == 1
+    assert [int(i["number"]) for i in stream.injections] == [1, 2, 3]
+    assert [int(i["event"]) for i in stream.injections] == [1, 1, 1]
+
+
+def test_window_of_an_injection() -> None:
+    """From 0.15 ms before its opening to 0.5 ms after it is shut, or to where the next one opens."""
+    stream = run({1000: 30, 1060: 110, 1400: 40}, 6000)
+    first, second, third = stream.injections
+    assert (int(first["start_index"]), int(first["end_index"])) == (1000 - 15, 1060)
+    assert (int(second["start_index"]), int(second["end_index"])) == (1060 - 15, 1170 + 50)
+    assert (int(third["start_index"]), int(third["end_index"])) == (1400 - 15, 1440 + 50)
+
+
+def test_window_of_a_slow_opening_begins_at_the_foot_of_its_ramp() -> None:
+    pressure = np.full(3000, RAIL)
+    lift = lift_with({1000: 110}, 3000)
+    lift[998:1000] = 0.9e-6, 1.7e-6  # below the dead band, above the noise
+    stream = Stream().feed(pressure, lift, pressure)
+    assert int(stream.injections[0]["start_index"]) == 998 - 15
+
+
+@pytest.mark.parametrize(("later", "events"), [(GAP - 1, 1), (GAP + 4, 2)])
+def test_event_gap_parts_events(later: int, events: int) -> None:
+    """An opening within the gap since the first one belongs to the same event."""
+    stream = run({1000: 50, 1000 + later: 50}, 8000, events_required=0)
+    assert stream.count("event_number") == events
+
+
+@pytest.mark.parametrize(("shut", "events"), [(3 * MS - 5, 1), (3 * MS + 5, 2)])
+def test_event_that_has_lasted_its_gap_ends_where_the_needle_was_shut_long_enough(
+    shut: int, events: int
+) -> None:
+    """Only then x^ begins the next one anew, from x~."""
+    stream = run({1000: GAP, 1000 + GAP + shut: 50}, 8000)
+    assert stream.count("event_number") == events
+
+
+def test_the_first_events_need_not_last_their_gap() -> None:
+    """As many as are required before anything is valid; the third is of all openings within the gap."""
+    period = round(4.2 * MS)
+    starts = range(1000, 1000 + 12 * period, period)
+    stream = run(dict.fromkeys(starts, 110), 12_000)
+    assert [int(i["event"]) for i in stream.injections] == [1, 2, 3, 3, 3, 4, 4, 4, 5, 5, 5, 6]
+    valid = [bool(i["valid"]) for i in stream.injections]
+    assert valid == [False] * 8 + [True] * 4  # 20 ms after the third opened the second is judged
+
+
+def test_nor_does_a_needle_that_was_not_shut_long_enough_end_them() -> None:
+    stream = run({1000: 30, 1000 + 30 + 3 * MS - 5: 110, 8000: 50}, 12_000)
+    assert [int(i["event"]) for i in stream.injections] == [1, 1, 2]
+
+
+@pytest.mark.parametrize("period", [6 * MS, 8 * MS, round(10.5 * MS)])
+def test_openings_without_end_are_judged_and_valid(period: int) -> None:
+    """At any rhythm that leaves 3 ms of shut needle; every injection is reported once."""
+    openings = dict.fromkeys(range(1000, 60_000, period), 110)
+    stream = run(openings, 62_000)
+    assert len(stream.injections) == len(openings)
+    assert stream.rows["valid"][6000 + 4 * GAP : 59_000].all()
+    assert stream.count("events_judged") >= (59_000 - DELAY - GAP) // (GAP + period)
+
+
+def test_openings_that_leave_no_standstill_say_so() -> None:
+    """2.5 ms are not enough: the sac may still be filled; the injections are over and reported all the same."""
+    openings = dict.fromkeys(range(1000, 99_000, round(3.6 * MS)), 110)
+    stream = run(openings, 99_000)
+    rows = stream.rows[60_000:]
+    assert (rows["reason"] == Reason.NO_STANDSTILL).all()
+    assert (rows["state"] == State.DEGRADED).all()
+    assert stream.count("events_judged") > 1
+    assert Reason(int(stream.injections[-5]["reason"])) is Reason.NO_STANDSTILL
+    assert stream.rest(40e-3).rows["reason"][-1] != Reason.NO_STANDSTILL
+
+
+@pytest.mark.parametrize("gap_ms", [2.0, 10.0, 50.0])
+@pytest.mark.parametrize("delay_ms", [0.0, 20.0, 100.0])
+def test_event_is_judged_a_fixed_time_after_it_closed(gap_ms: float, delay_ms: float) -> None:
+    stream = run({1000: 50}, 20_000, durations=Durations(gap_ms * 1e-3, delay_ms * 1e-3))
+    closed = 1050 + round(gap_ms * MS)  # the last sample of its window
+    assert stream.judged == [max(closed + round(delay_ms * MS), closed + 1)]
+
+
+def test_judgement_waits_for_an_injection_under_way() -> None:
+    """Due in the middle of the second event: judged at the first sample with the needle long shut."""
+    due = 1050 + GAP + DELAY
+    stream = run({1000: 50, due - 20: 50}, 12_000)
+    second_shut = due - 20 + 50
+    assert stream.judged == [second_shut + 3 * MS + 1, second_shut + GAP + DELAY]
+
+
+def test_judgement_comes_before_the_opening_that_would_delay_it() -> None:
+    due = 1050 + GAP + DELAY
+    stream = run({1000: 50, due + 4: 50}, 12_000)
+    assert stream.judged[0] == due
+
+
+def test_many_events_wait_for_their_judgement() -> None:
+    """A long learning delay and short gaps: every event is judged once, in order, at its time."""
+    gap, delay = 2 * MS, 100 * MS
+    starts = list(range(1000, 1000 + 40 * 3 * MS, 3 * MS))
+    stream = run(dict.fromkeys(starts, 20), 30_000, durations=Durations(2e-3, 100e-3))
+    assert stream.count("event_number") == len(starts)
+    outside = [start + 20 + gap + delay for start in starts]
+    assert len(stream.judged) == len(starts)
+    for judged, due in zip(stream.judged, outside, strict=True):
+        assert due <= judged < due + 3 * MS
+
+
+def test_end_of_the_stream_judges_what_is_left() -> None:
+    stream = run({1000: 50}, 1100).finish()
+    assert stream.count("processed") == 1100
+    assert stream.count("events_judged") == 1
+
+
+@pytest.mark.parametrize("opened", [True, False])
+def test_break_in_the_stream_ends_the_event(opened: bool) -> None:
+    """With an open needle nothing can be learned from it; long shut, all of it can."""
+    length = 1030 if opened else 1050 + 5 * MS
+    stream = run({1000: 50}, length, learning=True)
+    stream.rest(40e-3, index=length + 100, broken=Break.LOSS)
+    assert stream.count("events_judged") == 1
+    assert (stream.outcomes[0] is None) == opened
+
+
+def test_index_that_begins_anew_judges_at_once() -> None:
+    """The index the event was due at will not come again."""
+    stream = run({9000: 50}, 9500)
+    stream.rest(5e-3, index=0, broken=Break.RESTART)
+    assert stream.judged == [0]
+
+
+def test_volume_is_the_trapezoid_of_what_was_published() -> None:
+    stream = run({1000: 110}, 6000)
+    (injection,) = stream.injections
+    rows = stream.rows[int(injection["start"]) : int(injection["end"]) + 1]
+    expected = float(np.trapezoid(rows["injection_rate"])) * 1e-5
+    assert expected > 1e-8  # m3
+    assert float(injection["volume"]) == pytest.approx(expected, rel=1e-12)
+    assert float(injection["peak_rate"]) == rows["injection_rate"].max()
+
+
+def test_opening_that_cuts_a_window_short_counts_with_its_own_sample() -> None:
+    """Not with what stood in its place of the ring one lap before, when nothing was valid yet."""
+    first, lap = 1000, RING
+    openings = {first: 110, first + 6000: 110, first + lap - 60: 30, first + lap: 110}
+    stream = run(openings, first + lap + 6000)
+    pilot = stream.injections[2]
+    rows = stream.rows[int(pilot["start"]) : int(pilot["end"]) + 1]
+    assert int(pilot["end_index"]) == first + lap
+    expected = float(np.trapezoid(rows["injection_rate"])) * 1e-5
+    assert float(pilot["volume"]) == pytest.approx(expected, rel=1e-12)
+    assert pilot["valid"]
+
+
+def test_injection_in_time_not_synchronised_has_no_volume() -> None:
+    stream = run({100: 50}, 6000)
+    (injection,) = stream.injections
+    assert np.isnan(injection["volume"])
+    assert np.isnan(injection["peak_rate"])
+    assert not injection["valid"]
+    assert Reason(int(injection["reason"])) is Reason.STARTING
+
+
+def test_samples_are_valid_after_two_judged_events() -> None:
+    stream = run({1000: 50, 6000: 50, 11_000: 50}, 16_000)
+    rows = stream.rows
+    valid = np.flatnonzero(rows["valid"])
+    assert valid[0] == stream.judged[1]
+    assert rows["valid"][valid[0] :].all()
+    assert (rows["reason"][400 : valid[0]] == Reason.TOO_FEW_EVENTS).all()
+    assert [bool(i["valid"]) for i in stream.injections] == [False, False, True]
+
+
+def test_needle_that_never_shuts_is_reported() -> None:
+    """Open longer than any injection: not valid, not available, and nothing is learned."""
+    length = MAX_EVENT + 4000
+    stream = Stream(events_required=0, learning=True).rest(10e-3)
+    pressure = np.full(length, RAIL)
+    stream.feed(pressure, np.full(length, 0.3e-3), pressure)
+    last = stream.rows[-1]
+    assert not last["valid"]
+    assert Reason(int(last["reason"])) is Reason.NEEDLE_STUCK
+    assert State(int(last["state"])) is State.DEGRADED
+    assert np.isnan(last["injection_rate"])
+    stream.rest(60e-3)
+    assert stream.outcomes == [None]
+    assert stream.rows[-1]["valid"]

@@ -1,0 +1,115 @@
+"""When innovations have left what noise can do."""
+
+import numpy as np
+import pytest
+from numpy.typing import ArrayLike
+
+from observer_rt.engine.learning.adequacy import Objection
+from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
+from observer_rt.engine.learning.knowledge import no_knowledge
+from observer_rt.engine.learning.learner import Learner
+from observer_rt.engine.mailbox import judge
+from observer_rt.engine.observer import Durations, constants_for, make_observer
+from observer_rt.engine.stream.state import Observer, Reason
+from observer_rt.foundation.continuity import Doubt
+from tests.engine.sample_stream import NOISE, NOMINAL, Stream
+
+SIGMA = 0.002  # of p_0
+
+
+def running() -> Observer:
+    """An observer that runs, between two events."""
+    observer = Stream().observer
+    of = observer.memory[0]
+    of["innovation_weight"], of["synchronised"], of["event_number"] = 1.0 / SIGMA**2, True, 7
+    return observer
+
+
+def contradicted_at(scores: ArrayLike, observer: Observer, doubt: Doubt = Doubt.NONE) -> int | None:
+    """Number of the innovation [standard deviations] with which the contradiction is seen."""
+    for k, score in enumerate(np.atleast_1d(np.asarray(scores, float))):
+        observer.stream.watch(SIGMA * float(score), int(doubt))
+        if observer.memory[0]["contradicted"]:
+            return k
+    return None
+
+
+def test_white_noise_contradicts_nothing() -> None:
+    assert contradicted_at(np.random.default_rng(3).normal(size=50_000), running()) is None
+
+
+def test_three_spikes_contradict_nothing() -> None:
+    spikes = np.random.default_rng(4).normal(size=2000)
+    spikes[100::200] = 50.0
+    spikes[101::200] = -50.0
+    spikes[102::200] = 50.0
+    assert contradicted_at(spikes, running()) is None
+
+
+@pytest.mark.parametrize("period", [3, 12, 10_000])
+def test_a_line_that_swings_otherwise_contradicts_soon(period: int) -> None:
+    """Innovations of both signs do not make up for each other."""
+    swing = 4.0 * np.cos(2.0 * np.pi * np.arange(40) / period)
+    found = contradicted_at(swing, running())
+    assert found is not None
+    assert found < 16
+
+
+def test_it_lasts_until_an_event_that_can_tell() -> None:
+    shut, opened = running(), running()
+    opened.memory["in_event"] = True
+    assert contradicted_at([6.0] * 20, shut) is not None
+    assert contradicted_at([6.0] * 20, opened) is not None
+    assert [int(each.memory["contradicted_in"][0]) for each in (shut, opened)] == [8, 7]
+
+
+def test_what_is_not_to_be_trusted_contradicts_nothing() -> None:
+    assert contradicted_at([9.0] * 100, running(), Doubt.TIME_BASE) is None
+    doubted = running()
+    doubted.memory["doubted"] = 16
+    assert contradicted_at([9.0] * 100, doubted) is None
+
+
+@pytest.mark.parametrize(
+    ("healthy", "contradicts"), [(NOT_FITTED, True), (Healthy(live_variance=9.0), False)]
+)
+def test_what_a_fitted_model_leaves_of_a_healthy_injector_is_no_contradiction(
+    healthy: Healthy, contradicts: bool
+) -> None:
+    constants = constants_for(NOMINAL, 100e3, Durations(), 2)
+    knowledge = no_knowledge(NOISE, constants.coefficients.pressure_scale)
+    learner = Learner(constants, knowledge)
+    observer = make_observer(constants, knowledge, learner, healthy)
+    scale = learner.schedule.innovation_sigma / SIGMA
+    observer.memory["synchronised"] = True
+    swing = 3.0 * scale * np.cos(2.0 * np.pi * np.arange(100) / 10_000)
+    assert (contradicted_at(swing, observer) is not None) == contradicts
+
+
+@pytest.mark.parametrize(("resting", "ends"), [(True, True), (False, False)])
+def test_a_contradiction_at_rest_is_over_when_the_channel_is_well_again(resting: bool, ends: bool) -> None:
+    observer = running()
+    of, stream = observer.memory[0], observer.stream
+    of["contradicted"] = True
+    stream.end_contradiction(resting, True)
+    assert of["contradicted"]
+    for score in np.random.default_rng(1).normal(size=2 * observer.constants.timing.good):
+        if of["contradicted"]:
+            stream.watch(SIGMA * score, 0)
+            stream.end_contradiction(resting, False)
+    assert bool(of["contradicted"]) is not ends
+
+
+@pytest.mark.parametrize(
+    ("event", "doubtful", "lasts"),
+    [(7, Reason.INPUT_FROZEN, False), (7, Reason.NONE, True), (6, Reason.INPUT_FROZEN, True)],
+)
+def test_what_contradicted_in_an_event_of_doubtful_samples_is_over_with_it(
+    event: int, doubtful: Reason, lasts: bool
+) -> None:
+    observer = Stream().observer
+    of = observer.memory[0]
+    observer.events[0]["number"], observer.events[0]["doubtful"] = event, doubtful
+    of["contradicted"], of["contradicted_in"] = True, 7
+    judge(observer, (Objection(Reason.NOT_JUDGED),), None)
+    assert bool(of["contradicted"]) is lasts

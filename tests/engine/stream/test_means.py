@@ -1,0 +1,134 @@
+"""Samples that are means over the sample period that ends at their time: taken for what they are."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from observer_rt.config.bench import load_bench
+from observer_rt.config.injector import Meaning, SamplingConfig
+from observer_rt.core.identification.areas import slope_of_means as slope_of_means
+from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate
+from observer_rt.desk.simulation.plant import Truth, run_plant
+from observer_rt.desk.simulation.schedule import make_schedule, strokes
+from observer_rt.files.signals.recording import Recording
+from observer_rt.model.effects import effective_model, sized
+from tests.engine.sample_stream import NOISE, NOMINAL, RAIL
+
+pytestmark = pytest.mark.slow  # compiles what only these tests call, or is a whole closed loop
+
+RATE, FINE = 20e3, 500e3
+DURATIONS = (1.1e-3, 0.35e-3, 0.6e-3)  # s
+EVENTS = 9  # at as many phases of the samples against the openings
+WEAR = 0.25
+
+
+@cache
+def truth(worn: bool) -> Truth:
+    schedule = make_schedule([RAIL], EVENTS, 40e-3 + 1 / (EVENTS * RATE), DURATIONS)
+    time = np.arange(round(schedule.duration * FINE)) / FINE
+    effects = [sized("orifice_area", v_H=WEAR)] if worn else []
+    return run_plant(
+        effective_model(NOMINAL, effects), strokes(schedule, NOMINAL), time, schedule.rail_pressure(time)
+    )
+
+
+def means(signal: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Of a signal (n,) at FINE over the periods that end at the samples at RATE."""
+    every = round(FINE / RATE)
+    between = 0.5 * (signal[1:] + signal[:-1])
+    whole = between[: between.size // every * every].reshape(-1, every).mean(axis=1)
+    return np.append(signal[:1], whole)
+
+
+@cache
+def recorded(worn: bool) -> Recording:
+    """Means with the noise that the nominal noise at 100 kHz leaves."""
+    found = truth(worn)
+    random = np.random.default_rng(3)
+    rail, lift, line = (means(s) for s in (found.rail_pressure, found.needle_lift, found.line_pressure))
+    less = np.sqrt(RATE / 100e3)
+    return Recording(
+        np.arange(rail.size) / RATE,
+        rail + random.normal(0.0, less * NOISE.rail_pressure, rail.size),
+        lift + random.normal(0.0, less * NOISE.needle_lift, rail.size),
+        line + random.normal(0.0, less * NOISE.line_pressure, rail.size),
+    )
+
+
+@cache
+def evaluated(worn: bool, meaning: Meaning, stated: bool = True) -> Evaluation:
+    """stated: by the bench; else by the recording."""
+    bench = load_bench().with_sections(sampling=SamplingConfig(rate_hz=RATE, meaning=meaning))
+    recording = recorded(worn)
+    if not stated:
+        bench = load_bench()
+        recording = replace(recording, meaning=meaning)
+    return evaluate(bench, [recording]).evaluations[0]
+
+
+def rmse(evaluation: Evaluation, worn: bool, first: int) -> float:
+    """Of the rate [m3/s] over the injections from the `first` on."""
+    time = np.arange(evaluation.trace.injection_rate.size) / RATE
+    true = np.interp(time, truth(worn).time, truth(worn).injection_rate)
+    inside = np.zeros(time.size, np.bool_)
+    for report in evaluation.reports[first:]:
+        inside[report.start_index : report.end_index] = True
+    error = evaluation.trace.injection_rate - true
+    return float(np.sqrt(np.nanmean(error[inside] ** 2)))
+
+
+def masses(evaluation: Evaluation, worn: bool, first: int) -> NDArray[np.float64]:
+    """Relative errors of the masses of the injections from the `first` on."""
+    found = truth(worn)
+    density = NOMINAL.fluid.density_nozzle
+    errors = []
+    for report in evaluation.reports[first:]:
+        inside = (found.time >= report.start_index / RATE) & (found.time <= report.end_index / RATE)
+        true = density * float(np.trapezoid(found.injection_rate[inside])) / FINE
+        errors.append(report.mass / true - 1.0)
+    return np.array(errors)
+
+
+def test_a_healthy_injector() -> None:
+    right, wrong = (evaluated(False, meaning) for meaning in (Meaning.MEAN, Meaning.INSTANT))
+    assert len(right.reports) == EVENTS
+    assert all(report.valid for report in right.reports[2:])
+    assert np.abs(masses(right, False, 0)).max() < 0.008
+    assert rmse(right, False, 0) < 0.5e-6
+    assert rmse(wrong, False, 0) > 4 * rmse(right, False, 0)
+
+
+def test_wear_is_learned() -> None:
+    right = evaluated(True, Meaning.MEAN)
+    assert np.abs(masses(right, True, 4)).max() < 0.01
+    assert rmse(right, True, 4) < 0.6e-6
+    assert right.reports[-1].valid
+
+
+def test_a_recording_may_say_it_instead_of_the_bench() -> None:
+    by_bench, by_recording = (evaluated(True, Meaning.MEAN, stated) for stated in (True, False))
+    np.testing.assert_array_equal(by_bench.trace.injection_rate, by_recording.trace.injection_rate)
+
+
+@pytest.mark.parametrize("worn", [False, True])
+def test_only_the_last_sample_waits_for_the_next(worn: bool) -> None:
+    """Rail pressure and lift at its time are only known by what follows it."""
+    trace = evaluated(worn, Meaning.MEAN).trace
+    assert trace.injection_rate.size == recorded(worn).samples
+    assert np.isfinite(trace.injection_rate[-10:-1]).all()
+    assert np.isnan(trace.injection_rate[-1])
+
+
+@given(st.floats(0.02, 1.0), st.floats(10e-6, 60e-6), st.booleans())
+def test_slope_of_a_ramp_by_means(share: float, slope: float, is_long: bool) -> None:
+    """Exact where two whole periods follow the part of one; else by the part and one whole period."""
+    partial, full = 0.5 * slope * share**2, slope * (share + 0.5)
+    after = slope if is_long else 0.3 * slope  # the needle turns back in the second whole period
+    tolerance = 0.0 if share > 0.1 else 1e-9
+    found = slope_of_means(partial, full, after, tolerance + 1e-12)
+    assert found == pytest.approx(slope, rel=1e-6)

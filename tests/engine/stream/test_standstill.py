@@ -1,0 +1,137 @@
+"""What the shut needle tells: the noise of every sensor and the offset between line and rail."""
+
+import numpy as np
+import pytest
+
+from observer_rt.core.stream.stream import ENOUGH_SAMPLES
+from observer_rt.desk.simulation.schedule import make_schedule
+from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
+from observer_rt.engine.estimation.gain import NoiseLevels
+from observer_rt.engine.observer import event_standstill
+from observer_rt.model.effects import sized
+from tests.engine.sample_stream import NOISE, NOMINAL, RAIL, Stream, stroke
+
+
+@pytest.mark.parametrize(
+    "levels",
+    [NoiseLevels(0.1e6, 0.15e6, 0.4e-6), NoiseLevels(0.4e6, 0.05e6, 0.2e-6)],
+    ids=["nominal", "other"],
+)
+def test_noise_is_measured_within_two_percent(levels: NoiseLevels) -> None:
+    random = np.random.default_rng(3)
+    stream = Stream(keep=False)
+    for _ in range(10):
+        stream.feed(
+            RAIL + random.normal(0.0, levels.rail_pressure, 10_000),
+            random.normal(0.0, levels.needle_lift, 10_000),
+            RAIL + random.normal(0.0, levels.line_pressure, 10_000),
+        )
+    noise = stream.standstill.noise
+    assert noise is not None
+    assert noise.rail_pressure == pytest.approx(levels.rail_pressure, rel=0.02)
+    assert noise.line_pressure == pytest.approx(levels.line_pressure, rel=0.02)
+    assert noise.needle_lift == pytest.approx(levels.needle_lift, rel=0.02)
+
+
+@pytest.mark.parametrize("undone", [0.0, 3.7e-6, -4.4e-6])
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.8])
+def test_noise_of_a_rail_pressure_between_its_samples_is_that_of_its_samples(
+    share: float, undone: float
+) -> None:
+    """Interpolation takes away its quick part, which the line does not follow anyway; so does a second one.
+
+    undone: a delay [s] that is stated.
+    """
+    random = np.random.default_rng(3)
+    stream = Stream(keep=False, stated=(sized("rail_pressure_skew", d=undone),) if undone else ())
+    rail = RAIL + random.normal(0.0, 0.1e6, 100_001)
+    between = (1.0 - share) * rail[:-1] + share * rail[1:]
+    still = np.zeros(100_000)
+    line = RAIL + random.normal(0.0, 0.15e6, 100_000)
+    noise = stream.feed(between, still, line, rail_share=share).standstill.noise
+    assert noise is not None
+    assert noise.rail_pressure == pytest.approx(0.1e6, rel=0.02)
+
+
+@pytest.mark.parametrize("sample_rate", [20e3, 50e3])
+def test_noise_is_measured_in_a_ringing_line(sample_rate: float) -> None:
+    """Between injections the line swings by megapascals at 1.28 kHz: that is no noise."""
+    schedule = make_schedule([100e6, 140e6], 16, 0.05, [1.9e-3])
+    made = simulate(NOMINAL, schedule, sample_rate, noise=SimulatedNoise(), seed=4).recording
+    stream = Stream(sample_rate=sample_rate, keep=False)
+    stream.feed(made.rail_pressure, made.needle_lift, made.line_pressure)
+    noise = stream.standstill.noise
+    assert noise is not None
+    assert noise.line_pressure == pytest.approx(0.15e6, rel=0.02)
+    assert noise.rail_pressure == pytest.approx(0.1e6, rel=0.02)
+    assert noise.needle_lift == pytest.approx(0.4e-6, rel=0.02)
+
+
+@pytest.mark.parametrize("offset", [0.0, 1e6, -3e6])
+def test_offset_between_line_and_rail(offset: float) -> None:
+    schedule = make_schedule([100e6], 2, 0.05, [1.1e-3])
+    effects = (sized("line_pressure_sensor_offset", o=offset),)
+    made = simulate(NOMINAL, schedule, 50e3, effects, SimulatedNoise(), seed=5).recording
+    stream = Stream(sample_rate=50e3, keep=False)
+    stream.feed(made.rail_pressure, made.needle_lift, made.line_pressure)
+    assert stream.standstill.offset * 100e6 == pytest.approx(offset, abs=0.02e6)
+
+
+def test_noise_is_not_stated_before_enough_samples() -> None:
+    stream = Stream(keep=False).rest((ENOUGH_SAMPLES - 100) / 100e3)
+    assert stream.standstill.noise is None
+    assert stream.standstill.samples > ENOUGH_SAMPLES - 1000
+    assert stream.rest(1e-2).standstill.noise is not None
+
+
+def test_noise_has_a_floor() -> None:
+    """Signals without any noise: a level of 0 would make every gain meaningless."""
+    noise = Stream(keep=False).rest(0.2).standstill.noise
+    assert noise == NoiseLevels(rail_pressure=0.01e6, line_pressure=0.01e6, needle_lift=0.02e-6)
+
+
+def test_open_needle_is_no_standstill() -> None:
+    stream = Stream(keep=False).rest(10e-3)
+    before = stream.standstill.samples
+    pressure = np.full(5000, RAIL)
+    stream.feed(pressure, np.full(5000, 0.3e-3), pressure + 30e6)
+    assert stream.standstill.samples == pytest.approx(before, abs=10)
+    assert abs(stream.standstill.offset) < 1e-12
+
+
+def test_measured_noise_replaces_the_stated_only_where_it_contradicts_it() -> None:
+    """From a few milliseconds on a level three times too low is seen, one that is right stays to the last digit."""
+    random = np.random.default_rng(3)
+    stream = Stream(learning=True)
+    for _ in range(2):
+        lift = random.normal(0.0, NOISE.needle_lift, 4000)
+        lift[800:910] += stroke(110)
+        stream.feed(
+            RAIL + random.normal(0.0, 3 * NOISE.rail_pressure, 4000),
+            lift,
+            RAIL + random.normal(0.0, NOISE.line_pressure, 4000),
+        )
+    noise = event_standstill(stream.observer, 0).noise
+    assert noise is not None
+    assert noise.line_pressure == pytest.approx(NOISE.line_pressure, rel=1e-12)
+    assert noise.needle_lift == pytest.approx(NOISE.needle_lift, rel=1e-12)
+    assert noise.rail_pressure == pytest.approx(3 * NOISE.rail_pressure, rel=0.15)
+
+
+@pytest.mark.parametrize("factor", [2.0, 0.5])
+def test_noise_that_changes_is_followed_from_event_to_event(factor: float) -> None:
+    random = np.random.default_rng(3)
+    stream = Stream(learning=False)
+    for k in range(10):
+        lift = random.normal(0.0, NOISE.needle_lift, 6000)
+        lift[500:610] += stroke(110)
+        times = factor if k >= 5 else 1.0
+        stream.feed(
+            RAIL + random.normal(0.0, times * NOISE.rail_pressure, 6000),
+            lift,
+            RAIL + random.normal(0.0, NOISE.line_pressure, 6000),
+        )
+    levels = [event_standstill(stream.observer, k).noise for k in range(10)]
+    found = [level.rail_pressure / NOISE.rail_pressure for level in levels if level is not None]
+    assert found[:5] == pytest.approx([1.0] * 5, rel=0.02)
+    assert found[6:] == pytest.approx([factor] * 4, rel=0.08)

@@ -1,0 +1,156 @@
+"""With the true effect in its injector file the observer is right from the first injection, on a plant that shares
+no code with it, and has nothing left to learn."""
+
+import numpy as np
+import pytest
+
+from observer_rt.config.bench import load_injector
+from observer_rt.core.stream.stream import REACH
+from observer_rt.engine.estimation.scalars import NOZZLE, OFFSET, SEAT
+from observer_rt.engine.observer import Durations, constants_for
+from observer_rt.engine.stream.front_end import samples_ahead
+from observer_rt.model.effect import SizedEffect
+from observer_rt.model.effects import VOCABULARY, sized
+from tests.engine.plant_runs import GATED, in_force, run_plant
+from tests.engine.sample_stream import RAIL, Stream
+from tools.benchmarks.plant_parameters import Faults
+
+INJECTOR = load_injector()
+UM = 1e-6
+HIDDEN = {
+    "eroded": (Faults(orifice_area=0.3), sized("orifice_area", v_H=0.3)),
+    "coked": (Faults(orifice_area=-0.3), sized("orifice_area", v_H=-0.3)),
+    "worn seat": (Faults(seat_area=0.3), sized("seat_area", v_S=0.3)),
+    "leak": (Faults(guide_leakage=3e-14), sized("guide_leakage", c=3e-14)),
+    "friction": (Faults(line_friction=2.0), sized("line_friction", k=2.0)),
+    "seat outflow": (Faults(seat_outflow=1.0), sized("seat_outflow")),
+    "stiffer": (Faults(bulk_modulus=0.2), sized("bulk_modulus", r=0.2)),
+    "volume": (Faults(line_volume=-0.2), sized("line_volume", r=-0.2)),
+    "stiffening": (Faults(bulk_modulus_slope=5.0), sized("pressure_dependent_bulk_modulus", n=5.0)),
+    "air": (Faults(entrained_air=4e-3), sized("entrained_air", g=4e-3)),
+    "dense": (Faults(fuel_density=0.05), sized("fuel_density", r=0.05)),
+    "cavitation": (Faults(orifice_cavitation=0.12), sized("orifice_cavitation", n_crit_excess=0.12)),
+    "seat coefficient": (
+        Faults(seat_lift_loss=0.3, seat_lift_scale=60e-6),
+        sized("lift_dependent_seat_coefficient", a=0.3, x_c=60e-6),
+    ),
+    "chamber": (Faults(chamber_pressure_step=5e6), sized("chamber_pressure_rise", dp=5e6)),
+    "chamber, with the needle": (
+        Faults(chamber_pressure_rise=8e6),
+        sized("chamber_pressure_rise", dp=8e6, s=1.0),
+    ),
+    "lift too low": (Faults(lift_offset=20e-6), sized("lift_offset", x_0=20e-6)),
+    "lift too high": (Faults(lift_offset=-20e-6), sized("lift_offset", x_0=-20e-6)),
+    "lift gain": (Faults(lift_gain=0.1), sized("lift_gain", g=0.1)),
+    "rail gain": (Faults(rail_pressure_sensor_gain=0.02), sized("rail_pressure_sensor_gain", g=0.02)),
+    "rail offset": (
+        Faults(rail_pressure_sensor_offset=-3e6),
+        sized("rail_pressure_sensor_offset", o=-3e6),
+    ),
+    "lag": (Faults(line_pressure_sensor_lag=40e-6), sized("line_pressure_sensor_lag", tau=40e-6)),
+    "line offset": (
+        Faults(line_pressure_sensor_offset=3e6),
+        sized("line_pressure_sensor_offset", o=3e6),
+    ),
+    "late": (Faults(channel_skew=27e-6), sized("channel_skew", d=27e-6)),
+}
+CASES = pytest.mark.parametrize(("faults", "effect"), HIDDEN.values(), ids=HIDDEN)
+EVENTS = 6
+
+
+def test_the_whole_vocabulary_is_tested() -> None:
+    """But for what the bench file says of the bench."""
+    of_the_injector = {name for name, effect in VOCABULARY.items() if not effect.remedy}
+    assert {effect.effect.id for _, effect in HIDDEN.values()} == of_the_injector
+
+
+@CASES
+def test_right_from_the_first_injection(faults: Faults, effect: SizedEffect) -> None:
+    run = run_plant(faults, EVENTS, known=effect)
+    assert np.abs(run.errors).max() < 0.01
+    assert abs(run.errors[0]) < 0.004
+    assert all(report.valid for report in run.reports[2:])
+
+
+@CASES
+def test_what_is_learned_stays_near_zero(faults: Faults, effect: SizedEffect) -> None:
+    """Terms are relative to the model in force: what it has is not learned again."""
+    run = run_plant(faults, EVENTS, known=effect)
+    for name in GATED:
+        assert run.indicator(name).value == 0.0
+    assert abs(run.indicator(NOZZLE).value) < 0.02
+    assert abs(run.indicator(SEAT).value) < 0.03
+    assert abs(run.indicator(OFFSET).value) < 0.02e6
+
+
+@pytest.mark.parametrize("name", ["eroded", "lift too low", "rail offset", "line offset"])
+def test_without_it_the_first_injection_is_wrong(name: str) -> None:
+    """So that the tests above can fail. From p_L alone a line offset looks like the rail's: that one is not valid."""
+    run = run_plant(HIDDEN[name][0], EVENTS)
+    assert abs(run.errors[0]) > 0.02 or not any(report.valid for report in run.reports)
+
+
+def lookahead(*effects: SizedEffect) -> int:
+    """Samples of look-ahead at 100 kHz with effects in force."""
+    injector = INJECTOR.model_copy(update={"effects": tuple(map(in_force, effects))})
+    return constants_for(injector, 100e3, Durations(), events_required=2).timing.lookahead
+
+
+def test_look_ahead_grows_only_where_it_is_needed() -> None:
+    usual = samples_ahead(1e-5)
+    assert lookahead() == usual
+    assert lookahead(sized("lift_offset", x_0=-20 * UM), sized("channel_skew", d=20e-6)) == usual
+    assert lookahead(sized("lift_offset", x_0=20 * UM)) > usual + 2
+    assert lookahead(sized("channel_skew", d=55e-6)) == 5 + REACH
+    assert lookahead(sized("channel_skew", d=-55e-6)) == usual
+
+
+@pytest.mark.parametrize("speed", [0.5, 0.8, 1.1])
+@pytest.mark.parametrize("offset", [6 * UM, 20 * UM, 45 * UM])
+@pytest.mark.parametrize("phase", [0.0, 0.4, 0.9])
+def test_ramps_are_extended_to_where_the_needle_leaves_and_meets_its_seat(
+    speed: float, offset: float, phase: float
+) -> None:
+    """Straight ramps at `speed` [m/s]; of the lift only what exceeds the offset is recorded."""
+    rise = speed * 1e-5
+    time = np.arange(140) - 30 - phase
+    lift = np.clip(rise * np.minimum(time, 80 - time), 0.0, 300 * UM)
+    injector = INJECTOR.model_copy(update={"effects": (in_force(sized("lift_offset", x_0=offset)),)})
+    stream = Stream(injector=injector).rest(5e-3)
+    pressure = np.full(lift.size, RAIL)
+    stream.feed(pressure, np.maximum(lift - offset, 0.0), pressure).rest(2e-3)
+    known = Stream().rest(5e-3)
+    known.feed(pressure, lift, pressure).rest(2e-3)
+    instants = np.linspace(0.0, 139.0, 139 * 20 + 1)
+    found, expected = (
+        np.maximum(np.interp(instants, np.arange(140), s.rows["seat_area"][500:640]), 0.0)
+        for s in (stream, known)
+    )
+    # to a fifth of a sample of the ramp
+    np.testing.assert_allclose(found, expected, atol=0.2 * expected.max() * rise / lift.max())
+    assert stream.count("injections_begun") == known.count("injections_begun") == 1
+
+
+def test_noise_behind_the_recorded_end_of_a_ramp_is_no_part_of_it() -> None:
+    """Above half the dead band it would keep the needle open, and the toe would be led on with next to no slope."""
+    lift = np.clip(8 * UM * np.minimum(np.arange(140) - 30.0, 110.0 - np.arange(140)), 0.0, 300 * UM)
+    recorded = np.maximum(lift - 20 * UM, 0.0)
+    end = int(np.flatnonzero(recorded)[-1])
+    recorded[end + 2 : end + 9 : 2] = 1.4 * UM
+    injector = INJECTOR.model_copy(update={"effects": (in_force(sized("lift_offset", x_0=20 * UM)),)})
+    stream = Stream(injector=injector).rest(5e-3)
+    pressure = np.full(lift.size, RAIL)
+    stream.feed(pressure, recorded, pressure).rest(2e-3)
+    area = stream.rows["seat_area"][500:640]
+    assert np.flatnonzero(area > 0.0)[-1] == np.flatnonzero(lift)[-1]
+
+
+def test_a_needle_that_does_not_open_has_no_toe() -> None:
+    injector = INJECTOR.model_copy(update={"effects": (in_force(sized("lift_offset", x_0=20 * UM)),)})
+    stream = Stream(injector=injector).rest(5e-3)
+    random = np.random.default_rng(3)
+    for _ in range(20):
+        pressure = np.full(10_000, RAIL)
+        stream.feed(pressure, random.normal(0.0, 0.4 * UM, 10_000), pressure)
+    assert stream.count("event_number") == 0
+    assert not (stream.rows["seat_area"] > 0.0).any()

@@ -1,0 +1,99 @@
+"""Line and sensor faults on a plant that shares no code with the observer: told from wear, named, or refused."""
+
+import pytest
+
+from observer_rt.engine.estimation.scalars import NOZZLE, OFFSET, SEAT
+from observer_rt.engine.stream.state import Reason
+from tests.engine.plant_runs import EVENTS, GATED, HEALTHY, PlantRun, run_plant
+from tools.benchmarks.plant_parameters import Faults
+
+FAULTS = {
+    "line friction x 3": ("line_friction", 2.0),
+    "leak": ("guide_leakage", 3e-14),
+    "stiffer line": ("bulk_modulus", 0.2),
+    "softer line": ("bulk_modulus", -0.2),
+    "sensor lag": ("line_pressure_sensor_lag", 40e-6),
+    "line offset": (OFFSET, 0.8e6),
+    "entrained air": ("entrained_air", 4e-3),
+}
+
+
+def check_well_estimated(run: PlantRun) -> None:
+    assert abs(run.error(first=6)) <= 0.006
+    assert all(report.valid for report in run.reports[5:])
+    assert abs(run.indicator(NOZZLE).value) < 0.015
+    assert abs(run.indicator(SEAT).value) < 0.03
+
+
+def test_healthy_injector_names_nothing() -> None:
+    run = run_plant(HEALTHY)
+    check_well_estimated(run)
+    assert all(run.indicator(name).value == 0.0 for name in GATED)
+    assert abs(run.indicator(OFFSET).value) < 0.02e6
+    assert [report.reason for report in run.reports[:3]] == [
+        Reason.TOO_FEW_EVENTS,
+        Reason.TOO_FEW_EVENTS,
+        Reason.NONE,
+    ]
+
+
+@pytest.mark.parametrize(("name", "true"), FAULTS.values(), ids=FAULTS)
+def test_fault_is_named_and_the_mass_is_right(name: str, true: float) -> None:
+    run = run_plant(Faults(**{name: true}))
+    check_well_estimated(run)
+    estimate = run.indicator(name)
+    assert estimate.value == pytest.approx(true, rel=0.15)
+    assert estimate.sigma is not None
+    assert abs(estimate.value - true) < max(6 * estimate.sigma, 0.02 * abs(true))
+    others = GATED - {name}
+    assert all(run.indicator(other).value == 0.0 for other in others)
+
+
+@pytest.mark.parametrize("offset", [3e6, -3e6])
+def test_rail_offset_beyond_a_good_sensor_is_refused(offset: float) -> None:
+    """From p_L alone a rail offset is the line sensor's with the other sign: the level of Q_H hangs on which."""
+    run = run_plant(Faults(rail_pressure_sensor_offset=offset))
+    assert not any(report.valid for report in run.reports)
+    assert Reason.PRESSURE_OFFSET in {report.reason for report in run.reports[2:]}
+    assert run.indicator(OFFSET).value == pytest.approx(-offset, rel=0.15)
+
+
+@pytest.mark.parametrize("name", ["healthy", *FAULTS])
+def test_interval_holds_the_true_mass(name: str) -> None:
+    """Of 95 % intervals, at most two in eight may miss: that happens once in 180 such runs."""
+    run = run_plant(HEALTHY if name == "healthy" else Faults(**dict([FAULTS[name]])))
+    held = 0
+    for report, true in zip(run.reports[2:], run.true[2:], strict=True):
+        assert report.mass_ci95 is not None
+        low, high = (bound * 1e6 for bound in report.mass_ci95)
+        assert 0.0 < high - low < 0.04 * true
+        held += low <= true <= high
+    assert held >= EVENTS - 2 - 2
+
+
+JUMP_AT = 6
+
+
+@pytest.mark.parametrize("seed", [5, 6])
+@pytest.mark.parametrize("wear", [0.3, -0.3])
+def test_sudden_wear_is_followed_and_its_own_event_is_not_valid(seed: int, wear: float) -> None:
+    run = run_plant(Faults(orifice_area=wear), 11, JUMP_AT, seed)
+    assert all(report.valid for report in run.reports[2 : JUMP_AT - 1])
+    own = run.reports[JUMP_AT - 1]
+    assert (own.valid, own.reason) == (False, Reason.SUDDEN_CHANGE)
+    assert abs(run.errors[JUMP_AT - 1]) > 0.15  # its live rate could not know
+    assert abs(run.errors[JUMP_AT + 2 :]).max() < 0.01  # within three events
+    wrong = [r.number for r, e in zip(run.reports, run.errors, strict=True) if r.valid and abs(e) > 0.02]
+    assert wrong == []
+    assert run.reports[-1].valid
+    assert run.indicator(NOZZLE).value == pytest.approx(wear, abs=0.02)
+
+
+def test_sudden_change_interval_reaches_from_the_published_mass_to_where_the_event_puts_it() -> None:
+    """The published mass of the event is wrong; what is learned from the event itself is the other end."""
+    run = run_plant(Faults(orifice_area=0.3), 11, JUMP_AT, 5)
+    report = run.reports[JUMP_AT - 1]
+    assert report.mass_ci95 is not None
+    low, high = report.mass_ci95
+    assert low == pytest.approx(report.mass, rel=1e-9)
+    assert 1.0 < high * 1e6 / run.true[JUMP_AT - 1] < 1.03

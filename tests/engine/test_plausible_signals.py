@@ -1,0 +1,173 @@
+"""Signals in a wrong unit are refused with the column and the likely unit; all others are not."""
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from observer_rt.config.bench import load_injector
+from observer_rt.desk.simulation.schedule import make_schedule
+from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
+from observer_rt.engine.signal_survey import (
+    doubts,
+    implausible,
+    refuse_dead,
+    refuse_implausible,
+    refuse_perforated,
+    swapped,
+)
+from observer_rt.files.signals.recording import Recording
+from observer_rt.files.signals.stream import HeldSignals
+from observer_rt.foundation.errors import UserError
+from observer_rt.model.effects import sized
+from tests.baselines import baseline
+
+
+@cache
+def recorded(pressure: float = 100e6, noise: bool = True) -> Recording:
+    schedule = make_schedule([pressure], 2, 0.03, [1.1e-3])
+    levels = SimulatedNoise() if noise else None
+    return simulate(load_injector(), schedule, 50e3, (sized("orifice_area", v_H=0.3),), levels).recording
+
+
+def changed(recording: Recording, **signals: NDArray[Any]) -> Recording:
+    kept = {"rail_pressure": recording.rail_pressure, "needle_lift": recording.needle_lift}
+    all_of_them = {**kept, "line_pressure": recording.line_pressure, **signals}
+    return Recording(
+        recording.time,
+        all_of_them["rail_pressure"],
+        all_of_them["needle_lift"],
+        all_of_them["line_pressure"],
+    )
+
+
+def found(recording: Recording) -> list[str]:
+    return [each.signal for each in implausible(HeldSignals(recording).survey)]
+
+
+@pytest.mark.parametrize("noise", [True, False])
+@pytest.mark.parametrize("pressure", [15e6, 30e6, 100e6, 200e6, 280e6])
+def test_recordings_as_they_should_be(pressure: float, noise: bool) -> None:
+    assert found(recorded(pressure, noise)) == []
+
+
+@pytest.mark.parametrize(
+    ("signals", "factor", "unit"),
+    [
+        (("rail_pressure", "line_pressure"), 10.0, "bar"),
+        (("rail_pressure", "line_pressure"), 1e3, "kPa"),
+        (("rail_pressure", "line_pressure"), 1e6, "Pa"),
+        (("rail_pressure", "line_pressure"), 1e-6, "MPa, read as Pa"),
+        (("line_pressure",), 10.0, "bar"),
+        (("line_pressure",), 0.1, "MPa, read as bar"),
+        (("needle_lift",), 1e3, "um"),
+        (("needle_lift",), 1e-3, "mm, read as um"),
+    ],
+)
+@pytest.mark.parametrize("pressure", [60e6, 150e6])
+def test_a_wrong_unit_names_signal_and_unit(
+    signals: tuple[str, ...], factor: float, unit: str, pressure: float
+) -> None:
+    right = recorded(pressure)
+    wrong = changed(right, **{name: right.signals[name] * factor for name in signals})
+    with pytest.raises(UserError) as raised:
+        refuse_implausible(Path("a.csv"), HeldSignals(wrong).survey)
+    assert any(f"a.csv, {name}" in raised.value.place for name in signals)
+    assert unit in raised.value.remedy
+
+
+def test_low_pressures_ten_times_too_large_on_one_sensor_are_seen_beside_the_other() -> None:
+    right = recorded(30e6)
+    assert found(changed(right, line_pressure=right.line_pressure * 10.0)) == ["line_pressure"]
+    assert found(changed(right, rail_pressure=right.rail_pressure * 10.0)) == ["line_pressure"]
+
+
+def test_an_inverted_lift() -> None:
+    right = recorded()
+    assert found(changed(right, needle_lift=-right.needle_lift)) == ["needle_lift"]
+    assert found(changed(right, needle_lift=0.3e-3 - right.needle_lift)) == ["needle_lift"]
+
+
+def test_a_dead_or_frozen_signal_is_for_the_observer_to_judge() -> None:
+    right = recorded()
+    nothing, missing = np.zeros(right.samples), np.full(right.samples, np.nan)
+    for name in ("rail_pressure", "line_pressure"):
+        assert found(changed(right, **{name: nothing})) == []
+        assert found(changed(right, **{name: missing})) == []
+        assert found(changed(right, **{name: right.signals[name] + 8e6})) == []
+    assert found(changed(right, needle_lift=nothing)) == []
+    assert found(changed(right, needle_lift=np.full(right.samples, 0.2e-3))) == []
+
+
+def test_noise_of_a_shut_needle_is_no_lift_in_a_wrong_unit() -> None:
+    noise = np.random.default_rng(0).normal(0.0, 0.4e-6, recorded().samples)
+    assert found(changed(recorded(), needle_lift=noise)) == []
+
+
+def test_the_column_of_the_file_is_named() -> None:
+    wrong = changed(recorded(), needle_lift=recorded().needle_lift * 1e3)
+    with pytest.raises(UserError, match=r"a\.csv, Nadelhub \(needle_lift\)"):
+        refuse_implausible(Path("a.csv"), HeldSignals(wrong).survey, {"needle_lift": "Nadelhub"})
+
+
+def test_pressures_that_are_swapped_or_negative() -> None:
+    """A line rings beyond the rail at both ends."""
+    made = recorded()
+    assert swapped(HeldSignals(made).survey) is None
+    exchanged = changed(made, rail_pressure=made.line_pressure, line_pressure=made.rail_pressure)
+    odd = swapped(HeldSignals(exchanged).survey)
+    assert odd is not None
+    assert "swapped" in odd[0]
+    assert found(changed(made, line_pressure=-made.line_pressure)) == ["line_pressure"]
+
+
+def told(recording: Recording, fitted: tuple[float, float] | None = None) -> str:
+    """What is doubted, in one text; fitted: rail pressures [MPa] of the model."""
+    of = None if fitted is None else baseline(rail_pressure_MPa=fitted)
+    return "; ".join(doubt.problem for doubt in doubts(HeldSignals(recording).survey, of))
+
+
+@pytest.mark.parametrize("noise", [True, False])
+def test_nothing_is_doubted_of_a_recording_as_it_should_be(noise: bool) -> None:
+    assert told(recorded(100e6, noise), (60.0, 140.0)) == ""
+
+
+@pytest.mark.parametrize("name", ["rail_pressure", "line_pressure"])
+def test_a_pressure_that_never_moves_is_doubted(name: str) -> None:
+    whole = recorded(100e6, True)
+    held = whole.with_arrays({name: np.full(whole.samples, 100e6)})
+    assert f"{name} is 100 MPa all the time, though the needle opens" in told(held)
+
+
+def test_pressures_far_from_those_fitted_at_are_doubted() -> None:
+    assert "is 10 MPa in the mean, and the model was fitted at 59.8 to 140.4 MPa" in told(
+        recorded(10e6, True), (59.8, 140.4)
+    )
+
+
+def test_missing_values_are_told_and_refused_where_they_are_many() -> None:
+    whole = recorded(100e6, True)
+    line = whole.line_pressure.copy()
+    line[::7] = np.nan
+    often = whole.with_arrays({"line_pressure": line})
+    gaps = -(-whole.samples // 7)
+    assert f"line_pressure: {gaps} of {whole.samples} values are missing, in {gaps} gaps" in told(often)
+    with pytest.raises(UserError, match="are missing, in"):
+        refuse_perforated(None, HeldSignals(often).survey)
+    line = whole.line_pressure.copy()
+    line[200:400] = np.nan
+    once = whole.with_arrays({"line_pressure": line})
+    assert "200 of" in told(once)
+    refuse_perforated(None, HeldSignals(once).survey)
+
+
+def test_a_signal_without_values_and_a_dead_lift_are_refused() -> None:
+    whole = recorded(100e6, True)
+    for name, value in (("rail_pressure", np.nan), ("needle_lift", np.nan), ("needle_lift", 0.0)):
+        dead = whole.with_arrays({name: np.full(whole.samples, value)})
+        with pytest.raises(UserError, match=name):
+            refuse_dead(None, HeldSignals(dead).survey)
+    refuse_dead(None, HeldSignals(whole).survey)

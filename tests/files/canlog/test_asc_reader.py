@@ -1,0 +1,260 @@
+"""ASC text as Vector's tools write it, and what must be refused of it."""
+
+from datetime import datetime
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from observer_rt.bus.links.link import Frame
+from observer_rt.files.canlog.asc import AscLog
+from observer_rt.files.canlog.can_log import LogFrame
+from observer_rt.foundation.errors import UserError
+
+DATE = "Sam Sep 30 15:06:13.191 2017"
+START = int(datetime(2017, 9, 30, 15, 6, 13).timestamp()) * 10**9 + 191_000_000
+FD_TAIL = "  102187  133   303000 e000fb6c 46500250 4b140250 20011736 2001040d"
+
+
+def log(folder: Path, *lines: str, base: str = "hex", times: str = "absolute", date: str = DATE) -> AscLog:
+    head = f"date {date}\nbase {base}  timestamps {times}\ninternal events logged\n// version 9.0.0\n"
+    path = folder / "bus.asc"
+    path.write_text(
+        f"{head}Begin Triggerblock {date}\n   0.000000 Start of measurement\n"
+        + "".join(f"{line}\n" for line in lines)
+        + "End TriggerBlock\n",
+        encoding="utf-8",
+    )
+    return AscLog(path)
+
+
+def read(folder: Path, *lines: str, base: str = "hex", times: str = "absolute") -> list[LogFrame]:
+    return list(log(folder, *lines, base=base, times=times))
+
+
+def test_classic_frames_with_what_follows_them(tmp_path: Path) -> None:
+    extended, standard = read(
+        tmp_path,
+        "   3.098426 1  18EBFF00x       Rx d 8 01 A0 0F A6 60 3B D1 40    Length = 273910 BitCount = 141",
+        " 113.016026 2  6F9             Tx   d 2 05 0C  Length = 240015 BitCount = 124 ID = 1785",
+    )
+    data = bytes.fromhex("01A00FA6603BD140")
+    assert extended == LogFrame(Frame(0x18EBFF00, data, START + 3_098_426_000, True, False), "1")
+    assert standard == LogFrame(Frame(0x6F9, b"\x05\x0c", START + 113_016_026_000, False, False), "2", True)
+
+
+def test_a_length_code_above_8_means_8_bytes(tmp_path: Path) -> None:
+    (found,) = read(tmp_path, " 13.258671 1  3FF             Tx   d D 55 AA 01 02 03 04 05 06  Length = 2")
+    assert found.frame.payload == bytes.fromhex("55AA010203040506")
+
+
+def test_fd_frames_with_and_without_a_name(tmp_path: Path) -> None:
+    named, plain, bare = read(
+        tmp_path,
+        f"   0.045522 CANFD   62 Rx         7d  BrakeSnData_4      1 0 9 12 {'1b ' * 12}{FD_TAIL}",
+        f"   0.045636 CANFD   62 Tx         88x                    0 1 8  8 {'00 ' * 8}{FD_TAIL}",
+        "   0.045746 CANFD    3 Rx        100                     1 0 0  0",
+    )
+    assert named == LogFrame(Frame(0x7D, b"\x1b" * 12, START + 45_522_000, False, True, True), "62")
+    frame = Frame(0x88, bytes(8), START + 45_636_000, True, True, False, True)
+    assert plain == LogFrame(frame, "62", True)
+    assert bare == LogFrame(Frame(0x100, b"", START + 45_746_000, False, True, True), "3")
+
+
+def test_a_classic_frame_of_an_fd_channel_is_classic(tmp_path: Path) -> None:
+    tail = "  102187  133   200000 e000fb6c 46500250 4b140250 20011736 2001040d"
+    (found,) = read(tmp_path, f"   0.045522 CANFD   1 Rx         7d      0 0 8  8 {'00 ' * 8}{tail}")
+    assert not found.frame.is_fd
+
+
+def test_decimal_numbers(tmp_path: Path) -> None:
+    (found,) = read(tmp_path, "   0.5 1  256x       Rx d 3 255 16 7", base="dec")
+    assert (found.frame.frame_id, found.frame.payload) == (256, bytes((255, 16, 7)))
+
+
+def test_fd_lines_of_a_decimal_log_are_hexadecimal(tmp_path: Path) -> None:
+    """As CANalyzer writes them: the same frame from a classic and from an FD channel."""
+    classic, fd = read(
+        tmp_path,
+        "   12.500000 5  291             Rx   d 8  16  17   1   0 149 100  99  15  Length = 230000 ID = 291",
+        "   12.500000 CANFD   2 Rx        123  Any_12             1 0 8  8 10 11 01 00 95 64 63 0f" + FD_TAIL,
+        base="dec",
+    )
+    assert classic.frame.frame_id == fd.frame.frame_id == 0x123
+    assert classic.frame.payload == fd.frame.payload == bytes((16, 17, 1, 0, 149, 100, 99, 15))
+
+
+def test_a_decimal_fd_line_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="line 7: not a line of an ASC log"):
+        read(tmp_path, "   0.1 CANFD   1 Rx  291  1 0 3  3 1 17 255" + FD_TAIL, base="dec")
+
+
+def test_comments_begin_with_slashes_or_a_semicolon(tmp_path: Path) -> None:
+    (found,) = read(tmp_path, ";  time  can ident", "// 1.0 1 7 Rx d 0", "   1.0 1  123  Rx   d 1 AA")
+    assert found.frame.frame_id == 0x123
+
+
+def test_the_kind_of_times_may_stand_on_its_own_line(tmp_path: Path) -> None:
+    whole = log(tmp_path, *["   0.5 1  123             Rx   d 1 AA"] * 3, times="relative")
+    text = whole.path.read_text()
+    whole.path.write_text(text.replace("hex  timestamps", "hex\ntimestamps"))
+    assert [entry.frame.stamp_ns - START for entry in whole] == [500_000_000, 10**9, 1_500_000_000]
+
+
+def test_times_from_the_start_that_are_called_relative_are_refused(tmp_path: Path) -> None:
+    def lines(times: list[float]) -> list[str]:
+        return [f"   {time:.6f} 1  123             Rx   d 1 AA" for time in times]
+
+    with pytest.raises(UserError, match=r"times rise from line to line.*\n.*'absolute'"):
+        read(tmp_path, *lines([0.01 * (n // 2) for n in range(100)]), times="relative")
+    steps = [0.01 + 1e-6 * (n % 7) for n in range(100)]
+    assert len(read(tmp_path, *lines(steps), times="relative")) == 100
+
+
+def test_times_from_the_start_are_refused_although_frames_are_swapped(tmp_path: Path) -> None:
+    """A log of .4 s, every tenth frame of which stands before an earlier one."""
+    times = [0.002 * n - 0.003 * (n % 10 == 9) for n in range(200)]
+    lines = [f"   {time:.6f} 1  123             Rx   d 1 AA" for time in times]
+    with pytest.raises(UserError, match="but the heading calls them relative"):
+        read(tmp_path, *lines, times="relative")
+
+
+@given(st.lists(st.integers(1, 20_000), min_size=100, max_size=300))
+def test_distances_are_no_times_from_the_start(steps: list[int]) -> None:
+    with TemporaryDirectory() as folder:
+        lines = [f"   {step / 1e6:.6f} 1  123             Rx   d 1 AA" for step in steps]
+        found = read(Path(folder), *lines, times="relative")
+    assert found[-1].frame.stamp_ns - START == sum(steps) * 1000
+
+
+def test_times_from_line_to_line_count_every_line(tmp_path: Path) -> None:
+    first, second = read(
+        tmp_path,
+        "   1.000000 1  100       Rx d 0",
+        "   0.250000 1  Statistic: D 0 R 0 XD 0 XR 0 E 0 O 0 B 0.00%",
+        "   0.250001 1  100       Rx d 0",
+        times="relative",
+    )
+    assert (first.frame.stamp_ns - START, second.frame.stamp_ns - START) == (1_000_000_000, 1_500_001_000)
+
+
+@pytest.mark.parametrize(
+    ("date", "hour"),
+    [
+        ("Thu Apr 28 10:44:52.480 am 2022", 10),
+        ("Thu Apr 28 10:44:52.480 pm 2022", 22),
+        ("Thu Apr 28 12:44:52.480 am 2022", 0),
+    ],
+)
+def test_dates_of_twelve_hours(tmp_path: Path, date: str, hour: int) -> None:
+    (found,) = log(tmp_path, " 0.0 1  1   Rx d 0", date=date)
+    expected = int(datetime(2022, 4, 28, hour, 44, 52).timestamp()) * 10**9 + 480_000_000
+    assert found.frame.stamp_ns == expected
+
+
+@pytest.mark.parametrize(("name", "month"), [("Mär", 3), ("Mai", 5), ("Okt", 10), ("Dez", 12)])
+def test_german_dates(tmp_path: Path, name: str, month: int) -> None:
+    (found,) = log(tmp_path, " 0.0 1  1   Rx d 0", date=f"Mit {name} 2 13:00:00.000 2019")
+    assert found.frame.stamp_ns == int(datetime(2019, month, 2, 13).timestamp()) * 10**9
+
+
+def test_a_date_not_understood_is_told_and_times_count_from_0(tmp_path: Path) -> None:
+    found = log(tmp_path, " 1.5 1  1   Rx d 0", date="mer. août 2 13:00:00.000 2019")
+    assert [entry.frame.stamp_ns for entry in found] == [1_500_000_000]
+    assert any("not understood, times count from 0" in note for note in found.notes())
+
+
+def test_a_date_stands_unless_the_trigger_block_has_another(tmp_path: Path) -> None:
+    text = log(tmp_path, "   0.500000 1  123             Rx   d 1 AA").path.read_text()
+    path = tmp_path / "other.asc"
+    for block in ("Begin Triggerblock", "Begin Triggerblock Dies Datum liest niemand"):
+        path.write_text(text.replace(f"Begin Triggerblock {DATE}", block))
+        reader = AscLog(path)
+        assert [entry.frame.stamp_ns for entry in reader] == [START + 500_000_000]
+        assert reader.notes() == []
+
+
+def test_a_frame_longer_than_a_classic_one_is_fd_whatever_the_flags(tmp_path: Path) -> None:
+    data = " ".join(["11"] * 12)
+    (found,) = read(
+        tmp_path,
+        f"  0.1 CANFD   4 Rx        123              1 0 9 12 {data} 200000 11 0 0 0 0",
+    )
+    assert (found.frame.is_fd, found.frame.bit_rate_switch, found.frame.payload) == (True, True, b"\x11" * 12)
+
+
+def test_what_is_no_data_frame_is_counted(tmp_path: Path) -> None:
+    found = log(
+        tmp_path,
+        "   0.015991 CAN 1 Status:chip status error passive - TxErr: 132 RxErr: 0",
+        "   1.015991 1  Statistic: D 0 R 0 XD 0 XR 0 E 0 O 0 B 0.00%",
+        "   2.501000 1 ErrorFrame",
+        "   2.501010 1 ErrorFrame ECC: 10100010",
+        "   2.501020 CANFD 2 Rx ErrorFrame Not Acknowledge error, dominant error flag",
+        "   2.520002 3 200 Tx r Length = 1704000 BitCount = 145 ID = 88888888x",
+        "   2.584921 4 300 Tx r 8 Length = 1704000 BitCount = 145 ID = 88888888x",
+        "   3.297743 1  J1939TP FEE3p        6    0  0   -   Rx   d 23 A0 0F A6 60",
+        "   3.3 1  100   TxRq d 1 00",
+        "   3.4 1  100   Tx d 1 00",
+    )
+    assert len(list(found)) == 1
+    assert (found.error_frames, found.remote_frames, found.other_entries) == (3, 2, 4)
+    assert found.notes() == [
+        f"{found.path}: left out: 3 error frames, 2 remote frames, 4 entries that are no frames"
+    ]
+
+
+def test_long_frames_in_lines_of_classic_can_are_fd(tmp_path: Path) -> None:
+    """As some converters write them: the length code in decimal, whatever the base."""
+    data = [bytes(range(length)) for length in (8, 12, 64)]
+    found = log(
+        tmp_path,
+        f"   0.1 1  123             Rx   d 8 {data[0].hex(' ')}",
+        f"   0.2 1  123             Rx   d 9 {data[1].hex(' ')}",
+        f"   0.3 1  123             Rx   d 15 {data[2].hex(' ')}  // a comment",
+    )
+    frames = [entry.frame for entry in found]
+    assert [frame.payload for frame in frames] == data
+    assert [frame.is_fd for frame in frames] == [False, True, True]
+    assert any("2 frames of more than 8 bytes in lines of classic CAN" in note for note in found.notes())
+
+
+def test_an_empty_file(tmp_path: Path) -> None:
+    path = tmp_path / "bus.asc"
+    path.write_text("")
+    with pytest.raises(UserError, match=r"bus\.asc: is empty"):
+        list(AscLog(path))
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("   3.1 1  100   Rx d 4 01 02 03 04 05 06 07 08", "8 bytes follow a length code 4"),
+        ("   3.1 1  100   Rx d 8 " + "00 " * 12, "12 bytes follow a length code 8"),
+        ("   3.1 1  100   Rx d 9 " + "00 " * 11, "11 bytes follow a length code 9"),
+        ("   3.1 1  100   Rx d 8 01 A0 0F", "not a line of an ASC log"),
+        ("   3.1 1  100   Rx d 3 01 A0 F", "not a line of an ASC log"),
+        ("   3.1 1  100   Rx d 3 01 A0 GG", "not a line of an ASC log"),
+        ("   3.1 1  100   Rx x 3 01 A0 00", "not a line of an ASC log"),
+        ("   3.1 1  100", "not a line of an ASC log"),
+        ("   3.1 1  800   Rx d 0", "800 is no standard identifier"),
+        ("   3.1 1  EngineData   Rx d 1 00", "identifier 'EngineData' is a name"),
+        ("   3.1 CANFD 1 Rx 100  1 0 9 12 00 00", "not a line of an ASC log"),
+        ("   3.1 CANFD 1 Rx 100  1 0 9 8 00 00 00 00 00 00 00 00", "not a line of an ASC log"),
+        ("   3.1 CANFD 1 Rx 100  1 0 9 11 " + "00 " * 11, "not a line of an ASC log"),
+        ("\x01\x02\x03", "not a line of an ASC log"),
+    ],
+)
+def test_malformed_lines_are_refused_with_their_number(tmp_path: Path, line: str, said: str) -> None:
+    with pytest.raises(UserError, match=r"line 7: ") as raised:
+        read(tmp_path, line)
+    assert said in str(raised.value)
+
+
+def test_a_decimal_line_without_its_end_is_left_out(tmp_path: Path) -> None:
+    found = log(tmp_path, "   0.5 1  256       Rx d 1 255", base="dec")
+    found.path.write_text(found.path.read_text().removesuffix("5\nEnd TriggerBlock\n"))
+    assert list(found) == []
+    assert any("line 7 is cut short" in note for note in found.notes())

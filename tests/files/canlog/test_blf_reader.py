@@ -1,0 +1,209 @@
+"""BLF objects as Vector's tools write them, made byte by byte, and files whose writer was stopped."""
+
+import struct
+import zlib
+from pathlib import Path
+
+import pytest
+
+from observer_rt.bus.links.link import Frame
+from observer_rt.files.canlog.blf import BlfLog, BlfWriter
+from observer_rt.files.canlog.can_log import LogFrame
+from observer_rt.foundation.errors import UserError
+from tests.files.canlog.log_cases import START, mixture
+
+DAY = (2017, 9, 6, 30, 15, 6, 13, 191)  # Saturday
+DAY_NS = 1_506_783_973_191_000_000
+NANOSECONDS, TEN_MICROSECONDS = 2, 1
+
+
+def obj(kind: int, body: bytes, time: int = 0, unit: int = NANOSECONDS, version: int = 1) -> bytes:
+    stamp = (
+        struct.pack("<LHHQ", unit, 0, 0, time)
+        if version == 1
+        else struct.pack("<LBBHQQ", unit, 0, 0, 0, time, 0)
+    )
+    header = 16 + len(stamp)
+    size = header + len(body)
+    return struct.pack("<4sHHLL", b"LOBJ", header, version, size, kind) + stamp + body + bytes(size % 4)
+
+
+def classic(channel: int = 1, flags: int = 0, dlc: int = 2, identifier: int = 0x100) -> bytes:
+    return struct.pack("<HBBL8s", channel, flags, dlc, identifier, bytes(range(8)))
+
+
+def fd_64(dlc: int, valid: int, flags: int, data: bytes, more: int = 0) -> bytes:
+    return (
+        struct.pack("<BBBBLLLLLLLHBBL", 3, dlc, valid, 0, 0x8000_1234, 0, flags, 0, 0, 0, 0, 0, 1, more, 0)
+        + data
+    )
+
+
+def container(data: bytes, packed: bool = True) -> bytes:
+    body = struct.pack("<H6xL4x", 2 if packed else 0, len(data)) + (zlib.compress(data) if packed else data)
+    size = 16 + len(body)
+    return struct.pack("<4sHHLL", b"LOBJ", 16, 1, size, 10) + body + bytes(size % 4)
+
+
+def log(folder: Path, *parts: bytes) -> BlfLog:
+    data = b"".join(parts)
+    header = struct.pack("<4sL8BQQLL8H8H", b"LOGG", 144, *range(8), 144 + len(data), 0, 0, 0, *DAY, *DAY)
+    path = folder / "bus.blf"
+    path.write_bytes(header.ljust(144, b"\0") + data)
+    return BlfLog(path)
+
+
+def test_units_and_versions_of_stamps(tmp_path: Path) -> None:
+    objects = (
+        obj(1, classic(), 5),
+        obj(86, classic(), 7, TEN_MICROSECONDS),
+        obj(1, classic(), 80_000, version=2),
+    )
+    found = [entry.frame.stamp_ns for entry in log(tmp_path, container(b"".join(objects)))]
+    assert found == [DAY_NS + 5, DAY_NS + 70_000, DAY_NS + 80_000]
+
+
+@pytest.mark.parametrize("packed", [True, False])
+def test_objects_may_be_split_over_containers(tmp_path: Path, packed: bool) -> None:
+    data = b"".join(obj(1, classic(identifier=0x100 + n), n) for n in range(20))
+    pieces = [container(data[at : at + 77], packed) for at in range(0, len(data), 77)]
+    assert [f.frame.frame_id for f in log(tmp_path, *pieces)] == [0x100 + n for n in range(20)]
+
+
+def test_objects_outside_containers(tmp_path: Path) -> None:
+    assert len(list(log(tmp_path, obj(1, classic()), container(obj(1, classic()))))) == 2
+
+
+@pytest.mark.parametrize("padding", [1, 7, 8, 40])
+def test_padding_after_a_marker(tmp_path: Path, padding: int) -> None:
+    marker = obj(96, struct.pack("<LLL3xBLLL12x", 0, 0, 0, 0, 3, 3, 0) + b"abcdef")
+    objects = marker + bytes(padding) + obj(1, classic())
+    found = log(
+        tmp_path, container(objects), container(marker + bytes(padding)), container(obj(1, classic()))
+    )
+    assert len(list(found)) == 2
+    assert found.notes() == [f"{found.path}: left out: 2 entries that are no frames"]
+    outside = log(tmp_path, marker, bytes(padding % 9), container(obj(1, classic())))
+    assert len(list(outside)) == 1
+
+
+def test_a_start_that_is_no_date_is_told(tmp_path: Path) -> None:
+    found = log(tmp_path, container(obj(1, classic(), 5)))
+    data = found.path.read_bytes()
+    for date, notes in (
+        (
+            (2017, 13, 6, 30, 15, 6, 13, 0),
+            [f"{found.path}: its start, 2017-13-30 15:06:13, is no date: times count from 1970"],
+        ),
+        ((0,) * 8, []),
+    ):
+        found.path.write_bytes(data.replace(struct.pack("<8H", *DAY), struct.pack("<8H", *date)))
+        assert [entry.frame.stamp_ns for entry in found] == [5]
+        assert found.notes() == notes
+
+
+def test_fd_64_with_all_some_and_too_few_bytes(tmp_path: Path) -> None:
+    data = bytes(range(1, 13))
+    objects = (
+        obj(101, fd_64(9, 12, 0x7000, data)),
+        obj(101, fd_64(9, 12, 0x1000, data[:5])),  # the rest is zero
+        obj(101, fd_64(9, 12, 0x1000, data + b"\xff" * 8, more=32 + 40 + 12)),
+        obj(101, fd_64(8, 8, 0x0000, data[:8])),
+    )
+    whole, short, followed, classic_one = log(tmp_path, container(b"".join(objects)))
+    assert whole == LogFrame(Frame(0x1234, data, DAY_NS, True, True, True, True), "3", True)
+    assert short.frame.payload == data[:5] + bytes(7)
+    assert followed.frame.payload == data
+    assert (classic_one.frame.is_fd, classic_one.frame.payload) == (False, data[:8])
+
+
+def test_what_is_no_data_frame_is_counted(tmp_path: Path) -> None:
+    objects = (
+        obj(1, classic(flags=0x80)),
+        obj(101, fd_64(0, 0, 0x10, b"")),
+        obj(73, bytes(32)),
+        obj(2, bytes(8)),
+        obj(31, bytes(20)),
+        obj(1, classic()),
+    )
+    found = log(tmp_path, container(b"".join(objects)))
+    assert len(list(found)) == 1
+    assert (found.remote_frames, found.error_frames, found.other_entries) == (2, 2, 1)
+
+
+def test_a_length_code_above_8_means_8_bytes(tmp_path: Path) -> None:
+    (found,) = log(tmp_path, container(obj(1, classic(dlc=15))))
+    assert found.frame.payload == bytes(range(8))
+
+
+@pytest.mark.parametrize(
+    ("parts", "said"),
+    [
+        ((container(b"LOBX" + bytes(40)),), "object 1: no object begins where one should"),
+        ((container(obj(1, classic())) + bytes(40),), "container 2: is damaged"),
+        ((container(obj(1, b"\0")),), "object 1: is too short for its type 1"),
+        ((container(obj(1, classic(identifier=0x800))),), "object 1: 800 is no standard identifier"),
+        (
+            (container(obj(100, struct.pack("<HBBLLBBB5x64s", 1, 0, 9, 1, 0, 0, 1, 11, b""))),),
+            "11 bytes are no",
+        ),
+        (
+            (container(obj(1, classic(), version=1)).replace(b"x\x9c", b"x\x9d", 1),),
+            "container 1: is damaged",
+        ),
+    ],
+)
+def test_damaged_files_are_refused(tmp_path: Path, parts: tuple[bytes, ...], said: str) -> None:
+    with pytest.raises(UserError) as raised:
+        list(log(tmp_path, *parts))
+    assert said in str(raised.value)
+
+
+def test_an_unfinished_last_container_is_told(tmp_path: Path) -> None:
+    found = log(tmp_path, container(obj(1, classic())), container(obj(1, classic()) * 50)[:-3])
+    assert len(list(found)) == 1
+    assert found.notes() == [f"{found.path}: it ends within container 2, whose frames are lost"]
+
+
+def test_what_was_flushed_is_read_though_the_writer_never_ended(tmp_path: Path) -> None:
+    path = tmp_path / "bus.blf"
+    frames = mixture(".blf", 30)
+    writer = BlfWriter(path, frames[0].frame.stamp_ns)
+    for frame in frames[:20]:
+        writer.write(frame)
+    writer.flush()
+    for frame in frames[20:]:
+        writer.write(frame)
+    found = BlfLog(path)
+    assert list(found) == frames[:20]
+    writer.close()
+    assert list(found) == frames
+
+
+def test_lost_frames_are_written_and_read(tmp_path: Path) -> None:
+    path = tmp_path / "bus.blf"
+    frame = LogFrame(Frame(1, b"", START, False, False), "1")
+    with BlfWriter(path, START) as writer:
+        for lost in (3, 9):
+            writer.write(frame)
+            writer.write_lost(lost)
+    found = BlfLog(path)
+    assert list(found) == [frame, frame]
+    assert found.lost_frames == 12
+    assert found.other_entries == 0
+
+
+def test_what_is_packed_is_unpacked_to_its_end_and_no_further(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("observer_rt.files.canlog.blf.MOST_UNPACKED", 5000)
+    objects = b"".join(obj(1, classic(), n) for n in range(80))
+    assert len(list(log(tmp_path, container(objects)))) == 80
+    with pytest.raises(UserError, match="what is packed does not end"):
+        list(log(tmp_path, container(objects + bytes(2000))))
+
+
+def test_no_remedy_is_to_delete_a_line_of_a_binary_file(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"4444444 is no standard identifier") as raised:
+        list(log(tmp_path, container(obj(1, classic(identifier=0x4444444)))))
+    assert raised.value.remedy == "record it again, or take another copy"

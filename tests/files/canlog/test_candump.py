@@ -1,0 +1,167 @@
+"""The candump log reader against text as candump writes it, and against text it must refuse."""
+
+from datetime import datetime
+from itertools import pairwise
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from observer_rt.bus.links.link import Frame
+from observer_rt.files.canlog.can_log import LogFrame
+from observer_rt.files.canlog.candump import CandumpLog
+from observer_rt.foundation.errors import UserError
+
+
+def log(folder: Path, text: str) -> CandumpLog:
+    path = folder / "candump.log"
+    path.write_text(text)
+    return CandumpLog(path)
+
+
+def read(folder: Path, text: str) -> list[LogFrame]:
+    return list(log(folder, text))
+
+
+def message(folder: Path, text: str) -> str:
+    with pytest.raises(UserError) as raised:
+        read(folder, text)
+    return str(raised.value)
+
+
+def test_frames_of_all_kinds(tmp_path: Path) -> None:
+    text = (
+        "(1700000000.000123) vcan0 100##1AABB\n(1700000000.000124) can1 18DAF110#0102\n"
+        "(1700000000.000125) can1 7FF#\n(1700000000.000126) can1 00000100##3\n"
+    )
+    stamp = 1_700_000_000_000_123_000
+    assert read(tmp_path, text) == [
+        LogFrame(Frame(0x100, b"\xaa\xbb", stamp, False, True, True), "vcan0"),
+        LogFrame(Frame(0x18DAF110, b"\1\2", stamp + 1000, True, False), "can1"),
+        LogFrame(Frame(0x7FF, b"", stamp + 2000, False, False), "can1"),
+        LogFrame(Frame(0x100, b"", stamp + 3000, True, True, True, True), "can1"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("stamp", "nanoseconds"),
+    [("12.5", 12_500_000_000), ("12.000001", 12_000_001_000), ("12.000000001", 12_000_000_001)],
+)
+def test_stamps_are_exact_to_the_nanosecond(tmp_path: Path, stamp: str, nanoseconds: int) -> None:
+    assert read(tmp_path, f"({stamp}) vcan0 100#00\n")[0].frame.stamp_ns == nanoseconds
+
+
+def test_direction_and_raw_length_suffixes_are_accepted(tmp_path: Path) -> None:
+    text = "(1.5) vcan0 100#AA R\n(1.6) vcan0 100##0BB T\n(1.7) vcan0 100#1122334455667788_C\n"
+    assert [found.frame.payload.hex() for found in read(tmp_path, text)] == ["aa", "bb", "1122334455667788"]
+
+
+def test_remote_and_error_frames_are_counted_not_yielded(tmp_path: Path) -> None:
+    text = (
+        "(1.1) vcan0 100#R\n(1.2) vcan0 100#R8\n(1.3) vcan0 20000004#0001000000000000\n"
+        "(1.4) vcan0 100##1AA\n(1.5) vcan0 00000100#R\n"
+    )
+    frames = log(tmp_path, text)
+    for _ in range(2):  # the counters belong to one reading
+        assert [found.frame.payload for found in frames] == [b"\xaa"]
+        assert (frames.remote_frames, frames.error_frames) == (3, 1)
+
+
+@pytest.mark.parametrize("line", ["  vcan0  100   [2]  11 22", "vcan0  RX - -  100   [2]  11 22"])
+def test_screen_output_without_times_is_refused(tmp_path: Path, line: str) -> None:
+    text = message(tmp_path, f"(1.5) vcan0 100#00\n{line}\n")
+    assert "line 2: this is candump's screen output without times" in text
+    assert "candump -l" in text
+
+
+def test_screen_output_with_times(tmp_path: Path) -> None:
+    found = log(
+        tmp_path,
+        " (1700000000.000123)  vcan0  100   [8]  11 22 33 44 55 66 77 88   '..3DUfw.'\n"
+        " (1700000000.000124)  can1  TX B E  18DAF110  [12]  00 01 02 03 04 05 06 07 08 09 0A 0B\n"
+        " (1700000000.000125)  can1  RX - -  100   [0]  remote request\n"
+        " (1700000000.000126)  can1  20000004   [8]  00 01 00 00 00 00 00 00   ERRORFRAME\n"
+        " (1700000000.000127)  can1  7FF  [00]\n",
+    )
+    stamp = 1_700_000_000_000_123_000
+    assert list(found) == [
+        LogFrame(Frame(0x100, bytes.fromhex("1122334455667788"), stamp, False, False), "vcan0"),
+        LogFrame(Frame(0x18DAF110, bytes(range(12)), stamp + 1000, True, True, True, True), "can1", True),
+        LogFrame(Frame(0x7FF, b"", stamp + 4000, False, True), "can1"),
+    ]
+    assert (found.remote_frames, found.error_frames) == (1, 1)
+
+
+def test_screen_output_with_dates_or_times_from_its_start(tmp_path: Path) -> None:
+    (dated,) = read(tmp_path, " (2023-11-14 22:13:20.123456)  can0  100   [1]  00\n")
+    local = datetime(2023, 11, 14, 22, 13, 20).timestamp()
+    assert dated.frame.stamp_ns == int(local) * 10**9 + 123_456_000
+    times = [0.001 * n - 0.0015 * (n % 10 == 9) for n in range(200)]  # a driver swaps frames
+    found = log(tmp_path, "".join(f" ({time:010.6f})  can0  100   [1]  00\n" for time in times))
+    assert [entry.frame.stamp_ns for entry in found] == [round(time * 1e6) * 1000 for time in times]
+    assert any("are taken to count from its start" in note for note in found.notes())
+
+
+@given(st.lists(st.integers(80, 120), min_size=40, max_size=80))
+def test_screen_output_with_times_from_line_to_line_is_refused(steps: list[int]) -> None:
+    """Distances that neither stay equal nor grow and grow: those could count from a start."""
+    steps.insert(5, 120)
+    assume(sum(one != next_one for one, next_one in pairwise(steps)) > 12)
+    with TemporaryDirectory() as folder, pytest.raises(UserError, match=r"from line to line \(candump -td\)"):
+        read(Path(folder), "".join(f" (000.{step:06d})  can0  100   [1]  00\n" for step in steps))
+
+
+@pytest.mark.parametrize(("length", "bytes_there"), [("[8]", "00 11"), ("[1]", "00 11"), ("[12]", "00 11")])
+def test_screen_output_that_was_cut_is_refused(tmp_path: Path, length: str, bytes_there: str) -> None:
+    text = message(tmp_path, f" (1700000000.000123)  can0  100   {length}  {bytes_there}\n")
+    assert f"line 1: 2 bytes follow the length {length[1:-1]}" in text
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "hello",
+        "(1.5) vcan0 100",
+        "(1.5) vcan0 100#A",
+        "(1.5) vcan0 100#AABBC",
+        "(1.5) vcan0 100##",
+        "(1.5) vcan0 1000#AA",
+        "(1.5) vcan0 800#AA",
+        "(1.5) vcan0 F0000000#AA",
+        "(1.5 vcan0 100#AA",
+        "(-1.5) vcan0 100#AA",
+        "(1.5) vcan0 100#GG",
+        "(1.5) vcan0 100#AA BB",
+        "(1.5) vc\ufffdn0 100#AA",
+    ],
+)
+def test_malformed_line_names_its_number(tmp_path: Path, line: str) -> None:
+    assert "line 3: not a line of a candump log" in message(tmp_path, f"(1.5) vcan0 100#00\n\n{line}\n")
+
+
+@pytest.mark.parametrize("line", ["100#" + "00" * 9, "100##1" + "00" * 9, "100##1" + "00" * 65])
+def test_impossible_lengths(tmp_path: Path, line: str) -> None:
+    assert "line 1: " in message(tmp_path, f"(1.5) vcan0 {line}\n")
+
+
+def test_time_that_steps_back_names_the_line(tmp_path: Path) -> None:
+    lines = [f"({1 + i * 1e-3:.6f}) vcan0 100#00\n" for i in range(300)]
+    lines[250] = "(1.200000) vcan0 100#00\n"
+    assert "line 251: time on vcan0 steps back by 0.049 s" in message(tmp_path, "".join(lines))
+
+
+def test_channels_may_overtake_each_other(tmp_path: Path) -> None:
+    assert len(read(tmp_path, "(1.5) can0 100#00\n(1.4) can1 100#00\n(1.6) can0 100#00\n")) == 3
+
+
+def test_whole_second_stamps_are_refused_but_of_a_single_frame(tmp_path: Path) -> None:
+    assert "whole seconds" in message(tmp_path, "(1700000000) vcan0 100#00\n" * 3)
+    assert len(read(tmp_path, "(1700000000.000000) vcan0 100#00\n")) == 1
+
+
+def test_reading_is_lazy(tmp_path: Path) -> None:
+    lines = [f"({1 + i * 1e-3:.6f}) vcan0 100#00\n" for i in range(1000)]
+    frames = iter(log(tmp_path, "".join([*lines, "broken\n"])))
+    assert next(frames).frame.stamp_ns == 1_000_000_000

@@ -1,0 +1,124 @@
+"""Logs and recordings damaged anywhere: what they held, or an error that names the file; never less in silence."""
+
+import random
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from observer_rt.files.formats import (
+    log_formats,
+    open_log,
+    open_recording,
+    signal_formats,
+    suffixes_of,
+    write_recording,
+    written,
+)
+from observer_rt.files.signals.recording import Recording
+from observer_rt.foundation.errors import UserError
+from tests.files.canlog.log_cases import mixture, write_log
+
+FRAMES = 12
+COMMENTS = {
+    ".log": b"#",
+    ".asc": b"/;",
+    ".trc": b";",
+}  # what begins with one is none by the rules of the format
+
+Damage = Callable[[bytes], bytes]
+
+
+@cache
+def undamaged(suffix: str, folder: Path) -> bytes:
+    path = folder / f"whole{suffix}"
+    write_log(path, mixture(suffix, FRAMES))
+    return path.read_bytes()
+
+
+@st.composite
+def damages(draw: st.DrawFn) -> Damage:
+    """A stretch of bytes replaced by others; the seed chooses where, whatever the length of the file."""
+    chance = random.Random(draw(st.integers(0, 2**32)))
+    removed = draw(st.sampled_from((0, 1, 1, 2, 5)))
+    added = draw(
+        st.binary(max_size=6) | st.sampled_from((b"\n", b" ", b"0", b"9", b"x", b"\0", b"\xff", b"R"))
+    )
+
+    def damage(data: bytes) -> bytes:
+        place = chance.randrange(len(data))
+        return data[:place] + added + data[place + removed :]
+
+    return damage
+
+
+T = TypeVar("T")
+
+
+def unless_refused(path: Path, read: Callable[[], T]) -> T | None:
+    """What is read of a file, or None where it is refused by name."""
+    try:
+        return read()
+    except UserError as error:
+        refusal = str(error)
+    assert str(path) in refusal
+    return None
+
+
+def often(suffix: str) -> settings:
+    """Fewer examples of the format that is slow to read."""
+    examples = settings().max_examples
+    return settings(
+        max_examples=min(examples, 20) if suffix == ".mf4" else examples,
+        suppress_health_check=[HealthCheck.function_scoped_fixture],
+    )
+
+
+@pytest.mark.parametrize("suffix", sorted(suffixes_of(written(log_formats()))))
+def test_a_damaged_log(tmp_path: Path, suffix: str) -> None:
+    whole = undamaged(suffix, tmp_path)
+
+    @often(suffix)
+    @given(damages())
+    def check(damage: Damage) -> None:
+        data = damage(whole)
+        path = tmp_path / f"damaged{suffix}"
+        path.write_bytes(data)
+        log = open_log(path)
+        found = unless_refused(path, lambda: list(log))
+        if (
+            found  # every command refuses a log without frames
+            and len(found) < FRAMES
+            and not _comments(suffix, data) - _comments(suffix, whole)
+        ):
+            assert log.notes() != []
+
+    check()
+
+
+def _comments(suffix: str, data: bytes) -> set[bytes]:
+    """Damage may make a comment of a frame: nobody can tell."""
+    marks = COMMENTS.get(suffix, b"")
+    return {line for line in data.splitlines() if line.strip()[:1] in marks and line.strip()}
+
+
+@pytest.mark.parametrize("suffix", sorted(suffixes_of(written(signal_formats()))))
+def test_a_damaged_recording(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"recording{suffix}"
+    values = np.arange(20.0)
+    write_recording(path, Recording(values / 1e5, values * 1e5, values * 1e-6, values * 1e5))
+    whole = path.read_bytes()
+
+    @often(suffix)
+    @given(damages())
+    def check(damage: Damage) -> None:
+        path.write_bytes(damage(whole))
+        stream = unless_refused(path, lambda: open_recording(path))
+        assert stream is None or stream.samples == values.size or stream.notes
+
+    check()

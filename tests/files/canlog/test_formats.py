@@ -1,0 +1,212 @@
+"""Every log format: what is written is read, by us and by python-can; cut and damaged files never pass for whole."""
+
+import contextlib
+from itertools import pairwise
+from pathlib import Path
+
+import can
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from observer_rt.bus.links.link import Frame
+from observer_rt.files.canlog.can_log import LogFrame
+from observer_rt.files.formats import is_log, open_log
+from observer_rt.foundation.errors import UserError
+from tests.files.canlog.log_cases import FORMATS, START, as_read, log_frames, mixture, write_log
+
+SUFFIXES = sorted(FORMATS)
+STREAMED = [suffix for suffix in SUFFIXES if suffix != ".mf4"]  # readable up to where they were cut
+reuse_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_whatever_is_written_is_read(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"bus{suffix}"
+
+    @settings(reuse_folder, max_examples=10 if suffix == ".mf4" else 50)
+    @given(log_frames(suffix))
+    def check(frames: list[LogFrame]) -> None:
+        write_log(path, frames)
+        log = open_log(path)
+        assert list(log) == as_read(frames, suffix)
+        assert log.notes() == [] or not frames  # an empty one may be the rest of a damaged one
+
+    check()
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("start", [0, 1, 999_999_999, 631_152_000_000_000_000, START])
+def test_the_first_stamp_is_kept(tmp_path: Path, suffix: str, start: int) -> None:
+    path = tmp_path / f"bus{suffix}"
+    frames = [LogFrame(Frame(1, b"\1", start + 10_000 * n, False, False), "1") for n in range(3)]
+    write_log(path, frames)
+    step = FORMATS[suffix].stamp_step
+    for found, frame in zip(open_log(path), frames, strict=True):
+        assert abs(found.frame.stamp_ns - frame.frame.stamp_ns) <= step / 2
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_python_can_reads_what_is_written(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"bus{suffix}"
+    frames = mixture(suffix, 200)
+    write_log(path, frames)
+    with can.LogReader(path) as reader:
+        messages = list(reader)
+    for message, (frame, _, sent) in zip(messages, frames, strict=True):
+        assert (message.arbitration_id, bytes(message.data)) == (frame.frame_id, frame.payload)
+        assert (message.is_extended_id, message.is_fd) == (frame.is_extended, frame.is_fd)
+        assert (message.bitrate_switch, message.error_state_indicator) == (
+            frame.bit_rate_switch,
+            frame.error_state_indicator,
+        )
+        assert message.is_rx is not sent
+    since_start = [(frame.frame.stamp_ns - frames[0].frame.stamp_ns) / 1e9 for frame in frames]
+    assert [m.timestamp - messages[0].timestamp for m in messages] == pytest.approx(since_start, abs=2e-6)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_what_python_can_writes_is_read(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"bus{suffix}"
+    frames = mixture(suffix, 200)
+    with can.Logger(path) as logger:
+        for frame, channel, sent in frames:
+            message = can.Message(
+                timestamp=frame.stamp_ns / 1e9,
+                arbitration_id=frame.frame_id,
+                is_extended_id=frame.is_extended,
+                data=frame.payload,
+                is_fd=frame.is_fd,
+                bitrate_switch=frame.bit_rate_switch,
+                error_state_indicator=frame.error_state_indicator,
+                is_rx=not sent,
+                channel=int(channel) - 1,
+            )
+            logger(message)
+    found = list(open_log(path))
+    assert [(f.frame.frame_id, f.frame.payload) for f in found] == [
+        (f.frame.frame_id, f.frame.payload) for f in frames
+    ]
+    assert [(*f.frame[3:], f.is_sent) for f in found] == [(*f.frame[3:], f.is_sent) for f in frames]
+    steps = [later.frame.stamp_ns - earlier.frame.stamp_ns for earlier, later in pairwise(found)]
+    expected = [later.frame.stamp_ns - earlier.frame.stamp_ns for earlier, later in pairwise(frames)]
+    assert steps == pytest.approx(expected, abs=2000)
+
+
+@pytest.mark.parametrize("suffix", STREAMED)
+def test_a_file_cut_anywhere_gives_the_frames_before_and_says_so(
+    tmp_path: Path, suffix: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("observer_rt.files.canlog.blf.CONTAINER_BYTES", 1000)
+    path, cut = tmp_path / f"bus{suffix}", tmp_path / f"cut{suffix}"
+    write_log(path, mixture(suffix, 30))
+    data = path.read_bytes()
+    whole = list(open_log(path))
+    for size in range(len(data)):
+        cut.unlink(missing_ok=True)  # a file rewritten would wait for the disk on some file systems
+        cut.write_bytes(data[:size])
+        log = open_log(cut)
+        try:
+            found = list(log)
+        except UserError:
+            assert size < 200  # within the heading
+            continue
+        assert found == whole[: len(found)]
+        if 0 < len(found) < len(whole) and not log.notes():
+            # a text that ends where a line does, does not show that more lines followed
+            assert suffix in (".log", ".trc")
+            assert data[len(data[:size].rstrip()) :].lstrip(b" ").startswith((b"\n", b"\r\n"))
+
+
+@pytest.mark.slow
+def test_mdf4_cut_anywhere_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "bus.mf4"
+    write_log(path, mixture(".mf4", 30))
+    data = path.read_bytes()
+    for size in range(0, len(data), 211):
+        path.write_bytes(data[:size])
+        with pytest.raises(UserError):
+            list(open_log(path))
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_other_content_is_refused(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"picture{suffix}"
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + bytes(range(256)) * 10)
+    with pytest.raises(UserError):
+        list(open_log(path))
+
+
+@pytest.mark.parametrize("content", [suffix for suffix in SUFFIXES if suffix != ".mf4"])
+@pytest.mark.parametrize("suffix", STREAMED)
+def test_a_log_under_the_wrong_name_is_recognised(tmp_path: Path, suffix: str, content: str) -> None:
+    if suffix == content:
+        return
+    written, path = tmp_path / f"bus{content}", tmp_path / f"named{suffix}"
+    write_log(written, mixture(content, 5))
+    path.write_bytes(written.read_bytes())
+    with pytest.raises(UserError, match=rf"it looks like .*log.*\n.*name it so: named\{content}"):
+        list(open_log(path))
+
+
+@pytest.mark.parametrize("suffix", STREAMED)
+def test_a_log_of_another_program_is_named(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"bus{suffix}"
+    path.write_text("Time Stamp,ID,Extended,Dir,Bus,LEN,D1\n1,123,false,Rx,0,1,00\n" * 100)
+    with pytest.raises(UserError, match=r"it looks like a log of SavvyCAN\n.*name it so: bus\.csv"):
+        list(open_log(path))
+    path.write_text("@ TEXT @ 2 @ 64 @ 0 @ 55 @\n46,016\t1\t0004\t45A\t8\t5A 04 00\n" * 100)
+    with pytest.raises(UserError, match=r"it looks like a log of CarBus Analyzer\n.*export it as"):
+        list(open_log(path))
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_time_that_steps_back_is_refused_and_a_swap_is_told(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"bus{suffix}"
+    stamps = [START, START + 5_000_000, START + 4_500_000]
+    frames = [LogFrame(Frame(1, b"\1", stamp, False, False), "1") for stamp in stamps]
+    write_log(path, frames)
+    log = open_log(path)
+    assert len(list(log)) == 3
+    assert suffix == ".mf4" or "1 frames stand up to 1000 us before" in log.notes()[0]
+    write_log(path, [*frames, frames[0]])
+    with pytest.raises(UserError, match=r"steps back by 0\.00"):
+        list(open_log(path))
+
+
+def test_a_classic_format_says_that_it_holds_no_fd(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="holds classic frames only; 123 is a CAN FD frame"):
+        write_log(tmp_path / "bus.trc", [LogFrame(Frame(0x123, b"\0" * 12, START, False, True, True), "1")])
+
+
+def test_kinds_of_files(tmp_path: Path) -> None:
+    assert is_log(Path("a.BLF"))
+    assert not is_log(Path("a.csv"))
+    with pytest.raises(UserError, match=r"unknown kind of file '\.db'"):
+        open_log(tmp_path / "a.db")
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_missing_file(tmp_path: Path, suffix: str) -> None:
+    with pytest.raises(UserError, match="no such file"):
+        list(open_log(tmp_path / f"absent{suffix}"))
+
+
+@reuse_folder
+@given(st.sampled_from(STREAMED), st.binary(max_size=400))
+def test_no_content_is_a_crash(tmp_path: Path, suffix: str, content: bytes) -> None:
+    path = tmp_path / f"any{suffix}"
+    path.write_bytes(content)
+    with contextlib.suppress(UserError):
+        list(open_log(path))
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_how_much_was_read_is_known_while_reading(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"bus{suffix}"
+    write_log(path, mixture(suffix, 200))
+    log = open_log(path)
+    shares = [log.share_read for _ in log]
+    assert shares == sorted(shares)
+    assert 0.0 < shares[0] <= shares[-1] <= 1.0
+    assert shares[-1] > 0.9

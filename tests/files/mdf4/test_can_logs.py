@@ -1,0 +1,338 @@
+"""MF4 files of CAN loggers: every field as asammdf itself reads it, finalised or as they come off the card."""
+
+import struct
+from datetime import UTC, datetime
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from asammdf import MDF, Signal
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from observer_rt.files.canlog.can_log import LogFrame
+from observer_rt.files.formats import is_log, open_log
+from observer_rt.files.mdf4.bus_frames import start_of
+from observer_rt.foundation.errors import UserError
+from tests.files.canlog.log_cases import START, log_frames, mixture, write_log
+from tools.benchmarks.logger_file import Field, value_of, write_logger_file
+
+MIDNIGHT = START // 10**9 * 10**9
+STORED = {"ID": 29, "IDE": 1, "BusChannel": 4, "DataLength": 7, "Dir": 1, "EDL": 1, "BRS": 1, "ESI": 1}
+CONSTANT = ("IDE", "BusChannel", "Dir", "EDL", "BRS", "ESI")
+ALL_STORED = [Field(name, bits) for name, bits in STORED.items()]
+
+
+@st.composite
+def logger_files(draw: st.DrawFn) -> tuple[list[LogFrame], list[Field]]:
+    """Frames, and fields of which some are virtual: the same in every frame."""
+    frames = draw(log_frames(".mf4").filter(bool))
+    fields = []
+    for name, bits in STORED.items():
+        values = {value_of(frame, name) for frame in frames}
+        if name in CONSTANT and len(values) == 1 and draw(st.booleans()):
+            fields.append(Field(name, 0, offset=float(*values)))
+        else:
+            fields.append(Field(name, bits))
+    return frames, draw(st.permutations(fields))
+
+
+def read_by_asammdf(path: Path) -> dict[str, NDArray[np.generic]]:
+    """Every field of the data frames, as asammdf gives it."""
+    with MDF(path) as file:
+        group = next(
+            n for n, group in enumerate(file.groups) if "CAN_DataFrame" in {c.name for c in group.channels}
+        )
+        names = [channel.name for channel in file.groups[group].channels]
+        signals = {name: file.get(name, group) for name in names if name.startswith("CAN_DataFrame.")}
+        found = {name.removeprefix("CAN_DataFrame."): signal.samples for name, signal in signals.items()}
+        return found | {"stamp": file.header.abs_time + np.rint(signals["CAN_DataFrame.ID"].timestamps * 1e9)}
+
+
+def assert_as_asammdf_reads(path: Path, frames: list[LogFrame]) -> None:
+    found = read_by_asammdf(path)
+    for name in STORED:
+        assert found[name].tolist() == [value_of(frame, name) for frame in frames]
+    assert found["stamp"].tolist() == [float(frame.frame.stamp_ns) for frame in frames]
+    data = [bytes(row.view(np.uint8)) for row in found["DataBytes"]]
+    assert [row[: len(f.frame.payload)] for row, f in zip(data, frames, strict=True)] == [
+        frame.frame.payload for frame in frames
+    ]
+
+
+@pytest.mark.parametrize("is_finalised", [True, False])
+@pytest.mark.parametrize("data_width", [64, None])
+def test_every_field_of_a_logger_is_as_asammdf_reads_it(
+    tmp_path: Path, is_finalised: bool, data_width: int | None
+) -> None:
+    path = tmp_path / "card.mf4"
+
+    @settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+    @given(logger_files())
+    def check(made: tuple[list[LogFrame], list[Field]]) -> None:
+        frames, fields = made
+        write_logger_file(path, frames, fields, MIDNIGHT, is_finalised, 2, data_width)
+        content = path.read_bytes()
+        log = open_log(path)
+        found = list(log)
+        assert_as_asammdf_reads(path, found)
+        assert found == frames
+        assert log.error_frames == 2
+        assert path.read_bytes() == content
+
+    check()
+
+
+def test_what_asammdf_makes_of_a_card_is_read_the_same(tmp_path: Path) -> None:
+    """It finalises the file and stores the constant fields as virtual channels."""
+    frames = [frame._replace(channel="3") for frame in mixture(".mf4", 50)]
+    fields = [field for field in ALL_STORED if field.name != "BusChannel"] + [
+        Field("BusChannel", 0, offset=3)
+    ]
+    card, saved = tmp_path / "card.mf4", tmp_path / "saved.mf4"
+    write_logger_file(card, frames, fields, MIDNIGHT)
+    with MDF(card) as file:
+        file.save(saved, compression=2)
+    assert saved.read_bytes().startswith(b"MDF ")
+    assert list(open_log(saved)) == list(open_log(card)) == frames
+
+
+def test_signals_that_asammdf_stores_as_virtual(tmp_path: Path) -> None:
+    path = tmp_path / "virtual.mf4"
+    time = np.arange(5) / 10
+    flags = Signal.Flags.virtual
+    constant = {"IDE": 0.0, "BusChannel": 7.0, "Dir": 1.0}
+    stored = {"ID": np.arange(5, dtype="u4"), "DataLength": np.full(5, 2, "u1")}
+    signals = [Signal(values, time, name=f"CAN_DataFrame.{name}") for name, values in stored.items()]
+    signals.append(Signal(np.ones((5, 8), "u1"), time, name="CAN_DataFrame.DataBytes"))
+    signals.append(Signal(np.zeros(5, "u1"), time, name="CAN_DataFrame"))
+    signals += [
+        Signal(
+            np.full(5, value),
+            time,
+            name=f"CAN_DataFrame.{name}",
+            flags=flags,
+            virtual_conversion={"a": 0.0, "b": value},
+            virtual_master_conversion=None,
+        )
+        for name, value in constant.items()
+    ]
+    with MDF(version="4.10") as file:
+        file.append(signals, common_timebase=True)
+        file.groups[0].channel_group.flags |= 0x6  # bus events
+        file.save(path)
+    found = list(open_log(path))
+    assert [(f.frame.frame_id, f.frame.is_extended, f.channel, f.is_sent) for f in found] == [
+        (n, False, "7", True) for n in range(5)
+    ]
+    assert {f.frame.payload for f in found} == {b"\1\1"}
+
+
+def test_frames_of_several_groups_in_order_of_time(tmp_path: Path) -> None:
+    """As where each bus has a group of its own; what asammdf joins, it joins so."""
+    path = tmp_path / "stacked.mf4"
+    frames = mixture(".mf4", 300)
+    parts = [[f for f in frames if f.channel == channel] for channel in "12"]
+    paths = [tmp_path / f"part{channel}.mf4" for channel in "12"]
+    for part, part_path in zip(parts, paths, strict=True):
+        write_logger_file(part_path, part, ALL_STORED, MIDNIGHT)
+    with MDF.stack(paths) as file:
+        file.save(path)
+    assert list(open_log(path)) == sorted(frames, key=lambda f: f.frame.stamp_ns)
+
+
+def test_time_that_steps_back_in_one_of_several_groups_is_refused(tmp_path: Path) -> None:
+    frames = [frame._replace(channel="1") for frame in mixture(".mf4", 60)]
+    others = [frame._replace(channel="2") for frame in mixture(".mf4", 60)]
+    paths = [tmp_path / "a.mf4", tmp_path / "b.mf4"]
+    write_logger_file(paths[0], frames[30:] + frames[:30], ALL_STORED, MIDNIGHT)
+    write_logger_file(paths[1], others, ALL_STORED, MIDNIGHT)
+    with MDF.stack(paths) as file:
+        file.save(tmp_path / "stacked.mf4")
+    with pytest.raises(UserError, match="time on 1 steps back by"):
+        list(open_log(tmp_path / "stacked.mf4"))
+
+
+def test_text_for_a_direction_and_a_length_without_its_field(tmp_path: Path) -> None:
+    path = tmp_path / "text.mf4"
+    time = np.arange(3) / 10
+    values = {
+        "ID": np.array([1, 2, 0x80000003], "u4"),
+        "DLC": np.array([0, 8, 9], "u1"),
+        "Dir": np.array([1, 0, 1], "u1"),
+        "DataBytes": np.ones((3, 12), "u1"),
+    }
+    conversions = {"Dir": {"val_0": 1, "text_0": "Rx", "val_1": 0, "text_1": "Tx"}}  # not the usual way round
+    signals = [
+        Signal(samples, time, name=f"CAN_DataFrame.{name}", conversion=conversions.get(name))
+        for name, samples in values.items()
+    ]
+    signals.append(Signal(np.zeros(3, "u1"), time, name="CAN_DataFrame"))
+    with MDF(version="4.10") as file:
+        file.append(signals, common_timebase=True)
+        file.groups[0].channel_group.flags |= 0x6
+        file.save(path)
+    found = list(open_log(path))
+    assert [(f.frame.frame_id, f.frame.is_extended, len(f.frame.payload)) for f in found] == [
+        (1, False, 0),
+        (2, False, 8),
+        (3, True, 12),
+    ]
+    assert [(f.is_sent, f.frame.is_fd, f.channel) for f in found] == [
+        (False, False, "1"),
+        (True, False, "1"),
+        (False, True, "1"),
+    ]
+
+
+@pytest.mark.parametrize("factor", [-1e-9, 1.0, float("nan"), float("inf"), 1e300])
+def test_times_that_a_damaged_conversion_makes_impossible_are_refused(tmp_path: Path, factor: float) -> None:
+    path = tmp_path / "card.mf4"
+    frames = [
+        frame._replace(frame=frame.frame._replace(stamp_ns=n * 10**18))
+        for n, frame in enumerate(mixture(".mf4", 9))
+    ]
+    write_logger_file(path, frames, ALL_STORED, 0)
+    data = path.read_bytes()
+    path.write_bytes(data.replace(struct.pack("<d", 1e-9), struct.pack("<d", factor)))
+    with pytest.raises(UserError, match="times before 1970, or after 2262"):
+        list(open_log(path))
+
+
+def test_a_channel_that_is_no_number(tmp_path: Path) -> None:
+    path = tmp_path / "card.mf4"
+    fields = [field for field in ALL_STORED if field.name != "BusChannel"] + [
+        Field("BusChannel", 0, offset=2.5)
+    ]
+    write_logger_file(path, mixture(".mf4", 5), fields, MIDNIGHT)
+    with pytest.raises(UserError, match=r"damaged MDF file: the BusChannel of its frames is 2\.5"):
+        list(open_log(path))
+
+
+def test_an_offset_outside_the_data_does_not_end_this_process(tmp_path: Path) -> None:
+    path = tmp_path / "card.mf4"
+    write_logger_file(path, mixture(".mf4", 200), ALL_STORED, MIDNIGHT)
+    with MDF(path) as file:
+        file.save(tmp_path / "saved.mf4")
+    data = (tmp_path / "saved.mf4").read_bytes()
+    offset = struct.pack("<Q", int(mixture_offset(200)))
+    assert data.count(offset) >= 1
+    (tmp_path / "saved.mf4").write_bytes(data.replace(offset, struct.pack("<Q", 1 << 40)))
+    with pytest.raises(UserError, match="a damaged MDF file"):
+        list(open_log(tmp_path / "saved.mf4"))
+
+
+def test_lengths_in_data_that_stand_apart_are_followed(tmp_path: Path) -> None:
+    """A shorter length gives a frame fewer bytes, and all later ones those of another."""
+    card, path = tmp_path / "card.mf4", tmp_path / "saved.mf4"
+    frames = mixture(".mf4", 20)
+    write_logger_file(card, frames, ALL_STORED, MIDNIGHT)
+    with MDF(card) as file:
+        file.save(path, compression=0)
+    data = path.read_bytes()
+    lengths = [len(frame.frame.payload) for frame in frames]
+    stored = b"".join(
+        struct.pack("<I", length) + frame.frame.payload for length, frame in zip(lengths, frames, strict=True)
+    )
+    assert list(open_log(path)) == frames
+    place = data.index(stored)
+    for length in lengths:
+        for change in (1, 4, 1 << 20):
+            damaged = bytearray(data)
+            struct.pack_into("<I", damaged, place, length ^ change)
+            path.write_bytes(damaged)
+            with pytest.raises(UserError, match=r"leads to where no data begin|beyond the data"):
+                list(open_log(path))
+        place += 4 + length
+
+
+def test_frames_that_the_heading_does_not_count_are_told(tmp_path: Path) -> None:
+    path = tmp_path / "bus.mf4"
+    write_log(path, mixture(".mf4", 12))
+    data = bytearray(path.read_bytes().replace(b"crc32", b"-----"))  # as others write, without our checksum
+    count = data.index(b"##CG") + 24 + 6 * 8 + 8
+    assert data[count] == 12
+    data[count] = 5
+    path.write_bytes(data)
+    log = open_log(path)
+    assert len(list(log)) == 5
+    assert log.notes() == [f"{path}: its heading leaves out 7 frames that are in it: it may be damaged"]
+
+
+def mixture_offset(frames: int) -> int:
+    """Where the data of the last frame stand, among those of variable length."""
+    return sum(4 + len(frame.frame.payload) for frame in mixture(".mf4", frames)[:-1])
+
+
+def test_an_older_mdf_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "old.mf4"
+    write_log(path, mixture(".mf4", 3))
+    path.write_bytes(path.read_bytes().replace(b"MDF     4.10", b"MDF     3.30", 1))
+    with pytest.raises(UserError, match=r"is of MDF 3\., not 4"):
+        is_log(path)
+
+
+def test_identifiers_of_more_than_11_bits_are_extended_where_nothing_says_so(tmp_path: Path) -> None:
+    path = tmp_path / "card.mf4"
+    frames = mixture(".mf4", 20)
+    fields = [Field("ID", 32), *(field for field in ALL_STORED if field.name not in ("ID", "IDE"))]
+    write_logger_file(path, frames, fields, MIDNIGHT)
+    assert [(f.frame.frame_id, f.frame.is_extended) for f in open_log(path)] == [
+        (f.frame.frame_id, f.frame.frame_id > 0x7FF) for f in frames
+    ]
+
+
+def test_a_start_in_local_time_is_read_by_the_zone_of_this_computer() -> None:
+    moment = datetime(2024, 7, 1, 12, 30, 15)
+    as_utc = int(moment.replace(tzinfo=UTC).timestamp()) * 10**9 + 5
+    for flags, start in ((0, as_utc), (2, as_utc), (1, int(moment.timestamp()) * 10**9 + 5)):
+        header = SimpleNamespace(abs_time=as_utc, time_flags=flags)
+        assert start_of(SimpleNamespace(header=header)) == start
+
+
+@pytest.mark.parametrize(
+    ("offset", "tick", "said"),
+    [
+        (29 * 86_400.0, 1e-9, "its frames begin 29 days after its start: it may be damaged"),
+        (
+            0.0,
+            1.0000009e-9,
+            "its clock counts in 1.0000009e-09 s, which is no round number: it may be damaged",
+        ),
+        (86_400.0, 5e-9, None),
+    ],
+)
+def test_times_that_look_damaged_are_told(
+    tmp_path: Path, offset: float, tick: float, said: str | None
+) -> None:
+    path = tmp_path / "card.mf4"
+    write_logger_file(path, mixture(".mf4", 5), ALL_STORED, MIDNIGHT)
+    conversion = struct.pack("<dd", 0.0, 1e-9)
+    assert conversion in path.read_bytes()
+    path.write_bytes(path.read_bytes().replace(conversion, struct.pack("<dd", offset, tick)))
+    log = open_log(path)
+    assert len(list(log)) == 5
+    assert log.notes() == ([f"{path}: {said}"] if said else [])
+
+
+def test_fields_that_are_not_known_are_told(tmp_path: Path) -> None:
+    """As one whose name is damaged."""
+    path = tmp_path / "card.mf4"
+    write_logger_file(path, mixture(".mf4", 5), ALL_STORED, MIDNIGHT)
+    path.write_bytes(path.read_bytes().replace(b"DataFrame.Dir", b"DataFrame.D\x1br"))
+    log = open_log(path)
+    assert not any(entry.is_sent for entry in log)
+    assert log.notes() == [f"{path}: its frames have fields that are not known here: 'CAN_DataFrame.D\\x1br'"]
+
+
+def test_times_since_1970_in_floating_point_are_told(tmp_path: Path) -> None:
+    path = tmp_path / "card.mf4"
+    frames = mixture(".mf4", 5)
+    write_logger_file(path, frames, ALL_STORED, 0)
+    log = open_log(path)
+    assert all(abs(a.frame.stamp_ns - b.frame.stamp_ns) <= 500 for a, b in zip(log, frames, strict=True))
+    assert log.notes() == [
+        f"{path}: its times count from 1970 in floating point: they are off by up to 0.5 us"
+    ]

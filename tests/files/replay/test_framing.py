@@ -1,0 +1,123 @@
+"""Frames of recordings, decoded by plain cantools and checked by the AUTOSAR reference."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from e2e.p05 import e2e_p05_check
+from numpy.typing import NDArray
+
+from observer_rt.bus.mapping.bus_map import BusMap, map_bus
+from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
+from observer_rt.files.replay.framing import Framer, Span, whole, windows
+from observer_rt.files.signals.recording import Recording
+from tests.files.replay.decoded import SIGNALS, decoded
+
+RATE = 100e3
+SAMPLE_BLOCK, RAIL_BLOCK, LIFT_BLOCK, LINE_BLOCK = 0x100, 0x110, 0x111, 0x112
+HALF_STEP = np.array([2500.0, 5e-9, 2500.0]) * (1 + 1e-9)  # half of 0.005 MPa, 0.01 um
+
+
+def recording_of(samples: int, lift: NDArray[np.float64] | None = None) -> Recording:
+    random = np.random.default_rng(samples)
+    return Recording(
+        time=3.0 + np.arange(samples) / RATE,
+        rail_pressure=random.uniform(0, 200e6, samples),
+        needle_lift=random.uniform(0, 0.3e-3, samples) if lift is None else lift,
+        line_pressure=random.uniform(-5e6, 200e6, samples),
+    )
+
+
+def columns(recording: Recording) -> NDArray[np.float64]:
+    return np.column_stack([recording.rail_pressure, recording.needle_lift, recording.line_pressure])
+
+
+@pytest.fixture(scope="module")
+def bus() -> BusMap:
+    return map_bus(load_bench())
+
+
+@pytest.fixture(scope="module")
+def three_messages(tmp_path_factory: pytest.TempPathFactory) -> BusMap:
+    """A bench with a message for each signal, 28 samples in a frame."""
+    return map_bus(load_bench(bench_with_three_messages(tmp_path_factory.mktemp("bench"))))
+
+
+def bench_with_three_messages(folder: Path) -> Path:
+    text = EXAMPLE_BENCH.read_text(encoding="utf-8")
+    for role in SIGNALS:
+        text = text.replace(
+            'message = "SampleBlock"\npattern = "' + role, f'message = "{role}Block"\npattern = "{role}'
+        )
+    path = folder / "bench.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_frames_are_protected_and_counted(bus: BusMap) -> None:
+    recording = recording_of(9 * 300)
+    frames = list(Framer(bus).frames(recording, whole(recording)))
+    assert [frame.payload[2] for frame in frames] == [n & 0xFF for n in range(300)]
+    for frame in frames:
+        data = bytearray(frame.payload)
+        assert e2e_p05_check(bytes(data), SAMPLE_BLOCK)
+        data[20] ^= 1
+        assert not e2e_p05_check(bytes(data), SAMPLE_BLOCK)
+
+
+def test_missing_values_and_a_frame_not_filled_are_not_available(bus: BusMap) -> None:
+    lift = np.full(10, 1e-4)
+    lift[4] = np.nan
+    recording = recording_of(10, lift)
+    values = decoded(list(Framer(bus).frames(recording, whole(recording))))
+    assert np.flatnonzero(np.isnan(list(values[1].values()))).tolist() == [4, *range(10, 18)]
+    assert np.flatnonzero(np.isnan(list(values[0].values()))).tolist() == list(range(10, 18))
+
+
+def test_values_beyond_the_bus_are_clamped_and_never_read_as_not_available(bus: BusMap) -> None:
+    recording = recording_of(9, np.full(9, 1.0))
+    values = decoded(list(Framer(bus).frames(recording, whole(recording))))
+    assert list(values[1].values()) == pytest.approx([605.33e-6] * 9)
+
+
+def test_messages_of_their_own_come_in_order_of_time(three_messages: BusMap) -> None:
+    recording = recording_of(28 * 5 + 3)
+    frames = list(Framer(three_messages).frames(recording, whole(recording)))
+    assert [frame.frame_id for frame in frames] == [RAIL_BLOCK, LIFT_BLOCK, LINE_BLOCK] * 6
+    times = [frame.time for frame in frames]
+    assert times == sorted(times)
+    values = decoded(frames)
+    for column in range(3):
+        known = np.array(list(values[column].values()))[: recording.samples]
+        assert np.abs(known - columns(recording)[:, column]).max() <= HALF_STEP[column]
+
+
+def test_spans_send_their_samples_only(bus: BusMap) -> None:
+    recording = recording_of(900)
+    frames = list(Framer(bus).frames(recording, [Span(100, 118), Span(500, 509)]))
+    values = decoded(frames)
+    assert list(values[0]) == [*range(100, 118), *range(500, 509)]
+    assert [frame.payload[2] for frame in frames] == [0, 1, 2]  # no frame was lost between the spans
+    assert [frame.time for frame in frames] == pytest.approx([108 / RATE, 117 / RATE, 508 / RATE])
+
+
+def test_windows_reach_from_2_ms_before_to_4_ms_after_an_injection() -> None:
+    lift = np.zeros(5000)
+    lift[1000:1150] = 1e-4
+    lift[4900:4950] = 1e-4  # its window ends with the recording
+    spans = windows(recording_of(5000, lift))
+    assert len(spans) == 2
+    assert (spans[0].start, spans[1]) == (800, Span(4700, 5000))
+    assert spans[0].end == pytest.approx(1550, abs=1)
+
+
+def test_windows_of_a_pilot_and_its_main_injection_are_one() -> None:
+    lift = np.zeros(5000)
+    lift[1000:1050] = lift[1250:1400] = 1e-4
+    (span,) = windows(recording_of(5000, lift))
+    assert span.start == 800
+    assert span.end == pytest.approx(1800, abs=1)
+
+
+def test_noise_of_the_lift_opens_no_window() -> None:
+    assert windows(recording_of(50_000, np.random.default_rng(0).normal(0.0, 0.4e-6, 50_000))) == []

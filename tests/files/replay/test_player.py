@@ -1,0 +1,198 @@
+"""Replay: what is sent, in which order, at which time; never how fast this machine is."""
+
+import math
+import threading
+import time
+import uuid
+from collections.abc import Iterator
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from observer_rt.bus.links.link import Frame, LinkDownError
+from observer_rt.bus.links.opening import open_link
+from observer_rt.files.replay.framing import TimedFrame
+from observer_rt.files.replay.player import LatenessCounter, PlayStatistics, ReplayLateness, play
+from observer_rt.foundation.errors import RunError
+from tests.links import FakeLink
+
+
+class Sink(FakeLink):
+    """A link that notes what is sent and when."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.stamps: list[float] = []
+
+    def on_sent(self, frame: Frame) -> None:
+        self.stamps.append(time.monotonic())
+        super().on_sent(frame)
+
+
+def at(*times: float) -> list[TimedFrame]:
+    return [TimedFrame(moment, n, False, True, bytes([n])) for n, moment in enumerate(times)]
+
+
+def test_no_frame_is_sent_before_its_time() -> None:
+    sink = Sink()
+    before = time.monotonic()
+    statistics = play(at(0.0, 0.005, 0.0055, 0.03, 0.03), sink, 0.5)
+    assert [frame.frame_id for frame in sink.sent] == [0, 1, 2, 3, 4]
+    for stamp, due in zip(sink.stamps, (0.0, 0.01, 0.011, 0.06, 0.06), strict=True):
+        assert stamp - before >= due
+    assert statistics.frames == 5
+    assert statistics.duration >= 0.06
+    assert 0 <= statistics.lateness.median <= statistics.lateness.p99 <= statistics.lateness.maximum
+
+
+def test_a_delay_is_caught_up_and_counted() -> None:
+    """The grid is absolute: a source that stalls makes its frames late, not those after them."""
+
+    def stalling() -> Iterator[TimedFrame]:
+        frames = at(0.0, 0.001, 0.002, 0.5)
+        yield frames[0]
+        time.sleep(0.05)
+        yield from frames[1:]
+
+    sink = Sink()
+    statistics = play(stalling(), sink, 1.0)
+    assert sink.stamps[3] - sink.stamps[0] >= 0.5 - 0.05  # not pushed back; nor early
+    assert statistics.lateness.maximum >= 0.048
+    assert statistics.lateness.late_share >= 0.5
+
+
+def test_without_a_grid_nothing_is_late() -> None:
+    sink = Sink()
+    statistics = play(at(0.0, 1e6), sink, math.inf)
+    assert len(sink.sent) == 2
+    assert math.isnan(statistics.lateness.median)
+    assert statistics.as_json()["lateness_max_s"] is None
+    assert "late" not in statistics.as_text()
+
+
+def test_statistics_for_screen_and_program() -> None:
+    statistics = play(at(0.0, 0.001), Sink(), 1.0)
+    assert statistics.as_text().startswith(f"2 frames in {statistics.duration:.3f} s")
+    assert "median" in statistics.as_text()
+    assert statistics.as_json()["frames"] == 2
+    assert statistics.as_json()["lateness_median_s"] == statistics.lateness.median
+
+
+def test_nothing_to_play() -> None:
+    assert play([], Sink(), 1.0).frames == 0
+
+
+def test_stop_ends_a_long_wait() -> None:
+    class Stopping(Sink):
+        def on_sent(self, frame: Frame) -> None:
+            super().on_sent(frame)
+            threading.Timer(0.05, stop.set).start()
+
+    stop = threading.Event()
+    statistics = play(at(0.0, 3600.0), Stopping(), 1.0, stop=stop)
+    assert statistics.frames == 1
+    assert statistics.duration < 600
+
+
+def test_stop_ends_an_endless_replay() -> None:
+    stop = threading.Event()
+    sink = Sink()
+
+    def endless() -> Iterator[TimedFrame]:
+        number = 0
+        while True:
+            number += 1
+            if number == 100:
+                stop.set()
+            yield TimedFrame(0.0, 1, False, True, b"")
+
+    assert play(endless(), sink, math.inf, stop=stop).frames == len(sink.sent) == 99
+
+
+def test_progress_rises_with_the_time_of_the_recording() -> None:
+    told: list[float] = []
+    play(at(0.0, 3.0), Sink(), 10.0, told.append)
+    assert len(told) >= 3  # also while it waits
+    assert told == sorted(told)
+    assert 0.0 <= told[0] <= told[-1] <= 3.0
+
+
+def test_a_failing_link_ends_the_replay() -> None:
+    class Broken(Sink):
+        def on_sent(self, frame: Frame) -> None:
+            raise RunError("the interface went away")
+
+    with pytest.raises(RunError, match="went away"):
+        play(at(0.0), Broken(), 1.0)
+
+
+def test_frames_reach_the_other_side_of_a_bus() -> None:
+    channel = uuid.uuid4().hex
+    with open_link("virtual", channel, True, []) as sender, open_link("virtual", channel, True) as receiver:
+        frames = [TimedFrame(n / 1e4, 0x100 + n, False, True, bytes([n] * 64)) for n in range(100)]
+        play(frames, sender, math.inf)
+        received = [receiver.receive(1.0) for _ in frames]
+    assert [(f.frame_id, f.payload) for f in received if f] == [(f.frame_id, f.payload) for f in frames]
+
+
+@given(st.lists(st.integers(0, 10**10), min_size=1, max_size=200))
+def test_lateness_in_little_memory_is_right_to_two_percent(delays: list[int]) -> None:
+    counter = LatenessCounter()
+    for delay in delays:
+        counter.add(delay)
+    result, in_order = counter.result(), sorted(delays)
+    for share, found in ((0.5, result.median), (0.99, result.p99)):
+        assert found == pytest.approx(in_order[math.ceil(share * len(delays)) - 1] * 1e-9, rel=0.016)
+    assert result.maximum == pytest.approx(max(delays) * 1e-9)
+    assert result.late_share == pytest.approx(sum(delay > 1_000_000 for delay in delays) / len(delays))
+
+
+class LooseSink(Sink):
+    """Is away from the third frame on, until it was reconnected twice in vain."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.tries = 0
+
+    def on_sent(self, frame: Frame) -> None:
+        if len(self.sent) == 2 and self.tries < 3:
+            raise LinkDownError("vcan9 is down\n  remedy: up")
+        super().on_sent(frame)
+
+    def reconnect(self) -> None:
+        self.tries += 1
+        if self.tries < 3:
+            raise LinkDownError("vcan9 is down")
+
+
+def test_an_interface_that_drops_is_waited_for_and_no_frame_is_left_out() -> None:
+    sink, told = LooseSink(), list[str]()
+    statistics = play(at(0.0, 0.01, 0.02, 0.32), sink, 1.0, tell=told.append)
+    assert [frame.frame_id for frame in sink.sent] == [0, 1, 2, 3]
+    assert told == [
+        "waiting for the interface: vcan9 is down\n  remedy: up",
+        "the interface is back, going on",
+    ]
+    assert 0.25 < statistics.paused < statistics.duration
+    assert sink.stamps[3] - sink.stamps[2] >= 0.2  # the grid goes on as much later
+    assert "without the interface" in statistics.as_text()
+    assert statistics.as_json()["paused_s"] == statistics.paused
+
+
+def test_waiting_can_be_stopped() -> None:
+    class Gone(Sink):
+        def on_sent(self, frame: Frame) -> None:
+            raise LinkDownError("vcan9 is down")
+
+        def reconnect(self) -> None:
+            raise LinkDownError("vcan9 is down")
+
+    stop = threading.Event()
+    threading.Timer(0.3, stop.set).start()
+    assert play(at(0.0, 0.01), Gone(), 1.0, stop=stop).frames == 0
+
+
+@pytest.mark.parametrize(("share", "said"), [(1.0, "; 100 % by"), (0.996, "; 99.6 % by"), (0.0, "; 0 % by")])
+def test_shares_are_percentages_without_exponents(share: float, said: str) -> None:
+    assert said in PlayStatistics(10, 1.0, ReplayLateness(1e-3, 2e-3, 3e-3, share)).as_text()

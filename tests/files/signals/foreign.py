@@ -1,0 +1,109 @@
+"""Files as other tools write them, with a bench file that says what is in them."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench
+from observer_rt.files.formats import open_recording
+from observer_rt.files.signals.recording import Recording
+from observer_rt.foundation.errors import UserError
+
+RATE = 100e3
+COLUMNS = """
+[recording]
+{options}
+[recording.time]
+column = "t"
+{time}
+[recording.rail_pressure]
+column = "p_Rail"
+{rail}
+[recording.needle_lift]
+column = "lift"
+unit = "um"
+[recording.line_pressure]
+column = "p_Line"
+unit = "MPa"
+"""
+PLACES = """
+[recording]
+[recording.time]
+column = 1
+{time}
+[recording.rail_pressure]
+column = 2
+unit = "bar"
+[recording.needle_lift]
+column = 3
+unit = "um"
+[recording.line_pressure]
+column = 4
+unit = "MPa"
+"""
+
+
+def bench(
+    folder: Path,
+    options: str = "",
+    rail: str = 'unit = "bar"',
+    text: str = COLUMNS,
+    time: str = 'unit = "ms"',
+) -> Bench:
+    """The example bench with a `[recording]` section."""
+    path = folder / "bench.toml"
+    path.write_text(EXAMPLE_BENCH.read_text() + text.format(options=options, rail=rail, time=time))
+    return load_bench(path)
+
+
+def signals(samples: int) -> dict[str, NDArray[np.float64]]:
+    """Distinct values that text of a few digits holds exactly: time [s], bar, um, MPa."""
+    k = np.arange(samples)
+    return {
+        "t": k / RATE,
+        "p_Rail": 1000.0 + k % 7 / 2.0,
+        "lift": (k % 100).astype(np.float64),
+        "p_Line": 99.0 + k % 5 / 4.0,
+    }
+
+
+def write(folder: Path, text: str, encoding: str = "utf-8") -> Path:
+    """A CSV file."""
+    path = folder / "foreign.csv"
+    path.write_bytes(text.encode(encoding))
+    return path
+
+
+def damaged(draw: Callable[[st.SearchStrategy[Any]], Any], text: str) -> bytes:
+    """A text with some bytes changed, left out, inserted, or cut off."""
+    content = bytearray(text.encode())
+    for _ in range(draw(st.integers(1, 4))):
+        place = draw(st.integers(0, len(content) - 1))
+        match draw(st.sampled_from(["change", "delete", "insert", "cut"])):
+            case "change":
+                content[place] = draw(st.integers(0, 255))
+            case "delete":
+                del content[place : place + draw(st.integers(1, 60))]
+            case "insert":
+                content[place:place] = draw(st.binary(min_size=1, max_size=8))
+            case "cut":
+                del content[place:]
+        content = content or bytearray(b" ")
+    return bytes(content)
+
+
+def read(path: Path, fitted: Bench) -> Recording:
+    """All of a file, put on one grid."""
+    return open_recording(path, fitted.injector).collected()
+
+
+def tells(path: Path, fitted: Bench) -> bool:
+    """Whether a file gives a recording, or an error that names it and says what to do."""
+    try:
+        return read(path, fitted).samples >= 2
+    except UserError as error:
+        return str(path) in error.place and bool(error.remedy)

@@ -1,0 +1,38 @@
+"""A recording that nobody holds: its samples are made as they are read."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from observer_rt.files.signals.recording import Chunk, Recording
+from observer_rt.files.signals.stream import SAMPLES_AT_ONCE, SignalStream, Stretch, cut
+
+
+class Repeated(SignalStream):
+    """A recording again and again without a pause; several numbers: as many stretches, a second between them."""
+
+    def __init__(self, recording: Recording, *times: int) -> None:
+        super().__init__(Path("repeated.csv"))
+        self._recording, self._times = recording, times
+        self.rate = recording.sample_rate
+        self.has_rate = recording.injection_rate is not None
+        start, stretches = 0.0, []
+        for number in times:
+            stretches.append(Stretch(start, number * recording.samples))
+            start += stretches[-1].samples / self.rate + 1.0
+        self.stretches = tuple(stretches)
+
+    def chunks(self) -> Iterator[Chunk]:
+        """Made anew."""
+        one = self._recording
+        for number, (times, stretch) in enumerate(zip(self._times, self.stretches, strict=True)):
+            for again in range(times):
+                first = again * one.samples
+                time = stretch.start + (first + np.arange(one.samples)) / self.rate
+                signals = one.rail_pressure, one.needle_lift, one.line_pressure, one.injection_rate
+                whole = Chunk(time, *signals, self.path, self.rate, number)
+                for place in range(0, one.samples, SAMPLES_AT_ONCE):
+                    part = cut(whole, place, min(one.samples, place + SAMPLES_AT_ONCE))
+                    yield replace(part, first=first + place)

@@ -1,0 +1,134 @@
+"""Choosing the format by suffix, and the file errors a user can meet."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from numpy.typing import NDArray
+
+from observer_rt.files.formats import is_log, open_log, read_recording, write_recording
+from observer_rt.files.signals.recording import Recording
+from observer_rt.foundation.errors import RunError, UserError
+
+CODES = st.integers(0, 0xFFFD)
+
+
+def _signal(
+    draw: st.DrawFn, samples: int, lowest: int, multiple: float, divisor: float
+) -> NDArray[np.float64]:
+    codes = draw(hnp.arrays(np.int64, samples, elements=CODES))
+    values = (codes + lowest) * multiple / divisor
+    missing = draw(hnp.arrays(np.bool_, samples, elements=st.booleans()))
+    return np.where(missing, np.nan, values)
+
+
+@st.composite
+def quantised_recordings(draw: st.DrawFn) -> Recording:
+    """Recordings whose values lie on the 16-bit grids of the bus, with a time in steps of 1e-7 s."""
+    samples = draw(st.integers(2, 30))
+    start = draw(st.integers(0, 10**9))
+    period = draw(st.integers(10, 10_000))
+    return Recording(
+        time=(start + period * np.arange(samples)) / 1e7,
+        rail_pressure=_signal(draw, samples, -2000, 5000.0, 1.0),
+        needle_lift=_signal(draw, samples, -5000, 1.0, 1e8),
+        line_pressure=_signal(draw, samples, -2000, 5000.0, 1.0),
+        injection_rate=_signal(draw, samples, -10_000, 1.0, 1e8) if draw(st.booleans()) else None,
+    )
+
+
+def same(left: Recording, right: Recording) -> bool:
+    """Whether two recordings agree in every bit."""
+    return (
+        np.array_equal(left.time, right.time)
+        and left.signals.keys() == right.signals.keys()
+        and all(
+            np.array_equal(values, right.signals[name], equal_nan=True)
+            for name, values in left.signals.items()
+        )
+    )
+
+
+RECORDING = Recording(np.arange(10) / 1e5, np.ones(10), np.ones(10) * 1e-4, np.ones(10) * 2e6)
+
+
+reuse_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".mf4"])
+@reuse_folder
+@given(recording=quantised_recordings())
+def test_round_trip_is_exact(tmp_path: Path, suffix: str, recording: Recording) -> None:
+    """And what was read gives the same bytes again."""
+    path = tmp_path / f"recording{suffix}"
+    write_recording(path, recording)
+    first = path.read_bytes()
+    again = read_recording(path)
+    assert same(again, recording)
+    write_recording(path, again)
+    assert path.read_bytes() == first
+
+
+@pytest.mark.parametrize("name", ["a.csv", "a.mf4", "a.CSV", "a.MF4", "a.b.csv"])
+def test_round_trip_by_suffix(tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
+    write_recording(path, RECORDING)
+    assert path.exists()
+    assert same(read_recording(path), RECORDING)
+
+
+@pytest.mark.parametrize("name", ["a.txt", "a", "a.csv.gz"])
+def test_unknown_suffix_lists_the_known(tmp_path: Path, name: str) -> None:
+    for attempt in (
+        lambda: read_recording(tmp_path / name),
+        lambda: write_recording(tmp_path / name, RECORDING),
+    ):
+        with pytest.raises(UserError, match=r"known suffixes: \.csv, \.mf4"):
+            attempt()
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".mf4"])
+def test_missing_file(tmp_path: Path, suffix: str) -> None:
+    with pytest.raises(UserError, match="no such file"):
+        read_recording(tmp_path / f"absent{suffix}")
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".mf4"])
+def test_folder_that_is_not_there(tmp_path: Path, suffix: str) -> None:
+    with pytest.raises(UserError, match="no such file or folder"):
+        write_recording(tmp_path / "absent" / f"a{suffix}", RECORDING)
+
+
+def test_folder_in_place_of_a_file(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").mkdir()
+    with pytest.raises(UserError, match="cannot be opened"):
+        read_recording(tmp_path / "a.csv")
+
+
+def test_full_disk_is_a_failure_at_run_time(tmp_path: Path) -> None:
+    (tmp_path / "full.csv").symlink_to("/dev/full")
+    with pytest.raises(RunError, match="No space left"):
+        write_recording(tmp_path / "full.csv", RECORDING)
+
+
+@pytest.mark.parametrize(
+    ("name", "advice"),
+    [
+        ("a.mat", r'parquetwrite\("a\.parquet"'),
+        ("a.h5", r'read_hdf\("a\.h5"\)\.to_parquet'),
+        ("a.xlsx", r"save it as a\.csv"),
+        ("a.dat", r'MDF\("a\.dat"\)\.convert\("4\.10"\)\.save\("a\.mf4"\)'),
+        ("a.MFC", "mdf2finalized"),
+        ("a.mf4.gz", "unpack it first"),
+        ("a.log.zst", "unpack it first"),
+    ],
+)
+def test_kinds_that_are_met_but_not_read_have_a_remedy_of_their_own(
+    tmp_path: Path, name: str, advice: str
+) -> None:
+    for read in (is_log, open_log, read_recording):
+        with pytest.raises(UserError, match=rf"unknown kind of file(?s:.*){advice}"):
+            read(tmp_path / name)

@@ -1,0 +1,274 @@
+"""Foreign stamps on an even grid: jitter, other rates, gaps, restarts, several time axes."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from asammdf import MDF, Signal
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from observer_rt.config.injector import Meaning
+from observer_rt.files.formats import open_recording
+from observer_rt.files.signals import csv_table, mapped_signals, stream, table
+from observer_rt.files.signals.stream import SignalStream
+from observer_rt.foundation.errors import UserError
+from tests.files.signals.foreign import COLUMNS, RATE, bench, read, signals, tells
+
+reuse_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+Times = NDArray[np.float64]
+
+
+def write(folder: Path, time: Times, **changes: Times) -> Path:
+    found = {**signals(time.size), **changes}
+    path = folder / "foreign.csv"
+    rows = zip(time * 1e3, found["p_Rail"], found["lift"], found["p_Line"], strict=True)
+    path.write_text("t,p_Rail,lift,p_Line\n" + "".join(f"{t:.7f},{p},{x},{y}\n" for t, p, x, y in rows))
+    return path
+
+
+def opened(path: Path, folder: Path, options: str = "") -> SignalStream:
+    return open_recording(path, bench(folder, options).injector)
+
+
+def test_jittered_stamps_are_taken_for_the_grid(tmp_path: Path) -> None:
+    jitter = np.random.default_rng(1).uniform(-1e-6, 1e-6, 500)
+    found = opened(write(tmp_path, np.arange(500) / RATE + jitter), tmp_path)
+    recording = found.collected()
+    np.testing.assert_array_equal(recording.needle_lift, np.arange(500) % 100 * 1e-6)
+    assert recording.sample_rate == RATE
+    assert any("are taken for it" in note for note in found.notes)
+
+
+def test_a_short_gap_is_bridged_and_told(tmp_path: Path) -> None:
+    kept = np.delete(np.arange(500), [200, 201, 202])
+    ramp = kept.astype(np.float64)
+    found = opened(write(tmp_path, kept / RATE, lift=ramp), tmp_path)
+    assert any("1 gaps are bridged" in note for note in found.notes)
+    np.testing.assert_allclose(found.collected().needle_lift, np.arange(500) * 1e-6, rtol=1e-9)
+
+
+def test_a_long_gap_splits(tmp_path: Path) -> None:
+    kept = np.delete(np.arange(500), range(200, 230))
+    found = opened(write(tmp_path, kept / RATE), tmp_path)
+    assert [part.samples for part in found.stretches] == [200, 270]
+    assert found.stretches[1].start == pytest.approx(230 / RATE)
+    assert any(
+        "split into 2 stretches: after 0.00199 s 0.00031 s are missing" in note for note in found.notes
+    )
+    joined = found.collected()
+    assert joined.samples == 500
+    assert np.flatnonzero(np.isnan(joined.rail_pressure)).tolist() == list(range(200, 230))
+    wider = opened(write(tmp_path, kept / RATE), tmp_path, "bridge_ms = 1.0")
+    assert len(wider.stretches) == 1
+
+
+def test_a_restart_splits(tmp_path: Path) -> None:
+    time = np.concatenate((np.arange(300) / RATE, np.arange(200) / RATE))
+    found = opened(write(tmp_path, time), tmp_path)
+    assert [part.samples for part in found.stretches] == [300, 200]
+    assert any("the time begins anew" in note for note in found.notes)
+    lifts = [chunk.needle_lift for chunk in found.chunks()]
+    np.testing.assert_array_equal(np.concatenate(lifts), np.arange(500) % 100 * 1e-6)
+
+
+@pytest.mark.parametrize("rate", [48e3, 50e3, 100.003e3, 250e3])
+def test_means_are_not_resampled(tmp_path: Path, rate: float) -> None:
+    path = write(tmp_path, np.arange(20_000) / rate)
+    with pytest.raises(UserError, match="cannot be resampled") as caught:
+        opened(path, tmp_path, 'meaning = "mean"')
+    assert "set sampling.rate_hz to the rate of the file" in caught.value.remedy
+    assert (
+        opened(write(tmp_path, np.arange(500) / RATE), tmp_path, 'meaning = "mean"').meaning is Meaning.MEAN
+    )
+    assert opened(path, tmp_path).meaning is Meaning.INSTANT
+
+
+@pytest.mark.parametrize("rate", [48e3, 50e3, 100.003e3, 250e3])
+def test_another_rate_is_resampled(tmp_path: Path, rate: float) -> None:
+    time = np.arange(20_000) / rate
+    found = opened(write(tmp_path, time, lift=time * 1e4), tmp_path)
+    recording = found.collected()
+    assert recording.sample_rate == RATE
+    np.testing.assert_allclose(recording.needle_lift, recording.time * 1e-2, atol=1e-9)
+    assert any("resampled" in note for note in found.notes)
+
+
+def test_time_in_another_unit_falls_apart_with_a_remedy(tmp_path: Path) -> None:
+    with pytest.raises(UserError) as raised:
+        opened(write(tmp_path, np.arange(500.0)), tmp_path)
+    assert "unit of the time" in str(raised.value)
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    gaps=st.lists(st.tuples(st.integers(60, 998), st.integers(1, 40)), max_size=5),
+    restarts=st.lists(st.integers(60, 999), max_size=2),
+    at_once=st.integers(50, 700),
+)
+@reuse_folder
+def test_in_parts_as_in_one_piece(
+    tmp_path: Path, seed: int, gaps: list[tuple[int, int]], restarts: list[int], at_once: int
+) -> None:
+    """However small the parts are that are read: the same samples, none lost, none twice."""
+    random = np.random.default_rng(seed)
+    time: Times = np.arange(1000) / RATE
+    for place, lost in gaps:
+        time[place:] += lost / RATE
+    for place in restarts:
+        time[place:] -= time[place]
+    jitter: Times = random.uniform(-2e-6, 2e-6, 1000)
+    path = write(tmp_path, (time + jitter).astype(np.float64))
+    whole = list(opened(path, tmp_path).chunks())
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (stream, csv_table, mapped_signals):
+            patch.setattr(module, "SAMPLES_AT_ONCE", at_once)
+        found = opened(path, tmp_path)
+        parts = list(found.chunks())
+    for name in ("time", "rail_pressure", "needle_lift", "line_pressure"):
+        np.testing.assert_array_equal(
+            np.concatenate([getattr(part, name) for part in parts]),
+            np.concatenate([getattr(part, name) for part in whole]),
+        )
+    for number, stretch in enumerate(found.stretches):
+        mine = [part for part in parts if part.stretch == number]
+        assert sum(part.samples for part in mine) == stretch.samples
+        assert [part.first for part in mine] == np.cumsum([0, *(part.samples for part in mine)])[:-1].tolist()
+
+
+RASTERS = """
+[recording]
+[recording.rail_pressure]
+column = "RailPressure"
+[recording.needle_lift]
+column = "Lift Sensor A"
+[recording.line_pressure]
+column = "p/line"
+unit = "bar"
+"""
+
+
+def mdf4(path: Path, *groups: list[Signal]) -> Path:
+    with MDF() as file:
+        for group in groups:
+            file.append(group)
+        file.save(path, overwrite=True)
+    return path
+
+
+@pytest.mark.parametrize("at_once", [1 << 16, 37])
+def test_mdf4_channels_of_several_rasters(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, at_once: int
+) -> None:
+    for module in (table, mapped_signals):
+        monkeypatch.setattr(module, "SAMPLES_AT_ONCE", at_once)
+    slow, fast = np.arange(0.0, 0.1, 1e-3), np.arange(10_000) / RATE
+    path = mdf4(
+        tmp_path / "x.mf4",
+        [Signal(100 + slow * 10, slow, name="RailPressure", unit="MPa")],
+        [
+            Signal((fast * 1e4).astype(np.float32), fast, name="Lift Sensor A", unit="µm"),
+            Signal(np.full(10_000, 990), fast, name="p/line", unit="MPa"),
+            Signal(fast, fast, name="Unused", unit="V"),
+        ],
+    )
+    recording = read(path, bench(tmp_path, text=RASTERS))
+    assert recording.samples == 10_000
+    known = slow[-1]
+    inside = recording.time <= known
+    np.testing.assert_allclose(
+        recording.rail_pressure[inside], 100e6 + recording.time[inside] * 10e6, rtol=1e-9
+    )
+    assert np.isnan(recording.rail_pressure[~inside]).all()
+    np.testing.assert_allclose(recording.needle_lift, fast * 1e-2, rtol=1e-6)
+    assert recording.line_pressure[0] == 990e5
+
+
+def test_an_mdf4_channel_in_several_groups_must_be_chosen(tmp_path: Path) -> None:
+    fast = np.arange(100) / RATE
+    names = ("RailPressure", "Lift Sensor A", "p/line")
+    group = [Signal(np.full(100, 90.0), fast, name=name, unit="MPa") for name in names]
+    group[1] = Signal(np.zeros(100), fast, name=names[1], unit="mm")
+    other = [Signal(np.full(100, 70.0), fast, name="RailPressure", unit="MPa")]
+    path = mdf4(tmp_path / "x.mf4", group, other)
+    with pytest.raises(UserError, match="is in the groups 0, 1") as raised:
+        read(path, bench(tmp_path, text=RASTERS))
+    assert "group = 0" in raised.value.remedy
+    chosen = RASTERS.replace('column = "RailPressure"', 'column = "RailPressure"\ngroup = 1')
+    assert read(path, bench(tmp_path, text=chosen)).rail_pressure[0] == 70e6
+
+
+def test_a_channel_of_text_is_refused(tmp_path: Path) -> None:
+    fast = np.arange(100) / RATE
+    group = [Signal(np.full(100, 90.0), fast, name=name, unit="MPa") for name in ("RailPressure", "p/line")]
+    words = Signal(np.array([b"open"] * 100), fast, name="Lift Sensor A", unit="mm", encoding="utf-8")
+    with pytest.raises(UserError, match="Lift Sensor A: holds no plain numbers"):
+        read(mdf4(tmp_path / "x.mf4", [*group, words]), bench(tmp_path, text=RASTERS))
+
+
+def test_parquet_with_units_in_its_metadata(tmp_path: Path) -> None:
+    import pyarrow
+    import pyarrow.parquet
+
+    found = signals(300)
+    columns = {
+        "t": found["t"] * 1e3,
+        "p_Rail": found["p_Rail"].astype(np.float32),
+        "lift": found["lift"].astype(int),
+    }
+    table = pyarrow.table({**columns, "p_Line": found["p_Line"], "word": ["a"] * 300})
+    fields = [
+        field.with_metadata({"unit": "bar"}) if field.name == "p_Rail" else field for field in table.schema
+    ]
+    pyarrow.parquet.write_table(table.cast(pyarrow.schema(fields)), tmp_path / "x.parquet")
+    recording = read(tmp_path / "x.parquet", bench(tmp_path, rail=""))
+    np.testing.assert_allclose(recording.rail_pressure, found["p_Rail"] * 1e5)
+    np.testing.assert_allclose(recording.needle_lift, found["lift"] * 1e-6)
+
+
+@given(share=st.floats(0.0, 0.999), flips=st.lists(st.floats(0.0, 0.999), max_size=3))
+@reuse_folder
+def test_a_damaged_parquet_file_is_told(tmp_path: Path, share: float, flips: list[float]) -> None:
+    import pyarrow
+    import pyarrow.parquet
+
+    found = signals(300)
+    path = tmp_path / "x.parquet"
+    pyarrow.parquet.write_table(pyarrow.table({**found, "t": found["t"] * 1e3}), path)
+    content = bytearray(path.read_bytes())
+    for flip in flips:
+        content[int(flip * len(content))] ^= 0x55
+    path.write_bytes(bytes(content) if flips else bytes(content[: int(share * len(content))]))
+    assert tells(path, bench(tmp_path))
+
+
+@pytest.mark.parametrize("digits", [4, 5])
+def test_stamps_rounded_to_more_than_a_sample_are_to_blame(tmp_path: Path, digits: int) -> None:
+    """Every second row would be left out, and the rest read at half the rate."""
+    path = write(tmp_path, np.round(np.arange(400) * 2.0**-1 * 10.0**-digits, digits))
+    with pytest.raises(UserError, match="its stamps are rounded") as raised:
+        opened(path, tmp_path)
+    assert "write the time with more digits" in raised.value.remedy
+
+
+def test_the_first_sample_of_every_block_is_no_recording(tmp_path: Path) -> None:
+    path = tmp_path / "foreign.csv"
+    names = [f"p_Rail_{k:02}" for k in range(9)]
+    rows = [",".join(map(str, [k * 9e3 / RATE, *[1000.0] * 9, 0, 99.0])) for k in range(100)]
+    path.write_text("\n".join([",".join(["t", *names, "lift", "p_Line"]), *rows, ""]))
+    config = bench(tmp_path, text=COLUMNS.replace('"p_Rail"', '"p_Rail_00"')).injector
+    with pytest.raises(UserError, match="a row holds 9 samples, p_Rail_00 to p_Rail_08"):
+        open_recording(path, config)
+
+
+@pytest.mark.parametrize("has_checksums", [False, True])
+def test_parquet_without_checksums_of_its_pages_is_noted(tmp_path: Path, has_checksums: bool) -> None:
+    import pyarrow
+    import pyarrow.parquet
+
+    found = signals(50)
+    table = pyarrow.table({**found, "t": found["t"] * 1e3})
+    pyarrow.parquet.write_table(table, tmp_path / "x.parquet", write_page_checksum=has_checksums)
+    notes = open_recording(tmp_path / "x.parquet", bench(tmp_path).injector).notes
+    assert any("no checksums" in note for note in notes) is not has_checksums

@@ -1,0 +1,140 @@
+"""MDF4 recordings: exact round trip, units read from the channels, errors that name the channel."""
+
+import gc
+from pathlib import Path
+
+import numpy as np
+import pytest
+from asammdf import MDF, Signal
+from numpy.typing import NDArray
+
+from observer_rt.files.formats import read_recording, write_recording
+from observer_rt.files.signals.recording import Recording
+from observer_rt.foundation.errors import UserError
+
+TIME = np.arange(10) / 1e5
+VALUES = np.linspace(1.0, 2.0, 10)
+UNITS = {"rail_pressure": "MPa", "needle_lift": "mm", "line_pressure": "bar"}
+
+
+def channels(units: dict[str, str]) -> list[Signal]:
+    return [Signal(VALUES, TIME, name=name, unit=unit) for name, unit in units.items()]
+
+
+def write(path: Path, *groups: list[Signal]) -> Path:
+    with MDF() as file:
+        for group in groups:
+            file.append(group)
+        file.save(path, overwrite=True)
+    return path
+
+
+def message(path: Path) -> str:
+    with pytest.raises(UserError) as raised:
+        read_recording(path)
+    return str(raised.value)
+
+
+def test_the_same_recording_gives_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    recording = Recording(TIME, VALUES, VALUES, VALUES)
+    write_recording(tmp_path / "first.mf4", recording)
+    monkeypatch.setattr("time.time", lambda: 2e9)  # another day
+    write_recording(tmp_path / "second.mf4", recording)
+    assert (tmp_path / "first.mf4").read_bytes() == (tmp_path / "second.mf4").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "factor"),
+    [
+        ("rail_pressure", "Pa", 1.0),
+        ("rail_pressure", "kPa", 1e3),
+        ("line_pressure", "MPa", 1e6),
+        ("line_pressure", "bar", 1e5),
+        ("needle_lift", "m", 1.0),
+        ("needle_lift", "mm", 1e-3),
+        ("needle_lift", "um", 1e-6),
+        ("needle_lift", "µm", 1e-6),
+        ("injection_rate", "m3/s", 1.0),
+        ("injection_rate", "mm3/ms", 1e-6),
+        ("injection_rate", "mm3/s", 1e-9),
+    ],
+)
+def test_units(tmp_path: Path, name: str, unit: str, factor: float) -> None:
+    recording = read_recording(write(tmp_path / "x.mf4", channels({**UNITS, name: unit})))
+    np.testing.assert_allclose(recording.signals[name], VALUES * factor, rtol=1e-15)
+
+
+def test_channels_in_separate_groups_on_the_same_stamps(tmp_path: Path) -> None:
+    groups = [[channel] for channel in channels({**UNITS, "speed": "1/min"})]
+    assert read_recording(write(tmp_path / "x.mf4", *groups)).samples == 10
+
+
+def test_samples_marked_invalid_are_not_available(tmp_path: Path) -> None:
+    invalid = np.zeros(10, dtype=bool)
+    invalid[4] = True
+    signals = channels(UNITS)
+    signals[2] = Signal(VALUES, TIME, name="line_pressure", unit="MPa", invalidation_bits=invalid)
+    recording = read_recording(write(tmp_path / "x.mf4", signals))
+    assert np.flatnonzero(np.isnan(recording.line_pressure)).tolist() == [4]
+
+
+def lift(values: NDArray[np.float64]) -> list[Signal]:
+    """The channels with other values of the lift."""
+    rail, _, line = channels(UNITS)
+    return [rail, Signal(values, TIME, name="needle_lift", unit="mm"), line]
+
+
+@pytest.mark.parametrize(
+    ("groups", "said"),
+    [
+        ([channels({**UNITS, "line_pressure": "torr"})], "channel line_pressure: unit 'torr' is not known"),
+        ([channels({**UNITS, "line_pressure": "torr"})], "Pa, hPa, kPa, MPa, mbar, bar, psi"),
+        ([channels({**UNITS, "needle_lift": ""})], "channel needle_lift: has no unit"),
+        (
+            [
+                channels(
+                    {"rail_pressure": "MPa", "NeedleLift": "mm", "needle_lft": "mm", "line_pressure": "MPa"}
+                )
+            ],
+            "channel 'needle_lift' is missing; the nearest is 'needle_lft'",
+        ),
+        ([channels(UNITS), channels({"needle_lift": "mm"})], "channel needle_lift: appears 2 times"),
+        (
+            [channels(UNITS)[:2], [Signal(VALUES, TIME + 1e-6, name="line_pressure", unit="MPa")]],
+            "channel line_pressure: its time stamps differ",
+        ),
+        (
+            [[Signal(VALUES, TIME + (TIME > 5.5e-5), name=name, unit=unit) for name, unit in UNITS.items()]],
+            "sample 6: gap in time",
+        ),
+        *(
+            (
+                [lift(np.where(np.arange(10) == 7, value, VALUES))],
+                f"channel needle_lift: sample 7 is {value:g} mm",
+            )
+            for value in (np.inf, -np.inf, 1e306)  # which no measurement has
+        ),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path: Path, groups: list[list[Signal]], said: str) -> None:
+    assert said in message(write(tmp_path / "x.mf4", *groups))
+
+
+@pytest.mark.parametrize("content", [b"", b"not a measurement " * 100])
+def test_other_files(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "x.mf4"
+    path.write_bytes(content)
+    assert "not an MDF file" in message(path)
+
+
+@pytest.mark.parametrize("share", [0.01, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99])
+def test_truncated_file(tmp_path: Path, share: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    ignored: list[object] = []
+    monkeypatch.setattr("sys.unraisablehook", ignored.append)
+    path = tmp_path / "x.mf4"
+    write_recording(path, Recording(TIME, VALUES, VALUES, VALUES))
+    content = path.read_bytes()
+    path.write_bytes(content[: int(share * len(content))])
+    assert str(path) in message(path)
+    gc.collect()
+    assert not ignored  # nothing of asammdf's reaches the user's screen

@@ -1,0 +1,149 @@
+"""CSV recordings: exact round trip, and an error that names the place for each way to be wrong."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from observer_rt.files.formats import open_recording, read_recording, write_recording
+from observer_rt.files.signals.recording import Recording
+from observer_rt.foundation.errors import UserError
+
+HEADER = "time_s,rail_pressure_MPa,needle_lift_mm,line_pressure_MPa"
+
+reuse_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+
+
+def write(folder: Path, text: str) -> Path:
+    path = folder / "recording.csv"
+    path.write_text(text)
+    return path
+
+
+def rows(count: int = 20) -> list[str]:
+    return [f"{i * 1e-5:.5f},100.005,0.01,99.995" for i in range(count)]
+
+
+def test_units_and_names(tmp_path: Path) -> None:
+    header = HEADER + ",injection_rate_mm3_per_ms"
+    path = write(tmp_path, f"{header}\n0,100.005,0.15003,99.995,53.17\n1e-5,100,0,99,-1.5\n")
+    recording = read_recording(path)
+    assert recording.rail_pressure[0] == 100_005_000.0
+    assert recording.needle_lift[0] == 15003e-8
+    assert recording.line_pressure[0] == 99_995_000.0
+    assert recording.injection_rate is not None
+    assert recording.injection_rate.tolist() == [5317e-8, -150e-8]
+    assert recording.sample_rate == 1e5
+    assert recording.path == path
+
+
+def test_written_header_and_cells(tmp_path: Path) -> None:
+    path = tmp_path / "recording.csv"
+    nan = np.array([np.nan, 1e8])
+    write_recording(
+        path, Recording(np.array([0.0, 0.25]), nan, np.array([1e-8, 3e-4]), nan, np.array([0.0, 1e-8]))
+    )
+    assert path.read_text().splitlines() == [
+        HEADER + ",injection_rate_mm3_per_ms",
+        "0,,1e-05,,0",
+        "0.25,100,0.3,100,0.01",
+    ]
+
+
+@given(order=st.permutations(range(4)))
+@reuse_folder
+def test_columns_in_any_order(tmp_path: Path, order: list[int]) -> None:
+    names = HEADER.split(",")
+    cells = [["0", "100", "0.1", "90"], ["1e-5", "101", "0.2", "91"]]
+    lines = [",".join(names[i] for i in order), *(",".join(row[i] for i in order) for row in cells)]
+    recording = read_recording(write(tmp_path, "\n".join([*lines, ""])))
+    assert recording.rail_pressure.tolist() == [100e6, 101e6]
+    assert recording.line_pressure.tolist() == [90e6, 91e6]
+
+
+@pytest.mark.parametrize("rest", ["0.00005,1", "0.00005,100.005,0.01,99.7", "0.0000"])
+def test_a_last_line_without_its_end_is_left_out(tmp_path: Path, rest: str) -> None:
+    path = write(tmp_path, "\n".join([HEADER, *rows()[:5], rest]))
+    stream = open_recording(path)
+    assert stream.samples == 5
+    assert stream.notes == (f"{path}: its last line has no line end and is left out: it may be cut short",)
+    assert read_recording(path).notes == stream.notes
+
+
+@pytest.mark.parametrize("cell", ["", " ", "nan", "NaN"])
+def test_empty_and_nan_cells_are_not_available(tmp_path: Path, cell: str) -> None:
+    lines = rows()
+    lines[4] = f"0.00004,{cell},0.01,{cell}"
+    recording = read_recording(write(tmp_path, "\n".join([HEADER, *lines])))
+    assert np.flatnonzero(np.isnan(recording.rail_pressure)).tolist() == [4]
+    assert np.flatnonzero(np.isnan(recording.line_pressure)).tolist() == [4]
+    assert not np.isnan(recording.needle_lift).any()
+
+
+def test_byte_order_mark_crlf_and_blank_last_lines(tmp_path: Path) -> None:
+    path = tmp_path / "recording.csv"
+    path.write_bytes(b"\xef\xbb\xbf" + "\r\n".join([HEADER, *rows(), "", ""]).encode())
+    assert read_recording(path).samples == 20
+
+
+def with_row(number: int, row: str) -> str:
+    """A good file but for one row."""
+    lines = rows()
+    lines[number] = row
+    return "\n".join([HEADER, *lines])
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            HEADER.replace("rail_pressure", "rail_presure"),
+            "line 1: unknown column 'rail_presure_MPa'; the nearest is",
+        ),
+        ("time_s,rail_pressure_MPa,line_pressure_MPa\n0,1,1\n", "column 'needle_lift_mm' is missing"),
+        (HEADER + ",time_s\n", "'time_s' appears 2 times"),
+        (HEADER.replace(",", ";") + "\n0;1,5;0;1\n", "separated by ';'"),
+        ("", "is empty"),
+        ("\n", "is empty, or begins with an empty line"),
+        (HEADER, "holds no sample"),
+        (HEADER + "\n", "holds no sample"),
+        (HEADER + "\n0,1,1,1\n", "line 2: holds one sample only"),
+        *(
+            (
+                with_row(11, f"0.00011,100,{bad},99"),
+                f"line 13: column needle_lift_mm: '{bad}' is not a number",
+            )
+            for bad in ("abc", "1.2.3", "--", "0x10", "10\x1c")
+        ),
+        (with_row(3, "0.00003,inf,0,99"), "line 5: rail_pressure is infinite"),
+        (with_row(11, "0.00011,100,0.01"), "line 13: 3 cells, but the header has 4"),
+        (with_row(11, "0.00011,100,0.01,99,1"), "line 13: 5 cells, but the header has 4"),
+        (with_row(11, "0.00009,100,0,99"), "line 13: time steps back"),
+        (with_row(11, "0.00010,100,0,99"), "line 13: time repeats"),
+        (with_row(11, "0.00012,100,0,99"), "line 13: gap in time"),
+        (with_row(11, ",100,0,99"), "line 13: the time is not a finite number"),
+    ],
+)
+def test_what_is_wrong_is_named_with_its_place(tmp_path: Path, text: str, said: str) -> None:
+    with pytest.raises(UserError, match=re.escape(said)) as raised:
+        read_recording(write(tmp_path, text))
+    assert "cut it at the gap" not in raised.value.remedy or "line 13: " in said  # none of a file too short
+
+
+def test_blank_lines_count_as_lines(tmp_path: Path) -> None:
+    lines = rows()
+    lines[15] = "0.5,100,0,99"
+    with pytest.raises(UserError, match="line 19: gap in time"):
+        read_recording(write(tmp_path, "\n".join([HEADER, "", *lines[:4], "", *lines[4:]])))
+
+
+def test_truth_of_a_simulation_is_refused_by_name(tmp_path: Path) -> None:
+    """`*.csv` catches it, too."""
+    path = tmp_path / "worn.csv.truth.csv"
+    path.write_text("time_s,sac_pressure_MPa\n0,5\n")
+    with pytest.raises(UserError, match="truth behind a simulated recording") as error:
+        read_recording(path)
+    assert "leave it out" in str(error.value.remedy)

@@ -1,0 +1,99 @@
+"""Even time grids: which are accepted, and which rate printed stamps stand for, in one piece and in parts."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from observer_rt.files.signals.recording import TimeGrid, UnevenTime
+
+IN_PARTS = pytest.mark.parametrize("at_once", [1 << 30, 4096])
+
+
+def taken(time: NDArray[np.float64], at_once: int = 1 << 30) -> tuple[TimeGrid, UnevenTime | None]:
+    """The grid of a time column given in parts, and what is wrong with it."""
+    grid = TimeGrid()
+    for first in range(0, time.size, at_once):
+        if (uneven := grid.take(time[first : first + at_once])) is not None:
+            return grid, uneven
+    return grid, grid.end()
+
+
+def uneven(time: NDArray[np.float64], at_once: int = 1 << 30) -> UnevenTime:
+    found = taken(time, at_once)[1]
+    assert found is not None
+    return found
+
+
+def rate_of(time: NDArray[np.float64]) -> float:
+    return taken(time)[0].sample_rate
+
+
+def printed(rate: float, samples: int, decimals: int, start: float = 0.0) -> NDArray[np.float64]:
+    return np.round(start + np.arange(samples) / rate, decimals)
+
+
+@IN_PARTS
+@pytest.mark.parametrize("rate", [1e3, 8e3, 20e3, 30e3, 44.1e3, 48e3, 50e3, 96e3, 100e3, 48828.125])
+@pytest.mark.parametrize("decimals", [6, 7, 9, 15])
+def test_rate_is_exact_behind_rounded_stamps(rate: float, decimals: int, at_once: int) -> None:
+    grid, wrong = taken(printed(rate, 100_000, decimals, start=12.5), at_once)
+    assert wrong is None
+    assert grid.sample_rate == rate
+
+
+def test_rate_of_a_round_period_is_its_inverse() -> None:
+    assert rate_of(np.arange(1000, dtype=np.float64) * 3e-6) == 1 / 3e-6
+
+
+def test_rate_of_few_coarse_stamps_is_the_roundest_that_fits() -> None:
+    assert rate_of(np.array([0.0, 33e-6, 67e-6, 100e-6])) == 30e3
+
+
+@given(rate=st.floats(1e3, 1e6), start=st.floats(-1e3, 1e3), samples=st.integers(2, 500))
+def test_unrounded_stamps_give_their_rate(rate: float, start: float, samples: int) -> None:
+    time: NDArray[np.float64] = start + np.arange(samples, dtype=np.float64) / rate
+    resolution = np.spacing(np.abs(time).max())
+    assert rate_of(time) == pytest.approx(rate, rel=20 * resolution / (time[-1] - time[0]) + 1e-14)
+
+
+@given(row=st.integers(1, 98), lost=st.integers(1, 1000), at_once=st.sampled_from((5, 100)))
+def test_a_gap_is_found_where_it_is(row: int, lost: int, at_once: int) -> None:
+    time = np.arange(100) / 1e5
+    time[row:] += lost / 1e5
+    found = uneven(time, at_once)
+    assert found.row == row
+    assert "gap" in found.problem
+
+
+@given(row=st.integers(1, 99), back=st.floats(2e-5, 10.0))
+def test_a_step_back_is_found_where_it_is(row: int, back: float) -> None:
+    time = np.arange(100) / 1e5
+    time[row:] -= back
+    found = uneven(time)
+    assert found.row == row
+    assert "steps back" in found.problem
+
+
+def test_a_repeated_stamp_is_found() -> None:
+    time = np.arange(100) / 1e5
+    time[40] = time[39]
+    found = uneven(time)
+    assert (found.row, "repeats" in found.problem) == (40, True)
+
+
+@IN_PARTS
+def test_a_clock_that_changes_its_pace_slowly_is_found(at_once: int) -> None:
+    time = np.cumsum(np.where(np.arange(10_000) < 5_000, 1.0e-5, 1.001e-5))
+    found = uneven(time, at_once)
+    assert "samples off an even grid" in found.problem
+    assert found.row == pytest.approx(5_000, abs=1024)
+
+
+@IN_PARTS
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_a_stamp_that_is_no_number_is_found(bad: float, at_once: int) -> None:
+    time = np.arange(10_000) / 1e5
+    time[7007] = bad
+    assert uneven(time, at_once).row == 7007

@@ -1,0 +1,70 @@
+"""Which channel of a log is which bus: by name, by number, in order, or as said; else a clear question."""
+
+from pathlib import Path
+
+import pytest
+
+from observer_rt.bus.links.link import Frame
+from observer_rt.config.bench_file import LinkConfig, NamedLink
+from observer_rt.files.canlog.can_log import LogFrame
+from observer_rt.files.channels import chosen_channels
+from observer_rt.files.formats import open_writer
+from observer_rt.foundation.errors import UserError
+
+BENCH = [
+    NamedLink(name, LinkConfig(channel=channel))
+    for name, channel in (("", "can0"), ("lift", "can1"), ("out", "can2"))
+]
+INPUTS = {0, 1}
+
+
+def log(folder: Path, suffix: str, *channels: str) -> Path:
+    path = folder / f"bus{suffix}"
+    with open_writer(path, 1_000_000_000) as writer:
+        for n, channel in enumerate(channels):
+            frame = Frame(0x100 + n, b"\1", 1_000_000_000 + n * 1_000_000, False, False)
+            writer.write(LogFrame(frame, channel))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("suffix", "channels", "found"),
+    [
+        (".log", ("can1", "can0", "can7"), {0: "can0", 1: "can1"}),
+        (".log", ("can2", "can1", "can0"), {0: "can0", 1: "can1", 2: "can2"}),
+        (".blf", ("can2", "can0", "can1"), {0: "1", 1: "2", 2: "3"}),
+        (".asc", ("can1", "can0"), {0: "1", 1: "2"}),
+        (".blf", ("5", "9"), {0: "5", 1: "9"}),
+        (".blf", ("9", "5", "7"), {0: "5", 1: "7", 2: "9"}),
+    ],
+)
+def test_channels_are_matched(
+    tmp_path: Path, suffix: str, channels: tuple[str, ...], found: dict[int, str]
+) -> None:
+    assert chosen_channels(log(tmp_path, suffix, *channels), BENCH, INPUTS, ()) == found
+
+
+def test_what_is_said_counts(tmp_path: Path) -> None:
+    path = log(tmp_path, ".log", "vcan0", "vcan1", "can1")
+    assert chosen_channels(path, BENCH, INPUTS, ("vcan0",)) == {0: "vcan0", 1: "can1"}
+    assert chosen_channels(path, BENCH, INPUTS, ("vcan0", "lift=vcan1")) == {0: "vcan0", 1: "vcan1"}
+    assert chosen_channels(path, BENCH, INPUTS, ("vcan0", "lift=vcan0")) == {0: "vcan0", 1: "vcan0"}
+
+
+def test_a_bench_with_one_bus_takes_any_channel(tmp_path: Path) -> None:
+    path = tmp_path / "nowhere.log"  # is not even read
+    assert chosen_channels(path, BENCH[:1], {0}, ()) == {0: None}
+    assert chosen_channels(path, BENCH[:1], {0}, ("can4",)) == {0: "can4"}
+
+
+@pytest.mark.parametrize(
+    ("suffix", "channels"),
+    [(".log", ("vcan0", "vcan1")), (".log", ("can0",)), (".blf", ("3", "5", "7", "9"))],
+)
+def test_where_it_is_not_clear_the_remedy_says_how(
+    tmp_path: Path, suffix: str, channels: tuple[str, ...]
+) -> None:
+    with pytest.raises(UserError, match="is not clear") as raised:
+        chosen_channels(log(tmp_path, suffix, *channels), BENCH, INPUTS, ())
+    assert all(channel in raised.value.problem for channel in channels)
+    assert raised.value.remedy.endswith("--from-channel CHANNEL --from-channel lift=CHANNEL")

@@ -1,0 +1,105 @@
+"""What we write, opened by others as docs/measurement-tools.md says: asammdf, python-can with cantools, pandas."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import can
+import cantools.database
+import numpy as np
+import pandas as pd
+import pytest
+from asammdf import MDF
+from cantools.database.can import Database
+
+from observer_rt.config.bench import load_bench
+from observer_rt.files.formats import open_log, open_writer, read_recording, write_recording
+from tests.daemon.participants import bench_file
+from tests.desk.live_page.traffic import BEGIN, Observed, traffic, write_log
+from tests.device import frames_of, worn_recording
+from tests.pages import ROOT
+
+DATABASE = ROOT / "dbc" / "observer_fd.dbc"
+NO_RATE = 555.34  # mm3/ms, beyond which lies the code for it
+RATES = [f"InjectionRate_{number:02}" for number in range(28)]
+DENSITY = 0.83  # mg/mm3, of the example injector's fuel
+PERIOD = 0.02  # ms, of a sample
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Four injections of a worn injector on a bus, inputs and results."""
+    folder = tmp_path_factory.mktemp("foreign")
+    bench = load_bench(bench_file(folder, "can0", "socketcan"))
+    recording = worn_recording(4)
+    frames = frames_of(bench, recording)
+    write_log(folder / "bus.log", list(traffic(frames, [Observed(bench)])), ["can0"])
+    return folder / "bus.log"
+
+
+def converted(log: Path, suffix: str) -> Path:
+    """The same log in another format."""
+    path = log.with_suffix(suffix)
+    if not path.exists():
+        with open_writer(path, BEGIN) as writer:
+            for frame in open_log(log):
+                writer.write(frame)
+    return path
+
+
+def decoded(messages: Iterator[can.Message], name: str) -> list[dict[str, float]]:
+    """The values of every frame of a message, as cantools knows it."""
+    database = cantools.database.load_file(DATABASE)
+    assert isinstance(database, Database)
+    wanted = database.get_message_by_name(name)
+    return [
+        wanted.decode(message.data, decode_choices=False)
+        for message in messages
+        if message.arbitration_id == wanted.frame_id
+    ]
+
+
+@pytest.mark.parametrize("suffix", [".log", ".blf", ".asc"])
+def test_python_can_and_cantools_find_the_mass_in_the_rates(log: Path, suffix: str) -> None:
+    """The sum of the rates over an injection's samples is the mass that its summary states."""
+    path = converted(log, suffix)
+    with can.LogReader(path) as reader:
+        messages = list(reader)
+    rates = np.array([[frame[name] for name in RATES] for frame in decoded(iter(messages), "InjectionRate")])
+    summaries = decoded(iter(messages), "InjectionSummary")
+    assert [summary["InjectionNumber"] for summary in summaries] == [1, 2, 3, 4]
+    assert [bool(summary["Valid"]) for summary in summaries][2:] == [True, True]
+    for summary in summaries:
+        injected = rates.ravel()[int(summary["SampleIndex"]) : int(summary["EndIndex"]) + 1]
+        assert injected.sum() * PERIOD * DENSITY == pytest.approx(summary["Mass"], rel=0.002)
+
+
+def test_asammdf_decodes_a_log_by_our_database(log: Path) -> None:
+    with can.LogReader(log) as reader:
+        expected = decoded(iter(reader), "InjectionRate")
+    with MDF(converted(log, ".mf4")) as file:
+        signals = file.extract_bus_logging(database_files={"CAN": [(str(DATABASE), 0)]})
+        for name in ("InjectionRate_00", "InjectionRate_27"):
+            rate = signals.get(name)
+            assert rate.unit == "mm3/ms"
+            assert np.nanmax(rate.samples) > 50
+            values = np.array([frame[name] for frame in expected])
+            values[values > NO_RATE] = np.nan
+            assert np.isnan(values[0])  # before the observer has settled
+            np.testing.assert_allclose(rate.samples, values, atol=0.006)
+        assert signals.get("Mass").unit == "mg"
+
+
+def test_asammdf_and_pandas_read_recordings_with_their_units(tmp_path: Path) -> None:
+    recording = worn_recording(2)
+    write_recording(tmp_path / "worn.mf4", recording)
+    write_recording(tmp_path / "worn.parquet", recording)
+    with MDF(tmp_path / "worn.mf4") as file:
+        for name, unit in (("rail_pressure", "Pa"), ("needle_lift", "m"), ("line_pressure", "Pa")):
+            channel = file.get(name)
+            assert channel.unit == unit
+            np.testing.assert_array_equal(channel.samples, getattr(recording, name))
+            np.testing.assert_allclose(channel.timestamps, recording.time, atol=1e-12)
+    table = pd.read_parquet(tmp_path / "worn.parquet")
+    np.testing.assert_array_equal(
+        table["line_pressure_Pa"], read_recording(tmp_path / "worn.mf4").line_pressure
+    )

@@ -1,0 +1,211 @@
+"""Recording a link: limits, rotation, lost frames, and files that can be read whatever happened."""
+
+import errno
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from observer_rt.bus.links.link import Frame, LinkDownError
+from observer_rt.files.formats import open_log, recorded, suffixes_of
+from observer_rt.files.recorder import (
+    RecordLimits,
+    RecordStatistics,
+    check_recording_path,
+    record,
+)
+from observer_rt.foundation.errors import RunError, UserError
+from tests.files.canlog.log_cases import START
+from tests.links import FakeLink
+
+SUFFIXES = sorted(suffixes_of(recorded()))
+
+
+class Source(FakeLink):
+    """Gives frames at once, then stops the recording; loses some where told."""
+
+    def __init__(self, count: int, stop: threading.Event, lost_at: dict[int, int] | None = None) -> None:
+        super().__init__()
+        self.given = 0
+        self._count = count
+        self._stop = stop
+        self._lost_at = lost_at or {}
+        self.lost = 4  # before the recording began
+        self.during: Callable[[], None] = lambda: None
+
+    def receive(self, timeout_s: float) -> Frame | None:
+        self.during()
+        if self.given >= self._count:
+            self._stop.set()
+            return None
+        self.lost += self._lost_at.get(self.given, 0)
+        self.given += 1
+        is_fd = self.given % 2 == 0
+        return Frame(
+            0x100 + self.given % 7,
+            bytes(8),
+            START + self.given * 1000,
+            False,
+            is_fd,
+            is_fd and self.given % 3 == 0,
+            is_fd and self.given % 5 == 0,
+        )
+
+    def on_sent(self, frame: Frame) -> None:
+        raise AssertionError("a recorder sends nothing")
+
+
+def run(path: Path, source: Source, stop: threading.Event, limits: RecordLimits) -> RecordStatistics:
+    return record(source, "can0", path, limits, stop)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_every_frame_is_in_the_file(tmp_path: Path, suffix: str) -> None:
+    stop, path = threading.Event(), tmp_path / f"bus{suffix}"
+    statistics = run(path, Source(500, stop), stop, RecordLimits())
+    found = list(open_log(path))
+    assert [f.frame.stamp_ns for f in found] == [START + n * 1000 for n in range(1, 501)]
+    assert [f.frame[4:] for f in found] == [  # whether FD, its switch, its sender's state
+        (n % 2 == 0, n % 6 == 0, n % 10 == 0) for n in range(1, 501)
+    ]
+    assert (statistics.frames, statistics.lost, statistics.files) == (500, 0, [path])
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_lost_frames_are_noted_where_they_were_lost(tmp_path: Path, suffix: str) -> None:
+    stop, path = threading.Event(), tmp_path / f"bus{suffix}"
+    statistics = run(path, Source(300, stop, {150: 3, 220: 9}), stop, RecordLimits())
+    log = open_log(path)
+    lost_before = [log.lost_frames for _ in log]  # of every frame
+    assert lost_before == [0] * 150 + [3] * 70 + [12] * 80
+    assert statistics.lost == 12
+    assert "12 lost" in statistics.as_text()
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_limits_end_it(tmp_path: Path, suffix: str) -> None:
+    stop = threading.Event()
+    by_count = run(tmp_path / f"a{suffix}", Source(10**6, stop), stop, RecordLimits(frames=123))
+    assert by_count.frames == len(list(open_log(tmp_path / f"a{suffix}"))) == 123
+    begun = time.monotonic()
+    run(tmp_path / f"b{suffix}", Source(10**9, stop), stop, RecordLimits(duration=0.2))
+    assert time.monotonic() - begun < 5.0
+    assert not stop.is_set()
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_files_are_rotated_by_size(tmp_path: Path, suffix: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("observer_rt.files.canlog.blf.CONTAINER_BYTES", 1000)
+    stop = threading.Event()
+    statistics = run(tmp_path / f"bus{suffix}", Source(1000, stop), stop, RecordLimits(file_size=4000))
+    names = [path.name for path in statistics.files]
+    assert len(names) > 2
+    assert names == [f"bus_{n:04d}{suffix}" for n in range(1, len(names) + 1)]
+    stamps = [f.frame.stamp_ns for path in statistics.files for f in open_log(path)]
+    assert stamps == [START + n * 1000 for n in range(1, 1001)]
+    assert all(path.stat().st_size < 6000 for path in statistics.files)
+
+
+def test_files_are_rotated_by_time(tmp_path: Path) -> None:
+    stop = threading.Event()
+    source = Source(6, stop)
+    source.during = lambda: time.sleep(0.05)
+    statistics = run(tmp_path / "bus.log", source, stop, RecordLimits(file_duration=0.12))
+    assert 2 <= len(statistics.files) <= 3
+    assert sum(len(list(open_log(path))) for path in statistics.files) == 6
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_after_a_second_the_frames_are_on_the_disk(
+    tmp_path: Path, suffix: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Read beside the recorder, as after a loss of power: nothing was closed."""
+    monkeypatch.setattr("observer_rt.files.recorder.FLUSH_PERIOD", 0)
+    stop, path = threading.Event(), tmp_path / f"bus{suffix}"
+    source = Source(40, stop)
+    seen = []
+
+    def look() -> None:
+        if source.given in (20, 39):
+            log = open_log(path)
+            seen.append(len(list(log)))
+            assert log.notes() == []
+
+    source.during = look
+    run(path, source, stop, RecordLimits())
+    assert seen == [20, 39]
+
+
+@pytest.mark.parametrize("failure", [RunError("can0 is down"), OSError(errno.ENOSPC, "No space left")])
+def test_a_failure_leaves_what_was_recorded(tmp_path: Path, failure: Exception) -> None:
+    stop, path = threading.Event(), tmp_path / "bus.blf"
+    source = Source(100, stop)
+
+    def fail() -> None:
+        if source.given == 50:
+            raise failure
+
+    source.during = fail
+    with pytest.raises(RunError):
+        run(path, source, stop, RecordLimits())
+    assert len(list(open_log(path))) == 50
+
+
+def test_an_interface_that_goes_away_is_waited_for(tmp_path: Path) -> None:
+    stop, path = threading.Event(), tmp_path / "bus.blf"
+
+    class Unplugged(Source):
+        away = 0
+
+        def receive(self, timeout_s: float) -> Frame | None:
+            if self.given == 50 and not self.away:
+                self.away = 3
+            if self.away:
+                raise LinkDownError("can0 is down")
+            return super().receive(timeout_s)
+
+        def reconnect(self) -> None:
+            self.away -= 1
+            if self.away:
+                raise LinkDownError("can0 is still down")
+            self.given = 51
+
+    statistics = run(path, Unplugged(100, stop), stop, RecordLimits())
+    assert (statistics.frames, statistics.outages) == (99, 1)
+    assert "interface away 1 times" in statistics.as_text()
+    stamps = [entry.frame.stamp_ns for entry in open_log(path)]
+    assert stamps == [START + n * 1000 for n in range(1, 101) if n != 51]
+
+
+def test_without_a_frame_there_is_no_file(tmp_path: Path) -> None:
+    stop = threading.Event()
+    statistics = run(tmp_path / "bus.blf", Source(0, stop), stop, RecordLimits())
+    assert not list(tmp_path.iterdir())
+    assert "no file, for no frame came in" in statistics.as_text()
+
+
+def test_paths_that_are_refused(tmp_path: Path) -> None:
+    for suffix in (".mf4", ".asc", ".trc", ".csv", ".db"):
+        with pytest.raises(UserError, match="cannot be recorded into safely"):
+            check_recording_path(tmp_path / f"bus{suffix}", RecordLimits(), force=True)
+    path = tmp_path / "bus.log"
+    check_recording_path(path, RecordLimits(), force=False)
+    path.touch()
+    check_recording_path(path, RecordLimits(frames=1, file_size=1000), force=False)
+    with pytest.raises(UserError, match="exists already"):
+        check_recording_path(path, RecordLimits(), force=False)
+    for name in ("bus_0007.log", "bus_0012.log", "bus_last.log"):
+        (tmp_path / name).touch()
+    with pytest.raises(UserError, match=r"bus_0007\.log: exists already"):
+        check_recording_path(path, RecordLimits(file_size=1000), force=False)
+    check_recording_path(path, RecordLimits(file_size=1000), force=True)
+
+
+def test_a_series_replaces_the_whole_of_an_older_one(tmp_path: Path) -> None:
+    for name in ("bus_0001.log", "bus_0012.log", "bus_last.log", "bus.log"):
+        (tmp_path / name).touch()
+    stop = threading.Event()
+    run(tmp_path / "bus.log", Source(20, stop), stop, RecordLimits(file_size=10**6))
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["bus.log", "bus_0001.log", "bus_last.log"]

@@ -1,0 +1,44 @@
+"""Shared by the tests of discovery: a worn injector and everything `discover` says of it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+
+import pytest
+
+from observer_rt.files.signals.recording import Recording
+from observer_rt.identification.discovery.answer import Question, answer
+from observer_rt.identification.discovery.findings import Findings, Indicator, Opinion, Sources
+from observer_rt.identification.discovery.search.candidates import NoMemory
+from observer_rt.identification.likelihood.measurement import measurements
+from observer_rt.model.effects import sized
+from observer_rt.model.parameters import InjectorParameters
+from tests.identification.discovery.hidden import NOMINAL, recordings
+
+WEAR = 0.1
+SOURCES = Sources(
+    "a & b.toml", "0" * 64, ("seat_area",), {"a.csv": "1" * 64}, (), datetime(2026, 1, 31, 12, 0)
+)
+WORN_POINTS = ((60e6, 0.6e-3), (60e6, 1.9e-3), (140e6, 0.6e-3), (140e6, 1.9e-3))
+
+
+@dataclass(frozen=True, eq=False)
+class Worn:
+    """An injector with v_H = WEAR, measured rate and all, and the answer."""
+
+    question: Question
+    findings: Findings
+
+
+def agrees(_: InjectorParameters, __: Sequence[Recording]) -> Opinion:
+    """A learning observer that says the same."""
+    return Opinion((Indicator("orifice_area", WEAR, 0.002),), 10, 12, {})
+
+
+@pytest.fixture(scope="session")
+def worn() -> Worn:
+    """Four operating points of a worn injector."""
+    made = recordings((sized("orifice_area", v_H=WEAR),), measured_rate=True, points=WORN_POINTS)
+    names = {f"<{number}>.csv": f"{number:064x}" for number in range(len(made))}
+    question = Question(NOMINAL, measurements(made), (), names)
+    return Worn(question, answer(question, NoMemory(), agrees, lambda _: None, "amended.toml"))

@@ -1,0 +1,36 @@
+"""Recordings of a simulated injector with effects hidden in it, for the tests of discovery."""
+
+from collections.abc import Sequence
+
+from observer_rt.config.bench import load_injector
+from observer_rt.desk.simulation.schedule import make_schedule
+from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
+from observer_rt.files.signals.recording import Recording
+from observer_rt.model.effect import SizedEffect
+from observer_rt.model.parameters import InjectorParameters
+
+NOMINAL = load_injector()
+POINTS = ((60e6, 1.9e-3), (140e6, 0.6e-3))
+
+
+def recordings(
+    effects: Sequence[SizedEffect] = (),
+    measured_rate: bool = False,
+    parameters: InjectorParameters = NOMINAL,
+    points: Sequence[tuple[float, float]] = POINTS,
+    noise: SimulatedNoise | None = SimulatedNoise(),  # noqa: B008
+    seed: int = 1,
+) -> list[Recording]:
+    """One recording an operating point (rail pressure [Pa], energizing [s]), two injections in each."""
+    return [
+        simulate(
+            parameters,
+            make_schedule([pressure], 2, 0.06, [duration]),
+            100e3,
+            effects,
+            noise,
+            measured_rate,
+            seed=100 * seed + number,
+        ).recording
+        for number, (pressure, duration) in enumerate(points)
+    ]

@@ -1,0 +1,93 @@
+"""Residuals by signal, phase and operating point, and whether they are adequate."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from observer_rt.engine.estimation.phases import Phase, phase_statistics
+from observer_rt.identification.discovery.search.adequacy import (
+    NO_BASELINE,
+    HealthyBaseline,
+    baseline_of,
+    baseline_of_fit,
+    worst,
+)
+from observer_rt.identification.likelihood.likelihood import Pool, Signal
+from observer_rt.model.baseline import HealthyRemainder, HealthyShape
+from tests.baselines import WHITE
+from tests.baselines import baseline as fitted
+
+N = 5000
+
+
+def _pool(scale: float = 1.0, shift: float = 0.0, phase: Phase = Phase.OPEN) -> Pool:
+    """White innovations in all phases, in one of them scaled and shifted."""
+    phases = np.repeat(np.array([int(one) for one in Phase], np.int8), N)
+    z: NDArray[np.float64] = np.random.default_rng(2).normal(size=phases.size)
+    chosen = phases == phase
+    z[chosen] = scale * z[chosen] + shift
+    return {Signal.LINE_PRESSURE: phase_statistics(z, 1.0, phases, 0)}
+
+
+def _remainder(variance: float) -> HealthyRemainder:
+    """Of a healthy injector whose open phase leaves this much."""
+    left = WHITE | {"open": variance}
+    nothing = dict.fromkeys(HealthyShape.model_fields, ())
+    return HealthyRemainder.model_validate({"variance": left, "colour": left, "shape": nothing})
+
+
+def test_white_innovations_are_adequate() -> None:
+    assert worst(_pool()).ratio <= 1.0
+
+
+@pytest.mark.parametrize("phase", [Phase.OPENING, Phase.AFTER])
+def test_what_is_too_large_is_found_where_it_is(phase: Phase) -> None:
+    found = worst(_pool(scale=1.3, phase=phase))
+    assert found.phase is phase
+    assert found.ratio > 1.0
+
+
+def test_a_small_lasting_shift_shows_in_the_means_of_blocks() -> None:
+    found = worst(_pool(shift=0.4))
+    assert found.phase is Phase.OPEN
+    assert found.ratio > 1.0
+
+
+def test_what_healthy_recordings_leave_is_adequate_again() -> None:
+    baseline = baseline_of({}, _remainder(1.4**2))
+    assert worst(_pool(scale=1.4), baseline).ratio <= 1.0
+    assert worst(_pool(scale=2.0), baseline).ratio > 1.0
+
+
+def test_a_baseline_is_never_below_noise() -> None:
+    assert baseline_of({}, _remainder(0.25)).variance[Signal.LINE_PRESSURE, Phase.OPEN] == 1.0
+
+
+def test_a_measured_rate_has_a_baseline_of_its_own() -> None:
+    of_rate = {Signal.INJECTION_RATE: _pool(scale=1.4)[Signal.LINE_PRESSURE]}
+    baseline = baseline_of(of_rate, _remainder(1.0))
+    assert worst(of_rate, baseline).ratio <= 1.0
+    assert worst(_pool(scale=1.4), baseline).ratio > 1.0
+
+
+def test_no_baseline_is_trusted_and_knows_nothing() -> None:
+    assert HealthyBaseline({}, {}) == NO_BASELINE
+    assert NO_BASELINE.trusted
+    assert NO_BASELINE.shape is None
+    assert not NO_BASELINE.appears
+
+
+@pytest.mark.parametrize("adequate", [True, False])
+@pytest.mark.parametrize("comparable", [True, False])
+def test_a_fitted_file_is_a_baseline(adequate: bool, comparable: bool) -> None:
+    left = WHITE | {"after": 1.96}
+    of_file = fitted(adequate=adequate, variance=left, colour=left, healthy=_remainder(1.96))
+    baseline = baseline_of_fit(of_file, comparable)
+    explained, other = (Phase.OPEN, Phase.AFTER) if comparable else (Phase.AFTER, Phase.OPEN)
+    assert baseline.trusted is (adequate and comparable)
+    assert worst(_pool(scale=1.4, phase=explained), baseline).ratio <= 1.0
+    assert worst(_pool(scale=1.4, phase=other), baseline).ratio > 1.0
+
+
+def test_a_file_fitted_before_the_healthy_injector_was_kept_is_not_trusted() -> None:
+    assert not baseline_of_fit(fitted(), comparable=True).trusted

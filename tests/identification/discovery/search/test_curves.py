@@ -1,0 +1,133 @@
+"""Laws made to measure: a static regression on random moments, whose candidates are terms."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from observer_rt.identification.discovery.search.curves import made_to_measure
+from observer_rt.identification.discovery.search.law_evidence import law_curve
+from observer_rt.identification.discovery.search.term_library import EffectCandidate
+from observer_rt.identification.discovery.search.waves import lines, waves
+from observer_rt.identification.likelihood.bounded_fit import Residuals
+from observer_rt.model.effect import Effect
+from observer_rt.model.term_effect import TermLaw, form_freed, form_settled
+from observer_rt.model.terms.parser import parse
+from observer_rt.model.terms.term import Term, TermEquation
+from tests.identification.discovery.search.test_term_search import LibraryOnly, in_turn
+from tests.model.terms.laws import moments
+
+COUNT, SIGMA = 4000, 0.1
+VALUES = moments(1, COUNT) | {"closing": np.tile([0.0, 1.0], COUNT // 2)}
+REACH = (0.04, 4.0)
+
+
+@dataclass
+class Moments(LibraryOnly):
+    """y = sum of the laws of its terms, at random moments, with noise."""
+
+    y: NDArray[np.float64]
+    effects: Sequence[Effect]
+
+    @property
+    def candidates(self) -> Sequence[EffectCandidate]:
+        return [EffectCandidate(effect) for effect in self.effects]
+
+    def residuals(self, chosen: Sequence[int], theta: NDArray[np.float64]) -> Residuals:
+        left = self.y.copy()
+        for number, size in zip(chosen, theta, strict=True):
+            law = self.effects[number].apply
+            assert isinstance(law, TermLaw)
+            left -= law.law.at(VALUES, float(size))
+        return Residuals(left / SIGMA, np.array([COUNT]), np.array([np.log(SIGMA)]))
+
+    def is_adequate(self, chosen: Sequence[int], theta: NDArray[np.float64]) -> bool:
+        return False
+
+
+def measured(law: str) -> NDArray[np.float64]:
+    noise = np.random.default_rng(5).normal(size=COUNT)
+    return parse(law).at(VALUES) + SIGMA * noise
+
+
+def made(law: str, *equations: TermEquation) -> list[Effect]:
+    y = measured(law)
+    swings = waves([1200.0], 0.04)
+    here = Moments(y, ()).residuals((), np.zeros(0))
+    return made_to_measure(equations, swings, lambda effects: Moments(y, effects), here, in_turn)
+
+
+@pytest.mark.parametrize(
+    ("law", "equation", "form", "numbers"),
+    [
+        ("0.3 * exp(-((needle_lift/max_lift - 0.5)/0.2)^2)", TermEquation.SEAT_FLOW, "exp(-((", (0.5, 0.2)),
+        ("-0.3 * (time_since_opening > 0.6)", TermEquation.NOZZLE_FLOW, "(1 + tanh((", (0.6, 0.04)),
+        (
+            "0.4 * closing * max(0.4 - needle_lift/max_lift, 0)",
+            TermEquation.SEAT_FLOW,
+            "closing*max(A - ",
+            (0.4,),
+        ),
+        (
+            "3 * exp(-time_since_opening/0.6) * sin(6.283185307 * 1.5 * time_since_opening)",
+            TermEquation.CHAMBER_PRESSURE,
+            "exp(-(time_since_opening/1)/A)*sin(",
+            (1.0, 1.5, 0.0),
+        ),
+    ],
+)
+def test_the_form_nearest_to_a_free_curve_leads(
+    law: str, equation: TermEquation, form: str, numbers: tuple[float, ...]
+) -> None:
+    best = made(law, TermEquation.LINE_FLOW, equation)[0].apply
+    assert isinstance(best, TermLaw)
+    assert best.equation is equation
+    assert best.form.startswith(form)
+    np.testing.assert_allclose([one.value for one in best.numbers], numbers, atol=0.31)
+
+
+def test_a_wave_is_turned_to_its_phase() -> None:
+    best = made("2 * sin(6.283185307 * 1200[Hz] * time + 1)", TermEquation.LINE_FLOW)[0].apply
+    assert isinstance(best, TermLaw)
+    frequency, phase = best.numbers
+    assert frequency.value == 1200.0
+    assert phase.value == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_curve_about_a_law_says_where_the_law_is_wrong() -> None:
+    y = measured("0.3 * min(needle_lift/max_lift, 0.6)")
+    term = Term(TermEquation.SEAT_FLOW, parse("c * (needle_lift/max_lift)"), 0.3, (0.29, 0.31))
+    here = Residuals((y - term.law.at(VALUES, 0.3)) / SIGMA, np.array([COUNT]), np.array([0.0]))
+    curve = law_curve(term, lambda effects: Moments(y, effects), here, in_turn, REACH)
+    assert curve is not None
+    np.testing.assert_allclose(curve.law[0], 0.3 * curve.x)
+    off = np.abs(curve.points - 0.3 * curve.at) > 1.5 * curve.half
+    assert not off[curve.at < 0.5].any()
+    assert off[curve.at > 0.8].all()
+
+
+@pytest.mark.parametrize("law", ["c * lagged(open, 1)", "c * line_flow * time", "c * sin(time)", "c * 1"])
+def test_what_has_not_one_variable_is_not_drawn(law: str) -> None:
+    term = Term(TermEquation.SEAT_FLOW, parse(law), 0.3)
+    here = Moments(np.zeros(COUNT), ()).residuals((), np.zeros(0))
+    assert law_curve(term, lambda effects: Moments(np.zeros(COUNT), effects), here, in_turn, REACH) is None
+
+
+def test_numbers_within_a_law_are_freed_and_settled() -> None:
+    effect = made("0.3 * exp(-((needle_lift/max_lift - 0.5)/0.2)^2)", TermEquation.SEAT_FLOW)[0]
+    freed = form_freed(effect)
+    assert [one.name for one in freed.parameters] == ["c", "A", "W"]
+    settled = form_settled(effect, (0.512345, 0.187654)).apply
+    assert isinstance(settled, TermLaw)
+    assert str(settled.law) == "c * exp(-((needle_lift / max_lift - 0.512) / 0.1877)^2)"
+
+
+def test_lines_stand_out_of_noise() -> None:
+    noise = np.random.default_rng(2)
+    times = [np.asarray(start + 1e-5 * np.arange(6000), np.float64) for start in (0.0, 0.04)]
+    swings = [0.5 * np.sin(2.0 * np.pi * 2791.0 * one + 0.4) for one in times]
+    left = [swing + noise.normal(size=swing.size) for swing in swings]
+    assert lines(left, times, 1e-5)[0] == pytest.approx(2791.0, abs=3.0)
+    assert lines([noise.normal(size=6000) for _ in range(8)], 4 * times, 1e-5) == []

@@ -1,0 +1,213 @@
+"""Which effect is missing: verdicts on recordings of a simulated injector with effects hidden in it."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from observer_rt.foundation.errors import UserError
+from observer_rt.identification.discovery.search.result import Discovery, Verdict
+from observer_rt.identification.discovery.search.verdict import SearchOptions, healthy_baseline, name_effects
+from observer_rt.identification.likelihood.likelihood import Signal
+from observer_rt.identification.likelihood.measurement import measurements
+from observer_rt.model.effect import SizedEffect
+from observer_rt.model.effects import effective_model, sized
+from observer_rt.model.parameters import InjectorParameters
+from tests.identification.discovery.hidden import NOMINAL, recordings
+
+MODEL = effective_model(NOMINAL)
+
+
+def _discover(
+    *effects: SizedEffect,
+    measured_rate: bool = False,
+    parameters: InjectorParameters = NOMINAL,
+    options: SearchOptions | None = None,
+) -> Discovery:
+    return name_effects(
+        MODEL,
+        measurements(recordings(effects, measured_rate, parameters)),
+        options or SearchOptions(workers=2),
+    )
+
+
+def _holds(discovery: Discovery, effect: SizedEffect) -> bool:
+    """Whether the named effect is this one, its interval holding the truth within twice its width."""
+    (named,) = discovery.effects
+    for fitted, true in zip(named.parameters, effect.values, strict=True):
+        low, high = fitted.ci95
+        if not low - 0.5 * (high - low) <= true <= high + 0.5 * (high - low):
+            return False
+    return named.id == effect.effect.id
+
+
+@pytest.mark.parametrize("measured_rate", [False, True])
+def test_nothing_is_named_on_a_healthy_injector(measured_rate: bool) -> None:
+    found = _discover(measured_rate=measured_rate)
+    assert found.verdict is Verdict.NONE
+    assert found.effects == ()
+    assert found.confidence > 0.9
+    signals = {cell.signal for cell in found.before}
+    assert (Signal.INJECTION_RATE in signals) == measured_rate
+    assert max(cell.excess for cell in found.before) < 5.0
+
+
+@pytest.mark.parametrize(
+    ("hidden", "measured_rate"),
+    [
+        (sized("orifice_area", v_H=-0.04), False),
+        (sized("guide_leakage", c=6e-14), False),
+        (sized("line_pressure_sensor_lag", tau=25e-6), False),
+        (sized("channel_skew", d=-17e-6), True),
+        (sized("lift_offset", x_0=12e-6), False),
+        (sized("seat_outflow"), False),
+        (sized("orifice_cavitation", n_crit_excess=0.12), True),
+        (sized("lift_dependent_seat_coefficient", a=0.4, x_c=40e-6), True),
+        (sized("chamber_pressure_rise", dp=4e6, s=1.0), False),
+        (sized("needle_lift_sensor_lag", tau=16e-6), False),
+    ],
+    ids=lambda value: str(value.effect.id) if isinstance(value, SizedEffect) else "",
+)
+def test_a_single_effect_is_named(hidden: SizedEffect, measured_rate: bool) -> None:
+    found = _discover(hidden, measured_rate=measured_rate)
+    assert found.verdict is Verdict.NAMED
+    assert _holds(found, hidden)
+    assert found.gain > found.threshold
+    assert found.confidence > 0.9
+    assert found.ranking[0].ids == (hidden.effect.id,)
+    assert max(cell.excess for cell in found.before) > 5.0
+    assert max(cell.excess for cell in found.after) < 5.0
+
+
+@pytest.mark.slow
+def test_an_effect_too_small_to_matter_is_not_taken_for_another() -> None:
+    points = ((60e6, 1.9e-3), (60e6, 0.6e-3), (140e6, 1.9e-3), (140e6, 0.6e-3), (140e6, 1.2e-3))
+    found = name_effects(
+        MODEL,
+        measurements(recordings((sized("channel_skew", d=1.2e-6),), points=points)),
+        SearchOptions(workers=2),
+    )
+    nominal = next(one for one in found.ranking if not one.ids)
+    assert nominal.statistic > found.ranking[0].statistic + found.threshold  # it shows
+    assert found.verdict is Verdict.NONE
+
+
+def test_the_members_of_an_exact_class_count_as_one() -> None:
+    found = _discover(sized("line_volume", r=0.1))
+    assert found.verdict is Verdict.NAMED
+    assert {found.effects[0].id, *found.effects[0].indistinguishable_from} == {"bulk_modulus", "line_volume"}
+
+
+def test_near_ties_are_ambiguous_with_what_would_decide() -> None:
+    found = _discover(sized("seat_area", v_S=0.1))
+    assert found.verdict is Verdict.AMBIGUOUS
+    listed = {found.effects[0].id, *found.effects[0].indistinguishable_from}
+    assert {"seat_area", "lift_gain"} <= listed
+    assert found.confidence < 0.8
+    (decisive,) = [one for one in found.decide_by if {"seat_area", "lift_gain"} <= set(one.separates)]
+    assert "lift sensor" in decisive.measurement
+
+
+def test_two_effects_are_named_together() -> None:
+    found = _discover(sized("orifice_area", v_H=0.1), sized("line_friction", k=0.5))
+    assert found.verdict is Verdict.NAMED
+    sizes = {one.id: one.parameters[0] for one in found.effects}
+    assert sizes.keys() == {"orifice_area", "line_friction"}
+    assert sizes["orifice_area"].value == pytest.approx(0.1, abs=0.01)
+    assert sizes["line_friction"].value == pytest.approx(0.5, abs=0.03)
+    assert all(one.gain > found.threshold for one in found.effects)
+
+
+@pytest.mark.slow
+def test_a_pair_without_the_best_single_is_found() -> None:
+    """A nozzle that passes less stands in for both, and explains the recordings well enough alone."""
+    points = tuple((pressure, opened) for pressure in (60e6, 100e6, 140e6) for opened in (0.6e-3, 1.9e-3))
+    hidden = sized("chamber_pressure_rise", dp=4e6, s=1.0), sized("orifice_cavitation", n_crit_excess=0.1)
+    found = name_effects(MODEL, measurements(recordings(hidden, points=points)), SearchOptions(workers=2))
+    singles = [one for one in found.ranking if len(one.ids) == 1]
+    assert singles[0].ids == ("orifice_area",)
+    assert {effect.id for effect in found.effects} == {effect.effect.id for effect in hidden}
+    assert found.verdict is Verdict.NAMED
+
+
+@pytest.mark.slow
+def test_what_is_not_in_the_vocabulary_is_unknown() -> None:
+    larger_sac = NOMINAL.model_copy(
+        update={"nozzle": NOMINAL.nozzle.model_copy(update={"sac_volume": 2.5 * NOMINAL.nozzle.sac_volume})}
+    )
+    found = _discover(measured_rate=True, parameters=larger_sac)
+    assert found.verdict is Verdict.UNKNOWN
+    assert found.effects == ()
+    assert found.unexplained is not None
+    assert found.unexplained.term
+
+
+def test_held_out_recordings_rank_as_the_fitted_ones() -> None:
+    found = _discover(sized("line_friction", k=0.6))
+    held_out = {one.ids: one.held_out for one in found.ranking}
+    assert held_out[("line_friction",)] == min(held_out.values())
+    assert held_out[()] > held_out[("line_friction",)] + 100.0
+
+
+class _Memory:
+    """Remembers fits, and fails after a number of them as an interruption would."""
+
+    def __init__(self) -> None:
+        self.fits: dict[tuple[str, ...], tuple[NDArray[np.float64], float]] = {}
+        self.left = 10_000
+
+    def get(self, key: tuple[str, ...]) -> tuple[NDArray[np.float64], float] | None:
+        return self.fits.get(key)
+
+    def put(self, key: tuple[str, ...], theta: NDArray[np.float64], statistic: float) -> None:
+        if self.left == 0:
+            raise KeyboardInterrupt
+        self.left -= 1
+        self.fits[key] = (theta, statistic)
+
+
+def test_an_interrupted_search_goes_on_where_it_was_and_ends_the_same() -> None:
+    hidden = sized("entrained_air", g=1e-3)
+    memory = _Memory()
+    memory.left = 7
+    with pytest.raises(KeyboardInterrupt):
+        _discover(hidden, options=SearchOptions(memory=memory))
+    assert len(memory.fits) == 7
+    memory.left = 10_000
+    resumed = _discover(hidden, options=SearchOptions(memory=memory))
+    used = 10_000 - memory.left
+    fresh = _Memory()
+    assert resumed == _discover(hidden, options=SearchOptions(memory=fresh))
+    assert used == len(fresh.fits) - 7
+
+
+def test_threads_and_progress_change_nothing() -> None:
+    hidden = sized("rail_pressure_sensor_gain", g=0.01)
+    shares: list[float] = []
+    assert _discover(hidden, options=SearchOptions(workers=2, progress=shares.append)) == _discover(
+        hidden, options=SearchOptions(workers=1)
+    )
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+
+
+def test_against_a_healthy_baseline_only_what_is_new_counts() -> None:
+    larger_sac = NOMINAL.model_copy(
+        update={"nozzle": NOMINAL.nozzle.model_copy(update={"sac_volume": 1.06 * NOMINAL.nozzle.sac_volume})}
+    )
+    baseline, on_healthy = healthy_baseline(MODEL, measurements(recordings(parameters=larger_sac)), workers=2)
+    assert not baseline.trusted
+    assert on_healthy.verdict is not Verdict.NONE
+    found = _discover(
+        sized("line_friction", k=0.5),
+        parameters=larger_sac,
+        options=SearchOptions(workers=2, baseline=baseline),
+    )
+    assert found.verdict is Verdict.NAMED
+    assert [one.id for one in found.effects] == ["line_friction"]
+    assert found.confidence <= 0.8
+
+
+def test_a_sample_rate_too_low_for_the_model_is_refused() -> None:
+    stiff = NOMINAL.model_copy(update={"fluid": NOMINAL.fluid.model_copy(update={"bulk_modulus_sac": 1e12})})
+    with pytest.raises(UserError, match="integration steps"):
+        name_effects(effective_model(stiff), measurements(recordings(points=((100e6, 1e-3),))))

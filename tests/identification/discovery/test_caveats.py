@@ -1,0 +1,123 @@
+"""What must be kept in mind with an answer, told at every place alike."""
+
+from dataclasses import replace
+
+import pytest
+
+from observer_rt.identification.discovery.answer import Question, answer
+from observer_rt.identification.discovery.findings import (
+    Caveat,
+    Findings,
+    is_level_measured,
+    is_like_inertance,
+)
+from observer_rt.identification.discovery.report.document import as_json
+from observer_rt.identification.discovery.report.text import as_text
+from observer_rt.identification.discovery.search.candidates import NoMemory
+from observer_rt.identification.discovery.search.result import FittedParameter, Verdict
+from observer_rt.identification.likelihood.measurement import measurements
+from observer_rt.model.effects import effective_model, sized
+from tests.baselines import baseline
+from tests.identification.discovery.conftest import SOURCES, Worn, agrees
+from tests.identification.discovery.hidden import NOMINAL, recordings
+
+
+def _by_id(findings: Findings) -> dict[str, Caveat]:
+    return {caveat.id: caveat for caveat in findings.caveats}
+
+
+def test_good_recordings_leave_no_reservation(worn: Worn) -> None:
+    assert worn.findings.caveats == ()
+    assert as_text(worn.findings).splitlines()[0].endswith("(confidence 0.99)")
+
+
+def _without_rate(findings: Findings) -> Findings:
+    return replace(findings, gaps=replace(findings.gaps, injection_rate=None))
+
+
+def _at_one_pressure(findings: Findings) -> Findings:
+    before = tuple(replace(cell, rail_pressure=60e6) for cell in findings.discovery.before)
+    return replace(findings, discovery=replace(findings.discovery, before=before))
+
+
+def _slow_lift_sensor(findings: Findings) -> Findings:
+    lag = FittedParameter("tau", 16e-6, (15e-6, 17e-6))
+    effect = replace(findings.discovery.effects[0], id="needle_lift_sensor_lag", parameters=(lag,))
+    return replace(findings, discovery=replace(findings.discovery, effects=(effect,)), opinion=None)
+
+
+@pytest.mark.parametrize(
+    ("caveat", "changed"),
+    [
+        ("bench_file", _slow_lift_sensor),
+        ("one_operating_point", lambda f: replace(f, held_out=f.fitted_on)),
+        ("one_rail_pressure", _at_one_pressure),
+        ("mass_not_measured", _without_rate),
+        ("line_inertance", lambda f: _without_rate(replace(f, like_inertance=True))),
+        ("healthy_recordings", lambda f: replace(f, healthy_warning="the model is another")),
+        (
+            "observer",
+            lambda f: replace(
+                f, opinion=replace(f.opinion, indicators=(replace(f.opinion.indicators[0], value=0.0),))
+            ),
+        ),
+    ],
+)
+def test_a_reservation_is_in_headline_and_document(worn: Worn, caveat: str, changed: object) -> None:
+    assert callable(changed)
+    findings = changed(worn.findings)
+    (one,) = findings.caveats
+    assert one.id == caveat
+    assert f"but: {one.words}" in as_text(findings).splitlines()[0]
+    assert {"id": caveat, "words": one.words, "sentence": one.sentence} in as_json(findings, SOURCES)[
+        "caveats"
+    ]
+
+
+def test_a_measured_rate_settles_the_inertance(worn: Worn) -> None:
+    assert replace(worn.findings, like_inertance=True).caveats == ()
+
+
+def test_a_level_measured_when_the_model_was_fitted_settles_masses(worn: Worn) -> None:
+    measured = replace(_without_rate(worn.findings), level_measured=True)
+    assert measured.caveats == ()
+    (caveat,) = replace(measured, like_inertance=True).caveats
+    assert "when the model was fitted" in caveat.sentence
+
+
+@pytest.mark.parametrize(
+    ("level", "measured"), [("file", False), ("measured_mass", True), ("measured_rate", True)]
+)
+def test_the_level_is_what_the_fit_of_the_model_says(level: str, measured: bool) -> None:
+    assert not is_level_measured(effective_model(NOMINAL))
+    fitted = NOMINAL.model_copy(update={"baseline": baseline(level=level)})
+    assert is_level_measured(effective_model(fitted)) is measured
+
+
+def test_what_looks_the_same_in_every_signal_is_told(worn: Worn) -> None:
+    (effect,) = worn.findings.discovery.effects
+    found = replace(worn.findings.discovery, effects=(replace(effect, id="bulk_modulus"),))
+    caveats = _by_id(replace(worn.findings, discovery=found, opinion=None))
+    assert caveats["same_signals"].words == "line_volume would look the same"
+
+
+def test_nothing_is_said_of_masses_nobody_believes(worn: Worn) -> None:
+    found = replace(worn.findings.discovery, verdict=Verdict.UNKNOWN, effects=())
+    assert _by_id(_without_rate(replace(worn.findings, discovery=found, opinion=None))) == {}
+
+
+@pytest.mark.parametrize(("v_h", "r", "alike"), [(0.2, -1 / 6, True), (0.2, 0.0, False), (0.2, 0.2, False)])
+def test_flow_and_stiffness_that_changed_together_look_like_another_inertance(
+    v_h: float, r: float, alike: bool
+) -> None:
+    amended = effective_model(NOMINAL, (sized("orifice_area", v_H=v_h), sized("bulk_modulus", r=r)))
+    assert is_like_inertance(effective_model(NOMINAL), amended) is alike
+
+
+def test_what_is_of_the_bench_is_told_and_never_amended() -> None:
+    made = recordings((sized("needle_lift_sensor_lag", tau=16e-6),))
+    question = Question(NOMINAL, measurements(made), (), {"a.csv": "0" * 64, "b.csv": "1" * 64})
+    findings = answer(question, NoMemory(), agrees, lambda _: None, "amended.toml")
+    assert [effect.id for effect in findings.discovery.effects] == ["needle_lift_sensor_lag"]
+    assert "state the lag of the lift sensor in the bench file" in as_text(findings).splitlines()[0]
+    assert (findings.amended_model, findings.in_force) == (None, ())

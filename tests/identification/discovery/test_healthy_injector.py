@@ -1,0 +1,103 @@
+"""Recordings compared with the healthy injector: what it has itself is not missing, and only what is new is named."""
+
+from dataclasses import replace
+
+import pytest
+
+from observer_rt.identification.discovery.search.result import Discovery, Verdict
+from observer_rt.identification.discovery.search.verdict import SearchOptions, healthy_baseline, name_effects
+from observer_rt.identification.likelihood.measurement import measurements
+from observer_rt.model.effect import SizedEffect
+from observer_rt.model.effects import effective_model, sized
+from tests.identification.discovery.hidden import NOMINAL, recordings
+
+MODEL = effective_model(NOMINAL)
+POINTS = ((60e6, 0.6e-3), (60e6, 1.9e-3), (140e6, 0.6e-3), (140e6, 1.9e-3))
+OWN = sized("orifice_area", v_H=0.02)
+"""What the model lacks of the healthy injector."""
+
+
+def _discover(*effects: SizedEffect, options: SearchOptions | None = None, seed: int = 2) -> Discovery:
+    found = measurements(recordings(effects, points=POINTS, seed=seed))
+    return name_effects(MODEL, found, options or SearchOptions(workers=2))
+
+
+@pytest.fixture(scope="module")
+def options() -> SearchOptions:
+    """A search that knows the healthy injector."""
+    baseline, _ = healthy_baseline(MODEL, measurements(recordings((OWN,), points=POINTS)), workers=2)
+    return SearchOptions(workers=2, baseline=baseline)
+
+
+@pytest.mark.slow
+def test_what_the_healthy_injector_has_is_not_named(options: SearchOptions) -> None:
+    assert [one.id for one in _discover(OWN).effects] == ["orifice_area"]  # it is there to be seen
+    found = _discover(OWN, options=options)
+    assert found.verdict is Verdict.NONE
+    assert found.effects == ()
+
+
+def test_what_is_new_is_named_by_its_difference(options: SearchOptions) -> None:
+    found = _discover(sized("orifice_area", v_H=0.10), options=options)
+    (named,) = found.effects
+    assert named.id == "orifice_area"
+    low, high = named.parameters[0].ci95
+    assert low - 0.01 < 0.08 < high + 0.01
+
+
+@pytest.mark.slow
+def test_a_size_is_no_surer_than_a_fitted_model_is_exact(options: SearchOptions) -> None:
+    hidden = sized("bulk_modulus", r=0.1)
+    (surely,), (named,) = _discover(hidden).effects, _discover(OWN, hidden, options=options).effects
+    widths = []
+    for size in (surely.parameters[0], named.parameters[0]):
+        low, high = size.ci95
+        widths.append((high - low) / size.value)
+    assert widths[0] < 0.03 < widths[1] < 0.06
+
+
+@pytest.mark.slow
+def test_the_smallest_size_that_could_be_seen_is_seen(options: SearchOptions) -> None:
+    """And half of it is not: at six standard deviations a size is told, at less than three it is not."""
+    smallest = {one.id: one.size for one in _discover(OWN, options=options).smallest_visible}
+    assert len(smallest) > 15
+    twice, half = (
+        (OWN, sized("guide_leakage", c=factor * smallest["guide_leakage"])) for factor in (2.0, 0.4)
+    )
+    assert [one.id for one in _discover(*twice, options=options).effects] == ["guide_leakage"]
+    assert _discover(*half, options=options).effects == ()
+
+
+@pytest.mark.slow
+def test_more_injections_show_smaller_effects() -> None:
+    few = _discover()
+    found = measurements([one for seed in range(3, 7) for one in recordings(points=POINTS, seed=seed)])
+    many = name_effects(MODEL, found, SearchOptions(workers=2))
+    for one, other in zip(few.smallest_visible, many.smallest_visible, strict=True):
+        assert one.id == other.id
+        assert other.size <= one.size
+    by_noise = [
+        other.size / one.size
+        for one, other in zip(few.smallest_visible, many.smallest_visible, strict=True)
+        if one.id == "guide_leakage"
+    ]
+    assert by_noise == pytest.approx([0.5], rel=0.2)  # four times as many
+
+
+@pytest.mark.slow
+def test_what_shows_where_it_was_fitted_only_is_not_named() -> None:
+    """Every second operating point is held out: a nozzle worn at the others only does not pay there."""
+    worn = recordings((sized("orifice_area", v_H=0.03),), points=POINTS)
+    new = recordings(points=POINTS)
+    mixed = [worn[0], new[1], worn[2], new[3]]
+    found = name_effects(MODEL, measurements(mixed), SearchOptions(workers=2))
+    assert "orifice_area" not in [one.id for one in found.effects]
+
+
+def test_recordings_of_one_point_hold_nothing_out() -> None:
+    found = name_effects(
+        MODEL,
+        measurements(recordings((sized("orifice_area", v_H=0.05),), points=POINTS[:1])),
+        replace(SearchOptions(workers=2)),
+    )
+    assert "orifice_area" in [one.id for one in found.effects]

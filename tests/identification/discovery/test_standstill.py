@@ -1,0 +1,101 @@
+"""Standstill: what the shut needle says of sensors and line."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from observer_rt.files.signals.recording import Recording
+from observer_rt.identification.discovery.standstill import StandstillFigure, standstill_checks
+from observer_rt.identification.likelihood.likelihood import evidence_of
+from observer_rt.identification.likelihood.measurement import Measurement, measurements
+from observer_rt.model.effects import effective_model, sized
+from tests.identification.discovery.conftest import Worn
+from tests.identification.discovery.hidden import NOMINAL, recordings
+
+MODEL = effective_model(NOMINAL)
+
+
+def _checks(found: tuple[Measurement, ...]) -> list[StandstillFigure]:
+    return list(standstill_checks(found, evidence_of(found, MODEL), MODEL, MODEL))
+
+
+def _named(checks: list[StandstillFigure], name: str) -> list[StandstillFigure]:
+    return [check for check in checks if check.id == name]
+
+
+def test_a_worn_injector_stands_still_as_a_new_one(worn: Worn) -> None:
+    checks = worn.findings.checks
+    assert all(check.passed for check in checks)
+    noise = {check.id: check.value for check in checks if check.recording == 0}
+    assert noise["rail_pressure_noise"] == pytest.approx(0.10, rel=0.05)
+    assert noise["line_pressure_noise"] == pytest.approx(0.15, rel=0.05)
+    assert noise["needle_lift_noise"] == pytest.approx(0.4, rel=0.2)
+    assert noise["injection_rate_noise"] == pytest.approx(0.5, rel=0.05)
+
+
+def test_an_offset_is_measured_and_flagged() -> None:
+    checks = _checks(measurements(recordings((sized("line_pressure_sensor_offset", o=0.5e6),))))
+    for check in _named(checks, "rail_line_offset"):
+        assert check.value == pytest.approx(0.5, abs=5 * check.sigma)
+        assert check.sigma < 0.05
+        assert not check.passed
+    (apparent,) = _named(checks, "apparent_line_pressure_sensor_offset")
+    assert apparent.value == pytest.approx(0.5, abs=0.02)
+    assert apparent.recording is None
+    assert not apparent.passed
+
+
+def test_a_slow_sensor_shows_beside_the_model() -> None:
+    checks = _checks(measurements(recordings((sized("line_pressure_sensor_lag", tau=20e-6),))))
+    (lag,) = _named(checks, "apparent_line_pressure_sensor_lag")
+    assert lag.value == pytest.approx(20.0, rel=0.2)
+    assert not lag.passed
+
+
+def test_no_lag_is_left_beside_the_amended_model(worn: Worn) -> None:
+    (lag,) = _named(list(worn.findings.checks), "apparent_line_pressure_sensor_lag")
+    assert abs(lag.value) < 5 * lag.sigma
+    assert lag.sigma < 1.0
+
+
+def test_a_sinking_pressure_is_a_slope() -> None:
+    def sinking(recording: Recording) -> Recording:
+        return replace(recording, line_pressure=recording.line_pressure - 30e6 * recording.time)
+
+    checks = _checks(measurements([sinking(recording) for recording in recordings()]))
+    for check in _named(checks, "line_pressure_slope"):
+        assert check.value == pytest.approx(-30.0, abs=5 * check.sigma)
+        assert not check.passed
+
+
+def test_an_open_needle_at_the_cut_end_is_no_standstill() -> None:
+    (first, *_) = recordings()
+    lift = first.needle_lift.copy()
+    lift[-2000:] = 0.2e-3
+    line = first.line_pressure.copy()
+    line[-2000:] += np.linspace(0, -40e6, 2000)
+    (whole,) = _named(_checks(measurements([first])), "rail_line_offset")
+    cut = measurements([replace(first, needle_lift=lift, line_pressure=line)])
+    (check,) = _named(_checks(cut), "rail_line_offset")
+    assert check.value == pytest.approx(whole.value, abs=5 * whole.sigma)
+
+
+def test_what_was_found_explains_what_looks_like_a_leak() -> None:
+    """Red in a report is what nobody has named."""
+    hidden = sized("line_pressure_sensor_offset", o=0.4e6)
+    found = measurements(recordings((hidden,)))
+    evidence, amended = evidence_of(found, MODEL), effective_model(NOMINAL, (hidden,))
+    as_given = _named(
+        list(standstill_checks(found, evidence, MODEL, MODEL)), "apparent_line_pressure_sensor_offset"
+    )
+    with_it = _named(
+        list(standstill_checks(found, evidence, MODEL, amended)), "apparent_line_pressure_sensor_offset"
+    )
+    assert [(one.passed, one.explained) for one in as_given + with_it] == [(False, False), (False, True)]
+    assert with_it[0].value == as_given[0].value
+    leaks = [
+        _named(list(standstill_checks(found, evidence, MODEL, model)), "apparent_guide_leakage")[0]
+        for model in (MODEL, amended)
+    ]
+    assert [leak.passed or leak.explained for leak in leaks] == [False, True]

@@ -1,0 +1,59 @@
+"""Healthy recordings of an injector that the file describes wrongly, for the tests of the fit."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from observer_rt.config.bench import load_injector
+from observer_rt.desk.simulation.schedule import make_schedule
+from observer_rt.desk.simulation.simulate import SimulatedNoise, Simulation, simulate
+from observer_rt.files.signals.recording import Recording
+from observer_rt.identification.fit.problem import LOSS, NOZZLE, SEAT, STIFFNESS, with_values
+from observer_rt.model.parameters import InjectorParameters
+from tools.benchmarks import plant
+from tools.benchmarks.plant_parameters import Faults, Injector
+
+NOMINAL = load_injector()
+WRONG = (STIFFNESS, LOSS, SEAT, NOZZLE)
+SHARES = np.array([0.9, 1.1, 1.1, 0.9])
+POINTS = tuple((pressure, time) for pressure in (60e6, 100e6, 140e6) for time in (0.6e-3, 1.9e-3))
+
+
+def off_by_ten_percent(injector: InjectorParameters = NOMINAL) -> InjectorParameters:
+    """An injector file in which K_L, xi, alpha_S and alpha_H are 10 % wrong."""
+    return with_values(injector, WRONG, SHARES * [one.of(injector) for one in WRONG])
+
+
+def simulations(
+    points: Sequence[tuple[float, float]] = POINTS,
+    injector: InjectorParameters = NOMINAL,
+    measured_rate: bool = False,
+    injections: int = 3,
+    seed: int = 1,
+    noise: SimulatedNoise | None = None,
+) -> list[Simulation]:
+    """One an operating point (rail pressure [Pa], energizing [s])."""
+    return [
+        simulate(
+            injector,
+            make_schedule([pressure], injections, 0.05, [duration]),
+            100e3,
+            (),
+            noise or SimulatedNoise(),
+            measured_rate,
+            seed=100 * seed + number,
+        )
+        for number, (pressure, duration) in enumerate(points)
+    ]
+
+
+def of_independent_plant(part: Injector, points: Sequence[tuple[float, float]] = POINTS) -> list[Recording]:
+    """Recordings of the benchmark's plant, which shares no code with the package."""
+    result = []
+    for number, (pressure, duration) in enumerate(points):
+        event = plant.Event(pressure, (plant.Shot(0.0, duration + 0.3e-3),), Faults())
+        measured = plant.record(plant.Bench(part, plant.Needle(), (event,) * 3, seed=number)).measured
+        result.append(
+            Recording(measured.time, measured.rail_pressure, measured.needle_lift, measured.line_pressure)
+        )
+    return result

@@ -1,0 +1,214 @@
+"""A fit finds what the file has wrong, chooses the plant's structure, and says what its level rests on."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from observer_rt.desk.simulation.simulate import Simulation
+from observer_rt.identification.fit.calibrate import Calibrated, FlowLevel, calibrate
+from observer_rt.identification.fit.parts import Weighed, parts_of
+from observer_rt.identification.fit.problem import (
+    INERTANCE,
+    STRUCTURES,
+    Calibration,
+    FreeParameter,
+    certainty,
+    with_values,
+)
+from observer_rt.identification.fit.report import level_words, verdict_words
+from observer_rt.identification.likelihood.bounded_fit import linearise
+from observer_rt.identification.likelihood.measurement import Measurement, measurements
+from observer_rt.identification.likelihood.open_loop import mass, simulated
+from observer_rt.model.effects import effective_model
+from observer_rt.model.parameters import EffectInForce, EffectValue, InjectorParameters, LineOutflow
+from tests.identification.fit.healthy import (
+    NOMINAL,
+    POINTS,
+    of_independent_plant,
+    off_by_ten_percent,
+    simulations,
+)
+from tools.benchmarks.plant_parameters import Injector
+
+LUMPS = tuple(one for one in STRUCTURES if one.line == "lump")
+UNSEEN = simulations([(80e6, 1.2e-3)], seed=9)
+
+
+def _found(made: Sequence[Simulation]) -> tuple[Measurement, ...]:
+    return measurements([one.recording for one in made])
+
+
+def _fit(found: Sequence[Measurement], file: InjectorParameters, **weighed: Weighed) -> Calibrated:
+    by_number = {int(name[1:]): one for name, one in weighed.items()}
+    return calibrate(file, found, by_number, lambda _: None, LUMPS)
+
+
+def _deviations(done: Calibrated, true: InjectorParameters) -> dict[str, float]:
+    """Of the logarithms, in standard deviations."""
+    free, sigmas = done.fitted.calibration.free, done.fitted.certainty.sigmas
+    return {
+        one.symbol: float(np.log(one.of(done.injector) / one.of(true)) / sigma)
+        for one, sigma in zip(free, sigmas, strict=True)
+    }
+
+
+def _mass_error(injector: InjectorParameters) -> float:
+    """Share of the mass, at an operating point that was not fitted, beside the truth."""
+    (found,), (simulation,) = _found(UNSEEN), UNSEEN
+    density = injector.fluid.density_nozzle
+    modelled = sum(mass(found, one, density) for one in simulated(found, effective_model(injector)))
+    rate = simulation.truth.injection_rate
+    runs = simulated(found, effective_model(NOMINAL))
+    true = sum(mass(found, replace(one, rate=rate[one.rate_samples]), density) for one in runs)
+    return modelled / true - 1.0
+
+
+@pytest.fixture(scope="module")
+def by_pressures() -> Calibrated:
+    """Six recordings without a measured rate."""
+    return _fit(_found(simulations()), off_by_ten_percent())
+
+
+def test_parameters_are_found_within_their_intervals(by_pressures: Calibrated) -> None:
+    deviations = _deviations(by_pressures, NOMINAL)
+    assert deviations.keys() == {"K_L", "xi", "alpha_S", "alpha_H", "V_S"}
+    assert max(map(abs, deviations.values())) < 3.0
+    assert max(by_pressures.fitted.certainty.sigmas) < 0.01
+
+
+def test_the_structure_of_the_plant_is_chosen_and_the_model_adequate(by_pressures: Calibrated) -> None:
+    assert by_pressures.fitted.structure.outflow is LineOutflow.NOZZLE
+    assert "one lump, drained by the seat flow, leaves" in by_pressures.choice.reason
+    assert by_pressures.inadequate == ()
+    assert verdict_words(by_pressures).startswith("adequate")
+
+
+def test_mass_is_right_where_nothing_was_fitted(by_pressures: Calibrated) -> None:
+    assert abs(_mass_error(off_by_ten_percent())) > 0.03
+    assert abs(_mass_error(by_pressures.injector)) < 0.003
+    assert 0.001 <= by_pressures.mass_share < 0.003
+
+
+def test_residuals_fall_to_noise(by_pressures: Calibrated) -> None:
+    for one in by_pressures.comparison.residuals:
+        assert one.chi2[1] < 1.5
+        assert one.chi2[0] > 5.0
+    before, after = by_pressures.comparison.open_loop
+    assert after < 0.2e6 < before
+
+
+def test_the_level_rests_on_the_inertance_of_the_file(by_pressures: Calibrated) -> None:
+    assert by_pressures.level is FlowLevel.FILE
+    assert "one to one on A_L/(rho_L L_L)" in level_words(by_pressures)
+
+
+@pytest.mark.slow
+def test_flows_coefficients_and_sac_scale_with_the_inertance(by_pressures: Calibrated) -> None:
+    """The exact invariance: no pressure tells the scale."""
+    share = 1.05
+    file = off_by_ten_percent()
+    wrong = file.model_copy(
+        update={"line": file.line.model_copy(update={"diameter": file.line.diameter * np.sqrt(share)})}
+    )
+    scaled = _fit(_found(simulations()), wrong)
+    assert scaled.left.mean == pytest.approx(by_pressures.left.mean, rel=0.01)
+    right, moved = by_pressures.injector, scaled.injector
+    for section, key, power in (
+        ("nozzle", "flow_coefficient", 1),
+        ("seat", "flow_coefficient", 1),
+        ("nozzle", "sac_volume", 1),
+        ("fluid", "bulk_modulus_line", -1),
+    ):
+        ratio = getattr(getattr(moved, section), key) / getattr(getattr(right, section), key)
+        assert ratio == pytest.approx(share**power, rel=0.002), key
+    assert _mass_error(moved) == pytest.approx(share - 1.0, abs=0.003)
+
+
+def test_without_a_rate_the_inertance_is_seen_not_to_be_told() -> None:
+    structure = LUMPS[0]
+    parts = parts_of(_found(simulations()[:2]), {})
+    free: tuple[FreeParameter, ...] = (*structure.free, INERTANCE)
+    calibration = Calibration(NOMINAL, free, parts)
+    here = calibration.residuals(calibration.centre)
+    assert here is not None
+    told = certainty(calibration, linearise(calibration, calibration.centre, here, calibration.ranges), 1.0)
+    assert told.undetermined is not None
+    assert told.directions[-1].sigma > 20.0 * told.directions[-2].sigma
+
+
+def test_what_is_faster_than_the_cells_carry_is_averaged() -> None:
+    """Every five innovations of 10 us are one, normalised again; a measured rate stays as it is."""
+    (part,) = parts_of(_found(simulations([POINTS[0]], measured_rate=True, injections=1)), {})
+    calibration = Calibration(NOMINAL, LUMPS[0].free, [part])
+    here, one = calibration.residuals(calibration.centre), calibration.judge(calibration.centre, 0)
+    assert here is not None
+    assert one is not None
+    blocks = one.z.size // 5
+    assert here.counts.tolist()[:2] == [blocks, one.rate_z.size]
+    np.testing.assert_allclose(here.z[1], np.sum(one.z[5:10]) / np.sqrt(5.0))
+    np.testing.assert_array_equal(here.z[blocks : blocks + one.rate_z.size], one.rate_z)
+
+
+def _wrong_inertance() -> InjectorParameters:
+    file = off_by_ten_percent()
+    return with_values(file, (INERTANCE,), np.array([NOMINAL.line.diameter * np.sqrt(1.05)]))
+
+
+def test_a_measured_rate_fixes_the_level_of_a_wrong_inertance() -> None:
+    done = _fit(_found(simulations(measured_rate=True)), _wrong_inertance())
+    assert done.level is FlowLevel.RATE
+    assert abs(_mass_error(done.injector)) < 0.005  # the rate's gain errors are 0.5 % a recording
+    assert abs(_deviations(done, NOMINAL)["d_L"]) < 3.0
+
+
+@pytest.mark.slow
+def test_one_measured_mass_fixes_the_level_of_a_wrong_inertance() -> None:
+    made = simulations()
+    true = np.mean([one.after for one in _fit(_found(made), NOMINAL).comparison.masses[:3]])
+    done = _fit(_found(made), _wrong_inertance(), n0=Weighed({}, (float(true), 0.003 * float(true))))
+    assert done.level is FlowLevel.MASS
+    assert abs(_mass_error(done.injector)) < 0.005
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("drained_by_seat", [0, 1])
+def test_an_independent_plant_is_fitted_in_its_own_structure(drained_by_seat: int) -> None:
+    done = _fit(
+        measurements(of_independent_plant(Injector(drained_by_seat=drained_by_seat))), off_by_ten_percent()
+    )
+    assert done.fitted.structure.outflow is (LineOutflow.SEAT if drained_by_seat else LineOutflow.NOZZLE)
+    assert done.inadequate == ()
+    assert max(map(abs, _deviations(done, NOMINAL).values())) < 4.0
+
+
+def test_a_line_that_no_structure_has_is_inadequate_and_said_where() -> None:
+    """Lumps fitted to a line in which pressure travels."""
+    done = _fit(measurements(of_independent_plant(Injector(line_cells=12, line_damping=1.0))), NOMINAL)
+    assert done.inadequate
+    assert "To try" in verdict_words(done)
+
+
+def test_an_effect_in_force_is_part_of_the_model_that_is_fitted() -> None:
+    offset = EffectInForce(id="guide_leakage", parameters={"c": EffectValue(value=3e-14, unit="m3/(s Pa)")})
+    leaking = NOMINAL.model_copy(update={"effects": (offset,)})
+    found = _found(simulations(injector=leaking))
+    file = off_by_ten_percent(leaking)
+    assert max(map(abs, _deviations(_fit(found, file), NOMINAL).values())) < 3.0
+    blind = _fit(found, file.model_copy(update={"effects": ()}))
+    assert max(map(abs, _deviations(blind, NOMINAL).values())) > 5.0
+
+
+def test_one_recording_is_judged_by_halves() -> None:
+    found = _found(simulations([(100e6, 1.9e-3)], injections=4))
+    done = _fit(found, off_by_ten_percent())
+    assert len(done.fitted.calibration.parts) == 2
+    assert done.fitted.held_out is not None
+
+
+def test_one_injection_is_fitted_with_nothing_held_out() -> None:
+    found = _found(simulations([(100e6, 1.9e-3)], injections=1))
+    done = _fit(found, off_by_ten_percent())
+    assert done.fitted.held_out is None
+    assert "of the only injection there is" in done.choice.reason

@@ -1,0 +1,132 @@
+"""Recordings as a fit sees them; those that cannot serve are refused, and what makes a result unsure is said."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from observer_rt.config.injector import Meaning
+from observer_rt.desk.simulation.schedule import make_schedule
+from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
+from observer_rt.files.signals.recording import Recording
+from observer_rt.foundation.errors import UserError
+from observer_rt.identification.fit.parts import (
+    Weighed,
+    parts_of,
+    refuse_clipped,
+    share_between_samples,
+    standstill_offset,
+    thinned,
+    warnings,
+)
+from observer_rt.identification.likelihood.measurement import measurements
+from tests.identification.fit.healthy import NOMINAL, POINTS, simulations
+
+TWO = measurements([one.recording for one in simulations([(60e6, 0.6e-3), (100e6, 1.9e-3)], injections=5)])
+
+
+def test_a_recording_of_two_operating_points_falls_into_them() -> None:
+    schedule = make_schedule([60e6, 100e6], 4, 0.06, [0.6e-3])
+    mixed = simulate(NOMINAL, schedule, 100e3, (), SimulatedNoise()).recording
+    parts = parts_of(measurements([mixed]), {})
+    assert [len(part.measurement.events) for part in parts] == [2, 2]
+    assert {part.recording for part in parts} == {0}
+
+
+def test_a_thinned_part_stands_for_all_its_injections() -> None:
+    part = thinned(parts_of(TWO, {})[1], 2)
+    assert len(part.measurement.events) == 2
+    assert part.weights.tolist() == [2.5, 2.5]
+
+
+def test_masses_are_compared_in_standard_deviations() -> None:
+    first = TWO[0].events[1].openings[0].first
+    part = parts_of(TWO, {0: Weighed({first: (2.0, 0.1)}, (3.0, 0.5))})[0]
+    residuals = part.mass_residuals(np.array([1.0, 2.3, 3.0, 4.0, 5.0]))
+    assert residuals == pytest.approx([3.0, (3.06 - 3.0) / 0.5])
+    assert parts_of(TWO, {})[0].mass_residuals(np.ones(5)).size == 0
+
+
+def test_an_offset_is_found_at_standstill() -> None:
+    recording = TWO[0].recording
+    (moved,) = measurements([replace(recording, line_pressure=recording.line_pressure + 0.8e6)])
+    before, after = (standstill_offset(parts_of([one], {})[0]) for one in (TWO[0], moved))
+    assert after - before == pytest.approx(0.8e6, abs=1.0)
+
+
+RECORDING = simulations([(100e6, 1.9e-3)])[0].recording
+Change = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+
+
+def changed(signal: str, change: Change) -> Recording:
+    changes: dict[str, Any] = {signal: change(getattr(RECORDING, signal))}
+    return replace(RECORDING, **changes)
+
+
+@pytest.mark.parametrize(
+    ("signal", "change", "level"),
+    [
+        ("line_pressure", lambda values: np.minimum(values, 102e6), "102 MPa"),
+        ("line_pressure", lambda values: np.minimum(values, 106e6), "106 MPa"),
+        ("line_pressure", lambda values: np.maximum(values, 94e6), "94 MPa"),
+        ("needle_lift", lambda values: np.minimum(values, 0.25e-3), "250 um"),
+    ],
+)
+def test_a_clipped_signal_is_refused(signal: str, change: Change, level: str) -> None:
+    with pytest.raises(UserError, match=f"{signal}: is clipped: .* exactly {level}"):
+        refuse_clipped(measurements([changed(signal, change)]))
+
+
+@pytest.mark.parametrize(
+    ("signal", "change"),
+    [
+        ("line_pressure", lambda values: np.round(values / 1e6) * 1e6),  # coarse
+        ("needle_lift", lambda values: np.maximum(values, 0.0)),
+    ],
+)
+def test_what_is_not_clipped_is_taken(signal: str, change: Change) -> None:
+    refuse_clipped(measurements([changed(signal, change)]))
+
+
+def test_healthy_recordings_are_taken() -> None:
+    refuse_clipped(measurements([one.recording for one in simulations()]))
+
+
+def test_one_operating_point_is_warned_of() -> None:
+    words = warnings(measurements([RECORDING]))
+    assert any("one operating point only" in one for one in words)
+    assert any("3 injections only" in one for one in words)
+
+
+def _every_fifth(meaning: Meaning) -> Recording:
+    names = ("time", "rail_pressure", "needle_lift", "line_pressure")
+    return replace(RECORDING, meaning=meaning, **{name: getattr(RECORDING, name)[::5] for name in names})
+
+
+def test_slow_instants_are_warned_of_and_make_masses_less_sure() -> None:
+    (slow,) = measurements([_every_fifth(Meaning.INSTANT)])
+    assert share_between_samples(slow) == pytest.approx(0.005)
+    (warning,) = (one for one in warnings([slow]) if "instants" in one)
+    assert "20000 Hz" in warning
+    assert 'meaning = "mean"' in warning
+
+
+@pytest.mark.parametrize("recording", [RECORDING, _every_fifth(Meaning.MEAN)], ids=["100 kHz", "means"])
+def test_fast_instants_and_means_are_not(recording: Recording) -> None:
+    (one,) = measurements([recording])
+    assert share_between_samples(one) == pytest.approx(0.0, abs=1e-6)
+    assert not any("instants" in words for words in warnings([one]))
+
+
+def test_one_pressure_and_one_duration_are_warned_of() -> None:
+    by_time = [one.recording for one in simulations([(100e6, 0.6e-3), (100e6, 1.9e-3)])]
+    assert any("one rail pressure only" in one for one in warnings(measurements(by_time)))
+    by_pressure = [one.recording for one in simulations([(60e6, 1.9e-3), (61e6, 1.9e-3), (140e6, 1.9e-3)])]
+    assert any("one energizing time only" in one for one in warnings(measurements(by_pressure)))
+
+
+def test_six_points_need_no_warning() -> None:
+    assert warnings(measurements([one.recording for one in simulations(POINTS)])) == []

@@ -1,0 +1,112 @@
+"""A line in which pressure travels: found, told from a lump, its cells as its sound speed wants them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from observer_rt.core.model.model import STEP
+from observer_rt.identification.fit.calibrate import Calibrated, calibrate, judged_by
+from observer_rt.identification.fit.problem import (
+    SAC,
+    STIFFNESS,
+    STRUCTURES,
+    Structure,
+    values_of,
+    with_values,
+)
+from observer_rt.identification.fit.search import FailedStructure
+from observer_rt.identification.likelihood.measurement import measurements
+from observer_rt.model.effective import coefficients
+from observer_rt.model.parameters import InjectorParameters, LineOutflow
+from tests.identification.fit.healthy import NOMINAL, of_independent_plant, off_by_ten_percent
+from tools.benchmarks.plant import record, wave_injector
+from tools.benchmarks.scoring import recording_of
+from tools.benchmarks.wave_plant import LINES, Variant, WaveLine, real_part
+from tools.benchmarks.wave_recordings import healthy_benches
+
+pytestmark = pytest.mark.slow  # compiles what only these tests call, or is a whole closed loop
+
+SMALL_SAC = with_values(NOMINAL, (SAC,), np.array([3e-9]))
+WAVES = tuple(one for one in STRUCTURES if one.line == "wave")
+
+
+@pytest.fixture(scope="module")
+def travelling() -> Calibrated:
+    """Six recordings of the benchmark's plant with 40 cells, drained by the seat into a sac of 3 mm3."""
+    found = measurements(of_independent_plant(wave_injector()))
+    return calibrate(off_by_ten_percent(SMALL_SAC), found, {}, lambda _: None)
+
+
+def test_waves_drained_by_the_seat_are_chosen_and_adequate(travelling: Calibrated) -> None:
+    assert travelling.fitted.structure.line == "wave"
+    assert travelling.fitted.structure.outflow is LineOutflow.SEAT
+    assert travelling.inadequate == ()
+    assert judged_by(travelling.choice.best).mean < 1.2
+
+
+def test_the_numbers_of_another_discretisation_are_near(travelling: Calibrated) -> None:
+    """Its end cell has a volume of its own, which is ours to some mm3: hence the stiffness to two percent."""
+    fitted = travelling.injector
+    assert fitted.fluid.bulk_modulus_line == pytest.approx(1.6e9, rel=0.02)
+    assert fitted.nozzle.flow_coefficient == pytest.approx(0.78, rel=0.005)
+    assert fitted.seat.flow_coefficient == pytest.approx(0.75, rel=0.02)
+    assert fitted.line.loss_factor == pytest.approx(8.0, rel=0.03)
+
+
+def fitted_to(plant: WaveLine) -> InjectorParameters:
+    """A plant that knows nothing of our cells, explained by waves drained by the seat."""
+    benches = [replace(one, line=plant) for one in healthy_benches(Variant.PLAIN, 1).values()]
+    found = measurements([recording_of(record(bench)) for bench in benches])
+    by_seat = [one for one in WAVES if one.outflow is LineOutflow.SEAT]
+    done = calibrate(SMALL_SAC, found, {}, lambda _: None, by_seat)
+    assert done.inadequate == ()
+    return done.injector
+
+
+@pytest.mark.slow
+def test_a_throttle_at_the_rail_is_found() -> None:
+    """An orifice of 2e14 Pa s2/m6 before the line."""
+    injector = fitted_to(LINES[Variant.PLAIN]._replace(inlet_loss=2e14))
+    line, density = injector.line, injector.fluid.density_line
+    assert line.wall_viscosity is None
+    assert line.inlet_loss_factor is not None
+    assert line.inlet_loss_factor * density / (2.0 * line.area**2) == pytest.approx(2e14, rel=0.05)
+
+
+@pytest.mark.slow
+def test_friction_at_the_wall_is_found_and_with_it_the_level() -> None:
+    """It adds inertance: without it the nozzle came out 3.6 % too large."""
+    injector = fitted_to(LINES[Variant.FRICTION])
+    assert injector.line.inlet_loss_factor is None
+    assert injector.line.wall_viscosity == pytest.approx(LINES[Variant.FRICTION].viscosity, rel=0.1)
+    nozzle = injector.nozzle.flow_coefficient * injector.nozzle.area
+    assert nozzle == pytest.approx(real_part(1).nozzle_area, rel=0.005)
+
+
+def test_a_lump_that_cannot_be_stepped_is_left_out_with_the_reason(travelling: Calibrated) -> None:
+    lumps = [one for one in travelling.choice.tried if one.structure.line == "lump"]
+    assert len(lumps) == 2
+    for one in lumps:
+        assert isinstance(one, FailedStructure)
+        assert "steps a sample" in one.reason
+
+
+@pytest.mark.parametrize("stiffness", [0.8e9, 1.2e9, 1.6e9, 2.0e9, 2.6e9])
+@pytest.mark.parametrize(
+    "structure", [one for one in STRUCTURES if one.line != "lump"], ids=lambda one: one.name
+)
+def test_cells_are_as_many_as_sound_allows(structure: Structure, stiffness: float) -> None:
+    injector = structure.of(with_values(NOMINAL, (STIFFNESS,), np.array([stiffness])))
+    line = coefficients(injector).line
+    assert line.strain(STEP) < 0.95
+    assert 0.6 < line.crossing * STEP < 1.0
+
+
+def test_a_structure_keeps_the_numbers_of_the_file() -> None:
+    for structure in STRUCTURES:
+        formed = structure.of(NOMINAL)
+        assert formed.line_outflow is structure.outflow
+        assert formed.line.model == structure.line
+        stated = [one for one in structure.free if one.stated(NOMINAL) is not None]
+        assert values_of(formed, stated).tolist() == values_of(NOMINAL, stated).tolist()

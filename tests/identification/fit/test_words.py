@@ -1,0 +1,81 @@
+"""What an inadequate fit says first is the most probable cause."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from observer_rt.desk.simulation.simulate import SimulatedNoise
+from observer_rt.files.signals.recording import Recording
+from observer_rt.identification.fit.calibrate import calibrate
+from observer_rt.identification.fit.problem import LOSS, NOZZLE, SAC, SEAT, STIFFNESS, STRUCTURES, with_values
+from observer_rt.identification.fit.report import oddities, verdict_words
+from observer_rt.identification.likelihood.measurement import measurements, openings_of
+from tests.identification.fit.healthy import NOMINAL, simulations
+
+
+def _late_lift(recording: Recording) -> Recording:
+    return replace(recording, needle_lift=np.roll(recording.needle_lift, 20))
+
+
+def _inverted(recording: Recording) -> Recording:
+    return replace(recording, line_pressure=2.0 * recording.line_pressure[0] - recording.line_pressure)
+
+
+def _interpolated(recording: Recording) -> Recording:
+    places = np.arange(recording.samples)
+    return replace(recording, line_pressure=np.interp(places, places[::5], recording.line_pressure[::5]))
+
+
+@pytest.mark.parametrize(
+    ("spoilt", "words"),
+    [
+        (_late_lift, "signals do not belong together"),
+        (_inverted, "signals do not belong together"),
+        (_interpolated, "not smoothed, interpolated"),
+    ],
+)
+def test_what_is_wrong_with_the_signals_is_said(spoilt: object, words: str) -> None:
+    assert callable(spoilt)
+    found = measurements([spoilt(one.recording) for one in simulations(((60e6, 0.6e-3), (100e6, 1.9e-3)))])
+    done = calibrate(NOMINAL, found, {}, lambda _: None, STRUCTURES[:1])
+    assert words in verdict_words(done)
+
+
+QUIET = SimulatedNoise(rail_pressure=0.01e6, line_pressure=0.015e6, needle_lift=0.04e-6)
+
+
+@pytest.mark.parametrize(("size", "is_adequate"), [(0.03e6, True), (0.6e6, False)])
+def test_what_a_better_sensor_shows_is_weighed_by_what_it_does_to_masses(
+    size: float, is_adequate: bool
+) -> None:
+    """The line rings a little at each opening, beyond every model: far above noise, whether it matters or not."""
+    found = measurements([_rung(one.recording, size) for one in simulations(noise=QUIET)])
+    done = calibrate(NOMINAL, found, {}, lambda _: None, STRUCTURES[:1])
+    assert done.above_gate
+    assert (not done.inadequate) is is_adequate
+    words = verdict_words(done)
+    assert words.startswith("adequate") is is_adequate
+    assert ("of the swing of the line pressure" in words) is is_adequate
+
+
+def _rung(recording: Recording, size: float) -> Recording:
+    """The line pressure with a ringing of 5 kHz after each opening [Pa]."""
+    line = recording.line_pressure.copy()
+    since = np.arange(150) / recording.sample_rate
+    for opening in openings_of(recording):
+        line[opening.first : opening.first + 150] += size * np.sin(2 * np.pi * 5e3 * since)
+    return replace(recording, line_pressure=line)
+
+
+def test_an_entry_far_from_the_truth_is_named() -> None:
+    """A line three times too long is fitted as well as the right one; masses are a third."""
+    line = NOMINAL.line.model_copy(update={"length": 3.0 * NOMINAL.line.length})
+    free = (STIFFNESS, LOSS, SEAT, NOZZLE, SAC)
+    scaled = np.array([3.0, 9.0, 1 / 3, 1 / 3, 1 / 3]) * [one.of(NOMINAL) for one in free]
+    file = with_values(NOMINAL.model_copy(update={"line": line}), free, scaled)
+    found = measurements([one.recording for one in simulations()])
+    done = calibrate(file, found, {}, lambda _: None, STRUCTURES[:1])
+    assert verdict_words(done).startswith("adequate")
+    assert "IMPLAUSIBLE: fluid.bulk_modulus_line" in verdict_words(done)
+    assert any("line.length is probably too long" in line for line in oddities(done))

@@ -1,0 +1,40 @@
+"""Noise of a restored lift in the innovations: found by what it does, and no error of a model."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from observer_rt.desk.simulation.simulate import SimulatedNoise
+from observer_rt.engine.estimation.phases import Phase
+from observer_rt.identification.likelihood.lift_noise import GRID, LiftNoise
+from observer_rt.identification.likelihood.likelihood import evidence_of
+from observer_rt.identification.likelihood.measurement import Measurement, measurements
+from observer_rt.model.effects import effective_model, sized
+from tests.identification.discovery.hidden import NOMINAL, recordings
+
+MODEL = effective_model(NOMINAL)
+LOUD = SimulatedNoise(line_pressure=2e4, needle_lift=1.5e-6)
+
+
+def test_what_is_found_is_the_variance_beyond_that_without_a_lag() -> None:
+    (measurement,) = measurements(recordings(points=((100e6, 1e-3),)))
+    noise = measurement.noise.needle_lift
+
+    def innovations(measurement: Measurement, lag: float) -> NDArray[np.float64]:
+        return (1.0 + lag / GRID) * measurement.recording.needle_lift / noise
+
+    found = LiftNoise(measurement, innovations)
+    assert np.mean(found.variance(2 * GRID)) == pytest.approx(9.0 - 1.0, rel=0.05)
+    assert np.mean(found.variance(2.5 * GRID)) == pytest.approx(0.5 * (9.0 + 16.0) - 1.0, rel=0.05)
+    assert not found.variance(0.0).any()
+
+
+def test_the_noise_of_a_restored_lift_speaks_less_against_the_model() -> None:
+    lag = sized("needle_lift_sensor_lag", tau=40e-6)
+    evidence = evidence_of(measurements(recordings((lag,), True, noise=LOUD)), MODEL)
+    judged = evidence.judge(lag.effect.apply(MODEL, lag.values))
+    assert judged is not None
+    for trial, one in zip(evidence.trials, judged, strict=True):
+        moving = (trial.phases == Phase.OPENING) | (trial.phases == Phase.CLOSING)
+        assert np.mean(one.z[moving] ** 2) < 2.0  # 3.0 were the lift taken to be as quiet as it was recorded
+        assert np.mean(one.rate_z**2) < 0.95  # 1.0 and 1.1, likewise

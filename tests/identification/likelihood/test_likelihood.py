@@ -1,0 +1,111 @@
+"""-2 log L of effective models on recordings of a simulated injector."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from observer_rt.identification.likelihood.likelihood import GAIN_ERROR, Evidence, evidence_of
+from observer_rt.identification.likelihood.measurement import measurements
+from observer_rt.identification.likelihood.open_loop import simulated
+from observer_rt.model.effect import SizedEffect
+from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.effects import effective_model, sized
+from tests.identification.discovery.hidden import NOMINAL, recordings
+
+NOMINAL_MODEL = effective_model(NOMINAL)
+HEALTHY = evidence_of(measurements(recordings(measured_rate=True)), NOMINAL_MODEL)
+
+
+def _statistic(evidence: Evidence, model: EffectiveModel = NOMINAL_MODEL) -> float:
+    residuals = evidence.residuals(model)
+    assert residuals is not None
+    return residuals.statistic
+
+
+def test_innovations_and_rate_residuals_of_the_true_model_are_white() -> None:
+    judged = HEALTHY.judge(NOMINAL_MODEL)
+    assert judged is not None
+    z = np.concatenate([one.z for one in judged])
+    rate = np.concatenate([one.rate_z for one in judged])
+    assert np.mean(z**2) == pytest.approx(1.0, abs=0.06)
+    assert np.mean(z[1:] * z[:-1]) == pytest.approx(0.0, abs=0.04)
+    assert np.mean(rate**2) == pytest.approx(1.0, abs=0.15)
+
+
+@pytest.mark.parametrize(
+    "hidden",
+    [
+        sized("orifice_area", v_H=0.05),
+        sized("lift_offset", x_0=15e-6),
+        sized("line_pressure_sensor_lag", tau=15e-6),
+        sized("channel_skew", d=13e-6),
+        sized("channel_skew", d=-24e-6),
+        sized("rail_pressure_sensor_gain", g=0.005),
+        sized("entrained_air", g=1e-3),
+        sized("chamber_pressure_rise", dp=5e6),
+    ],
+    ids=lambda effect: str(effect.effect.id),
+)
+def test_the_truth_explains_far_more_than_the_nominal_model(hidden: SizedEffect) -> None:
+    evidence = evidence_of(measurements(recordings((hidden,))), NOMINAL_MODEL)
+    true = effective_model(NOMINAL, (hidden,))
+    residuals = evidence.residuals(true)
+    assert residuals is not None
+    assert np.mean(residuals.z**2) == pytest.approx(1.0, abs=0.06)
+    assert residuals.statistic < _statistic(evidence) - 300.0
+
+
+def test_a_gain_error_of_the_rate_is_no_effect_within_its_prior() -> None:
+    scaled = [
+        replace(one, injection_rate=1.01 * one.injection_rate)
+        for one in recordings(measured_rate=True)
+        if one.injection_rate is not None
+    ]
+    evidence = evidence_of(measurements(scaled), NOMINAL_MODEL)
+    most = len(scaled) * (0.01 / GAIN_ERROR + 2.0) ** 2  # of each gain, two sigma of its own beside
+    assert _statistic(evidence) < _statistic(HEALTHY) + most
+
+
+def test_a_wrong_shape_of_the_rate_counts_in_full() -> None:
+    moved = [
+        replace(one, injection_rate=np.roll(one.injection_rate, 5))
+        for one in recordings(measured_rate=True)
+        if one.injection_rate is not None
+    ]
+    evidence = evidence_of(measurements(moved), NOMINAL_MODEL)
+    assert _statistic(evidence) > _statistic(HEALTHY) + 10_000.0
+
+
+def test_a_skew_beyond_the_margin_has_no_solution() -> None:
+    assert HEALTHY.residuals(effective_model(NOMINAL, (sized("channel_skew", d=300e-6),))) is None
+
+
+def test_the_statistic_is_smooth_across_whole_samples_of_skew() -> None:
+    evidence = evidence_of(measurements(recordings((sized("channel_skew", d=10e-6),))), NOMINAL_MODEL)
+    values = [
+        _statistic(evidence, effective_model(NOMINAL, (sized("channel_skew", d=d),)))
+        for d in np.linspace(9.96e-6, 10.04e-6, 9)
+    ]
+    assert np.abs(np.diff(values, 2)).max() < 1.0
+
+
+def test_what_is_stated_of_the_channels_is_known() -> None:
+    """Late and slow channels, of which the bench file says so, are explained by the model of the injector alone."""
+    channels = (
+        sized("rail_pressure_skew", d=8e-6),
+        sized("channel_skew", d=-17e-6),
+        sized("needle_lift_sensor_lag", tau=16e-6),
+        sized("line_pressure_sensor_lag", tau=9e-6),
+    )
+    found = [replace(one, stated=channels) for one in measurements(recordings(channels))]
+    by_effects = evidence_of([replace(one, stated=()) for one in found], effective_model(NOMINAL, channels))
+    known, alike = evidence_of(found, NOMINAL_MODEL), effective_model(NOMINAL, channels)
+    assert _statistic(known) == pytest.approx(_statistic(by_effects, alike), rel=1e-12)
+    assert _statistic(known) < _statistic(by_effects, NOMINAL_MODEL) - 1e3
+    judged = known.judge(NOMINAL_MODEL)
+    assert judged is not None
+    assert np.mean(np.concatenate([one.z for one in judged]) ** 2) == pytest.approx(1.0, abs=0.1)
+    shown = [one.line_pressure for m in found for one in simulated(m, NOMINAL_MODEL)]
+    alone = [one.line_pressure for m in found for one in simulated(replace(m, stated=()), alike)]
+    assert all(np.array_equal(a, b) for a, b in zip(shown, alone, strict=True))

@@ -1,0 +1,111 @@
+"""Recordings whose samples are means, as `fit` and `discover` compare them with models."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from observer_rt.config.injector import Meaning
+from observer_rt.files.signals.recording import Recording
+from observer_rt.identification.likelihood.likelihood import JudgedModel, evidence_of
+from observer_rt.identification.likelihood.measurement import Measurement, measurements
+from observer_rt.identification.likelihood.open_loop import mass, simulated
+from observer_rt.identification.likelihood.windows import TrueInputs
+from observer_rt.model.effect import SizedEffect
+from observer_rt.model.effective import InputTerms
+from observer_rt.model.effects import effective_model, sized
+from tests.identification.discovery.hidden import NOMINAL, recordings
+
+pytestmark = pytest.mark.slow  # compiles what only these tests call, or is a whole closed loop
+
+EVERY = 5  # samples of 100 kHz in a mean
+MODEL = effective_model(NOMINAL)
+C = MODEL.coefficients
+
+
+def means(recording: Recording, meaning: Meaning | None) -> Recording:
+    """Over the periods that end at every fifth sample."""
+
+    def averaged(signal: NDArray[np.float64]) -> NDArray[np.float64]:
+        between = 0.5 * (signal[1:] + signal[:-1])
+        whole = between[: between.size // EVERY * EVERY].reshape(-1, EVERY).mean(axis=1)
+        return np.append(signal[:1], whole)
+
+    rail, rate = averaged(recording.rail_pressure), recording.injection_rate
+    return Recording(
+        recording.time[::EVERY][: rail.size],
+        rail,
+        averaged(recording.needle_lift),
+        averaged(recording.line_pressure),
+        None if rate is None else averaged(rate),
+        meaning=meaning,
+    )
+
+
+@cache
+def measured(
+    meaning: Meaning | None, hidden: tuple[SizedEffect, ...] = (), rate: bool = False
+) -> tuple[Measurement, ...]:
+    return measurements([means(one, meaning) for one in recordings(hidden, measured_rate=rate)])
+
+
+def judged(meaning: Meaning | None, rate: bool = False) -> list[JudgedModel]:
+    found = evidence_of(measured(meaning, rate=rate), MODEL).judge(MODEL)
+    assert found is not None
+    return found
+
+
+def test_the_true_model_leaves_noise_alone() -> None:
+    right, wrong = (judged(meaning) for meaning in (Meaning.MEAN, None))
+    z, other = (np.concatenate([one.z for one in found]) for found in (right, wrong))
+    assert np.mean(z**2) == pytest.approx(1.0, abs=0.1)
+    assert np.abs(z).max() < 5.0
+    assert np.mean(other**2) - 1.0 > 2.0 * abs(np.mean(z**2) - 1.0)
+
+
+def test_a_measured_rate_is_a_mean_too() -> None:
+    right, wrong = (judged(meaning, rate=True) for meaning in (Meaning.MEAN, None))
+    rate, other = (np.concatenate([one.rate_z for one in found]) for found in (right, wrong))
+    assert np.mean(rate**2) < 1.6
+    assert np.mean(other**2) > 3.0 * np.mean(rate**2)
+
+
+def test_the_truth_explains_more_than_the_nominal_model() -> None:
+    for hidden in (sized("orifice_area", v_H=0.05), sized("channel_skew", d=30e-6)):
+        evidence = evidence_of(measured(Meaning.MEAN, (hidden,)), MODEL)
+        true, nominal = (evidence.residuals(m) for m in (effective_model(NOMINAL, (hidden,)), MODEL))
+        assert true is not None
+        assert nominal is not None
+        assert np.mean(true.z**2) == pytest.approx(1.0, abs=0.15)
+        assert true.statistic < nominal.statistic - 100.0
+
+
+def test_the_area_is_that_of_the_needle() -> None:
+    """Straight from knot to knot it comes to what 100 kHz show, with its feet where they were."""
+    (fine, *_), (slow, *_) = measurements(recordings()), measured(Meaning.MEAN)
+    expected = TrueInputs(fine, InputTerms(), C).area
+    inputs = TrueInputs(slow, InputTerms(), C)
+    knots = np.arange(inputs.area.size) + inputs.knots[:, 0]
+    place = np.asarray(np.sort(np.append(np.arange(inputs.area.size), knots)), np.float64)
+    area = np.column_stack([inputs.area, inputs.knots[:, 1]]).ravel().astype(np.float64)
+    found = np.interp(np.arange(expected.size) / EVERY, place, area)
+    assert np.abs(np.maximum(found, 0.0) - np.maximum(expected, 0.0)).max() < 0.06
+    total = np.maximum(expected, 0.0).sum()
+    assert np.maximum(found, 0.0).sum() == pytest.approx(total, rel=2e-3)
+
+
+def test_a_mass_is_that_at_100_khz() -> None:
+    for fine, slow in zip(measurements(recordings()), measured(Meaning.MEAN), strict=True):
+        density = C.density
+        for one, other in zip(simulated(fine, MODEL), simulated(slow, MODEL), strict=True):
+            assert mass(slow, other, density) == pytest.approx(mass(fine, one, density), rel=5e-3)
+
+
+def test_noise_is_added_to_what_keeps_its_meaning() -> None:
+    (found, *_) = measured(Meaning.MEAN)
+    assert found.means
+    assert replace(
+        found, recording=replace(found.recording, rail_pressure=found.recording.rail_pressure)
+    ).means

@@ -1,0 +1,67 @@
+"""A model run open loop through a recording."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from observer_rt.engine.estimation.gain import NoiseLevels as Levels
+from observer_rt.identification.likelihood.measurement import Measurement, measurements
+from observer_rt.identification.likelihood.open_loop import mass, measured_mass, noisier, simulated
+from observer_rt.model.effect import SizedEffect
+from observer_rt.model.effects import effective_model, sized
+from tests.identification.discovery.hidden import NOMINAL, recordings
+
+NOISE = Levels(rail_pressure=0.1e6, line_pressure=0.15e6, needle_lift=0.4e-6)
+
+
+def _noise_free(*effects: SizedEffect) -> list[Measurement]:
+    """Noise-free recordings, weighed as if they had the usual noise."""
+    found = measurements(recordings(effects, measured_rate=False, noise=None))
+    return [replace(one, noise=NOISE) for one in found]
+
+
+@pytest.mark.parametrize(
+    "hidden",
+    [
+        (),
+        (sized("orifice_area", v_H=0.2),),
+        (sized("line_pressure_sensor_lag", tau=40e-6),),
+        (sized("channel_skew", d=33e-6),),
+        (sized("channel_skew", d=-12e-6),),
+        (sized("line_pressure_sensor_offset", o=0.8e6),),
+        (sized("rail_pressure_sensor_gain", g=0.01),),
+    ],
+)
+def test_the_true_model_runs_along_the_measurement(hidden: tuple[SizedEffect, ...]) -> None:
+    model = effective_model(NOMINAL, hidden)
+    for measurement in _noise_free(*hidden):
+        for one in simulated(measurement, model):
+            missed = one.line_pressure - measurement.recording.line_pressure[one.samples]
+            assert np.sqrt(np.mean(missed**2)) < 0.05e6
+
+
+def test_the_nominal_model_misses_what_is_hidden() -> None:
+    for measurement in _noise_free(sized("orifice_area", v_H=0.2)):
+        for one in simulated(measurement, effective_model(NOMINAL)):
+            missed = one.line_pressure - measurement.recording.line_pressure[one.samples]
+            assert np.sqrt(np.mean(missed**2)) > 0.3e6
+
+
+def test_mass_of_the_true_model_is_the_measured_mass() -> None:
+    hidden = sized("orifice_area", v_H=0.2)
+    model = effective_model(NOMINAL, (hidden,))
+    density = model.coefficients.density
+    for measurement in measurements(recordings((hidden,), measured_rate=True)):
+        for one in simulated(measurement, model):
+            ours, measured = mass(measurement, one, density), measured_mass(measurement, one, density)
+            assert ours == pytest.approx(measured, rel=0.02)
+            assert 10e-6 < ours < 200e-6
+
+
+def test_noise_is_added_once_more() -> None:
+    (measurement, *_) = measurements(recordings())
+    more = noisier(measurement, seed=5)
+    added = more.recording.line_pressure - measurement.recording.line_pressure
+    assert np.std(added) == pytest.approx(measurement.noise.line_pressure, rel=0.05)
+    assert np.array_equal(noisier(measurement, seed=5).recording.needle_lift, more.recording.needle_lift)

@@ -1,0 +1,102 @@
+"""The rail pressure, smoothed and moved: equal noise at every delay, and no delay of a healthy injector's."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from observer_rt.identification.likelihood.likelihood import evidence_of
+from observer_rt.identification.likelihood.measurement import Measurement, measurements
+from observer_rt.identification.likelihood.windows import true_rail_pressure
+from observer_rt.model.effects import effective_model, sized
+from tests.identification.discovery.hidden import NOMINAL, recordings
+from tools.benchmarks.plant import Bench, Event, Needle, Shot, Surroundings, record
+from tools.benchmarks.plant_parameters import Faults, Injector
+from tools.benchmarks.scoring import recording_of
+
+STARTS = (0.02, 0.05, 0.08)
+MODEL = effective_model(NOMINAL)
+AT_REST = measurements(recordings(points=((100e6, 1.0e-3),)))[0]
+
+
+def _supply(time: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A rail that dips by 1.2 MPa with every injection, and ripples."""
+    rail = 0.2e6 * np.sin(2.0 * np.pi * 230.0 * time)
+    for start in STARTS:
+        after = np.maximum(time - start, 0.0)
+        rail -= 1.2e6 * np.minimum(after / 2e-3, 1.0) * np.exp(-np.maximum(after - 2e-3, 0.0) / 5e-3)
+        rail += 0.3e6 * np.sin(2.0 * np.pi * 900.0 * after) * np.exp(-after / 4e-3)
+    return rail
+
+
+def _moving(seed: int) -> tuple[Measurement, ...]:
+    found = []
+    for number, pressure in enumerate((60e6, 140e6)):
+        events = tuple(Event(pressure, (Shot(0.0, 1.2e-3),), Faults()) for _ in STARTS)
+        around = Surroundings(starts=STARTS, supply=(_supply,))
+        bench = Bench(Injector(), Needle(), events, seed=10 * seed + number, around=around)
+        found.append(recording_of(record(bench)))
+    return measurements(found)
+
+
+@pytest.fixture(scope="module")
+def moving() -> tuple[Measurement, ...]:
+    """A healthy injector, recorded where the rail moves."""
+    return _moving(3)
+
+
+@given(share=st.floats(0.0, 1.0))
+def test_as_much_noise_is_left_at_every_share_of_a_sample(share: float) -> None:
+    rng = np.random.default_rng(1)
+    rail = 1e8 + rng.normal(0.0, 1e5, AT_REST.recording.samples)
+    rail += np.where(np.arange(rail.size) < rail.size // 2, 0.0, 1e6)  # so that it counts as moving
+    noisy = replace(AT_REST, recording=replace(AT_REST.recording, rail_pressure=rail))
+    events = (replace(AT_REST.events[0], start=0, end=rail.size),)
+    part = slice(200, rail.size // 2 - 200)
+    levels = [
+        np.std(true_rail_pressure(replace(noisy, events=events), delay)[part])
+        for delay in (0.0, 1e-5 * share)
+    ]
+    assert levels[1] == pytest.approx(levels[0], rel=0.02)
+
+
+def test_a_parabola_passes_as_it_is_and_a_gap_beside_it_does_no_harm() -> None:
+    time = AT_REST.recording.time
+    parabola = 1e8 + 1e10 * time + 1e11 * time**2
+    moved = replace(AT_REST, recording=replace(AT_REST.recording, rail_pressure=parabola))
+    inside = slice(30, -30)
+    assert true_rail_pressure(moved, 0.0)[inside] == pytest.approx(parabola[inside], rel=1e-7)
+    parabola[100:103] = np.nan
+    assert np.isfinite(true_rail_pressure(moved, 13e-6)).all()
+
+
+def test_a_healthy_injector_s_rail_was_recorded_in_time(moving: tuple[Measurement, ...]) -> None:
+    """-2 log L over the delay is lowest at 0, within its interval, whatever the share of a sample."""
+    evidence = evidence_of(moving, MODEL)
+    delays = np.arange(-40.0, 40.1, 2.5)
+    statistic = []
+    for delay in delays:
+        effect = sized("rail_pressure_skew", d=1e-6 * delay)
+        residuals = evidence.residuals(effect.effect.apply(MODEL, effect.values))
+        assert residuals is not None
+        statistic.append(residuals.statistic)
+    gained = statistic[delays.size // 2] - np.array(statistic)
+    assert np.max(gained) < 9.0  # 3 standard deviations
+    assert np.max(gained[np.abs(delays) > 20.0]) < -9.0  # and far from it the rail tells
+
+
+def test_a_lag_undone_by_a_lead_explains_nothing(moving: tuple[Measurement, ...]) -> None:
+    """Together they only smooth what is predicted: with the noise told apart that is no gain."""
+    evidence = evidence_of(moving, MODEL)
+    before = evidence.residuals(MODEL)
+    assert before is not None
+    for tau in (2e-6, 5e-6, 8e-6, 13e-6):
+        model = MODEL
+        for effect in (sized("line_pressure_sensor_lag", tau=tau), sized("channel_skew", d=-tau)):
+            model = effect.effect.apply(model, effect.values)
+        after = evidence.residuals(model)
+        assert after is not None
+        assert before.statistic - after.statistic < 16.0

@@ -1,1 +1,0 @@
-"""The observer pair, its network, its learning and the published rate. Pure."""

@@ -297,8 +297,6 @@ cdef struct ObserverMemory:
     int64_t spikes
     int64_t bridged
     int64_t interpolated
-    int64_t lost
-    int64_t breaks
     int64_t numerical_resets
     int64_t doubtful_events  # judged
     double output[OUTPUTS][HIDDEN]

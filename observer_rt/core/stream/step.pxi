@@ -184,7 +184,6 @@ cdef void _begin_segment(Observer* observer, int64_t position) noexcept nogil:
     memory.rested = position
     memory.synchronised = False
     memory.unsynchronised_by = row.broken
-    memory.breaks += 1
 
 
 cdef void _move_needle(Observer* observer, int64_t position, bint opens) noexcept nogil:

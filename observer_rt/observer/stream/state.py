@@ -285,8 +285,6 @@ _OBSERVER = [
     ("spikes", np.int64),
     ("bridged", np.int64),
     ("interpolated", np.int64),
-    ("lost", np.int64),
-    ("breaks", np.int64),
     ("numerical_resets", np.int64),
     ("doubtful_events", np.int64),  # judged
 ]

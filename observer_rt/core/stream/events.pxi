@@ -1,11 +1,18 @@
 # Events (openings closer than the event gap), their injections, and the queue of events to be judged.
 
 
+cdef inline void shut_needle(Observer* observer, int64_t index) noexcept nogil:
+    """From the sample `index` on."""
+    observer.memory.needle_open = False
+    observer.memory.shut_since = index
+
+
 cdef void begin_injection(Observer* observer, int64_t position) noexcept nogil:
     """The needle opens at `position`: an injection begins, and an event with it unless one is under way."""
     memory = observer.memory
     timing = &observer.constants.timing
     row = &observer.ring[position & MASK]
+    memory.needle_open = True
     memory.opening = position
     memory.falls = 0
     if not memory.in_event:
@@ -48,10 +55,12 @@ cdef void part_events(Observer* observer, int64_t position) noexcept nogil:
 
 
 cdef void forget_opening(Observer* observer) noexcept nogil:
-    """The opening under way was none, nor its event where it has no other; another is not to be learned from."""
+    """The opening under way was none, nor its event where it has no other; another is not to be learned from.
+
+    Since when the needle is shut, whoever calls it says.
+    """
     memory = observer.memory
     memory.injections_begun -= 1
-    memory.needle_open = False
     if memory.opening == memory.event_opening:
         memory.event_number -= 1
         memory.in_event = False
@@ -121,9 +130,8 @@ cdef void break_event(Observer* observer, int64_t position) noexcept nogil:
         return
     if memory.needle_open:
         memory.event_learnable = False
-        memory.shut_since = observer.ring[position & MASK].index + 1
+        shut_needle(observer, observer.ring[position & MASK].index + 1)
     close_event(observer, position)
-    memory.needle_open = False
 
 
 cdef void note_closed_late(Observer* observer, int64_t index) noexcept nogil:

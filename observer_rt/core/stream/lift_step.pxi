@@ -24,7 +24,6 @@ cdef double BEFORE_OPENING = 0.6e-3  # s before an opening, within which a step 
 cdef double SUNK = 10e-6  # m below its summit, and ..
 cdef double SUNK_BANDS = 2.0  # .. so many dead bands: a needle closes
 cdef double START_LIMIT = LOWEST  # m, of a lift that may be the zero of a shut needle
-cdef double FURTHEST_ZERO = 40e-6  # m, of a zero that is followed
 cdef double MOST_BANDS = 2.0  # dead bands: what stays higher than that is no creep of the zero
 cdef double BEYOND_SEAT = LOWEST  # m, from which the needle must have come down
 
@@ -101,22 +100,6 @@ cdef inline void forget_step(Observer* observer, int64_t position) noexcept nogi
         shift_zero(observer, position + 1, -step)
 
 
-cdef void shift_zero(Observer* observer, int64_t begin, double step) noexcept nogil:
-    """The zero, and what it is worked out from, is another one by a step [m], within its limits.
-
-    It was at the samples from `begin` on, too, whose lift is known already.
-    """
-    memory = observer.memory
-    if not abs(memory.zero + step) <= FURTHEST_ZERO:
-        step = copysign(FURTHEST_ZERO, memory.zero + step) - memory.zero
-    memory.zero += step
-    memory.zero_mean += step
-    memory.zero_near += step
-    memory.zero_behind += step
-    for k in range(begin, memory.lifted):
-        observer.ring[k & MASK].lift -= step
-
-
 cdef inline bint lingers(Observer* observer, int64_t position) noexcept nogil:
     """Whether an open needle that is not recorded as shut may be at rest from shortly before `position` on."""
     memory = observer.memory
@@ -153,7 +136,6 @@ cdef bint come_to_rest(Observer* observer, int64_t position) noexcept nogil:
         row = &observer.ring[k & MASK]
         row.lift_area = 0.0
         row.seat_area = 0.0
-    memory.needle_open = False
-    memory.shut_since = observer.ring[begin & MASK].index
+    shut_needle(observer, observer.ring[begin & MASK].index)
     shift_zero(observer, position, level)
     return True

@@ -11,6 +11,7 @@ cdef enum:
     _BEGINNING = 1000  # samples; afterwards every second one is looked at
     _LOOK = 32  # of these after which dead band and crosstalk are worked out
 
+cdef double FURTHEST_ZERO = 40e-6  # m, of a zero that is followed
 cdef double NEAR = 0.1  # share by which a lift may differ from the highest so far and be that of the same stop
 cdef double ZERO_RATE = 800.0  # 1/s: share of a sample in the running zero over the sample interval
 cdef double NEAR_RATE = 1600.0  # 1/s
@@ -185,6 +186,22 @@ cdef inline void _move_on(Observer* observer, int64_t position) noexcept nogil:
         shift_zero(observer, memory.lifted, memory.zero_slope)
 
 
+cdef void shift_zero(Observer* observer, int64_t begin, double step) noexcept nogil:
+    """The zero, and what it is worked out from, is another one by a step [m], within its limits.
+
+    It was at the samples from `begin` on, too, whose lift is known already.
+    """
+    memory = observer.memory
+    if not abs(memory.zero + step) <= FURTHEST_ZERO:
+        step = copysign(FURTHEST_ZERO, memory.zero + step) - memory.zero
+    memory.zero += step
+    memory.zero_mean += step
+    memory.zero_near += step
+    memory.zero_behind += step
+    for k in range(begin, memory.lifted):
+        observer.ring[k & MASK].lift -= step
+
+
 cdef inline double _swing(Observer* observer, double line_pressure) noexcept nogil:
     """Line pressure about its running mean, which begins anew after a jump."""
     memory = observer.memory
@@ -286,7 +303,7 @@ cdef void look_at_start(Observer* observer, int64_t position) noexcept nogil:
         shift_zero(observer, start, lifts / count)
         observer.ring[position & MASK].lift_area = 0.0
         observer.ring[position & MASK].seat_area = 0.0
-    memory.shut_since = observer.ring[start & MASK].index - observer.constants.timing.settle
+    shut_needle(observer, observer.ring[start & MASK].index - observer.constants.timing.settle)
 
 
 cdef void look_at_opening(Observer* observer, int64_t position) noexcept nogil:
@@ -316,7 +333,7 @@ cdef void look_at_opening(Observer* observer, int64_t position) noexcept nogil:
     row = &observer.ring[position & MASK]
     row.lift_area = 0.0
     row.seat_area = 0.0
-    memory.shut_since = row.index
+    shut_needle(observer, row.index)
 
 
 cdef void look_at_rest(Observer* observer, int64_t position) noexcept nogil:
@@ -367,8 +384,7 @@ cdef void _shut_at_rest(Observer* observer, int64_t begin) noexcept nogil:
     memory = observer.memory
     if not memory.contradicted:
         memory.halted_in = memory.event_number + 1
-    memory.needle_open = False
-    memory.shut_since = observer.ring[begin & MASK].index
+    shut_needle(observer, observer.ring[begin & MASK].index)
     memory.event_learnable = False
     memory.event_doubtful = REASON_LIFT_ZERO
     _forget_crosstalk(observer)

@@ -29,8 +29,14 @@ cdef inline void watch(Observer* observer, double innovation, int64_t doubt) noe
     square = min(innovation * innovation * memory.innovation_weight, LARGEST)
     memory.surprise += (square - memory.surprise) / SURPRISE_MEMORY
     if memory.surprise > LIMIT and memory.synchronised and not memory.contradicted:
-        memory.contradicted = True
-        memory.contradicted_in = memory.event_number if memory.in_event else memory.event_number + 1
+        contradict(observer, memory.event_number if memory.in_event else memory.event_number + 1)
+
+
+cdef inline void contradict(Observer* observer, int64_t event) noexcept nogil:
+    """The model is contradicted, and no event before that number can tell otherwise."""
+    memory = observer.memory
+    memory.contradicted, memory.contradicted_at_rest = True, False
+    memory.contradicted_in = event
 
 
 cdef void end_contradiction(Observer* observer, bint is_resting, bint is_new) noexcept nogil:

@@ -178,8 +178,7 @@ cdef void _begin_segment(Observer* observer, int64_t position) noexcept nogil:
     row = &observer.ring[position & MASK]
     if row.broken != BREAK_JUMP:
         # the needle may have moved meanwhile: nothing is known of the sac
-        memory.shut_since = row.index
-        memory.needle_open = False
+        shut_needle(observer, row.index)
     memory.segment_start = position
     memory.rested = position
     memory.synchronised = False
@@ -192,13 +191,11 @@ cdef void _move_needle(Observer* observer, int64_t position, bint opens) noexcep
     row = &observer.ring[position & MASK]
     if opens:
         part_events(observer, position)
-        memory.needle_open = True
         open_from(observer, position)
         look_at_familiarity(observer, position)
         begin_injection(observer, position)
         if leaps_about(observer, position):
-            memory.contradicted, memory.contradicted_at_rest = True, False
-            memory.contradicted_in = memory.event_number
+            contradict(observer, memory.event_number)
         if stays_low(observer, position, STEPPED):
             memory.halted_in = memory.event_number
     elif memory.needle_open:
@@ -207,8 +204,7 @@ cdef void _move_needle(Observer* observer, int64_t position, bint opens) noexcep
             if lingers(observer, position):
                 come_to_rest(observer, position)
         elif not keep_sinking(observer, position):
-            memory.needle_open = False
-            memory.shut_since = row.index
+            shut_needle(observer, row.index)
     if memory.needle_open:
         row.lift_area = area_at(observer, position)
     else:

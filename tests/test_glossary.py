@@ -23,4 +23,6 @@ def test_places_are_there(page: str) -> None:
     assert len(found) > 20
     assert [path for path, _ in found if not any(PACKAGE.rglob(path))] == []
     named = [(PACKAGE / path, name) for path, name in found if name]
-    assert [f"{path}: {name}" for path, name in named if not re.search(rf"\b{name}\b", path.read_text())] == []
+    assert [
+        f"{path}: {name}" for path, name in named if not re.search(rf"\b{name}\b", path.read_text())
+    ] == []

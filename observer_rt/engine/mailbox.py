@@ -17,14 +17,14 @@ def begin_with(observer: Observer, knowledge: Knowledge, schedule: GainSchedule)
     """Carry what is known at the start."""
     _write(observer, 0, knowledge, schedule, EVERYWHERE)
     observer.stream.carry_on(0)
-    observer.memory["innovation_sigma"] = schedule.innovation_sigma
-    observer.memory["familiar"] = True
+    observer.memory["innovation_noise"]["sigma"] = schedule.innovation_sigma
+    observer.memory["operating_point"]["in_learned_range"] = True
     observer.stream.expect(0.0)
 
 
 def has_room(observer: Observer, number: int) -> bool:
     """Whether a verdict may be posted on the `number`-th closed event (0, 1, ..): those before it have been taken."""
-    return number < int(observer.memory["events_taken"][0]) + SLOTS
+    return number < int(observer.memory[0]["judgement"]["events_taken"]) + SLOTS
 
 
 def post_examined(
@@ -72,7 +72,7 @@ def judge(
     observer: Observer, objections: Sequence[Objection], outcome: Outcome | None, is_coloured: bool = False
 ) -> None:
     """Judge the oldest closed event now."""
-    number = int(observer.memory["events_taken"][0])
+    number = int(observer.memory[0]["judgement"]["events_taken"])
     if outcome is None:
         post_examined(observer, number, objections, is_coloured)
     else:
@@ -113,14 +113,15 @@ def _write(
     learned = learned_of(knowledge.in_force, constants.coefficients, knowledge.scalars)
     verdict = observer.verdicts.slots[slot]
     observer.verdicts.theta[slot] = knowledge.in_force
-    verdict["output"] = learned.network.output
-    verdict["bias"] = learned.network.bias
-    verdict["back_pressure"] = learned.network.back_pressure
-    verdict["rail_from"], verdict["rail_to"], verdict["filled_to"] = known
-    verdict["learned_offset"] = constants.sensor.offset + learned.offset
-    verdict["lag"] = constants.sensor.lag + learned.lag
+    carried = verdict["carried"]
+    carried["output"] = learned.network.output
+    carried["bias"] = learned.network.bias
+    carried["back_pressure"] = learned.network.back_pressure
+    carried["rail_from"], carried["rail_to"], carried["filled_to"] = known
+    carried["learned_offset"] = constants.sensor.offset + learned.offset
+    carried["lag"] = constants.sensor.lag + learned.lag
     line = learned.coefficients.line
-    verdict["line"][: len(line)] = line
+    carried["line"][: len(line)] = line
     noise, scale = knowledge.noise, constants.coefficients.pressure_scale
     verdict["noise"] = noise.rail_pressure / scale, noise.needle_lift, noise.line_pressure / scale
     observer.verdicts.gains[slot] = schedule.gains

@@ -32,12 +32,12 @@ from observer_rt.engine.stream.front_end import (
     toe_samples,
     undoing_of,
 )
+from observer_rt.engine.stream.memory import MEMORY
 from observer_rt.engine.stream.standstill import Standstill, standstill_of
 from observer_rt.engine.stream.state import (
     CHANNEL,
     EVENT,
     INJECTION,
-    MEMORY,
     SAMPLE,
     Constants,
     Observer,
@@ -157,23 +157,21 @@ def make_observer(
     stepper = _bound_stepper(stream, constants, phi.carried(verdicts.phi))
     observer = Observer(constants, *lent, phi, verdicts, stream, stepper)
     memory = observer.memory[0]
-    memory["hidden"] = zero_network().hidden
-    memory["phi_version"] = knowledge.phi_version
-    memory["healthy_variance"] = healthy.live_variance
-    scale = constants.coefficients.pressure_scale
-    noise = knowledge.noise
-    memory["stated_noise"] = noise.rail_pressure / scale, noise.line_pressure / scale, noise.needle_lift
-    memory["lift_on"], memory["lift_off"] = dead_band(
-        noise.needle_lift * noise_gain(constants.undoing.lift_lag)
-    )
-    lift = knowledge.lift
-    for mean in ("zero", "zero_mean", "zero_near", "zero_behind"):
-        memory[mean] = lift.zero
-    memory["quick_squares"] = lift.wander**2
-    memory["crosstalk"] = lift.crosstalk * scale
-    memory["offset_moves"] = knowledge.colour is None
-    memory["stepped"] = LONG_PAST
-    memory["waits_for_verdicts"] = True
+    prior, judgement, resting = memory["prior"], memory["judgement"], memory["resting_lift"]
+    scale, noise, lift = constants.coefficients.pressure_scale, knowledge.noise, knowledge.lift
+    prior["hidden"] = zero_network().hidden
+    prior["healthy_variance"] = healthy.live_variance
+    prior["stated_noise"] = noise.rail_pressure / scale, noise.line_pressure / scale, noise.needle_lift
+    judgement["phi_version"] = knowledge.phi_version
+    judgement["offset_moves"] = knowledge.colour is None
+    memory["dead_band"] = dead_band(noise.needle_lift * noise_gain(constants.undoing.lift_lag))
+    resting["zero"] = lift.zero
+    resting["quick_squares"] = lift.wander**2
+    resting["crosstalk"] = lift.crosstalk * scale
+    for mean in ("mean", "near", "behind"):
+        memory["lift_zero"][mean] = lift.zero
+    memory["lift_step"]["stepped"] = LONG_PAST
+    memory["mode"]["waits_for_verdicts"] = True
     begin_with(observer, knowledge, learner.schedule)
     return observer
 
@@ -251,17 +249,18 @@ def samples_at(observer: Observer, start: int, end: int) -> NDArray[np.void]:
 
 def event_innovations(observer: Observer, number: int) -> Innovations:
     """Innovations of the live x~ over the learning window of a closed event, copied."""
-    memory = observer.memory[0]
+    noise = observer.memory[0]["innovation_noise"]
     start, end = _window_of(observer, observer.events[number % PENDING_EVENTS])
     innovations = remembered(observer.ring["innovation"], start, end)
-    return Innovations(innovations.copy(), float(memory["innovation_sigma"]))
+    return Innovations(innovations.copy(), float(noise["sigma"]))
 
 
 def _window_of(observer: Observer, event: np.void) -> tuple[int, int]:
     """Positions [start, end) of an event's samples whose line pressure is known."""
     late = observer.constants.sensor.late
     start = max(int(event["window_start"]), -late)
-    return start, min(int(event["window_end"]) + 1, int(observer.memory[0]["received"]) - max(late, 0))
+    received = int(observer.memory[0]["positions"]["received"])
+    return start, min(int(event["window_end"]) + 1, received - max(late, 0))
 
 
 def event_standstill(observer: Observer, number: int) -> Standstill:
@@ -270,7 +269,7 @@ def event_standstill(observer: Observer, number: int) -> Standstill:
     Not what is known when somebody asks: that depends on how many samples a frame carries.
     """
     event = observer.events[number % PENDING_EVENTS]
-    stated = observer.memory[0]["stated_noise"]
+    stated = observer.memory[0]["prior"]["stated_noise"]
     return standstill_of(event, observer.constants.coefficients.pressure_scale, stated)
 
 
@@ -279,7 +278,7 @@ def was_shut(observer: Observer, begin: float, end: float) -> bool:
 
     The legal pauses of a windowed source count as processed.
     """
-    processed = int(observer.memory["processed"][0])
+    processed = int(observer.memory[0]["positions"]["processed"])
     if processed == 0:
         return False
     newest = int(observer.ring[(processed - 1) % RING]["index"])

@@ -141,7 +141,7 @@ class Pumped:
         bench = load_bench(path)
         bus = map_bus(bench)
         self.core, self.arrivals, self.unsent = Core(bench.injector, bus), Arrivals(bus), list[int]()
-        self.core.compiled.observer.memory["waits_for_verdicts"] = waits_for_verdicts
+        self.core.compiled.observer.memory["mode"]["waits_for_verdicts"] = waits_for_verdicts
         self.pump = FramePump([link], self.core, bus, self.arrivals, self.unsent.append)
 
     def serve_until_taken(self, frames: int) -> list[OutputFrame]:

@@ -44,7 +44,7 @@ def _push_all(
     between: tuple[float, float],
 ) -> None:
     """Samples from an index on into the ring of recorded ones, and taken in; between: shares of lift and rail."""
-    recorded = int(observer.memory[0]["recorded"])
+    recorded = int(observer.memory[0]["positions"]["recorded"])
     places = np.arange(recorded, recorded + rail.size) % RECORDED_RING
     rows = np.zeros(rail.size, RECORDED)
     rows["index"] = index + np.arange(rail.size)
@@ -82,7 +82,7 @@ class Stream:
         self.learner = Learner(constants, knowledge)
         self.observer: Observer = make_observer(constants, knowledge, self.learner)
         if not self.learning:  # the pressures are made up: nothing shall contradict them
-            self.observer.memory["innovation_weight"] = 0.0
+            self.observer.memory["innovation_noise"]["weight"] = 0.0
         self._kept: list[NDArray[np.void]] = []
         self._seen = 0
         self._next_index = 0
@@ -130,7 +130,7 @@ class Stream:
 
     def finish(self) -> "Stream":
         """No sample will come."""
-        self.observer.memory["draining"] = True
+        self.observer.memory["mode"]["draining"] = True
         self._advance()
         return self
 
@@ -142,14 +142,14 @@ class Stream:
     @property
     def injections(self) -> NDArray[np.void]:
         """Injections begun, in order."""
-        begun = int(self.observer.memory["injections_begun"][0])
+        begun = int(self.observer.memory[0]["counts"]["injections_begun"])
         assert begun <= INJECTIONS
         records: NDArray[np.void] = self.observer.injections[:begun]
         return records
 
-    def count(self, name: str) -> int:
+    def count(self, owner: str, name: str) -> int:
         """A counter of the observer's memory."""
-        return int(self.observer.memory[name][0])
+        return int(self.observer.memory[0][owner][name])
 
     @property
     def standstill(self) -> Standstill:
@@ -159,10 +159,10 @@ class Stream:
     def _advance(self) -> None:
         while self.observer.stream.advance():
             self._keep()
-            position = self.count("processed")
+            position = self.count("positions", "processed")
             waiting_index = int(self.observer.ring[position % RING]["index"])
-            self.judged.append(waiting_index if position < self.count("received") else -1)
-            number = self.count("events_taken")
+            self.judged.append(waiting_index if position < self.count("positions", "received") else -1)
+            number = self.count("judgement", "events_taken")
             window = event_window(self.observer, number) if self.learning else None
             outcome = None
             if window is not None:
@@ -174,7 +174,7 @@ class Stream:
         self._keep()
 
     def _keep(self) -> None:
-        processed = self.count("processed")
+        processed = self.count("positions", "processed")
         if self.keep:
             self._kept.append(samples_at(self.observer, self._seen, processed))
         self._seen = processed
@@ -212,5 +212,5 @@ def beside_rest(
     line = RAIL + random.normal(0.0, NOISE.line_pressure, lift.size)
     line[since:] -= fall
     stream = Stream(events_required=0)
-    stream.observer.memory["innovation_weight"] = innovation_weight
+    stream.observer.memory["innovation_noise"]["weight"] = innovation_weight
     return stream.feed(rail, lift, line)

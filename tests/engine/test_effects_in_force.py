@@ -128,7 +128,7 @@ def test_ramps_are_extended_to_where_the_needle_leaves_and_meets_its_seat(
     )
     # to a fifth of a sample of the ramp
     np.testing.assert_allclose(found, expected, atol=0.2 * expected.max() * rise / lift.max())
-    assert stream.count("injections_begun") == known.count("injections_begun") == 1
+    assert stream.count("counts", "injections_begun") == known.count("counts", "injections_begun") == 1
 
 
 def test_noise_behind_the_recorded_end_of_a_ramp_is_no_part_of_it() -> None:
@@ -152,5 +152,5 @@ def test_a_needle_that_does_not_open_has_no_toe() -> None:
     for _ in range(20):
         pressure = np.full(10_000, RAIL)
         stream.feed(pressure, random.normal(0.0, 0.4 * UM, 10_000), pressure)
-    assert stream.count("event_number") == 0
+    assert stream.count("event", "number") == 0
     assert not (stream.rows["seat_area"] > 0.0).any()

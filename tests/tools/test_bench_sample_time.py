@@ -20,13 +20,13 @@ def test_the_observer_timed_injects_with_all_it_can_have_learned() -> None:
     run_samples(observer, shut, 0)
     run_samples(observer, opened, BLOCK)
     memory, row = observer.memory[0], observer.ring[(2 * BLOCK - 100) % RING]
-    assert memory["processed"] > 2 * BLOCK - 10
-    assert memory["needle_open"]
+    assert memory["positions"]["processed"] > 2 * BLOCK - 10
+    assert memory["needle"]["is_open"]
     assert row["injection_rate"] > 30e-6
     assert abs(row["phi"][0]) > 0.0
     assert observer.ring[BLOCK - 100]["injection_rate"] == 0.0
-    assert memory["lag"] != 0.0
-    assert memory["offset"] != 0.0
-    line = observer.constants.coefficients.line
-    changed = dict(zip(line._fields, memory["line"][: len(line)] != np.array(line), strict=True))
+    assert memory["in_force"]["lag"] != 0.0
+    assert memory["pair"]["offset"] != 0.0
+    line, learned = observer.constants.coefficients.line, memory["in_force"]["line"]
+    changed = dict(zip(line._fields, learned[: len(line)] != np.array(line), strict=True))
     assert all(changed[name] for name in ("a1", "a4", "leak", "air"))  # stiffness, friction, leakage, air

@@ -37,7 +37,7 @@ cdef void take_inputs(
 cdef void _grow_older(InputMemory* heard, Observer* observer) noexcept nogil:
     """Time is that of the samples, whose index may begin anew."""
     memory = heard.memory
-    received = observer.memory.received
+    received = observer.memory.positions.received
     if received == 0:
         return
     index = observer.ring[(received - 1) & MASK].index
@@ -70,13 +70,13 @@ cdef void _read(
         newest.left = row.timeout * samples
         memory.is_assumed &= 1 if row.role != FUEL_TEMPERATURE else 0
     else:
-        begun = stream.injections_begun
+        begun = stream.counts.injections_begun
         is_under_way = begun > 0 and observer.injections[(begun - 1) % INJECTIONS].end < 0
         reading = &heard.readings[memory.came % READINGS]
         reading.row = n
         reading.stamp = stamp
         reading.follows = newest.follows
-        reading.processed = stream.processed
+        reading.processed = stream.positions.processed
         reading.closed = begun - (1 if is_under_way else 0)
         newest.follows = True
         memory.came += 1  # last: from here on Python may read it
@@ -87,7 +87,7 @@ cdef void _take_effect(InputMemory* heard, const Inputs* inputs, Observer* obser
 
     The model changes outside events only; nothing is valid while the fuel is not known.
     """
-    cdef bint is_known, is_in_force, is_near, is_too_soon
+    cdef bint is_known, is_in_force, is_near, is_too_soon, is_fuel_known
     memory, stream = heard.memory, observer.memory
     for n in range(heard.newest_count):
         value = heard.newest[n].value if heard.newest[n].left > 0.0 else NAN
@@ -98,5 +98,6 @@ cdef void _take_effect(InputMemory* heard, const Inputs* inputs, Observer* obser
             is_known, is_in_force = not isnan(value), not isnan(memory.fuel_temperature)
             is_near = abs(value - memory.fuel_temperature) < KELVIN_STEP
             is_too_soon = memory.since_change * observer.constants.interval < PERIOD
-            memory.is_due = is_known and not (is_near or is_too_soon or stream.in_event)
-            stream.doubted = REASON_NONE if memory.is_assumed or (is_known and is_in_force) else REASON_INPUT_STALE
+            memory.is_due = is_known and not (is_near or is_too_soon or stream.event.in_event)
+            is_fuel_known = memory.is_assumed or (is_known and is_in_force)
+            stream.input_fault = REASON_NONE if is_fuel_known else REASON_INPUT_STALE

@@ -92,7 +92,7 @@ cdef void _take(Pipeline* pipeline, int64_t number, const uint8_t* payload, int6
     receiver.last_counter[number] = counter
     decide(&pipeline.alignment)
     decided = pipeline.alignment.memory.decided
-    if decided > pipeline.observer.memory.recorded:
+    if decided > pipeline.observer.memory.positions.recorded:
         take_recorded(pipeline.observer, decided, doubt_of(&pipeline.keeping))
 
 

@@ -17,7 +17,7 @@ cdef void publish(Publisher* publisher, Observer* observer) noexcept nogil:
     if samples == 0:
         return
     rates = publisher.values + (publisher.signals - samples)
-    while memory.published < observer.memory.processed:
+    while memory.published < observer.memory.positions.processed:
         row = &observer.ring[memory.published & MASK]
         if memory.filled > 0 and (row.broken == BREAK_RESTART or row.index >= memory.block_start + samples):
             flush(publisher)

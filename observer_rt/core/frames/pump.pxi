@@ -360,7 +360,7 @@ cdef int64_t now(int clock) noexcept nogil:
 cdef void _wake_python(Pumped* pump, Observer* observer, int wake) noexcept nogil:
     """Wake Python when something happened that it waits for."""
     cdef uint64_t once = 1
-    cdef int64_t number, reported = observer.memory.events_closed + observer.memory.events_taken
+    cdef int64_t number, reported = observer.memory.counts.events_closed + observer.memory.judgement.events_taken
     for number in range(pump.bus_count):
         reported += pump.buses[number].errors + (1 if pump.buses[number].failure != 0 else 0)
     if reported != pump.memory.reported:

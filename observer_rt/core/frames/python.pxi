@@ -243,7 +243,7 @@ cdef class FramePath:
         cdef const uint8_t* payload = &data[0] if data.shape[0] else NULL
         cdef bint waits = False, is_over
         p = &self.pipeline
-        closed = p.observer.memory.events_closed
+        closed = p.observer.memory.counts.events_closed
         _require(stamps.shape[0] >= keys.shape[0] and starts.shape[0] > keys.shape[0], "frames")
         with nogil:
             number, is_over = first, False
@@ -252,7 +252,7 @@ cdef class FramePath:
                 number += 1
                 is_over = (
                     waits
-                    or p.observer.memory.events_closed != closed
+                    or p.observer.memory.counts.events_closed != closed
                     or p.publisher.memory.frames >= full
                     or p.heard.memory.looks_at_each
                     or p.heard.memory.came != p.heard.memory.read

@@ -1,32 +1,41 @@
 # Events (openings closer than the event gap), their injections, and the queue of events to be judged.
 
 
+cdef inline void shut_needle(Observer* observer, int64_t index) noexcept nogil:
+    """From the sample `index` on."""
+    observer.memory.needle.is_open = False
+    observer.memory.needle.shut_since = index
+
+
 cdef void begin_injection(Observer* observer, int64_t position) noexcept nogil:
     """The needle opens at `position`: an injection begins, and an event with it unless one is under way."""
     memory = observer.memory
+    needle, under_way, counts = &memory.needle, &memory.event, &memory.counts
+    positions, in_force = &memory.positions, &memory.in_force
     timing = &observer.constants.timing
     row = &observer.ring[position & MASK]
-    memory.opening = position
-    memory.falls = 0
-    if not memory.in_event:
-        memory.in_event = True
-        memory.event_number += 1
-        memory.event_opening = position
-        memory.event_learnable = memory.synchronised
-        memory.event_doubtful = 0
-    if memory.injections_begun - memory.injections_reported == INJECTIONS:
-        memory.injections_reported += 1
-    injection = &observer.injections[memory.injections_begun % INJECTIONS]
-    memory.injections_begun += 1
-    injection.number = memory.injections_begun
-    injection.event = memory.event_number
-    injection.start = max(position - timing.window_lead, memory.segment_start)
+    needle.is_open = True
+    needle.opening = position
+    memory.monitor.falls = 0
+    if not under_way.in_event:
+        under_way.in_event = True
+        under_way.number += 1
+        under_way.opening = position
+        under_way.learnable = memory.synchronisation.synchronised
+        under_way.fault = 0
+    if counts.injections_begun - counts.injections_reported == INJECTIONS:
+        counts.injections_reported += 1
+    injection = &observer.injections[counts.injections_begun % INJECTIONS]
+    counts.injections_begun += 1
+    injection.number = counts.injections_begun
+    injection.event = under_way.number
+    injection.start = max(position - timing.window_lead, positions.segment_start)
     injection.end = -1
     injection.start_index = observer.ring[injection.start & MASK].index
     injection.opening_index = row.index
-    injection.opening_seen = position > memory.segment_start
+    injection.opening_seen = position > positions.segment_start
     injection.rail_pressure = row.rail_pressure
-    injection.known_from, injection.known_to = memory.rail_from, memory.rail_to
+    injection.known_from, injection.known_to = in_force.rail_from, in_force.rail_to
 
 
 cdef void part_events(Observer* observer, int64_t position) noexcept nogil:
@@ -38,39 +47,44 @@ cdef void part_events(Observer* observer, int64_t position) noexcept nogil:
     """
     cdef bint is_at_rest, is_first, is_over
     memory = observer.memory
+    under_way = &memory.event
     timing = &observer.constants.timing
-    lasted = position - memory.event_opening
-    is_at_rest = observer.ring[position & MASK].index - memory.shut_since > timing.settle
-    is_first = memory.events_closed < observer.constants.events_required
+    lasted = position - under_way.opening
+    is_at_rest = observer.ring[position & MASK].index - memory.needle.shut_since > timing.settle
+    is_first = memory.counts.events_closed < observer.constants.events_required
     is_over = is_at_rest and (is_first or lasted >= timing.event_gap)
-    if memory.in_event and (lasted > MAX_EVENT or is_over):
+    if under_way.in_event and (lasted > MAX_EVENT or is_over):
         close_event(observer, position - 1)
 
 
 cdef void forget_opening(Observer* observer) noexcept nogil:
-    """The opening under way was none, nor its event where it has no other; another is not to be learned from."""
+    """The opening under way was none, nor its event where it has no other; another is not to be learned from.
+
+    Since when the needle is shut, whoever calls it says.
+    """
     memory = observer.memory
-    memory.injections_begun -= 1
-    memory.needle_open = False
-    if memory.opening == memory.event_opening:
-        memory.event_number -= 1
-        memory.in_event = False
+    under_way = &memory.event
+    memory.counts.injections_begun -= 1
+    if memory.needle.opening == under_way.opening:
+        under_way.number -= 1
+        under_way.in_event = False
     else:
-        memory.event_learnable = False
+        under_way.learnable = False
 
 
 cdef void follow_injection(Observer* observer, int64_t position) noexcept nogil:
     """At a processed sample: end the injection's window when its tail is over, the event when its gap is."""
     memory = observer.memory
+    needle, counts = &memory.needle, &memory.counts
     timing = &observer.constants.timing
-    if not memory.in_event:
+    if not memory.event.in_event:
         return
-    if memory.needle_open:
-        _end_window(observer, memory.injections_begun - 2, position)  # if its tail reaches into this opening
+    if needle.is_open:
+        _end_window(observer, counts.injections_begun - 2, position)  # if its tail reaches into this opening
         return
-    shut_for = observer.ring[position & MASK].index - memory.shut_since
+    shut_for = observer.ring[position & MASK].index - needle.shut_since
     if shut_for >= timing.window_tail:
-        _end_window(observer, memory.injections_begun - 1, position)
+        _end_window(observer, counts.injections_begun - 1, position)
     if shut_for >= timing.event_gap:
         close_event(observer, position)
 
@@ -79,63 +93,55 @@ cdef void close_event(Observer* observer, int64_t position) noexcept nogil:
     """The event ends; `position` is the last sample of its learning window. It waits to be judged."""
     cdef bint long_enough
     memory = observer.memory
+    counts, under_way, needle = &memory.counts, &memory.event, &memory.needle
     timing = &observer.constants.timing
-    _end_window(observer, memory.injections_begun - 1, position)
+    _end_window(observer, counts.injections_begun - 1, position)
     forget_other_noise(observer)
-    memory.in_event = False
-    event = &observer.events[memory.events_closed % PENDING_EVENTS]
-    event.number = memory.event_number
-    shut_at = min(memory.shut_since + timing.event_gap, observer.ring[position & MASK].index)
+    under_way.in_event = False
+    event = &observer.events[counts.events_closed % PENDING_EVENTS]
+    event.number = under_way.number
+    shut_at = min(needle.shut_since + timing.event_gap, observer.ring[position & MASK].index)
     event.due_index = shut_at + timing.learning_delay
-    event.opening = memory.event_opening
-    event.window_start = max(memory.event_opening - timing.learning_lead, memory.segment_start)
+    event.opening = under_way.opening
+    event.window_start = max(under_way.opening - timing.learning_lead, memory.positions.segment_start)
     event.window_end = position
-    long_enough = position - memory.event_opening >= timing.learning_lead
+    long_enough = position - under_way.opening >= timing.learning_lead
     event.learnable = (
-        memory.event_learnable
-        and not memory.needle_open
+        under_way.learnable
+        and not needle.is_open
         and long_enough
         and position - event.window_start < MAX_EVENT
     )
-    event.doubtful = memory.event_doubtful
+    event.fault = under_way.fault
     event.closed_index = observer.ring[position & MASK].index
-    event.judged_before = memory.events_judged
-    event.injections = memory.injections_begun
-    event.rest_count = memory.rest_count
-    event.offset_sum = memory.offset_sum
-    event.difference_count = memory.difference_count
-    event.rail_squares = memory.rail_squares
-    event.line_squares = memory.line_squares
-    event.lift_count = memory.lift_count
-    event.lift_variance = memory.lift_variance
-    event.zero = memory.zero
-    event.quick_squares = memory.quick_squares
-    event.crosstalk = memory.crosstalk
-    memory.events_closed += 1  # last: from here on others may read it
+    event.judged_before = memory.judgement.events_judged
+    event.injections = counts.injections_begun
+    event.standstill = memory.standstill
+    event.resting_lift = memory.resting_lift
+    counts.events_closed += 1  # last: from here on others may read it
 
 
 cdef void break_event(Observer* observer, int64_t position) noexcept nogil:
     """The stream breaks after `position`: an event under way ends here, unlearnable if the needle was open."""
     memory = observer.memory
-    if not memory.in_event:
+    under_way = &memory.event
+    if not under_way.in_event:
         return
-    if memory.needle_open:
-        memory.event_learnable = False
-        memory.shut_since = observer.ring[position & MASK].index + 1
+    if memory.needle.is_open:
+        under_way.learnable = False
+        shut_needle(observer, observer.ring[position & MASK].index + 1)
     close_event(observer, position)
-    memory.needle_open = False
 
 
 cdef void note_closed_late(Observer* observer, int64_t index) noexcept nogil:
     """That the last event was over, only the sample `index` showed."""
-    memory = observer.memory
-    observer.events[(memory.events_closed - 1) % PENDING_EVENTS].closed_index = index
+    observer.events[(observer.memory.counts.events_closed - 1) % PENDING_EVENTS].closed_index = index
 
 
 cdef void make_all_due(Observer* observer) noexcept nogil:
     """Judge the waiting events at once: the index they were due at will not come, or no sample will."""
     memory = observer.memory
-    for i in range(memory.events_taken, memory.events_closed):
+    for i in range(memory.judgement.events_taken, memory.counts.events_closed):
         observer.events[i % PENDING_EVENTS].due_index = -1
 
 
@@ -147,15 +153,15 @@ cdef bint judgement_due(Observer* observer, int64_t index) noexcept nogil:
     """
     cdef bint is_at_rest
     memory = observer.memory
-    is_at_rest = not memory.needle_open and index - memory.shut_since > observer.constants.timing.settle
-    if memory.in_event and memory.synchronised and not is_at_rest:
+    needle = &memory.needle
+    is_at_rest = not needle.is_open and index - needle.shut_since > observer.constants.timing.settle
+    if memory.event.in_event and memory.synchronisation.synchronised and not is_at_rest:
         return False
-    return observer.events[memory.events_taken % PENDING_EVENTS].due_index <= index
+    return observer.events[memory.judgement.events_taken % PENDING_EVENTS].due_index <= index
 
 
 cdef void _end_window(Observer* observer, int64_t injections_before, int64_t position) noexcept nogil:
     """Integrate an injection up to the processed sample `position` if its window is still open: trapezoidal rule."""
-    memory = observer.memory
     if injections_before < 0:
         return
     injection = &observer.injections[injections_before % INJECTIONS]
@@ -163,7 +169,7 @@ cdef void _end_window(Observer* observer, int64_t injections_before, int64_t pos
         return
     injection.end = position
     injection.end_index = observer.ring[position & MASK].index
-    injection.phi_version = memory.phi_version
+    injection.phi_version = observer.memory.judgement.phi_version
     injection.state = observer.ring[position & MASK].state
     place = ((injection.start + position) // 2) & MASK
     middle = &observer.ring[place]

@@ -30,9 +30,9 @@ cdef double opening_band(double lift_noise) noexcept nogil:
 
 cdef int64_t known(Observer* observer, int64_t position) noexcept nogil:
     """How many samples after `position` are received and follow it without a break (at most the look-ahead)."""
-    memory = observer.memory
-    count = min(memory.received - 1 - position, observer.constants.timing.lookahead)
-    if memory.newest_break <= position:
+    positions = &observer.memory.positions
+    count = min(positions.received - 1 - position, observer.constants.timing.lookahead)
+    if positions.newest_break <= position:
         return count
     for ahead in range(count):
         if observer.ring[(position + ahead + 1) & MASK].broken != 0:
@@ -50,12 +50,12 @@ cdef bint opens_at(Observer* observer, int64_t position) noexcept nogil:
 
 cdef void open_from(Observer* observer, int64_t position) noexcept nogil:
     """Note the ramp of a needle that opens at `position`: where it is first recorded, and how it gets there."""
-    memory = observer.memory
+    ramp = &observer.memory.ramp
     foot = max(_foot_ahead(observer, position, 0), 0)
-    memory.foot = position + foot
-    memory.rise = _rise(observer, position + foot, known(observer, position) - foot)
-    memory.foot_lift = _lift_before_foot(observer, position + foot, memory.rise)
-    memory.fall = 0.0
+    ramp.foot = position + foot
+    ramp.rise = _rise(observer, position + foot, known(observer, position) - foot)
+    ramp.foot_lift = _lift_before_foot(observer, position + foot, ramp.rise)
+    ramp.fall = 0.0
 
 
 cdef int64_t _foot_ahead(Observer* observer, int64_t position, int64_t nearest) noexcept nogil:
@@ -75,7 +75,7 @@ cdef int64_t _is_partial(Observer* observer, int64_t position) noexcept nogil:
     cdef bint is_first
     if not observer.constants.means:
         return 0
-    is_first = position <= observer.memory.segment_start
+    is_first = position <= observer.memory.positions.segment_start
     return is_first or not _opens_within(observer, position - 1, _reach(observer))
 
 
@@ -89,7 +89,7 @@ cdef bint _opens_within(Observer* observer, int64_t position, int64_t samples) n
 
     Up to LOOK_BACK samples before the crossing belong to the opening while they stand out of the noise.
     """
-    threshold = observer.memory.lift_on
+    threshold = observer.memory.dead_band.lift_on
     run = 0
     for ahead in range(samples + 1):
         lift = observer.ring[(position + ahead) & MASK].lift
@@ -109,13 +109,14 @@ cdef bint stays_low(Observer* observer, int64_t position, double highest) noexce
     for at an opening only, for calls cost much.)
     """
     memory = observer.memory
+    band = &memory.dead_band
     timing = &observer.constants.timing
     ring = observer.ring
-    if ring[position & MASK].index - memory.shut_since <= timing.bounce:
+    if ring[position & MASK].index - memory.needle.shut_since <= timing.bounce:
         return False
     ahead = known(observer, position)
     first = 0
-    while first < ahead and not ring[(position + first) & MASK].lift > memory.lift_on:
+    while first < ahead and not ring[(position + first) & MASK].lift > band.lift_on:
         first += 1
     last = min(first + timing.confirm - 1, ahead)
     half = (last - first + 1) // 2
@@ -126,13 +127,13 @@ cdef bint stays_low(Observer* observer, int64_t position, double highest) noexce
         earlier += ring[(position + first + k) & MASK].lift / half
         later += ring[(position + last - k) & MASK].lift / half
     slowest = 0.5 * SLOWEST_OPENING * observer.constants.interval * half
-    return later - earlier < min(memory.lift_on, slowest) and 0.5 * (earlier + later) < highest
+    return later - earlier < min(band.lift_on, slowest) and 0.5 * (earlier + later) < highest
 
 
 cdef bint leaps_about(Observer* observer, int64_t position) noexcept nogil:
     """Whether the lift that opens at `position` is no needle's: noise in another unit, a loose connection."""
     memory, ring = observer.memory, observer.ring
-    quickest = observer.constants.quickest + memory.lift_on + OFF_SEAT
+    quickest = observer.constants.quickest + memory.dead_band.lift_on + OFF_SEAT
     cdef int64_t leaps = 0
     for k in range(position, position + known(observer, position) + 1):
         leaps += abs(ring[k & MASK].lift - ring[(k - 1) & MASK].lift) > quickest
@@ -152,7 +153,7 @@ cdef double _slope_of_means(
     factor = observer.constants.inputs.lift_factor
     partial = factor * observer.ring[outermost & MASK].lift
     full = factor * observer.ring[(outermost + inwards) & MASK].lift
-    return slope_of_means(partial, full, slope, observer.memory.lift_off)
+    return slope_of_means(partial, full, slope, observer.memory.dead_band.lift_off)
 
 
 cdef double _rise(Observer* observer, int64_t foot, int64_t ahead) noexcept nogil:
@@ -190,7 +191,7 @@ cdef double _ramp_lift(Observer* observer, int64_t position, int64_t foot) noexc
 
 cdef bint is_recorded_shut(Observer* observer, int64_t position) noexcept nogil:
     """Whether an open needle is recorded as shut from `position` on (not while the ramp is still to come)."""
-    if position < observer.memory.foot:
+    if position < observer.memory.ramp.foot:
         return False
     if observer.constants.means and _ends_within(observer, position):
         return _lift_before_end(observer, position) <= 0.0
@@ -199,9 +200,9 @@ cdef bint is_recorded_shut(Observer* observer, int64_t position) noexcept nogil:
 
 cdef bint _no_lift_from(Observer* observer, int64_t position) noexcept nogil:
     """Whether the lift of an open needle is within the dead band from `position` on."""
-    memory = observer.memory
+    band = &observer.memory.dead_band
     # a ramp whose toe is missing ends at once: what is below the dead band is noise
-    threshold = memory.lift_on if observer.constants.timing.toe > 0 else memory.lift_off
+    threshold = band.lift_on if observer.constants.timing.toe > 0 else band.lift_off
     ahead = known(observer, position)
     for distance in range(min(ahead + 1, CONFIRM)):
         if observer.ring[(position + distance) & MASK].lift > threshold:
@@ -212,7 +213,7 @@ cdef bint _no_lift_from(Observer* observer, int64_t position) noexcept nogil:
 cdef bint _ends_within(Observer* observer, int64_t position) noexcept nogil:
     """Whether a ramp ends within the mean that `position` is, and samples before it tell that ramp."""
     return bool(
-        position - 1 >= observer.memory.foot
+        position - 1 >= observer.memory.ramp.foot
         and known(observer, position) > 0
         and not _no_lift_from(observer, position)
         and _no_lift_from(observer, position + 1)
@@ -228,34 +229,35 @@ cdef double _lift_before_end(Observer* observer, int64_t position) noexcept nogi
 cdef bint keep_sinking(Observer* observer, int64_t position) noexcept nogil:
     """Whether a needle recorded as shut has still to sink to its seat; moves it down its ramp by a sample."""
     memory = observer.memory
+    ramp = &memory.ramp
     timing = &observer.constants.timing
     if timing.toe == 0:
         return False
-    if memory.fall > 0.0:
-        memory.sinking_lift -= memory.fall
+    if ramp.fall > 0.0:
+        ramp.sinking_lift -= ramp.fall
     else:
         beyond = 2 if observer.constants.means else 1
         last = position - beyond  # its interval may be cut, as at the foot of the opening
-        length = min(timing.ramp, last - max(memory.event_opening, memory.foot))
+        length = min(timing.ramp, last - max(memory.event.opening, ramp.foot))
         final = 1 if length > 1 else 0
         if length > 0:
             fall = _recorded_lift(observer, last - length) - _recorded_lift(observer, last - final)
-            memory.fall = max(fall / (length - final), 0.0)
+            ramp.fall = max(fall / (length - final), 0.0)
         highest = max(_recorded_lift(observer, position), observer.constants.inputs.lift_shift)
-        memory.sinking_lift = min(_recorded_lift(observer, last) - beyond * memory.fall, highest)
-    if memory.fall == 0.0 or memory.sinking_lift <= 0.0:
-        memory.fall = 0.0
+        ramp.sinking_lift = min(_recorded_lift(observer, last) - beyond * ramp.fall, highest)
+    if ramp.fall == 0.0 or ramp.sinking_lift <= 0.0:
+        ramp.fall = 0.0
         return False
     return True
 
 
 cdef double area_at(Observer* observer, int64_t position) noexcept nogil:
     """Normalised seat area of an open needle."""
-    memory = observer.memory
-    if position < memory.foot:
-        lift = memory.foot_lift - (memory.foot - 1 - position) * memory.rise
-    elif memory.fall > 0.0:
-        lift = memory.sinking_lift
+    ramp = &observer.memory.ramp
+    if position < ramp.foot:
+        lift = ramp.foot_lift - (ramp.foot - 1 - position) * ramp.rise
+    elif ramp.fall > 0.0:
+        lift = ramp.sinking_lift
     elif observer.constants.means and _ends_within(observer, position):
         lift = _lift_before_end(observer, position)
     else:
@@ -277,7 +279,7 @@ cdef double shut_area(Observer* observer, int64_t position) noexcept nogil:
         if first > 0.0 or foot == 1:
             second = _ramp_lift(observer, position + 2, foot - 2)
             virtual = 2.0 * normalised_area(first, seat) - normalised_area(second, seat)
-    elif position >= observer.memory.segment_start + 2:
+    elif position >= observer.memory.positions.segment_start + 2:
         last = observer.ring[(position - 1) & MASK].lift_area
         before = observer.ring[(position - 2) & MASK].lift_area
         if last > 0.0:
@@ -292,7 +294,7 @@ cdef double area_between_lifts(Observer* observer, int64_t position) noexcept no
     would lose them.
     """
     row = &observer.ring[position & MASK]
-    if row.lift_after == 0.0 or position == observer.memory.segment_start:
+    if row.lift_after == 0.0 or position == observer.memory.positions.segment_start:
         return row.lift_area
     before = &observer.ring[(position - 1) & MASK]
     since = 1.0 - before.lift_after
@@ -301,11 +303,11 @@ cdef double area_between_lifts(Observer* observer, int64_t position) noexcept no
 
 cdef double true_rail_pressure(Observer* observer, int64_t number) noexcept nogil:
     """Of the `number`-th sample [Pa]; at the ends of a stretch that of its first or last sample."""
-    memory = observer.memory
+    positions = &observer.memory.positions
     undoing = &observer.constants.undoing
-    last = memory.recorded - 1
-    earlier = min(max(number + undoing.rail_late, memory.unbroken_since), last)
-    later = min(max(number + undoing.rail_late + 1, memory.unbroken_since), last)
+    last = positions.recorded - 1
+    earlier = min(max(number + undoing.rail_late, positions.unbroken_since), last)
+    later = min(max(number + undoing.rail_late + 1, positions.unbroken_since), last)
     start = observer.recorded[earlier & RECORDED_MASK].values[RAIL]
     end = observer.recorded[later & RECORDED_MASK].values[RAIL]
     return start + undoing.rail_fraction * (end - start)
@@ -313,9 +315,9 @@ cdef double true_rail_pressure(Observer* observer, int64_t number) noexcept nogi
 
 cdef double true_lift(Observer* observer, int64_t number) noexcept nogil:
     """Of the `number`-th sample [m]; at the ends of a stretch from the one neighbour it has."""
-    memory = observer.memory
-    before = max(number - 1, memory.unbroken_since)
-    after = min(number + 1, memory.recorded - 1)
+    positions = &observer.memory.positions
+    before = max(number - 1, positions.unbroken_since)
+    after = min(number + 1, positions.recorded - 1)
     lift = observer.recorded[number & RECORDED_MASK].values[LIFT]
     if after == before:
         return lift

@@ -6,7 +6,7 @@ cdef double SLOW_PEAK = 5.0  # with the limit of the watch, five standard deviat
 cdef bint judged(Observer* observer) noexcept nogil:
     """Judge the oldest closed event by the verdict posted on it; False, with nothing done, where there is none."""
     memory = observer.memory
-    number = memory.events_taken
+    number = memory.judgement.events_taken
     verdict = &observer.verdicts[number % SLOTS]
     event = &observer.events[number % PENDING_EVENTS]
     if verdict.learned.number == number + 1:
@@ -21,29 +21,30 @@ cdef bint judged(Observer* observer) noexcept nogil:
     else:
         return False
     _count(observer)
-    look_at_familiarity(observer, memory.processed)
+    look_at_learned_range(observer, memory.positions.processed)
     return True
 
 
-cdef void look_at_familiarity(Observer* observer, int64_t position) noexcept nogil:
+cdef void look_at_learned_range(Observer* observer, int64_t position) noexcept nogil:
     """Whether the flow is known at the rail pressure of a sample: looked at when either may have changed."""
-    memory = observer.memory
+    point, in_force = &observer.memory.operating_point, &observer.memory.in_force
     rail_pressure = observer.ring[position & MASK].rail_pressure
-    memory.familiar = memory.rail_from <= rail_pressure <= memory.rail_to
-    memory.sac_flow = memory.line_flow = 0.0
+    point.in_learned_range = in_force.rail_from <= rail_pressure <= in_force.rail_to
+    point.sac_flow = point.line_flow = 0.0
 
 
 cdef void follow_filling(Observer* observer, int64_t position) noexcept nogil:
     """Whether what has passed the open needle came from a sac no fuller than known, on the average."""
     memory = observer.memory
-    if not memory.needle_open:
+    point = &memory.operating_point
+    if not memory.needle.is_open:
         return
     x_hat = observer.x_hat + (position & MASK) * observer.states
     rate = max(observer.ring[position & MASK].injection_rate, 0.0)
-    memory.sac_flow += rate * x_hat[2]
-    memory.line_flow += rate * x_hat[0]
-    if memory.sac_flow > memory.filled_to * memory.line_flow:
-        memory.familiar = False
+    point.sac_flow += rate * x_hat[2]
+    point.line_flow += rate * x_hat[0]
+    if point.sac_flow > memory.in_force.filled_to * point.line_flow:
+        point.in_learned_range = False
 
 
 cdef bint given_up(Observer* observer) noexcept nogil:
@@ -52,8 +53,9 @@ cdef bint given_up(Observer* observer) noexcept nogil:
     An event that only the next window of the source showed to be over, long due, has until two more have closed.
     """
     memory = observer.memory
-    event = &observer.events[memory.events_taken % PENDING_EVENTS]
-    if event.closed_index > event.due_index and memory.events_closed - memory.events_taken <= 2:
+    judgement = &memory.judgement
+    event = &observer.events[judgement.events_taken % PENDING_EVENTS]
+    if event.closed_index > event.due_index and memory.counts.events_closed - judgement.events_taken <= 2:
         return False
     event.taken = TAKEN_NOTHING
     _note_reason(observer, event, REASON_NOT_JUDGED)
@@ -62,65 +64,65 @@ cdef bint given_up(Observer* observer) noexcept nogil:
 
 
 cdef void _count(Observer* observer) noexcept nogil:
-    memory = observer.memory
-    memory.waiting = False
-    memory.events_judged += 1
-    memory.events_taken += 1
+    judgement = &observer.memory.judgement
+    judgement.waiting = False
+    judgement.events_judged += 1
+    judgement.events_taken += 1
 
 
 cdef void _note(Observer* observer, Event* event, Finding* finding) noexcept nogil:
     """What was found of an event."""
-    memory = observer.memory
-    memory.offset_moves = not finding.is_coloured
+    observer.memory.judgement.offset_moves = not finding.is_coloured
     _note_reason(observer, event, finding.reason)
     if not isnan(finding.at_rest):
         expect(observer, finding.at_rest)
 
 
-cdef void _note_reason(Observer* observer, Event* event, int64_t judgement) noexcept nogil:
+cdef void _note_reason(Observer* observer, Event* event, int64_t reason) noexcept nogil:
     """Whether an event passed.
 
     An event with samples that were not to be trusted, or that could not be tested, makes nothing valid; a second in a
     row that could not be tested, though its samples were to be trusted, ends what was known. A contradiction is over
     with an event that passed, or with the one it came in, if that was of samples that were not to be trusted.
     """
-    cdef bint is_doubtful, is_untested, is_passed, is_explained
-    memory = observer.memory
-    is_doubtful = event.doubtful != REASON_NONE
-    is_untested = judgement == REASON_NOT_JUDGED
-    if is_doubtful or is_untested:
-        memory.doubtful_events += 1
+    cdef bint is_faulty, is_untested, is_passed, is_explained
+    judgement, monitor = &observer.memory.judgement, &observer.memory.monitor
+    is_faulty = event.fault != REASON_NONE
+    is_untested = reason == REASON_NOT_JUDGED
+    if is_faulty or is_untested:
+        judgement.doubtful_events += 1
     if not is_untested:
-        memory.untested = 0
-        memory.judgement = judgement
-    elif not is_doubtful:
-        memory.untested += 1
-        if memory.untested > 1:
-            memory.judgement = judgement
-    is_passed = judgement == REASON_NONE and event.number >= memory.contradicted_in
-    is_explained = is_doubtful and event.number == memory.contradicted_in
+        judgement.untested = 0
+        judgement.reason = reason
+    elif not is_faulty:
+        judgement.untested += 1
+        if judgement.untested > 1:
+            judgement.reason = reason
+    is_passed = reason == REASON_NONE and event.number >= monitor.contradicted_in
+    is_explained = is_faulty and event.number == monitor.contradicted_in
     if is_passed or is_explained:
-        memory.contradicted = False
-    if judgement == REASON_NONE and event.number >= memory.halted_in:
-        memory.halted_in = 0
+        monitor.contradicted = False
+    if reason == REASON_NONE and event.number >= judgement.halted_in:
+        judgement.halted_in = 0
 
 
 cdef void _put_learned_into_force(Observer* observer, int64_t slot, bint is_coloured) noexcept nogil:
     """What was learned, but for an offset that the standstill has moved meanwhile."""
     cdef bint has_followed
     memory = observer.memory
+    pair = &memory.pair
     verdict = &observer.verdicts[slot]
-    memory.innovation_sigma = verdict.innovation_sigma
+    memory.innovation_noise.sigma = verdict.innovation_sigma
     expect(observer, 0.0)
-    offset = memory.offset
+    offset = pair.offset
     carry_on(observer, slot)
     furthest = FURTHEST_OFFSET / observer.constants.pressure_scale
-    has_followed = abs(offset - memory.learned_offset) < furthest
+    has_followed = abs(offset - memory.in_force.learned_offset) < furthest
     if has_followed and not is_coloured:
-        memory.offset = offset
+        pair.offset = offset
     observer.step(observer.stepper, STEPPING_PUT, slot)
     if verdict.is_adopted:
-        memory.phi_version += 1
+        memory.judgement.phi_version += 1
 
 
 cdef void carry_on(Observer* observer, int64_t slot) noexcept nogil:
@@ -128,15 +130,8 @@ cdef void carry_on(Observer* observer, int64_t slot) noexcept nogil:
     memory = observer.memory
     verdict = &observer.verdicts[slot]
     copy_numbers(observer.verdict_theta + slot * observer.parameters, observer.theta, observer.parameters)
-    memory.output = verdict.output
-    memory.bias = verdict.bias
-    memory.back_pressure = verdict.back_pressure
-    memory.learned_offset = verdict.learned_offset
-    memory.offset = verdict.learned_offset
-    memory.lag = verdict.lag
-    memory.rail_from, memory.rail_to = verdict.rail_from, verdict.rail_to
-    memory.filled_to = verdict.filled_to
-    memory.line = verdict.line
+    memory.in_force = verdict.carried
+    memory.pair.offset = memory.in_force.learned_offset
     for channel in range(3):
         observer.channels[channel].noise = verdict.noise[channel]
     size = observer.gain_rows * observer.states
@@ -149,5 +144,6 @@ cdef void expect(Observer* observer, double at_rest) noexcept nogil:
     What is slow does not average out in the watch's mean of squares: it may be SLOW_PEAK times its own mean.
     """
     memory = observer.memory
-    white = memory.innovation_sigma**2 * memory.healthy_variance
-    memory.innovation_weight = 1.0 / (white + SLOW_PEAK * max(at_rest - white, 0.0))
+    noise = &memory.innovation_noise
+    white = noise.sigma**2 * memory.prior.healthy_variance
+    noise.weight = 1.0 / (white + SLOW_PEAK * max(at_rest - white, 0.0))

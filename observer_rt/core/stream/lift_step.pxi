@@ -24,7 +24,6 @@ cdef double BEFORE_OPENING = 0.6e-3  # s before an opening, within which a step 
 cdef double SUNK = 10e-6  # m below its summit, and ..
 cdef double SUNK_BANDS = 2.0  # .. so many dead bands: a needle closes
 cdef double START_LIMIT = LOWEST  # m, of a lift that may be the zero of a shut needle
-cdef double FURTHEST_ZERO = 40e-6  # m, of a zero that is followed
 cdef double MOST_BANDS = 2.0  # dead bands: what stays higher than that is no creep of the zero
 cdef double BEYOND_SEAT = LOWEST  # m, from which the needle must have come down
 
@@ -35,27 +34,30 @@ cdef inline void follow_step(Observer* observer, int64_t position, double share)
     share: of the sample, with the one before it, in the quick mean.
     """
     memory = observer.memory
+    lift_step, resting = &memory.lift_step, &memory.resting_lift
     lift = 0.5 * (observer.ring[position & MASK].lift + observer.ring[(position - 1) & MASK].lift)
-    if not abs(lift) < START_LIMIT + memory.lift_on:
-        memory.quick = 0.0
-        memory.quiet = position
+    if not abs(lift) < START_LIMIT + memory.dead_band.lift_on:
+        lift_step.quick = 0.0
+        lift_step.quiet = position
         return
-    memory.quick += share * (lift - memory.quick)
-    square = memory.quick * memory.quick
-    if square <= memory.quick_limit:
-        memory.quiet = position
-        memory.quick_squares += QUICK / QUICK_MEMORY * share * (square - memory.quick_squares)
+    lift_step.quick += share * (lift - lift_step.quick)
+    square = lift_step.quick * lift_step.quick
+    if square <= lift_step.quick_limit:
+        lift_step.quiet = position
+        resting.quick_squares += QUICK / QUICK_MEMORY * share * (square - resting.quick_squares)
         return
-    memory.quick_squares += QUICK / QUICK_MEMORY * share * (memory.quick_limit - memory.quick_squares)
-    if position - memory.quiet >= _samples(observer) and memory.lift_count >= BEGINNING:
+    resting.quick_squares += QUICK / QUICK_MEMORY * share * (lift_step.quick_limit - resting.quick_squares)
+    if position - lift_step.quiet >= _samples(observer) and resting.lift_count >= BEGINNING:
         _take_step(observer, position)
 
 
 cdef void expect_steps(Observer* observer) noexcept nogil:
     """How far the noise at rest moves the mean that shows a step."""
     memory = observer.memory
-    by_noise = 0.5 * QUICK_RATE * observer.constants.interval * max(memory.lift_variance, memory.spread)
-    memory.quick_limit = max(STANDS_OUT**2 * max(memory.quick_squares, by_noise), LEAST**2)
+    resting = &memory.resting_lift
+    noise = max(resting.lift_variance, memory.lift_zero.spread)
+    by_noise = 0.5 * QUICK_RATE * observer.constants.interval * noise
+    memory.lift_step.quick_limit = max(STANDS_OUT**2 * max(resting.quick_squares, by_noise), LEAST**2)
 
 
 cdef int64_t _samples(Observer* observer) noexcept nogil:
@@ -66,62 +68,48 @@ cdef void _take_step(Observer* observer, int64_t position) noexcept nogil:
     """The lift has been another one for some samples up to a position: from there on that is the zero."""
     cdef bint is_steady
     memory = observer.memory
-    count = min(position - memory.quiet, 2 * _samples(observer))
+    lift_step = &memory.lift_step
+    count = min(position - lift_step.quiet, 2 * _samples(observer))
     step = 0.0
     for k in range(count):
         step += observer.ring[(position - k) & MASK].lift / count
     is_steady = abs(step) < START_LIMIT
     for k in range(count):
-        is_steady &= abs(observer.ring[(position - k) & MASK].lift - step) < memory.lift_on
-    memory.quick, memory.quiet = 0.0, position
+        is_steady &= abs(observer.ring[(position - k) & MASK].lift - step) < memory.dead_band.lift_on
+    lift_step.quick, lift_step.quiet = 0.0, position
     if not is_steady:
         return
-    if (position - memory.stepped) * observer.constants.interval > BEFORE_OPENING:
-        memory.before_step = memory.zero
-    memory.stepped = position
+    if (position - lift_step.stepped) * observer.constants.interval > BEFORE_OPENING:
+        lift_step.before_step = memory.resting_lift.zero
+    lift_step.stepped = position
     shift_zero(observer, position + 1, step)
 
 
 cdef inline double since_step(Observer* observer, int64_t position) noexcept nogil:
     """Share of a sample in a mean over those since the last step of the zero."""
-    return 1.0 / (1.0 + _samples(observer) + 0.5 * (position - observer.memory.stepped))
+    return 1.0 / (1.0 + _samples(observer) + 0.5 * (position - observer.memory.lift_step.stepped))
 
 
 cdef inline void forget_step(Observer* observer, int64_t position) noexcept nogil:
     """At a sample with the needle open: once it sinks, the zero is that from before the current."""
     cdef bint is_of_current
     memory = observer.memory
+    needle, lift_step = &memory.needle, &memory.lift_step
     lift = observer.ring[position & MASK].lift
-    if position == memory.opening or lift > memory.summit:
-        memory.summit = lift
-    is_of_current = (memory.opening - memory.stepped) * observer.constants.interval < BEFORE_OPENING
-    if is_of_current and memory.summit - lift > max(SUNK, SUNK_BANDS * memory.lift_on):
-        step = memory.zero - memory.before_step
-        memory.stepped = LONG_PAST
+    if position == needle.opening or lift > lift_step.summit:
+        lift_step.summit = lift
+    is_of_current = (needle.opening - lift_step.stepped) * observer.constants.interval < BEFORE_OPENING
+    if is_of_current and lift_step.summit - lift > max(SUNK, SUNK_BANDS * memory.dead_band.lift_on):
+        step = memory.resting_lift.zero - lift_step.before_step
+        lift_step.stepped = LONG_PAST
         shift_zero(observer, position + 1, -step)
-
-
-cdef void shift_zero(Observer* observer, int64_t begin, double step) noexcept nogil:
-    """The zero, and what it is worked out from, is another one by a step [m], within its limits.
-
-    It was at the samples from `begin` on, too, whose lift is known already.
-    """
-    memory = observer.memory
-    if not abs(memory.zero + step) <= FURTHEST_ZERO:
-        step = copysign(FURTHEST_ZERO, memory.zero + step) - memory.zero
-    memory.zero += step
-    memory.zero_mean += step
-    memory.zero_near += step
-    memory.zero_behind += step
-    for k in range(begin, memory.lifted):
-        observer.ring[k & MASK].lift -= step
 
 
 cdef inline bint lingers(Observer* observer, int64_t position) noexcept nogil:
     """Whether an open needle that is not recorded as shut may be at rest from shortly before `position` on."""
     memory = observer.memory
     lift = observer.ring[position & MASK].lift
-    return 0.0 < lift < MOST_BANDS * memory.lift_on and memory.summit > BEYOND_SEAT
+    return 0.0 < lift < MOST_BANDS * memory.dead_band.lift_on and memory.lift_step.summit > BEYOND_SEAT
 
 
 cdef bint come_to_rest(Observer* observer, int64_t position) noexcept nogil:
@@ -130,30 +118,30 @@ cdef bint come_to_rest(Observer* observer, int64_t position) noexcept nogil:
     Flat over the look-ahead and the samples before it: the top of a bounce is too short for that.
     """
     memory = observer.memory
+    band = &memory.dead_band
     before = observer.constants.timing.confirm
     begin, end = position - before, position + known(observer, position) + 1
-    if begin <= memory.foot or end - position <= before:
+    if begin <= memory.ramp.foot or end - position <= before:
         return False
     level = 0.0
     for k in range(begin, end):
         level += observer.ring[k & MASK].lift / (end - begin)
-    if not memory.lift_off < level < MOST_BANDS * memory.lift_on:
+    if not band.lift_off < level < MOST_BANDS * band.lift_on:
         return False
     trend, length = 0.0, 0.0
     for k in range(begin, end):
         row = &observer.ring[k & MASK]
-        if not abs(row.lift - level) < memory.lift_on:
+        if not abs(row.lift - level) < band.lift_on:
             return False
         along = k - 0.5 * (begin + end - 1)
         trend += along * row.lift
         length += along * along
-    if not abs(trend / length) * (end - begin) < memory.lift_off:
+    if not abs(trend / length) * (end - begin) < band.lift_off:
         return False
     for k in range(begin, position):
         row = &observer.ring[k & MASK]
         row.lift_area = 0.0
         row.seat_area = 0.0
-    memory.needle_open = False
-    memory.shut_since = observer.ring[begin & MASK].index
+    shut_needle(observer, observer.ring[begin & MASK].index)
     shift_zero(observer, position, level)
     return True

@@ -11,6 +11,7 @@ cdef enum:
     _BEGINNING = 1000  # samples; afterwards every second one is looked at
     _LOOK = 32  # of these after which dead band and crosstalk are worked out
 
+cdef double FURTHEST_ZERO = 40e-6  # m, of a zero that is followed
 cdef double NEAR = 0.1  # share by which a lift may differ from the highest so far and be that of the same stop
 cdef double ZERO_RATE = 800.0  # 1/s: share of a sample in the running zero over the sample interval
 cdef double NEAR_RATE = 1600.0  # 1/s
@@ -37,26 +38,27 @@ cdef double _WRONG_SWING = 50e6  # Pa: a jump of the rail, or no number
 cdef void follow_opening(Observer* observer, int64_t position) noexcept nogil:
     """At a sample with the needle open: note where it stays, the highest such lift of the opening."""
     memory = observer.memory
+    stop = &memory.stop
     lift = observer.ring[position & MASK].lift
-    if not abs(lift - memory.level) <= memory.lift_on:
-        memory.level, memory.level_count = lift, 1
+    if not abs(lift - stop.level) <= memory.dead_band.lift_on:
+        stop.level, stop.level_count = lift, 1
         return
-    memory.level_count += 1
-    memory.level += (lift - memory.level) / memory.level_count
-    if memory.level_count >= observer.constants.timing.bounce:
-        memory.highest = max(memory.highest, memory.level)
+    stop.level_count += 1
+    stop.level += (lift - stop.level) / stop.level_count
+    if stop.level_count >= observer.constants.timing.bounce:
+        stop.highest = max(stop.highest, stop.level)
 
 
 cdef void take_opening(Observer* observer) noexcept nogil:
     """The needle is shut: the highest lift at which it stayed is that of the stop, if it is not far below others."""
-    memory = observer.memory
-    highest = memory.highest
-    memory.highest, memory.level_count = 0.0, 0
-    if highest > (1.0 + NEAR) * memory.stop:
-        memory.stop, memory.stop_openings = highest, 1
-    elif highest > (1.0 - NEAR) * memory.stop:
-        memory.stop_openings += 1
-        memory.stop += (highest - memory.stop) / min(memory.stop_openings, REMEMBERED)
+    stop = &observer.memory.stop
+    highest = stop.highest
+    stop.highest, stop.level_count = 0.0, 0
+    if highest > (1.0 + NEAR) * stop.lift:
+        stop.lift, stop.openings = highest, 1
+    elif highest > (1.0 - NEAR) * stop.lift:
+        stop.openings += 1
+        stop.lift += (highest - stop.lift) / min(stop.openings, REMEMBERED)
 # of a zero that moves on too fast for a mean, as hum lets it: its level and slope are those of a mean and its mean
 # of the line pressure in the lift:
 
@@ -67,17 +69,18 @@ cdef inline void take_out_zero(Observer* observer, int64_t position) noexcept no
     Not when they are received: how many come at once must not matter.
     """
     memory = observer.memory
+    zero, resting = &memory.lift_zero, &memory.resting_lift
     end = position + known(observer, position) + 1
-    if memory.lifted == 0:
+    if zero.lifted == 0:
         _begin(observer, end)
-    for k in range(memory.lifted, end):
+    for k in range(zero.lifted, end):
         row = &observer.ring[k & MASK]
-        row.lift = row.needle_lift - memory.zero
-        if memory.crosstalk != 0.0:
-            pressed = memory.crosstalk * (row.line_pressure - memory.line_mean)
+        row.lift = row.needle_lift - resting.zero
+        if resting.crosstalk != 0.0:
+            pressed = resting.crosstalk * (row.line_pressure - memory.crosstalk.line_mean)
             if abs(pressed) < FURTHEST_ZERO:  # a line pressure that is a number
                 row.lift -= pressed
-    memory.lifted = end
+    zero.lifted = end
 
 
 cdef void _begin(Observer* observer, int64_t end) noexcept nogil:
@@ -87,18 +90,19 @@ cdef void _begin(Observer* observer, int64_t end) noexcept nogil:
     known: it may ring, or fill.
     """
     memory = observer.memory
-    if memory.crosstalk != 0.0:
-        memory.line_mean = observer.ring[0].rail_pressure
+    resting, band = &memory.resting_lift, &memory.dead_band
+    if resting.crosstalk != 0.0:
+        memory.crosstalk.line_mean = observer.ring[0].rail_pressure
     lift = 0.0
     for k in range(end):
         lift += observer.ring[k].needle_lift / end
-    if memory.zero + memory.lift_on < lift < memory.lift_on:
-        shift_zero(observer, end, -memory.zero)
+    if resting.zero + band.lift_on < lift < band.lift_on:
+        shift_zero(observer, end, -resting.zero)
 
 
 cdef inline bint is_beyond_limit(Observer* observer) noexcept nogil:
     """Whether the zero has gone further than drift does: the needle may not be shut at all."""
-    return abs(observer.memory.zero) >= FURTHEST_ZERO
+    return abs(observer.memory.resting_lift.zero) >= FURTHEST_ZERO
 
 
 cdef void follow_lift(Observer* observer, int64_t position) noexcept nogil:
@@ -108,50 +112,52 @@ cdef void follow_lift(Observer* observer, int64_t position) noexcept nogil:
     """
     cdef bint has_begun
     memory = observer.memory
+    needle, zero, resting = &memory.needle, &memory.lift_zero, &memory.resting_lift
+    regression, band = &memory.crosstalk, &memory.dead_band
     interval = observer.constants.interval
     row = &observer.ring[position & MASK]
-    shut_for = row.index - memory.shut_since
-    if memory.needle_open:
+    shut_for = row.index - needle.shut_since
+    if needle.is_open:
         _move_on(observer, position)
         follow_opening(observer, position)
         forget_step(observer, position)
         return
-    if memory.highest > 0.0:
+    if memory.stop.highest > 0.0:
         take_opening(observer)
     if shut_for <= observer.constants.timing.bounce:
         _move_on(observer, position)
         return
-    has_begun = memory.zero_count >= _BEGINNING
+    has_begun = zero.count >= _BEGINNING
     if row.interpolated or (has_begun and row.index % 2):
         return
     follow_step(observer, position, min((2.0 if has_begun else 1.0) * QUICK_RATE * interval, 1.0))
-    lift = row.needle_lift - memory.zero
+    lift = row.needle_lift - resting.zero
     if not isfinite(lift):
         return
     swing = _swing(observer, row.line_pressure)
-    memory.zero_count += 1
+    zero.count += 1
     share = 2.0 * ZERO_RATE * interval
     if not has_begun:
-        share = max(1.0 / memory.zero_count, 0.5 * share)
-    memory.line_mean += share * swing
-    clip = CLIP * memory.lift_on
+        share = max(1.0 / zero.count, 0.5 * share)
+    regression.line_mean += share * swing
+    clip = CLIP * band.lift_on
     # what was known of the crosstalk before these samples moves no zero until they confirm it
-    added = memory.crosstalk * swing if memory.crosstalk_count >= CROSSTALK_SAMPLES else 0.0
+    added = resting.crosstalk * swing if regression.count >= CROSSTALK_SAMPLES else 0.0
     left = min(max(lift - added, -clip), clip)
-    _follow(observer, position, memory.zero + left, share)
+    _follow(observer, position, resting.zero + left, share)
     pressed = abs(swing) * observer.constants.pressure_scale
-    if pressed > LEAST_SWING and abs(lift) < memory.lift_on + MOST_CROSSTALK * pressed:
-        memory.swing_squares += swing * swing - FADE * memory.swing_squares
-        memory.swing_lifts += swing * lift - FADE * memory.swing_lifts
-        memory.squares_lately += swing * swing - FADE_LATELY * memory.squares_lately
-        memory.lifts_lately += swing * lift - FADE_LATELY * memory.lifts_lately
-        memory.crosstalk_count += 1
-    if shut_for > observer.constants.timing.bounce + 4 and (memory.zero_count % 2 == 0 or not has_begun):
+    if pressed > LEAST_SWING and abs(lift) < band.lift_on + MOST_CROSSTALK * pressed:
+        regression.swing_squares += swing * swing - FADE * regression.swing_squares
+        regression.swing_lifts += swing * lift - FADE * regression.swing_lifts
+        regression.squares_lately += swing * swing - FADE_LATELY * regression.squares_lately
+        regression.lifts_lately += swing * lift - FADE_LATELY * regression.lifts_lately
+        regression.count += 1
+    if shut_for > observer.constants.timing.bounce + 4 and (zero.count % 2 == 0 or not has_begun):
         _gather_noise(observer, position, left)
-    if memory.zero_count % _LOOK == 0:
-        opens = opening_band(sqrt(max(memory.lift_variance, memory.spread)))
-        if memory.lift_count >= ENOUGH_SAMPLES or opens > memory.lift_on:
-            memory.lift_on, memory.lift_off = opens, 0.5 * opens
+    if zero.count % _LOOK == 0:
+        opens = opening_band(sqrt(max(resting.lift_variance, zero.spread)))
+        if resting.lift_count >= ENOUGH_SAMPLES or opens > band.lift_on:
+            band.lift_on, band.lift_off = opens, 0.5 * opens
         expect_steps(observer)
         _find_crosstalk(observer)
 
@@ -159,46 +165,63 @@ cdef void follow_lift(Observer* observer, int64_t position) noexcept nogil:
 cdef inline void _follow(Observer* observer, int64_t position, double lift, double share) noexcept nogil:
     """The zero after a shut needle's lift [m], taken into its mean by a share: the mean, or where it moves to."""
     memory = observer.memory
+    zero, resting = &memory.lift_zero, &memory.resting_lift
     interval = observer.constants.interval
-    if position - memory.stepped < RECENT:
+    if position - memory.lift_step.stepped < RECENT:
         share = max(share, since_step(observer, position))
     near = max(share, 2.0 * NEAR_RATE * interval)
-    memory.zero_mean += share * (lift - memory.zero_mean)
-    memory.zero_near += near * (lift - memory.zero_near)
-    memory.zero_behind += near * (memory.zero_near - memory.zero_behind)
-    ahead = memory.zero_near - memory.zero_behind
-    memory.zero_moves += 2.0 * MOVES_RATE * interval * (ahead * ahead - memory.zero_moves)
-    memory.followed = position
-    if memory.zero_moves > max(MOVES**2, MOVES_BEYOND**2 * memory.lift_variance):
-        memory.zero = memory.zero_near + ahead
-        memory.zero_slope = 0.5 * ahead * near / (1.0 - near)
+    zero.mean += share * (lift - zero.mean)
+    zero.near += near * (lift - zero.near)
+    zero.behind += near * (zero.near - zero.behind)
+    ahead = zero.near - zero.behind
+    zero.moves += 2.0 * MOVES_RATE * interval * (ahead * ahead - zero.moves)
+    zero.followed = position
+    if zero.moves > max(MOVES**2, MOVES_BEYOND**2 * resting.lift_variance):
+        resting.zero = zero.near + ahead
+        zero.slope = 0.5 * ahead * near / (1.0 - near)
     else:
-        memory.zero = memory.zero_mean
-        memory.zero_slope = 0.0
-    memory.zero = min(max(memory.zero, -FURTHEST_ZERO), FURTHEST_ZERO)
+        resting.zero = zero.mean
+        zero.slope = 0.0
+    resting.zero = min(max(resting.zero, -FURTHEST_ZERO), FURTHEST_ZERO)
 
 
 cdef inline void _move_on(Observer* observer, int64_t position) noexcept nogil:
     """The zero at a sample that does not show it."""
-    memory = observer.memory
-    if memory.zero_slope != 0.0 and (position - memory.followed) * observer.constants.interval < MOVES_ON:
-        shift_zero(observer, memory.lifted, memory.zero_slope)
+    zero = &observer.memory.lift_zero
+    if zero.slope != 0.0 and (position - zero.followed) * observer.constants.interval < MOVES_ON:
+        shift_zero(observer, zero.lifted, zero.slope)
+
+
+cdef void shift_zero(Observer* observer, int64_t begin, double step) noexcept nogil:
+    """The zero, and what it is worked out from, is another one by a step [m], within its limits.
+
+    It was at the samples from `begin` on, too, whose lift is known already.
+    """
+    resting, zero = &observer.memory.resting_lift, &observer.memory.lift_zero
+    if not abs(resting.zero + step) <= FURTHEST_ZERO:
+        step = copysign(FURTHEST_ZERO, resting.zero + step) - resting.zero
+    resting.zero += step
+    zero.mean += step
+    zero.near += step
+    zero.behind += step
+    for k in range(begin, zero.lifted):
+        observer.ring[k & MASK].lift -= step
 
 
 cdef inline double _swing(Observer* observer, double line_pressure) noexcept nogil:
     """Line pressure about its running mean, which begins anew after a jump."""
-    memory = observer.memory
-    swing = line_pressure - memory.line_mean
+    regression = &observer.memory.crosstalk
+    swing = line_pressure - regression.line_mean
     if abs(swing) * observer.constants.pressure_scale <= _WRONG_SWING:
         return swing
     if isfinite(line_pressure):
-        memory.line_mean = line_pressure
+        regression.line_mean = line_pressure
     return 0.0
 
 
 cdef void _gather_noise(Observer* observer, int64_t position, double left) noexcept nogil:
     """From a sample whose lift is `left` [m] about the zero."""
-    memory = observer.memory
+    resting, zero = &observer.memory.resting_lift, &observer.memory.lift_zero
     ring = observer.ring
     square = square_of_difference(
         ring[(position - 4) & MASK].needle_lift,
@@ -206,65 +229,69 @@ cdef void _gather_noise(Observer* observer, int64_t position, double left) noexc
         ring[(position - 2) & MASK].needle_lift,
         ring[(position - 1) & MASK].needle_lift,
         ring[position & MASK].needle_lift,
-        DIFFERENCE_GAIN * memory.lift_variance * memory.lift_count,
-        memory.lift_count,
+        DIFFERENCE_GAIN * resting.lift_variance * resting.lift_count,
+        resting.lift_count,
         1.0,
     )
-    memory.lift_count += 1
-    share = 1.0 / min(memory.lift_count, LIFT_MEMORY)
-    memory.lift_variance += share * (square / DIFFERENCE_GAIN - memory.lift_variance)
-    memory.spread += share * (left * left - memory.spread)
-    share = 1.0 / min(memory.lift_count, LATELY)
-    memory.variance_lately += share * (square / DIFFERENCE_GAIN - memory.variance_lately)
-    if memory.lift_count >= ENOUGH_SAMPLES:
-        memory.lift_variance = min(memory.lift_variance, FALLEN * memory.variance_lately)
+    resting.lift_count += 1
+    share = 1.0 / min(resting.lift_count, LIFT_MEMORY)
+    resting.lift_variance += share * (square / DIFFERENCE_GAIN - resting.lift_variance)
+    zero.spread += share * (left * left - zero.spread)
+    share = 1.0 / min(resting.lift_count, LATELY)
+    zero.variance_lately += share * (square / DIFFERENCE_GAIN - zero.variance_lately)
+    if resting.lift_count >= ENOUGH_SAMPLES:
+        resting.lift_variance = min(resting.lift_variance, FALLEN * zero.variance_lately)
 
 
 cdef void _find_crosstalk(Observer* observer) noexcept nogil:
     """Whether the ringing line pressure shows in the lift of the shut needle: a regression."""
     cdef bint is_there
     memory = observer.memory
-    if memory.crosstalk_count < CROSSTALK_SAMPLES:
+    regression, resting = &memory.crosstalk, &memory.resting_lift
+    if regression.count < CROSSTALK_SAMPLES:
         return
     if _is_crosstalk_gone(observer):
         _forget_crosstalk(observer)
         return
-    slope = memory.swing_lifts / memory.swing_squares
-    needed = FOUND if memory.crosstalk == 0.0 else LOST
-    is_there = slope**2 * memory.swing_squares > needed**2 * max(memory.spread, LEAST_NOISE**2)
+    slope = regression.swing_lifts / regression.swing_squares
+    needed = FOUND if resting.crosstalk == 0.0 else LOST
+    is_there = slope**2 * regression.swing_squares > needed**2 * max(memory.lift_zero.spread, LEAST_NOISE**2)
     most = MOST_CROSSTALK * observer.constants.pressure_scale
-    memory.crosstalk = slope if is_there and abs(slope) < most else 0.0
+    resting.crosstalk = slope if is_there and abs(slope) < most else 0.0
 
 
 cdef bint _is_crosstalk_gone(Observer* observer) noexcept nogil:
     """Whether the last samples contradict the crosstalk, which was that of a sensor at fault."""
     cdef bint is_another
     memory = observer.memory
-    if memory.crosstalk == 0.0 or memory.squares_lately == 0.0:
+    resting, regression = &memory.resting_lift, &memory.crosstalk
+    if resting.crosstalk == 0.0 or regression.squares_lately == 0.0:
         return False
-    lately = memory.lifts_lately / memory.squares_lately
-    left = (memory.crosstalk - lately) ** 2 * memory.squares_lately
-    is_another = left > GONE**2 * max(memory.spread, LEAST_NOISE**2)
-    return is_another and lately / memory.crosstalk < SHARE_LEFT
+    lately = regression.lifts_lately / regression.squares_lately
+    left = (resting.crosstalk - lately) ** 2 * regression.squares_lately
+    is_another = left > GONE**2 * max(memory.lift_zero.spread, LEAST_NOISE**2)
+    return is_another and lately / resting.crosstalk < SHARE_LEFT
 
 
 cdef void _forget_crosstalk(Observer* observer) noexcept nogil:
     """It is looked for anew."""
     memory = observer.memory
-    memory.crosstalk = 0.0
-    memory.crosstalk_count = 0
-    memory.swing_squares = memory.swing_lifts = memory.squares_lately = memory.lifts_lately = 0.0
+    regression = &memory.crosstalk
+    memory.resting_lift.crosstalk = 0.0
+    regression.count = 0
+    regression.swing_squares = regression.swing_lifts = regression.squares_lately = regression.lifts_lately = 0.0
 
 
 cdef void look_at_start(Observer* observer, int64_t position) noexcept nogil:
     """A moment after the samples began: in a line at rest the needle was shut before, whatever lift it showed."""
     cdef bint has_opened
     memory = observer.memory
-    start = memory.segment_start
+    under_way, needle = &memory.event, &memory.needle
+    start = memory.positions.segment_start
     if observer.ring[start & MASK].broken != BREAK_START:
         return
-    has_opened = memory.event_number > 0
-    if has_opened and not (memory.needle_open and memory.opening == start and memory.event_number == 1):
+    has_opened = under_way.number > 0
+    if has_opened and not (needle.is_open and needle.opening == start and under_way.number == 1):
         return
     lifts, lift_squares, lines, line_squares = 0.0, 0.0, 0.0, 0.0
     count = position - start
@@ -280,13 +307,13 @@ cdef void look_at_start(Observer* observer, int64_t position) noexcept nogil:
         return
     if has_opened:
         steady = lift_squares / count - (lifts / count) ** 2
-        if not (steady < memory.lift_on**2 and abs(lifts / count) < START_LIMIT):
+        if not (steady < memory.dead_band.lift_on**2 and abs(lifts / count) < START_LIMIT):
             return
         forget_opening(observer)
         shift_zero(observer, start, lifts / count)
         observer.ring[position & MASK].lift_area = 0.0
         observer.ring[position & MASK].seat_area = 0.0
-    memory.shut_since = observer.ring[start & MASK].index - observer.constants.timing.settle
+    shut_needle(observer, observer.ring[start & MASK].index - observer.constants.timing.settle)
 
 
 cdef void look_at_opening(Observer* observer, int64_t position) noexcept nogil:
@@ -294,9 +321,11 @@ cdef void look_at_opening(Observer* observer, int64_t position) noexcept nogil:
 
     A connection that moved, or a drift that is gone: had the needle opened, the line pressure would have fallen.
     """
+    cdef bint is_steady
     memory = observer.memory
-    opening, count = memory.opening, position - memory.opening
-    if opening - count < memory.segment_start:
+    needle = &memory.needle
+    opening, count = needle.opening, position - needle.opening
+    if opening - count < memory.positions.segment_start:
         return
     scale = observer.constants.pressure_scale
     before = _mean_drop(observer, opening - count, opening)
@@ -309,14 +338,15 @@ cdef void look_at_opening(Observer* observer, int64_t position) noexcept nogil:
         lift = observer.ring[k & MASK].lift
         lifts += lift / (count - EDGE)
         squares += lift * lift / (count - EDGE)
-    if not (squares - lifts**2 < memory.lift_on**2 and abs(memory.zero + lifts) < FURTHEST_ZERO):
+    is_steady = squares - lifts**2 < memory.dead_band.lift_on**2
+    if not (is_steady and abs(memory.resting_lift.zero + lifts) < FURTHEST_ZERO):
         return
     forget_opening(observer)
     shift_zero(observer, opening, lifts)
     row = &observer.ring[position & MASK]
     row.lift_area = 0.0
     row.seat_area = 0.0
-    memory.shut_since = row.index
+    shut_needle(observer, row.index)
 
 
 cdef void look_at_rest(Observer* observer, int64_t position) noexcept nogil:
@@ -328,11 +358,12 @@ cdef void look_at_rest(Observer* observer, int64_t position) noexcept nogil:
     """
     cdef bint needs_time, is_steady
     memory, timing = observer.memory, &observer.constants.timing
+    needle, band = &memory.needle, &memory.dead_band
     before = &observer.ring[(position - 1) & MASK]
-    needs_time = memory.needle_open and not memory.contradicted
+    needs_time = needle.is_open and not memory.monitor.contradicted
     count = timing.stays if needs_time else timing.settle
     begin = position - count
-    if begin < max(memory.foot, memory.segment_start) or not (memory.needle_open or before.resting):
+    if begin < max(memory.ramp.foot, memory.positions.segment_start) or not (needle.is_open or before.resting):
         return
     if needs_time and (before.valid or not _is_line_full(observer, begin, position)):
         return
@@ -343,19 +374,19 @@ cdef void look_at_rest(Observer* observer, int64_t position) noexcept nogil:
         squares += lift * lift / count
         trend += along * lift
         length += along * along
-    is_steady = squares - level**2 < memory.lift_off**2 and abs(trend / length) * count < memory.lift_on
-    if not (is_steady and abs(memory.zero + level) < FURTHEST_ZERO):
+    is_steady = squares - level**2 < band.lift_off**2 and abs(trend / length) * count < band.lift_on
+    if not (is_steady and abs(memory.resting_lift.zero + level) < FURTHEST_ZERO):
         return
-    if memory.needle_open:
+    if needle.is_open:
         _shut_at_rest(observer, begin)
         shift_zero(observer, position, level)
-    elif level < -memory.lift_on:
+    elif level < -band.lift_on:
         shift_zero(observer, position, level)
 
 
 cdef bint _is_line_full(Observer* observer, int64_t begin, int64_t end) noexcept nogil:
     """Whether the line pressure's mean over samples [begin, end) is the rail pressure's: the line feeds nothing."""
-    drop = _mean_drop(observer, begin, end) + observer.memory.offset
+    drop = _mean_drop(observer, begin, end) + observer.memory.pair.offset
     return abs(drop) * observer.constants.pressure_scale < CALM
 
 
@@ -365,15 +396,15 @@ cdef void _shut_at_rest(Observer* observer, int64_t begin) noexcept nogil:
     If nothing but time told so, an event must pass before anything is valid.
     """
     memory = observer.memory
-    if not memory.contradicted:
-        memory.halted_in = memory.event_number + 1
-    memory.needle_open = False
-    memory.shut_since = observer.ring[begin & MASK].index
-    memory.event_learnable = False
-    memory.event_doubtful = REASON_LIFT_ZERO
+    under_way, stop = &memory.event, &memory.stop
+    if not memory.monitor.contradicted:
+        memory.judgement.halted_in = under_way.number + 1
+    shut_needle(observer, observer.ring[begin & MASK].index)
+    under_way.learnable = False
+    under_way.fault = REASON_LIFT_ZERO
     _forget_crosstalk(observer)
-    memory.stop = 0.0
-    memory.stop_openings = 0
+    stop.lift = 0.0
+    stop.openings = 0
 
 
 cdef double _mean_drop(Observer* observer, int64_t start, int64_t end) noexcept nogil:

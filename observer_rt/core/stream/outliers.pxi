@@ -80,14 +80,15 @@ cdef inline bint _is_odd(Channel* channel, int64_t position, double value, doubl
 cdef inline bint accepted(ObserverMemory* memory, int64_t longest, double innovation) noexcept nogil:
     """Whether an innovation of x~ [p_0] may correct it: not where it leaps, for `longest` samples at most."""
     cdef bint is_leap
-    leap = innovation - memory.accepted_innovation
-    is_leap = INFINITY > leap * leap * memory.innovation_weight > LEAP * LEAP
-    if is_leap and memory.synchronised and memory.leaping < longest:
-        memory.leaping += 1
+    outliers = &memory.outliers
+    leap = innovation - outliers.accepted_innovation
+    is_leap = INFINITY > leap * leap * memory.innovation_noise.weight > LEAP * LEAP
+    if is_leap and memory.synchronisation.synchronised and outliers.leaping < longest:
+        outliers.leaping += 1
     else:
-        memory.accepted_innovation = innovation
-        memory.leaping = 0
-    return memory.leaping == 0
+        outliers.accepted_innovation = innovation
+        outliers.leaping = 0
+    return outliers.leaping == 0
 
 
 cdef int64_t _look(Observer* observer, int64_t position, int64_t number, double value) noexcept nogil:
@@ -122,7 +123,7 @@ cdef bint _was_held(Observer* observer, double value) noexcept nogil:
 
 cdef bint _is_wide_open(ObserverMemory* memory, double lift) noexcept nogil:
     """Whether at a lift, as recorded [m], the seat limits no flow."""
-    return memory.stop_openings >= ENOUGH_OPENINGS and lift - memory.zero > WIDE * memory.stop
+    return memory.stop.openings >= ENOUGH_OPENINGS and lift - memory.resting_lift.zero > WIDE * memory.stop.lift
 
 
 cdef bint _was_let_go(Observer* observer, int64_t position) noexcept nogil:
@@ -132,7 +133,8 @@ cdef bint _was_let_go(Observer* observer, int64_t position) noexcept nogil:
     """
     cdef bint is_repeated
     memory = observer.memory
-    quickest = observer.constants.quickest + memory.lift_on
+    band = &memory.dead_band
+    quickest = observer.constants.quickest + band.lift_on
     if abs(_lift_over(observer, position - 1, position)) > quickest:
         channel = &observer.channels[LIFT]
         channel.until = max(channel.until, position + LET_GO + 1)
@@ -140,12 +142,12 @@ cdef bint _was_let_go(Observer* observer, int64_t position) noexcept nogil:
     if not _follows(observer, position, LET_GO + 1 + STAYED):
         return False
     leap = _lift_over(observer, last, last + 1)
-    if _lift(observer, last) < memory.lift_on:
+    if _lift(observer, last) < band.lift_on:
         quickest += OFF_SEAT
     if not abs(leap) > quickest or _is_wide_open(memory, _lowest(observer, last)):
         return False
     for k in range(1, STAYED):
-        if not abs(_lift_over(observer, last, last - k)) < memory.lift_on:
+        if not abs(_lift_over(observer, last, last - k)) < band.lift_on:
             return False
     for k in range(2, LET_GO + 2):
         is_repeated = _lift_over(observer, last + k - 1, last + k) == 0.0  # a dropout
@@ -214,7 +216,7 @@ cdef void _note_run(Observer* observer, int64_t position, int64_t number, double
     """Two samples, the second at `position`, have one value: how many must follow, and what it was before them."""
     channel = &observer.channels[number]
     channel.needed = MOST_SAMPLES
-    if position <= observer.memory.segment_start + 1 or not isfinite(value):
+    if position <= observer.memory.positions.segment_start + 1 or not isfinite(value):
         return
     channel.instead = value_of(&observer.ring[(position - 2) & MASK], number)
     channel.is_dropout = abs(value - channel.instead) > DROPOUT * channel.noise
@@ -248,7 +250,7 @@ cdef void _bridge(Observer* observer, int64_t position, int64_t number) noexcept
     row = &observer.ring[position & MASK]
     row.bridged |= 1 << number
     channel.bridged += 1
-    observer.memory.bridged += 1
+    observer.memory.outliers.bridged += 1
     if channel.is_dropout and number != LINE:
         _replace(row, number, channel.instead)
 
@@ -277,7 +279,7 @@ cdef void _mend(Observer* observer, int64_t position, int64_t number) noexcept n
                 row = &observer.ring[(last + k) & MASK]
                 _replace(row, number, before + rise * k / (width + 1))
                 row.bridged |= 1 << number
-            memory.spikes += width
+            memory.outliers.spikes += width
             return
 
 
@@ -294,7 +296,7 @@ cdef void _mend_open_lift(Observer* observer, int64_t position) noexcept nogil:
     for width in range(1, REACH + 1):
         first = position - 1 - width
         before = _lift(observer, first - 1)
-        if min(before, after) < memory.lift_on:
+        if min(before, after) < memory.dead_band.lift_on:
             return
         slope = (after - before) / (width + 1)
         noise = observer.channels[LIFT].noise
@@ -305,9 +307,9 @@ cdef void _mend_open_lift(Observer* observer, int64_t position) noexcept nogil:
         if is_straight and _least_away(observer, first, width, before, slope) > AWAY * noise:
             for k in range(width):
                 row = &observer.ring[(first + k) & MASK]
-                _replace(row, LIFT, before + slope * (k + 1) + memory.zero)
+                _replace(row, LIFT, before + slope * (k + 1) + memory.resting_lift.zero)
                 row.bridged |= 1 << LIFT
-            memory.spikes += width
+            memory.outliers.spikes += width
             return
 
 
@@ -324,7 +326,7 @@ cdef double _least_away(
 
 cdef double _lift(Observer* observer, int64_t position) noexcept nogil:
     """As recorded, without its zero [m]."""
-    return observer.ring[position & MASK].needle_lift - observer.memory.zero
+    return observer.ring[position & MASK].needle_lift - observer.memory.resting_lift.zero
 
 
 cdef bint _follows(Observer* observer, int64_t position, int64_t samples) noexcept nogil:

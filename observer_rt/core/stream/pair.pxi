@@ -7,10 +7,10 @@ cdef enum:
     INJECTIONS_UNSEEN = 2  # in a row, from which on the lift is dead
     SHORT = 2  # times what an opening takes to be one: leaps of the innovation that last longer contradict the model
 
-cdef double SURPRISE_MEMORY = 16.0  # samples the running mean square remembers; its own standard deviation for white noise is .25
+cdef double NIS_MEMORY = 16.0  # samples the running mean square remembers; its own standard deviation for white noise is .25
 cdef double LARGEST = 20.0  # variances a single square counts for: three spikes are no contradiction
 cdef double LIMIT = 5.0  # of the mean square; no injector of `tools/bench accuracy` that is valid shows more than 3
-cdef double CALM_SURPRISE = 2.5  # of the mean square: noise, four standard deviations at most
+cdef double CALM_NIS = 2.5  # of the mean square: noise, four standard deviations at most
 cdef double FALL = 3e6  # Pa by which an injection lets the line pressure fall at least
 cdef double OFFSET_FOLLOWS = 5e-3
 cdef double FURTHEST_OFFSET = 1.5e6  # from the learned one: what moves further is no offset of a good sensor
@@ -22,15 +22,24 @@ cdef inline void watch(Observer* observer, double innovation, int64_t doubt) noe
     doubt: `Doubt` of its sample; one that is not to be trusted contradicts nothing. Squares, for the line swings:
     innovations of both signs would make up for each other.
     """
+    cdef bint is_beyond
     memory = observer.memory
-    if doubt != DOUBT_NONE or memory.doubted != DOUBT_NONE:
-        memory.surprise = 0.0
+    monitor, under_way = &memory.monitor, &memory.event
+    if doubt != DOUBT_NONE or memory.input_fault != REASON_NONE:
+        monitor.normalised_innovation_squared = 0.0
         return
-    square = min(innovation * innovation * memory.innovation_weight, LARGEST)
-    memory.surprise += (square - memory.surprise) / SURPRISE_MEMORY
-    if memory.surprise > LIMIT and memory.synchronised and not memory.contradicted:
-        memory.contradicted = True
-        memory.contradicted_in = memory.event_number if memory.in_event else memory.event_number + 1
+    square = min(innovation * innovation * memory.innovation_noise.weight, LARGEST)
+    monitor.normalised_innovation_squared += (square - monitor.normalised_innovation_squared) / NIS_MEMORY
+    is_beyond = monitor.normalised_innovation_squared > LIMIT
+    if is_beyond and memory.synchronisation.synchronised and not monitor.contradicted:
+        contradict(observer, under_way.number if under_way.in_event else under_way.number + 1)
+
+
+cdef inline void contradict(Observer* observer, int64_t event) noexcept nogil:
+    """The model is contradicted, and no event before that number can tell otherwise."""
+    monitor = &observer.memory.monitor
+    monitor.contradicted, monitor.alarm_at_standstill = True, False
+    monitor.contradicted_in = event
 
 
 cdef void end_contradiction(Observer* observer, bint is_resting, bint is_new) noexcept nogil:
@@ -38,14 +47,14 @@ cdef void end_contradiction(Observer* observer, bint is_resting, bint is_new) no
 
     is_new: it came with this sample. One that lasts until an opening lasts until an event has passed.
     """
-    memory = observer.memory
+    monitor = &observer.memory.monitor
     if is_new:
-        memory.contradicted_at_rest = is_resting
-        memory.calm = 0
-    memory.contradicted_at_rest = memory.contradicted_at_rest and is_resting
-    memory.calm = memory.calm + 1 if memory.surprise < CALM_SURPRISE else 0
-    if memory.contradicted_at_rest and memory.calm >= observer.constants.timing.good:
-        memory.contradicted = False
+        monitor.alarm_at_standstill = is_resting
+        monitor.calm = 0
+    monitor.alarm_at_standstill = monitor.alarm_at_standstill and is_resting
+    monitor.calm = monitor.calm + 1 if monitor.normalised_innovation_squared < CALM_NIS else 0
+    if monitor.alarm_at_standstill and monitor.calm >= observer.constants.timing.good:
+        monitor.contradicted = False
 
 
 cdef inline void count_falls(Observer* observer, Sample* row, bint is_new) noexcept nogil:
@@ -54,30 +63,29 @@ cdef inline void count_falls(Observer* observer, Sample* row, bint is_new) noexc
     is_new: it came with this sample. Not while the line still swings from an opening.
     """
     memory = observer.memory
-    if row.index - memory.shut_since < SWINGS_FOR * observer.constants.timing.event_gap:
+    monitor = &memory.monitor
+    if row.index - memory.needle.shut_since < SWINGS_FOR * observer.constants.timing.event_gap:
         return
     drop = row.line_pressure - row.rail_pressure
-    memory.lowest_line = drop if is_new else min(memory.lowest_line, drop)
-    if (
-        not memory.contradicted
-        and -memory.lowest_line * observer.constants.pressure_scale > FALL
-    ):
-        memory.falls += 1
+    monitor.lowest_line = drop if is_new else min(monitor.lowest_line, drop)
+    if not monitor.contradicted and -monitor.lowest_line * observer.constants.pressure_scale > FALL:
+        monitor.falls += 1
 # s of standstill in which the offset of x~ follows its innovations: some samples of a rail pressure of 1 kHz
 
 
 cdef void start_pair(Observer* observer, int64_t position) noexcept nogil:
     """x~ (and x^ with it) begins anew: p_L = y, Q_L = 0, empty sac."""
     memory = observer.memory
+    pair = &memory.pair
     row = &observer.ring[position & MASK]
-    memory.offset = memory.learned_offset
-    row.indicated = row.line_pressure - memory.offset
+    pair.offset = memory.in_force.learned_offset
+    row.indicated = row.line_pressure - pair.offset
     row.innovation = 0.0
-    memory.accepted_innovation = 0.0
-    memory.surprise = 0.0
+    memory.outliers.accepted_innovation = 0.0
+    memory.monitor.normalised_innovation_squared = 0.0
     observer.step(observer.stepper, STEPPING_START, position)
-    memory.since_start = 0
-    memory.closed_since_start = 0
+    pair.since_start = 0
+    memory.synchronisation.closed_since_start = 0
 
 
 cdef bint _is_measured(Observer* observer, int64_t position) noexcept nogil:
@@ -92,27 +100,28 @@ cdef bint _is_measured(Observer* observer, int64_t position) noexcept nogil:
         return True
     if late > 0:
         return known(observer, position) >= late
-    return position + late >= observer.memory.segment_start
+    return position + late >= observer.memory.positions.segment_start
 
 
 cdef bint step_pair(Observer* observer, int64_t position) noexcept nogil:
     """Both systems from the previous sample to this one; False when a state is no longer finite."""
     cdef bint was_contradicted, is_finite
     constants, memory, row = &observer.constants, observer.memory, &observer.ring[position & MASK]
+    pair, monitor = &memory.pair, &memory.monitor
     shown = observer.step(observer.stepper, STEPPING_PREDICT, position)
     row.innovation = 0.0
     if _is_measured(observer, position):
         y = observer.ring[(position + constants.sensor.late) & MASK].line_pressure
-        innovation = y - memory.offset - shown
+        innovation = y - pair.offset - shown
         if accepted(memory, min(constants.timing.bridge, SHORT * constants.timing.confirm), innovation):
             row.innovation = innovation
-            was_contradicted = memory.contradicted
+            was_contradicted = monitor.contradicted
             watch(observer, innovation, row.doubt)
-            if memory.contradicted:
+            if monitor.contradicted:
                 end_contradiction(observer, row.resting, not was_contradicted)
                 count_falls(observer, row, not was_contradicted)
     is_finite = not isnan(observer.step(observer.stepper, STEPPING_CORRECT, position))
-    memory.since_start += 1
+    pair.since_start += 1
     if row.resting:
         _follow_offset(observer, row.innovation)
     return is_finite
@@ -125,9 +134,10 @@ cdef void _follow_offset(Observer* observer, double innovation) noexcept nogil:
     """
     cdef bint is_settled
     memory = observer.memory
+    pair, in_force = &memory.pair, &memory.in_force
     furthest = FURTHEST_OFFSET / observer.constants.pressure_scale
-    is_settled = memory.since_start > observer.constants.timing.settle
-    if not (memory.offset_moves and is_settled and isfinite(innovation)):
+    is_settled = pair.since_start > observer.constants.timing.settle
+    if not (memory.judgement.offset_moves and is_settled and isfinite(innovation)):
         return
-    moved = memory.offset - memory.learned_offset + innovation * observer.constants.interval / OFFSET_FOLLOWS
-    memory.offset = memory.learned_offset + min(max(moved, -furthest), furthest)
+    moved = pair.offset - in_force.learned_offset + innovation * observer.constants.interval / OFFSET_FOLLOWS
+    pair.offset = in_force.learned_offset + min(max(moved, -furthest), furthest)

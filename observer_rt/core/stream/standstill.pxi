@@ -18,48 +18,51 @@ cdef double _SPIKE = 36.0  # times the mean square: six sigma
 
 cdef void gather(Observer* observer, int64_t position) noexcept nogil:
     """Take the sample at `position` into the statistics of the standstill."""
+    cdef bint is_finite
     memory = observer.memory
+    rest, standstill, differences = &memory.rest, &memory.standstill, &memory.standstill.differences
     row = &observer.ring[position & MASK]
-    if not row.resting or row.interpolated or row.bridged != 0 or memory.unsynchronised_by == REASON_NUMERICAL:
-        memory.rest_run = 0
-        memory.at_highest = 0
-        memory.highest_line = max(memory.highest_line, row.line_pressure)
+    is_finite = memory.synchronisation.unsynchronised_by != REASON_NUMERICAL
+    if not row.resting or row.interpolated or row.bridged != 0 or not is_finite:
+        rest.run = 0
+        rest.at_highest = 0
+        rest.highest_line = max(rest.highest_line, row.line_pressure)
         return
     if _is_clipped(observer, position):
-        memory.rest_run = 0
+        rest.run = 0
         return
-    memory.rest_run += 1
-    memory.rest_count += 1
-    memory.offset_sum += row.line_pressure - observer.constants.sensor.offset - row.rail_pressure
-    if memory.rest_run > _ORDER:
+    rest.run += 1
+    standstill.rest_count += 1
+    standstill.offset_sum += row.line_pressure - observer.constants.sensor.offset - row.rail_pressure
+    if rest.run > _ORDER:
         a = &observer.ring[(position - 4) & MASK]
         b = &observer.ring[(position - 3) & MASK]
         c = &observer.ring[(position - 2) & MASK]
         d = &observer.ring[(position - 1) & MASK]
-        count = memory.difference_count
+        count = differences.count
         undone = observer.constants.undoing.rail_fraction if observer.constants.rail_every <= 1.0 else 0.0
-        memory.rail_squares += square_of_difference(
+        differences.rail_squares += square_of_difference(
             a.rail_pressure,
             b.rail_pressure,
             c.rail_pressure,
             d.rail_pressure,
             row.rail_pressure,
-            memory.rail_squares,
+            differences.rail_squares,
             count,
             smoothing(row.rail_share, undone),
         )
-        memory.line_squares += square_of_difference(
+        differences.line_squares += square_of_difference(
             a.line_pressure,
             b.line_pressure,
             c.line_pressure,
             d.line_pressure,
             row.line_pressure,
-            memory.line_squares,
+            differences.line_squares,
             count,
             1.0,
         )
-        memory.difference_count += 1
-        if memory.difference_count == 2 * NOISE_MEMORY:
+        differences.count += 1
+        if differences.count == 2 * NOISE_MEMORY:
             _halve(observer)
 
 
@@ -69,22 +72,22 @@ cdef bint _is_clipped(Observer* observer, int64_t position) noexcept nogil:
     Where its range ends, it says nothing.
     """
     cdef bint moves
-    memory, row = observer.memory, &observer.ring[position & MASK]
+    rest, row = &observer.memory.rest, &observer.ring[position & MASK]
     moves = row.rail_pressure != observer.ring[(position - 1) & MASK].rail_pressure
-    memory.at_highest = memory.at_highest + 1 if moves and row.line_pressure == memory.highest_line else 0
-    memory.highest_line = max(memory.highest_line, row.line_pressure)
-    return memory.at_highest >= _REPEATED
+    rest.at_highest = rest.at_highest + 1 if moves and row.line_pressure == rest.highest_line else 0
+    rest.highest_line = max(rest.highest_line, row.line_pressure)
+    return rest.at_highest >= _REPEATED
 
 
 cdef void _halve(Observer* observer) noexcept nogil:
     """What is long past counts for less."""
-    memory = observer.memory
-    memory.difference_count = NOISE_MEMORY
-    memory.differences_before //= 2
-    memory.rail_squares *= 0.5
-    memory.line_squares *= 0.5
-    memory.rail_squares_before *= 0.5
-    memory.line_squares_before *= 0.5
+    differences, before = &observer.memory.standstill.differences, &observer.memory.rest.before
+    differences.count = NOISE_MEMORY
+    before.count //= 2
+    differences.rail_squares *= 0.5
+    differences.line_squares *= 0.5
+    before.rail_squares *= 0.5
+    before.line_squares *= 0.5
 
 
 cdef bint _differ(double one, double other, double factor) noexcept nogil:
@@ -94,21 +97,16 @@ cdef bint _differ(double one, double other, double factor) noexcept nogil:
 
 cdef void forget_other_noise(Observer* observer) noexcept nogil:
     """An event closes: what was known before it goes where the noise has become another since."""
-    memory = observer.memory
-    before, since = memory.differences_before, memory.difference_count - memory.differences_before
-    if min(before, since) >= ENOUGH_SAMPLES:
-        rail, line = memory.rail_squares_before, memory.line_squares_before
-        within = exp(CONTRADICTED * sqrt(4.0 * _SPREAD * (1.0 / before + 1.0 / since)))
-        share = <double> since / before
-        if _differ(memory.rail_squares - rail, share * rail, within) or _differ(
-            memory.line_squares - line, share * line, within
-        ):
-            memory.difference_count = since
-            memory.rail_squares -= rail
-            memory.line_squares -= line
-    memory.differences_before = memory.difference_count
-    memory.rail_squares_before = memory.rail_squares
-    memory.line_squares_before = memory.line_squares
+    differences, before = &observer.memory.standstill.differences, &observer.memory.rest.before
+    since = differences.count - before.count
+    if min(before.count, since) >= ENOUGH_SAMPLES:
+        rail = differences.rail_squares - before.rail_squares
+        line = differences.line_squares - before.line_squares
+        within = exp(CONTRADICTED * sqrt(4.0 * _SPREAD * (1.0 / before.count + 1.0 / since)))
+        share = <double> since / before.count
+        if _differ(rail, share * before.rail_squares, within) or _differ(line, share * before.line_squares, within):
+            differences.count, differences.rail_squares, differences.line_squares = since, rail, line
+    observer.memory.rest.before = observer.memory.standstill.differences
 
 
 cdef double smoothing(double share, double again) noexcept nogil:

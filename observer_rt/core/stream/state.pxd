@@ -118,6 +118,26 @@ cdef struct Sample:
     signed char state  # State
     signed char reason  # Reason
 
+# standstill.pxi: sums of squares of fourth differences, whose spikes are limited
+cdef struct Differences:
+    int64_t count
+    double rail_squares
+    double line_squares
+
+# standstill.pxi: what the closed needle has told so far
+cdef struct Standstill:
+    int64_t rest_count
+    double offset_sum
+    Differences differences
+
+# lift_zero.pxi: what the lift shows of a shut needle
+cdef struct RestingLift:
+    double zero  # m
+    double quick_squares  # m2, running mean of the square of `quick`: lift_step.pxi
+    double crosstalk  # m of lift by the line pressure's p_0, as it is taken out; 0: none was found
+    int64_t lift_count
+    double lift_variance  # m2, of the noise: a running mean
+
 cdef struct Event:
     int64_t number
     int64_t due_index  # judged at the first sample >= this outside every event
@@ -125,22 +145,14 @@ cdef struct Event:
     int64_t window_end
     int64_t opening
     unsigned char learnable
-    signed char doubtful  # Reason its samples are not to be trusted, 0 when they are
+    signed char fault  # Reason its samples are not to be trusted, 0 when they are
     int64_t closed_index  # of the sample at which it closed
     int64_t judged_before  # events, when it closed
     int64_t injections  # begun, when it closed
     signed char taken  # verdict.Taken, once it was judged
-    # up to the event's end
-    int64_t rest_count
-    double offset_sum
-    int64_t difference_count
-    double rail_squares
-    double line_squares
-    int64_t lift_count
-    double lift_variance  # m2, of the noise: a running mean
-    double zero  # m
-    double quick_squares  # m2, running mean of the square of `quick`
-    double crosstalk  # m of lift by the line pressure's p_0, as it is taken out; 0: none was found
+    # as they were at the event's end
+    Standstill standstill
+    RestingLift resting_lift
 
 cdef struct Channel:
     double noise  # standard deviation of a sample, as normalised as it is
@@ -180,127 +192,36 @@ cdef struct Injection:
     double middle_x[3]  # x^ and inputs in the middle of the window
     double middle_u[2]
 
-cdef struct ObserverMemory:
+# The observer's memory by owner: each struct is written by the file named above it, of this folder or of observer_rt.
+# A file beside a field writes that, too. Whoever makes an observer (engine/observer.py) puts all in order first.
+
+# step.pxi: how far samples have come
+cdef struct Positions:
     # numbers of recorded samples: recorded >= given_on
     int64_t recorded  # taken in
     int64_t given_on  # what is stated of their channels is undone
     int64_t unbroken_since  # number of the first sample since the last break
     # positions in the stream of samples: received >= inspected >= processed
     int64_t received
+    int64_t interpolated  # how many of these are
     int64_t inspected  # for outliers
     int64_t processed
-    int64_t lifted  # as far as `lift` is known
     int64_t newest_break  # position of the newest sample that does not follow the one before
     int64_t segment_start  # position of the first sample since the last break
+
+# engine/service/core.py
+cdef struct Mode:
     unsigned char draining  # no more samples will come: do without look-ahead
-    # parameters in force
-    double hidden[HIDDEN][ARGUMENTS]
-    double offset  # the learned one, moved by what the standstill shows
-    unsigned char offset_moves  # slow innovations at rest are the offset's, not the colour of the noise
-    signed char judgement  # Reason the last judged event did not pass, 0 when it did
-    int64_t untested  # events in a row that could not be tested
-    signed char doubted  # Reason all that comes now is not to be trusted, 0 when it is
-    unsigned char familiar  # the flow is known well enough for an injection as the last one
-    double sac_flow  # sums since it opened: of Q_H times p_S,
-    double line_flow  # and times p_L
-    double innovation_sigma  # standard deviation of e~, in units of p_0
-    double healthy_variance  # what e~ of a healthy injector has, over its square; 1 if the model is right
-    double innovation_weight  # 1 / their product
-    double surprise  # running mean of e~^2 by this weight
-    unsigned char contradicted  # it has left what noise can do, and no event passed since
-    unsigned char contradicted_at_rest  # by a channel, for the injector did nothing
-    int64_t calm  # samples since it was
-    double lowest_line  # line less rail pressure meanwhile
-    int64_t falls  # how often in a row such a one was an injection's, though no needle opened
-    int64_t contradicted_in  # number of the first event that can tell otherwise
-    int64_t halted_in  # number of the event in which a needle stopped too low, 0 once one has passed
-    double lift_on  # m
-    double lift_off
-    int64_t phi_version
-    # the pair x~, x^ is in the ring; what else it needs
-    int64_t since_start  # samples since x~ started
-    int64_t closed_since_start  # of these, with a closed needle
-    unsigned char synchronised
-    signed char unsynchronised_by  # Reason
-    # needle and event
-    unsigned char needle_open
-    int64_t shut_since  # index of the first closed sample
-    unsigned char in_event
-    unsigned char event_learnable
-    signed char event_doubtful  # Reason
-    int64_t event_number
-    int64_t event_opening
-    int64_t opening  # position of the last one
-    int64_t rested  # position of the last sample with the needle long shut
-    # the part of a ramp that a lift recorded too low does not show
-    int64_t foot  # position of the first sample whose recorded lift counts
-    double foot_lift  # m, lift at the sample before
-    double rise  # m a sample
-    double sinking_lift  # m, of a needle no longer recorded as open
-    double fall  # m a sample, 0 while the recorded lift counts
-    int64_t events_judged
     unsigned char waits_for_verdicts  # else an event without one when it is due is not judged
-    unsigned char waiting  # the head of `events` is due and must be judged before going on
-    int64_t events_closed
-    int64_t events_taken
-    int64_t injections_begun
-    int64_t injections_reported
-    double zero  # m
-    double quick_squares  # m2, running mean of the square of `quick`
-    double crosstalk  # m of lift by the line pressure's p_0, as it is taken out; 0: none was found
-    double zero_mean  # m, running mean
-    double zero_near  # m, a shorter one, and
-    double zero_behind  # .. the running mean of that
-    double zero_moves  # m2, mean square of their difference
-    double zero_slope  # m a sample, 0 while that is noise
-    int64_t followed  # position of the last sample in them
-    double quick  # m, mean over some samples of the lift about its zero
-    double quick_limit  # m2, of its square: more is a step
-    int64_t quiet  # position of the last sample at which it was small
-    int64_t stepped  # position at which a step of the zero was found
-    double before_step  # m, the zero before it
-    double summit  # m, highest lift since it opened
-    int64_t zero_count
-    double spread  # m2, mean square of the lift about it: noise of any colour
-    double variance_lately  # m2, of the noise: a shorter mean
-    double line_mean  # of the line pressure, running as `zero` does
-    int64_t crosstalk_count
-    double swing_squares  # fading sums: of the line pressure about its mean,
-    double swing_lifts  # and of its products with the lift about its zero
-    double squares_lately  # shorter ones of the same
-    double lifts_lately
-    # where the lift of an open needle stays
-    double level  # m, mean of the samples that differ little, and
-    int64_t level_count  # .. how many they are
-    double highest  # m, of this opening, 0 where it stayed nowhere
-    double stop  # m, running mean of the openings that went furthest
-    int64_t stop_openings
-    # statistics of the standstill
+
+# engine/observer.py: what is known before the first sample, and stays
+cdef struct Prior:
+    double hidden[HIDDEN][ARGUMENTS]
+    double healthy_variance  # what e~ of a healthy injector has, over its square; 1 if the model is right
     double stated_noise[3]  # of rail and line pressure [p_0] and lift [m], until it is measured
-    int64_t rest_run
-    double highest_line  # line pressure of the run, normalised
-    int64_t at_highest  # samples of a rest in a row that repeat it exactly: its range ends there
-    int64_t differences_before  # what was known when the event before closed
-    double rail_squares_before
-    double line_squares_before
-    int64_t rest_count
-    double offset_sum
-    int64_t difference_count
-    double rail_squares
-    double line_squares
-    int64_t lift_count
-    double lift_variance  # m2, of the noise: a running mean
-    # outliers
-    double accepted_innovation  # the last of x~ that did not leap
-    int64_t leaping  # samples since
-    # counters
-    int64_t spikes
-    int64_t bridged
-    int64_t interpolated
-    int64_t lost
-    int64_t breaks
-    int64_t numerical_resets
-    int64_t doubtful_events  # judged
+
+# judgement.pxi, from a verdict: theta as the loop carries it
+cdef struct Carried:
     double output[OUTPUTS][HIDDEN]
     double bias[OUTPUTS]
     double back_pressure[2]
@@ -311,6 +232,165 @@ cdef struct ObserverMemory:
     double rail_from
     double rail_to
     double filled_to
+
+# judgement.pxi: what innovations are to be like
+cdef struct InnovationNoise:
+    double sigma  # standard deviation of e~, in units of p_0
+    double weight  # 1 / the mean square that is expected
+
+# judgement.pxi: whether what was learned tells the flow of the injection under way
+cdef struct OperatingPoint:
+    unsigned char in_learned_range  # the flow is known well enough for an injection as the last one
+    double sac_flow  # sums since it opened: of Q_H times p_S,
+    double line_flow  # and times p_L
+
+# judgement.pxi
+cdef struct Judgement:
+    signed char reason  # Reason the last judged event did not pass, 0 when it did
+    int64_t untested  # events in a row that could not be tested
+    int64_t events_judged
+    int64_t doubtful_events  # of these
+    int64_t events_taken
+    unsigned char waiting  # the head of `events` is due and must be judged before going on: step.pxi
+    int64_t halted_in  # event in which a needle stopped too low (step.pxi, lift_zero.pxi), 0 once one has passed
+    int64_t phi_version
+    unsigned char offset_moves  # slow innovations at rest are the offset's, not the colour of the noise
+
+# pair.pxi: the pair x~, x^ is in the ring; what else it needs
+cdef struct Pair:
+    double offset  # the learned one (judgement.pxi), moved by what the standstill shows
+    int64_t since_start  # samples since x~ started
+
+# pair.pxi
+cdef struct InnovationMonitor:
+    double normalised_innovation_squared  # running mean of e~^2 by the weight of its noise
+    unsigned char contradicted  # it has left what noise can do, and no event passed since (judgement.pxi)
+    unsigned char alarm_at_standstill  # by a channel, for the injector did nothing
+    int64_t calm  # samples since it was
+    int64_t contradicted_in  # number of the first event that can tell otherwise
+    double lowest_line  # line less rail pressure meanwhile
+    int64_t falls  # how often in a row such a one was an injection's, though no needle opened (events.pxi)
+
+# step.pxi: whether x~ has settled
+cdef struct Synchronisation:
+    unsigned char synchronised
+    signed char unsynchronised_by  # Reason
+    int64_t closed_since_start  # samples with a closed needle since x~ started (pair.pxi)
+    int64_t rested  # position of the last sample with the needle long shut
+    int64_t numerical_resets
+
+# events.pxi
+cdef struct Needle:
+    unsigned char is_open
+    int64_t shut_since  # index of the first closed sample
+    int64_t opening  # position of the last one
+
+# events.pxi
+cdef struct EventUnderWay:
+    unsigned char in_event
+    int64_t number
+    int64_t opening
+    unsigned char learnable  # not after what step.pxi and lift_zero.pxi find
+    signed char fault  # Reason its samples are not to be trusted (step.pxi, lift_zero.pxi), 0 when they are
+
+# events.pxi
+cdef struct Counts:
+    int64_t events_closed
+    int64_t injections_begun
+    int64_t injections_reported  # or given up: engine/service/judging.py
+
+# front_end.pxi: the part of a ramp that a lift recorded too low does not show
+cdef struct Ramp:
+    int64_t foot  # position of the first sample whose recorded lift counts
+    double foot_lift  # m, lift at the sample before
+    double rise  # m a sample
+    double sinking_lift  # m, of a needle no longer recorded as open
+    double fall  # m a sample, 0 while the recorded lift counts (step.pxi)
+
+# lift_zero.pxi
+cdef struct DeadBand:
+    double lift_on  # m
+    double lift_off
+
+# lift_zero.pxi: how the zero of the lift is followed
+cdef struct LiftZero:
+    int64_t lifted  # position as far as `lift` is known
+    int64_t count
+    double mean  # m, running mean
+    double near  # m, a shorter one, and
+    double behind  # .. the running mean of that
+    double moves  # m2, mean square of their difference
+    double slope  # m a sample, 0 while that is noise
+    int64_t followed  # position of the last sample in them
+    double spread  # m2, mean square of the lift about it: noise of any colour
+    double variance_lately  # m2, of the noise: a shorter mean
+
+# lift_zero.pxi: of the lift of a shut needle on the line pressure
+cdef struct CrosstalkRegression:
+    double line_mean  # of the line pressure, running as the zero does
+    int64_t count
+    double swing_squares  # fading sums: of the line pressure about its mean,
+    double swing_lifts  # and of its products with the lift about its zero
+    double squares_lately  # shorter ones of the same
+    double lifts_lately
+
+# lift_zero.pxi: where the lift of an open needle stays
+cdef struct Stop:
+    double level  # m, mean of the samples that differ little, and
+    int64_t level_count  # .. how many they are
+    double highest  # m, of this opening, 0 where it stayed nowhere
+    double lift  # m, running mean of the openings that went furthest
+    int64_t openings
+
+# lift_step.pxi
+cdef struct LiftStep:
+    double quick  # m, mean over some samples of the lift about its zero
+    double quick_limit  # m2, of its square: more is a step
+    int64_t quiet  # position of the last sample at which it was small
+    int64_t stepped  # position at which a step of the zero was found
+    double before_step  # m, the zero before it
+    double summit  # m, highest lift since it opened
+
+# standstill.pxi: the standstill under way
+cdef struct Rest:
+    int64_t run  # samples
+    double highest_line  # line pressure of the run, normalised
+    int64_t at_highest  # samples of a rest in a row that repeat it exactly: its range ends there
+    Differences before  # what was known when the event before closed
+
+# outliers.pxi
+cdef struct Outliers:
+    double accepted_innovation  # the last of x~ that did not leap, 0 when it started (pair.pxi)
+    int64_t leaping  # samples since
+    int64_t spikes
+    int64_t bridged
+
+cdef struct ObserverMemory:
+    Positions positions
+    Mode mode
+    Prior prior
+    Carried in_force
+    InnovationNoise innovation_noise
+    OperatingPoint operating_point
+    Judgement judgement
+    Pair pair
+    InnovationMonitor monitor
+    Synchronisation synchronisation
+    Needle needle
+    EventUnderWay event
+    Counts counts
+    Ramp ramp
+    DeadBand dead_band
+    RestingLift resting_lift
+    LiftZero lift_zero
+    CrosstalkRegression crosstalk
+    Stop stop
+    LiftStep lift_step
+    Standstill standstill
+    Rest rest
+    Outliers outliers
+    # frames/inputs.pxi, and engine/service/optional_inputs.py when the model has changed
+    signed char input_fault  # Reason all that comes now is not to be trusted, 0 when it is
 
 cdef struct Finding:
     int64_t number  # of the event it is on, from 1 in the order in which they closed
@@ -326,16 +406,7 @@ cdef struct Verdict:
     unsigned char is_adopted
     double innovation_sigma
     double noise[3]  # of the channels
-    double output[OUTPUTS][HIDDEN]
-    double bias[OUTPUTS]
-    double back_pressure[2]
-    double learned_offset
-    double lag  # s
-    double line[MOST_COEFFICIENTS]  # its coefficients with what was learned of it
-    # where the flow is known well enough: rail pressures, and p_S / p_L
-    double rail_from
-    double rail_to
-    double filled_to
+    Carried carried
 
 cdef struct Timing:
     int64_t settle  # closed needle after which the sac is at rest and x^ follows x~

@@ -6,34 +6,34 @@ cdef enum:
 
 cdef void take_recorded(Observer* observer, int64_t end, int64_t doubt) noexcept nogil:
     """Take in the recorded samples up to the number `end`; `doubt` (Doubt) says why they are not to be trusted."""
-    memory = observer.memory
+    positions = &observer.memory.positions
     ahead = observer.constants.undoing.ahead
-    while memory.recorded < end:
-        number = memory.recorded
+    while positions.recorded < end:
+        number = positions.recorded
         sample = &observer.recorded[number & RECORDED_MASK]
         if sample.broken != BREAK_NONE:
             _give_on(observer, number)  # nothing follows what waits
-            memory.unbroken_since = number
+            positions.unbroken_since = number
         sample.doubt = doubt
-        memory.recorded += 1
+        positions.recorded += 1
         if doubt != DOUBT_NONE:
-            for earlier in range(memory.given_on, number):
+            for earlier in range(positions.given_on, number):
                 observer.recorded[earlier & RECORDED_MASK].doubt = doubt
-        _give_on(observer, memory.recorded - ahead)
+        _give_on(observer, positions.recorded - ahead)
 
 
 cdef void _give_on(Observer* observer, int64_t end) noexcept nogil:
     """Append the recorded samples up to the number `end`, with what is stated of their channels undone."""
     cdef bint is_stated
-    memory = observer.memory
+    positions = &observer.memory.positions
     is_stated = observer.constants.undoing.stated
-    while memory.given_on < end:
-        number = memory.given_on
+    while positions.given_on < end:
+        number = positions.given_on
         sample = &observer.recorded[number & RECORDED_MASK]
         rail_pressure = true_rail_pressure(observer, number) if is_stated else sample.values[RAIL]
         lift = true_lift(observer, number) if is_stated else sample.values[LIFT]
         _append(observer, sample, rail_pressure, lift)
-        memory.given_on += 1
+        positions.given_on += 1
 
 
 cdef inline void _append(
@@ -42,8 +42,8 @@ cdef inline void _append(
     """Into the ring, normalised."""
     c = &observer.constants
     inputs = &observer.constants.inputs
-    memory = observer.memory
-    row = &observer.ring[memory.received & MASK]
+    positions = &observer.memory.positions
+    row = &observer.ring[positions.received & MASK]
     row.index = sample.index
     at_rail = inputs.rail_factor * rail_pressure + inputs.rail_shift
     row.rail_pressure = (at_rail - c.chamber_pressure) / c.pressure_scale
@@ -56,28 +56,28 @@ cdef inline void _append(
     row.bridged = 0
     row.doubt = sample.doubt
     if sample.doubt != DOUBT_NONE:  # it may have begun with samples that still wait for their look-ahead
-        first = max(memory.processed, memory.received - observer.constants.timing.lookahead)
-        for position in range(first, memory.received):
+        first = max(positions.processed, positions.received - observer.constants.timing.lookahead)
+        for position in range(first, positions.received):
             observer.ring[position & MASK].doubt = sample.doubt
     if sample.broken != BREAK_NONE:
-        memory.newest_break = memory.received
-    memory.received += 1
+        positions.newest_break = positions.received
+    positions.received += 1
     if sample.interpolated:
-        memory.interpolated += 1
+        positions.interpolated += 1
 
 
 cdef bint advance_stream(Observer* observer) noexcept nogil:
     """Process every sample whose look-ahead is complete.
 
-    Returns True when it stopped because an event must be judged first (`memory.waiting`).
+    Returns True when it stopped because an event must be judged first (`waiting`).
     """
-    memory = observer.memory
-    if memory.draining:
-        _give_on(observer, memory.recorded)
-    while memory.processed < memory.received:
-        position = memory.processed
+    positions, mode = &observer.memory.positions, &observer.memory.mode
+    if mode.draining:
+        _give_on(observer, positions.recorded)
+    while positions.processed < positions.received:
+        position = positions.processed
         if (
-            not memory.draining
+            not mode.draining
             and known(observer, position) < observer.constants.timing.lookahead
             and not _cut_short(observer, position)
         ):
@@ -85,10 +85,10 @@ cdef bint advance_stream(Observer* observer) noexcept nogil:
         _inspect_ahead(observer, position)
         if not _process(observer, position):
             return True
-        memory.processed += 1
-    if memory.draining:
+        positions.processed += 1
+    if mode.draining:
         _finish(observer)
-    return memory.waiting
+    return observer.memory.judgement.waiting
 
 
 cdef inline void _inspect_ahead(Observer* observer, int64_t position) noexcept nogil:
@@ -97,60 +97,66 @@ cdef inline void _inspect_ahead(Observer* observer, int64_t position) noexcept n
     Not among all that are received: what is found depends on what was judged before, and by then more or fewer have
     come as a frame carries more or fewer.
     """
-    memory = observer.memory
-    for k in range(memory.inspected, position + known(observer, position) + 1):
+    positions = &observer.memory.positions
+    for k in range(positions.inspected, position + known(observer, position) + 1):
         row = &observer.ring[k & MASK]
         outlier = inspect(observer, k)
         if row.doubt == DOUBT_NONE:
             row.doubt = outlier
-        memory.inspected = k + 1
+        positions.inspected = k + 1
 
 
 cdef bint _cut_short(Observer* observer, int64_t position) noexcept nogil:
     """Whether a break follows within the look-ahead, so that it will never be longer."""
     following = position + known(observer, position) + 1
-    return following < observer.memory.received
+    return following < observer.memory.positions.received
 
 
 cdef void _finish(Observer* observer) noexcept nogil:
     """No sample will come: end the event under way and have every closed one judged."""
     memory = observer.memory
-    break_event(observer, memory.processed - 1)
+    judgement, counts = &memory.judgement, &memory.counts
+    break_event(observer, memory.positions.processed - 1)
     make_all_due(observer)
-    while memory.events_taken < memory.events_closed and judged(observer):
+    while judgement.events_taken < counts.events_closed and judged(observer):
         pass
-    memory.waiting = memory.events_taken < memory.events_closed
+    judgement.waiting = judgement.events_taken < counts.events_closed
 
 
 cdef bint _process(Observer* observer, int64_t position) noexcept nogil:
     """One sample; False, with nothing done, when an event must be judged before it."""
     cdef bint opens
     memory = observer.memory
+    needle, judgement = &memory.needle, &memory.judgement
     row = &observer.ring[position & MASK]
     if row.broken != BREAK_NONE:
         _end_segment(observer, position)
     take_out_zero(observer, position)
-    opens = not memory.needle_open and opens_at(observer, position)
+    opens = not needle.is_open and opens_at(observer, position)
     if opens and stays_low(observer, position, LOWEST):
         opens = False
-    while not opens and memory.events_taken < memory.events_closed and judgement_due(observer, row.index):
+    while (
+        not opens
+        and judgement.events_taken < memory.counts.events_closed
+        and judgement_due(observer, row.index)
+    ):
         if judged(observer):
             continue
-        if memory.waits_for_verdicts:
-            memory.waiting = True
+        if memory.mode.waits_for_verdicts:
+            judgement.waiting = True
             return False
         if not given_up(observer):
             break
     if row.broken != BREAK_NONE:
         _begin_segment(observer, position)
     _move_needle(observer, position, opens)
-    if position == memory.segment_start + observer.constants.timing.good:
+    if position == memory.positions.segment_start + observer.constants.timing.good:
         look_at_start(observer, position)
-    if memory.needle_open and position == memory.opening + observer.constants.timing.good:
+    if needle.is_open and position == needle.opening + observer.constants.timing.good:
         look_at_opening(observer, position)
-    if (position - memory.opening) % observer.constants.timing.settle == 0:
+    if (position - needle.opening) % observer.constants.timing.settle == 0:
         look_at_rest(observer, position)
-    row.resting = not memory.needle_open and row.index - memory.shut_since > observer.constants.timing.settle
+    row.resting = not needle.is_open and row.index - needle.shut_since > observer.constants.timing.settle
     if row.broken != BREAK_NONE:
         start_pair(observer, position)
     elif not step_pair(observer, position):
@@ -166,7 +172,7 @@ cdef bint _process(Observer* observer, int64_t position) noexcept nogil:
 cdef void _end_segment(Observer* observer, int64_t position) noexcept nogil:
     """The stream broke before `position`: finish what was under way (harmless when done twice)."""
     row = &observer.ring[position & MASK]
-    if position > 0 and observer.memory.in_event:
+    if position > 0 and observer.memory.event.in_event:
         break_event(observer, position - 1)
         note_closed_late(observer, row.index)
     if row.broken == BREAK_RESTART:
@@ -175,42 +181,39 @@ cdef void _end_segment(Observer* observer, int64_t position) noexcept nogil:
 
 cdef void _begin_segment(Observer* observer, int64_t position) noexcept nogil:
     memory = observer.memory
+    synchronisation = &memory.synchronisation
     row = &observer.ring[position & MASK]
     if row.broken != BREAK_JUMP:
         # the needle may have moved meanwhile: nothing is known of the sac
-        memory.shut_since = row.index
-        memory.needle_open = False
-    memory.segment_start = position
-    memory.rested = position
-    memory.synchronised = False
-    memory.unsynchronised_by = row.broken
-    memory.breaks += 1
+        shut_needle(observer, row.index)
+    memory.positions.segment_start = position
+    synchronisation.rested = position
+    synchronisation.synchronised = False
+    synchronisation.unsynchronised_by = row.broken
 
 
 cdef void _move_needle(Observer* observer, int64_t position, bint opens) noexcept nogil:
     """Dead band and events; the seat area of a closed needle is 0 or, beside an opening, negative."""
     memory = observer.memory
+    under_way, needle = &memory.event, &memory.needle
     row = &observer.ring[position & MASK]
     if opens:
         part_events(observer, position)
-        memory.needle_open = True
         open_from(observer, position)
-        look_at_familiarity(observer, position)
+        look_at_learned_range(observer, position)
         begin_injection(observer, position)
         if leaps_about(observer, position):
-            memory.contradicted, memory.contradicted_at_rest = True, False
-            memory.contradicted_in = memory.event_number
+            contradict(observer, under_way.number)
         if stays_low(observer, position, STEPPED):
-            memory.halted_in = memory.event_number
-    elif memory.needle_open:
+            memory.judgement.halted_in = under_way.number
+    elif needle.is_open:
         if not is_recorded_shut(observer, position):
-            memory.fall = 0.0
+            memory.ramp.fall = 0.0
             if lingers(observer, position):
                 come_to_rest(observer, position)
         elif not keep_sinking(observer, position):
-            memory.needle_open = False
-            memory.shut_since = row.index
-    if memory.needle_open:
+            shut_needle(observer, row.index)
+    if needle.is_open:
         row.lift_area = area_at(observer, position)
     else:
         row.lift_area = shut_area(observer, position)
@@ -220,10 +223,11 @@ cdef void _move_needle(Observer* observer, int64_t position, bint opens) noexcep
 cdef void _recover(Observer* observer, int64_t position) noexcept nogil:
     """A state is not finite: start anew here, valid again only after a standstill."""
     memory = observer.memory
-    memory.numerical_resets += 1
-    memory.synchronised = False
-    memory.event_learnable = False
-    memory.unsynchronised_by = REASON_NUMERICAL
+    synchronisation = &memory.synchronisation
+    synchronisation.numerical_resets += 1
+    synchronisation.synchronised = False
+    memory.event.learnable = False
+    synchronisation.unsynchronised_by = REASON_NUMERICAL
     start_pair(observer, position)
 
 
@@ -231,20 +235,21 @@ cdef void _settle(Observer* observer, int64_t position) noexcept nogil:
     """Re-synchronised once x~ is good and the sac at rest; stays so until the stream breaks."""
     cdef bint is_stuck
     memory = observer.memory
-    if not memory.needle_open:
-        memory.closed_since_start += 1
+    needle, synchronisation = &memory.needle, &memory.synchronisation
+    if not needle.is_open:
+        synchronisation.closed_since_start += 1
     if observer.ring[position & MASK].resting and (
-        memory.closed_since_start >= observer.constants.timing.good
+        synchronisation.closed_since_start >= observer.constants.timing.good
     ):
-        memory.synchronised = True
-        memory.unsynchronised_by = REASON_NONE
+        synchronisation.synchronised = True
+        synchronisation.unsynchronised_by = REASON_NONE
     if observer.ring[position & MASK].resting:
-        memory.rested = position
-    is_stuck = memory.needle_open and position - memory.opening > MAX_EVENT
-    if is_stuck or position - memory.rested > _RESTLESS:
-        memory.synchronised = False
-        memory.unsynchronised_by = REASON_NEEDLE_STUCK if is_stuck else REASON_NO_STANDSTILL
-        memory.event_learnable = False
+        synchronisation.rested = position
+    is_stuck = needle.is_open and position - needle.opening > MAX_EVENT
+    if is_stuck or position - synchronisation.rested > _RESTLESS:
+        synchronisation.synchronised = False
+        synchronisation.unsynchronised_by = REASON_NEEDLE_STUCK if is_stuck else REASON_NO_STANDSTILL
+        memory.event.learnable = False
 
 
 cdef bint _is_only_rest_held(Observer* observer, int64_t position) noexcept nogil:
@@ -253,43 +258,45 @@ cdef bint _is_only_rest_held(Observer* observer, int64_t position) noexcept nogi
     Had the needle moved meanwhile, the lift would leap when it is let go, or the line would ring.
     """
     cdef bint is_at_rest
-    memory = observer.memory
+    needle = &observer.memory.needle
     row = &observer.ring[position & MASK]
     timing = &observer.constants.timing
-    is_at_rest = not memory.needle_open and row.index - memory.shut_since > timing.bounce
+    is_at_rest = not needle.is_open and row.index - needle.shut_since > timing.bounce
     others = max(observer.channels[RAIL].bridged, observer.channels[LINE].bridged)
     return is_at_rest and row.doubt == DOUBT_FROZEN and others <= timing.bridge
 
 
 cdef void _mark(Observer* observer, int64_t position) noexcept nogil:
     """Validity, reason and state of the processed sample; its rate is not available while not synchronised."""
-    cdef bint is_doubted
+    cdef bint is_faulty
     memory = observer.memory
+    synchronisation, monitor, judgement = &memory.synchronisation, &memory.monitor, &memory.judgement
+    under_way = &memory.event
     row = &observer.ring[position & MASK]
     follow_filling(observer, position)
     facts = SampleFacts(
-        memory.unsynchronised_by,
-        memory.synchronised,
+        synchronisation.unsynchronised_by,
+        synchronisation.synchronised,
         row.doubt,
-        memory.doubted,
+        memory.input_fault,
         is_beyond_limit(observer),
-        memory.falls >= INJECTIONS_UNSEEN,
-        memory.events_judged - memory.doubtful_events,
+        monitor.falls >= INJECTIONS_UNSEEN,
+        judgement.events_judged - judgement.doubtful_events,
         observer.constants.events_required,
-        memory.familiar,
-        memory.judgement,
-        memory.contradicted or memory.halted_in > 0,
-        memory.phi_version > 0,
+        memory.operating_point.in_learned_range,
+        judgement.reason,
+        monitor.contradicted or judgement.halted_in > 0,
+        judgement.phi_version > 0,
     )
     row.reason = reason_of_sample(&facts)
     row.valid = row.reason == REASON_NONE
     row.state = state_of_sample(&facts, row.reason)
-    if not memory.synchronised:
+    if not synchronisation.synchronised:
         row.injection_rate = NAN
         return
-    is_doubted = row.doubt == DOUBT_NONE and memory.doubted != REASON_NONE
-    if is_doubted or (row.doubt != DOUBT_NONE and not _is_only_rest_held(observer, position)):
-        memory.event_learnable = False
-        memory.event_doubtful = row.reason
+    is_faulty = row.doubt == DOUBT_NONE and memory.input_fault != REASON_NONE
+    if is_faulty or (row.doubt != DOUBT_NONE and not _is_only_rest_held(observer, position)):
+        under_way.learnable = False
+        under_way.fault = row.reason
     elif row.reason == REASON_LIFT_ZERO:
-        memory.event_doubtful = row.reason
+        under_way.fault = row.reason

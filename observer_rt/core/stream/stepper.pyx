@@ -55,9 +55,9 @@ cdef class Stepper(PairStepper):
         self.stream, self.carried = stream, phi
         self.terms_of_tilde, self.terms_of_hat = Terms(program), Terms(program)
         s.coefficients = s.forced.coefficients = model.coefficients
-        s.network.neurons, s.network.hidden = HIDDEN, &memory.hidden[0][0]
-        s.network.output, s.network.bias = &memory.output[0][0], memory.bias
-        s.network.back_pressure = memory.back_pressure
+        s.network.neurons, s.network.hidden = HIDDEN, &memory.prior.hidden[0][0]
+        s.network.output, s.network.bias = &memory.in_force.output[0][0], memory.in_force.bias
+        s.network.back_pressure = memory.in_force.back_pressure
         s.forced.network = s.network
         s.fraction, s.interval, s.substeps = sensor.fraction, interval, substeps
         s.observer = &stream.observer
@@ -148,8 +148,8 @@ cdef inline double* _x_hat(Stepping* s, int64_t position) noexcept nogil:
 cdef inline void _take_line(Stepping* s) noexcept nogil:
     """The line's coefficients as the observer's memory has them now."""
     cdef size_t size = s.coefficients.size * sizeof(double)
-    memcpy(s.coefficients.line.values, s.observer.memory.line, size)
-    memcpy(s.forced.coefficients.line.values, s.observer.memory.line, size)
+    memcpy(s.coefficients.line.values, s.observer.memory.in_force.line, size)
+    memcpy(s.forced.coefficients.line.values, s.observer.memory.in_force.line, size)
 
 
 cdef inline void _force(Stepping* s, const Sample* ring, int64_t position, const double* x, Forcing* forcing) noexcept nogil:
@@ -170,7 +170,7 @@ cdef void _start(Stepping* s, int64_t position) noexcept nogil:
     row = &s.observer.ring[position & MASK]
     x_tilde = _x_tilde(s, position)
     _take_line(s)
-    rest_line(x_tilde, row.line_pressure - s.observer.memory.offset, &s.coefficients)
+    rest_line(x_tilde, row.line_pressure - s.observer.memory.pair.offset, &s.coefficients)
     x_tilde[SAC] = 0.0
     memcpy(_x_hat(s, position), x_tilde, s.observer.states * sizeof(double))
     for i in range(3 * s.of_tilde.rows):
@@ -185,7 +185,7 @@ cdef double _predict(Stepping* s, int64_t position) noexcept nogil:
     memcpy(x_tilde, _x_tilde(s, position - 1), s.observer.states * sizeof(double))
     _take_line(s)
     _force(s, s.observer.ring, position, x_tilde, s.of_tilde)
-    shown = predict(x_tilde, &indicated, &s.forced, s.fraction, s.observer.memory.lag, NULL)
+    shown = predict(x_tilde, &indicated, &s.forced, s.fraction, s.observer.memory.in_force.lag, NULL)
     s.observer.ring[position & MASK].indicated = indicated
     return shown_under_terms(shown, &s.forced, s.of_tilde)
 
@@ -199,7 +199,7 @@ cdef double _correct(Stepping* s, int64_t position) noexcept nogil:
     cdef int64_t i, states = s.observer.states
     row = &s.observer.ring[position & MASK]
     x_tilde, x_hat = _x_tilde(s, position), _x_hat(s, position)
-    gain = s.observer.gains + min(s.observer.memory.since_start, s.observer.gain_rows - 1) * states
+    gain = s.observer.gains + min(s.observer.memory.pair.since_start, s.observer.gain_rows - 1) * states
     trusted = trusted_under_terms(row.innovation, s.interval, s.of_tilde)
     correct(x_tilde, &row.indicated, trusted, gain, states, NULL)
     _take_line(s)

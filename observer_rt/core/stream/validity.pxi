@@ -8,12 +8,12 @@ cdef struct SampleFacts:
     int64_t unsynchronised_by  # Reason since which x~ has not settled
     bint is_synchronised
     int64_t doubt  # Doubt of the sample itself
-    int64_t doubted  # Reason a channel is doubted for
+    int64_t input_fault  # Reason all samples are not to be trusted now
     bint is_lift_beyond  # the zero of the lift has gone too far
     bint is_lift_dead  # it does not show what the line pressure does
     int64_t events  # judged, and of samples to be trusted
     int64_t events_required
-    bint is_familiar  # the flow is known well enough for such an injection
+    bint is_in_learned_range  # the flow is known well enough for such an injection
     int64_t judgement  # Reason the last judged event did not pass
     bint is_contradicted  # by the innovations since, or by how the needle opened
     bint has_learned  # something is in force
@@ -25,8 +25,8 @@ cdef int64_t reason_of_sample(const SampleFacts* facts) noexcept nogil:
         return facts.unsynchronised_by
     if facts.doubt != DOUBT_NONE:
         return facts.doubt
-    if facts.doubted != REASON_NONE:
-        return facts.doubted
+    if facts.input_fault != REASON_NONE:
+        return facts.input_fault
     if facts.is_lift_beyond:
         return REASON_LIFT_ZERO
     if facts.is_lift_dead:
@@ -37,7 +37,7 @@ cdef int64_t reason_of_sample(const SampleFacts* facts) noexcept nogil:
         return facts.judgement
     if facts.is_contradicted:
         return REASON_CONTRADICTED
-    if not facts.is_familiar:
+    if not facts.is_in_learned_range:
         return REASON_OUTSIDE_LEARNED_RANGE
     return facts.unsynchronised_by
 
@@ -48,7 +48,7 @@ cdef int64_t state_of_sample(const SampleFacts* facts, int64_t reason) noexcept 
     if facts.unsynchronised_by == REASON_STARTING:
         return STATE_STARTING
     is_unsynchronised = facts.unsynchronised_by != REASON_NONE and facts.unsynchronised_by != REASON_JUMPED
-    is_doubted = facts.doubt != DOUBT_NONE or facts.doubted != REASON_NONE or facts.judgement != REASON_NONE
+    is_doubted = facts.doubt != DOUBT_NONE or facts.input_fault != REASON_NONE or facts.judgement != REASON_NONE
     if is_unsynchronised or is_doubted or reason in (REASON_CONTRADICTED, REASON_LIFT_ZERO, REASON_LIFT_DEAD):
         return STATE_DEGRADED
     return STATE_ADAPTED if facts.has_learned else STATE_RUNNING_NOMINAL

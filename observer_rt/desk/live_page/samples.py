@@ -176,7 +176,7 @@ class InputSamples:
     @property
     def received(self) -> int:
         """Samples so far."""
-        return int(self._compiled.observer.memory["received"][0])
+        return int(self._compiled.observer.memory[0]["positions"]["received"])
 
     @property
     def newest(self) -> int:

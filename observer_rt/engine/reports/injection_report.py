@@ -131,7 +131,7 @@ def report_of(
         InjectionFacts(
             of_samples=Reason(int(injection["reason"])),
             of_event=Reason.NONE if passed else judged.objections[0].reason,
-            of_inputs=Reason(int(event["doubtful"])),
+            of_inputs=Reason(int(event["fault"])),
             was_outlier=passed and outcome is not None and outcome.outliers > 0,
             is_revised=revised,
         )

@@ -52,7 +52,7 @@ class Contest:
     def __init__(self, publisher: NDArray[np.void], observer: NDArray[np.void]) -> None:
         """publisher, observer: the memory of either; no rate that the publisher sends meanwhile is valid."""
         self._is_contested = publisher["contested"]
-        self._processed = observer["processed"]
+        self._processed = observer["positions"]["processed"]
         self._first = self._end = 0
 
     def note(self, is_contested: bool) -> None:
@@ -122,7 +122,9 @@ class Core:
             )
         )
         """Everything compiled code works on."""
-        self.compiled.observer.memory["waits_for_verdicts"] = executor is None or config.learning.lockstep
+        self.compiled.observer.memory["mode"]["waits_for_verdicts"] = (
+            executor is None or config.learning.lockstep
+        )
         self._tell = fan_out(listeners)
         self._judging = Judging(
             self.compiled,
@@ -189,12 +191,12 @@ class Core:
     @property
     def is_between_events(self) -> bool:
         """Whether no injection is under way, nor any to be judged."""
-        return self._judging.is_idle and not self.compiled.observer.memory["in_event"][0]
+        return self._judging.is_idle and not self.compiled.observer.memory[0]["event"]["in_event"]
 
     def finish(self) -> list[OutputFrame]:
         """No frame will come: process what waits, judge every event, publish the last block."""
-        self.compiled.observer.memory["draining"] = True
-        self.compiled.observer.memory["waits_for_verdicts"] = True
+        self.compiled.observer.memory["mode"]["draining"] = True
+        self.compiled.observer.memory["mode"]["waits_for_verdicts"] = True
         self._go_on(self.compiled.proceed())
         self._results.collect_rates()
         self.compiled.flush()
@@ -204,7 +206,7 @@ class Core:
     @property
     def processed(self) -> int:
         """Samples processed since the start: the position of the next one."""
-        return int(self.compiled.observer.memory["processed"][0])
+        return int(self.compiled.observer.memory[0]["positions"]["processed"])
 
     def rows(self, start: int, end: int) -> NDArray[np.void]:
         """Processed samples at positions [start, end) as a copy, dtype `stream.state.sample_dtype`.

@@ -288,7 +288,7 @@ class EnergizingWatch:
 
     @property
     def _processed(self) -> int:
-        return int(self._compiled.observer.memory["processed"][0])
+        return int(self._compiled.observer.memory[0]["positions"]["processed"])
 
     def _newest_index(self) -> int:
         return int(self._compiled.observer.ring[(self._processed - 1) % RING]["index"])
@@ -337,8 +337,8 @@ class EnergizingWatch:
 
     def _undecided_openings(self) -> list[int]:
         """Indices of the openings whose injections are not reported yet."""
-        memory = self._compiled.observer.memory[0]
-        first, end = int(memory["injections_reported"]), int(memory["injections_begun"])
+        counts = self._compiled.observer.memory[0]["counts"]
+        first, end = int(counts["injections_reported"]), int(counts["injections_begun"])
         return [
             int(self._compiled.observer.injections[n % INJECTIONS]["opening_index"])
             for n in range(first, end)

@@ -104,9 +104,10 @@ class Judging:
         """Called by the executor when something was learned, for whoever waits to `post`."""
         self._compiled = compiled
         memory = compiled.observer.memory  # stays where it is: views spare a look-up a frame
-        self._events_closed, self._events_taken = memory["events_closed"], memory["events_taken"]
+        self._events_closed = memory["counts"]["events_closed"]
+        self._events_taken = memory["judgement"]["events_taken"]
         self._events = compiled.observer.events
-        self._waits_for_verdicts = memory["waits_for_verdicts"]
+        self._waits_for_verdicts = memory["mode"]["waits_for_verdicts"]
         self._learner = learner
         self._learner_after = learner_after
         self._on_failure = on_failure
@@ -320,7 +321,7 @@ class Judging:
 
     def injections(self, judged: EventRecord) -> Iterator[np.void]:
         """The injections, `stream.state.INJECTION`, to be reported with an event."""
-        memory = self._compiled.observer.memory[0]
-        while memory["injections_reported"] < judged.event["injections"]:
-            memory["injections_reported"] += 1
-            yield self._compiled.observer.injections[(int(memory["injections_reported"]) - 1) % INJECTIONS]
+        counts = self._compiled.observer.memory[0]["counts"]
+        while counts["injections_reported"] < judged.event["injections"]:
+            counts["injections_reported"] += 1
+            yield self._compiled.observer.injections[(int(counts["injections_reported"]) - 1) % INJECTIONS]

@@ -125,7 +125,7 @@ def slow_noise_of(observer: Observer, rows: NDArray[np.void], white: NoiseLevels
     c, rate = observer.constants.coefficients, 1.0 / observer.constants.interval
     rest = rows[rows["resting"] & ~rows["interpolated"] & (rows["doubt"] == Doubt.NONE)]
     index = rest["index"].astype(np.int64)
-    sigma = float(observer.memory[0]["innovation_sigma"]) * c.pressure_scale
+    sigma = float(observer.memory[0]["innovation_noise"]["sigma"]) * c.pressure_scale
     line = slow_noise(rest["innovation"] * c.pressure_scale, index, rate, sigma)
     lift = slow_noise(rest["needle_lift"], index, rate, white.needle_lift)
     found = {}
@@ -143,7 +143,7 @@ def _passed(observer: Observer, frequency: float) -> float:
     moved = line * cmath.exp(-2j * math.pi * frequency * observer.constants.interval)
     followed = moved @ np.linalg.solve(np.eye(len(line)) - moved, gain.astype(np.complex128))
     passed = 1.0 / (1.0 + followed[0])
-    if observer.memory[0]["offset_moves"]:
+    if observer.memory[0]["judgement"]["offset_moves"]:
         turns = 2j * math.pi * frequency * OFFSET_FOLLOWS
         passed *= turns / (1.0 + turns)
     return float(abs(passed))

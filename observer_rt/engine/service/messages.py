@@ -163,12 +163,13 @@ def counted(pipeline: Pipeline, energizing: EnergizingFigures | None, judging: J
     receiver = pipeline.receiver[0]
     alignment = pipeline.alignment.memory[0]
     memory = pipeline.observer.memory[0]
+    positions, outliers = memory["positions"], memory["outliers"]
     return Counters(
-        samples=int(memory["processed"]),
+        samples=int(positions["processed"]),
         lost_samples=int(alignment["lost"]),
-        interpolated_samples=int(memory["interpolated"]),
-        spikes=int(memory["spikes"]),
-        bridged_samples=int(memory["bridged"]),
+        interpolated_samples=int(positions["interpolated"]),
+        spikes=int(outliers["spikes"]),
+        bridged_samples=int(outliers["bridged"]),
         **{
             name: int(receiver[name]) for name in ("frames", "crc_errors", "length_errors", "sequence_errors")
         },
@@ -177,8 +178,8 @@ def counted(pipeline: Pipeline, energizing: EnergizingFigures | None, judging: J
         old_frames=int(alignment["old"]),
         restarts=int(alignment["restarts"]),
         jumps=int(alignment["jumps"]),
-        events=int(memory["events_judged"]),
-        injections=int(memory["injections_reported"]),
+        events=int(memory["judgement"]["events_judged"]),
+        injections=int(memory["counts"]["injections_reported"]),
         adoptions=judging.adoptions,
         rejected_adoptions=judging.rejected,
         late_adoptions=judging.late,

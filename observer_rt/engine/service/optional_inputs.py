@@ -78,7 +78,7 @@ class OptionalInputs:
         """Make the model that of fuel as warm as it is measured."""
         temperature = float(self._memory["measured"])
         self._compiled.change_constants(bench_constants(self._fitted, self._is_restored, temperature))
-        self._compiled.observer.memory["doubted"] = Reason.NONE
+        self._compiled.observer.memory["input_fault"] = Reason.NONE
         self._memory["fuel_temperature"], self._memory["since_change"] = temperature, 0.0
         self._memory["is_due"] = False
 

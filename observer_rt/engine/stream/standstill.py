@@ -42,10 +42,11 @@ class LiftFigures(RestingLift):
 
 def resting_lift_of(record: np.void, pressure_scale: float) -> RestingLift:
     """Read it out of an observer's memory, or a closed event's; pressure_scale p_0 [Pa]."""
+    resting = record["resting_lift"]
     return RestingLift(
-        zero=float(record["zero"]),
-        wander=math.sqrt(record["quick_squares"]),
-        crosstalk=float(record["crosstalk"]) / pressure_scale,
+        zero=float(resting["zero"]),
+        wander=math.sqrt(resting["quick_squares"]),
+        crosstalk=float(resting["crosstalk"]) / pressure_scale,
     )
 
 
@@ -53,10 +54,11 @@ def lift_figures(observer: Observer, max_lift: float) -> LiftFigures:
     """Read them out of the observer's memory; max_lift: of the injector file [m]."""
     memory = observer.memory[0]
     inputs = observer.constants.inputs
-    is_known = int(memory["stop_openings"]) >= ENOUGH_OPENINGS
+    stop = memory["stop"]
+    is_known = int(stop["openings"]) >= ENOUGH_OPENINGS
     return LiftFigures(
         **vars(resting_lift_of(memory, observer.constants.coefficients.pressure_scale)),
-        at_stop=inputs.lift_factor * float(memory["stop"]) + inputs.lift_shift if is_known else math.nan,
+        at_stop=inputs.lift_factor * float(stop["lift"]) + inputs.lift_shift if is_known else math.nan,
         stop=max_lift,
     )
 
@@ -89,14 +91,16 @@ def standstill_of(
     stated: levels (3,) of rail and line pressure [p_0] and lift [m] that hold where what was measured does not
     contradict them: a short standstill tells a level within some percent only.
     """
-    samples = int(record["rest_count"])
-    offset = float(record["offset_sum"]) / samples if samples else 0.0
-    count, lifts = int(record["difference_count"]), int(record["lift_count"])
+    found, resting = record["standstill"], record["resting_lift"]
+    samples = int(found["rest_count"])
+    offset = float(found["offset_sum"]) / samples if samples else 0.0
+    differences = found["differences"]
+    count, lifts = int(differences["count"]), int(resting["lift_count"])
     if count < ENOUGH_SAMPLES or lifts < ENOUGH_SAMPLES:
         return Standstill(samples, offset, None)
-    squares = float(record["rail_squares"]) / count, float(record["line_squares"]) / count
+    squares = float(differences["rail_squares"]) / count, float(differences["line_squares"]) / count
     measured = [math.sqrt(square / DIFFERENCE_GAIN) for square in squares]
-    measured.append(math.sqrt(float(record["lift_variance"])))
+    measured.append(math.sqrt(float(resting["lift_variance"])))
     if stated is not None:
         known = zip(measured, stated, (count, count, min(lifts, 2 * LIFT_MEMORY)), strict=True)
         measured = [_level(level, float(before), squares) for level, before, squares in known]

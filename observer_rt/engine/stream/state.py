@@ -1,4 +1,4 @@
-"""The observer's memory: one ring of samples and one record of everything else, both preallocated."""
+"""The observer: rings of samples, events and injections, its constants, and what of the core works on them."""
 
 from enum import IntEnum
 from typing import NamedTuple
@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 
 from observer_rt.core.stream.stepper import Stepper
 from observer_rt.core.stream.stream import Stream
+from observer_rt.engine.stream.memory import RESTING_LIFT, STANDSTILL
 from observer_rt.engine.stream.phi import Phi
-from observer_rt.engine.stream.verdict import CARRIED, Verdicts
+from observer_rt.engine.stream.verdict import Verdicts
 from observer_rt.foundation.continuity import Break, Doubt
 from observer_rt.model.effective import Coefficients, InputTerms
-from observer_rt.model.network import ARGUMENTS, HIDDEN
 from observer_rt.model.sensor import Sensor
 
 RAIL, LIFT, LINE = range(3)  # numbers of the channels
@@ -89,24 +89,6 @@ _SAMPLE = [
     ("reason", np.int8),  # Reason
 ]
 
-# what the closed needle has told so far
-_STANDSTILL = [
-    ("rest_count", np.int64),
-    ("offset_sum", np.float64),
-    ("difference_count", np.int64),
-    ("rail_squares", np.float64),
-    ("line_squares", np.float64),
-    ("lift_count", np.int64),
-    ("lift_variance", np.float64),  # m2, of the noise: a running mean
-]
-
-# what the lift shows of a shut needle
-_RESTING_LIFT = [
-    ("zero", np.float64),  # m
-    ("quick_squares", np.float64),  # m2, running mean of the square of `quick`
-    ("crosstalk", np.float64),  # m of lift by the line pressure's p_0, as it is taken out; 0: none was found
-]
-
 EVENT = np.dtype(
     [
         ("number", np.int64),
@@ -115,14 +97,14 @@ EVENT = np.dtype(
         ("window_end", np.int64),
         ("opening", np.int64),
         ("learnable", np.bool_),
-        ("doubtful", np.int8),  # Reason its samples are not to be trusted, 0 when they are
+        ("fault", np.int8),  # Reason its samples are not to be trusted, 0 when they are
         ("closed_index", np.int64),  # of the sample at which it closed
         ("judged_before", np.int64),  # events, when it closed
         ("injections", np.int64),  # begun, when it closed
         ("taken", np.int8),  # verdict.Taken, once it was judged
-        # up to the event's end
-        *_STANDSTILL,
-        *_RESTING_LIFT,
+        # as they were at the event's end
+        ("standstill", STANDSTILL),
+        ("resting_lift", RESTING_LIFT),
     ],
     align=True,
 )
@@ -173,125 +155,6 @@ INJECTION = np.dtype(
     align=True,
 )
 
-_OBSERVER = [
-    # numbers of recorded samples: recorded >= given_on
-    ("recorded", np.int64),  # taken in
-    ("given_on", np.int64),  # what is stated of their channels is undone
-    ("unbroken_since", np.int64),  # number of the first sample since the last break
-    # positions in the stream of samples: received >= inspected >= processed
-    ("received", np.int64),
-    ("inspected", np.int64),  # for outliers
-    ("processed", np.int64),
-    ("lifted", np.int64),  # as far as `lift` is known
-    ("newest_break", np.int64),  # position of the newest sample that does not follow the one before
-    ("segment_start", np.int64),  # position of the first sample since the last break
-    ("draining", np.bool_),  # no more samples will come: do without look-ahead
-    # parameters in force
-    ("hidden", np.float64, (HIDDEN, ARGUMENTS)),
-    ("offset", np.float64),  # the learned one, moved by what the standstill shows
-    ("offset_moves", np.bool_),  # slow innovations at rest are the offset's, not the colour of the noise
-    ("judgement", np.int8),  # Reason the last judged event did not pass, 0 when it did
-    ("untested", np.int64),  # events in a row that could not be tested
-    ("doubted", np.int8),  # Reason all that comes now is not to be trusted, 0 when it is
-    ("familiar", np.bool_),  # the flow is known well enough for an injection as the last one
-    ("sac_flow", np.float64),  # sums since it opened: of Q_H times p_S,
-    ("line_flow", np.float64),  # and times p_L
-    ("innovation_sigma", np.float64),  # standard deviation of e~, in units of p_0
-    (
-        "healthy_variance",
-        np.float64,
-    ),  # what e~ of a healthy injector has, over its square; 1 if the model is right
-    ("innovation_weight", np.float64),  # 1 / their product
-    ("surprise", np.float64),  # running mean of e~^2 by this weight
-    ("contradicted", np.bool_),  # it has left what noise can do, and no event passed since
-    ("contradicted_at_rest", np.bool_),  # by a channel, for the injector did nothing
-    ("calm", np.int64),  # samples since it was
-    ("lowest_line", np.float64),  # line less rail pressure meanwhile
-    ("falls", np.int64),  # how often in a row such a one was an injection's, though no needle opened
-    ("contradicted_in", np.int64),  # number of the first event that can tell otherwise
-    ("halted_in", np.int64),  # number of the event in which a needle stopped too low, 0 once one has passed
-    ("lift_on", np.float64),  # m
-    ("lift_off", np.float64),
-    ("phi_version", np.int64),
-    # the pair x~, x^ is in the ring; what else it needs
-    ("since_start", np.int64),  # samples since x~ started
-    ("closed_since_start", np.int64),  # of these, with a closed needle
-    ("synchronised", np.bool_),
-    ("unsynchronised_by", np.int8),  # Reason
-    # needle and event
-    ("needle_open", np.bool_),
-    ("shut_since", np.int64),  # index of the first closed sample
-    ("in_event", np.bool_),
-    ("event_learnable", np.bool_),
-    ("event_doubtful", np.int8),  # Reason
-    ("event_number", np.int64),
-    ("event_opening", np.int64),
-    ("opening", np.int64),  # position of the last one
-    ("rested", np.int64),  # position of the last sample with the needle long shut
-    # the part of a ramp that a lift recorded too low does not show
-    ("foot", np.int64),  # position of the first sample whose recorded lift counts
-    ("foot_lift", np.float64),  # m, lift at the sample before
-    ("rise", np.float64),  # m a sample
-    ("sinking_lift", np.float64),  # m, of a needle no longer recorded as open
-    ("fall", np.float64),  # m a sample, 0 while the recorded lift counts
-    ("events_judged", np.int64),
-    ("waits_for_verdicts", np.bool_),  # else an event without one when it is due is not judged
-    ("waiting", np.bool_),  # the head of `events` is due and must be judged before going on
-    ("events_closed", np.int64),
-    ("events_taken", np.int64),
-    ("injections_begun", np.int64),
-    ("injections_reported", np.int64),
-    *_RESTING_LIFT,
-    ("zero_mean", np.float64),  # m, running mean
-    ("zero_near", np.float64),  # m, a shorter one, and
-    ("zero_behind", np.float64),  # .. the running mean of that
-    ("zero_moves", np.float64),  # m2, mean square of their difference
-    ("zero_slope", np.float64),  # m a sample, 0 while that is noise
-    ("followed", np.int64),  # position of the last sample in them
-    ("quick", np.float64),  # m, mean over some samples of the lift about its zero
-    ("quick_limit", np.float64),  # m2, of its square: more is a step
-    ("quiet", np.int64),  # position of the last sample at which it was small
-    ("stepped", np.int64),  # position at which a step of the zero was found
-    ("before_step", np.float64),  # m, the zero before it
-    ("summit", np.float64),  # m, highest lift since it opened
-    ("zero_count", np.int64),
-    ("spread", np.float64),  # m2, mean square of the lift about it: noise of any colour
-    ("variance_lately", np.float64),  # m2, of the noise: a shorter mean
-    ("line_mean", np.float64),  # of the line pressure, running as `zero` does
-    ("crosstalk_count", np.int64),
-    ("swing_squares", np.float64),  # fading sums: of the line pressure about its mean,
-    ("swing_lifts", np.float64),  # and of its products with the lift about its zero
-    ("squares_lately", np.float64),  # shorter ones of the same
-    ("lifts_lately", np.float64),
-    # where the lift of an open needle stays
-    ("level", np.float64),  # m, mean of the samples that differ little, and
-    ("level_count", np.int64),  # .. how many they are
-    ("highest", np.float64),  # m, of this opening, 0 where it stayed nowhere
-    ("stop", np.float64),  # m, running mean of the openings that went furthest
-    ("stop_openings", np.int64),
-    # statistics of the standstill
-    ("stated_noise", np.float64, (3,)),  # of rail and line pressure [p_0] and lift [m], until it is measured
-    ("rest_run", np.int64),
-    ("highest_line", np.float64),  # line pressure of the run, normalised
-    ("at_highest", np.int64),  # samples of a rest in a row that repeat it exactly: its range ends there
-    ("differences_before", np.int64),  # what was known when the event before closed
-    ("rail_squares_before", np.float64),
-    ("line_squares_before", np.float64),
-    *_STANDSTILL,
-    # outliers
-    ("accepted_innovation", np.float64),  # the last of x~ that did not leap
-    ("leaping", np.int64),  # samples since
-    # counters
-    ("spikes", np.int64),
-    ("bridged", np.int64),
-    ("interpolated", np.int64),
-    ("lost", np.int64),
-    ("breaks", np.int64),
-    ("numerical_resets", np.int64),
-    ("doubtful_events", np.int64),  # judged
-]
-
-
 SAMPLE = np.dtype(_SAMPLE, align=True)
 """A sample of the ring."""
 
@@ -300,10 +163,6 @@ def sample_dtype(states: int) -> np.dtype[np.void]:
     """A sample with x~ and x^ of a model of so many states, as Python is given it."""
     pair = [("x_tilde", np.float64, (states,)), ("x_hat", np.float64, (states,))]
     return np.dtype(_SAMPLE + pair, align=True)
-
-
-MEMORY = np.dtype(_OBSERVER + CARRIED, align=True)
-"""What there is one of."""
 
 
 class Timing(NamedTuple):
@@ -359,7 +218,7 @@ class Observer(NamedTuple):
     """Constants, preallocated memory, and what of the core works on it."""
 
     constants: Constants
-    memory: NDArray[np.void]  # (1,) `MEMORY`
+    memory: NDArray[np.void]  # (1,) `memory.MEMORY`
     recorded: NDArray[np.void]  # (RECORDED_RING,) `RECORDED`
     ring: NDArray[np.void]  # (RING,) `SAMPLE`
     x_tilde: NDArray[np.float64]  # (RING, states) of the samples in the ring

@@ -37,19 +37,22 @@ _FINDING = np.dtype(
 )
 
 
-CARRIED: list[tuple[Any, ...]] = [
-    ("output", np.float64, (OUTPUTS, HIDDEN)),
-    ("bias", np.float64, (OUTPUTS,)),
-    ("back_pressure", np.float64, (2,)),
-    ("learned_offset", np.float64),
-    ("lag", np.float64),  # s
-    ("line", np.float64, (MOST_COEFFICIENTS,)),  # its coefficients with what was learned of it
-    # where the flow is known well enough: rail pressures, and p_S / p_L
-    ("rail_from", np.float64),
-    ("rail_to", np.float64),
-    ("filled_to", np.float64),
-]
-"""Fields of theta as the loop carries it."""
+CARRIED = np.dtype(
+    [
+        ("output", np.float64, (OUTPUTS, HIDDEN)),
+        ("bias", np.float64, (OUTPUTS,)),
+        ("back_pressure", np.float64, (2,)),
+        ("learned_offset", np.float64),
+        ("lag", np.float64),  # s
+        ("line", np.float64, (MOST_COEFFICIENTS,)),  # its coefficients with what was learned of it
+        # where the flow is known well enough: rail pressures, and p_S / p_L
+        ("rail_from", np.float64),
+        ("rail_to", np.float64),
+        ("filled_to", np.float64),
+    ],
+    align=True,
+)
+"""Theta as the loop carries it."""
 
 _VERDICT = np.dtype(
     [
@@ -63,7 +66,7 @@ _VERDICT = np.dtype(
         ("is_adopted", np.bool_),
         ("innovation_sigma", np.float64),
         ("noise", np.float64, (3,)),  # of the channels
-        *CARRIED,
+        ("carried", CARRIED),
     ],
     align=True,
 )

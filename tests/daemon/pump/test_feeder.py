@@ -165,7 +165,7 @@ def test_it_ends_while_frames_wait(path: Path) -> None:
     """The loop waits for a verdict that nobody gives, the pair is full, and more frames are in the driver."""
     link = TroubledLink(device_frames(path))
     with Pumped(path, link) as it:
-        until(lambda: bool(it.core.compiled.observer.memory["waiting"][0]))
+        until(lambda: bool(it.core.compiled.observer.memory[0]["judgement"]["waiting"]))
         assert it.ends()
         assert not link.empty.is_set()
 

@@ -203,7 +203,7 @@ def test_rates_need_no_attention(tmp_path: Path) -> None:
         device.send(frames)
         until(lambda: it.core.counters.frames == len(frames))
     observer = it.core.compiled.observer
-    taken = int(observer.memory["events_taken"][0])
+    taken = int(observer.memory[0]["judgement"]["events_taken"])
     assert taken > 0
     assert (observer.events["taken"][:taken] == Taken.NOTHING).all()
     _, count = published_rates(device.received[RATE.frame_id], worn.samples)
@@ -235,7 +235,7 @@ def test_it_ends_while_the_stream_waits_for_a_verdict(tmp_path: Path) -> None:
     path = bench_file(tmp_path, "0")
     worn = worn_recording(2)
     with pumped(path) as (device, it):
-        waiting = it.core.compiled.observer.memory["waiting"]
+        waiting = it.core.compiled.observer.memory["judgement"]["waiting"]
         for frame in frames_of(path, worn):
             until(lambda: waiting[0] or device.has_room())
             if waiting[0]:

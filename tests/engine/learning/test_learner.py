@@ -230,7 +230,7 @@ def test_phi_that_predicts_worse_is_rejected_and_the_old_one_stays() -> None:
     assert outcome.adoption is Adoption.REJECTED
     judge(observer, outcome.objections, outcome)
     np.testing.assert_array_equal(in_force(observer), true)
-    assert int(observer.memory["phi_version"][0]) == 3
+    assert int(observer.memory[0]["judgement"]["phi_version"]) == 3
 
 
 def test_adopted_phi_takes_force() -> None:
@@ -242,7 +242,7 @@ def test_adopted_phi_takes_force() -> None:
     judge(observer, outcome.objections, outcome)
     np.testing.assert_array_equal(in_force(observer), outcome.estimate)
     np.testing.assert_array_equal(outcome.knowledge.in_force, outcome.estimate)
-    assert int(observer.memory["phi_version"][0]) == 4
+    assert int(observer.memory[0]["judgement"]["phi_version"]) == 4
 
 
 @pytest.mark.parametrize(

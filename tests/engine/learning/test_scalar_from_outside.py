@@ -59,7 +59,7 @@ def learned_from(inertance: float) -> Outcome:
         outcome = learner.learn(event(inertance, seed), Standstill(0, 0.0, None), in_force(observer))
         judge(observer, outcome.objections, outcome)
     np.testing.assert_array_equal(in_force(observer), outcome.knowledge.in_force)
-    line = observer.memory[0]["line"][CONSTANTS.coefficients.line._fields.index("a3")]
+    line = observer.memory[0]["in_force"]["line"][CONSTANTS.coefficients.line._fields.index("a3")]
     learned = outcome.knowledge.in_force[INERTANCE.column]
     assert line == pytest.approx(CONSTANTS.coefficients.line.a3 * (1.0 + learned), rel=1e-12)
     return outcome

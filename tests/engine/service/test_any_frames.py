@@ -80,7 +80,7 @@ def test_signals_of_any_bytes_are_those_of_cantools(payloads: list[bytes]) -> No
             row.append(float(read[signal]) * unit)
         expected.append(row)
     ring = core.compiled.observer.recorded
-    received = int(core.compiled.observer.memory["received"][0])
+    received = int(core.compiled.observer.memory[0]["positions"]["received"])
     found = ring["values"][:received]
     assert received == len(payloads)
     for row, values in zip(found, expected, strict=True):

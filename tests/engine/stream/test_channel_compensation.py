@@ -110,9 +110,9 @@ def test_nothing_is_taken_from_beyond_a_break() -> None:
 
 def test_the_dead_band_is_that_of_the_louder_lift() -> None:
     stream = Stream(stated=SLOW)
-    stated = stream.observer.memory[0]["lift_on"]
+    stated = stream.observer.memory[0]["dead_band"]["lift_on"]
     assert stated == pytest.approx(dead_band(NOISE.needle_lift * np.hypot(1.0, 1e5 * LAG / np.sqrt(2.0)))[0])
     rng = np.random.default_rng(2)
     stream.feed(np.full(8000, RAIL), rng.normal(0.0, NOISE.needle_lift, 8000), np.full(8000, RAIL))
-    assert stream.observer.memory[0]["lift_on"] == pytest.approx(stated, rel=0.06)
-    assert stream.count("event_number") == 0
+    assert stream.observer.memory[0]["dead_band"]["lift_on"] == pytest.approx(stated, rel=0.06)
+    assert stream.count("event", "number") == 0

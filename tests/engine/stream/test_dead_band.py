@@ -35,9 +35,9 @@ def test_noise_never_opens_the_needle() -> None:
     for _ in range(100):
         pressure = np.full(10_000, RAIL)
         stream.feed(pressure, random.normal(0.0, 0.4 * UM, 10_000), pressure)
-    assert stream.count("processed") > 999_000
-    assert stream.count("event_number") == 0
-    assert stream.count("rest_count") > 999_000 - 1000
+    assert stream.count("positions", "processed") > 999_000
+    assert stream.count("event", "number") == 0
+    assert stream.count("standstill", "rest_count") > 999_000 - 1000
 
 
 def test_samples_above_the_band_open_and_the_look_back_has_its_raw_lift() -> None:
@@ -61,7 +61,7 @@ def test_foot_of_the_ramp_does_not_close_the_needle_again() -> None:
     stream = Stream().rest(5e-3)
     pressure = np.full(lift.size, RAIL)
     stream.feed(pressure, lift, pressure).rest(1e-3)
-    assert stream.count("injections_begun") == 1
+    assert stream.count("counts", "injections_begun") == 1
     assert open_samples(lift) == list(range(63))
 
 
@@ -112,7 +112,7 @@ def test_what_lasts_less_than_forty_microseconds_is_no_opening(samples: int, rat
     spike[20 : 20 + samples] = 50 * UM
     pressure = np.full(50, RAIL)
     stream.feed(pressure, spike, pressure).rest(1e-3)
-    assert stream.count("injections_begun") == opens
+    assert stream.count("counts", "injections_begun") == opens
 
 
 def with_dip(lift: float) -> NDArray[np.float64]:

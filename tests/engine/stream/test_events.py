@@ -31,8 +31,8 @@ def run(openings: dict[int, int], length: int, **options: object) -> Stream:
 def test_pilot_main_and_post_are_one_event() -> None:
     openings = {1000: 30, 1150: 110, 1400: 40}
     stream = run(openings, 6000)
-    assert stream.count("event_number") == 1
-    assert stream.count("events_judged") == 1
+    assert stream.count("event", "number") == 1
+    assert stream.count("judgement", "events_judged") == 1
     assert [int(i["number"]) for i in stream.injections] == [1, 2, 3]
     assert [int(i["event"]) for i in stream.injections] == [1, 1, 1]
 
@@ -58,7 +58,7 @@ def test_window_of_a_slow_opening_begins_at_the_foot_of_its_ramp() -> None:
 def test_event_gap_parts_events(later: int, events: int) -> None:
     """An opening within the gap since the first one belongs to the same event."""
     stream = run({1000: 50, 1000 + later: 50}, 8000, events_required=0)
-    assert stream.count("event_number") == events
+    assert stream.count("event", "number") == events
 
 
 @pytest.mark.parametrize(("shut", "events"), [(3 * MS - 5, 1), (3 * MS + 5, 2)])
@@ -67,7 +67,7 @@ def test_event_that_has_lasted_its_gap_ends_where_the_needle_was_shut_long_enoug
 ) -> None:
     """Only then x^ begins the next one anew, from x~."""
     stream = run({1000: GAP, 1000 + GAP + shut: 50}, 8000)
-    assert stream.count("event_number") == events
+    assert stream.count("event", "number") == events
 
 
 def test_the_first_events_need_not_last_their_gap() -> None:
@@ -92,7 +92,7 @@ def test_openings_without_end_are_judged_and_valid(period: int) -> None:
     stream = run(openings, 62_000)
     assert len(stream.injections) == len(openings)
     assert stream.rows["valid"][6000 + 4 * GAP : 59_000].all()
-    assert stream.count("events_judged") >= (59_000 - DELAY - GAP) // (GAP + period)
+    assert stream.count("judgement", "events_judged") >= (59_000 - DELAY - GAP) // (GAP + period)
 
 
 def test_openings_that_leave_no_standstill_say_so() -> None:
@@ -102,7 +102,7 @@ def test_openings_that_leave_no_standstill_say_so() -> None:
     rows = stream.rows[60_000:]
     assert (rows["reason"] == Reason.NO_STANDSTILL).all()
     assert (rows["state"] == State.DEGRADED).all()
-    assert stream.count("events_judged") > 1
+    assert stream.count("judgement", "events_judged") > 1
     assert Reason(int(stream.injections[-5]["reason"])) is Reason.NO_STANDSTILL
     assert stream.rest(40e-3).rows["reason"][-1] != Reason.NO_STANDSTILL
 
@@ -134,7 +134,7 @@ def test_many_events_wait_for_their_judgement() -> None:
     gap, delay = 2 * MS, 100 * MS
     starts = list(range(1000, 1000 + 40 * 3 * MS, 3 * MS))
     stream = run(dict.fromkeys(starts, 20), 30_000, durations=Durations(2e-3, 100e-3))
-    assert stream.count("event_number") == len(starts)
+    assert stream.count("event", "number") == len(starts)
     outside = [start + 20 + gap + delay for start in starts]
     assert len(stream.judged) == len(starts)
     for judged, due in zip(stream.judged, outside, strict=True):
@@ -143,8 +143,8 @@ def test_many_events_wait_for_their_judgement() -> None:
 
 def test_end_of_the_stream_judges_what_is_left() -> None:
     stream = run({1000: 50}, 1100).finish()
-    assert stream.count("processed") == 1100
-    assert stream.count("events_judged") == 1
+    assert stream.count("positions", "processed") == 1100
+    assert stream.count("judgement", "events_judged") == 1
 
 
 @pytest.mark.parametrize("opened", [True, False])
@@ -153,7 +153,7 @@ def test_break_in_the_stream_ends_the_event(opened: bool) -> None:
     length = 1030 if opened else 1050 + 5 * MS
     stream = run({1000: 50}, length, learning=True)
     stream.rest(40e-3, index=length + 100, broken=Break.LOSS)
-    assert stream.count("events_judged") == 1
+    assert stream.count("judgement", "events_judged") == 1
     assert (stream.outcomes[0] is None) == opened
 
 

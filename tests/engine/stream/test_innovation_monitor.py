@@ -21,7 +21,8 @@ def running() -> Observer:
     """An observer that runs, between two events."""
     observer = Stream().observer
     of = observer.memory[0]
-    of["innovation_weight"], of["synchronised"], of["event_number"] = 1.0 / SIGMA**2, True, 7
+    of["innovation_noise"]["weight"], of["synchronisation"]["synchronised"] = 1.0 / SIGMA**2, True
+    of["event"]["number"] = 7
     return observer
 
 
@@ -29,7 +30,7 @@ def contradicted_at(scores: ArrayLike, observer: Observer, doubt: Doubt = Doubt.
     """Number of the innovation [standard deviations] with which the contradiction is seen."""
     for k, score in enumerate(np.atleast_1d(np.asarray(scores, float))):
         observer.stream.watch(SIGMA * float(score), int(doubt))
-        if observer.memory[0]["contradicted"]:
+        if observer.memory[0]["monitor"]["contradicted"]:
             return k
     return None
 
@@ -57,17 +58,17 @@ def test_a_line_that_swings_otherwise_contradicts_soon(period: int) -> None:
 
 def test_it_lasts_until_an_event_that_can_tell() -> None:
     shut, opened = running(), running()
-    opened.memory["in_event"] = True
+    opened.memory["event"]["in_event"] = True
     assert contradicted_at([6.0] * 20, shut) is not None
     assert contradicted_at([6.0] * 20, opened) is not None
-    assert [int(each.memory["contradicted_in"][0]) for each in (shut, opened)] == [8, 7]
+    assert [int(each.memory[0]["monitor"]["contradicted_in"]) for each in (shut, opened)] == [8, 7]
 
 
 def test_what_is_not_to_be_trusted_contradicts_nothing() -> None:
     assert contradicted_at([9.0] * 100, running(), Doubt.TIME_BASE) is None
-    doubted = running()
-    doubted.memory["doubted"] = 16
-    assert contradicted_at([9.0] * 100, doubted) is None
+    at_fault = running()
+    at_fault.memory["input_fault"] = 16
+    assert contradicted_at([9.0] * 100, at_fault) is None
 
 
 @pytest.mark.parametrize(
@@ -81,7 +82,7 @@ def test_what_a_fitted_model_leaves_of_a_healthy_injector_is_no_contradiction(
     learner = Learner(constants, knowledge)
     observer = make_observer(constants, knowledge, learner, healthy)
     scale = learner.schedule.innovation_sigma / SIGMA
-    observer.memory["synchronised"] = True
+    observer.memory["synchronisation"]["synchronised"] = True
     swing = 3.0 * scale * np.cos(2.0 * np.pi * np.arange(100) / 10_000)
     assert (contradicted_at(swing, observer) is not None) == contradicts
 
@@ -89,27 +90,27 @@ def test_what_a_fitted_model_leaves_of_a_healthy_injector_is_no_contradiction(
 @pytest.mark.parametrize(("resting", "ends"), [(True, True), (False, False)])
 def test_a_contradiction_at_rest_is_over_when_the_channel_is_well_again(resting: bool, ends: bool) -> None:
     observer = running()
-    of, stream = observer.memory[0], observer.stream
-    of["contradicted"] = True
+    monitor, stream = observer.memory[0]["monitor"], observer.stream
+    monitor["contradicted"] = True
     stream.end_contradiction(resting, True)
-    assert of["contradicted"]
+    assert monitor["contradicted"]
     for score in np.random.default_rng(1).normal(size=2 * observer.constants.timing.good):
-        if of["contradicted"]:
+        if monitor["contradicted"]:
             stream.watch(SIGMA * score, 0)
             stream.end_contradiction(resting, False)
-    assert bool(of["contradicted"]) is not ends
+    assert bool(monitor["contradicted"]) is not ends
 
 
 @pytest.mark.parametrize(
-    ("event", "doubtful", "lasts"),
+    ("event", "fault", "lasts"),
     [(7, Reason.INPUT_FROZEN, False), (7, Reason.NONE, True), (6, Reason.INPUT_FROZEN, True)],
 )
 def test_what_contradicted_in_an_event_of_doubtful_samples_is_over_with_it(
-    event: int, doubtful: Reason, lasts: bool
+    event: int, fault: Reason, lasts: bool
 ) -> None:
     observer = Stream().observer
-    of = observer.memory[0]
-    observer.events[0]["number"], observer.events[0]["doubtful"] = event, doubtful
-    of["contradicted"], of["contradicted_in"] = True, 7
+    monitor = observer.memory[0]["monitor"]
+    observer.events[0]["number"], observer.events[0]["fault"] = event, fault
+    monitor["contradicted"], monitor["contradicted_in"] = True, 7
     judge(observer, (Objection(Reason.NOT_JUDGED),), None)
-    assert bool(of["contradicted"]) is lasts
+    assert bool(monitor["contradicted"]) is lasts

@@ -34,7 +34,7 @@ def test_a_lift_that_has_crept_keeps_no_needle_open(creep: float) -> None:
     stream = run(creep * np.exp(-np.arange(4000) / GOES))
     assert len(stream.injections) == len(OPENINGS)
     assert abs(open_samples(stream) - OPEN_FOR) < 3
-    assert abs(float(stream.observer.memory["zero"][0])) < 0.5 * UM
+    assert abs(float(stream.observer.memory[0]["resting_lift"]["zero"])) < 0.5 * UM
 
 
 def test_the_zero_follows_a_lift_that_has_crept_at_once() -> None:
@@ -53,4 +53,4 @@ def test_a_needle_that_bounces_is_open_while_it_does() -> None:
     flight = np.linspace(0.0, 1.0, 18)
     stream = run(12 * UM * 4.0 * flight * (1.0 - flight))
     assert open_samples(stream) > OPEN_FOR + 12
-    assert abs(float(stream.observer.memory["zero"][0])) < 0.5 * UM
+    assert abs(float(stream.observer.memory[0]["resting_lift"]["zero"])) < 0.5 * UM

@@ -63,7 +63,7 @@ def test_the_current_through_the_coil_opens_no_needle(height: float, before: int
     assert len(stream.injections) == len(OPENINGS)
     assert np.abs(durations(stream) - OPEN_FOR).max() <= 1
     assert np.abs(edge_errors(stream)).max() < 0.6 * UM
-    assert abs(float(stream.observer.memory["zero"][0])) < 0.3 * UM
+    assert abs(float(stream.observer.memory[0]["resting_lift"]["zero"])) < 0.3 * UM
 
 
 @pytest.mark.parametrize("noise", [0.4 * UM, 1.2 * UM])
@@ -78,8 +78,8 @@ def test_hum_moves_the_zero_on_while_the_needle_is_open(noise: float) -> None:
 def test_noise_neither_steps_nor_moves() -> None:
     for noise in (0.4 * UM, 2.4 * UM):
         stream = run(np.zeros(LENGTH), noise)
-        assert float(stream.observer.memory["zero_slope"][0]) == 0.0
-        assert int(stream.observer.memory["stepped"][0]) < 0
+        assert float(stream.observer.memory[0]["lift_zero"]["slope"]) == 0.0
+        assert int(stream.observer.memory[0]["lift_step"]["stepped"]) < 0
 
 
 def test_a_needle_that_opens_slowly_is_no_step() -> None:

@@ -92,7 +92,7 @@ def test_low_lift_that_stays_from_the_start_is_of_a_shut_needle() -> None:
     assert [i["opening_index"] for i in stream.injections][-5:] == pytest.approx(
         range(7000, 30_000, 5000), abs=3
     )
-    assert abs(float(stream.observer.memory["zero"][0]) - 30 * UM) < 0.5 * UM
+    assert abs(float(stream.observer.memory[0]["resting_lift"]["zero"]) - 30 * UM) < 0.5 * UM
     assert not stream.rows["valid"][:4000].any()
     assert stream.rows["valid"][-1]
 
@@ -102,7 +102,7 @@ def test_lift_that_moves_at_the_start_is_no_zero() -> None:
     lift = lift_of(range(0), 3000)
     lift[:120] += np.linspace(14 * UM, 0.0, 120)
     stream = beside_rest(lift)
-    assert abs(float(stream.observer.memory["zero"][0])) < 0.5 * UM
+    assert abs(float(stream.observer.memory[0]["resting_lift"]["zero"])) < 0.5 * UM
     assert np.isnan(stream.rows["injection_rate"][: 3 * MS]).all()
 
 
@@ -149,7 +149,7 @@ def test_noise_beyond_the_stated_opens_nothing(factor: float) -> None:
     stream = beside_rest(lift_of(OPENINGS, 45_000, factor * NOISE.needle_lift))
     assert len(stream.injections) == len(OPENINGS)
     band = max(5 * factor * NOISE.needle_lift, 2 * UM)
-    assert float(stream.observer.memory["lift_on"][0]) == pytest.approx(band, rel=0.1)
+    assert float(stream.observer.memory[0]["dead_band"]["lift_on"]) == pytest.approx(band, rel=0.1)
 
 
 def test_band_follows_noise_that_grows() -> None:
@@ -159,8 +159,8 @@ def test_band_follows_noise_that_grows() -> None:
     for k in range(1, noise.size):
         noise[k] = 0.7 * noise[k - 1] + random.normal(0.0, 0.3 * UM * (1.0 + 4.0 * k / noise.size))
     stream = beside_rest(noise)
-    assert stream.count("injections_begun") == 0
-    assert float(stream.observer.memory["lift_on"][0]) > 5 * np.std(noise[-20_000:]) * 0.8
+    assert stream.count("counts", "injections_begun") == 0
+    assert float(stream.observer.memory[0]["dead_band"]["lift_on"]) > 5 * np.std(noise[-20_000:]) * 0.8
 
 
 @cache
@@ -181,32 +181,34 @@ def observed(crosstalk: float, loud: slice = slice(0), known: float = 0.0) -> St
 @pytest.mark.parametrize("crosstalk", [0.15e-12, -0.15e-12, 0.05e-12])
 def test_crosstalk_of_the_line_pressure_is_found_and_taken_out(crosstalk: float) -> None:
     stream, plain = observed(crosstalk), observed(0.0)
-    found = float(stream.observer.memory["crosstalk"][0]) / 100e6
+    found = float(stream.observer.memory[0]["resting_lift"]["crosstalk"]) / 100e6
     assert found == pytest.approx(crosstalk, rel=0.1)
     late = slice(30_000, None)
     difference = stream.rows["lift"][late] - plain.rows["lift"][late]
     assert np.sqrt(np.mean(difference**2)) < 0.1 * UM
-    assert stream.count("injections_begun") - plain.count("injections_begun") <= 4  # until it is known
+    more = stream.count("counts", "injections_begun") - plain.count("counts", "injections_begun")
+    assert more <= 4  # until it is known
 
 
 def test_crosstalk_of_before_is_taken_out_at_once() -> None:
     stream, plain = observed(0.3e-12, known=0.3e-12), observed(0.0)
-    assert float(stream.observer.memory["crosstalk"][0]) / 100e6 == pytest.approx(0.3e-12, rel=0.1)
-    assert stream.count("injections_begun") == plain.count("injections_begun")
-    assert observed(0.3e-12).count("injections_begun") > plain.count("injections_begun")
+    found = float(stream.observer.memory[0]["resting_lift"]["crosstalk"]) / 100e6
+    assert found == pytest.approx(0.3e-12, rel=0.1)
+    assert stream.count("counts", "injections_begun") == plain.count("counts", "injections_begun")
+    assert observed(0.3e-12).count("counts", "injections_begun") > plain.count("counts", "injections_begun")
 
 
 def test_crosstalk_of_before_that_no_opening_shows_is_forgotten() -> None:
     stream = observed(0.0, known=0.3e-12)
-    assert float(stream.observer.memory["crosstalk"][0]) == 0.0
+    assert float(stream.observer.memory[0]["resting_lift"]["crosstalk"]) == 0.0
     late = stream.rows["lift"][30_000:] - observed(0.0).rows["lift"][30_000:]
     assert np.abs(late).max() < 0.5 * UM
 
 
 def test_lift_without_crosstalk_is_left_alone() -> None:
-    assert float(observed(0.0).observer.memory["crosstalk"][0]) == 0.0
+    assert float(observed(0.0).observer.memory[0]["resting_lift"]["crosstalk"]) == 0.0
 
 
 def test_a_lift_in_another_unit_is_no_crosstalk() -> None:
     stream = observed(0.0, slice(12_000, 32_000))
-    assert float(stream.observer.memory["crosstalk"][0]) == 0.0
+    assert float(stream.observer.memory[0]["resting_lift"]["crosstalk"]) == 0.0

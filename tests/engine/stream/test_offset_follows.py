@@ -13,12 +13,15 @@ SAMPLES = 3000
 def offset_after(difference: float, is_coloured: bool = False) -> float:
     """Of x~ [Pa] after 30 ms in which the line pressure is recorded by so much [Pa] too high."""
     random, stream = np.random.default_rng(2), Stream(keep=False)
-    stream.observer.memory["offset_moves"] = not is_coloured
+    stream.observer.memory["judgement"]["offset_moves"] = not is_coloured
     rail = RAIL + random.normal(0.0, NOISE.rail_pressure, SAMPLES)
     line = RAIL + random.normal(0.0, NOISE.line_pressure, SAMPLES)
     stream.feed(rail, np.zeros(SAMPLES), line)
     stream.feed(rail, np.zeros(SAMPLES), line + difference)
-    return float(stream.observer.memory["offset"][0]) * stream.observer.constants.coefficients.pressure_scale
+    return (
+        float(stream.observer.memory[0]["pair"]["offset"])
+        * stream.observer.constants.coefficients.pressure_scale
+    )
 
 
 @pytest.mark.parametrize("difference", [0.0, 0.8 * MEGAPASCAL, -1.2 * MEGAPASCAL])
@@ -36,7 +39,7 @@ def test_what_moves_on_and_on_is_followed_no_further() -> None:
     rail = np.full(20_000, RAIL)
     stream.feed(rail, np.zeros(20_000), rail + np.linspace(0.0, 5.0 * MEGAPASCAL, 20_000))
     scale = stream.observer.constants.coefficients.pressure_scale
-    assert stream.observer.memory["offset"][0] * scale == pytest.approx(FURTHEST_OFFSET)
+    assert stream.observer.memory[0]["pair"]["offset"] * scale == pytest.approx(FURTHEST_OFFSET)
 
 
 def test_slow_noise_is_not_followed() -> None:

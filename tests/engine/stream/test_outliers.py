@@ -64,7 +64,7 @@ def test_a_spike_of_up_to_three_samples_is_replaced_by_what_is_beside_it(channel
     spiked[channel][AT : AT + width] += 3e6
     stream, rows = observed(spiked)
     assert bridged(rows, channel) == list(range(AT, AT + width))
-    assert stream.count("spikes") == width
+    assert stream.count("outliers", "spikes") == width
     _, wanted = observed(clean)
     error = as_recorded(rows, channel) - as_recorded(wanted, channel)
     assert np.abs(error[AT : AT + width]).max() < 6 * as_recorded(wanted, channel).std()
@@ -97,7 +97,7 @@ def test_a_channel_that_rings_has_no_spikes() -> None:
     channels = signals()
     channels[LINE] += 2e6 * np.cos(2.0 * np.pi * np.arange(COUNT) / 4.2)
     stream, _ = observed(channels)
-    assert stream.count("spikes") < 5
+    assert stream.count("outliers", "spikes") < 5
 
 
 def test_noise_and_the_edges_of_an_injection_are_no_spikes() -> None:
@@ -106,8 +106,8 @@ def test_noise_and_the_edges_of_an_injection_are_no_spikes() -> None:
     channels[LINE][4500:4530] -= np.linspace(0.0, 20e6, 30)
     channels[LINE][4530:] -= 20e6
     stream, _ = observed(channels)
-    assert stream.count("spikes") <= 2
-    assert stream.count("bridged") == 0
+    assert stream.count("outliers", "spikes") <= 2
+    assert stream.count("outliers", "bridged") == 0
 
 
 @pytest.mark.parametrize("channel", [RAIL, LINE])
@@ -116,7 +116,7 @@ def test_a_frozen_stretch_is_bridged_from_its_first_repeat_on(channel: int) -> N
     channels[channel][AT : AT + 30] = channels[channel][AT]
     stream, rows = observed(channels)
     assert bridged(rows, channel) == list(range(AT + 1, AT + 30))
-    assert stream.count("bridged") == 29
+    assert stream.count("outliers", "bridged") == 29
     assert not rows["doubt"].any()
 
 
@@ -184,21 +184,21 @@ def test_a_dropout_of_an_input_is_held_at_what_was_before(channel: int, value: f
 def test_a_coarse_channel_is_not_frozen() -> None:
     """Where neighbours are mostly equal, many equal ones say nothing."""
     stream, rows = observed(signals(step=0.5e6))
-    assert stream.count("bridged") == 0
+    assert stream.count("outliers", "bridged") == 0
     assert not rows["doubt"].any()
 
 
 def test_signals_without_noise_are_not_frozen() -> None:
     channels = [np.full(COUNT, PRESSURE), np.zeros(COUNT), np.full(COUNT, PRESSURE)]
     stream, _ = observed(channels)
-    assert (stream.count("bridged"), stream.count("spikes")) == (0, 0)
+    assert (stream.count("outliers", "bridged"), stream.count("outliers", "spikes")) == (0, 0)
 
 
 def test_slow_samples_are_not_filtered() -> None:
     channels = signals()
     channels[LINE][AT] += 3e6
     stream, _ = observed(channels, sample_rate=20e3)
-    assert stream.count("spikes") == 0
+    assert stream.count("outliers", "spikes") == 0
 
 
 def test_what_is_bridged_does_not_depend_on_how_many_samples_come_at_once() -> None:
@@ -329,9 +329,9 @@ def test_a_lift_held_at_rest_spoils_no_event(held: slice) -> None:
     channels[LIFT][held] = channels[LIFT][held.start]
     event = first_event(channels)
     assert event["learnable"]
-    assert event["doubtful"] == 0
+    assert event["fault"] == 0
     channels[LINE][held] = channels[LINE][held.start]
-    assert first_event(channels)["doubtful"] == Reason.INPUT_FROZEN
+    assert first_event(channels)["fault"] == Reason.INPUT_FROZEN
 
 
 @pytest.mark.parametrize(("since", "is_spoiled"), [(26, False), (8, True)])

@@ -19,12 +19,12 @@ WELL = {
     "unsynchronised_by": 0,
     "is_synchronised": True,
     "doubt": 0,
-    "doubted": 0,
+    "input_fault": 0,
     "is_lift_beyond": False,
     "is_lift_dead": False,
     "events": 2,
     "events_required": 2,
-    "is_familiar": True,
+    "is_in_learned_range": True,
     "judgement": 0,
     "is_contradicted": False,
     "has_learned": True,
@@ -33,13 +33,13 @@ SETTLES = [Reason.STARTING, Reason.JUMPED, Reason.SAMPLES_LOST, Reason.NEEDLE_ST
 IN_ORDER: list[tuple[dict[str, int], Reason]] = [
     ({"is_synchronised": False, "unsynchronised_by": Reason.SAMPLES_LOST}, Reason.SAMPLES_LOST),
     ({"doubt": Doubt.FROZEN}, Reason.INPUT_FROZEN),
-    ({"doubted": Reason.TIME_BASE}, Reason.TIME_BASE),
+    ({"input_fault": Reason.TIME_BASE}, Reason.TIME_BASE),
     ({"is_lift_beyond": True}, Reason.LIFT_ZERO),
     ({"is_lift_dead": True}, Reason.LIFT_DEAD),
     ({"events": 1}, Reason.TOO_FEW_EVENTS),
     ({"judgement": Reason.MODEL_INADEQUATE}, Reason.MODEL_INADEQUATE),
     ({"is_contradicted": True}, Reason.CONTRADICTED),
-    ({"is_familiar": False}, Reason.OUTSIDE_LEARNED_RANGE),
+    ({"is_in_learned_range": False}, Reason.OUTSIDE_LEARNED_RANGE),
 ]
 
 

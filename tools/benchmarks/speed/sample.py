@@ -54,7 +54,7 @@ def run_samples(observer: Observer, inputs: Array, first_index: int) -> None:
     """Samples (n, 3) of rail pressure [Pa], needle lift [m] and line pressure [Pa] through the step, many at once."""
     for first in range(0, len(inputs), RECORDED_RING):
         block = inputs[first : first + RECORDED_RING]
-        number = int(observer.memory["recorded"][0])
+        number = int(observer.memory[0]["positions"]["recorded"])
         rows = np.zeros(len(block), RECORDED)
         rows["index"] = first_index + first + np.arange(len(block))
         rows["values"] = block
@@ -147,11 +147,11 @@ class OpenNeedle:
         recorded = worn_recording((event,), 30 * MILLISECOND, SAMPLE_RATE)
         self.inputs = np.column_stack([recorded.rail_pressure, recorded.needle_lift, recorded.line_pressure])
         run_samples(self.observer, self.inputs, 0)
-        area = self.observer.ring["seat_area"][: int(self.observer.memory["processed"][0])]
+        area = self.observer.ring["seat_area"][: int(self.observer.memory[0]["positions"]["processed"])]
         is_open = np.flatnonzero(area > 0.0)
         self.first, self.end = int(is_open[0]) + 1, int(is_open[-1])
         # No innovation is an outlier from here on, whatever it leaps: the C code has no such test.
-        self.observer.memory["synchronised"] = False
+        self.observer.memory["synchronisation"]["synchronised"] = False
 
     def ours(self) -> Array:
         """Injection rates [m3/s] of the open samples, by compiled Python."""
@@ -191,16 +191,18 @@ class CObserver:
 def model_of(observer: Observer) -> Model:
     """What is in force in an observer."""
     memory, c = observer.memory[0], observer.constants.coefficients
-    coefficients = memory["line"][: len(LumpLine._fields)].tolist()
+    in_force = memory["in_force"]
+    coefficients = in_force["line"][: len(LumpLine._fields)].tolist()
     line = dict(zip(LumpLine._fields, coefficients, strict=True))
     model = Model(a5=c.sac.a5, a6=c.sac.a6, nozzle_flow=c.nozzle.flow)
     for name in ("a1", "a2_nozzle", "a2_seat", "a3", "a4", "leak", "air", "chamber_pressure"):
         setattr(model, name, line[name])
     model.seat_transition, model.nozzle_transition = c.seat.transition, c.nozzle.transition
-    for name in ("hidden", "output", "bias", "back_pressure"):
-        getattr(model, name)[:] = memory[name].ravel().tolist()
+    model.hidden[:] = memory["prior"]["hidden"].ravel().tolist()
+    for name in ("output", "bias", "back_pressure"):
+        getattr(model, name)[:] = in_force[name].ravel().tolist()
     model.gain[:] = observer.gains[-1][[0, 1, 2]].tolist()
-    model.lag, model.offset = float(memory["lag"]), float(memory["offset"])
+    model.lag, model.offset = float(in_force["lag"]), float(memory["pair"]["offset"])
     model.interval, model.substeps = observer.constants.interval, observer.constants.substeps
     return model
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.bus.alignment.recorded import make_recorded
 from observer_rt.core.stream.stepper import CarriedPhi, Stepper
 from observer_rt.core.stream.stream import (
     INJECTIONS,
@@ -32,12 +33,12 @@ from observer_rt.engine.stream.front_end import (
     toe_samples,
     undoing_of,
 )
-from observer_rt.engine.stream.memory import MEMORY
 from observer_rt.engine.stream.standstill import Standstill, standstill_of
 from observer_rt.engine.stream.state import (
     CHANNEL,
     EVENT,
     INJECTION,
+    MEMORY,
     SAMPLE,
     Constants,
     Observer,
@@ -45,7 +46,7 @@ from observer_rt.engine.stream.state import (
     sample_dtype,
 )
 from observer_rt.engine.stream.verdict import no_verdicts
-from observer_rt.foundation.continuity import Break, make_recorded
+from observer_rt.foundation.continuity import Break
 from observer_rt.foundation.units import MILLISECOND
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import averaged

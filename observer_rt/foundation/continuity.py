@@ -1,35 +1,6 @@
-"""Samples as they are recorded, one after another: what alignment and observer share.
-
-The alignment writes them, in order, into a ring; the observer takes them from there.
-"""
+"""Continuity of samples: why one does not follow the one before, why one cannot be trusted."""
 
 from enum import IntEnum
-
-import numpy as np
-from numpy.typing import NDArray
-
-RECORDED_RING = 1 << 13  # samples: those decided at once, and those of which later ones must be known
-
-RECORDED = np.dtype(
-    [
-        ("index", np.int64),
-        ("values", np.float64, (3,)),  # rail pressure [Pa], needle lift [m], line pressure [Pa]
-        (
-            "shares",
-            np.float64,
-            (3,),
-        ),  # 0..1, by which it lies between two of its channel; of a lift, how much later
-        ("interpolated", np.bool_),
-        ("broken", np.int8),  # Break
-        ("doubt", np.int8),  # Doubt
-    ],
-    align=True,
-)
-
-
-def make_recorded() -> NDArray[np.void]:
-    """An empty ring of recorded samples."""
-    return np.zeros(RECORDED_RING, RECORDED)
 
 
 class Break(IntEnum):

@@ -14,78 +14,18 @@ from numpy.typing import NDArray
 
 from observer_rt.bus.mapping.input_tables import MAX_INPUTS
 from observer_rt.bus.mapping.timing import SLOTS, Following
-from observer_rt.core.frames.frames import PATIENCE
+from observer_rt.core.frames.frames import PATIENCE, RECORDS
 from observer_rt.foundation.continuity import Break
+from observer_rt.foundation.records import dtype_of
 
-STREAM = np.dtype(
-    [
-        ("on_grid", np.bool_),  # its index is the grid's; else it is a follower
-        ("seen", np.bool_),
-        ("first_index", np.int64),  # of the first sample, unwrapped
-        ("next_index", np.int64),  # of the sample expected next
-        ("last_start", np.int64),  # of the last accepted block
-        ("jump_block", np.int64),  # start of the last block before the last gap of this message
-        ("jump_from", np.int64),  # that gap: [jump_from, jump_to)
-        ("jump_to", np.int64),
-        ("jump_contiguous", np.bool_),  # by the E2E counter
-        ("old_blocks", np.int64),  # consecutive
-        ("old_next", np.int64),
-    ],
-    align=True,
-)
+STREAM = dtype_of(RECORDS["GridStream"])
 
 # A message with samples between those of the grid, or further apart.
-FOLLOWER = np.dtype(
-    [
-        ("roles", np.int64),  # bit r: carries ROLES[r]
-        ("spacing", np.float64),  # samples of the grid between two of its own
-        ("reach", np.float64),  # samples of the grid between two of its own that a straight line joins
-        ("holds", np.bool_),  # its last value counts for `reach`
-        ("early", np.float64),  # samples of the grid by which its values are of before its samples' time
-        ("begun", np.bool_),
-        ("position", np.float64),  # of its last sample on the grid
-        ("values", np.float64, (MAX_INPUTS,)),  # SI
-        ("first_index", np.int64),  # of the first sample of the grid that has its values
-        ("next_index", np.int64),  # of the first that has not got them yet
-        ("lift_row", np.int64),  # index of the sample of the grid that has its last lift
-        ("lift_after", np.float64),  # by how much [samples of the grid] it was taken later than that
-        ("shut_for", np.int64),  # its samples in a row with a closed needle
-        ("stale", np.bool_),  # the others do not wait for it any longer
-    ],
-    align=True,
-)
+FOLLOWER = dtype_of(RECORDS["Follower"])
 
-SLOT = np.dtype(
-    [
-        ("index", np.int64),
-        ("present", np.int64),
-        ("interpolated", np.bool_),  # over a gap of a follower
-        ("values", np.float64, (MAX_INPUTS,)),
-        ("shares", np.float64, (MAX_INPUTS,)),  # 0..1: see `alignment.store`
-    ],
-    align=True,
-)
+SLOT = dtype_of(RECORDS["Slot"])
 
-ALIGNMENT = np.dtype(
-    [
-        ("stream_count", np.int64),
-        ("next_index", np.int64),  # of the sample to decide on next
-        ("newest", np.int64),  # index beyond the last sample any message sent
-        ("begun", np.bool_),
-        ("next_break", np.int8),  # of the first sample to come: START or RESTART
-        ("last_index", np.int64),  # of the last sample passed on
-        ("last_values", np.float64, (MAX_INPUTS,)),
-        ("closed_lift", np.float64),  # m, at or below which the needle is closed
-        ("decided", np.int64),  # samples written to the ring
-        # counters
-        ("lost", np.int64),  # samples
-        ("repeated", np.int64),  # blocks
-        ("old", np.int64),
-        ("restarts", np.int64),
-        ("jumps", np.int64),
-    ],
-    align=True,
-)
+ALIGNMENT = dtype_of(RECORDS["AlignmentMemory"])
 
 
 class Alignment(NamedTuple):

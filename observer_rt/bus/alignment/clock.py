@@ -12,45 +12,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.frames.frames import RECORDS
+from observer_rt.foundation.records import dtype_of
+
 POINTS = 16  # windows whose lowest stamps the line goes by
 
-CLOCK = np.dtype(
-    [
-        ("interval", np.float64),  # ns, nominal, between two samples
-        ("samples", np.int64),  # of a frame
-        ("shortest", np.float64),  # ns from one frame to the next that a bus can do
-        ("begun", np.bool_),
-        ("first_index", np.int64),
-        ("first_stamp", np.int64),  # ns
-        ("last_stamp", np.int64),
-        # the window under way
-        ("window_end", np.float64),  # ns after the first stamp
-        ("lowest", np.float64),  # ns, of the excess
-        ("lowest_at", np.float64),  # samples after the first
-        ("latest", np.float64),  # ns, of the delays
-        ("frames", np.int64),
-        ("prompt", np.int64),
-        ("waited", np.float64),  # ns, sum of the delays
-        ("together", np.int64),  # frames that came sooner after their predecessor than a bus can carry them
-        # finished windows
-        ("points", np.int64),
-        ("places", np.float64, (POINTS,)),  # samples after the first
-        ("excesses", np.float64, (POINTS,)),  # ns, of the stamp over the nominal time
-        # the line under the excesses
-        ("offset", np.float64),  # ns
-        ("drift", np.float64),  # ns a sample
-        ("residual", np.float64),  # ns that the line may be off by, infinite while it is not known
-        ("spread", np.float64),  # ns, greatest delay of the last window
-        ("usual", np.float64),  # ns, what the windows before had
-        ("raised", np.float64),  # ns, by which its lowest stamp lay above the line before
-        # delays since the line is known
-        ("delays", np.int64),
-        ("delay_sum", np.float64),  # ns
-        ("delay_squares", np.float64),
-        ("delay_max", np.float64),
-    ],
-    align=True,
-)
+CLOCK = dtype_of(RECORDS["Clock"])
 
 
 class Jitter(NamedTuple):

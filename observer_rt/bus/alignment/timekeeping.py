@@ -21,18 +21,11 @@ from numpy.typing import NDArray
 from observer_rt.bus.alignment.clock import CLOCK, Jitter, jitter_of, make_clock
 from observer_rt.bus.mapping.bus_map import BusMap, layout_of
 from observer_rt.bus.mapping.timing import Joining, Numbering
+from observer_rt.core.frames.frames import RECORDS
+from observer_rt.foundation.records import dtype_of
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLISECOND
 
-COUNTING = np.dtype(
-    [
-        ("modulus", np.int64),  # of the counter; 1 without one
-        ("begun", np.bool_),
-        ("number", np.int64),  # of the last frame
-        ("sequence", np.int64),  # its counter
-        ("old", np.int64),  # frames older than the last, consecutive
-    ],
-    align=True,
-)
+COUNTING = dtype_of(RECORDS["Counting"])
 
 
 class Count(IntEnum):
@@ -51,22 +44,9 @@ def make_counting(modulus: int) -> NDArray[np.void]:
     return counting
 
 
-SHIFT = np.dtype(
-    [
-        ("known", np.bool_),
-        ("samples", np.int64),  # from the number of a sample to its index on the grid
-        ("off", np.float64),  # samples that the clocks place it beside that index
-    ],
-    align=True,
-)
+SHIFT = dtype_of(RECORDS["Shift"])
 
-TIMEKEEPING = np.dtype(
-    [
-        ("leading", np.int64),  # message whose samples are the grid
-        ("by_stamps", np.bool_),  # whether any message needs them
-    ],
-    align=True,
-)
+TIMEKEEPING = dtype_of(RECORDS["TimekeepingMemory"])
 
 
 class Timekeeping(NamedTuple):

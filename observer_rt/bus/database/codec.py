@@ -21,36 +21,16 @@ from cantools.database.can import Message, Signal
 from numpy.typing import NDArray
 
 from observer_rt.bus.database.lookup import find_signal, reserved_codes
-from observer_rt.core.frames.frames import raw_value
+from observer_rt.core.frames.frames import RECORDS, raw_value
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.records import dtype_of
 
 # How the bits of a field are to be read.
 UNSIGNED, SIGNED, FLOAT16, FLOAT32, FLOAT64 = 0, 1, 2, 3, 4
 _FLOAT_KIND = {16: FLOAT16, 32: FLOAT32, 64: FLOAT64}
 _LARGEST_FLOAT = {16: 65504.0, 32: float(np.finfo(np.float32).max), 64: float(np.finfo(np.float64).max)}
 
-SIGNAL = np.dtype(
-    [
-        ("kind", np.int64),
-        ("first_byte", np.int64),  # the byte with the least significant bit
-        ("step", np.int64),  # to the byte with the next higher bits: +1 little-endian, -1 big-endian
-        ("byte_count", np.int64),  # bytes touched, 1 to 9
-        ("shift", np.uint64),  # of the least significant bit in its byte
-        ("mask", np.uint64),  # as many ones as the field has bits
-        ("sign", np.uint64),  # the sign bit of a signed field
-        ("scale", np.float64),
-        ("offset", np.float64),
-        ("lowest", np.float64),  # raw, by minimum and field
-        ("highest", np.float64),
-        ("has_not_available", np.bool_),
-        ("not_available", np.uint64),
-        ("instead_of_not_available", np.uint64),  # nearest code that is an ordinary number
-        ("has_error", np.bool_),
-        ("error", np.uint64),
-        ("instead_of_error", np.uint64),
-    ],
-    align=True,
-)
+SIGNAL = dtype_of(RECORDS["Signal"])
 
 
 def signal_table(message: Message, names: Sequence[str]) -> NDArray[np.void]:

@@ -21,6 +21,9 @@ from enum import IntEnum
 
 import numpy as np
 
+from observer_rt.core.frames.frames import RECORDS
+from observer_rt.foundation.records import dtype_of
+
 UNPROTECTED = 0
 PROFILE_1 = 1
 PROFILE_2 = 2
@@ -29,14 +32,7 @@ PROFILE_7 = 7
 PROFILES = (PROFILE_1, PROFILE_2, PROFILE_5, PROFILE_7)
 DATA_IDS = 16  # of profile 2, one for every value of its counter
 
-PROTECTION = np.dtype(
-    [
-        ("profile", np.int64),
-        ("data_id", np.int64),  # of any but profile 2
-        ("data_ids", np.uint8, (DATA_IDS,)),
-    ],
-    align=True,
-)
+PROTECTION = dtype_of(RECORDS["Protection"])
 
 
 def protection_of(profile: int | None, data_id: int | bytes | None) -> np.void:
@@ -72,20 +68,4 @@ class E2EState(IntEnum):
     INVALID = 3
 
 
-SUPERVISION = np.dtype(
-    [
-        ("state", np.int64),  # E2EState
-        ("counter", np.int64),  # of the last frame with a good CRC, -1: none yet
-        # of the last frames, the newest in the lowest bit
-        ("ok_frames", np.int64),
-        ("error_frames", np.int64),
-        ("ok", np.int64),  # how many of them
-        ("errors", np.int64),
-        ("refused", np.int64),  # good frames that came while the state was INVALID
-        # as the bench says
-        ("window", np.int64),  # frames
-        ("min_ok", np.int64, (len(E2EState),)),  # by state
-        ("max_errors", np.int64, (len(E2EState),)),
-    ],
-    align=True,
-)
+SUPERVISION = dtype_of(RECORDS["Supervision"])

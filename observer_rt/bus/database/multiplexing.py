@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from observer_rt.bus.database.codec import signal_table
 from observer_rt.bus.database.lookup import find_signal
-from observer_rt.core.frames.frames import put_signal_bits
+from observer_rt.core.frames.frames import RECORDS, put_signal_bits
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.records import dtype_of
 
-CONDITION = np.dtype([("selector", np.int64), ("value", np.uint64)], align=True)
+CONDITION = dtype_of(RECORDS["Condition"])
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from observer_rt.bus.can_frame import FD_LENGTHS, length_code, length_of
 from observer_rt.bus.database.catalogue import BusMessage
 from observer_rt.bus.database.codec import SIGNAL, signal_table
-from observer_rt.bus.database.e2e import PROTECTION
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.database.multiplexing import (
     CONDITION,
@@ -32,7 +31,9 @@ from observer_rt.bus.database.multiplexing import (
 )
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.signals import OptionalRole, Role
+from observer_rt.core.frames.frames import RECORDS
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.records import dtype_of
 
 
 @dataclass(frozen=True)
@@ -96,71 +97,18 @@ MAX_INPUTS = len(ROLES)
 MAX_SIGNALS = 512  # decoded from one frame, for one group of samples
 LONGEST_FRAME = FD_LENGTHS[-1]  # bytes
 
-INPUT_MESSAGE = np.dtype(
-    [
-        ("key", np.int64),
-        ("length", np.int64),  # bytes, by the database
-        ("padded_length", np.int64),  # bytes, as CAN FD carries a message of this length
-        ("protection", PROTECTION),
-        ("samples", np.int64),  # of every role, in all frames that share one sample index
-        ("first_group", np.int64),
-        ("group_count", np.int64),
-        ("first_optional", np.int64),
-        ("optional_count", np.int64),
-        ("first_kind", np.int64),  # of the frames that share one sample index
-        ("kind_count", np.int64),
-    ],
-    align=True,
-)
+INPUT_MESSAGE = dtype_of(RECORDS["InputMessage"])
 
 # Samples of one or more roles that come together and are aligned with those of other streams.
-INPUT_STREAM = np.dtype(
-    [
-        ("samples", np.int64),  # of every role, in all frames that share one sample index
-        ("roles", np.int64),  # bit r: carries ROLES[r]
-    ],
-    align=True,
-)
+INPUT_STREAM = dtype_of(RECORDS["InputStream"])
 
 # Consecutive samples that one frame carries: all of a message's, or those under one selector value.
-INPUT_GROUP = np.dtype(
-    [
-        ("stream", np.int64),  # that the group is a part of
-        ("offset", np.int64),  # of the first sample from the frame's sample index
-        ("samples", np.int64),  # of every role
-        ("position", np.int64, (MAX_INPUTS,)),  # of a role's first sample among the decoded values
-        ("factor", np.float64, (MAX_INPUTS,)),  # to SI
-        ("first_signal", np.int64),  # rows of the signal table: index or counter, if any, then the samples
-        ("signal_count", np.int64),
-        ("first_condition", np.int64),  # rows of the conditions that a frame with this group meets
-        ("condition_count", np.int64),
-    ],
-    align=True,
-)
+INPUT_GROUP = dtype_of(RECORDS["InputGroup"])
 
-OPTIONAL_INPUT = np.dtype(
-    [
-        ("role", np.int64),  # OPTIONAL_ROLES[role], or ENERGIZING
-        ("is_placed", np.bool_),  # by its first signal, the index of its first sample
-        ("factor", np.float64),  # of its other signals, to SI
-        ("origin", np.float64),  # what their 0 is in SI
-        ("timeout", np.float64),  # s, after which a value counts no longer
-        ("first_signal", np.int64),
-        ("signal_count", np.int64),
-        ("first_condition", np.int64),
-        ("condition_count", np.int64),
-    ],
-    align=True,
-)
+OPTIONAL_INPUT = dtype_of(RECORDS["OptionalInput"])
 
 # One kind of frame of a message: it has one, or one for every selector value that carries samples.
-INPUT_KIND = np.dtype(
-    [
-        ("end", np.int64),  # offset after its last sample
-        ("blank", np.uint8, (LONGEST_FRAME,)),  # the frame with its selectors set and all else 0
-    ],
-    align=True,
-)
+INPUT_KIND = dtype_of(RECORDS["InputKind"])
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,8 +20,9 @@ from observer_rt.config.bench_file import LinkConfig
 from observer_rt.config.channels import undone_in_alignment
 from observer_rt.config.injector import Meaning
 from observer_rt.config.signals import Role
-from observer_rt.core.frames.frames import values_of_counter
+from observer_rt.core.frames.frames import RECORDS, values_of_counter
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.records import dtype_of
 from observer_rt.foundation.units import MICROSECOND, MILLISECOND
 
 SLOTS = 1 << 12  # samples that may wait for another message
@@ -55,20 +56,7 @@ class Numbering(IntEnum):
     STAMPS = 3  # nothing but when they are received
 
 
-TIMING = np.dtype(
-    [
-        ("joining", np.int64),
-        ("numbering", np.int64),
-        ("modulus", np.int64),  # of the counter, 1 without one
-        ("steps", np.int64),  # samples of the grid from one sample of the message to its next
-        ("interval", np.float64),  # s between two samples of the message
-        ("delay", np.float64),  # s from a frame's last sample to its stamp, without waiting
-        ("shortest", np.float64),  # s from frame to frame, below which stamps are not those of a bus
-        ("hold", np.float64),  # s, of a slower signal
-        ("tolerance", np.float64),  # s that its time may be unknown by
-    ],
-    align=True,
-)
+TIMING = dtype_of(RECORDS["Timing"])
 
 
 class Following(NamedTuple):

@@ -1,5 +1,6 @@
 """From one received frame to those it causes: check, decode, align, observe, publish; the loop over sockets."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ PATIENCE: int
 PERIOD: float
 POINTS: int
 READINGS: int
+RECORDS: Mapping[str, tuple[memoryview, Mapping[str, Any]]]
 WAITING: int
 WAIT_MS: int
 WINDOW: float

@@ -148,7 +148,7 @@ cdef void _send_rates(Pumped* pump, Publisher* publisher) noexcept nogil:
         row = &publisher.out[number]
         identifier = memory.identifier
         memcpy(frame, &identifier, sizeof(identifier))
-        frame[4], frame[5] = <uint8_t> row.length, memory.flags
+        frame[4], frame[5] = <uint8_t> row.length, <uint8_t> memory.flags
         memcpy(frame + HEADER_BYTES, row.payload, row.length)
         memory.end_waiting += 1
     ready.frames = 0

@@ -323,7 +323,7 @@ cdef struct PumpMemory:
     # results
     int64_t bus  # they go to, -1: none are sent
     uint32_t identifier
-    uint8_t flags
+    int64_t flags
     int64_t size  # of a frame as the kernel takes it
     int64_t first_waiting
     int64_t end_waiting

@@ -1,5 +1,6 @@
 """The observer over its stream of samples: what happens, in which order, at every sample."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,7 @@ OFFSET_FOLLOWS: float
 PENDING_EVENTS: int
 REACH: int
 RECORDED_RING: int
+RECORDS: Mapping[str, tuple[memoryview, Mapping[str, Any]]]
 RESTLESS: float
 RING: int
 SLOTS: int

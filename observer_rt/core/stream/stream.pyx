@@ -60,6 +60,25 @@ globals().update(
 )
 
 
+# Records as Python makes arrays of them: foundation.records.
+cdef ObserverMemory _memory
+cdef Recorded _recorded
+cdef Sample _sample
+cdef Event _event
+cdef Channel _channel
+cdef Injection _injection
+cdef Verdict _verdict
+RECORDS = {
+    "ObserverMemory": (memoryview(<ObserverMemory[:1:1]> &_memory), _memory),
+    "Recorded": (memoryview(<Recorded[:1:1]> &_recorded), _recorded),
+    "Sample": (memoryview(<Sample[:1:1]> &_sample), _sample),
+    "Event": (memoryview(<Event[:1:1]> &_event), _event),
+    "Channel": (memoryview(<Channel[:1:1]> &_channel), _channel),
+    "Injection": (memoryview(<Injection[:1:1]> &_injection), _injection),
+    "Verdict": (memoryview(<Verdict[:1:1]> &_verdict), _verdict),
+}
+
+
 def dead_band(double lift_noise) -> tuple[float, float]:
     """Lift [m] above which the needle is open and below which it is shut again, from the lift noise [m]."""
     opens = opening_band(lift_noise)

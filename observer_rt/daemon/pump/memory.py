@@ -8,42 +8,13 @@ from numpy.typing import NDArray
 
 from observer_rt.bus.can_frame import BIT_RATE_SWITCH, CLASSIC_MTU, EXTENDED_FLAG, FD_MTU
 from observer_rt.bus.database.lookup import MessageLayout
-from observer_rt.core.frames.frames import ERRORS, LATENCIES, WAITING
+from observer_rt.core.frames.frames import ERRORS, RECORDS, WAITING
+from observer_rt.foundation.records import dtype_of
 
-BUS = np.dtype(
-    [
-        ("fd", np.int64),
-        ("failure", np.int64),  # errno; the bus is left out until Python gives it a descriptor
-        ("next", np.int64),  # frame of the batch
-        ("count", np.int64),  # frames of the batch
-        ("stamp", np.int64),  # of the next frame [ns]
-        ("has_offset", np.bool_),
-        ("offset", np.int64),  # ns, from the interface's clock to the computer's
-        ("overflows", np.int64),  # frames lost, as the kernel counts them: 32 bits
-        ("errors", np.int64),  # error frames so far
-    ],
-    align=True,
-)
-ERROR = np.dtype([("identifier", np.int64), ("length", np.int64), ("data", np.uint8, (8,))], align=True)
-ARRIVAL = np.dtype([("key", np.int64), ("frames", np.int64), ("last", np.int64)], align=True)
-PUMP = np.dtype(
-    [
-        ("is_to_stop", np.bool_),
-        ("reported", np.int64),  # events closed and taken, failures, errors that Python knows of
-        ("turns", np.int64),
-        ("unsent", np.int64),
-        # results
-        ("bus", np.int64),  # they go to, -1: none are sent
-        ("identifier", np.uint32),
-        ("flags", np.uint8),
-        ("size", np.int64),  # of a frame as the kernel takes it
-        ("first_waiting", np.int64),
-        ("end_waiting", np.int64),
-        ("largest_latency", np.int64),  # ns, from the stamp of a frame until its rates are sent
-        ("latencies", np.int64, (LATENCIES,)),  # how many rates took so long, four to an octave from 1 us on
-    ],
-    align=True,
-)
+BUS = dtype_of(RECORDS["PumpBus"])
+ERROR = dtype_of(RECORDS["ErrorFrame"])
+ARRIVAL = dtype_of(RECORDS["Arrival"])
+PUMP = dtype_of(RECORDS["PumpMemory"])
 
 
 class Pump(NamedTuple):

@@ -7,44 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.bus.mapping.input_tables import Inputs
-from observer_rt.core.frames.frames import READINGS
+from observer_rt.core.frames.frames import READINGS, RECORDS
+from observer_rt.foundation.records import dtype_of
 
-_VALUE = np.dtype(
-    [
-        ("value", np.float64),  # SI, the newest, nan: none
-        ("left", np.float64),  # samples for which it counts
-        ("follows", np.bool_),  # by the protection of its message no frame was lost since
-    ],
-    align=True,
-)
-_READING = np.dtype(
-    [
-        ("row", np.int64),  # of `Inputs.optional`
-        ("stamp", np.int64),  # ns
-        ("follows", np.bool_),
-        # when it came
-        ("processed", np.int64),  # samples
-        ("closed", np.int64),  # injections
-    ],
-    align=True,
-)
-_MEMORY = np.dtype(
-    [
-        ("newest", np.int64),  # index of the newest sample when a frame came last, -1: there was none
-        ("may_learn", np.bool_),  # by the bench
-        ("learning", np.bool_),  # .. and by its learning enable
-        ("measured", np.float64),  # temperature of the fuel [K] that counts, nan: none
-        ("fuel_temperature", np.float64),  # of the model in force [K], nan: it waits for one
-        ("is_assumed", np.bool_),  # for none was measured yet
-        ("since_change", np.float64),  # samples since the model changed
-        ("is_due", np.bool_),  # Python must change the model before samples are observed
-        # of `readings` and `values`
-        ("came", np.int64),
-        ("read", np.int64),  # by Python, which
-        ("looks_at_each", np.bool_),  # .. wants to see what became of every frame
-    ],
-    align=True,
-)
+_VALUE = dtype_of(RECORDS["HeardValue"])
+_READING = dtype_of(RECORDS["Reading"])
+_MEMORY = dtype_of(RECORDS["HeardMemory"])
 
 
 class InputMemory(NamedTuple):

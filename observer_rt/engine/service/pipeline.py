@@ -9,33 +9,18 @@ from observer_rt.bus.alignment.alignment import Alignment
 from observer_rt.bus.alignment.timekeeping import Timekeeping
 from observer_rt.bus.database import e2e
 from observer_rt.bus.links.link import FrameBlock
-from observer_rt.bus.mapping.input_tables import MAX_INPUTS, MAX_SIGNALS, Inputs
+from observer_rt.bus.mapping.input_tables import Inputs
 from observer_rt.config.injector import E2EConfig
-from observer_rt.core.frames.frames import FRAMES, FramePath
+from observer_rt.core.frames.frames import FRAMES, RECORDS, FramePath
 from observer_rt.engine.observer import with_constants
 from observer_rt.engine.service.input_memory import InputMemory
 from observer_rt.engine.service.publisher import Publisher
 from observer_rt.engine.stream.state import Constants, Observer
+from observer_rt.foundation.records import dtype_of
 
 FULL = FRAMES // 4  # rate frames ready, beyond which there is room for those of one input frame only
 
-RECEIVER = np.dtype(
-    [
-        (
-            "last_counter",
-            np.int64,
-            (MAX_INPUTS,),
-        ),  # of every message's last frame that was placed, -1: none yet
-        ("interrupted", np.int8, (MAX_INPUTS,)),  # of every stream, 1: its last frame is not the message's
-        ("values", np.float64, (MAX_SIGNALS,)),
-        ("sample", np.float64, (MAX_INPUTS,)),  # SI
-        ("frames", np.int64),  # with samples, good or bad
-        ("crc_errors", np.int64),
-        ("length_errors", np.int64),
-        ("sequence_errors", np.int64),
-    ],
-    align=True,
-)
+RECEIVER = dtype_of(RECORDS["Receiver"])
 
 
 def make_receiver() -> NDArray[np.void]:

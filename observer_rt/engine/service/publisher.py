@@ -6,31 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.bus.database.codec import SIGNAL
-from observer_rt.bus.database.e2e import PROTECTION
-from observer_rt.bus.mapping.input_tables import LONGEST_FRAME
 from observer_rt.bus.mapping.output_messages import HEADER_SIGNALS, RateMessage
-from observer_rt.core.frames.frames import FRAMES
+from observer_rt.core.frames.frames import FRAMES, RECORDS
+from observer_rt.foundation.records import dtype_of
 
-OUT_FRAME = np.dtype([("length", np.int64), ("payload", np.uint8, (LONGEST_FRAME,))], align=True)
+OUT_FRAME = dtype_of(RECORDS["OutFrame"])
 
-PUBLISHER = np.dtype(
-    [
-        ("published", np.int64),  # position in the observer's stream of the next sample to publish
-        ("block_start", np.int64),  # index of the block's first sample
-        ("filled", np.int64),  # of the block, 0: none begun
-        ("block_valid", np.bool_),  # all of it so far, without a gap
-        ("block_state", np.int64),
-        ("learning", np.bool_),
-        ("contested", np.bool_),  # another node sends the same: nothing that goes out is valid
-        ("header", np.int64, (len(HEADER_SIGNALS),)),  # their places among the values, -1: not in the message
-        ("samples", np.int64),  # of a block, 0: no rates are published
-        ("length", np.int64),
-        ("protection", PROTECTION),
-        ("counter", np.int64),
-        ("frames", np.int64),  # ready in `out`
-    ],
-    align=True,
-)
+PUBLISHER = dtype_of(RECORDS["PublisherMemory"])
 
 
 class Publisher(NamedTuple):

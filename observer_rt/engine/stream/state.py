@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.stream.stepper import Stepper
-from observer_rt.core.stream.stream import Stream
-from observer_rt.engine.stream.memory import RESTING_LIFT, STANDSTILL
+from observer_rt.core.stream.stream import RECORDS, Stream
 from observer_rt.engine.stream.phi import Phi
 from observer_rt.engine.stream.verdict import Verdicts
 from observer_rt.foundation.continuity import Break, Doubt
+from observer_rt.foundation.records import dtype_of
 from observer_rt.model.effective import Coefficients, InputTerms
 from observer_rt.model.sensor import Sensor
 
@@ -63,106 +63,21 @@ class Reason(IntEnum):
     LIFT_DEAD = 29  # the line pressure shows injections, the lift none
 
 
-_SAMPLE = [
-    # as received, normalised by (24), lift in m
-    ("index", np.int64),
-    ("rail_pressure", np.float64),
-    ("needle_lift", np.float64),
-    ("line_pressure", np.float64),
-    ("lift_after", np.float64),  # share of an interval by which the lift was taken later than the rest
-    ("rail_share", np.float64),  # in the rail pressure, of the later one of two neighbours
-    ("lift", np.float64),  # m, the recorded one without what `lift_zero` takes for no motion
-    ("interpolated", np.bool_),
-    ("broken", np.int8),  # Break
-    ("doubt", np.int8),  # Doubt
-    ("bridged", np.int8),  # a bit for every channel whose value does not count
-    # as computed
-    ("lift_area", np.float64),  # normalised seat area when the lift was taken
-    ("seat_area", np.float64),  # u2
-    ("resting", np.bool_),
-    ("innovation", np.float64),  # e~ of x~, in units of p_0; 0 where the line pressure is not known
-    ("indicated", np.float64),  # line pressure as the lagging sensor of x~ shows it, without offset
-    ("phi", np.float64, (3,)),  # 1/s
-    ("injection_rate", np.float64),  # m3/s, NaN while not synchronised
-    ("valid", np.bool_),
-    ("state", np.int8),  # State
-    ("reason", np.int8),  # Reason
-]
+EVENT = dtype_of(RECORDS["Event"])
 
-EVENT = np.dtype(
-    [
-        ("number", np.int64),
-        ("due_index", np.int64),  # judged at the first sample >= this outside every event
-        ("window_start", np.int64),  # positions in the stream of samples
-        ("window_end", np.int64),
-        ("opening", np.int64),
-        ("learnable", np.bool_),
-        ("fault", np.int8),  # Reason its samples are not to be trusted, 0 when they are
-        ("closed_index", np.int64),  # of the sample at which it closed
-        ("judged_before", np.int64),  # events, when it closed
-        ("injections", np.int64),  # begun, when it closed
-        ("taken", np.int8),  # verdict.Taken, once it was judged
-        # as they were at the event's end
-        ("standstill", STANDSTILL),
-        ("resting_lift", RESTING_LIFT),
-    ],
-    align=True,
-)
+CHANNEL = dtype_of(RECORDS["Channel"])
 
-CHANNEL = np.dtype(
-    [
-        ("noise", np.float64),  # standard deviation of a sample, as normalised as it is
-        ("last", np.float64),  # value as it came
-        ("change", np.float64),  # running mean from sample to sample
-        ("until", np.int64),  # position before which every sample is looked at
-        ("run", np.int64),  # samples in a row with the value of the one before
-        ("needed", np.int64),  # of them, until it is frozen
-        ("is_dropout", np.bool_),  # it leapt there
-        ("instead", np.float64),  # value before it did
-        ("repeats", np.int64),  # of all samples, those that only by chance have the value of the one before
-        ("held", np.float64),  # value at which it was frozen last
-        ("is_held", np.bool_),  # it has not moved since
-        ("went_above", np.bool_),  # it has been higher than that since,
-        ("went_below", np.bool_),  # and lower: no end of a range
-        ("is_clipped", np.bool_),  # it was the time before as well
-        ("bridged", np.int64),  # lately: samples that do not count less others since
-    ],
-    align=True,
-)
+INJECTION = dtype_of(RECORDS["Injection"])
 
-INJECTION = np.dtype(
-    [
-        ("number", np.int64),
-        ("event", np.int64),
-        ("start", np.int64),  # position of the window's first sample
-        ("end", np.int64),  # position of its last, -1 while not known
-        ("start_index", np.int64),
-        ("end_index", np.int64),
-        ("volume", np.float64),  # m3
-        ("peak_rate", np.float64),  # m3/s
-        ("opening_index", np.int64),  # of its first sample with the needle open
-        ("opening_seen", np.bool_),  # else it was open when the samples began
-        ("rail_pressure", np.float64),  # at its opening, normalised
-        ("known_from", np.float64),  # rail pressures at which the flow was known then
-        ("known_to", np.float64),
-        ("valid", np.bool_),
-        ("reason", np.int8),  # Reason of its first sample that is not valid
-        ("phi_version", np.int64),
-        ("state", np.int8),
-        ("middle_x", np.float64, (3,)),  # x^ and inputs in the middle of the window
-        ("middle_u", np.float64, (2,)),
-    ],
-    align=True,
-)
-
-SAMPLE = np.dtype(_SAMPLE, align=True)
+MEMORY = dtype_of(RECORDS["ObserverMemory"])
+SAMPLE = dtype_of(RECORDS["Sample"])
 """A sample of the ring."""
 
 
 def sample_dtype(states: int) -> np.dtype[np.void]:
     """A sample with x~ and x^ of a model of so many states, as Python is given it."""
     pair = [("x_tilde", np.float64, (states,)), ("x_hat", np.float64, (states,))]
-    return np.dtype(_SAMPLE + pair, align=True)
+    return np.dtype([*((name, SAMPLE[name]) for name in SAMPLE.names or ()), *pair], align=True)
 
 
 class Timing(NamedTuple):

@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.stream.stream import MOST_COEFFICIENTS, SLOTS
+from observer_rt.core.stream.stream import RECORDS, SLOTS
 from observer_rt.engine.estimation.gain import GainSchedule
 from observer_rt.engine.stream.phi import Phi
-from observer_rt.model.network import HIDDEN, OUTPUTS
+from observer_rt.foundation.records import dtype_of
 
 
 class Taken(IntEnum):
@@ -26,50 +26,7 @@ class Taken(IntEnum):
     LEARNED = 2  # with what was learned from it
 
 
-_FINDING = np.dtype(
-    [
-        ("number", np.int64),  # of the event it is on, from 1 in the order in which they closed
-        ("reason", np.int8),  # Reason it did not pass, 0 when it did
-        ("is_coloured", np.bool_),  # the innovations are, by what is known of the noise
-        ("at_rest", np.float64),  # mean square of coloured ones with the needle shut, nan: as it was
-    ],
-    align=True,
-)
-
-
-CARRIED = np.dtype(
-    [
-        ("output", np.float64, (OUTPUTS, HIDDEN)),
-        ("bias", np.float64, (OUTPUTS,)),
-        ("back_pressure", np.float64, (2,)),
-        ("learned_offset", np.float64),
-        ("lag", np.float64),  # s
-        ("line", np.float64, (MOST_COEFFICIENTS,)),  # its coefficients with what was learned of it
-        # where the flow is known well enough: rail pressures, and p_S / p_L
-        ("rail_from", np.float64),
-        ("rail_to", np.float64),
-        ("filled_to", np.float64),
-    ],
-    align=True,
-)
-"""Theta as the loop carries it."""
-
-_VERDICT = np.dtype(
-    [
-        ("examined", _FINDING),
-        ("learned", _FINDING),
-        (
-            "earlier",
-            np.int64,
-        ),  # the event's number, if what was learned from one before is to take force with it
-        # what was learned
-        ("is_adopted", np.bool_),
-        ("innovation_sigma", np.float64),
-        ("noise", np.float64, (3,)),  # of the channels
-        ("carried", CARRIED),
-    ],
-    align=True,
-)
+_VERDICT = dtype_of(RECORDS["Verdict"])
 
 
 class Verdicts(NamedTuple):

@@ -7,10 +7,12 @@ import numpy as np
 
 from observer_rt.bus.alignment.alignment import Alignment, make_alignment
 from observer_rt.bus.alignment.placing import Placing
+from observer_rt.bus.alignment.recorded import make_recorded
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.config.signals import Role
 from observer_rt.core.frames.frames import decide_samples, place_samples, store_value
-from observer_rt.foundation.continuity import RECORDED_RING, Break, make_recorded
+from observer_rt.core.stream.stream import RECORDED_RING
+from observer_rt.foundation.continuity import Break
 
 CLOSED_LIFT = 2e-6  # m
 LIFT = ROLES.index(Role.NEEDLE_LIFT)

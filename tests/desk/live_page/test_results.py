@@ -52,6 +52,8 @@ def test_what_was_written_is_read(
     values = [data.draw(_COUNT if is_whole else _PHYSICAL) for is_whole in whole]
     for name in ("valid", "learning", "state"):
         values[kind._fields.index(name)] = data.draw(st.integers(0, 1).map(float))
+    for name in {"latency_p999", "largest_latency"}.intersection(kind._fields):
+        values[kind._fields.index(name)] = data.draw(st.floats(0.0, 0.065))
 
     found = read_back(bus, message, kind._make(values))
 

@@ -1,0 +1,33 @@
+"""Dtypes of the core's structs, so that each record is stated once, in a .pxd of the core."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+Record = tuple[memoryview, Mapping[str, Any]]
+"""One struct in memory, and its fields by name, as the core gives them."""
+
+
+def dtype_of(record: Record) -> np.dtype[np.void]:
+    """Dtype of the arrays that the core takes as such structs; a single `unsigned char` is a bool."""
+    view, fields = record
+    return _dtype(np.asarray(view).dtype, fields)
+
+
+def _dtype(found: np.dtype[Any], value: Any) -> np.dtype[Any]:
+    if found.kind == "c":  # how the core shows a struct of two doubles
+        return np.dtype([(name, np.float64) for name in value], align=True)
+    if found == np.uint8:
+        return np.dtype(np.bool_)
+    if found.fields is None:
+        return found
+    return np.dtype(
+        {
+            "names": found.names,
+            "formats": [_dtype(found.fields[name][0], value[name]) for name in found.names or ()],
+            "offsets": [found.fields[name][1] for name in found.names or ()],
+            "itemsize": found.itemsize,
+        },
+        align=True,
+    )

@@ -1,18 +1,15 @@
-# The lift a shut needle shows: its zero, followed, and what the line pressure adds to it; both are no motion.
+# The zero of a shut needle's lift, followed: it is no motion.
 #
-# How far the needle opens: the lift at which long openings stay, for the scale of the sensor.
+# Of a zero that moves on too fast for a mean, as hum lets it, level and slope are those of a mean and its mean.
 
 cdef enum:
-    REMEMBERED = 20  # openings
     EDGE = 3  # samples in which a lift steps
-    CROSSTALK_SAMPLES = 2000
     RECENT = 4000  # samples since a step, by when its mean is the running one
-    LATELY = 256  # squares of the noise: it has fallen where ..
+    LATELY = 256  # squares of the noise: it has fallen where their mean is FALLEN times less than that of all
     _BEGINNING = 1000  # samples; afterwards every second one is looked at
     _LOOK = 32  # of these after which dead band and crosstalk are worked out
 
 cdef double FURTHEST_ZERO = 40e-6  # m, of a zero that is followed
-cdef double NEAR = 0.1  # share by which a lift may differ from the highest so far and be that of the same stop
 cdef double ZERO_RATE = 800.0  # 1/s: share of a sample in the running zero over the sample interval
 cdef double NEAR_RATE = 1600.0  # 1/s
 cdef double MOVES = 0.2e-6  # m, rms of a mean over its own mean, from which on the zero moves; and ..
@@ -22,45 +19,7 @@ cdef double MOVES_ON = 5e-3  # s without standstill in which the zero goes on as
 cdef double CLIP = 0.6  # of the dead band, three sigma: by more a sample does not count
 cdef double CALM = 0.7e6  # Pa, rms of a line pressure in which no injection rings
 cdef double AS_CALM = 1.5  # times the mean square before: a calm line rings no more than that
-cdef double LEAST_SWING = 0.5e6  # Pa about its mean, from which on a sample counts: hum is less
-cdef double FADE = 2e-5  # a sample
-cdef double FOUND = 8.0
-cdef double LOST = 5.0  # standard deviations from which on it is taken out, and below which no more
-cdef double FADE_LATELY = 4e-3  # a sample, of shorter sums: it is gone where ..
-cdef double GONE = 6.0
-cdef double SHARE_LEFT = 0.5  # .. they differ by so many standard deviations, and no more than that of it is left
-cdef double LEAST_NOISE = 0.1e-6  # m
-cdef double MOST_CROSSTALK = 0.5e-12  # m/Pa
-cdef double FALLEN = 4.0  # .. their mean is so much less than that of all
-cdef double _WRONG_SWING = 50e6  # Pa: a jump of the rail, or no number
-
-
-cdef void follow_opening(Observer* observer, int64_t position) noexcept nogil:
-    """At a sample with the needle open: note where it stays, the highest such lift of the opening."""
-    memory = observer.memory
-    stop = &memory.stop
-    lift = observer.ring[position & MASK].lift
-    if not abs(lift - stop.level) <= memory.dead_band.lift_on:
-        stop.level, stop.level_count = lift, 1
-        return
-    stop.level_count += 1
-    stop.level += (lift - stop.level) / stop.level_count
-    if stop.level_count >= observer.constants.timing.bounce:
-        stop.highest = max(stop.highest, stop.level)
-
-
-cdef void take_opening(Observer* observer) noexcept nogil:
-    """The needle is shut: the highest lift at which it stayed is that of the stop, if it is not far below others."""
-    stop = &observer.memory.stop
-    highest = stop.highest
-    stop.highest, stop.level_count = 0.0, 0
-    if highest > (1.0 + NEAR) * stop.lift:
-        stop.lift, stop.openings = highest, 1
-    elif highest > (1.0 - NEAR) * stop.lift:
-        stop.openings += 1
-        stop.lift += (highest - stop.lift) / min(stop.openings, REMEMBERED)
-# of a zero that moves on too fast for a mean, as hum lets it: its level and slope are those of a mean and its mean
-# of the line pressure in the lift:
+cdef double FALLEN = 4.0
 
 
 cdef inline void take_out_zero(Observer* observer, int64_t position) noexcept nogil:
@@ -208,17 +167,6 @@ cdef void shift_zero(Observer* observer, int64_t begin, double step) noexcept no
         observer.ring[k & MASK].lift -= step
 
 
-cdef inline double _swing(Observer* observer, double line_pressure) noexcept nogil:
-    """Line pressure about its running mean, which begins anew after a jump."""
-    regression = &observer.memory.crosstalk
-    swing = line_pressure - regression.line_mean
-    if abs(swing) * observer.constants.pressure_scale <= _WRONG_SWING:
-        return swing
-    if isfinite(line_pressure):
-        regression.line_mean = line_pressure
-    return 0.0
-
-
 cdef void _gather_noise(Observer* observer, int64_t position, double left) noexcept nogil:
     """From a sample whose lift is `left` [m] about the zero."""
     resting, zero = &observer.memory.resting_lift, &observer.memory.lift_zero
@@ -241,45 +189,6 @@ cdef void _gather_noise(Observer* observer, int64_t position, double left) noexc
     zero.variance_lately += share * (square / DIFFERENCE_GAIN - zero.variance_lately)
     if resting.lift_count >= ENOUGH_SAMPLES:
         resting.lift_variance = min(resting.lift_variance, FALLEN * zero.variance_lately)
-
-
-cdef void _find_crosstalk(Observer* observer) noexcept nogil:
-    """Whether the ringing line pressure shows in the lift of the shut needle: a regression."""
-    cdef bint is_there
-    memory = observer.memory
-    regression, resting = &memory.crosstalk, &memory.resting_lift
-    if regression.count < CROSSTALK_SAMPLES:
-        return
-    if _is_crosstalk_gone(observer):
-        _forget_crosstalk(observer)
-        return
-    slope = regression.swing_lifts / regression.swing_squares
-    needed = FOUND if resting.crosstalk == 0.0 else LOST
-    is_there = slope**2 * regression.swing_squares > needed**2 * max(memory.lift_zero.spread, LEAST_NOISE**2)
-    most = MOST_CROSSTALK * observer.constants.pressure_scale
-    resting.crosstalk = slope if is_there and abs(slope) < most else 0.0
-
-
-cdef bint _is_crosstalk_gone(Observer* observer) noexcept nogil:
-    """Whether the last samples contradict the crosstalk, which was that of a sensor at fault."""
-    cdef bint is_another
-    memory = observer.memory
-    resting, regression = &memory.resting_lift, &memory.crosstalk
-    if resting.crosstalk == 0.0 or regression.squares_lately == 0.0:
-        return False
-    lately = regression.lifts_lately / regression.squares_lately
-    left = (resting.crosstalk - lately) ** 2 * regression.squares_lately
-    is_another = left > GONE**2 * max(memory.lift_zero.spread, LEAST_NOISE**2)
-    return is_another and lately / resting.crosstalk < SHARE_LEFT
-
-
-cdef void _forget_crosstalk(Observer* observer) noexcept nogil:
-    """It is looked for anew."""
-    memory = observer.memory
-    regression = &memory.crosstalk
-    memory.resting_lift.crosstalk = 0.0
-    regression.count = 0
-    regression.swing_squares = regression.swing_lifts = regression.squares_lately = regression.lifts_lately = 0.0
 
 
 cdef void look_at_start(Observer* observer, int64_t position) noexcept nogil:

@@ -261,7 +261,7 @@ cdef struct Pair:
     double offset  # the learned one (judgement.pxi), moved by what the standstill shows
     int64_t since_start  # samples since x~ started
 
-# pair.pxi
+# innovation_monitor.pxi
 cdef struct InnovationMonitor:
     double normalised_innovation_squared  # running mean of e~^2 by the weight of its noise
     unsigned char contradicted  # it has left what noise can do, and no event passed since (judgement.pxi)
@@ -325,7 +325,7 @@ cdef struct LiftZero:
     double spread  # m2, mean square of the lift about it: noise of any colour
     double variance_lately  # m2, of the noise: a shorter mean
 
-# lift_zero.pxi: of the lift of a shut needle on the line pressure
+# crosstalk.pxi: of the lift of a shut needle on the line pressure
 cdef struct CrosstalkRegression:
     double line_mean  # of the line pressure, running as the zero does
     int64_t count
@@ -334,7 +334,7 @@ cdef struct CrosstalkRegression:
     double squares_lately  # shorter ones of the same
     double lifts_lately
 
-# lift_zero.pxi: where the lift of an open needle stays
+# lift_stop.pxi: where the lift of an open needle stays
 cdef struct Stop:
     double level  # m, mean of the samples that differ little, and
     int64_t level_count  # .. how many they are

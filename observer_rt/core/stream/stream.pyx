@@ -17,13 +17,17 @@ cdef inline void copy_numbers(const double* source, double* target, int64_t coun
 
 
 include "front_end.pxi"
+include "compensation.pxi"
 include "standstill.pxi"
 include "events.pxi"
 include "lift_step.pxi"
 include "lift_zero.pxi"
+include "crosstalk.pxi"
+include "lift_stop.pxi"
 include "outliers.pxi"
 include "judgement.pxi"
 include "pair.pxi"
+include "innovation_monitor.pxi"
 include "validity.pxi"
 include "step.pxi"
 

@@ -1,0 +1,65 @@
+# Crosstalk: what the line pressure adds to the recorded lift of a shut needle, found by regression at standstill.
+
+cdef enum:
+    CROSSTALK_SAMPLES = 2000
+
+cdef double LEAST_SWING = 0.5e6  # Pa about its mean, from which on a sample counts: hum is less
+cdef double FADE = 2e-5  # a sample
+cdef double FOUND = 8.0
+cdef double LOST = 5.0  # standard deviations from which on it is taken out, and below which no more
+cdef double FADE_LATELY = 4e-3  # a sample, of shorter sums: it is gone where ..
+cdef double GONE = 6.0
+cdef double SHARE_LEFT = 0.5  # .. they differ by so many standard deviations, and no more than that of it is left
+cdef double LEAST_NOISE = 0.1e-6  # m
+cdef double MOST_CROSSTALK = 0.5e-12  # m/Pa
+cdef double _WRONG_SWING = 50e6  # Pa: a jump of the rail, or no number
+
+
+cdef inline double _swing(Observer* observer, double line_pressure) noexcept nogil:
+    """Line pressure about its running mean, which begins anew after a jump."""
+    regression = &observer.memory.crosstalk
+    swing = line_pressure - regression.line_mean
+    if abs(swing) * observer.constants.pressure_scale <= _WRONG_SWING:
+        return swing
+    if isfinite(line_pressure):
+        regression.line_mean = line_pressure
+    return 0.0
+
+
+cdef void _find_crosstalk(Observer* observer) noexcept nogil:
+    """Whether the ringing line pressure shows in the lift of the shut needle: a regression."""
+    cdef bint is_there
+    memory = observer.memory
+    regression, resting = &memory.crosstalk, &memory.resting_lift
+    if regression.count < CROSSTALK_SAMPLES:
+        return
+    if _is_crosstalk_gone(observer):
+        _forget_crosstalk(observer)
+        return
+    slope = regression.swing_lifts / regression.swing_squares
+    needed = FOUND if resting.crosstalk == 0.0 else LOST
+    is_there = slope**2 * regression.swing_squares > needed**2 * max(memory.lift_zero.spread, LEAST_NOISE**2)
+    most = MOST_CROSSTALK * observer.constants.pressure_scale
+    resting.crosstalk = slope if is_there and abs(slope) < most else 0.0
+
+
+cdef bint _is_crosstalk_gone(Observer* observer) noexcept nogil:
+    """Whether the last samples contradict the crosstalk, which was that of a sensor at fault."""
+    cdef bint is_another
+    memory = observer.memory
+    resting, regression = &memory.resting_lift, &memory.crosstalk
+    if resting.crosstalk == 0.0 or regression.squares_lately == 0.0:
+        return False
+    lately = regression.lifts_lately / regression.squares_lately
+    left = (resting.crosstalk - lately) ** 2 * regression.squares_lately
+    is_another = left > GONE**2 * max(memory.lift_zero.spread, LEAST_NOISE**2)
+    return is_another and lately / resting.crosstalk < SHARE_LEFT
+
+
+cdef void _forget_crosstalk(Observer* observer) noexcept nogil:
+    """It is looked for anew."""
+    memory = observer.memory
+    regression = &memory.crosstalk
+    memory.resting_lift.crosstalk = 0.0
+    regression.count = 0
+    regression.swing_squares = regression.swing_lifts = regression.squares_lately = regression.lifts_lately = 0.0

@@ -161,7 +161,7 @@ def make_observer(
     memory["phi_version"] = knowledge.phi_version
     memory["healthy_variance"] = healthy.live_variance
     scale = constants.coefficients.pressure_scale
-    noise = knowledge.noise
+    noise = knowledge.state.noise
     memory["stated_noise"] = noise.rail_pressure / scale, noise.line_pressure / scale, noise.needle_lift
     memory["lift_on"], memory["lift_off"] = dead_band(
         noise.needle_lift * noise_gain(constants.undoing.lift_lag)
@@ -171,7 +171,7 @@ def make_observer(
         memory[mean] = lift.zero
     memory["quick_squares"] = lift.wander**2
     memory["crosstalk"] = lift.crosstalk * scale
-    memory["offset_moves"] = knowledge.colour is None
+    memory["offset_moves"] = knowledge.state.learned.colour is None
     memory["stepped"] = LONG_PAST
     memory["waits_for_verdicts"] = True
     begin_with(observer, knowledge, learner.schedule)

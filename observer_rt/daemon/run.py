@@ -94,7 +94,7 @@ class InjectorService:
             keeper.state, self._model, injector.parameters.scaling.pressure, partial(voice.say, Topic.KEPT)
         )
         if learned is not None:
-            voice.say(Topic.KEPT, f"what was learned from {learned.events} events goes on in force")
+            voice.say(Topic.KEPT, f"what was learned from {learned.state.events} events goes on in force")
         self._announce()
         self.screen = View(voice.named(f"observer_rt: {self._buses}"), injector) if shared.has_view else None
         self._teller = EventLogger(

@@ -122,6 +122,6 @@ def _write(
     carried["lag"] = constants.sensor.lag + learned.lag
     line = learned.coefficients.line
     carried["line"][: len(line)] = line
-    noise, scale = knowledge.noise, constants.coefficients.pressure_scale
+    noise, scale = knowledge.state.noise, constants.coefficients.pressure_scale
     verdict["noise"] = noise.rail_pressure / scale, noise.needle_lift, noise.line_pressure / scale
     observer.verdicts.gains[slot] = schedule.gains

@@ -159,12 +159,12 @@ def make_observer(
     observer = Observer(constants, *lent, phi, verdicts, stream, stepper)
     memory = observer.memory[0]
     prior, judgement, resting = memory["prior"], memory["judgement"], memory["resting_lift"]
-    scale, noise, lift = constants.coefficients.pressure_scale, knowledge.noise, knowledge.lift
+    scale, noise, lift = constants.coefficients.pressure_scale, knowledge.state.noise, knowledge.lift
     prior["hidden"] = zero_network().hidden
     prior["healthy_variance"] = healthy.live_variance
     prior["stated_noise"] = noise.rail_pressure / scale, noise.line_pressure / scale, noise.needle_lift
     judgement["phi_version"] = knowledge.phi_version
-    judgement["offset_moves"] = knowledge.colour is None
+    judgement["offset_moves"] = knowledge.state.learned.colour is None
     memory["dead_band"] = dead_band(noise.needle_lift * noise_gain(constants.undoing.lift_lag))
     resting["zero"] = lift.zero
     resting["quick_squares"] = lift.wander**2

@@ -44,7 +44,8 @@ def test_a_stub_names_what_there_is(stub: Path) -> None:
     there = {
         name
         for name, value in vars(module).items()
-        if getattr(value, "__module__", None) == module.__name__ or isinstance(value, int | float | tuple | dict)
+        if getattr(value, "__module__", None) == module.__name__
+        or isinstance(value, int | float | tuple | dict)
     }
     assert public([node.name for node in stated] + constants) == public(list(there))
     assert ast.get_docstring(tree) == str(module.__doc__).splitlines()[0]

@@ -8,14 +8,35 @@ from hypothesis import strategies as st
 
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.gating import Belief
-from observer_rt.engine.estimation.phases import PhaseStatistics, no_statistics
+from observer_rt.engine.estimation.phases import Phase, PhaseStatistics, no_statistics
 from observer_rt.engine.estimation.prediction_error import Whitening
 from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS
-from observer_rt.engine.learning.disturbances.colour import ORDERS, Colour
+from observer_rt.engine.learning.adequacy import Objection
+from observer_rt.engine.learning.disturbances.clipping import EndsOfRange
+from observer_rt.engine.learning.disturbances.coil_current import (
+    CoilCurrent,
+    CoilPulse,
+    EdgeSearch,
+    Energizing,
+)
+from observer_rt.engine.learning.disturbances.colour import (
+    ORDERS,
+    Colour,
+    RestingNoise,
+    SlowRail,
+    TimeJitter,
+)
+from observer_rt.engine.learning.disturbances.held_rail import HeldRail
+from observer_rt.engine.learning.disturbances.masks import End, EventEnds, OutlierSearch
+from observer_rt.engine.learning.disturbances.pressure_gains import PressureGains
+from observer_rt.engine.learning.fallback import Freezer, Mistrust
 from observer_rt.engine.learning.indicators import Estimate
 from observer_rt.engine.learning.interval import EventPoint
 from observer_rt.engine.learning.knowledge import Knowledge
-from observer_rt.engine.learning.memory import Memory
+from observer_rt.engine.learning.lateness import LiftLagSearch, SlowedSensor, no_doubt
+from observer_rt.engine.learning.overdispersion import Overdispersion
+from observer_rt.engine.learning.state import Checkpoint, Learned, LearningState
+from observer_rt.engine.learning.trend import RecentScores, Trend
 from observer_rt.engine.reports.injection_report import CommandedOpening, InjectionReport
 from observer_rt.engine.stream.standstill import RestingLift
 from observer_rt.engine.stream.state import Reason, State
@@ -29,16 +50,17 @@ def some_knowledge(seed: int = 1, phi_version: int = 7, events: int = 20) -> Kno
     covariance = root @ root.T + 1e-6 * np.eye(PARAMETERS)
     covariance = 0.5 * (covariance + covariance.T)
     lowest, highest = SCALARS.bounds(PRESSURE_SCALE)
-    return Knowledge(
-        belief=Belief(random.uniform(-0.01, 0.01, PARAMETERS), covariance, 0.6 * covariance),
-        in_force=np.clip(random.uniform(-0.01, 0.01, PARAMETERS), lowest, highest),
-        noise=NoiseLevels(*(random.uniform(0.1, 1.0, 3) * [1e6, 1e6, 1e-6]).tolist()),
-        active=frozenset(column for column in SCALARS.gate.columns if random.random() < 0.5),
-        phi_version=phi_version,
-        events=events,
+    belief = Belief(random.uniform(-0.01, 0.01, PARAMETERS), covariance, 0.6 * covariance)
+    in_force = np.clip(random.uniform(-0.01, 0.01, PARAMETERS), lowest, highest)
+    noise = NoiseLevels(*(random.uniform(0.1, 1.0, 3) * [1e6, 1e6, 1e-6]).tolist())
+    learned = Learned(
+        belief=belief,
+        theta=0.9 * in_force,
         statistics=PhaseStatistics(
             *(random.uniform(0.0, 1e4, sums.shape) for sums in vars(no_statistics()).values())
         ),
+        active=frozenset(column for column in SCALARS.gate.columns if random.random() < 0.5),
+        is_prior=False,
         colour=Colour(
             Whitening(
                 forgetting=0.96 if random.random() < 0.5 else None,
@@ -47,10 +69,38 @@ def some_knowledge(seed: int = 1, phi_version: int = 7, events: int = 20) -> Kno
             interval=1e-5,
             sigma=float(random.uniform(5e-4, 2e-3)),
         ),
-        learned_at=tuple(EventPoint(*point) for point in random.uniform(-1.0, 1.0, (3, 3)).tolist()),
-        lift=RestingLift(*(random.uniform(-1.0, 1.0, 3) * [4e-5, 0.0, 4e-13] + [0.0, 2e-7, 0.0]).tolist()),
-        memory=Memory(1e-5, {"_freezer": {"_bad": seed, "_good": 0, "_frozen": False}}),
     )
+    state = LearningState(
+        learned=learned,
+        noise=noise,
+        passed_with=0.8 * in_force,
+        lag_doubt=no_doubt(PARAMETERS),
+        events=events,
+        learned_at=tuple(EventPoint(*point) for point in random.uniform(-1.0, 1.0, (3, 3)).tolist()),
+        interval=1e-5,
+        checkpoint=Checkpoint(learned, PressureGains(seen=0.1), RestingNoise(count=3.0), failed=1, passed=0),
+        gains=PressureGains(np.arange(6.0), seen=0.2),
+        at_rest=RestingNoise(count=2.0),
+        slow_rail=SlowRail(1.0, 2.0),
+        jitter=TimeJitter(np.arange(5.0), 0.04),
+        outliers=OutlierSearch(
+            (((3, 0.9),),), ((5, 6),), (EventEnds(1.1, (End(0.8, False), End(1.2, True))),)
+        ),
+        range_ends=EndsOfRange(((0.7,), (1.3, 1.4))),
+        trend=Trend(RecentScores(np.ones(2), 3.0), np.array([4, 0])),
+        overdispersion=Overdispersion(12.0, 11.0),
+        held_rail=HeldRail(0.95, 1),
+        freezer=Freezer(bad=seed),
+        mistrust=Mistrust(2, 0, 1, Objection(Reason.MODEL_INADEQUATE, Phase.OPEN)),
+        slowed=SlowedSensor(2e-5),
+        lift_lag=LiftLagSearch(3, 2.0, 1e3),
+        energizing=Energizing(
+            EdgeSearch(np.ones(4), np.ones(4), np.ones((2, 4))),
+            CoilCurrent(np.ones(3), np.ones(3), CoilPulse(0.002, 30, 20), np.eye(PARAMETERS)),
+        ),
+    )
+    lift = RestingLift(*(random.uniform(-1.0, 1.0, 3) * [4e-5, 0.0, 4e-13] + [0.0, 2e-7, 0.0]).tolist())
+    return Knowledge(state, in_force, phi_version, lift)
 
 
 def damage(path: Path, data: st.DataObject) -> bytes:

@@ -123,7 +123,7 @@ def test_failing_link_ends_the_loop(bench: Path, frames: list[TimedFrame]) -> No
     daemon = HeardDaemon(bench, ScriptedLink(frames, RunError("the interface went away")))
     with pytest.raises(RunError, match="the interface went away"):
         daemon.run(threading.Event())
-    assert daemon.core.knowledge.events >= 3
+    assert daemon.core.knowledge.state.events >= 3
     assert daemon.core.knowledge.phi_version >= 2
     left = set(threading.enumerate()) - others
     assert "learning" not in [thread.name.split("_")[0] for thread in left]

@@ -94,7 +94,7 @@ def test_it_can_be_stopped_while_it_waits(bench: Path, frames: list[TimedFrame])
         until(lambda: daemon.core.counters.frames == len(frames))
         link.plugged.clear()
         until(lambda: bool(daemon.messages))
-    assert daemon.core.knowledge.events >= 3
+    assert daemon.core.knowledge.state.events >= 3
     assert daemon.unsent >= 1  # at least the last status
 
 

@@ -126,7 +126,7 @@ def score_variants(case: Case) -> AblationScore:
             _: BenchInjector, constants: Constants, knowledge: Knowledge, scalars: Scalars = scalars
         ) -> Learner:
             scale = constants.coefficients.pressure_scale
-            return Learner(constants, no_knowledge(knowledge.noise, scale, scalars), scalars)
+            return Learner(constants, no_knowledge(knowledge.state.noise, scale, scalars), scalars)
 
         observers[name] = score_outcome(case, outcome, bench, learner_of)
     observers[FREE_ROWS] = score_outcome(case, outcome, paper_bench(case.bench.sample_rate))

@@ -24,7 +24,7 @@ from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, Learned, 
 from observer_rt.engine.learning.adequacy import BURN_IN
 from observer_rt.engine.learning.explained import FIRST_ITERATIONS, ITERATIONS
 from observer_rt.engine.learning.fitting import TOLERANCE, Cost, EventFitter, Limits, theta_limits
-from observer_rt.engine.learning.knowledge import EventLearner, OverheardLearner
+from observer_rt.engine.learning.knowledge import EventLearner, Outcome
 from observer_rt.engine.paper_scheme.network import FreeNetwork
 from observer_rt.engine.paper_scheme.systems import PaperSetting, design_vector
 from observer_rt.engine.paper_scheme.training import minimise
@@ -81,12 +81,20 @@ class SeenEvent:
     first: int
 
 
-class Listener(OverheardLearner):
+class Listener:
     """A learner that keeps what it is given, and lets another one learn."""
 
     def __init__(self, learner: EventLearner) -> None:
-        super().__init__(learner, lambda window, standstill: self.heard.append((window, standstill)))
         self.heard: list[tuple[Window, Standstill]] = []
+        self.schedule, self.phi = learner.schedule, learner.phi
+        self._learner = learner
+
+    def learn(
+        self, window: Window, standstill: Standstill, in_force: Array, constants: Constants | None = None
+    ) -> Outcome:
+        """Keep an event, and let it be learned from."""
+        self.heard.append((window, standstill))
+        return self._learner.learn(window, standstill, in_force, constants)
 
 
 @dataclass(frozen=True, eq=False)

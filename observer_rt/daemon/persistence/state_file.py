@@ -4,41 +4,54 @@ import hashlib
 import json
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from types import SimpleNamespace
+from typing import Any, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, Field, PlainSerializer, PlainValidator, ValidationError
 
 from observer_rt import __version__
 from observer_rt.core.stream.stream import FURTHEST_ZERO, MOST_CROSSTALK
-from observer_rt.engine.estimation.gain import NoiseLevels
+from observer_rt.engine.estimation.gain import LARGEST_NOISE
 from observer_rt.engine.estimation.gating import Belief
 from observer_rt.engine.estimation.phases import PhaseStatistics
-from observer_rt.engine.estimation.prediction_error import Whitening
 from observer_rt.engine.estimation.scalars import SCALARS, sensor_lag
 from observer_rt.engine.learning.adequacy import LARGEST_LAG, is_worn_beyond_limits
-from observer_rt.engine.learning.disturbances.colour import ORDERS, Colour
-from observer_rt.engine.learning.interval import EventPoint
+from observer_rt.engine.learning.disturbances.colour import ORDERS
 from observer_rt.engine.learning.knowledge import Knowledge, no_knowledge
-from observer_rt.engine.learning.memory import NOTHING, Memory
+from observer_rt.engine.learning.memory import Count, NotAsExpectedError, kept_names, plain, restored
+from observer_rt.engine.learning.state import LearningState, no_state
 from observer_rt.engine.stream.standstill import RestingLift
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.file_kinds import LEARNED_STATE, refuse_other_kind
 from observer_rt.model.parameters import InjectorParameters, Scaling
 
-VERSION = 4
-OLDEST = 3  # version that is still read
-_COLUMNS_OF_3 = (  # which it does not name
-    *("nozzle_bias", "nozzle_weight_1", "nozzle_weight_2", "nozzle_weight_3", "nozzle_weight_4"),
-    *("nozzle_weight_5", "seat_bias", "offset", "friction", "leakage", "stiffness", "lag", "air"),
-    *("back_pressure_1", "back_pressure_2"),
-)
+VERSION = 5
+OLDEST = 4  # version that is still read
+_PLACES_OF_4 = {  # of what is followed, in the memory of version 4, by its name in the state
+    "checkpoint": "_checkpoint",
+    "gains": "_pressure_gains",
+    "at_rest": "_reader._at_rest",
+    "slow_rail": "_reader._slow_rail",
+    "jitter": "_reader._jitter",
+    "outliers": "_reader._outliers",
+    "range_ends": "_reader._range",
+    "trend": "_reader._fit._trend",
+    "overdispersion": "_reader._fit._overdispersion",
+    "held_rail": "_held_rail",
+    "freezer": "_freezer",
+    "mistrust": "_mistrust",
+    "lag_doubt": "_lag_doubt",
+    "slowed": "_slowed",
+    "lift_lag": "_lift_lag",
+    "energizing": "_energizing",
+    "passed_with": "_passed_with",
+}
 BEGUN_ANEW = "nothing, if another injector was mounted: learning begins anew; else put the right file back"
 ASIDE = ".set-aside-"  # in the name of what is set aside, before its number
 LARGEST_FILE = 1 << 20  # bytes, far more than any state takes
@@ -50,40 +63,43 @@ def problem_of(knowledge: Knowledge, pressure_scale: float) -> str | None:
 
     pressure_scale: p_0 [Pa], by which the bounds are counted.
     """
-    prior = no_knowledge(knowledge.noise, pressure_scale)
+    state, learned = knowledge.state, knowledge.state.learned
+    prior = no_knowledge(state.noise, pressure_scale)
     for part, like in zip(_arrays(knowledge), _arrays(prior), strict=True):
         if part.shape != like.shape:
             return f"it holds parameters of another kind: shape {part.shape} instead of {like.shape}"
     lowest, highest = SCALARS.bounds(pressure_scale)
-    for name, theta in (("the mean", knowledge.belief.mean), ("the parameters in force", knowledge.in_force)):
+    for name, theta in (
+        ("the mean", learned.belief.mean),
+        ("the parameters in force", knowledge.in_force),
+        ("the parameters learned last", learned.theta),
+    ):
         if not np.all(np.isfinite(theta)):
             return f"{name} are not finite numbers"
     if np.any(knowledge.in_force < lowest) or np.any(knowledge.in_force > highest):
         return "the parameters in force lie beyond what an injector can do"
     # the mean is free of the bounds' signs: it may say that a leak is slightly negative
-    if np.any(np.abs(knowledge.belief.mean) > np.maximum(-lowest, highest)):
+    if np.any(np.abs(learned.belief.mean) > np.maximum(-lowest, highest)):
         return "the mean lies beyond what an injector can do"
     for name, covariance in (
-        ("the covariance", knowledge.belief.covariance),
-        ("the error's covariance", knowledge.belief.error_covariance),
+        ("the covariance", learned.belief.covariance),
+        ("the error's covariance", learned.belief.error_covariance),
     ):
         if not np.all(np.isfinite(covariance)):
             return f"{name} is not finite"
         if not np.array_equal(covariance, covariance.T) or not _is_positive_definite(covariance):
             return f"{name} is not symmetric and positive definite"
-    if not all(np.all(np.isfinite(sums) & (sums >= 0.0)) for sums in vars(knowledge.statistics).values()):
+    if not all(np.all(np.isfinite(sums) & (sums >= 0.0)) for sums in vars(learned.statistics).values()):
         return "the statistics of the innovations are no sums of squares"
-    if odd := knowledge.noise.implausible:
-        return (
-            f"the noise of the {odd[0].replace('_', ' ')} is {getattr(knowledge.noise, odd[0]):g} (SI units)"
-        )
-    if not np.all(np.isfinite(knowledge.learned_at)):
+    if odd := state.noise.implausible:
+        return f"the noise of the {odd[0].replace('_', ' ')} is {getattr(state.noise, odd[0]):g} (SI units)"
+    if not np.all(np.isfinite([*state.learned_at, (state.interval, 0.0, 0.0)])):
         return "the operating points learned at are not finite numbers"
     lift = knowledge.lift
     is_drift = abs(lift.zero) <= FURTHEST_ZERO and 0.0 <= lift.wander <= FURTHEST_ZERO
     if not (is_drift and abs(lift.crosstalk) <= MOST_CROSSTALK):
         return f"the lift of a shut needle shows more than a sensor's drift: {lift}"
-    if (colour := knowledge.colour) is None:
+    if (colour := learned.colour) is None:
         return None
     whitening = colour.whitening
     if whitening.taps.ndim != 1 or whitening.taps.size > ORDERS or not np.all(np.isfinite(whitening.taps)):
@@ -101,7 +117,7 @@ def _doubt_of(knowledge: Knowledge) -> str | None:
     While it is learned such a sensor is reported as a fault; of another run it may come from signals that are past.
     An offset is none: one that follows the rail pressure is a gain, with which it goes on.
     """
-    for theta in (knowledge.belief.mean, knowledge.in_force):
+    for theta in (knowledge.state.learned.belief.mean, knowledge.in_force):
         lag = sensor_lag(theta)
         if lag > LARGEST_LAG:
             return f"its lag of the line-pressure sensor, {lag * 1e3:.2g} ms, is more than {LARGEST_LAG * 1e3:g} ms"
@@ -111,7 +127,8 @@ def _doubt_of(knowledge: Knowledge) -> str | None:
 
 
 def _arrays(knowledge: Knowledge) -> list[NDArray[np.float64]]:
-    return [knowledge.in_force, *knowledge.belief.parts.values(), *vars(knowledge.statistics).values()]
+    learned = knowledge.state.learned
+    return [knowledge.in_force, *learned.belief.parts.values(), *vars(learned.statistics).values()]
 
 
 def _is_positive_definite(matrix: NDArray[np.float64]) -> bool:
@@ -126,61 +143,21 @@ class _UnusableError(Exception):
     """Why a file's content is not restored."""
 
 
-_Array = Annotated[
-    NDArray[np.float64],
-    PlainValidator(lambda numbers: np.array(numbers, np.float64)),
-    PlainSerializer(lambda array: array.tolist()),
-]
-_Count = Annotated[int, Field(ge=0, lt=1 << 53)]
+_WHOLE = ("learned", "noise", "events", "learned_at", "interval")
+"""Names in the state without which nothing is restored; of the others, one that does not fit is left out."""
 
 
-class _Noise(BaseModel, extra="forbid", strict=True):
-    rail_pressure: float
-    line_pressure: float
-    needle_lift: float
-
-
-class _Lift(BaseModel, extra="forbid", strict=True):
-    zero: float
-    wander: float
-    crosstalk: float
-
-
-class _Colour(BaseModel, extra="forbid", strict=True):
-    interval: float
-    forgetting: float | None
-    taps: _Array
-    sigma: float
-
-    def restored(self) -> Colour:
-        return Colour(Whitening(self.forgetting, self.taps), self.interval, self.sigma)
-
-
-class _Memory(BaseModel, extra="forbid", strict=True):
-    interval: float
-    found: dict[str, Any]
-
-
-class _Content(BaseModel, strict=True):
+@dataclass(frozen=True, eq=False)
+class _Content:
     """What is learned, as it lies in the file. columns: names of the parameters, in their order."""
 
     package_version: str
     model_sha256: str
-    phi_version: _Count
-    events: _Count
-    columns: list[str] = list(_COLUMNS_OF_3)
-    active: list[int]  # columns
-    statistics: dict[str, _Array]
-    in_force: _Array
-    mean: _Array
-    covariance: _Array
-    error_covariance: _Array
-    noise: _Noise
-    lift: _Lift | None = None  # of files without it, zero and crosstalk are found again by the stream
-    colour: _Colour | None = None  # of files without it, the noise is taken for white until an event shows it
-    # of files without it, every operating point counts as new until learned at
-    learned_at: list[EventPoint] = []
-    memory: _Memory | None = None  # of files without it, it is found again over the next events
+    columns: tuple[str, ...]
+    phi_version: Count
+    in_force: NDArray[np.float64]
+    state: Mapping[str, Any]
+    lift: RestingLift = field(default_factory=RestingLift)  # of files without it, found again by the stream
 
 
 @dataclass(frozen=True)
@@ -229,26 +206,18 @@ def save_knowledge(
     """
     if problem := problem_of(knowledge, pressure_scale):
         raise RunError(f"{path}: what was learned is not saved, for {problem}")
-    colour = knowledge.colour
-    content = _Content.model_construct(
-        package_version=__version__,
-        model_sha256=model,
-        phi_version=knowledge.phi_version,
-        events=knowledge.events,
-        columns=list(SCALARS.names),
-        active=sorted(knowledge.active),
-        statistics=vars(knowledge.statistics),
-        in_force=knowledge.in_force,
-        mean=knowledge.belief.mean,
-        covariance=knowledge.belief.covariance,
-        error_covariance=knowledge.belief.error_covariance,
-        noise=_Noise(**asdict(knowledge.noise)),
-        lift=_Lift(**asdict(knowledge.lift)),
-        colour=colour
-        and _Colour.model_construct(interval=colour.interval, sigma=colour.sigma, **vars(colour.whitening)),
-        learned_at=list(knowledge.learned_at),
-        memory=_Memory.model_construct(**vars(knowledge.memory)),
-    ).model_dump()
+    state = plain(knowledge.state)
+    content = plain(
+        _Content(
+            __version__,
+            model,
+            SCALARS.names,
+            knowledge.phi_version,
+            knowledge.in_force,
+            {name: each for name, each in state.items() if name in _WHOLE or _is_finite(each)},
+            knowledge.lift,
+        )
+    )
     document = {"version": VERSION, "sha256": _digest(content), "content": content}
     try:
         _replace(Path(os.path.realpath(path)), _json(document, indent=1).encode() + b"\n")
@@ -298,7 +267,7 @@ def load_knowledge(
 
 
 def _restored(path: Path, knowledge: Knowledge) -> Restored:
-    learned = f"correction {knowledge.phi_version}, learned from {knowledge.events} events"
+    learned = f"correction {knowledge.phi_version}, learned from {knowledge.state.events} events"
     return Restored(knowledge, f"learned state restored from {path}: {learned}")
 
 
@@ -320,6 +289,14 @@ def _set_aside_before(path: Path, model: str, pressure_scale: float) -> Restored
 
 _json = partial(json.dumps, allow_nan=False, default=np.ndarray.tolist)
 """Text of numbers, lists, mappings and arrays."""
+
+
+def _is_finite(value: Any) -> bool:
+    try:
+        _json(value)
+    except ValueError:
+        return False
+    return True
 
 
 def _digest(content: object) -> str:
@@ -371,58 +348,106 @@ def _knowledge_in(data: bytes, model: str, pressure_scale: float) -> Knowledge:
             raise _UnusableError(f"its format is version {version!r}, not {VERSION}{by}")
         if document["sha256"] != _digest(document["content"]):
             raise _UnusableError("it was changed or damaged: its content does not match its checksum")
-        content = _Content.model_validate(document["content"])
+        content = document["content"]
+        content = restored(_Content, content if version == VERSION else _of_4(content))
         if content.model_sha256 != model:
             other = content.model_sha256[:8]
             raise _UnusableError(
                 f"it was learned for another injector model, SHA-256 {other}... instead of {model[:8]}..."
             )
-        knowledge = Knowledge(
-            belief=Belief(content.mean, content.covariance, content.error_covariance),
-            in_force=content.in_force,
-            noise=NoiseLevels(**dict(content.noise)),
-            phi_version=content.phi_version,
-            events=content.events,
-            active=frozenset(content.active),
-            statistics=PhaseStatistics(**content.statistics),
-            colour=content.colour.restored() if content.colour else None,
-            learned_at=tuple(content.learned_at),
-            memory=Memory(**vars(content.memory)) if content.memory else NOTHING,
-            lift=RestingLift(**dict(content.lift)) if content.lift else RestingLift(),
-        )
-        return _by_name(knowledge, tuple(content.columns), pressure_scale)
-    except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(map(str, first["loc"]))
-        raise _UnusableError(f"its content is not as expected ({place}: {first['msg']})") from None
+        state = _state_in(content.state, no_state(LARGEST_NOISE, pressure_scale))
+        knowledge = Knowledge(state, content.in_force, content.phi_version, content.lift)
+        return _by_name(knowledge, content.columns, pressure_scale)
+    except NotAsExpectedError as error:
+        raise _UnusableError(f"its content is not as expected ({error})") from None
     except (ValueError, OverflowError, RecursionError):
         raise _UnusableError("it is not a learned state as this program writes it") from None
     except (KeyError, TypeError, AttributeError) as error:
         raise _UnusableError(f"its content is not as expected ({type(error).__name__}: {error})") from None
 
 
+def _state_in(values: Mapping[str, Any], start: LearningState) -> LearningState:
+    """What `plain` made of a state; start: before any event."""
+    hints = get_type_hints(LearningState, include_extras=True)
+    found = {name: restored(hints[name], values[name], place=name) for name in _WHOLE}
+    shapes = vars(start) | {"checkpoint": SimpleNamespace(learned=start.learned, at_rest=start.at_rest)}
+    for name in values.keys() & set(kept_names(LearningState)) - set(_WHOLE):
+        with suppress(NotAsExpectedError):
+            found[name] = restored(hints[name], values[name], shapes[name], name)
+    return replace(start, **found)
+
+
+def _of_4(content: Mapping[str, Any]) -> dict[str, Any]:
+    """The content of a file of version 4, by the names of today."""
+    memory = content.get("memory") or {"interval": 0.0, "found": {}}
+    colour = content.get("colour")
+    if colour is not None:
+        filtering = {name: colour[name] for name in ("forgetting", "taps")}
+        colour = {"whitening": filtering, "interval": colour["interval"], "sigma": colour["sigma"]}
+
+    def learned(values: Mapping[str, Any], theta: Any, statistics: Any) -> dict[str, Any]:
+        belief = {name: values[name] for name in ("mean", "covariance", "error_covariance")}
+        kept = {"theta": theta, "statistics": statistics, "active": values["active"], "colour": colour}
+        return {"belief": belief, "is_prior": values["events"] == 0, **kept}
+
+    state = {
+        "learned": learned(content, content["in_force"], content["statistics"]),
+        "noise": content["noise"],
+        "events": content["events"],
+        "learned_at": content.get("learned_at", []),
+        "interval": memory["interval"],
+        "passed_with": content["in_force"],
+    }
+    followed = {name: _at(memory["found"], place) for name, place in _PLACES_OF_4.items()}
+    state |= {name: value for name, value in followed.items() if value is not None}
+    if checkpoint := followed["checkpoint"]:
+        table = PhaseStatistics.of_table(np.array(checkpoint["statistics"]))
+        statistics = {name: sums.tolist() for name, sums in vars(table).items()}
+        then = learned(checkpoint, checkpoint["theta"], statistics)
+        state["checkpoint"] = {name: checkpoint[name] for name in ("gains", "failed", "passed")}
+        state["checkpoint"]["learned"] = then if checkpoint["events"] else None
+    kept = ("package_version", "model_sha256", "columns", "phi_version", "in_force")
+    lift = {"lift": content["lift"]} if content.get("lift") else {}
+    return {name: content[name] for name in kept} | lift | {"state": state}
+
+
+def _at(values: Any, place: str) -> Any:
+    """What is at a place of the memory of version 4, whose names were private; None: nothing."""
+    for name in place.split("."):
+        values = values.get(name) if isinstance(values, Mapping) else None
+
+    def public(values: Any) -> Any:
+        if not isinstance(values, Mapping):
+            return values
+        return {name.removeprefix("_"): public(value) for name, value in values.items()}
+
+    return public(values)
+
+
 def _by_name(found: Knowledge, names: tuple[str, ...], pressure_scale: float) -> Knowledge:
     """Knowledge whose columns have these names, in the columns of today: what is new there is as before any event."""
-    width = len(names)
-    parts = found.belief.parts | {"in_force": found.in_force}
+    width, state, learned = len(names), found.state, found.state.learned
+    parts = learned.belief.parts | {"in_force": found.in_force}
     if any(size != width for part in parts.values() for size in part.shape) or len(set(names)) != width:
         raise _UnusableError(f"it does not hold as many parameters as it names, {width}")
     gated = {SCALARS.names[column] for column in SCALARS.gate.columns}
-    if not found.active <= {column for column, name in enumerate(names) if name in gated}:
+    if not learned.active <= {column for column, name in enumerate(names) if name in gated}:
         raise _UnusableError("it leaves out a parameter that cannot be left out")
     if names == SCALARS.names:
         return found
     here = [column for column, name in enumerate(SCALARS.names) if name in names]
     there = [names.index(SCALARS.names[column]) for column in here]
-    start = no_knowledge(found.noise, pressure_scale)
-    moved = {name: part.copy() for name, part in (start.belief.parts | {"in_force": start.in_force}).items()}
+    start = no_knowledge(state.noise, pressure_scale)
+    moved = start.state.learned.belief.parts | {"in_force": start.in_force}
+    moved = {name: part.copy() for name, part in moved.items()}
     for name, part in parts.items():
         moved[name][np.ix_(*[here] * part.ndim)] = part[np.ix_(*[there] * part.ndim)]
+    in_force = moved.pop("in_force")
+    active = frozenset(column for column, old in zip(here, there, strict=True) if old in learned.active)
+    followed = {name: getattr(start.state, name) for name in ("checkpoint", "lag_doubt", "energizing")}
+    learned = replace(learned, belief=Belief(**moved), theta=in_force, active=active)
     return replace(
-        found,
-        in_force=moved.pop("in_force"),
-        belief=Belief(**moved),
-        active=frozenset(column for column, old in zip(here, there, strict=True) if old in found.active),
+        found, in_force=in_force, state=replace(state, learned=learned, passed_with=in_force, **followed)
     )
 
 
@@ -439,6 +464,6 @@ def restored_knowledge(
     """
     if path is None:
         return None
-    restored = load_knowledge(path, model, pressure_scale, set_aside)
-    tell(restored.message)
-    return restored.knowledge if restored.knowledge and restored.knowledge.events else None
+    found = load_knowledge(path, model, pressure_scale, set_aside)
+    tell(found.message)
+    return found.knowledge if found.knowledge and found.knowledge.state.events else None

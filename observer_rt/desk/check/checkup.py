@@ -140,8 +140,8 @@ def _kept(fitted: BenchInjector, state: Path | None, journal: Path | None) -> It
     if knowledge is None:
         yield f"none at {path} yet, `run` begins with the prior"
         return
-    learned = f"{path}: correction {knowledge.phi_version}, learned from {knowledge.events} events"
-    yield knowledge.events > 0, learned, "`run` will trust its results no sooner for it"
+    learned = f"{path}: correction {knowledge.phi_version}, learned from {knowledge.state.events} events"
+    yield knowledge.state.events > 0, learned, "`run` will trust its results no sooner for it"
 
 
 @ruled("effects")

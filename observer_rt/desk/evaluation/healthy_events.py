@@ -69,9 +69,10 @@ class _Listener(Learner):
         """Keep an event, and learn from it."""
         theta = np.zeros_like(in_force)
         theta[Parameter.LINE_PRESSURE_OFFSET] = standstill.offset
-        covariance = self.belief.covariance
+        covariance = self.state.learned.belief.covariance
         outcome = super().learn(window, standstill, in_force, constants)
-        setting, sigma = setting_of(self._constants, outcome.schedule), outcome.schedule.innovation_sigma
+        setting = setting_of(constants or self._constants, outcome.schedule)
+        sigma = outcome.schedule.innovation_sigma
         self._heard.append(_HealthyEvent(window, setting, sigma, theta, covariance))
         return outcome
 

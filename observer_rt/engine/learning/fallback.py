@@ -5,22 +5,17 @@ what was believed before it does better than what was learned from it.
 """
 
 from collections.abc import Collection, Sequence
-from copy import copy
-from typing import NamedTuple
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.learning.predictor import sum_of_squares
-from observer_rt.engine.estimation.gating import Belief
-from observer_rt.engine.estimation.phases import Phase, PhaseStatistics, no_statistics
+from observer_rt.engine.estimation.phases import Phase, PhaseStatistics
 from observer_rt.engine.estimation.predictor import Setting, Window, open_loop_errors
 from observer_rt.engine.estimation.scalars import Scalars, Theta, learned_of
-from observer_rt.engine.learning.adequacy import BELIEVED_AFTER, SETTLED, Objection, inadequate_phase
+from observer_rt.engine.learning.adequacy import BELIEVED_AFTER, Objection, inadequate_phase
 from observer_rt.engine.learning.disturbances.colour import Colour
-from observer_rt.engine.learning.disturbances.pressure_gains import PressureGains
-from observer_rt.engine.learning.explained import EventReader
-from observer_rt.engine.learning.memory import Tracker
 from observer_rt.engine.stream.state import Reason
 
 FREEZE_AFTER = 2  # events
@@ -36,158 +31,84 @@ UNEXPLAINED = (
 )
 
 
-class Mistrust(Tracker):
+@dataclass(frozen=True)
+class Mistrust:
     """What was learned is not carried where too many events are not explained by it.
 
     A sudden change is one such event, changes all the time are many; a scale that is not known is enough by itself.
     Until then an event that passed makes up for one that did not; afterwards several in a row must pass, for some
     operating points contradict a wrong model more than others. So many changes meanwhile are none: the model does
-    not fit.
+    not fit. because: why what was learned is set aside, None: it is not.
     """
 
-    _events: int
-    _passed: int
-    _changes: int
-    _because: Objection | None
-
-    def __init__(self) -> None:
-        self._events = 0
-        self._passed = 0
-        self._changes = 0
-        self._because = None
+    events: int = 0
+    passed: int = 0
+    changes: int = 0
+    because: Objection | None = None
 
     @property
     def lasts(self) -> bool:
         """Whether what was learned is set aside."""
-        return self._because is not None
+        return self.because is not None
 
-    def after(self, found: Collection[Objection]) -> Objection | None:
-        """Take in what an event was found to be; why the nominal model is to be carried from it on, None if not."""
-        self._changes += any(objection.reason is Reason.SUDDEN_CHANGE for objection in found)
+    def after(self, found: Collection[Objection]) -> "Mistrust":
+        """With what an event was found to be."""
         unexplained = next((objection for objection in found if objection.reason in UNEXPLAINED), None)
         if unexplained is not None:
-            counts = SET_ASIDE_AFTER if unexplained.reason is Reason.AMBIGUOUS_SCALE else 1
-            self._events, self._passed = self._events + counts, 0
-            if self._events >= SET_ASIDE_AFTER:
-                self._because = unexplained
-        elif not found:
-            self._events, self._passed = max(self._events - 1, 0), self._passed + 1
-            if self._passed >= BELIEVED_AFTER:
-                self._events, self._changes, self._because = 0, 0, None
-        return self._because and self.told([self._because])[0]
+            changes = self.changes + any(objection.reason is Reason.SUDDEN_CHANGE for objection in found)
+            events = self.events + (SET_ASIDE_AFTER if unexplained.reason is Reason.AMBIGUOUS_SCALE else 1)
+            return Mistrust(events, 0, changes, unexplained if events >= SET_ASIDE_AFTER else self.because)
+        if found:
+            return self
+        passed = self.passed + 1
+        if passed >= BELIEVED_AFTER:
+            return Mistrust(passed=passed)
+        return replace(self, events=max(self.events - 1, 0), passed=passed)
+
+    @property
+    def objection(self) -> Objection | None:
+        """Why the nominal model is to be carried, None if not."""
+        return self.because and self.told([self.because])[0]
 
     def told(self, found: Sequence[Objection]) -> tuple[Objection, ...]:
         """What speaks against an event taken in, one change too many as a model that is inadequate."""
-        if self._changes <= CHANGES:
+        if self.changes <= CHANGES:
             return tuple(found)
         inadequate = Objection(Reason.MODEL_INADEQUATE)
         return tuple(inadequate if each.reason is Reason.SUDDEN_CHANGE else each for each in found)
 
 
-class Freezer(Tracker):
+@dataclass(frozen=True)
+class Freezer:
     """Learning stops when the standstill contradicts the model twice, and goes on after three good events."""
 
-    _bad: int
-    _good: int
-    _frozen: bool
+    bad: int = 0
+    good: int = 0
+    frozen: bool = False
 
-    def __init__(self) -> None:
-        self._bad = 0
-        self._good = 0
-        self._frozen = False
-
-    def is_frozen_after(self, statistics: PhaseStatistics) -> bool:
-        """Take in an event's pooled statistics; whether learning is frozen from it on."""
+    def after(self, statistics: PhaseStatistics) -> "Freezer":
+        """With an event's pooled statistics."""
         if inadequate_phase(statistics) is Phase.STANDSTILL:
-            self._bad, self._good = self._bad + 1, 0
-        else:
-            self._bad, self._good = 0, self._good + 1
-        if self._bad >= FREEZE_AFTER:
-            self._frozen = True
-        elif self._good >= RELEASE_AFTER:
-            self._frozen = False
-        return self._frozen
-
-
-class BelievedSoFar(NamedTuple):
-    """Belief, theta (m,) and active columns, from how many events all was learned; gains; statistics."""
-
-    belief: Belief
-    theta: Theta
-    active: frozenset[int]
-    events: int
-    gains: PressureGains
-    statistics: PhaseStatistics
-
-
-class Checkpoint(Tracker):
-    """What was believed when SETTLED events in a row had passed: a passing fault leaves the injector as it was."""
-
-    _mean: NDArray[np.float64]
-    _covariance: NDArray[np.float64]
-    _error_covariance: NDArray[np.float64]
-    _theta: NDArray[np.float64]
-    _active: list[int]
-    _events: int
-    _gains: PressureGains
-    _statistics: NDArray[np.float64]
-    _failed: int
-    _passed: int
-
-    def __init__(self, width: int, reader: EventReader) -> None:
-        """width: columns of theta; reader: before any event."""
-        self._gains = PressureGains()
-        self._mean, self._theta = np.zeros(width), np.zeros(width)
-        self._covariance, self._error_covariance = np.zeros((width, width)), np.zeros((width, width))
-        self._active = []
-        self._events, self._failed, self._passed = 0, 0, 0
-        self._noise, self._statistics = reader.noise, no_statistics().table
-
-    @property
-    def is_known(self) -> bool:
-        """Whether so many ever did."""
-        return self._events > 0
-
-    @property
-    def is_worth_trying(self) -> bool:
-        """Whether the next event may be explained by it and not by what is believed now: takes twice as long."""
-        return self.is_known and self._failed > 0 and self._passed == 0
-
-    @property
-    def believed(self) -> BelievedSoFar:
-        """What was believed then."""
-        belief = Belief(self._mean, self._covariance, self._error_covariance)
-        learned = belief, self._theta, frozenset(self._active), self._events
-        return BelievedSoFar(*learned, copy(self._gains), PhaseStatistics.of_table(self._statistics))
-
-    def reader(self, now: EventReader) -> EventReader:
-        """A copy of the reader, with the noise as it was then."""
-        return now.with_noise(*self._noise)
-
-    def after(self, believed: BelievedSoFar, reader: EventReader, has_passed: bool) -> None:
-        """Take in an event; believed: after it."""
-        if not has_passed:
-            self._failed, self._passed = self._failed + 1, 0
-            return
-        self._passed += 1
-        if self._passed >= SETTLED:
-            belief, self._theta, active, self._events, gains, statistics = believed
-            self._mean = belief.mean
-            self._covariance, self._error_covariance = belief.covariance, belief.error_covariance
-            self._active, self._gains, self._noise = sorted(active), copy(gains), reader.noise
-            self._statistics, self._failed = statistics.table, 0
+            bad = self.bad + 1
+            return Freezer(bad, 0, self.frozen or bad >= FREEZE_AFTER)
+        good = self.good + 1
+        return Freezer(0, good, self.frozen and good < RELEASE_AFTER)
 
 
 TOLERANCE = 1.1  # by which a new theta may raise the re-simulated output error
 
 
+@dataclass(frozen=True, eq=False)
 class Rehearsed:
-    """An event to run open loop."""
+    """An event to run open loop.
 
-    def __init__(self, window: Window, setting: Setting, offset: float) -> None:
-        """setting: during the event; offset [p_0]: that it was found to have."""
-        self._window, self._setting, self._offset = window, setting, offset
-        self._errors: dict[bytes, NDArray[np.float64]] = {}  # of the output, by theta
+    setting: during it; offset [p_0]: that it was found to have; errors: of the output (n,), by theta.
+    """
+
+    window: Window
+    setting: Setting
+    offset: float
+    errors: dict[bytes, NDArray[np.float64]] = field(default_factory=dict)
 
     def error(self, theta: NDArray[np.float64], colour: Colour | None, scalars: Scalars) -> float:
         """Sum of squared output errors from the opening on, x^ with theta (m,) following x~ up to there.
@@ -195,11 +116,11 @@ class Rehearsed:
         Without the colour of the noise: hum may be larger than what an adoption changes. The offset, which may be
         another in every event and changes no rate, is what it was found to be.
         """
-        window, key = self._window, theta.tobytes()
-        if key not in self._errors:
-            learned = learned_of(theta, self._setting.coefficients, scalars)._replace(offset=self._offset)
-            self._errors[key] = open_loop_errors(window, self._setting, learned)
-        errors = self._errors[key]
+        window, key = self.window, theta.tobytes()
+        if key not in self.errors:
+            learned = learned_of(theta, self.setting.coefficients, scalars)._replace(offset=self.offset)
+            self.errors[key] = open_loop_errors(window, self.setting, learned)
+        errors = self.errors[key]
         if colour is not None:
             errors = colour.whitening.of(errors, window.masked)
         return sum_of_squares(errors[window.opening :])

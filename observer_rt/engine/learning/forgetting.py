@@ -1,7 +1,15 @@
 """What learning forgets upon which cause, as one table."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from enum import Enum, auto
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.engine.learning.adequacy import of_standstill
+from observer_rt.engine.learning.state import LearningState
 
 
 class Cause(Enum):
@@ -19,20 +27,20 @@ class Cause(Enum):
 
 
 class Forgotten(Enum):
-    """What there is to be forgotten."""
+    """What there is to be forgotten; by the name of a field of the state, which is then as before any event."""
 
-    LEARNED = auto()  # theta and belief: as before any event
-    CERTAINTY = auto()  # of the belief: widened by the prior
-    OPERATING_POINTS = auto()  # learned at
-    STATISTICS = auto()  # of the innovations of recent events
-    STATISTICS_OF_INJECTIONS = auto()  # the same but of standstill
-    MISTRUST = auto()  # after events that were not explained
-    FREEZING = auto()  # that learning is frozen, and what led to it
-    SLOWED = auto()  # that the line-pressure sensor became slower all at once
-    COLOUR = auto()  # of the noise, and what was heard of it
-    TREND = auto()  # what recent events contradicted together
-    CHECKPOINT = auto()  # what was believed before events that did not pass
-    LAST_EVENT = auto()  # by which a new theta is compared with that in force
+    LEARNED = "belief, theta"  # as before any event
+    CERTAINTY = "certainty"  # of the belief: widened by the prior
+    OPERATING_POINTS = "learned_at"
+    STATISTICS = "statistics"  # of the innovations of recent events
+    STATISTICS_OF_INJECTIONS = "statistics but of standstill"
+    MISTRUST = "mistrust"  # after events that were not explained
+    FREEZING = "freezer"  # that learning is frozen, and what led to it
+    SLOWED = "slowed"  # that the line-pressure sensor became slower all at once
+    COLOUR = "at_rest"  # of the noise, and what was heard of it
+    TREND = "trend"  # what recent events contradicted together
+    CHECKPOINT = "checkpoint"  # what was believed before events that did not pass
+    LAST_EVENT = "last_event"  # by which a new theta is compared with that in force
 
 
 FORGOTTEN: Mapping[Cause, frozenset[Forgotten]] = {
@@ -64,3 +72,26 @@ FORGOTTEN: Mapping[Cause, frozenset[Forgotten]] = {
     ),
     Cause.FROZEN: frozenset({Forgotten.LEARNED, Forgotten.OPERATING_POINTS, Forgotten.LAST_EVENT}),
 }
+
+
+def forgotten(
+    state: LearningState, cause: Cause, start: LearningState, wide: NDArray[np.float64]
+) -> LearningState:
+    """A state without what no longer holds.
+
+    start: before any event; wide: standard deviations (m,) of theta then.
+    """
+    parts, learned, fresh = FORGOTTEN[cause], state.learned, start.learned
+    changes: dict[str, Any] = {}
+    if Forgotten.LEARNED in parts:
+        changes |= {name: getattr(fresh, name) for name in ("belief", "theta", "active", "is_prior")}
+    if Forgotten.CERTAINTY in parts:
+        changes["belief"] = learned.belief.widened(wide)
+    if Forgotten.STATISTICS in parts:
+        changes["statistics"] = fresh.statistics
+    if Forgotten.STATISTICS_OF_INJECTIONS in parts:
+        changes["statistics"] = of_standstill(learned.statistics)
+    if Forgotten.COLOUR in parts:
+        changes["colour"] = None
+    fields = {part.value: getattr(start, part.value) for part in parts if hasattr(start, part.value)}
+    return replace(state, learned=replace(learned, **changes), **fields)

@@ -1,7 +1,5 @@
 """What the observer knows: the belief about all parameters, what is in force, what an event adds."""
 
-import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Protocol
@@ -10,15 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.gain import GainSchedule, NoiseLevels
-from observer_rt.engine.estimation.gating import Belief, prior_belief
-from observer_rt.engine.estimation.phases import PhaseStatistics, no_statistics
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import SCALARS, Scalars, Theta
 from observer_rt.engine.learning.adequacy import Objection
-from observer_rt.engine.learning.disturbances.colour import Colour
-from observer_rt.engine.learning.healthy import SAME_RATE
-from observer_rt.engine.learning.interval import EVERYWHERE, EventPoint, KnownFlow, Resimulated
-from observer_rt.engine.learning.memory import NOTHING, Memory, Remembered
+from observer_rt.engine.learning.interval import EVERYWHERE, KnownFlow, Resimulated
+from observer_rt.engine.learning.state import LearningState, no_state
 from observer_rt.engine.stream.phi import Phi, StructuredPhi
 from observer_rt.engine.stream.standstill import RestingLift, Standstill
 from observer_rt.engine.stream.state import Constants
@@ -36,43 +30,23 @@ class Adoption(StrEnum):
 
 @dataclass(frozen=True)
 class Knowledge:
-    """All that was learned, as one value that can be saved and restored.
+    """What is known after an event, as one value that can be saved and restored.
 
-    belief: about all parameters jointly; active: the gated columns in use; in_force: theta (m,) the observer carries,
-    0 at start; noise: levels in use; colour: of the innovations, None while they are white; learned_at: the operating
-    points of the last events learned from; memory: what learning follows from event to event, and its doubts;
-    lift: what a shut needle's shows, from which the stream starts; scalars: the table theta goes by.
+    state: with which learning goes on; in_force: theta (m,) the observer carries, 0 at start; phi_version: how often
+    another one was adopted; lift: what a shut needle's shows, from which the stream starts; scalars: the table theta
+    goes by.
     """
 
-    belief: Belief
-    in_force: NDArray[np.float64]
-    noise: NoiseLevels
-    active: frozenset[int] = frozenset()
+    state: LearningState
+    in_force: Theta
     phi_version: int = 0
-    events: int = 0  # learned from
-    statistics: PhaseStatistics = field(default_factory=no_statistics)
-    colour: Colour | None = None
-    learned_at: tuple[EventPoint, ...] = ()
-    memory: Memory = NOTHING
     lift: RestingLift = field(default_factory=RestingLift)
     scalars: Scalars = field(default=SCALARS, repr=False, compare=False)
-
-    def colour_at(self, interval: float) -> Colour | None:
-        """The colour, if it was found at this sample interval [s]."""
-        colour = self.colour
-        if colour is None or not math.isclose(colour.interval, interval, rel_tol=SAME_RATE):
-            return None
-        return colour
-
-    def memory_at(self, interval: float) -> Remembered:
-        """What was remembered, if it was at this sample interval [s]."""
-        return self.memory.found if math.isclose(self.memory.interval, interval, rel_tol=SAME_RATE) else {}
 
 
 def no_knowledge(noise: NoiseLevels, pressure_scale: float, scalars: Scalars = SCALARS) -> Knowledge:
     """Knowledge of a new part: phi = 0 and the prior. pressure_scale p_0 [Pa]."""
-    prior = prior_belief(np.zeros(scalars.width), np.diag(scalars.prior(pressure_scale) ** 2))
-    return Knowledge(prior, np.zeros(scalars.width), noise, scalars=scalars)
+    return Knowledge(no_state(noise, pressure_scale, scalars), np.zeros(scalars.width), scalars=scalars)
 
 
 @dataclass(frozen=True)
@@ -115,28 +89,3 @@ class EventLearner(Protocol):
         self, window: Window, standstill: Standstill, in_force: Theta, constants: Constants | None = None
     ) -> Outcome:
         """Learn from one event, during which `in_force` (m,) was carried; its constants, None: as they were."""
-
-
-class OverheardLearner:
-    """A learner before whose every event somebody hears what it is given; else as `EventLearner`."""
-
-    def __init__(self, learner: EventLearner, hear: Callable[[Window, Standstill], object]) -> None:
-        self._learner = learner
-        self._hear = hear
-
-    @property
-    def schedule(self) -> GainSchedule:
-        """As of the learner."""
-        return self._learner.schedule
-
-    @property
-    def phi(self) -> Phi:
-        """As of the learner."""
-        return self._learner.phi
-
-    def learn(
-        self, window: Window, standstill: Standstill, in_force: Theta, constants: Constants | None = None
-    ) -> Outcome:
-        """As the learner learns."""
-        self._hear(window, standstill)
-        return self._learner.learn(window, standstill, in_force, constants)

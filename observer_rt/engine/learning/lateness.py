@@ -28,7 +28,6 @@ from observer_rt.engine.estimation.predictor import Setting, Window, innovations
 from observer_rt.engine.estimation.scalars import SCALARS, Parameter, Scalars, learned_of, sensor_lag
 from observer_rt.engine.learning.adequacy import RELEVANT_VARIANCE, Objection
 from observer_rt.engine.learning.fitting import EventFit, EventFitter, theta_limits
-from observer_rt.engine.learning.memory import Tracker
 from observer_rt.engine.learning.trend import RecentScores
 from observer_rt.engine.stream.state import Reason
 
@@ -124,80 +123,83 @@ def lateness_of(found: LagScore, run: OpenLoop) -> Lateness:
     return Lateness(found.score, share, float(np.sum(moved) / np.sum(run.rate)), found.change)
 
 
-class LagDoubt(Tracker):
-    """What recent events say together: whether their lag is none, and whether that matters."""
+@dataclass(frozen=True, eq=False)
+class LagDoubt:
+    """What recent events say together: whether their lag is none, and whether that matters.
 
-    _scores: RecentScores
-    _events: float
-    _rate_squares: float
-    _volume_squares: float
-    _change_squares: NDArray[np.float64]
+    Sums of squares of the shares of rate and volume, and of the change of theta (m,).
+    """
 
-    def __init__(self, width: int) -> None:
-        """width: columns of theta."""
-        self._scores = RecentScores(REMEMBERED, 1)
-        self._events, self._rate_squares, self._volume_squares = 0.0, 0.0, 0.0
-        self._change_squares = np.zeros(width)
+    scores: RecentScores
+    events: float
+    rate_squares: float
+    volume_squares: float
+    change_squares: NDArray[np.float64]
 
-    def take_in(self, event: Lateness | None) -> None:
-        """An event more; None: there is no lag, all is forgotten."""
+    def after(self, event: Lateness | None) -> "LagDoubt":
+        """With an event more; None: there is no lag, all is forgotten."""
         if event is None:
-            self._scores.forget()
-            self._events, self._rate_squares, self._volume_squares = 0.0, 0.0, 0.0
-            self._change_squares = np.zeros_like(self._change_squares)
-            return
-        self._scores.add(np.array([event.score]))
-        self._events = REMEMBERED * self._events + 1.0
-        self._rate_squares = REMEMBERED * self._rate_squares + event.rate_share**2
-        self._volume_squares = REMEMBERED * self._volume_squares + event.volume_share**2
-        self._change_squares = REMEMBERED * self._change_squares + event.change**2
+            return no_doubt(self.change_squares.size)
+        return LagDoubt(
+            self.scores.after(np.array([event.score]), REMEMBERED),
+            REMEMBERED * self.events + 1.0,
+            REMEMBERED * self.rate_squares + event.rate_share**2,
+            REMEMBERED * self.volume_squares + event.volume_share**2,
+            REMEMBERED * self.change_squares + event.change**2,
+        )
 
     @property
     def is_no_lag(self) -> bool:
         """Whether recent events contradict a lag."""
-        return bool(self._scores.beyond(SIGNIFICANT)[0])
+        return bool(self.scores.beyond(SIGNIFICANT)[0])
 
     @property
     def is_relevant(self) -> bool:
         """Whether it is no lag, and the rate is wrong by more than may be left."""
-        return self.is_no_lag and self._rate_squares > RELEVANT_RATE**2 * self._events
+        return self.is_no_lag and self.rate_squares > RELEVANT_RATE**2 * self.events
 
     @property
     def volume_share(self) -> float:
         """By what a volume may be wrong where it is no lag, 0 where it seems to be one."""
-        return math.sqrt(self._volume_squares / self._events) if self.is_no_lag else 0.0
+        return math.sqrt(self.volume_squares / self.events) if self.is_no_lag else 0.0
 
     @property
     def variance(self) -> NDArray[np.float64]:
         """The same of theta, as variances (width,)."""
-        return self._change_squares / self._events if self.is_no_lag else np.zeros_like(self._change_squares)
+        return self.change_squares / self.events if self.is_no_lag else np.zeros_like(self.change_squares)
+
+
+def no_doubt(width: int) -> LagDoubt:
+    """Before any event with a lag; width: columns of theta."""
+    return LagDoubt(RecentScores(np.zeros(1)), 0.0, 0.0, 0.0, np.zeros(width))
 
 
 SLOWED = 50e-6  # s by which a sensor of the line pressure becomes slower from one event to the next: it is at fault
 
 
-class SlowedSensor(Tracker):
+@dataclass(frozen=True)
+class SlowedSensor:
     """Whether the line-pressure sensor has become slower all at once.
 
     So large a lag is learned with an error of the mass of some percent, where the operating point does not vary.
+    before: its lag [s] until it did, None: it did not.
     """
 
-    _before: float | None
+    before: float | None = None
 
-    def __init__(self) -> None:
-        self._before = None
+    @property
+    def is_slowed(self) -> bool:
+        """Whether it has."""
+        return self.before is not None
 
-    def after(self, before: float, lag: float, is_sudden: bool) -> bool:
-        """Take in an event that found a lag [s]; before: the one believed until then.
+    def after(self, before: float, lag: float, is_sudden: bool) -> "SlowedSensor":
+        """With an event that found a lag [s]; before: the one believed until then.
 
         is_sudden: the event contradicts what was believed.
         """
-        if is_sudden and self._before is None:
-            self._before = before
+        since = before if is_sudden and self.before is None else self.before
         # what is believed may be of a sensor that leads, which none does: beyond that no lag would come back
-        if self._before is not None and lag < max(self._before, 0.0) + SLOWED:
-            self._before = None
-        return self._before is not None
+        return SlowedSensor(None if since is not None and lag < max(since, 0.0) + SLOWED else since)
 
 
 STEP = 5e-6  # s, either way, by which the lift is moved for a slope
@@ -271,73 +273,73 @@ def lift_lag_of(
     return LiftLag(best.lag, first.excess, best.excess, best.cost.terms, other.excess - best.excess)
 
 
-class LiftLagSearch(Tracker):
-    """What recent refused events say together."""
+@dataclass(frozen=True)
+class LiftLagSearch:
+    """What recent refused events say together: sums of what is in `LiftLag`; asked: refused events in a row."""
 
-    _asked: int
-    _events: float
-    _samples: float
-    _without: float
-    _left: float
-    _lags: float
-    _missed: float
+    asked: int = 0
+    events: float = 0.0
+    samples: float = 0.0
+    without: float = 0.0
+    left: float = 0.0
+    lags: float = 0.0
+    missed: float = 0.0
 
-    def __init__(self) -> None:
-        self._asked = 0
-        self._events, self._samples = 0.0, 0.0
-        self._without, self._left = 0.0, 0.0
-        self._lags, self._missed = 0.0, 0.0
+    def after(
+        self, found: Sequence[Objection], ask: Callable[[float], LiftLag]
+    ) -> tuple["LiftLagSearch", tuple[Objection, ...]]:
+        """With an event, if it is refused and its turn is to be asked; what speaks against it.
 
-    def told(self, found: Sequence[Objection], ask: Callable[[float], LiftLag]) -> tuple[Objection, ...]:
-        """What speaks against an event; a model that is inadequate by a lift that is late, or early, by that name."""
+        A model that is inadequate by a lift that is late, or early, by that name. ask: by the lag [s] that is
+        expected.
+        """
         inadequate = [o for o in found if o.reason is Reason.MODEL_INADEQUATE and o.phase is not None]
         if not inadequate:
-            self._asked = 0
-            return tuple(found)
-        try:
-            lag = self.found_after(ask)
-        except np.linalg.LinAlgError:
-            return tuple(found)
+            return replace(self, asked=0), tuple(found)
+        search = replace(self, asked=self.asked + 1)
+        if search.asked <= SOON or search.asked % SELDOM == 0:
+            try:
+                search = search._with_event(ask(search._lag or USUAL))
+            except np.linalg.LinAlgError:
+                return search, tuple(found)
+        lag = search.found
         if lag is None:
-            return tuple(found)
+            return search, tuple(found)
         reason = Reason.LIFT_SENSOR_LAG if lag > 0.0 else Reason.TIME_BASE
-        return tuple(replace(o, reason=reason) if o in inadequate else o for o in found)
+        return search, tuple(replace(o, reason=reason) if o in inadequate else o for o in found)
 
-    def found_after(self, ask: Callable[[float], LiftLag]) -> float | None:
-        """Take in a refused event, if its turn is to be asked.
-
-        ask: by the lag [s] that is expected. The lag of the lift that explains recent ones, negative where it is
-        early; None without. Raises what `ask` does.
-        """
-        self._asked += 1
-        if self._asked <= SOON or self._asked % SELDOM == 0:
-            self._take_in(ask(self._lag or USUAL))
-        explained, enough = self._without - self._left, ENOUGH * self._events
-        if self._without < enough or explained < max(enough, MOST_OF_IT * self._without):
+    @property
+    def found(self) -> float | None:
+        """The lag of the lift [s] that explains recent events, negative where it is early; None without."""
+        explained, enough = self.without - self.left, ENOUGH * self.events
+        if self.without < enough or explained < max(enough, MOST_OF_IT * self.without):
             return None
-        is_adequate = self._left <= (RELEVANT_VARIANCE - 1.0) * self._samples
-        if not (is_adequate or explained > NEARLY_ALL * self._without):
+        is_adequate = self.left <= (RELEVANT_VARIANCE - 1.0) * self.samples
+        if not (is_adequate or explained > NEARLY_ALL * self.without):
             return None
-        is_alike = self._missed <= max(MISSED * self._events, MISSED_SHARE * explained)
+        is_alike = self.missed <= max(MISSED * self.events, MISSED_SHARE * explained)
         return self._lag if is_alike and abs(self._lag) > LEAST else None
 
     @property
     def _lag(self) -> float:
         """That of recent events, by what it explains in each; 0 without."""
-        explained = self._without - self._left
-        return self._lags / explained if explained > 0.0 else 0.0
+        explained = self.without - self.left
+        return self.lags / explained if explained > 0.0 else 0.0
 
-    def _take_in(self, event: LiftLag) -> None:
+    def _with_event(self, event: LiftLag) -> "LiftLagSearch":
         explained = event.without - event.left
         if not math.isfinite(explained):
-            return
-        missed = event.missed if self._events else 0.0  # only then it was that of others
-        self._missed = REMEMBERED * self._missed + missed
-        self._events = REMEMBERED * self._events + 1.0
-        self._samples = REMEMBERED * self._samples + event.samples
-        self._without = REMEMBERED * self._without + event.without
-        self._left = REMEMBERED * self._left + event.left
-        self._lags = REMEMBERED * self._lags + explained * event.lag
+            return self
+        return LiftLagSearch(
+            self.asked,
+            REMEMBERED * self.events + 1.0,
+            REMEMBERED * self.samples + event.samples,
+            REMEMBERED * self.without + event.without,
+            REMEMBERED * self.left + event.left,
+            REMEMBERED * self.lags + explained * event.lag,
+            # what others expected, if there were any
+            REMEMBERED * self.missed + (event.missed if self.events else 0.0),
+        )
 
 
 @dataclass(frozen=True)

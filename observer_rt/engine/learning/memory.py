@@ -1,67 +1,84 @@
-"""Remembers what learning follows from event to event, as named values that a file can hold.
+"""Converts frozen data classes to named values that a file can hold, and back.
 
-A tracker says by annotations of its class what it remembers, by these names: numbers, arrays, data classes, queues
-of these, other trackers. What a name has no use for, in another version or of other sizes, is passed over.
+Fields keep their names: numbers, arrays, tuples of these, other such classes. What is `NOT_KEPT` is of one run only.
 """
 
 import json
-import math
-from collections import deque
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import fields, is_dataclass
 from functools import cache
-from typing import Any, ClassVar, get_origin, get_type_hints
+from types import NoneType
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import numpy as np
-from pydantic import TypeAdapter
+from pydantic import Field, TypeAdapter, ValidationError
 
-Remembered = Mapping[str, Any]
-"""What a tracker remembers, by name: numbers, lists, mappings, and arrays, which a file holds as lists."""
-
-
-@dataclass(frozen=True)
-class Memory:
-    """What was found in samples of an interval [s]."""
-
-    interval: float
-    found: Remembered
+NOT_KEPT: Mapping[str, Any] = {"kept": False}
+"""Metadata of a field that no file holds."""
 
 
-NOTHING = Memory(0.0, {})
+Count = Annotated[int, Field(ge=0, lt=1 << 53)]
 
 
-class Tracker:
-    """Follows something from event to event."""
+class NotAsExpectedError(ValueError):
+    """A value of a file that is none of its field."""
 
-    _hints: ClassVar[Mapping[str, Any]]
 
-    def __init_subclass__(cls) -> None:
-        hints = get_type_hints(cls)
-        cls._hints = {name: hint for name, hint in hints.items() if get_origin(hint) is not ClassVar}
+def kept_names(kind: type) -> Iterator[str]:
+    """Names of the fields that a file holds of a data class."""
+    return (field.name for field in fields(kind) if field.metadata.get("kept", True))
 
-    def memory(self) -> Remembered:
-        """What it remembers, as values of its own; nothing where they are not finite."""
+
+def plain(value: Any) -> Any:
+    """A value as numbers, lists, mappings, and arrays, which a file holds as lists."""
+    if is_dataclass(value):
+        return {name: plain(getattr(value, name)) for name in kept_names(type(value))}
+    if isinstance(value, frozenset):
+        return sorted(value)
+    if isinstance(value, tuple):
+        return [plain(each) for each in value]
+    return value
+
+
+def restored(hint: Any, value: Any, like: Any = None, place: str = "") -> Any:
+    """What `plain` made of a value of this type. Raises `NotAsExpectedError`.
+
+    like: whose arrays have the shapes that are wanted; without, any is taken. place: in the file.
+    """
+    if NoneType in get_args(hint):
+        hint = next(each for each in get_args(hint) if each is not NoneType)
+        if value is None:
+            return None
+    if get_origin(hint) is np.ndarray:
+        return _array(value, get_args(get_args(hint)[1])[0], like, place)
+    if not is_dataclass(hint):
         try:
-            return {name: _plain(getattr(self, name), hint) for name, hint in self._hints.items()}
-        except ValueError:
-            return {}
+            return _adapter(hint).validate_json(json.dumps(value), strict=True)
+        except ValidationError as error:
+            raise NotAsExpectedError(f"{place}: {error.errors()[0]['msg']}") from None
+    assert isinstance(hint, type)
+    names, hints = tuple(kept_names(hint)), _hints(hint)
+    if not isinstance(value, Mapping) or not value.keys() <= set(names):
+        raise NotAsExpectedError(f"{place}: it holds other names than {', '.join(names)}")
+    found = {
+        name: restored(hints[name], value[name], getattr(like, name, None), f"{place}.{name}".lstrip("."))
+        for name in names
+        if name in value
+    }
+    try:
+        return hint(**found)
+    except TypeError as error:
+        raise NotAsExpectedError(f"{place}: {error}") from None
 
-    def recall(self, memory: Remembered) -> None:
-        """Take back what was remembered, as far as there is use for it: of one tracker all, or nothing."""
-        found: dict[str, Any] = {}
-        try:
-            for name, hint in self._hints.items():
-                if name not in memory:
-                    continue
-                now = getattr(self, name)
-                if isinstance(now, Tracker):
-                    now.recall(memory[name])
-                else:
-                    found[name] = _as_now(memory[name], now, hint)
-        except (ValueError, TypeError):
-            return
-        for name, value in found.items():
-            setattr(self, name, value)
+
+def _array(value: Any, kind: Any, like: Any, place: str) -> Any:
+    try:
+        array = np.array(value, kind)
+    except (ValueError, TypeError) as error:
+        raise NotAsExpectedError(f"{place}: {error}") from None
+    if like is not None and like.size and array.shape != like.shape:
+        raise NotAsExpectedError(f"{place}: shape {array.shape} instead of {like.shape}")
+    return array
 
 
 @cache
@@ -69,29 +86,6 @@ def _adapter(hint: Any) -> TypeAdapter[Any]:
     return TypeAdapter(hint)
 
 
-def _plain(value: Any, hint: Any) -> Any:
-    """The value as numbers, lists, mappings and a copied array. Raises ValueError where a number is not finite."""
-    if isinstance(value, Tracker):
-        return value.memory()
-    if isinstance(value, np.ndarray):
-        if not np.isfinite(value).all():
-            raise ValueError(f"{value} is not finite")
-        return value.copy()  # most of it lies in a few large ones, and only a file needs them as lists
-    if isinstance(value, int | float | None):
-        if value is not None and not math.isfinite(value):
-            raise ValueError(f"{value} is not finite")
-        return value
-    plain = _adapter(hint).dump_python(value, mode="json")
-    json.dumps(plain, allow_nan=False)  # refuses what is not finite
-    return plain
-
-
-def _as_now(kept: Any, now: Any, hint: Any) -> Any:
-    """What was kept, as it is now. Raises ValueError or TypeError where it is something else."""
-    if get_origin(hint) is np.ndarray:
-        array = np.array(kept, now.dtype)
-        if array.shape != now.shape:
-            raise ValueError(f"shape {array.shape} instead of {now.shape}")
-        return array
-    found = _adapter(hint).validate_python(kept)
-    return deque(found, now.maxlen) if isinstance(now, deque) else found
+@cache
+def _hints(kind: type) -> Mapping[str, Any]:
+    return get_type_hints(kind, include_extras=True)

@@ -5,13 +5,13 @@ to differ (McCullagh, Nelder, Generalized Linear Models, 2nd ed., section 4.5).
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.prediction_error import Linearisation
-from observer_rt.engine.learning.memory import Tracker
 
 USUAL_SCORE = 16.0  # of events that scatter by noise alone: on the paper's line the mean is 13
 REMEMBERED = 0.95  # weight of the scores before an event
@@ -30,25 +30,28 @@ def _ratio(score: float) -> float:
     return min(score / USUAL_SCORE, LARGEST_RATIO)
 
 
-class Overdispersion(Tracker):
-    """Follows the factor on the variance of what events say of the parameters, at least 1."""
+@dataclass(frozen=True)
+class Overdispersion:
+    """The factor on the variance of what events say of the parameters, at least 1: a weighted mean over events."""
 
-    _sum: float
-    _weight: float
-
-    def __init__(self, healthy: float = 1.0) -> None:
-        """healthy: the factor of the healthy injector, 1 of a model that is exact."""
-        self._sum, self._weight = PRIOR_EVENTS * healthy, PRIOR_EVENTS
+    sum: float = PRIOR_EVENTS
+    weight: float = PRIOR_EVENTS
 
     @property
     def factor(self) -> float:
         """On the variance; an event's log likelihood is divided by it."""
-        return _within(self._sum / self._weight)
+        return _within(self.sum / self.weight)
 
-    def add(self, score: float) -> None:
-        """Take in the score of an event against what was believed, tempered by the factor."""
-        self._sum = REMEMBERED * self._sum + _ratio(score) * self.factor
-        self._weight = REMEMBERED * self._weight + 1.0
+    def after(self, score: float) -> "Overdispersion":
+        """With the score of an event against what was believed, tempered by the factor."""
+        return Overdispersion(
+            REMEMBERED * self.sum + _ratio(score) * self.factor, REMEMBERED * self.weight + 1.0
+        )
+
+
+def of_healthy(factor: float) -> Overdispersion:
+    """Before any event, by the factor of the healthy injector, 1 of a model that is exact."""
+    return Overdispersion(PRIOR_EVENTS * factor)
 
 
 class TemperedEvent(NamedTuple):

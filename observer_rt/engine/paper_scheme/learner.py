@@ -80,7 +80,7 @@ class PaperLearner:
         sensor = self._constants.sensor
         return gain_schedule(
             self._constants.coefficients,
-            self._knowledge.noise,
+            self._knowledge.state.noise,
             1.0 / self._constants.interval,
             sensor.lag,
             sensor.fraction,
@@ -108,8 +108,9 @@ class PaperLearner:
         if constants is not None:
             self._constants = constants
             self._setting = self._setting_of(constants)
-        noise = standstill.noise or self._knowledge.noise
-        self._knowledge = replace(self._knowledge, noise=noise, events=self._knowledge.events + 1)
+        state = self._knowledge.state
+        state = replace(state, noise=standstill.noise or state.noise, events=state.events + 1)
+        self._knowledge = replace(self._knowledge, state=state)
         window = window._replace(output=window.output - self._constants.sensor.offset)
         training = train(window, self._setting, self._weights)
         windows = [window] if self._previous is None else [self._previous, window]

@@ -3,10 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.engine.learning.adequacy import Objection
-from observer_rt.engine.learning.knowledge import Outcome
+from observer_rt.engine.learning.knowledge import Knowledge, Outcome
 from observer_rt.engine.stream.phi import Phi
 from observer_rt.engine.stream.state import Constants
 
@@ -23,13 +22,13 @@ class Fuel:
 class EventRecord:
     """An event, `stream.state.EVENT`, that was judged.
 
-    objections: what speaks against it; outcome: what was learned from it, None when nothing was; in_force: theta (m,)
-    the observer carries now, phi: what its x^ carries; fuel: during the event.
+    objections: what speaks against it; outcome: what was learned from it, None when nothing was; known: what the
+    observer carries now, phi: what its x^ carries; fuel: during the event.
     """
 
     event: np.void
     objections: tuple[Objection, ...]
     outcome: Outcome | None
-    in_force: NDArray[np.float64]
+    known: Knowledge
     phi: Phi
     fuel: Fuel

@@ -111,9 +111,8 @@ def report_of(
     event, outcome = judged.event, judged.outcome
     c = judged.fuel.constants.coefficients
     middle = injection["middle_x"], injection["middle_u"]
-    estimate = (judged.in_force, None) if outcome is None else (outcome.estimate, outcome.covariance)
-    scalars = SCALARS if outcome is None else outcome.knowledge.scalars
-    indicators = indicators_of(*estimate, *middle, scalars)
+    estimate = (judged.known.in_force, None) if outcome is None else (outcome.estimate, outcome.covariance)
+    indicators = indicators_of(*estimate, *middle, judged.known.scalars)
     wear = judged.phi.nozzle_wear(*middle, c)
     if wear is not None:
         indicators = {**indicators, NOZZLE: Estimate(wear)}

@@ -6,7 +6,6 @@ Where another node sends what only this service should, no receiver knows whose 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -132,7 +131,6 @@ class Core:
             executor or InlineExecutor(),
             start,
             healthy,
-            partial(learner_of, fitted, constants),
             lambda failure: self._tell(
                 Notice(Topic.LEARNING, _NOT_LEARNED.format(f"{type(failure).__name__}: {failure}"))
             ),

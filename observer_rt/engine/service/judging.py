@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.core.stream.stream import INJECTIONS, PENDING_EVENTS
 from observer_rt.engine.estimation.predictor import Window
@@ -15,7 +14,7 @@ from observer_rt.engine.learning.adequacy import Examination, Examiner, Innovati
 from observer_rt.engine.learning.healthy import Healthy
 from observer_rt.engine.learning.knowledge import Adoption, EventLearner, Knowledge, Outcome
 from observer_rt.engine.mailbox import has_room, post_examined, post_learned
-from observer_rt.engine.observer import event_innovations, event_standstill, event_window, in_force
+from observer_rt.engine.observer import event_innovations, event_standstill, event_window
 from observer_rt.engine.reports.event_record import EventRecord, Fuel
 from observer_rt.engine.service.pipeline import CompiledPipeline
 from observer_rt.engine.stream.standstill import Standstill, resting_lift_of
@@ -27,9 +26,9 @@ from observer_rt.engine.stream.verdict import Taken
 class _Closed:
     """What is kept of a closed event until it is judged.
 
-    number: in the order in which they closed, from 0; in_force: theta (m,) the observer carried; standstill: until it
-    ended, None where nothing is to be learned; learning: what is being learned from it, None: nothing; examined: once
-    it was, with what was learned from an earlier one, and with what speaks against either.
+    number: in the order in which they closed, from 0; known: what the observer carried; standstill: until it ended,
+    None where nothing is to be learned; learning: what is being learned from it, None: nothing; examined: once it
+    was, with what was learned from an earlier one, and with what speaks against either.
     """
 
     number: int
@@ -37,7 +36,7 @@ class _Closed:
     window: Window | None
     standstill: Standstill | None
     innovations: Innovations
-    in_force: NDArray[np.float64]
+    known: Knowledge
     learning: Future[Outcome] | None = None
     examined: Examination | None = None
     earlier: Outcome | None = None
@@ -84,13 +83,11 @@ class Judging:
         executor: Executor,
         start: Knowledge,
         healthy: Healthy,
-        learner_after: Callable[[Knowledge], EventLearner],
         on_failure: Callable[[Exception], None],
     ) -> None:
         """executor: runs one job at a time, in order; start: what is known before the first event.
 
-        healthy: of the healthy injector; learner_after: the learner that goes on from what is known, where one
-        failed otherwise than it may; on_failure: hears of that.
+        healthy: of the healthy injector; on_failure: hears of learning that failed otherwise than it may.
         """
         self.known = start
         """All that was learned and judged so far."""
@@ -109,18 +106,17 @@ class Judging:
         self._events = compiled.observer.events
         self._waits_for_verdicts = memory["mode"]["waits_for_verdicts"]
         self._learner = learner
-        self._learner_after = learner_after
         self._on_failure = on_failure
         self._executor = executor
         self._first_version = start.phi_version
         self._submitted = self._taken = 0
-        self._carried = in_force(compiled.observer)
         self._waiting: deque[_Closed] = deque()
         self._learned_from: _Closed | None = None
         self._next: _Closed | None = None
         self._late: Outcome | None = None  # to be put into force with the next event
         interval = compiled.observer.constants.interval
-        self._examiner = Examiner(start.statistics, healthy, start.colour_at(interval))
+        learned = start.state.learned
+        self._examiner = Examiner(learned.statistics, healthy, learned.colour_at(interval))
 
     @property
     def adoptions(self) -> int:
@@ -199,7 +195,7 @@ class Judging:
             window,
             event_standstill(observer, number) if learning else None,
             event_innovations(observer, number),
-            self._carried,
+            self.known,
         )
         self._waiting.append(closed)
         self._submitted += 1
@@ -219,7 +215,11 @@ class Judging:
         assert closed.standstill is not None
         self._learned_from = closed
         closed.learning = self._executor.submit(
-            self._learner.learn, closed.window, closed.standstill, closed.in_force, closed.fuel.constants
+            self._learner.learn,
+            closed.window,
+            closed.standstill,
+            closed.known.in_force,
+            closed.fuel.constants,
         )
         closed.learning.add_done_callback(lambda _: self.on_learned())
 
@@ -231,7 +231,9 @@ class Judging:
         assert closed.learning is not None
         failure = closed.learning.exception()
         if isinstance(failure, Exception):
-            self._fail(closed, failure)
+            closed.learning = None
+            self._on_failure(failure)
+            self._learn_next()
             return
         outcome = closed.learning.result()
         if closed.is_taken or not has_room(self._compiled.observer, closed.number):
@@ -247,28 +249,22 @@ class Judging:
             self._learn(self._next)
             self._next = None
 
-    def _fail(self, closed: _Closed, failure: Exception) -> None:
-        """Learning failed, which may have left the learner half way: another goes on from what is known."""
-        closed.learning = None
-        self._learner = self._learner_after(self.known)
-        self._on_failure(failure)
-        self._learn_next()
-
     def _post_examined(self, closed: _Closed) -> None:
         examiner = self._examiner
         closed.examined = examiner.examine(
-            closed.window, closed.innovations, closed.in_force, closed.fuel.constants
+            closed.window, closed.innovations, closed.known.in_force, closed.fuel.constants
         )
         closed.earlier, self._late = self._late, None
         closed.objections = closed.examined.objections or (
             closed.earlier.objections if closed.earlier else ()
         )
-        is_coloured = (closed.earlier.knowledge.colour if closed.earlier else examiner.colour) is not None
+        colour = closed.earlier.knowledge.state.learned.colour if closed.earlier else examiner.colour
+        is_coloured = colour is not None
         post_examined(self._compiled.observer, closed.number, closed.objections, is_coloured, closed.earlier)
 
     def _post_learned(self, closed: _Closed, outcome: Outcome) -> None:
         self._late = None  # this knows of it
-        is_coloured = outcome.knowledge.colour is not None
+        is_coloured = outcome.knowledge.state.learned.colour is not None
         post_learned(self._compiled.observer, closed.number, outcome, is_coloured)
 
     def _judged(self) -> EventRecord:
@@ -283,7 +279,7 @@ class Judging:
         if taken is Taken.LEARNED and closed.learning is not None:
             outcome = closed.learning.result()
             objections = outcome.objections
-            self._examiner.take(Examination(objections, outcome.knowledge.statistics))
+            self._examiner.take(Examination(objections, outcome.knowledge.state.learned.statistics))
             self._put_into_force(outcome, event)
         elif taken is Taken.EXAMINED and closed.examined is not None:
             objections = closed.objections
@@ -297,17 +293,14 @@ class Judging:
             self.late += 1
             if closed is not self._learned_from and closed.is_learned:
                 self._late = closed.learning.result()
-        return EventRecord(
-            event, objections, outcome, self._carried, self._compiled.observer.phi, closed.fuel
-        )
+        return EventRecord(event, objections, outcome, self.known, self._compiled.observer.phi, closed.fuel)
 
     def _put_into_force(self, outcome: Outcome, event: np.void) -> None:
         """The stream carries it from the judgement of an event, `stream.state.EVENT`, on."""
         knowledge = outcome.knowledge
-        self._examiner.colour = knowledge.colour
+        self._examiner.colour = knowledge.state.learned.colour
         is_adopted = outcome.adoption is Adoption.ADOPTED
         self.rejected += not is_adopted
-        self._carried = knowledge.in_force
         scale = self._compiled.observer.constants.coefficients.pressure_scale
         self.known = replace(
             knowledge,

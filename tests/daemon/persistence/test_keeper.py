@@ -52,7 +52,7 @@ class Kept:
         """Learned from, by what is restored from the file now; fails if that is damaged."""
         model = model_hash(self.bench.injector.parameters)
         knowledge = load_knowledge(self.path, model, set_aside=False).knowledge
-        return knowledge.events if knowledge else 0
+        return knowledge.state.events if knowledge else 0
 
 
 @pytest.fixture
@@ -123,8 +123,9 @@ def test_a_full_disk_is_told_once_counted_and_tried_again(
 def test_what_cannot_be_true_is_not_blamed_on_the_disk(learner: Kept) -> None:
     good = learner.knowledge
     with learner.kept():
-        mean = np.full_like(good.belief.mean, 1e3)
-        learner.knowledge = replace(good, belief=replace(good.belief, mean=mean))
+        learned = good.state.learned
+        belief = replace(learned.belief, mean=np.full_like(learned.belief.mean, 1e3))
+        learner.knowledge = replace(good, state=replace(good.state, learned=replace(learned, belief=belief)))
         until(lambda: bool(learner.told))
         learner.learn(2)
     assert "the mean lies beyond what an injector can do\n  remedy: check the sensors" in learner.told[0]

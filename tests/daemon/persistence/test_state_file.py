@@ -20,8 +20,10 @@ from observer_rt.config.bench import load_injector
 from observer_rt.daemon.persistence.state_file import Restored, load_knowledge, model_hash, save_knowledge
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, Parameter
+from observer_rt.engine.learning.disturbances.colour import RestingNoise
 from observer_rt.engine.learning.knowledge import Knowledge, no_knowledge
-from observer_rt.engine.learning.memory import NOTHING
+from observer_rt.engine.learning.memory import plain
+from observer_rt.engine.learning.state import Checkpoint
 from observer_rt.engine.stream.standstill import RestingLift
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.model.sensor import LAG_UNIT
@@ -33,14 +35,15 @@ Change = Callable[[dict[str, Any]], object]
 in_one_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 
 
-def bits(knowledge: Knowledge) -> tuple[object, ...]:
-    """Every field of a piece of knowledge, arrays by their bytes."""
-    fields = dict(vars(knowledge)) | knowledge.belief.parts | vars(knowledge.statistics)
-    if knowledge.colour is not None:
-        fields |= vars(knowledge.colour) | vars(knowledge.colour.whitening)
-        del fields["whitening"]
-    del fields["belief"], fields["statistics"], fields["colour"]
-    return tuple(v.tobytes() if isinstance(v, np.ndarray) else v for v in fields.values())
+def bits(knowledge: Knowledge) -> str:
+    """All that is saved of it, with every digit."""
+    return json.dumps(plain(replace(knowledge, scalars=None)), default=np.ndarray.tolist)  # type: ignore[arg-type]
+
+
+def with_learned(knowledge: Knowledge, **changes: Any) -> Knowledge:
+    """With other values of what was learned."""
+    learned = replace(knowledge.state.learned, **changes)
+    return replace(knowledge, state=replace(knowledge.state, learned=learned))
 
 
 class StateFile:
@@ -89,7 +92,7 @@ def test_what_is_saved_is_restored_to_the_bit(
 
 def test_the_prior_can_be_saved(state: StateFile) -> None:
     prior = no_knowledge(NOISE, PRESSURE_SCALE)
-    assert prior.belief.information.shape  # what is kept of that is nothing to be saved
+    assert prior.state.learned.belief.information.shape  # what is kept of that is nothing to be saved
     assert state.holds(state.save(prior))
     assert "restored" in state.load().message
 
@@ -132,44 +135,64 @@ def put(*keys: str | int, value: Any) -> Change:
     return change
 
 
-def remove(key: str) -> Change:
-    return lambda document: document["content"].pop(key)
+def remove(*keys: str) -> Change:
+    def change(document: dict[str, Any]) -> None:
+        target = document["content"]
+        for key in keys[:-1]:
+            target = target[key]
+        del target[keys[-1]]
+
+    return change
 
 
+MEAN = ("state", "learned", "belief", "mean")
+COVARIANCE = ("state", "learned", "belief", "covariance")
 NOT_RESTORED = {
-    "older version": (lambda document: document.update(version=1), r"version 1, not 4 (observer_rt "),
-    "newer version": (lambda document: document.update(version=5), "format is version 5, not 4"),
+    "older version": (lambda document: document.update(version=1), r"version 1, not 5 (observer_rt "),
+    "newer version": (lambda document: document.update(version=6), "format is version 6, not 5"),
     "a name twice": (put("columns", 0, value="lag"), "as many parameters as it names"),
     "a name too few": (put("columns", value=list(SCALARS.names[:-1])), "as many parameters as it names"),
     "model": (put("model_sha256", value="0" * 64), "another injector model"),
-    "short mean": (put("mean", value=[0.0] * (PARAMETERS - 1)), "as many parameters"),
-    "flat covariance": (put("covariance", value=[1.0] * PARAMETERS), "shape"),
-    "ragged": (put("covariance", value=[[1.0], [1.0, 2.0]]), "not as expected (covariance"),
-    "text": (put("mean", value="none"), "not as expected (mean"),
-    "nan": (put("mean", 0, value=float("nan")), "not a learned state"),
-    "too large a number": (put("mean", 0, value=10**400), "not a learned state"),
-    "negative error": (put("error_covariance", 2, 2, value=-1.0), "error's covariance"),
-    "asymmetric": (put("covariance", 0, 1, value=0.9), "symmetric"),
-    "negative variance": (put("covariance", 2, 2, value=-1.0), "positive definite"),
-    "wear beyond bounds": (put("mean", int(Parameter.NOZZLE_BIAS), value=1.51), "beyond"),
+    "short mean": (put(*MEAN, value=[0.0] * (PARAMETERS - 1)), "as many parameters"),
+    "flat covariance": (put(*COVARIANCE, value=[1.0] * PARAMETERS), "shape"),
+    "ragged": (put(*COVARIANCE, value=[[1.0], [1.0, 2.0]]), "not as expected (learned.belief.covariance"),
+    "text": (put(*MEAN, value="none"), "not as expected (learned.belief.mean"),
+    "nan": (put(*MEAN, 0, value=float("nan")), "not a learned state"),
+    "too large a number": (put(*MEAN, 0, value=10**400), "not a learned state"),
+    "negative error": (
+        put("state", "learned", "belief", "error_covariance", 2, 2, value=-1.0),
+        "error's covariance",
+    ),
+    "asymmetric": (put(*COVARIANCE, 0, 1, value=0.9), "symmetric"),
+    "negative variance": (put(*COVARIANCE, 2, 2, value=-1.0), "positive definite"),
+    "wear beyond bounds": (put(*MEAN, int(Parameter.NOZZLE_BIAS), value=1.51), "beyond"),
     "impossible leak": (put("in_force", int(Parameter.GUIDE_LEAKAGE), value=-1e-9), "beyond"),
-    "slower than any sensor": (put("mean", int(Parameter.SENSOR_LAG), value=0.3e-3 / LAG_UNIT), "0.3 ms"),
-    "nozzle at its limit": (put("mean", int(Parameter.NOZZLE_BIAS), value=1.5), "at the limit"),
-    "active network": (put("active", value=[int(Parameter.NOZZLE_BIAS)]), "left out"),
-    "active fraction": (put("active", value=[float(Parameter.SENSOR_LAG)]), "not as expected (active"),
-    "endless filter": (put("colour", "taps", value=[0.1] * 30), "no filter"),
-    "high pass that grows": (put("colour", "forgetting", value=1.5), "high pass"),
-    "noise of no level": (put("colour", "sigma", value=0.0), "no level"),
-    "short statistics": (put("statistics", "squares", value=[1.0]), "shape"),
-    "negative statistics": (put("statistics", "blocks", 0, 0, value=-1.0), "sums of squares"),
+    "slower than any sensor": (put(*MEAN, int(Parameter.SENSOR_LAG), value=0.3e-3 / LAG_UNIT), "0.3 ms"),
+    "nozzle at its limit": (put(*MEAN, int(Parameter.NOZZLE_BIAS), value=1.5), "at the limit"),
+    "active network": (put("state", "learned", "active", value=[int(Parameter.NOZZLE_BIAS)]), "left out"),
+    "active fraction": (
+        put("state", "learned", "active", value=[float(Parameter.SENSOR_LAG)]),
+        "not as expected (learned.active",
+    ),
+    "endless filter": (put("state", "learned", "colour", "whitening", "taps", value=[0.1] * 30), "no filter"),
+    "high pass that grows": (
+        put("state", "learned", "colour", "whitening", "forgetting", value=1.5),
+        "high pass",
+    ),
+    "noise of no level": (put("state", "learned", "colour", "sigma", value=0.0), "no level"),
+    "short statistics": (put("state", "learned", "statistics", "squares", value=[1.0]), "shape"),
+    "negative statistics": (
+        put("state", "learned", "statistics", "blocks", 0, 0, value=-1.0),
+        "sums of squares",
+    ),
     "offset beyond bounds": (put("in_force", int(Parameter.LINE_PRESSURE_OFFSET), value=-0.101), "beyond"),
-    "no noise": (put("noise", "line_pressure", value=0.0), "line pressure"),
-    "much noise": (put("noise", "needle_lift", value=1e-4), "needle lift"),
+    "no noise": (put("state", "noise", "line_pressure", value=0.0), "line pressure"),
+    "much noise": (put("state", "noise", "needle_lift", value=1e-4), "needle lift"),
     "a zero further than drift goes": (put("lift", "zero", value=41e-6), "shut needle"),
     "crosstalk beyond any": (put("lift", "crosstalk", value=-0.6e-12), "shut needle"),
-    "noise of another signal": (put("noise", "x", value=1.0), "not as expected"),
+    "noise of another signal": (put("state", "noise", "x", value=1.0), "not as expected (noise"),
     "missing": (remove("in_force"), "in_force"),
-    "negative count": (put("events", value=-1), "not as expected (events"),
+    "negative count": (put("state", "events", value=-1), "not as expected (events"),
     "fractional count": (put("phi_version", value=1.5), "not as expected (phi_version"),
     "no object": (lambda document: document.update(content=[]), "not as expected"),
 }
@@ -188,63 +211,172 @@ def test_what_cannot_be_used_is_set_aside(state: StateFile, change: Change, reas
     assert not state.path.exists()
 
 
-def older(document: dict[str, Any]) -> None:
-    """It names no parameters, and remembers nothing of what learning follows."""
-    document["version"] = 3
-    del document["content"]["columns"], document["content"]["memory"]
+def without_checkpoint(known: Knowledge) -> Knowledge:
+    return replace(known, state=replace(known.state, checkpoint=Checkpoint()))
 
 
-@pytest.mark.parametrize(
-    ("change", "lost"),
-    [
-        (
-            put("package_version", value="0.0.1"),
-            {},
-        ),  # the cases above do not fail for being rewritten
-        (older, {"memory": NOTHING}),
-        (remove("colour"), {"colour": None}),
-        (remove("lift"), {"lift": RestingLift()}),
-    ],
-    ids=["no change", "the version before", "before colours", "before lifts"],
-)
-def test_what_an_older_file_does_not_tell_is_not_known(
-    state: StateFile, change: Change, lost: dict[str, Any]
+LOST: dict[str, tuple[Change, Callable[[Knowledge], Knowledge]]] = {
+    # the cases above do not fail for being rewritten
+    "no change": (put("package_version", value="0.0.1"), lambda known: known),
+    "a colour": (remove("state", "learned", "colour"), lambda known: with_learned(known, colour=None)),
+    "a lift": (remove("lift"), lambda known: replace(known, lift=RestingLift())),
+    "a checkpoint": (remove("state", "checkpoint"), without_checkpoint),
+    "its width": (put("state", "checkpoint", "learned", "theta", value=[0.0]), without_checkpoint),
+    "a name in it": (remove("state", "checkpoint", "learned", "theta"), without_checkpoint),
+}
+
+
+@pytest.mark.parametrize(("change", "lost"), LOST.values(), ids=LOST)
+def test_what_a_file_does_not_tell_is_not_known(
+    state: StateFile, change: Change, lost: Callable[[Knowledge], Knowledge]
 ) -> None:
     knowledge = state.save()
     state.rewrite(change)
-    assert state.holds(replace(knowledge, **lost))
+    assert state.holds(lost(knowledge))
+
+
+LEARNED = (
+    *("belief.mean", "belief.covariance", "belief.error_covariance", "theta", "active", "is_prior"),
+    *("statistics.squares", "statistics.samples", "statistics.block_squares", "statistics.blocks"),
+    *("colour.whitening.forgetting", "colour.whitening.taps", "colour.interval", "colour.sigma"),
+)
+GAINS, AT_REST = ("sums", "difference", "seen", "change"), ("products", "by_lag", "count")
+NAMES = {
+    "learned": LEARNED,
+    "noise": ("rail_pressure", "line_pressure", "needle_lift"),
+    "": ("passed_with", "events", "learned_at", "interval"),
+    "lag_doubt": (
+        *("scores.sums", "scores.variance", "events"),
+        *("rate_squares", "volume_squares", "change_squares"),
+    ),
+    "checkpoint": ("failed", "passed"),
+    "checkpoint.learned": LEARNED,
+    "checkpoint.gains": GAINS,
+    "checkpoint.at_rest": AT_REST,
+    "gains": GAINS,
+    "at_rest": AT_REST,
+    "slow_rail": ("squares", "count"),
+    "jitter": ("sums", "variance"),
+    "outliers": ("stretches", "bursts", "ends.rail_pressure", "ends.ends.level", "ends.ends.is_flat"),
+    "range_ends": ("levels",),
+    "trend": ("scores.sums", "scores.variance", "left"),
+    "overdispersion": ("sum", "weight"),
+    "held_rail": ("value", "events"),
+    "freezer": ("bad", "good", "frozen"),
+    "mistrust": ("events", "passed", "changes", "because.reason", "because.phase"),
+    "slowed": ("before",),
+    "lift_lag": ("asked", "events", "samples", "without", "left", "lags", "missed"),
+    "energizing.edges": ("products", "squares", "whole"),
+    "energizing.current": ("products", "squares", "covariance"),
+    "energizing.current.pulse": ("height", "before", "until"),
+}
+
+
+def names_in(value: Any, place: str = "") -> list[str]:
+    """Of all that has a name; of several in a list those of the first."""
+    if isinstance(value, list) and value and isinstance(value[0], dict):
+        return names_in(value[0], place)
+    if not isinstance(value, dict):
+        return [place]
+    return [name for key, each in value.items() for name in names_in(each, f"{place}.{key}".lstrip("."))]
+
+
+def test_the_names_in_the_file_stay(state: StateFile) -> None:
+    """Another name loses what older files hold: it needs a version, and a table of the names before."""
+    state.save()
+    content = json.loads(state.path.read_bytes())["content"]
+    expected = [f"{place}.{name}".lstrip(".") for place, names in NAMES.items() for name in names]
+    assert sorted(names_in(content["state"])) == sorted(expected)
+
+
+PLACES_OF_4 = {
+    "at_rest": "_reader._at_rest",
+    "slow_rail": "_reader._slow_rail",
+    "jitter": "_reader._jitter",
+    "outliers": "_reader._outliers",
+    "range_ends": "_reader._range",
+    "trend": "_reader._fit._trend",
+    "overdispersion": "_reader._fit._overdispersion",
+    "gains": "_pressure_gains",
+}
+
+
+def private(values: Any) -> Any:
+    """By the names of version 4: of attributes, but for two, and for data classes."""
+    if not isinstance(values, dict) or "reason" in values or "height" in values:
+        return values
+    public = ("pulse", "covariance")
+    return {name if name in public else f"_{name}": private(each) for name, each in values.items()}
+
+
+def as_of_4(document: dict[str, Any]) -> None:
+    """The same as version 4 wrote it."""
+    content = document["content"]
+    state = content.pop("state")
+    learned, checkpoint = state.pop("learned"), state.pop("checkpoint")
+    then = checkpoint.pop("learned")
+    table = np.column_stack([*map(np.array, then["statistics"].values())]).tolist()
+    kept = then["belief"] | {"active": then["active"], "theta": then["theta"], "events": 3}
+    found = {"_checkpoint": private(checkpoint | kept) | {"_statistics": table}}
+    del found["_checkpoint"]["_at_rest"]
+    content |= learned["belief"] | {"active": learned["active"], "statistics": learned["statistics"]}
+    content["colour"] = learned["colour"] | learned["colour"].pop("whitening")
+    for name in ("events", "noise", "learned_at"):
+        content[name] = state.pop(name)
+    content["memory"] = {"interval": state.pop("interval"), "found": found}
+    for name, values in state.items():
+        *folders, last = PLACES_OF_4.get(name, f"_{name}").split(".")
+        place = found
+        for folder in folders:
+            place = place.setdefault(folder, {})
+        place[last] = private(values)
+    document["version"] = 4
+
+
+def test_a_file_of_the_version_before_is_restored_by_the_names_it_had(state: StateFile) -> None:
+    """Where the last event was explained it did not tell, nor the noise at the checkpoint."""
+    saved = state.save()
+    known = with_learned(saved, theta=saved.in_force)
+    state.rewrite(as_of_4)
+    checkpoint = replace(known.state.checkpoint, at_rest=RestingNoise())
+    assert state.holds(replace(known, state=replace(known.state, checkpoint=checkpoint)))
 
 
 def test_parameters_are_known_by_name(state: StateFile) -> None:
     """In another order, with one that there is no more; what the file does not know is as before any event."""
     known = state.save()
-    prior = no_knowledge(known.noise, PRESSURE_SCALE)
+    prior = no_knowledge(known.state.noise, PRESSURE_SCALE)
     order = np.random.default_rng(4).permutation(PARAMETERS)
     gone = int(Parameter.NOZZLE_BIAS)
 
     def other(document: dict[str, Any]) -> None:
         content = document["content"]
-        for part in ("in_force", "mean"):
-            content[part] = np.array(content[part])[order].tolist()
+        learned = content["state"]["learned"]
+        belief = learned["belief"]
+        for place, part in ((content, "in_force"), (learned, "theta"), (belief, "mean")):
+            place[part] = np.array(place[part])[order].tolist()
         for part in ("covariance", "error_covariance"):
-            content[part] = np.array(content[part])[np.ix_(order, order)].tolist()
+            belief[part] = np.array(belief[part])[np.ix_(order, order)].tolist()
         content["columns"] = [SCALARS.names[column] if column != gone else "once" for column in order]
-        content["active"] = [order.tolist().index(column) for column in content["active"]]
+        learned["active"] = [order.tolist().index(column) for column in learned["active"]]
 
     state.rewrite(other)
     restored = state.load().knowledge
     assert restored is not None
     kept = np.arange(PARAMETERS) != gone
     both = np.ix_(kept, kept)
-    assert restored.active == known.active
+    found, then = restored.state.learned, known.state.learned
+    assert found.active == then.active
     np.testing.assert_array_equal(restored.in_force[kept], known.in_force[kept])
-    np.testing.assert_array_equal(restored.belief.covariance[both], known.belief.covariance[both])
+    assert found.theta is restored.in_force
+    np.testing.assert_array_equal(found.belief.covariance[both], then.belief.covariance[both])
     assert restored.in_force[gone] == 0.0
-    np.testing.assert_array_equal(restored.belief.covariance[gone], prior.belief.covariance[gone])
+    np.testing.assert_array_equal(found.belief.covariance[gone], prior.state.learned.belief.covariance[gone])
+    assert restored.state.checkpoint.learned is None  # its columns were in another order
 
 
 @pytest.mark.parametrize(
-    "content", [b"", b'{"version": 4, "sha256": ' + b"[" * 200_000, b'{"version": 9' * 5_000, bytes(2 << 20)]
+    "content", [b"", b'{"version": 5, "sha256": ' + b"[" * 200_000, b'{"version": 9' * 5_000, bytes(2 << 20)]
 )
 def test_what_is_left_of_a_state_is_set_aside(state: StateFile, content: bytes) -> None:
     state.path.write_bytes(content)
@@ -298,8 +430,9 @@ def test_the_offset_bound_is_in_pascal(state: StateFile) -> None:
 
 def test_what_could_not_be_restored_does_not_replace_a_good_file(state: StateFile) -> None:
     good = state.save()
+    belief = replace(good.state.learned.belief, mean=np.full(PARAMETERS, np.nan))
     with pytest.raises(RunError, match="not finite"):
-        state.save(replace(good, belief=replace(good.belief, mean=np.full(PARAMETERS, np.nan))))
+        state.save(with_learned(good, belief=belief))
     assert state.holds(good)
 
 

@@ -69,7 +69,7 @@ def test_state_is_saved_and_restored(command: Command, bench: Path, worn: Path, 
     assert valid_injections(heard) == [0, 1, 1, 1]
     restored = load_knowledge(state, model_hash(load_injector())).knowledge
     assert restored is not None
-    assert restored.events == 8
+    assert restored.state.events == 8
 
 
 @pytest.mark.slow
@@ -122,7 +122,7 @@ def test_link_that_fails_ends_with_the_state_saved(
     assert "error: vcan9 went away" in outcome.err
     restored = load_knowledge(state, model_hash(load_injector())).knowledge
     assert restored is not None
-    assert restored.events == 4
+    assert restored.state.events == 4
 
 
 def test_trouble_on_the_link_is_told(

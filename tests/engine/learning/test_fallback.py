@@ -8,11 +8,11 @@ import pytest
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.engine.estimation.gating import prior_belief
 from observer_rt.engine.estimation.phases import Phase, no_statistics
-from observer_rt.engine.estimation.scalars import SCALARS
 from observer_rt.engine.learning.adequacy import SETTLED, Objection
+from observer_rt.engine.learning.disturbances.colour import RestingNoise
 from observer_rt.engine.learning.disturbances.pressure_gains import PressureGains
-from observer_rt.engine.learning.explained import EventReader
-from observer_rt.engine.learning.fallback import CHANGES, BelievedSoFar, Checkpoint, Freezer, Mistrust
+from observer_rt.engine.learning.fallback import CHANGES, Freezer, Mistrust
+from observer_rt.engine.learning.state import Checkpoint, Learned
 from observer_rt.engine.stream.state import Reason
 from tests.engine.learning.test_adequacy import statistics_of
 from tests.engine.learning.worn_injector import recorded
@@ -25,15 +25,20 @@ def test_learning_freezes_after_two_bad_standstills_and_goes_on_after_three_good
     open_phase = statistics_of(3.0, 1.0, 1e3, Phase.OPEN)
     freezer = Freezer()
     events = [bad, good, open_phase, bad, bad, good, good, bad, good, good, good, bad, good]
-    frozen = [freezer.is_frozen_after(statistics) for statistics in events]
+    frozen = []
+    for statistics in events:
+        freezer = freezer.after(statistics)
+        frozen.append(freezer.frozen)
     assert frozen == [False] * 4 + [True] * 6 + [False] * 3
 
 
 def doubts(*reasons: Reason | None) -> list[Reason | None]:
     """Why what was learned is set aside after each of the events; None as a reason: it passed."""
-    mistrust = Mistrust()
-    found = [mistrust.after([] if r is None else [Objection(r)]) for r in reasons]
-    return [None if objection is None else objection.reason for objection in found]
+    mistrust, found = Mistrust(), list[Reason | None]()
+    for reason in reasons:
+        mistrust = mistrust.after([] if reason is None else [Objection(reason)])
+        found.append(None if mistrust.objection is None else mistrust.objection.reason)
+    return found
 
 
 BAD, CHANGE, OFFSET = Reason.MODEL_INADEQUATE, Reason.SUDDEN_CHANGE, Reason.PRESSURE_OFFSET
@@ -64,21 +69,15 @@ def test_a_scale_that_is_not_known_is_doubted_at_once() -> None:
     assert doubts(Reason.AMBIGUOUS_SCALE) == [Reason.AMBIGUOUS_SCALE]
 
 
-def gains_after(events: int) -> PressureGains:
-    gains = PressureGains()
-    gains.difference = 1e-3 * events
-    return gains
-
-
 def checkpoint_after(passed: list[bool]) -> Checkpoint:
     """Events, numbered from 1 on; what is believed after each is its number."""
-    reader = EventReader(1e-5, 1e8, SCALARS, None)
-    checkpoint = Checkpoint(2, reader)
+    checkpoint = Checkpoint()
     for number, each in enumerate(passed, 1):
         theta = np.full(2, float(number))
         belief = prior_belief(theta, np.eye(2))
-        believed = BelievedSoFar(belief, theta, frozenset({1}), number, gains_after(number), no_statistics())
-        checkpoint.after(believed, reader, each)
+        learned = Learned(belief, theta, no_statistics(), frozenset({1}), is_prior=False)
+        gains, at_rest = PressureGains(difference=1e-3 * number), RestingNoise(count=float(number))
+        checkpoint = checkpoint.after(learned, gains, at_rest, each)
     return checkpoint
 
 
@@ -89,10 +88,12 @@ def test_what_was_believed_is_kept_until_enough_events_passed_in_a_row() -> None
         (trouble + [True] * (SETTLED - 1), SETTLED),
         (trouble + [True] * SETTLED, 2 * SETTLED + 2),
     ):
-        belief, theta, active, events, gains, _ = checkpoint_after(passed).believed
-        assert (theta[0], belief.mean[0], events) == (kept, kept, kept)
-        assert active == {1}
-        assert gains.difference == gains_after(kept).difference
+        checkpoint = checkpoint_after(passed)
+        assert checkpoint.learned is not None
+        assert (checkpoint.learned.theta[0], checkpoint.learned.belief.mean[0]) == (kept, kept)
+        assert checkpoint.learned.active == {1}
+        assert checkpoint.gains.difference == 1e-3 * kept
+        assert checkpoint.at_rest.count == kept
 
 
 def test_it_is_tried_while_a_trouble_lasts() -> None:

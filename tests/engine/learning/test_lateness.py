@@ -1,5 +1,6 @@
 """A lag of the line-pressure sensor is told from a channel recorded late."""
 
+from collections.abc import Iterable
 from functools import cache
 
 import numpy as np
@@ -20,6 +21,7 @@ from observer_rt.engine.learning.lateness import (
     Lateness,
     SlowedSensor,
     lag_score,
+    no_doubt,
 )
 from observer_rt.engine.stream.state import Reason
 from observer_rt.model.effect import SizedEffect
@@ -73,43 +75,42 @@ def test_score_of_a_fit_is_not_changed_by_what_was_tried_after_it() -> None:
     assert after.score == before.score
 
 
-def doubted(doubt: LagDoubt, score: float, rate_share: float = 2.0 * RELEVANT_RATE) -> bool:
-    doubt.take_in(Lateness(score, rate_share, 0.004, np.array([0.01, 0.0])))
-    return doubt.is_relevant
+def doubts(scores: Iterable[float], rate_share: float = 2.0 * RELEVANT_RATE) -> list[LagDoubt]:
+    """After each of the events with these scores."""
+    doubt, found = no_doubt(2), []
+    for score in scores:
+        doubt = doubt.after(Lateness(score, rate_share, 0.004, np.array([0.01, 0.0])))
+        found.append(doubt)
+    return found
 
 
 def test_white_scores_hardly_ever_contradict_a_lag() -> None:
-    doubt = LagDoubt(2)
-    assert not any(doubted(doubt, score) for score in np.random.default_rng(6).normal(size=5000))
+    assert not any(doubt.is_relevant for doubt in doubts(np.random.default_rng(6).normal(size=5000)))
 
 
 @pytest.mark.parametrize("pull", [-3.0, 3.0])
 def test_scores_of_one_sign_do(pull: float) -> None:
-    doubt = LagDoubt(2)
-    assert [doubted(doubt, pull) for _ in range(4)] == [False, False, True, True]
+    assert [doubt.is_relevant for doubt in doubts([pull] * 4)] == [False, False, True, True]
 
 
 def test_without_a_lag_all_is_forgotten() -> None:
-    doubt = LagDoubt(2)
-    for _ in range(5):
-        doubted(doubt, -3.0)
-    doubt.take_in(None)
+    doubt = doubts([-3.0] * 5)[-1].after(None)
     assert not doubt.is_relevant
     assert doubt.volume_share == 0.0
-    assert not doubted(doubt, -3.0)
+    assert not doubt.after(Lateness(-3.0, 2.0 * RELEVANT_RATE, 0.004, np.zeros(2))).is_relevant
 
 
 def test_a_delay_too_short_to_matter_only_widens_the_interval() -> None:
-    doubt = LagDoubt(2)
-    assert not any(doubted(doubt, -3.0, 0.5 * RELEVANT_RATE) for _ in range(8))
-    assert doubt.volume_share == pytest.approx(0.004)
-    assert doubt.variance == pytest.approx([1e-4, 0.0])
+    found = doubts([-3.0] * 8, 0.5 * RELEVANT_RATE)
+    assert not any(doubt.is_relevant for doubt in found)
+    assert found[-1].volume_share == pytest.approx(0.004)
+    assert found[-1].variance == pytest.approx([1e-4, 0.0])
 
 
 def test_a_lag_widens_nothing() -> None:
-    doubt = LagDoubt(2)
-    assert not any(doubted(doubt, score) for score in (0.5, -1.0, 0.2))
-    assert doubt.volume_share == 0.0
+    found = doubts((0.5, -1.0, 0.2))
+    assert not any(doubt.is_relevant for doubt in found)
+    assert found[-1].volume_share == 0.0
 
 
 def test_an_unstated_filter_of_the_line_is_no_reason_to_refuse() -> None:
@@ -124,23 +125,24 @@ def test_a_channel_recorded_late_is_not_believed_with_quiet_sensors() -> None:
 def test_a_sensor_that_becomes_slower_all_at_once_is_at_fault_until_it_is_as_before() -> None:
     sensor = SlowedSensor()
     before, later = 20e-6, 20e-6 + 2.0 * SLOWED
-    assert not sensor.after(before, later, is_sudden=False)  # learned in the beginning
-    assert not sensor.after(before, before + 0.5 * SLOWED, is_sudden=True)
-    assert sensor.after(before, later, is_sudden=True)
-    assert sensor.after(later, later, is_sudden=False)
-    assert sensor.after(later, later + SLOWED, is_sudden=True)
-    assert not sensor.after(later, before, is_sudden=True)
-    assert not sensor.after(before, before, is_sudden=False)
+    for believed, lag, is_sudden, is_slowed in (
+        (before, later, False, False),  # learned in the beginning
+        (before, before + 0.5 * SLOWED, True, False),
+        (before, later, True, True),
+        (later, later, False, True),
+        (later, later + SLOWED, True, True),
+        (later, before, True, False),
+        (before, before, False, False),
+    ):
+        sensor = sensor.after(believed, lag, is_sudden)
+        assert sensor.is_slowed == is_slowed
 
 
 def test_a_sensor_that_seemed_to_lead_is_healthy_again_without_a_lag() -> None:
     """What was believed of signals that were none may be a lead, which is kept in a state file, too."""
-    sensor = SlowedSensor()
-    assert sensor.after(-2.0 * SLOWED, 2.0 * SLOWED, is_sudden=True)
-    again = SlowedSensor()
-    again.recall(sensor.memory())
-    for healthy in (sensor, again):
-        assert not healthy.after(0.0, 0.0, is_sudden=False)
+    sensor = SlowedSensor().after(-2.0 * SLOWED, 2.0 * SLOWED, is_sudden=True)
+    assert sensor.is_slowed
+    assert not sensor.after(0.0, 0.0, is_sudden=False).is_slowed
 
 
 def test_a_delay_with_which_the_model_is_not_stable_tells_nothing() -> None:

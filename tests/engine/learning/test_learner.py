@@ -33,7 +33,8 @@ from observer_rt.engine.learning.knowledge import (
     no_knowledge,
 )
 from observer_rt.engine.learning.learner import Learner
-from observer_rt.engine.learning.memory import NOTHING, Memory, Remembered
+from observer_rt.engine.learning.memory import plain, restored
+from observer_rt.engine.learning.state import LearningState
 from observer_rt.engine.mailbox import judge
 from observer_rt.engine.observer import Durations, constants_for, in_force, make_observer
 from observer_rt.engine.stream.standstill import Standstill
@@ -103,7 +104,7 @@ def run(name: str, scalars: Scalars = SCALARS) -> Run:
 
     def learner_of(_: BenchInjector, constants: Constants, knowledge: Knowledge) -> Learner:
         scale = constants.coefficients.pressure_scale
-        return Learner(constants, no_knowledge(knowledge.noise, scale, scalars), scalars)
+        return Learner(constants, no_knowledge(knowledge.state.noise, scale, scalars), scalars)
 
     schedule = make_schedule([60e6, 100e6, 140e6], EVENTS, 0.05, [0.8e-3, 1.9e-3])
     made = simulate(NOMINAL, schedule, SAMPLE_RATE, CASES[name].effects, SimulatedNoise(), seed=len(name))
@@ -202,9 +203,16 @@ def event(v_h: float, seed: int | None = None) -> Window:
     return Window(inputs, output, time < 1.0e-3, np.array([0.95, 0.0, 0.0, 0.95]), opening=100)
 
 
+def known(belief: Belief, in_force: Vector) -> Knowledge:
+    fresh = no_knowledge(NOISE, NOMINAL.scaling.pressure)
+    learned = replace(fresh.state.learned, belief=belief, theta=in_force, is_prior=False)
+    state = replace(fresh.state, learned=learned, events=5, passed_with=in_force)
+    return Knowledge(state, in_force, phi_version=3)
+
+
 def learner_with(belief: Belief, in_force: Vector) -> Learner:
     constants = constants_for(NOMINAL, 100e3, Durations(), events_required=2)
-    return Learner(constants, Knowledge(belief, in_force, NOISE, phi_version=3, events=5))
+    return Learner(constants, known(belief, in_force))
 
 
 def belief_in(v_h: float, sigma: float) -> Belief:
@@ -224,7 +232,7 @@ def test_phi_that_predicts_worse_is_rejected_and_the_old_one_stays() -> None:
     constants = constants_for(NOMINAL, 100e3, Durations(), events_required=2)
     true = nozzle_wear(0.3)
     learner = learner_with(belief_in(0.0, 1e-4), true)
-    knowledge = Knowledge(belief_in(0.0, 1e-4), true, NOISE, phi_version=3)
+    knowledge = known(belief_in(0.0, 1e-4), true)
     observer = make_observer(constants, knowledge, learner)
     outcome = learner.learn(event(0.3, seed=1), NO_STANDSTILL, in_force(observer))
     assert outcome.adoption is Adoption.REJECTED
@@ -236,7 +244,7 @@ def test_phi_that_predicts_worse_is_rejected_and_the_old_one_stays() -> None:
 def test_adopted_phi_takes_force() -> None:
     constants = constants_for(NOMINAL, 100e3, Durations(), events_required=2)
     learner = learner_with(belief_in(0.0, 0.3), nozzle_wear(0.0))
-    knowledge = Knowledge(belief_in(0.0, 0.3), nozzle_wear(0.0), NOISE, phi_version=3)
+    knowledge = known(belief_in(0.0, 0.3), nozzle_wear(0.0))
     observer = make_observer(constants, knowledge, learner)
     outcome = learner.learn(event(0.3, seed=1), NO_STANDSTILL, in_force(observer))
     judge(observer, outcome.objections, outcome)
@@ -262,7 +270,7 @@ def test_event_that_cannot_be_learned_from_changes_nothing(
     assert outcome.adoption is Adoption.FAILED
     np.testing.assert_array_equal(outcome.knowledge.in_force, nozzle_wear(0.1))
     np.testing.assert_array_equal(outcome.estimate, nozzle_wear(0.1))
-    np.testing.assert_array_equal(outcome.knowledge.belief.mean, nozzle_wear(0.1))
+    np.testing.assert_array_equal(outcome.knowledge.state.learned.belief.mean, nozzle_wear(0.1))
     # and the next event is learned from as if it had not been
     after = learner.learn(event(0.3, seed=2), NO_STANDSTILL, nozzle_wear(0.1))
     assert after.adoption is Adoption.ADOPTED
@@ -276,7 +284,7 @@ def test_same_events_same_bits() -> None:
         learner.learn(event(0.3, seed=1), NO_STANDSTILL, nozzle_wear(0.0))
         outcomes.append(learner.learn(event(0.3, seed=2), NO_STANDSTILL, nozzle_wear(0.0)))
     np.testing.assert_array_equal(outcomes[0].estimate, outcomes[1].estimate)
-    first, second = (outcome.knowledge.belief.covariance for outcome in outcomes)
+    first, second = (outcome.knowledge.state.learned.belief.covariance for outcome in outcomes)
     np.testing.assert_array_equal(first, second)
 
 
@@ -294,7 +302,7 @@ def test_standstill_that_contradicts_the_model_freezes_learning() -> None:
         adoptions.append(outcome.adoption)
         if outcome.adoption is Adoption.FROZEN:
             assert not carried.any()
-            assert not outcome.knowledge.belief.mean.any()
+            assert not outcome.knowledge.state.learned.belief.mean.any()
             assert (
                 outcome.objections
             )  # nothing is valid while frozen, the good events before the release included
@@ -332,9 +340,9 @@ def test_of_what_explained_events_once_the_best_is_carried_where_nothing_does(me
     assert wear_of(carried) == pytest.approx(0.3, abs=0.02)
 
 
-def as_text(remembered: Remembered) -> str:
+def as_text(state: LearningState) -> str:
     """As a file keeps it, arrays as lists."""
-    return json.dumps(remembered, default=np.ndarray.tolist)
+    return json.dumps(plain(state), default=np.ndarray.tolist)
 
 
 def test_one_that_takes_over_learns_as_the_one_before() -> None:
@@ -348,22 +356,29 @@ def test_one_that_takes_over_learns_as_the_one_before() -> None:
         outcome = before.learn(spiky, NO_STANDSTILL, theta)
         theta = outcome.knowledge.in_force
     assert outcome is not None
-    known = outcome.knowledge
-    remembered = as_text(known.memory.found)
-    kept = replace(known, memory=Memory(known.memory.interval, json.loads(remembered)))
+    remembered = as_text(outcome.knowledge.state)
+    kept = replace(outcome.knowledge, state=restored(LearningState, json.loads(remembered)))
     constants = constants_for(NOMINAL, 100e3, Durations(), events_required=2)
     after = Learner(constants, kept)
-    assert as_text(after.memory()) == as_text(before.memory()) == remembered
-    assert remembered != as_text(Learner(constants, replace(known, memory=NOTHING)).memory())
+    assert as_text(after.state) == as_text(before.state) == remembered
     first, second = (one.learn(event(0.3, seed=9), NO_STANDSTILL, theta) for one in (before, after))
     np.testing.assert_array_equal(first.estimate, second.estimate)
-    np.testing.assert_array_equal(first.knowledge.belief.covariance, second.knowledge.belief.covariance)
-    assert as_text(first.knowledge.memory.found) == as_text(second.knowledge.memory.found)
+    assert as_text(first.knowledge.state) == as_text(second.knowledge.state)
+
+
+def test_an_event_changes_no_state_that_somebody_holds() -> None:
+    """So that one that failed half way leaves the state before, and a checkpoint may be kept."""
+    learner = learner_with(belief_in(0.0, 0.3), nozzle_wear(0.0))
+    for seed in range(3):
+        state, before = learner.state, as_text(learner.state)
+        learner.learn(event(0.3, seed=seed), NO_STANDSTILL, nozzle_wear(0.0))
+        assert as_text(state) == before != as_text(learner.state)
 
 
 def test_what_was_remembered_at_another_sample_rate_is_not_taken_over() -> None:
     before = learner_with(belief_in(0.0, 0.3), nozzle_wear(0.0))
     known = before.learn(event(0.3, seed=1), NO_STANDSTILL, nozzle_wear(0.0)).knowledge
     constants = constants_for(NOMINAL, 50e3, Durations(), events_required=2)
-    found, fresh = (Learner(constants, each).memory() for each in (known, replace(known, memory=NOTHING)))
-    assert as_text(found) == as_text(fresh)
+    fresh = replace(known, state=replace(known.state, interval=0.0))
+    assert as_text(Learner(constants, known).state) == as_text(Learner(constants, fresh).state)
+    assert as_text(Learner(constants, known).state) != as_text(known.state)

@@ -1,14 +1,18 @@
 """A needle lift recorded late is named as that, another wrong model is not."""
 
+from collections.abc import Iterable
 from dataclasses import replace
+from functools import partial
 from itertools import count
 
 import numpy as np
 import pytest
 
+from observer_rt.engine.estimation.phases import Phase
 from observer_rt.engine.estimation.prediction_error import EventCost
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import SCALARS
+from observer_rt.engine.learning.adequacy import Objection
 from observer_rt.engine.learning.lateness import LiftLag, LiftLagSearch, lift_lag_of
 from observer_rt.engine.stream.state import Reason
 from observer_rt.model.effect import SizedEffect
@@ -17,6 +21,7 @@ from tests.engine.estimation.conftest import event_inputs, make_case, simulated_
 from tests.engine.learning.test_lateness import EVENTS, reasons
 from tests.engine.sample_stream import NOMINAL
 
+REFUSED = (Objection(Reason.MODEL_INADEQUATE, Phase.OPENING),)
 EXPLAINED = LiftLag(16e-6, without=300.0, left=10.0, samples=1200)
 OF_ANOTHER_CAUSE = LiftLag(16e-6, without=300.0, left=200.0, samples=1200)
 SMALL = LiftLag(16e-6, without=12.0, left=0.0, samples=1200)
@@ -55,26 +60,33 @@ def test_the_lag_is_found_although_the_nozzle_is_worn(late: float) -> None:
     assert found.left <= found.without
 
 
+def found(events: Iterable[LiftLag]) -> list[float | None]:
+    """After each of the refused events."""
+    search, lags = LiftLagSearch(), []
+    for event in events:
+        search, _ = search.after(REFUSED, partial(lambda event, _: event, event))
+        lags.append(search.found)
+    return lags
+
+
 def test_what_explains_recent_events_is_told() -> None:
-    search = LiftLagSearch()
-    assert [search.found_after(lambda _: EXPLAINED) for _ in range(3)] == pytest.approx([16e-6] * 3)
+    assert found([EXPLAINED] * 3) == pytest.approx([16e-6] * 3)
 
 
 def test_on_a_fitted_line_something_may_be_left() -> None:
-    assert LiftLagSearch().found_after(lambda _: NEARLY_ALL) == pytest.approx(28e-6)
+    assert found([NEARLY_ALL]) == pytest.approx([28e-6])
 
 
 def test_a_lag_that_differs_from_event_to_event_is_none() -> None:
     """As a nozzle with other holes gives: the sensor would be as slow at every rail pressure."""
-    search, of_others = LiftLagSearch(), replace(EXPLAINED, missed=30.0)
-    assert search.found_after(lambda _: of_others) is not None  # nothing was expected yet
-    assert [search.found_after(lambda _: of_others) for _ in range(3)] == [None] * 3
+    first, *others = found([replace(EXPLAINED, missed=30.0)] * 4)
+    assert first is not None  # nothing was expected yet
+    assert others == [None] * 3
 
 
 @pytest.mark.parametrize("event", [OF_ANOTHER_CAUSE, SMALL, STILL_WRONG, NO_MORE_THAN_NOISE])
 def test_what_does_not_is_not(event: LiftLag) -> None:
-    search = LiftLagSearch()
-    assert [search.found_after(lambda _: event) for _ in range(10)] == [None] * 10
+    assert found([event] * 10) == [None] * 10
 
 
 def test_where_events_are_refused_for_long_few_are_asked() -> None:
@@ -85,8 +97,10 @@ def test_where_events_are_refused_for_long_few_are_asked() -> None:
         next(asked)
         return EXPLAINED
 
-    assert all(search.found_after(ask) for _ in range(64))
+    for _ in range(64):
+        search, _ = search.after(REFUSED, ask)
+        assert search.found
     assert next(asked) == 6 + 64 // 8
-    search.told((), ask)
-    search.found_after(ask)
+    search, _ = search.after((), ask)
+    search.after(REFUSED, ask)
     assert next(asked) == 6 + 64 // 8 + 2

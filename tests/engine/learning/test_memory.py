@@ -1,8 +1,8 @@
 """What learning remembers from event to event goes through a file and back, as far as there is use for it."""
 
 import json
-from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from observer_rt.engine.learning.memory import Remembered, Tracker
+from observer_rt.engine.learning.memory import NOT_KEPT, NotAsExpectedError, plain, restored
 from observer_rt.engine.stream.state import Reason
 
 
@@ -20,86 +20,66 @@ class Level:
     reason: Reason | None
 
 
-class Inner(Tracker):
-    count: int
-
-    def __init__(self) -> None:
-        self.count = 0
-
-
-class Outer(Tracker):
-    sums: NDArray[np.float64]
-    levels: deque[Level]
-    inner: Inner
-
-    def __init__(self, width: int = 3) -> None:
-        self.sums = np.zeros(width)
-        self.levels = deque(maxlen=2)
-        self.inner = Inner()
-        self.interval = 1e-5  # not annotated: of this run only
+@dataclass(frozen=True, eq=False)
+class Sums:
+    values: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    count: int = 0
 
 
-def through_a_file(memory: Remembered) -> Remembered:
-    return dict(json.loads(json.dumps(memory, allow_nan=False, default=np.ndarray.tolist)))
+@dataclass(frozen=True, eq=False)
+class Followed:
+    sums: Sums = field(default_factory=Sums)
+    before: Sums | None = None
+    levels: tuple[Level, ...] = ()
+    columns: frozenset[int] = frozenset()
+    of_this_run: int = field(default=0, metadata=NOT_KEPT)
+
+
+def through_a_file(value: object) -> Any:
+    return json.loads(json.dumps(plain(value), allow_nan=False, default=np.ndarray.tolist))
 
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
+some_sums = st.builds(Sums, st.lists(finite, min_size=3, max_size=3).map(np.array), st.integers(0, 1 << 40))
 
 
 @given(
-    sums=st.lists(finite, min_size=3, max_size=3),
-    levels=st.lists(st.builds(Level, finite, st.none() | st.sampled_from(Reason)), max_size=4),
-    count=st.integers(0, 1 << 40),
+    st.builds(
+        Followed,
+        some_sums,
+        st.none() | some_sums,
+        st.lists(st.builds(Level, finite, st.none() | st.sampled_from(Reason)), max_size=4).map(tuple),
+        st.frozensets(st.integers(0, 17)),
+    )
 )
-def test_what_goes_through_a_file_comes_back_to_the_bit(
-    sums: list[float], levels: list[Level], count: int
-) -> None:
-    outer = Outer()
-    outer.sums, outer.inner.count = np.array(sums), count
-    outer.levels.extend(levels)
-    found = Outer()
-    found.recall(through_a_file(outer.memory()))
-    assert found.sums.tobytes() == outer.sums.tobytes()
-    assert found.levels == outer.levels
-    assert found.levels.maxlen == 2
-    assert found.inner.count == count
+def test_what_goes_through_a_file_comes_back_to_the_bit(followed: Followed) -> None:
+    found = restored(Followed, through_a_file(followed), Followed())
+    assert found.sums.values.tobytes() == followed.sums.values.tobytes()
+    assert (found.levels, found.columns) == (followed.levels, followed.columns)
+    assert through_a_file(found) == through_a_file(followed)
 
 
-def test_what_is_remembered_does_not_change_with_what_comes_after() -> None:
-    outer = Outer()
-    memory = outer.memory()
-    outer.sums += 1.0
-    outer.levels.append(Level(1.0, None))
-    assert through_a_file(memory) == through_a_file(Outer().memory())
+def test_what_is_of_one_run_is_not_kept() -> None:
+    assert "of_this_run" not in plain(Followed(of_this_run=3))
 
 
 @pytest.mark.parametrize(
-    "change",
+    ("change", "place"),
     [
-        {"sums": [1.0, 2.0]},
-        {"sums": "x"},
-        {"levels": [{"pressure": "high"}]},
-        {"levels": 3},
-        {"sums": [[1.0], 2.0]},
+        ({"sums": {"values": [1.0, 2.0]}}, "sums.values"),
+        ({"sums": {"values": "x"}}, "sums.values"),
+        ({"sums": {"values": [[1.0], 2.0]}}, "sums.values"),
+        ({"sums": {"count": 1.5}}, "sums.count"),
+        ({"sums": {"of_a_later_version": 3.0}}, "sums"),
+        ({"levels": [{"pressure": "high", "reason": None}]}, "levels"),
+        ({"levels": 3}, "levels"),
+        ({"before": {"values": {}}}, "before.values"),
     ],
 )
-def test_a_tracker_takes_back_all_or_nothing(change: Remembered) -> None:
-    outer = Outer()
-    outer.sums += 5.0
-    found = Outer()
-    found.recall({**outer.memory(), **change})
-    assert through_a_file(found.memory()) == through_a_file(Outer().memory())
+def test_what_is_none_of_a_field_is_named(change: dict[str, Any], place: str) -> None:
+    with pytest.raises(NotAsExpectedError, match=f"^{place}: "):
+        restored(Followed, through_a_file(Followed()) | change, Followed())
 
 
-def test_of_another_version_it_keeps_what_it_knows() -> None:
-    outer = Outer()
-    outer.inner.count = 7
-    found = Outer()
-    found.recall({"inner": outer.inner.memory(), "of_a_later_version": 3.0})
-    assert found.inner.count == 7
-
-
-def test_what_is_not_finite_is_not_remembered() -> None:
-    outer = Outer()
-    outer.sums[1] = np.nan
-    assert outer.memory() == {}
+def test_what_an_older_file_does_not_tell_is_as_before_any_event() -> None:
+    assert restored(Followed, {"sums": {"count": 7}}, Followed()).sums.count == 7

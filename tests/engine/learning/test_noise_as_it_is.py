@@ -70,14 +70,16 @@ def test_hum_does_not_hide_a_line_pressure_that_went_elsewhere() -> None:
 def test_what_was_learned_of_the_noise_holds_where_learning_is_off() -> None:
     humming = disturbed(hum(recorded(EVENTS, SEED).measured.time))
     learned = evaluate(bench_at(100e3), [humming]).knowledge
-    assert learned.colour is not None
+    assert learned.state.learned.colour is not None
+    without = replace(learned.state.learned, colour=None)
+    white = replace(learned, state=replace(learned.state, learned=without))
 
     def valid(knowledge: Knowledge) -> list[bool]:
         reports = evaluate(bench_at(100e3), [humming], knowledge, learning=False).evaluations[0].reports
         return [report.valid for report in reports[KNOWN_AFTER:]]
 
     assert valid(learned) == [True] * (EVENTS - KNOWN_AFTER)
-    assert not any(valid(replace(learned, colour=None)))
+    assert not any(valid(white))
 
 
 @pytest.mark.parametrize("after", [-10e-3, 0.0, 10e-3])

@@ -9,6 +9,7 @@ from observer_rt.engine.learning.overdispersion import (
     USUAL_SCORE,
     Overdispersion,
     TemperedEvent,
+    of_healthy,
     overdispersion_of,
 )
 
@@ -25,30 +26,30 @@ def scores(factor: float, seed: int = 1) -> np.ndarray[tuple[int], np.dtype[np.f
 def test_the_factor_of_steady_events_is_found(factor: float) -> None:
     followed = Overdispersion()
     for score in scores(factor):
-        followed.add(score / followed.factor)
+        followed = followed.after(score / followed.factor)
     assert followed.factor == pytest.approx(max(factor, 1.0), rel=0.25)
 
 
 def test_the_fit_is_believed_until_events_say_otherwise() -> None:
-    followed = Overdispersion(3.0)
+    followed = of_healthy(3.0)
     assert followed.factor == 3.0
     for score in scores(1.0):
-        followed.add(score / followed.factor)
+        followed = followed.after(score / followed.factor)
     assert followed.factor < 1.7
 
 
 def test_a_change_of_the_injector_is_no_scatter() -> None:
     followed = Overdispersion()
     for score in scores(1.0)[:20]:
-        followed.add(score)
-    followed.add(5000.0)
+        followed = followed.after(score)
+    followed = followed.after(5000.0)
     assert followed.factor < 1.2
 
 
 def test_it_ends_where_a_model_is_inadequate() -> None:
     followed = Overdispersion()
     for _ in range(EVENTS):
-        followed.add(1e4)
+        followed = followed.after(1e4)
     assert followed.factor == LARGEST
 
 

@@ -13,7 +13,10 @@ EVENTS = 2000
 def test_wear_at_rest_is_hardly_ever_taken_to_move() -> None:
     random = np.random.default_rng(3)
     trend = Trend()
-    moving = [trend.extra_after(random.normal(size=PARAMETERS), USUAL).any() for _ in range(EVENTS)]
+    moving = []
+    for _ in range(EVENTS):
+        trend = trend.after(random.normal(size=PARAMETERS))
+        moving.append(trend.extra(USUAL).any())
     assert np.mean(moving) < 0.08  # a false alarm lasts ten events
 
 
@@ -22,11 +25,11 @@ def test_wear_at_rest_is_hardly_ever_taken_to_move() -> None:
 def test_small_contradictions_of_the_same_sign_add_up(column: Parameter, pull: float) -> None:
     random = np.random.default_rng(4)
     trend = Trend()
-    extra = np.zeros(PARAMETERS)
     for _ in range(8):
         scores = 0.5 * random.normal(size=PARAMETERS)
         scores[column] += pull
-        extra = trend.extra_after(scores, USUAL)
+        trend = trend.after(scores)
+    extra = trend.extra(USUAL)
     assert np.flatnonzero(extra).tolist() == [column]
     assert extra[column] > USUAL[column]
 
@@ -34,7 +37,7 @@ def test_small_contradictions_of_the_same_sign_add_up(column: Parameter, pull: f
 def test_a_trend_that_ended_is_forgotten() -> None:
     trend = Trend()
     for _ in range(8):
-        trend.extra_after(np.full(PARAMETERS, 2.0), USUAL)
+        trend = trend.after(np.full(PARAMETERS, 2.0))
     for _ in range(20):
-        extra = trend.extra_after(np.zeros(PARAMETERS), USUAL)
-    assert not extra.any()
+        trend = trend.after(np.zeros(PARAMETERS))
+    assert not trend.extra(USUAL).any()

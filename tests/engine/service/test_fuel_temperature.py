@@ -127,7 +127,7 @@ def test_nothing_is_valid_before_it_is_known(tmp_path: Path) -> None:
     result = run(bench(tmp_path), frames)
     assert [report.reason for report in result.reports] == [Reason.INPUT_STALE] * INJECTIONS
     assert result.core.state == (State.DEGRADED, Reason.INPUT_STALE)
-    assert result.core.knowledge.events == 0
+    assert result.core.knowledge.state.events == 0
 
 
 def test_nor_when_it_stays_away(tmp_path: Path) -> None:

@@ -57,7 +57,7 @@ class ManyAtOnce(Core):
 def facts(result: Result) -> tuple[object, ...]:
     """All that a core made of frames."""
     fuel = [report.fuel_temperature for report in result.reports]
-    known = result.core.knowledge.events
+    known = result.core.knowledge.state.events
     return result.frames, result.core.counters, known, fuel, result.commands, result.notes.mismatches
 
 
@@ -83,7 +83,7 @@ def test_while_it_learns(tmp_path: Path, either_way: Callable[..., Result], mess
     frames[300] = damaged(frames[300], 77)
     del frames[700]
     foreign = [(n, TimedFrame(0.0, 0x7, False, False, b"\x00")) for n in range(0, 900, 90)]
-    assert either_way(path, inserted(frames, foreign)).core.knowledge.events == 3
+    assert either_way(path, inserted(frames, foreign)).core.knowledge.state.events == 3
 
 
 def test_from_several_buses(tmp_path: Path, either_way: Callable[..., Result]) -> None:
@@ -106,7 +106,7 @@ def test_with_learning_held_up_for_a_while(tmp_path: Path, either_way: Callable[
     made = simulated(4)
     values = [(n, bed("LearnEnable", int(n // 400 % 2))) for n in range(0, made.samples // BLOCK, 50)]
     frames = inserted(Device(path).send(made), [*values, (1500, bed("Mass", 12.0))])
-    assert 0 < either_way(path, frames).core.knowledge.events < 4
+    assert 0 < either_way(path, frames).core.knowledge.state.events < 4
 
 
 @pytest.mark.parametrize("name", SOURCES)

@@ -71,7 +71,7 @@ def read_back(scene: Scene) -> tuple[Kept | None, list[str]]:
     try:
         parameters = scene.bench.injector.parameters
         restored = load_knowledge(scene.state, model_hash(parameters), set_aside=False)
-        events = restored.knowledge.events if restored.knowledge else 0
+        events = restored.knowledge.state.events if restored.knowledge else 0
     except UserError as error:
         problems.append(str(error))
     try:

@@ -230,7 +230,7 @@ def _after(drive: Disk, moment: int, said: dict[str, int], folder: Path, chance:
     problems, lost = [], 0
     injector = load_injector()
     restored = load_knowledge(folder / STATE, model_hash(injector))
-    events = 0 if restored.knowledge is None else restored.knowledge.events
+    events = 0 if restored.knowledge is None else restored.knowledge.state.events
     if events < said.get("states", 0):
         problems.append(f"state of event {said['states']} was saved, found: {restored.message}")
     if (folder / JOURNAL).exists() or said.get("injections"):
@@ -259,7 +259,8 @@ def _victim(folder: Path) -> None:
         journal(replace(report, number=number))
         journal.write()
         os.write(said, json.dumps({"injections": number, "states": number - 1}).encode())
-        save_knowledge(folder / STATE, replace(history.knowledge, events=number), model_hash(injector))
+        learned = replace(history.knowledge, state=replace(history.knowledge.state, events=number))
+        save_knowledge(folder / STATE, learned, model_hash(injector))
         os.write(said, json.dumps({"injections": number, "states": number}).encode())
     journal.finish()
 

@@ -6,18 +6,15 @@ bridges it as it does outliers.
 """
 
 import math
-from collections import deque
-from dataclasses import dataclass
-from typing import Annotated
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator
 
 from observer_rt.core.learning.outliers import AT_LEVEL, FEWEST, find_pile, smoothed
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.learning.disturbances.noise_levels import Sigmas, mask_of, median
-from observer_rt.engine.learning.memory import Tracker
+from observer_rt.engine.learning.memory import NOT_KEPT
 
 BEYOND = 3.0  # standard deviations above it that no range ends at
 MARGIN = 3  # samples on either side of those at the level: the mean sees them too late
@@ -29,7 +26,7 @@ SAME_LEVEL = 1.0  # standard deviations of a sample
 REMEMBERED = 6  # events at a level
 RECURS = 3  # of these
 _SIGNS = (-1.0, 1.0)  # of the lower and the upper end
-Levels = Annotated[deque[float], AfterValidator(lambda levels: deque(levels, REMEMBERED))]
+Levels = tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -40,57 +37,64 @@ class Pile:
     changing: float
 
 
-class EndsOfRange(Tracker):
-    """Both ends of the line pressure's range, as far as events have shown them."""
+@dataclass(frozen=True)
+class EndsOfRange:
+    """Both ends of the line pressure's range, low and high, as far as events have shown them.
 
-    _levels: tuple[Levels, Levels]
+    levels: of recent events; piles: of the event in hand.
+    """
 
-    def __init__(self) -> None:
-        self._levels = deque(maxlen=REMEMBERED), deque(maxlen=REMEMBERED)  # low and high
-        self._piles: list[Pile | None] = [None for _ in _SIGNS]  # of the event in hand
+    levels: tuple[Levels, Levels] = ((), ())
+    piles: tuple[Pile | None, Pile | None] = field(default=(None, None), metadata=NOT_KEPT)
 
     @property
     def is_known(self) -> bool:
         """Whether one of them is."""
-        return any(len(levels) >= RECURS for levels in self._levels)
+        return any(len(levels) >= RECURS for levels in self.levels)
 
     def masked(
         self, window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int
-    ) -> NDArray[np.bool_]:
+    ) -> tuple["EndsOfRange", NDArray[np.bool_]]:
         """What of a window (n,) is masked or lies at an end, one known or one that its innovations (n,) show clearly.
 
         Those before sample `first` do not count.
         """
         before = mask_of(window)
         mask = before.copy()
-        for end, (sign, levels) in enumerate(zip(_SIGNS, self._levels, strict=True)):
+        known, piles = list(self.levels), list(self.piles)
+        for end, sign in enumerate(_SIGNS):
             y = sign * window.output
-            if levels and np.count_nonzero(_is_beyond(y, levels, sigmas)) >= FEWEST:
-                levels.clear()
-            if len(levels) >= RECURS:
-                mask |= _about(y, float(np.mean(levels)), sigmas)
+            if known[end] and np.count_nonzero(_is_beyond(y, known[end], sigmas)) >= FEWEST:
+                known[end] = ()
+            if len(known[end]) >= RECURS:
+                mask |= _about(y, float(np.mean(known[end])), sigmas)
                 continue
             pile = pile_of(y, innovations, before, sigmas, first)
             if pile is None:
                 continue
-            self._piles[end] = pile
+            piles[end] = pile
             if pile.changing > CLEAR and _is_explained(innovations[first:], sigmas):
                 mask |= _about(y, pile.level, sigmas)
-        return mask
+        return replace(self, levels=(known[0], known[1]), piles=(piles[0], piles[1])), mask
 
-    def is_new_after(self, window: Window, sigmas: Sigmas) -> bool:
-        """Take in what was seen of an event while it was fitted; whether an end is known now, and none was."""
-        was_known = self.is_known
-        for sign, levels, pile in zip(_SIGNS, self._levels, self._piles, strict=True):
-            if levels and _is_beyond(sign * window.output, levels, sigmas).any():
-                levels.clear()
-            if pile is None or pile.changing < CHANGING:
-                continue
-            if levels and abs(pile.level - np.mean(levels)) > SAME_LEVEL * sigmas.noise:
-                levels.clear()
-            levels.append(pile.level)
-        self._piles = [None for _ in _SIGNS]
-        return self.is_known and not was_known
+    def after(self, window: Window, sigmas: Sigmas) -> "EndsOfRange":
+        """With what was seen of an event while it was fitted."""
+        low, high = (
+            _levels_after(levels, pile, sign * window.output, sigmas)
+            for sign, levels, pile in zip(_SIGNS, self.levels, self.piles, strict=True)
+        )
+        return EndsOfRange((low, high))
+
+
+def _levels_after(levels: Levels, pile: Pile | None, y: NDArray[np.float64], sigmas: Sigmas) -> Levels:
+    """Levels of an end, with an event of which y (n,) has such a pile there."""
+    if levels and _is_beyond(y, levels, sigmas).any():
+        levels = ()
+    if pile is None or pile.changing < CHANGING:
+        return levels
+    if levels and abs(pile.level - np.mean(levels)) > SAME_LEVEL * sigmas.noise:
+        levels = ()
+    return (*levels, pile.level)[-REMEMBERED:]
 
 
 def pile_of(

@@ -7,7 +7,8 @@ out. Left in, it would be taken for wear.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,6 @@ from numpy.typing import NDArray
 from observer_rt.engine.estimation.prediction_error import EventCost
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.learning.fitting import EventFit
-from observer_rt.engine.learning.memory import Tracker
 
 LONGEST_DELAY = 0.45e-3  # s, from the start of energizing to the opening
 SHORTEST_DELAY = 0.12e-3
@@ -38,51 +38,77 @@ class Edge:
     before: int
 
 
-class EdgeSearch(Tracker):
-    """Looks for a step at one time before the openings, event after event."""
+class EdgePlaces(NamedTuple):
+    """Samples before an opening at which an edge is sought, and for how many it is seen; beside it none counts."""
 
-    _products: NDArray[np.float64]
-    _squares: NDArray[np.float64]
-    _whole: NDArray[np.float64]
+    shortest: int
+    longest: int
+    seen_for: int
+    beside: int
 
-    def __init__(self, interval: float) -> None:
-        """interval: of samples [s]."""
-        self._shortest, self.longest, self._seen_for, self._beside = (
-            round(duration / interval)
-            for duration in (SHORTEST_DELAY, LONGEST_DELAY, SEEN_FOR, BEFORE_OPENING)
-        )
-        self._seen_for = max(self._seen_for, FEWEST)
-        places = self.longest + self._seen_for
-        self._products, self._squares = np.zeros(places), np.zeros(places)
-        self._whole = np.zeros((2, places))  # the same without limits: how high, and where
+    @property
+    def all(self) -> int:
+        """Places that are compared."""
+        return self.longest + self.seen_for
 
-    def found_after(
-        self, window: Window, innovations: NDArray[np.float64], response: NDArray[np.float64], sigma: float
-    ) -> Edge | None:
-        """Take in an event's innovations (n,); the step there is, None if there is none.
+
+def edge_places(interval: float) -> EdgePlaces:
+    """Those at an interval of samples [s]."""
+    durations = (SHORTEST_DELAY, LONGEST_DELAY, SEEN_FOR, BEFORE_OPENING)
+    shortest, longest, seen_for, beside = (round(duration / interval) for duration in durations)
+    return EdgePlaces(shortest, longest, max(seen_for, FEWEST), beside)
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeSearch:
+    """Sums over events by which a step at one time before the openings shows; empty before any.
+
+    whole: (2, places), the same without limits: how high, and where.
+    """
+
+    products: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    squares: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    whole: NDArray[np.float64] = field(default_factory=lambda: np.zeros((2, 0)))
+
+    def after(
+        self,
+        window: Window,
+        innovations: NDArray[np.float64],
+        response: NDArray[np.float64],
+        sigma: float,
+        places: EdgePlaces,
+    ) -> "EdgeSearch":
+        """With an event's innovations (n,).
 
         response: (n,) of the innovations to a step of y at the sample `longest` before the opening.
         """
-        self._products *= REMEMBERED
-        self._squares *= REMEMBERED
-        self._whole *= REMEMBERED
+        before = self if self.products.size == places.all else _no_edges(places.all)
         opening = window.opening
         clipped = np.clip(innovations[:opening] / sigma, -EDGE_CLIP, EDGE_CLIP)
-        shape = response[opening - self.longest : opening - self.longest + self._seen_for]
-        products, squares = np.zeros((2, self._products.size))
-        _compare(clipped, shape, self._shortest, self._beside, products, squares)
+        shape = response[opening - places.longest : opening - places.longest + places.seen_for]
+        products, squares = np.zeros((2, places.all))
+        _compare(clipped, shape, places.shortest, places.beside, products, squares)
         most = OF_ONE_EVENT * np.sqrt(squares)
-        self._products += np.clip(products, -most, most)
-        self._squares += squares
-        self._whole += products / sigma, squares / sigma**2
-        known = np.maximum(self._squares, np.finfo(np.float64).tiny)
-        scores = np.abs(self._products) / np.sqrt(known)
-        edge, elsewhere = scores[: self.longest + 1].max(), scores[self.longest + 1 :].max()
+        return EdgeSearch(
+            REMEMBERED * before.products + np.clip(products, -most, most),
+            REMEMBERED * before.squares + squares,
+            REMEMBERED * before.whole + (products / sigma, squares / sigma**2),
+        )
+
+    def found(self, places: EdgePlaces) -> Edge | None:
+        """The step there is, None if there is none."""
+        known = np.maximum(self.squares, np.finfo(np.float64).tiny)
+        scores = np.abs(self.products) / np.sqrt(known)
+        edge, elsewhere = scores[: places.longest + 1].max(), scores[places.longest + 1 :].max()
         if not (edge > STANDS_OUT and elsewhere < COMMON * edge):
             return None
-        products, squares = self._whole[:, : self.longest + 1]
+        products, squares = self.whole[:, : places.longest + 1]
         before = int(np.argmax(products**2 / np.maximum(squares, np.finfo(np.float64).tiny)))
         return Edge(float(products[before] / squares[before]), before)
+
+
+def _no_edges(places: int) -> EdgeSearch:
+    return EdgeSearch(np.zeros(places), np.zeros(places), np.zeros((2, places)))
 
 
 def _compare(
@@ -144,113 +170,104 @@ class CoilPulse:
         return window._replace(output=output)
 
 
-class CoilCurrent(Tracker):
-    """Seeks the end of the pulse over the events, and takes the pulse out of those that follow."""
+def pulse_ends(interval: float) -> NDArray[np.int64]:
+    """Samples before a closing at which the end of the pulse is sought; interval: of samples [s]."""
+    earliest, latest, step = (round(t / interval) for t in (EARLIEST_END, LATEST_END, END_STEP))
+    return np.arange(latest, earliest, max(step, 1))
 
-    _products: NDArray[np.float64]
-    _squares: NDArray[np.float64]
-    pulse: CoilPulse | None
-    covariance: NDArray[np.float64]
 
-    def __init__(self, interval: float, width: int) -> None:
-        """interval: of samples [s]; width: columns of theta."""
-        earliest, latest, step = (round(t / interval) for t in (EARLIEST_END, LATEST_END, END_STEP))
-        self._ends = np.arange(latest, earliest, max(step, 1))
-        # of innovations and of a pulse of 1, all else fitted: their products, and its squares
-        self._products, self._squares = np.zeros(self._ends.size), np.zeros(self._ends.size)
-        self.pulse = None
-        """What is taken out, None: nothing."""
-        self.covariance = np.zeros((width, width))
-        """Of theta (m, m), by what is not known of the pulse that is taken out."""
+@dataclass(frozen=True, eq=False)
+class CoilCurrent:
+    """The pulse that is taken out, None: nothing, and the sums over events by which its end is sought.
+
+    products: of innovations and of a pulse of 1, all else fitted, by end, squares: those of the pulse, both empty
+    before any event; covariance: of theta (m, m), by what is not known of the pulse, None: 0.
+    """
+
+    products: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    squares: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    pulse: CoilPulse | None = None
+    covariance: NDArray[np.float64] | None = None
 
     def undone(self, window: Window) -> Window:
         """A window without the pulse."""
         return window if self.pulse is None else self.pulse.taken_out(window)
 
-    def take_in(
+    def after(
         self,
         window: Window,
         edge: Edge,
         innovations: Innovations,
         slopes: NDArray[np.float64],
         prior: NDArray[np.float64],
-    ) -> None:
-        """An event as it was recorded, at whose openings there is such an edge.
+        ends: NDArray[np.int64],
+    ) -> "CoilCurrent":
+        """With an event as it was recorded, at whose openings there is such an edge.
 
         innovations: (n,) of a window, in standard deviations, 0 where they do not count; slopes: (n, m) of the same
         by theta; prior: (m,) standard deviations.
         """
-        self._products *= REMEMBERED
-        self._squares *= REMEMBERED
+        is_begun = self.products.size == ends.size
+        products = REMEMBERED * self.products if is_begun else np.zeros(ends.size)
+        squares = REMEMBERED * self.squares if is_begun else np.zeros(ends.size)
         information = slopes.T @ slopes + np.diag(prior**-2)
         whole = innovations(window)
         left = np.clip(whole, -CLIP, CLIP)
         pull = np.linalg.solve(information, slopes.T @ left)
-        taken = np.empty((self._ends.size, prior.size))  # for a pulse of 1
-        for i, end in enumerate(self._ends):
+        taken = np.empty((ends.size, prior.size))  # for a pulse of 1
+        for i, end in enumerate(ends):
             without = innovations(CoilPulse(edge.height, edge.before, int(end)).taken_out(window))
             shape = (whole - without) / edge.height
             by_theta = slopes.T @ shape
             taken[i] = np.linalg.solve(information, by_theta)
-            self._products[i] += float(shape @ left - by_theta @ pull)
-            self._squares[i] += float(shape @ shape - by_theta @ taken[i])
-        explained = 0.5 * self._products**2 / self._squares
+            products[i] += float(shape @ left - by_theta @ pull)
+            squares[i] += float(shape @ shape - by_theta @ taken[i])
+        explained = 0.5 * products**2 / squares
         best = int(np.argmax(explained))
-        others = np.abs(np.arange(self._ends.size) - best) > 1
-        is_within = 0 < best < self._ends.size - 1
+        others = np.abs(np.arange(ends.size) - best) > 1
+        is_within = 0 < best < ends.size - 1
         is_clear = bool(explained[best] - explained[others].max() > CLEAR)
         if self.pulse is None and not (is_within and is_clear):
-            return
-        height = float(self._products[best] / self._squares[best])
+            return replace(self, products=products, squares=squares)
+        height = float(products[best] / squares[best])
         if self.pulse is None:
-            self._products *= BEFORE_KNOWN
-            self._squares *= BEFORE_KNOWN
-        self.pulse = CoilPulse(height, edge.before, int(self._ends[best]))
-        variance = 1.0 / self._squares[best] + (SHAPE * height) ** 2
-        self.covariance = variance * np.outer(taken[best], taken[best])
-
-    def forget(self) -> None:
-        """There is no edge."""
-        self._products[:], self._squares[:] = 0.0, 0.0
-        self.pulse, self.covariance = None, np.zeros_like(self.covariance)
+            products *= BEFORE_KNOWN
+            squares *= BEFORE_KNOWN
+        pulse = CoilPulse(height, edge.before, int(ends[best]))
+        variance = 1.0 / squares[best] + (SHAPE * height) ** 2
+        return CoilCurrent(products, squares, pulse, variance * np.outer(taken[best], taken[best]))
 
 
-class Energizing(Tracker):
-    """Follows it event after event, and takes it out of events once it is known."""
+@dataclass(frozen=True, eq=False)
+class Energizing:
+    """What events have shown of it; it is taken out of them once it is known."""
 
-    _edges: EdgeSearch
-    _current: CoilCurrent
-
-    def __init__(self, interval: float, prior: NDArray[np.float64]) -> None:
-        """interval: of samples [s]; prior: standard deviations (m,) of theta before any event."""
-        self._prior = prior
-        self._edges = EdgeSearch(interval)
-        self._current = CoilCurrent(interval, prior.size)
+    edges: EdgeSearch = field(default_factory=EdgeSearch)
+    current: CoilCurrent = field(default_factory=CoilCurrent)
 
     @property
     def is_known(self) -> bool:
         """Whether it is taken out."""
-        return self._current.pulse is not None
+        return self.current.pulse is not None
 
-    @property
-    def covariance(self) -> NDArray[np.float64]:
-        """Of theta (m, m), by what is not known of what is taken out."""
-        return self._current.covariance
+    def after(
+        self,
+        window: Window,
+        fit: EventFit,
+        sigma: float,
+        cost_of: Callable[[Window], EventCost],
+        prior: NDArray[np.float64],
+        interval: float,
+    ) -> tuple["Energizing", bool]:
+        """With a fitted event as it was recorded; whether something was in it that was not taken out.
 
-    def undone(self, window: Window) -> Window:
-        """A window without it."""
-        return self._current.undone(window)
-
-    def is_disturbing(
-        self, window: Window, fit: EventFit, sigma: float, cost_of: Callable[[Window], EventCost]
-    ) -> bool:
-        """Take in a fitted event as it was recorded; whether something was in it that was not taken out.
-
-        sigma: of the innovations [p_0]; cost_of: a window's cost.
+        sigma: of the innovations [p_0]; cost_of: a window's cost; prior: standard deviations (m,) of theta before
+        any event; interval: of samples [s].
         """
-        first = window.opening - self._edges.longest
+        places = edge_places(interval)
+        first = window.opening - places.longest
         if first <= 0:
-            return False
+            return self, False
         theta = fit.linearisation.theta
 
         def left(window: Window) -> NDArray[np.float64]:
@@ -264,10 +281,11 @@ class Energizing(Tracker):
         shut = window.until(window.opening)
         before = left(shut)
         response = left(with_step(shut, first, sigma)) - before
-        edge = self._edges.found_after(shut, sigma * before, response, sigma)
-        was_known = self.is_known
+        edges = self.edges.after(shut, sigma * before, response, sigma, places)
+        edge = edges.found(places)
         if edge is None:
-            self._current.forget()
-            return was_known
-        self._current.take_in(window, edge, left, fit.slopes / sigma, self._prior)
-        return not was_known
+            return Energizing(edges), self.is_known
+        slopes, ends = fit.slopes / sigma, pulse_ends(interval)
+        return Energizing(
+            edges, self.current.after(window, edge, left, slopes, prior, ends)
+        ), not self.is_known

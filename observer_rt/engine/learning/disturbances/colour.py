@@ -6,7 +6,8 @@ model does not know on a slope is alike in neighbouring samples: fourth differen
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,6 @@ from observer_rt.engine.estimation.prediction_error import Whitening, forgetting
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.learning.disturbances.masks import DIFFERENCE
 from observer_rt.engine.learning.disturbances.noise_levels import mask_of
-from observer_rt.engine.learning.memory import Tracker
 from observer_rt.engine.stream.standstill import Standstill
 
 TIME_CONSTANTS = (2e-3, 0.66e-3, 0.245e-3, 0.095e-3)  # s, of the high passes to choose from
@@ -38,6 +38,7 @@ ABOUT_AS_GOOD = 20.0
 MOST_LEFT = 1.3
 LEFT_SIGNIFICANT = 2.5
 LAGS = ORDERS + max(BLOCKS)  # samples that the mean of a whitened block goes back
+_HIGH_PASSES = 1 + len(TIME_CONSTANTS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,46 +53,39 @@ class Colour:
     sigma: float
 
 
-class SlowRail(Tracker):
+@dataclass(frozen=True)
+class SlowRail:
     """How strong the noise of the rail pressure is where the line hears it, older events counting less."""
 
-    _squares: float
-    _count: float
+    squares: float = 0.0
+    count: float = 0.0
 
-    def __init__(self, interval: float) -> None:
-        """interval: of samples [s]."""
-        self._forgetting = forgetting_of(RAIL_MOTION, interval)
-        self._length = max(1, round(RAIL_BLOCK / interval))
-        self._squares, self._count = 0.0, 0.0
-
-    def add(self, segments: Sequence[NDArray[np.float64]]) -> None:
-        """Take in an event's rail pressure, a stretch of rest each."""
-        self._squares *= REMEMBERED
-        self._count *= REMEMBERED
+    def after(self, segments: Sequence[NDArray[np.float64]], interval: float) -> "SlowRail":
+        """With an event's rail pressure, a stretch of rest each; interval: of samples [s]."""
+        forgetting, length = forgetting_of(RAIL_MOTION, interval), max(1, round(RAIL_BLOCK / interval))
+        squares, count = self.squares * REMEMBERED, self.count * REMEMBERED
         for values in segments:
-            passed = np.append(0.0, high_passed(values[1:], self._forgetting))
-            blocks = passed[: passed.size // self._length * self._length].reshape(-1, self._length)
-            self._squares += float(np.sum(blocks.mean(axis=1) ** 2)) * self._length
-            self._count += len(blocks)
+            passed = np.append(0.0, high_passed(values[1:], forgetting))
+            blocks = passed[: passed.size // length * length].reshape(-1, length)
+            squares += float(np.sum(blocks.mean(axis=1) ** 2)) * length
+            count += len(blocks)
+        return SlowRail(squares, count)
 
     @property
     def sigma(self) -> float:
         """Of the white noise that is as strong, a sample's; 0 without any rest."""
-        return math.sqrt(self._squares / self._count) if self._count > 0.0 else 0.0
+        return math.sqrt(self.squares / self.count) if self.count > 0.0 else 0.0
 
 
-class OffsetSince:
-    """Line over rail pressure at rest from one event to the next."""
+def offset_between(before: Standstill | None, after: Standstill) -> float | None:
+    """Mean of line over rail pressure at rest [p_0] between the ends of two events, None without a sample.
 
-    def __init__(self) -> None:
-        self._samples, self._sum = 0, 0.0
-
-    def after(self, standstill: Standstill) -> float | None:
-        """Its mean since the event before [p_0], None without a sample; standstill: when an event ended."""
-        total = standstill.samples * standstill.offset
-        samples, offset = standstill.samples - self._samples, total - self._sum
-        self._samples, self._sum = standstill.samples, total
-        return offset / samples if samples > 0 else None
+    before: None, where there was no event.
+    """
+    samples, total = after.samples, after.samples * after.offset
+    if before is not None:
+        samples, total = samples - before.samples, total - before.samples * before.offset
+    return total / samples if samples > 0 else None
 
 
 def resting_segments(window: Window, first: int, shortest: int) -> list[slice]:
@@ -109,61 +103,68 @@ def resting_segments(window: Window, first: int, shortest: int) -> list[slice]:
     ]
 
 
-class RestingNoise(Tracker):
-    """What innovations at rest are like, older events counting less; from it the filter that makes them white."""
+@lru_cache
+def _choices(interval: float) -> NDArray[np.float64]:
+    """What the high passes to choose from keep from one sample to the next, none first."""
+    return np.array([NO_HIGH_PASS, *(forgetting_of(constant, interval) for constant in TIME_CONSTANTS)])
 
-    _products: NDArray[np.float64]
-    _by_lag: NDArray[np.float64]
-    _count: float
 
-    def __init__(self, interval: float) -> None:
-        """interval: of samples [s]."""
-        self._interval = interval
-        self._choices = np.array(
-            [NO_HIGH_PASS, *(forgetting_of(constant, interval) for constant in TIME_CONSTANTS)]
-        )
-        self._products = np.zeros((self._choices.size, ORDERS + 1, ORDERS + 1))
-        self._by_lag = np.zeros((self._choices.size, LAGS))
-        self._count = 0.0
+@dataclass(frozen=True, eq=False)
+class RestingNoise:
+    """What innovations at rest are like, older events counting less; from it the filter that makes them white.
 
-    def add(self, segments: Sequence[NDArray[np.float64]]) -> None:
-        """Take in an event's innovations [p_0], a stretch of rest each."""
-        weight, before = self._weights(segments)
-        self._products *= REMEMBERED * before
-        self._by_lag *= REMEMBERED * before
-        self._count *= REMEMBERED if before > 0.0 else 0.0
+    By high pass, in samples of one interval: products of neighbours, and by lag.
+    """
+
+    products: NDArray[np.float64] = field(
+        default_factory=lambda: np.zeros((_HIGH_PASSES, ORDERS + 1, ORDERS + 1))
+    )
+    by_lag: NDArray[np.float64] = field(default_factory=lambda: np.zeros((_HIGH_PASSES, LAGS)))
+    count: float = 0.0
+
+    def after(self, segments: Sequence[NDArray[np.float64]], interval: float) -> "RestingNoise":
+        """With an event's innovations [p_0], a stretch of rest each; interval: of samples [s]."""
+        choices = _choices(interval)
+        weight, before = self._weights(segments, choices)
+        products, by_lag = (sums * (REMEMBERED * before) for sums in (self.products, self.by_lag))
+        count = self.count * (REMEMBERED if before > 0.0 else 0.0)
         for values in segments:
-            take_in_products(values, weight, self._choices, self._products, self._by_lag)
-            self._count += len(values) - ORDERS
+            take_in_products(values, weight, choices, products, by_lag)
+            count += len(values) - ORDERS
+        return RestingNoise(products, by_lag, count)
 
-    def _weights(self, segments: Sequence[NDArray[np.float64]]) -> tuple[float, float]:
+    def _weights(
+        self, segments: Sequence[NDArray[np.float64]], choices: NDArray[np.float64]
+    ) -> tuple[float, float]:
         """What makes up for how loud an event is: a factor of its innovations, and of the squares before it.
 
         By what the slowest high pass lets through: levels differ from event to event.
         """
-        if not (segments and self._count > 0.0):
+        if not (segments and self.count > 0.0):
             return 1.0, 1.0
-        passed = np.concatenate([high_passed(values, self._choices[1]) for values in segments])
-        square, known = float(np.mean(passed**2)), float(self._products[1, 0, 0] / self._count)
+        passed = np.concatenate([high_passed(values, choices[1]) for values in segments])
+        square, known = float(np.mean(passed**2)), float(self.products[1, 0, 0] / self.count)
         if not min(square, known) > 0.0:
             return 1.0, 1.0
         if known > GONE * square:
             return 1.0, 0.0
         return math.sqrt(min(1.0, LOUDEST * known / square)), min(1.0, LOUDEST * square / known)
 
-    def colour(self, before: Colour | None, expected: float = 0.0) -> Colour | None:
+    def colour(self, before: Colour | None, interval: float, expected: float = 0.0) -> Colour | None:
         """The filter that explains them best by the BIC, None where white noise does about as well.
 
-        before: what it was, and stays where too little was seen; expected: standard deviation of innovations by the
-        noise levels [p_0]. What is much quieter is no noise but arithmetic, of a recording without noise.
+        before: what it was, and stays where too little was seen; interval: of samples [s]; expected: standard
+        deviation of innovations by the noise levels [p_0]. What is much quieter is no noise but arithmetic, of a
+        recording without noise.
         """
-        if self._count <= 2 * ORDERS:
+        if self.count <= 2 * ORDERS:
             return before
-        if self._products[0, 0, 0] < self._count * (QUIET * expected) ** 2:
+        if self.products[0, 0, 0] < self.count * (QUIET * expected) ** 2:
             return None
-        variances = _residual_variances(self._products / self._count)
-        parameters = np.arange(ORDERS + 1) + (self._choices[:, None] != NO_HIGH_PASS)
-        criteria = self._count * np.log(variances) + math.log(self._count) * parameters
+        choices = _choices(interval)
+        variances = _residual_variances(self.products / self.count)
+        parameters = np.arange(ORDERS + 1) + (choices[:, None] != NO_HIGH_PASS)
+        criteria = self.count * np.log(variances) + math.log(self.count) * parameters
         if np.min(criteria) > criteria[0, 0] - MARGIN:
             return None
         orders, least = self._best_orders(criteria)
@@ -171,9 +172,9 @@ class RestingNoise(Tracker):
         if choice > 0:
             choice = int(np.flatnonzero(least < least[choice] + ABOUT_AS_GOOD)[-1])
         order = orders[choice]
-        forgetting = float(self._choices[choice]) if choice > 0 else None
+        forgetting = float(choices[choice]) if choice > 0 else None
         whitening = Whitening(forgetting, self._taps(choice, order))
-        return Colour(whitening, self._interval, math.sqrt(variances[choice, order]))
+        return Colour(whitening, interval, math.sqrt(variances[choice, order]))
 
     def _best_orders(self, criteria: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Of each high pass the order to take, and its BIC: the least of the filters that leave no colour.
@@ -194,7 +195,7 @@ class RestingNoise(Tracker):
         one = self._variance_of(choice, filtering)
         for length in BLOCKS:
             colour = self._variance_of(choice, np.convolve(np.ones(length), filtering)) / (length * one)
-            blocks = self._count / length
+            blocks = self.count / length
             if colour > MOST_LEFT and deviate(colour * blocks, blocks) > LEFT_SIGNIFICANT:
                 return True
         return False
@@ -203,10 +204,10 @@ class RestingNoise(Tracker):
         """Of a weighted sum of neighbouring innovations behind a high pass."""
         products = np.correlate(weights, weights, "full")[weights.size - 1 :]
         products[1:] *= 2.0
-        return float(products @ self._by_lag[choice, : weights.size]) / self._count
+        return float(products @ self.by_lag[choice, : weights.size]) / self.count
 
     def _taps(self, choice: int, order: int) -> NDArray[np.float64]:
-        products = self._products[choice]
+        products = self.products[choice]
         return -np.linalg.solve(products[1 : order + 1, 1 : order + 1], products[1 : order + 1, 0])
 
 
@@ -237,26 +238,27 @@ RELEVANT = 0.1  # samples: less is not told from a noise that is white
 MOST = 0.5  # samples: more is no jitter
 
 
-class TimeJitter(Tracker):
-    """Follows how much louder the line pressure is where it is steep, event after event."""
+@dataclass(frozen=True, eq=False)
+class TimeJitter:
+    """How much louder the line pressure is where it is steep, from recent events.
 
-    _sums: NDArray[np.float64]
-    _variance: float
+    sums: of weights, with squared slopes and their squares, with loudness and both; variance: of the moments
+    [samples^2], 0: none.
+    """
 
-    def __init__(self) -> None:
-        self._sums = np.zeros(5)  # weights, with squared slopes and their squares, with loudness and both
-        self._variance = 0.0
+    sums: NDArray[np.float64] = field(default_factory=lambda: np.zeros(5))
+    variance: float = 0.0
 
     @property
     def is_known(self) -> bool:
         """Whether the noise depends on the slope."""
-        return self._variance > 0.0
+        return self.variance > 0.0
 
     def levels(self, window: Window, sigma: float) -> NDArray[np.float64] | None:
         """Standard deviations (n,) of a window's innovations over that at rest, `sigma`; None: all are alike."""
         if not self.is_known:
             return None
-        return np.sqrt(1.0 + self._variance * _squared_slopes(window, sigma))
+        return np.sqrt(1.0 + self.variance * _squared_slopes(window, sigma))
 
     def loudest(self, window: Window, sigma: float) -> float:
         """Largest mean square of `levels` over as many samples as contradict a model; 1 where all are alike."""
@@ -265,8 +267,10 @@ class TimeJitter(Tracker):
             return 1.0
         return float(np.convolve(levels**2, np.full(LENGTH, 1.0 / LENGTH), "valid").max())
 
-    def is_new_after(self, window: Window, unfiltered: NDArray[np.float64], sigma: float, first: int) -> bool:
-        """Take in an event's innovations (n,) from `first` on, neither white nor weighed; whether it shows now."""
+    def after(
+        self, window: Window, unfiltered: NDArray[np.float64], sigma: float, first: int
+    ) -> "TimeJitter":
+        """With an event's innovations (n,) from `first` on, neither white nor weighed."""
         counts = np.convolve(mask_of(window), np.ones(DIFFERENCE.size), "same") == 0.0
         counts[: first + DIFFERENCE.size] = False
         counts[-DIFFERENCE.size :] = False
@@ -277,20 +281,19 @@ class TimeJitter(Tracker):
         loud = np.minimum(squares, CLIP * expected)
         weights = 1.0 / expected**2
         columns = np.ones_like(slopes), slopes, slopes**2, loud, slopes * loud
-        self._sums = JITTER_REMEMBERED * self._sums + [float(weights @ column) for column in columns]
-        was_known = self.is_known
-        self._variance = self._found(LOST if was_known else FOUND)
-        return self.is_known and not was_known
+        sums = JITTER_REMEMBERED * self.sums + [float(weights @ column) for column in columns]
+        return TimeJitter(sums, _variance_in(sums, LOST if self.is_known else FOUND))
 
-    def _found(self, needed: float) -> float:
-        """Variance of the moments [samples^2], of a straight line through loudness over squared slope; 0: none."""
-        count, slopes, squares, loud, both = self._sums
-        information = squares - slopes**2 / count if count > 0.0 else 0.0
-        if not information > 0.0:
-            return 0.0
-        variance = (both - slopes * loud / count) / information
-        is_sure = variance * math.sqrt(information / (2.0 * ALIKE)) > needed
-        return float(variance) if is_sure and RELEVANT**2 < variance < MOST**2 else 0.0
+
+def _variance_in(sums: NDArray[np.float64], needed: float) -> float:
+    """Variance of the moments [samples^2], of a straight line through loudness over squared slope; 0: none."""
+    count, slopes, squares, loud, both = sums
+    information = squares - slopes**2 / count if count > 0.0 else 0.0
+    if not information > 0.0:
+        return 0.0
+    variance = (both - slopes * loud / count) / information
+    is_sure = variance * math.sqrt(information / (2.0 * ALIKE)) > needed
+    return float(variance) if is_sure and RELEVANT**2 < variance < MOST**2 else 0.0
 
 
 def _squared_slopes(window: Window, sigma: float) -> NDArray[np.float64]:

@@ -4,27 +4,30 @@ It is the same from sample to sample, so that no sample shows it for a channel t
 rail keeps its pressure through whole injections, and through the noise that the line pressure shows.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.learning.memory import Tracker
 from observer_rt.engine.stream.standstill import FLOOR, Standstill
 
 ENOUGH = 2  # events in a row with one value
 
 
-class HeldRail(Tracker):
-    """Follows whether the rail pressure moves in events."""
+@dataclass(frozen=True)
+class HeldRail:
+    """The one rail pressure [p_0] that the last so many events had; None: it moved in the last one."""
 
-    _value: float | None
-    _events: int
+    value: float | None = None
+    events: int = 0
 
-    def __init__(self) -> None:
-        self._value = None
-        self._events = 0
+    @property
+    def is_held(self) -> bool:
+        """Whether enough events in a row had one."""
+        return self.events >= ENOUGH
 
-    def is_held_after(self, window: Window, standstill: Standstill, rail_every: float) -> bool:
-        """Take in an event; whether it and those before it had one rail pressure.
+    def after(self, window: Window, standstill: Standstill, rail_every: float) -> "HeldRail":
+        """With an event.
 
         rail_every: samples to one of the rail pressure; a slow one may have the same value in an event. A recording
         without noise is computed, and so may its rail pressure be.
@@ -33,8 +36,5 @@ class HeldRail(Tracker):
         is_noisy = standstill.noise is not None and standstill.noise.line_pressure > FLOOR.line_pressure
         value = float(rail[0])
         if rail_every > 1.0 or not is_noisy or np.ptp(rail) > 0.0:
-            self._value, self._events = None, 0
-            return False
-        self._events = self._events + 1 if value == self._value else 1
-        self._value = value
-        return self._events >= ENOUGH
+            return HeldRail()
+        return HeldRail(value, self.events + 1 if value == self.value else 1)

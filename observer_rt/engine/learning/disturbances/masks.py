@@ -5,7 +5,6 @@ at the event's highest or lowest level, if that recurs, is clipped; one at the s
 what the injector does; and of many in one event the model is to blame.
 """
 
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -16,7 +15,6 @@ from numpy.typing import NDArray
 from observer_rt.core.learning.outliers import BETTER, LENGTH, find_held, find_loud, largest_of
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.learning.disturbances.noise_levels import Sigmas, loudness, mask_of, robust_sigma
-from observer_rt.engine.learning.memory import Tracker
 
 LEAP = 8.0  # standard deviations of the innovations from one sample to the next
 WIDEST_SPIKE = 8  # samples
@@ -142,24 +140,23 @@ class End:
 
 
 @dataclass(frozen=True)
-class _Event:
+class EventEnds:
     """Both ends of the line pressure in an event, and its rail pressure."""
 
     rail_pressure: float
     ends: tuple[End, End]
 
 
-class OutlierSearch(Tracker):
-    """Looks for outliers in event after event, and remembers where there were some."""
+@dataclass(frozen=True)
+class OutlierSearch:
+    """Where recent events had outliers, and how far their line pressure went.
 
-    _stretches: deque[tuple[tuple[int, float], ...]]  # places, from the event's opening on, and levels
-    _bursts: deque[tuple[int, ...]]  # their middles, from the opening on
-    _ends: deque[_Event]
+    stretches: places, from the event's opening on, and levels; bursts: their middles, from the opening on.
+    """
 
-    def __init__(self) -> None:
-        self._stretches = deque(maxlen=REMEMBERED)
-        self._bursts = deque(maxlen=REMEMBERED)
-        self._ends = deque(maxlen=ENDS_REMEMBERED)
+    stretches: tuple[tuple[tuple[int, float], ...], ...] = ()
+    bursts: tuple[tuple[int, ...], ...] = ()
+    ends: tuple[EventEnds, ...] = ()
 
     def masked(
         self, window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int
@@ -186,40 +183,46 @@ class OutlierSearch(Tracker):
                     mask[start:end] = True
         return mask if (mask & ~before).any() else None
 
-    def is_clipped_after(
+    def after(
         self, window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int
-    ) -> bool:
-        """Take in a fitted event; whether its line pressure goes as far as at other rail pressures: it is clipped."""
+    ) -> "OutlierSearch":
+        """With a fitted event."""
         stretches = frozen_stretches(window, innovations, sigmas, first)
-        self._stretches.append(tuple((s.start - window.opening, s.level) for s in stretches))
-        bursts = bursts_of(window.output, sigmas.noise)
-        self._bursts.append(tuple(_middle(burst) - window.opening for burst in bursts))
-        event = _Event(float(window.inputs[window.opening, 0]), ends_of(window, innovations, sigmas))
-        self._ends.append(event)
-        return any(self._is_end_of_range(event, end, sigmas) for end in range(2))
+        places = tuple((s.start - window.opening, s.level) for s in stretches)
+        bursts = tuple(_middle(burst) - window.opening for burst in bursts_of(window.output, sigmas.noise))
+        event = EventEnds(float(window.inputs[window.opening, 0]), ends_of(window, innovations, sigmas))
+        return OutlierSearch(
+            (*self.stretches, places)[-REMEMBERED:],
+            (*self.bursts, bursts)[-REMEMBERED:],
+            (*self.ends, event)[-ENDS_REMEMBERED:],
+        )
 
-    def _is_end_of_range(self, event: _Event, number: int, sigmas: Sigmas) -> bool:
+    def is_clipped(self, sigmas: Sigmas) -> bool:
+        """Whether the last event's line pressure goes as far as at other rail pressures: it is clipped."""
+        return any(self._is_end_of_range(self.ends[-1], end, sigmas) for end in range(2))
+
+    def _is_end_of_range(self, event: EventEnds, number: int, sigmas: Sigmas) -> bool:
         """Whether the line pressure goes as far in other events, and stays there or does so at any pressure."""
         end, close = event.ends[number], SAME_END * sigmas.noise
-        alike = [e.rail_pressure for e in self._ends if abs(e.ends[number].level - end.level) < close]
+        alike = [e.rail_pressure for e in self.ends if abs(e.ends[number].level - end.level) < close]
         is_general = max(alike) - min(alike) > OTHER_POINT * sigmas.noise
         return len(alike) >= RECURS and (end.is_flat or is_general)
 
     def _is_true(self, window: Window, stretch: HeldStretch, sigmas: Sigmas) -> bool:
         """Whether a stretch is no outlier, but what is there or all that the sensor can show."""
         place = stretch.start - window.opening
-        alike = sum(any(abs(place - there) <= SAME_PLACE for there, _ in event) for event in self._stretches)
+        alike = sum(any(abs(place - there) <= SAME_PLACE for there, _ in event) for event in self.stretches)
         return alike + 1 >= RECURS or (stretch.is_extreme and self._recurs_at(stretch.level, sigmas))
 
     def _is_usual(self, burst: HeldStretch, opening: int) -> bool:
         """Whether there is a burst in event after event: then it is what the injector does, or its sensor."""
         place = _middle(burst) - opening
-        alike = sum(any(abs(place - there) <= LENGTH for there in event) for event in self._bursts)
+        alike = sum(any(abs(place - there) <= LENGTH for there in event) for event in self.bursts)
         return alike + 1 >= RECURS
 
     def _recurs_at(self, level: float, sigmas: Sigmas) -> bool:
         close = SAME_LEVEL * sigmas.noise
-        return any(abs(level - other) <= close for event in self._stretches for _, other in event)
+        return any(abs(level - other) <= close for event in self.stretches for _, other in event)
 
 
 def _middle(stretch: HeldStretch) -> int:

@@ -1,7 +1,7 @@
 """Line against rail pressure: gains of their sensors that differ, and an offset that moves from event to event."""
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,6 @@ from observer_rt.engine.estimation.prediction_error import EventCost
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import Parameter
 from observer_rt.engine.learning.disturbances.noise_levels import mask_of
-from observer_rt.engine.learning.memory import Tracker
 
 REMEMBERED = 0.9  # weight of the events before an event
 ENOUGH = 4.0  # events by these weights, before a gain is spoken of: five
@@ -28,44 +27,28 @@ UNTOLD_SHARE = 0.6
 SEAT_SHARE = 2.0  # v_S is as much less certain than v_H
 
 
-class PressureGains(Tracker):
+@dataclass(frozen=True, eq=False)
+class PressureGains:
     """The offsets found in recent events over their pressures: what of them grows with the pressure is of the gains.
 
     From a line and a rail pressure alone it is not known whose gain is wrong: half of the difference is taken for the
-    line sensor's, so that flows are wrong by half of it at the most, whoever's it is.
+    line sensor's, so that flows are wrong by half of it at the most, whoever's it is. difference: by which the gain
+    of the line sensor is larger (share), 0 while nothing tells; change: of it, by the last event; seen: offset of
+    that over its rail pressure.
     """
 
-    _sums: NDArray[np.float64]
-    _seen: float
-    _change: float
+    sums: NDArray[np.float64] = field(default_factory=lambda: np.zeros(6))
+    difference: float = 0.0
+    seen: float = 0.0
+    change: float = 0.0
 
-    def __init__(self) -> None:
-        self._sums = np.zeros(6)
-        self.difference = 0.0
-        """By which the gain of the line sensor is larger (share), 0 while nothing tells."""
-        self._seen = 0.0
-        self._change = 0.0
-
-    def add(self, offset: float, pressure: float) -> None:
-        """Take in what line over rail pressure was in an event, as recorded, and the rail pressure [p_0]."""
+    def after(self, offset: float, pressure: float) -> "PressureGains":
+        """With what line over rail pressure was in an event, as recorded, and the rail pressure [p_0]."""
         o, p = offset, pressure
-        self._sums = REMEMBERED * self._sums + np.array([1.0, p, o, p * p, p * o, o * o])
-        self._seen = abs(offset) / pressure if pressure > 0.0 else 0.0
-        before, self.difference = self.difference, self._found()
-        self._change = self.difference - before
-
-    def _found(self) -> float:
-        count = self._sums[0]
-        if count < ENOUGH:
-            return 0.0
-        p, o, pp, po, oo = self._sums[1:] / count
-        spread = pp - p * p
-        if not spread > LEAST_SPREAD**2:
-            return 0.0
-        gain = (po - p * o) / spread
-        rest = max(oo - o * o - gain * (po - p * o), NOISE**2) * count / (count - 2.0)
-        sigma = math.sqrt(rest / (count * spread))
-        return float(gain) if abs(gain) > max(SIGNIFICANT * sigma, LEAST_GAIN) else 0.0
+        sums = REMEMBERED * self.sums + np.array([1.0, p, o, p * p, p * o, o * o])
+        difference = _difference_in(sums)
+        seen = abs(offset) / pressure if pressure > 0.0 else 0.0
+        return PressureGains(sums, difference, seen, difference - self.difference)
 
     def as_recorded(self, offset: float, pressure: float) -> float:
         """Line over rail pressure as recorded, where it is `offset` after the line's share is undone."""
@@ -91,17 +74,32 @@ class PressureGains(Tracker):
 
     def wear_variance(self, width: int) -> NDArray[np.float64]:
         """The same of what theta says of wear, as variances (width,): an offset may be a gain where none was told."""
-        share = self.flow_share if self.difference else UNTOLD_SHARE * self._seen
+        share = self.flow_share if self.difference else UNTOLD_SHARE * self.seen
         return _of_wear(share, width) ** 2
 
     def rescaled(self, belief: Belief) -> Belief:
         """What was learned of flows before the last event changed what is undone, less sure by as much."""
-        change = self._change
+        change = self.change
         if change == 0.0:
             return belief
         mean = belief.mean.copy()
         mean[Parameter.NOZZLE_BIAS] -= 0.5 * change * (1.0 + mean[Parameter.NOZZLE_BIAS])
         return replace(belief, mean=mean).widened(_of_wear(0.5 * change, mean.size))
+
+
+def _difference_in(sums: NDArray[np.float64]) -> float:
+    """How the offsets grow with the pressure, by their weighted sums (6,)."""
+    count = sums[0]
+    if count < ENOUGH:
+        return 0.0
+    p, o, pp, po, oo = sums[1:] / count
+    spread = pp - p * p
+    if not spread > LEAST_SPREAD**2:
+        return 0.0
+    gain = (po - p * o) / spread
+    rest = max(oo - o * o - gain * (po - p * o), NOISE**2) * count / (count - 2.0)
+    sigma = math.sqrt(rest / (count * spread))
+    return float(gain) if abs(gain) > max(SIGNIFICANT * sigma, LEAST_GAIN) else 0.0
 
 
 def _of_wear(share: float, width: int) -> NDArray[np.float64]:

@@ -59,5 +59,5 @@ def test_burst_is_masked_but_not_what_comes_with_every_event() -> None:
         window = Window(np.column_stack([np.ones(COUNT), np.zeros(COUNT)]), y, shut, np.zeros(4), 100)
         mask = search.masked(window, y - swinging(), SIGMAS, FIRST)
         masked.append(mask is not None and mask[AT].mean() > 0.8)
-        search.is_clipped_after(window, y - swinging(), SIGMAS, FIRST)
+        search = search.after(window, y - swinging(), SIGMAS, FIRST)
     assert masked == [True] * (RECURS - 1) + [False] * 2

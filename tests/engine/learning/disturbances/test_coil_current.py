@@ -1,12 +1,20 @@
 """What the coil's current adds to the line pressure is taken out once its end is clear, and not before."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.learning.disturbances.coil_current import CoilCurrent, CoilPulse, Edge
+from observer_rt.engine.learning.disturbances.coil_current import (
+    CoilCurrent,
+    CoilPulse,
+    Edge,
+    Energizing,
+    pulse_ends,
+)
 
 INTERVAL = 1e-5  # s
 COUNT = 600
@@ -36,11 +44,12 @@ def slopes() -> NDArray[np.float64]:
 
 def after(events: int, height: float, until: int = UNTIL) -> CoilCurrent:
     """What was found in events with a pulse of a height [SIGMA]."""
-    current = CoilCurrent(INTERVAL, PRIOR.size)
+    current, ends = CoilCurrent(), pulse_ends(INTERVAL)
     for seed in range(events):
         noise = window(SIGMA * np.random.default_rng(seed).normal(size=COUNT))
         recorded = CoilPulse(-height * SIGMA, BEFORE, until).taken_out(noise)
-        current.take_in(recorded, Edge(height * SIGMA, BEFORE), as_seen, slopes(), PRIOR)
+        edge = Edge(height * SIGMA, BEFORE)
+        current = current.after(recorded, edge, as_seen, slopes(), PRIOR, ends)
     return current
 
 
@@ -61,9 +70,10 @@ def test_nothing_is_taken_out_while_its_end_is_not_clear() -> None:
 
 
 def test_the_less_is_known_of_it_the_wider_theta_is() -> None:
-    few, many = after(3, 1.5), after(30, 1.5)
-    assert few.pulse is not None
-    assert 0.0 < np.trace(np.atleast_2d(many.covariance)) < np.trace(np.atleast_2d(few.covariance))
+    few, many = after(3, 1.5).covariance, after(30, 1.5).covariance
+    assert few is not None
+    assert many is not None
+    assert 0.0 < np.trace(many) < np.trace(few)
 
 
 def test_it_is_taken_out_of_every_opening_and_forgotten_with_the_edge() -> None:
@@ -74,5 +84,10 @@ def test_it_is_taken_out_of_every_opening_and_forgotten_with_the_edge() -> None:
     for opening, shut in OPENINGS:
         taken[opening - BEFORE : shut - UNTIL] = True
     assert np.allclose(output, np.where(taken, 1.0 - height, 1.0))
-    current.forget()
-    assert current.undone(window(np.ones(COUNT))).output.min() == 1.0
+    cost = SimpleNamespace(value=lambda _: 0.0, innovations=np.zeros(COUNT), burn_in=0)
+    fit = SimpleNamespace(linearisation=SimpleNamespace(theta=np.zeros(2)))
+    known = Energizing(current=current)
+    without, said = known.after(window(np.ones(COUNT)), fit, SIGMA, lambda _: cost, PRIOR, INTERVAL)  # type: ignore[arg-type,return-value]
+    assert said
+    assert not without.is_known
+    assert without.current.undone(window(np.ones(COUNT))).output.min() == 1.0

@@ -10,8 +10,8 @@ from scipy.signal import lfilter
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.learning.disturbances.colour import (
     Colour,
-    OffsetSince,
     RestingNoise,
+    offset_between,
     resting_segments,
 )
 from observer_rt.engine.stream.standstill import Standstill
@@ -23,10 +23,10 @@ SIGMA = 0.154  # MPa, of white innovations
 
 def found_in(events: list[NDArray[np.float64]], interval: float = INTERVAL) -> Colour | None:
     """The colour after events with one stretch of rest each."""
-    noise = RestingNoise(interval)
+    noise = RestingNoise()
     for values in events:
-        noise.add([values])
-    return noise.colour(None)
+        noise = noise.after([values], interval)
+    return noise.colour(None, interval)
 
 
 def white(seed: int, events: int = 8, samples: int = REST) -> list[NDArray[np.float64]]:
@@ -95,12 +95,12 @@ def test_nor_has_white_noise_of_another_level() -> None:
 
 
 def test_what_is_quieter_than_the_noise_levels_is_none() -> None:
-    noise = RestingNoise(INTERVAL)
+    noise = RestingNoise()
     for values in first_order(white(3), 0.83):
-        noise.add([values])
+        noise = noise.after([values], INTERVAL)
     loudness = 1.0 / math.sqrt(1.0 - 0.83**2)
-    assert noise.colour(None, expected=loudness) is not None
-    assert noise.colour(None, expected=2.0 * loudness) is None
+    assert noise.colour(None, INTERVAL, expected=loudness) is not None
+    assert noise.colour(None, INTERVAL, expected=2.0 * loudness) is None
 
 
 @pytest.mark.parametrize(("interval", "samples"), [(1e-5, 700), (5e-5, 140)])
@@ -133,21 +133,20 @@ def test_a_tone_is_found() -> None:
 
 
 def test_what_has_gone_is_forgotten() -> None:
-    noise = RestingNoise(INTERVAL)
+    noise = RestingNoise()
     for values in with_hum(white(6), 50.0, INTERVAL):
-        noise.add([values])
-    before = noise.colour(None)
+        noise = noise.after([values], INTERVAL)
+    before = noise.colour(None, INTERVAL)
     assert before is not None
     for values in white(7, events=40):
-        noise.add([values])
-    assert noise.colour(before) is None
+        noise = noise.after([values], INTERVAL)
+    assert noise.colour(before, INTERVAL) is None
 
 
 def test_without_rest_the_colour_stays() -> None:
     before = found_in(with_hum(white(8), 50.0, INTERVAL))
-    noise = RestingNoise(INTERVAL)
-    noise.add([])
-    assert noise.colour(before) is before
+    noise = RestingNoise()
+    assert noise.after([], INTERVAL).colour(before, INTERVAL) is before
 
 
 def test_segments_are_long_enough_and_late_enough() -> None:
@@ -165,8 +164,8 @@ def test_segments_are_long_enough_and_late_enough() -> None:
 
 
 def test_offset_is_that_since_the_event_before() -> None:
-    since = OffsetSince()
-    assert since.after(Standstill(0, 0.0, None)) is None
-    assert since.after(Standstill(1000, 0.01, None)) == pytest.approx(0.01)
-    assert since.after(Standstill(3000, 0.03, None)) == pytest.approx(0.04)
-    assert since.after(Standstill(3000, 0.03, None)) is None
+    first, second = Standstill(1000, 0.01, None), Standstill(3000, 0.03, None)
+    assert offset_between(None, Standstill(0, 0.0, None)) is None
+    assert offset_between(None, first) == pytest.approx(0.01)
+    assert offset_between(first, second) == pytest.approx(0.04)
+    assert offset_between(second, second) is None

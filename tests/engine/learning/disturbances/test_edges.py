@@ -5,10 +5,11 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.learning.disturbances.coil_current import EdgeSearch, with_step
+from observer_rt.engine.learning.disturbances.coil_current import EdgeSearch, edge_places, with_step
 
 INTERVAL = 1e-5  # s
 COUNT, OPENING = 400, 100
+PLACES = edge_places(INTERVAL)
 DELAY = 25  # samples before the opening
 
 
@@ -24,14 +25,15 @@ def response_from(first: int) -> NDArray[np.float64]:
 
 def found(events: int, height: float, unquiet: float = 0.0) -> list[bool]:
     """Event by event, with steps of a height and a swing at the same phase in all, in standard deviations."""
-    search = EdgeSearch(INTERVAL)
-    response = response_from(OPENING - search.longest)
+    search = EdgeSearch()
+    response = response_from(OPENING - PLACES.longest)
     result = []
     for seed in range(events):
         innovations = np.random.default_rng(seed).normal(size=COUNT)
         innovations += height * response_from(OPENING - DELAY)
         innovations += unquiet * np.sin(np.arange(COUNT) / 8.0)
-        result.append(search.found_after(window(), innovations, response, 1.0) is not None)
+        search = search.after(window(), innovations, response, 1.0, PLACES)
+        result.append(search.found(PLACES) is not None)
     return result
 
 
@@ -47,12 +49,13 @@ def test_a_large_step_is_found_as_soon_as_it_recurs() -> None:
 
 
 def test_place_and_height_of_a_step_are_told() -> None:
-    search = EdgeSearch(INTERVAL)
+    search = EdgeSearch()
     sigma = 2e-3
-    response = response_from(OPENING - search.longest)
+    response = response_from(OPENING - PLACES.longest)
     for seed in range(30):
         innovations = np.random.default_rng(seed).normal(size=COUNT) + 1.5 * response_from(OPENING - DELAY)
-        edge = search.found_after(window(), sigma * innovations, response, sigma)
+        search = search.after(window(), sigma * innovations, response, sigma, PLACES)
+    edge = search.found(PLACES)
     assert edge is not None
     assert edge.before == pytest.approx(DELAY, abs=1)
     assert edge.height == pytest.approx(1.5 * sigma, rel=0.1)
@@ -67,14 +70,15 @@ def test_what_swings_at_standstill_is_no_edge() -> None:
 
 
 def test_a_lift_that_is_recorded_late_is_no_edge() -> None:
-    search = EdgeSearch(INTERVAL)
-    response = response_from(OPENING - search.longest)
+    search = EdgeSearch()
+    response = response_from(OPENING - PLACES.longest)
     for seed in range(20):
         innovations = np.random.default_rng(seed).normal(size=COUNT)
         innovations[OPENING - 3 :] -= 8.0
         if seed % 7 == 3:  # and once in a while by much
             innovations[OPENING - 20 :] -= 30.0
-        assert search.found_after(window(), innovations, response, 1.0) is None
+        search = search.after(window(), innovations, response, 1.0, PLACES)
+        assert search.found(PLACES) is None
 
 
 def test_with_step_raises_the_line_pressure_from_a_sample_on() -> None:

@@ -63,7 +63,7 @@ def test_at_the_same_place_in_event_after_event_it_is_no_outlier() -> None:
     for seed in range(4):
         window, innovations = held(300, 20, seed=seed)
         found.append(search.masked(window, innovations, SIGMAS, FIRST) is not None)
-        search.is_clipped_after(window, innovations, SIGMAS, FIRST)
+        search = search.after(window, innovations, SIGMAS, FIRST)
     assert found == [True, True, False, False]
 
 
@@ -76,7 +76,7 @@ def test_at_the_events_extreme_it_is_masked_only_once() -> None:
         window, innovations = held(peak, 25, seed=seed)
         assert [s.is_extreme for s in frozen_stretches(window, innovations, SIGMAS, FIRST)] == [True]
         found.append(search.masked(window, innovations, SIGMAS, FIRST) is not None)
-        search.is_clipped_after(window, innovations, SIGMAS, FIRST)
+        search = search.after(window, innovations, SIGMAS, FIRST)
     assert found == [True, False]
 
 
@@ -108,7 +108,8 @@ def test_a_line_pressure_that_goes_as_far_at_any_rail_pressure_is_clipped() -> N
         noise = np.random.default_rng(seed).normal(size=COUNT) * NOISE
         output = np.minimum(truth(rail), 1.08) + noise
         window = window_of(output, rail)
-        found.append(search.is_clipped_after(window, output - truth(rail), SIGMAS, FIRST))
+        search = search.after(window, output - truth(rail), SIGMAS, FIRST)
+        found.append(search.is_clipped(SIGMAS))
     assert found == [False, False, True, True]
 
 
@@ -116,7 +117,8 @@ def test_events_at_one_rail_pressure_go_equally_far_without_being_clipped() -> N
     search = OutlierSearch()
     for seed in range(6):
         noise = np.random.default_rng(seed).normal(size=COUNT) * NOISE
-        assert not search.is_clipped_after(window_of(truth() + noise), noise, SIGMAS, FIRST)
+        search = search.after(window_of(truth() + noise), noise, SIGMAS, FIRST)
+        assert not search.is_clipped(SIGMAS)
 
 
 def test_of_a_noise_louder_than_known_nothing_is_masked() -> None:

@@ -18,7 +18,7 @@ def after(offset: float, gain: float, events: int = 10, noise: float = 0.0) -> P
     gains, random = PressureGains(), np.random.default_rng(3)
     for k in range(events):
         pressure = PRESSURES[k % len(PRESSURES)]
-        gains.add(offset + gain * pressure + noise * random.normal(), pressure)
+        gains = gains.after(offset + gain * pressure + noise * random.normal(), pressure)
     return gains
 
 
@@ -41,14 +41,14 @@ def test_at_one_pressure_nothing_is_told_of_gains() -> None:
     """A rail sensor that drifts moves its own reading and, the other way, what the line is over it."""
     gains = PressureGains()
     for drift in np.linspace(0.0, 0.01, 20):
-        gains.add(-float(drift), 1.0 + float(drift))
+        gains = gains.after(-float(drift), 1.0 + float(drift))
     assert gains.difference == 0.0
 
 
 def test_a_drift_is_no_gain() -> None:
     gains, random = PressureGains(), np.random.default_rng(5)
     for k in range(60):
-        gains.add(0.01 * np.sin(0.15 * k), float(random.uniform(0.4, 1.6)))
+        gains = gains.after(0.01 * np.sin(0.15 * k), float(random.uniform(0.4, 1.6)))
         assert abs(gains.difference) < LARGEST_GAIN
 
 
@@ -77,8 +77,7 @@ def wear_sigma(gains: PressureGains) -> NDArray[np.float64]:
 
 def test_wear_is_unsure_by_an_offset_that_may_be_a_gain() -> None:
     assert wear_sigma(after(0.0, 0.0)) == pytest.approx([0.0, 0.0])
-    told, untold = PressureGains(), after(0.0, 0.01)
-    told.add(0.01, 1.0)
+    told, untold = PressureGains().after(0.01, 1.0), after(0.0, 0.01)
     assert wear_sigma(told) == pytest.approx([0.006, 0.012])
     assert wear_sigma(untold) == pytest.approx([0.004, 0.008])
 
@@ -87,9 +86,9 @@ def test_what_was_learned_is_unsure_while_the_gain_becomes_known() -> None:
     """v_H of flows that were seen too large."""
     gains, belief = after(0.0, 0.01, events=4), prior_belief(np.full(WIDTH, 0.2), 1e-8 * np.eye(WIDTH))
     assert gains.rescaled(belief) is belief
-    gains.add(0.01 * 1.2, 1.2)
+    gains = gains.after(0.01 * 1.2, 1.2)
     rescaled = gains.rescaled(belief)
     assert 1.0 + rescaled.mean[Parameter.NOZZLE_BIAS] == pytest.approx(1.2 * (1.0 - 0.005))
     assert rescaled.sigma[Parameter.NOZZLE_BIAS] == pytest.approx(0.005, rel=0.01)
-    gains.add(0.01 * 0.6, 0.6)
+    gains = gains.after(0.01 * 0.6, 0.6)
     assert gains.rescaled(belief).mean == pytest.approx(belief.mean, abs=1e-9)

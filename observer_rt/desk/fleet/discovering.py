@@ -32,15 +32,15 @@ from observer_rt.desk.second_opinion import second_opinion
 from observer_rt.foundation.console import progress_bar, results, say
 from observer_rt.foundation.errors import ObserverError, UserError
 from observer_rt.foundation.files import file_errors, file_hash, replacing
-from observer_rt.identification.discovery.answer import (
+from observer_rt.identification.discovery.discover import (
     AMENDED,
     REPORT,
-    Question,
+    DiscoveryTask,
     answer,
     fits_in,
     make_folder,
     refuse_incomparable,
-    write_answer,
+    write_findings,
 )
 from observer_rt.identification.discovery.runs import GAPS, DiscoveryRun, Document, size_text
 from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES
@@ -121,15 +121,15 @@ def _look(inquiry: Inquiry, group: Group, left_out: list[FailedFile]) -> None:
         )
     measured, healthy = tuple(taken.values()), read(inquiry.healthy)
     refuse_sample_rates([one.recording for one in (*measured, *healthy)])
-    question = Question(injector.parameters, measured, healthy, hashes(list(taken)))
-    refuse_incomparable(question, group.kind.file.name)
+    task = DiscoveryTask(injector.parameters, measured, healthy, hashes(list(taken)))
+    refuse_incomparable(task, group.kind.file.name)
     folder = inquiry.out / group.folder
     make_folder(folder)
     ask = partial(second_opinion, signals=injector.config.signals)
-    with fits_in(folder, question, stated) as store:
-        found = answer(question, store, ask, lambda _: None, AMENDED, inquiry.threads)
+    with fits_in(folder, task, stated) as store:
+        found = answer(task, store, ask, lambda _: None, AMENDED, inquiry.threads)
     found = replace(found, seconds=time.monotonic() - begin)
-    write_answer(folder, question, found, group.kind.file, inquiry.healthy)
+    write_findings(folder, task, found, group.kind.file, inquiry.healthy)
 
 
 FOLDER, TABLE = "discovered", "discovered.parquet"

@@ -8,7 +8,7 @@ from datetime import datetime
 from observer_rt.engine.learning.adequacy import looks_like_inertance
 from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.identification.discovery.gaps import Disagreement, ModelGaps, Overlay
-from observer_rt.identification.discovery.search.result import Discovery, FittedEffect, Verdict
+from observer_rt.identification.discovery.search.results import Discovery, FittedEffect, Verdict
 from observer_rt.identification.discovery.search.search import indistinguishable
 from observer_rt.identification.discovery.standstill import StandstillFigure
 from observer_rt.identification.likelihood.operating_points import distinct

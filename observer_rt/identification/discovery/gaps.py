@@ -13,9 +13,15 @@ from numpy.typing import NDArray
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
 from observer_rt.identification.discovery.search.adequacy import SIGNIFICANT, cells_of
-from observer_rt.identification.discovery.search.result import Cell, Discovery, Sizing, Verdict
+from observer_rt.identification.discovery.search.hypothesis import Sizing
+from observer_rt.identification.discovery.search.results import Cell, Discovery, Verdict
 from observer_rt.identification.likelihood.bounded_fit import fit
-from observer_rt.identification.likelihood.likelihood import GAIN_ERROR, Evidence, Signal, evidence_of
+from observer_rt.identification.likelihood.likelihood import (
+    GAIN_ERROR,
+    JointLikelihood,
+    Signal,
+    joint_likelihood,
+)
 from observer_rt.identification.likelihood.measurement import Measurement, every_second_point
 from observer_rt.identification.likelihood.open_loop import (
     Simulated,
@@ -115,7 +121,7 @@ def gaps_of(
     fitted_on, held_out = every_second_point(measured)
     held_out = held_out or fitted_on
     named, hypothesis = found.named, found.named.hypothesis
-    sizing = Sizing(evidence_of([measured[i] for i in fitted_on], nominal, healthy), nominal, hypothesis)
+    sizing = Sizing(joint_likelihood([measured[i] for i in fitted_on], nominal, healthy), nominal, hypothesis)
     again = fit(sizing, named.theta, hypothesis.ranges())
     refitted = hypothesis.model(nominal, named.theta if again is None else again.at.theta)
     points = tuple(_point(number, measured[number], nominal, refitted, amended) for number in held_out)
@@ -258,10 +264,12 @@ class Disagreement:
     equation: Equation | None
 
 
-def disagreements(found: Discovery, evidence: Evidence, nominal: EffectiveModel) -> tuple[Disagreement, ...]:
+def disagreements(
+    found: Discovery, likelihood: JointLikelihood, nominal: EffectiveModel
+) -> tuple[Disagreement, ...]:
     """The map of disagreement, in the order of the recordings."""
     after = {_key(cell): cell for cell in found.after}
-    equations = _equations(found, evidence, nominal)
+    equations = _equations(found, likelihood, nominal)
     result = []
     for cell in found.before:
         equation = equations.get(_key(cell)) if cell.excess > SIGNIFICANT else None
@@ -269,15 +277,17 @@ def disagreements(found: Discovery, evidence: Evidence, nominal: EffectiveModel)
     return tuple(result)
 
 
-def _equations(found: Discovery, evidence: Evidence, nominal: EffectiveModel) -> dict[_Key, Equation]:
+def _equations(
+    found: Discovery, likelihood: JointLikelihood, nominal: EffectiveModel
+) -> dict[_Key, Equation]:
     """Of every cell: the equation of that effect without which it is explained worst."""
     if found.verdict is Verdict.UNKNOWN and found.unexplained is not None:
         return {_key(cell): found.unexplained.equation for cell in found.before}
     worst: dict[_Key, tuple[float, Equation]] = {}
     for number, effect in enumerate(found.named.hypothesis.effects):
         others = found.named.model_without(number, nominal)
-        judged = evidence.judge(others)
-        for cell in found.before if judged is None else cells_of(evidence, judged, others):
+        judged = likelihood.judge(others)
+        for cell in found.before if judged is None else cells_of(likelihood, judged, others):
             key, loss = _key(cell), cell.variance
             if key not in worst or loss > worst[key][0]:
                 worst[key] = loss, effect.equation

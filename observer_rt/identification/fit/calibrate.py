@@ -20,10 +20,16 @@ from observer_rt.config.injector_file import InjectorFile, inline
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.errors import RunError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
+from observer_rt.identification.fit.cross_validation import (
+    Fold,
+    MeasuredMasses,
+    folds_of,
+    share_between_samples,
+    thinned,
+)
 from observer_rt.identification.fit.odd_recording import OddRecording, odd_recording
-from observer_rt.identification.fit.parts import Part, Weighed, parts_of, share_between_samples, thinned
 from observer_rt.identification.fit.problem import INERTANCE, STRUCTURES, FreeParameter, Structure, interval
-from observer_rt.identification.fit.residuals import Comparison, UnexplainedSignal, compared, worst_parts
+from observer_rt.identification.fit.residuals import Comparison, UnexplainedSignal, compared, worst_folds
 from observer_rt.identification.fit.search import (
     FINE_EVENTS,
     ROUGH_EVENTS,
@@ -36,7 +42,7 @@ from observer_rt.identification.fit.search import (
     settled,
 )
 from observer_rt.identification.likelihood.appearance import healthy_remainder
-from observer_rt.identification.likelihood.likelihood import evidence_of
+from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import Measurement, rail_pressure_before
 from observer_rt.identification.likelihood.reading import shortened
 from observer_rt.model.baseline import Baseline, HealthyRemainder, NoiseFigures, PhaseFigures
@@ -176,7 +182,7 @@ class Calibrated:
 
     @property
     def offsets(self) -> NDArray[np.float64]:
-        """Of the line-pressure sensor in each part [MPa]."""
+        """Of the line-pressure sensor in each fold [MPa]."""
         return self.fitted.minimum.at.theta[len(self.fitted.calibration.free) :]
 
     @property
@@ -231,7 +237,7 @@ class Calibrated:
 def calibrate(
     file: InjectorParameters,
     found: Sequence[Measurement],
-    weighed: Mapping[int, Weighed],
+    weighed: Mapping[int, MeasuredMasses],
     progress: Callable[[float], None],
     structures: Sequence[Structure] = STRUCTURES,
 ) -> Calibrated:
@@ -242,8 +248,8 @@ def calibrate(
     level = FlowLevel.MASS if weighed else FlowLevel.FILE
     if any(one.recording.injection_rate is not None for one in found):  # which gives it at every sample
         level = FlowLevel.RATE
-    parts = parts_of(found, weighed)
-    coarse = tuple(thinned(part, ROUGH_EVENTS) for part in parts)  # structures are compared on
+    folds = folds_of(found, weighed)
+    coarse = tuple(thinned(fold, ROUGH_EVENTS) for fold in folds)  # structures are compared on
     steps = len(structures) + 2
     tried: list[Fitted | FailedStructure] = []
     for structure in structures:
@@ -255,10 +261,10 @@ def calibrate(
             f"{one.structure.name}: {one.reason}" for one in tried if isinstance(one, FailedStructure)
         )
         raise RunError(f"no structure can be fitted to these recordings\n  {reasons}")
-    best, kept = settled(choice.best, file, [thinned(part, FINE_EVENTS) for part in parts])
+    best, kept = settled(choice.best, file, [thinned(fold, FINE_EVENTS) for fold in folds])
     progress((len(structures) + 1) / steps)
     offsets = best.minimum.at.theta[len(best.calibration.free) :]
-    comparison = compared(file, best.injector, offsets, best.calibration.parts)
+    comparison = compared(file, best.injector, offsets, best.calibration.folds)
     done = Calibrated(file, found, choice, best, kept, level, comparison)
     return replace(done, odd=odd_recording(best.calibration, best.minimum.at)) if done.inadequate else done
 
@@ -268,14 +274,14 @@ def _tried(
     earlier: Sequence[Fitted | FailedStructure],
     file: InjectorParameters,
     level: FlowLevel,
-    parts: Sequence[Part],
+    folds: Sequence[Fold],
 ) -> Fitted | FailedStructure:
     """A structure fitted roughly, from the numbers of the file, or from those of one it is a refinement of."""
     free = structure.free if level is FlowLevel.FILE else (*structure.free, INERTANCE)
     simpler = [one for one in earlier if isinstance(one, Fitted) and structure.refines(one.structure)]
     if simpler:
-        return fitted(structure, simpler[-1].injector, free, parts, ROUGH_ITERATIONS)
-    return searched(structure, file, free, parts, ROUGH_ITERATIONS, any(map(explains, earlier)))
+        return fitted(structure, simpler[-1].injector, free, folds, ROUGH_ITERATIONS)
+    return searched(structure, file, free, folds, ROUGH_ITERATIONS, any(map(explains, earlier)))
 
 
 ORIGIN = "observer-rt fit"
@@ -321,7 +327,7 @@ def _tables(entry: Mapping[str, Any]) -> Any:
 
 def baseline_of(done: Calibrated, hashes: dict[str, str]) -> Baseline:
     """What the file is to remember. hashes: SHA-256 of the recordings by name."""
-    found, left = done.found, worst_parts(done.fitted.calibration, done.fitted.judged)
+    found, left = done.found, worst_folds(done.fitted.calibration, done.fitted.judged)
     noise = {
         "rail_pressure_MPa": [one.noise.rail_pressure / MEGAPASCAL for one in found],
         "line_pressure_MPa": [one.noise.line_pressure / MEGAPASCAL for one in found],
@@ -336,7 +342,7 @@ def baseline_of(done: Calibrated, hashes: dict[str, str]) -> Baseline:
         level=done.level.value,
         mass_share=rounded(done.mass_share),
         sample_rate_Hz=rounded(found[0].recording.sample_rate),
-        injections=sum(len(part.measurement.events) for part in done.fitted.calibration.parts),
+        injections=sum(len(fold.measurement.events) for fold in done.fitted.calibration.folds),
         rail_pressure_MPa=_rounded_pair((min(pressures), max(pressures))),
         variance=_by_phase(left.variance),
         chi2=_by_phase(left.chi2),
@@ -358,11 +364,11 @@ def _by_phase(figures: Mapping[Phase, float]) -> PhaseFigures:
 
 
 def _remainder(done: Calibrated) -> HealthyRemainder:
-    """What the fitted model leaves of the injections it was fitted to, each part compared with the others."""
+    """What the fitted model leaves of the injections it was fitted to, each fold compared with the others."""
     offset = float(np.mean(done.offsets)) * MEGAPASCAL
     model = effective_model(done.injector).with_terms("sensor", offset=offset)
-    evidence = evidence_of([part.measurement for part in done.fitted.calibration.parts], model)
-    found = healthy_remainder(evidence, model, tuple(BUILT_IN.values()))
+    likelihood = joint_likelihood([fold.measurement for fold in done.fitted.calibration.folds], model)
+    found = healthy_remainder(likelihood, model, tuple(BUILT_IN.values()))
     return found.model_copy(update={"line_pressure_offset_MPa": rounded(offset / MEGAPASCAL)})
 
 

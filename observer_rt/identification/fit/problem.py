@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from observer_rt.core.model.model import STEP
 from observer_rt.foundation.units import CUBIC_MILLIMETRE, MEGAPASCAL, MILLIMETRE
-from observer_rt.identification.fit.parts import Part, standstill_offset
+from observer_rt.identification.fit.cross_validation import Fold, standstill_offset
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975, Quadratic, Range, Residuals
-from observer_rt.identification.likelihood.likelihood import JudgedModel, Trial
+from observer_rt.identification.likelihood.likelihood import JudgedModel, RecordingLikelihood
 from observer_rt.model.effective import EffectiveModel, coefficients
 from observer_rt.model.effects import effective_model
 from observer_rt.model.line.wave import DAMPING, FEWEST_CELLS, RESOLVED, STABLE, cells_for
@@ -152,52 +152,52 @@ def values_of(injector: InjectorParameters, free: Sequence[FreeParameter]) -> ND
 
 OFFSET_SIGMA = 2 * MEGAPASCAL  # of the line-pressure sensor, in each recording
 _DIFFERENCE = 1e-3  # of a finite difference: of the logarithm, and of an offset in MPa
-_MOST_KEPT = 64  # residuals kept of a part: those of a linearisation
+_MOST_KEPT = 64  # residuals kept of a fold: those of a linearisation
 
 
 class Calibration:
-    """A `bounded_fit.Problem`. theta: (p + parts,) logarithms of the parameters, then an offset [MPa] of each part.
+    """A `bounded_fit.Problem`. theta: (p + folds,) logarithms of the parameters, then an offset [MPa] of each fold.
 
-    What a part's residuals depend on is its own offset only, so those of the others are taken from memory.
+    What a fold's residuals depend on is its own offset only, so those of the others are taken from memory.
     """
 
     def __init__(
-        self, start: InjectorParameters, free: Sequence[FreeParameter], parts: Sequence[Part]
+        self, start: InjectorParameters, free: Sequence[FreeParameter], folds: Sequence[Fold]
     ) -> None:
         """start: the injector in the structure to be fitted, which the prior is centred at."""
         self.free = tuple(free)
-        self.parts = tuple(parts)
+        self.folds = tuple(folds)
         self._injector = start
-        self.trials = [Trial(part.measurement, effective_model(start)) for part in parts]
-        """Of the parts, in their order."""
-        self._kept: list[dict[tuple[float, ...], JudgedModel | None]] = [{} for _ in parts]
+        self.recordings = [RecordingLikelihood(fold.measurement, effective_model(start)) for fold in folds]
+        """Of the folds, in their order."""
+        self._kept: list[dict[tuple[float, ...], JudgedModel | None]] = [{} for _ in folds]
         self.centre = np.concatenate(
-            [np.log(values_of(start, free)), [standstill_offset(part) / MEGAPASCAL for part in parts]]
+            [np.log(values_of(start, free)), [standstill_offset(fold) / MEGAPASCAL for fold in folds]]
         )
 
     @property
     def prior_sigmas(self) -> NDArray[np.float64]:
-        """(p + parts,)"""
-        return np.array([one.spread for one in self.free] + [OFFSET_SIGMA / MEGAPASCAL] * len(self.parts))
+        """(p + folds,)"""
+        return np.array([one.spread for one in self.free] + [OFFSET_SIGMA / MEGAPASCAL] * len(self.folds))
 
     @property
     def ranges(self) -> list[Range]:
         """Bounds of theta."""
         sized = [Range(math.log(one.lowest), math.log(one.highest), _DIFFERENCE) for one in self.free]
-        return sized + [Range(-20.0, 20.0, _DIFFERENCE) for _ in self.parts]
+        return sized + [Range(-20.0, 20.0, _DIFFERENCE) for _ in self.folds]
 
     def injector(self, theta: NDArray[np.float64]) -> InjectorParameters:
         """The injector at theta."""
         return with_values(self._injector, self.free, np.exp(theta[: len(self.free)]))
 
     def model(self, theta: NDArray[np.float64], number: int) -> EffectiveModel:
-        """The model at theta of one of the parts."""
+        """The model at theta of one of the folds."""
         model = effective_model(self.injector(theta))
         offset = float(theta[len(self.free) + number]) * MEGAPASCAL
         return model.with_terms("sensor", offset=model.sensor.offset + offset)
 
     def judge(self, theta: NDArray[np.float64], number: int) -> JudgedModel | None:
-        """A part at theta; None where the model has no solution."""
+        """A fold at theta; None where the model has no solution."""
         p = len(self.free)
         key = (*theta[:p].tolist(), float(theta[p + number]))
         kept = self._kept[number]
@@ -207,17 +207,17 @@ class Calibration:
             model = self.model(theta, number)
             # sound must cross less than a cell in a step
             is_stable = model.coefficients.line.strain(STEP) < STABLE
-            kept[key] = self.trials[number].judge(model) if is_stable else None
+            kept[key] = self.recordings[number].judge(model) if is_stable else None
         return kept[key]
 
     def judge_all(self, theta: NDArray[np.float64]) -> list[JudgedModel] | None:
-        """All parts at theta; None where the model has no solution."""
-        judged = [self.judge(theta, number) for number in range(len(self.parts))]
+        """All folds at theta; None where the model has no solution."""
+        judged = [self.judge(theta, number) for number in range(len(self.folds))]
         complete = [one for one in judged if one is not None]
         return complete if len(complete) == len(judged) else None
 
     def residuals(self, theta: NDArray[np.float64]) -> Residuals | None:
-        """Line pressure, rate and masses of every part, then what the prior says of theta.
+        """Line pressure, rate and masses of every fold, then what the prior says of theta.
 
         Of the line pressure, means of a few innovations: short waves, which cells do not carry as a pipe does, would
         be made up for by the stiffness and the volume at the end, at the cost of the level.
@@ -230,29 +230,29 @@ class Calibration:
         return _joined(groups)
 
     def _groups(self, number: int, one: JudgedModel) -> list[tuple[NDArray[np.float64], float]]:
-        part = self.parts[number]
-        samples = max(1, round(RESOLVED / part.measurement.interval))
+        fold = self.folds[number]
+        samples = max(1, round(RESOLVED / fold.measurement.interval))
         blocks = one.z[: one.z.size - one.z.size % samples].reshape(
             -1, samples
         )  # what is left over is left out
         pressure = np.asarray(blocks.sum(axis=1) / math.sqrt(samples), np.float64)
-        return [(pressure, one.log_sigma), (one.rate_z, 0.0), (part.mass_residuals(one.masses), 0.0)]
+        return [(pressure, one.log_sigma), (one.rate_z, 0.0), (fold.mass_residuals(one.masses), 0.0)]
 
     def residuals_of(self, theta: NDArray[np.float64], number: int) -> Residuals | None:
-        """Of one part, without the prior."""
+        """Of one fold, without the prior."""
         judged = self.judge(theta, number)
         return None if judged is None else _joined(self._groups(number, judged))
 
 
 @dataclass(frozen=True)
-class OnePart:
-    """A `bounded_fit.Problem`: what one part says of theta."""
+class OneFold:
+    """A `bounded_fit.Problem`: what one fold says of theta."""
 
     whole: Calibration
     number: int
 
     def residuals(self, theta: NDArray[np.float64]) -> Residuals | None:
-        """Of this part."""
+        """Of this fold."""
         return self.whole.residuals_of(theta, self.number)
 
 

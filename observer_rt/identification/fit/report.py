@@ -20,8 +20,8 @@ from observer_rt.foundation.console import say
 from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
 from observer_rt.identification.fit.calibrate import GATE, TOLERATED, Calibrated, FlowLevel, judged_by
-from observer_rt.identification.fit.parts import WORTH_A_WORD, share_between_samples, spread
-from observer_rt.identification.fit.residuals import PartOverlay
+from observer_rt.identification.fit.cross_validation import WORTH_A_WORD, share_between_samples, spread
+from observer_rt.identification.fit.residuals import FoldOverlay
 from observer_rt.identification.fit.search import FailedStructure, Fitted
 from observer_rt.identification.likelihood.figure_look import FOUND, GIVEN, LOOK, MEASURED
 from observer_rt.identification.likelihood.measurement import open_time, rail_pressure_before
@@ -142,7 +142,7 @@ def as_json(done: Calibrated, baseline: Baseline, warnings: Sequence[str]) -> di
     """The fit as a document. Numbers that are not there are null."""
     structure = done.fitted.structure
     names = [_name(done, number) for number in range(len(done.found))]
-    parts = zip(done.fitted.calibration.parts, done.offsets.tolist(), strict=True)
+    folds = zip(done.fitted.calibration.folds, done.offsets.tolist(), strict=True)
     document = {
         "schema": SCHEMA,
         "verdict": "inadequate" if done.inadequate else "adequate",
@@ -187,7 +187,7 @@ def as_json(done: Calibrated, baseline: Baseline, warnings: Sequence[str]) -> di
             for one in done.comparison.masses
         ],
         "mass_share": done.mass_share,
-        "line_pressure_offsets_MPa": {names[part.recording]: offset for part, offset in parts},
+        "line_pressure_offsets_MPa": {names[fold.recording]: offset for fold, offset in folds},
         "baseline": baseline,
         "warnings": [*warnings, *oddities(done)],
     }
@@ -311,9 +311,9 @@ def draw_fit(path: Path, done: Calibrated) -> None:
             figure.savefig(path, dpi=110)
 
 
-def _overlay(axes: Axes, overlay: PartOverlay, legend: bool) -> None:
-    """The first injection of a part."""
-    measurement, one = overlay.part.measurement, overlay.after[0]
+def _overlay(axes: Axes, overlay: FoldOverlay, legend: bool) -> None:
+    """The first injection of a fold."""
+    measurement, one = overlay.fold.measurement, overlay.after[0]
     recording, interval = measurement.recording, measurement.interval
     shown = one.samples[: round(_SHOWN / interval)]
     since = (shown - shown[0]) * interval / MILLISECOND

@@ -1,4 +1,4 @@
-"""What the file's model and the fitted one leave unexplained, by signal and phase, and on parts left out."""
+"""What the file's model and the fitted one leave unexplained, by signal and phase, and on folds left out."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -15,15 +15,15 @@ from observer_rt.engine.estimation.phases import (
     phase_statistics,
 )
 from observer_rt.foundation.errors import UserError
-from observer_rt.identification.fit.parts import Part
-from observer_rt.identification.fit.problem import Calibration, OnePart
+from observer_rt.identification.fit.cross_validation import Fold
+from observer_rt.identification.fit.problem import Calibration, OneFold
 from observer_rt.identification.likelihood.bounded_fit import Quadratic, linearise
 from observer_rt.identification.likelihood.likelihood import (
-    Evidence,
+    JointLikelihood,
     JudgedModel,
     Pool,
+    RecordingLikelihood,
     Signal,
-    Trial,
     pool_of,
 )
 from observer_rt.identification.likelihood.open_loop import Simulated, mass, measured_mass, simulated
@@ -79,40 +79,40 @@ def _excess(statistics: PhaseStatistics, phase: Phase) -> float:
     return math.sqrt(max(_chi2(statistics, phase) - 1.0, 0.0) / samples)
 
 
-def line_statistics(trial: Trial, one: JudgedModel) -> PhaseStatistics:
-    """Of the line pressure of a part."""
-    return phase_statistics(one.z, 1.0, trial.phases, 0)
+def line_statistics(recorded: RecordingLikelihood, one: JudgedModel) -> PhaseStatistics:
+    """Of the line pressure of a fold."""
+    return phase_statistics(one.z, 1.0, recorded.phases, 0)
 
 
-def pooled(trials: Sequence[Trial], judged: Sequence[JudgedModel]) -> UnexplainedSignal:
-    """Of the line pressure of parts together."""
+def pooled(recordings: Sequence[RecordingLikelihood], judged: Sequence[JudgedModel]) -> UnexplainedSignal:
+    """Of the line pressure of folds together."""
     total = no_statistics()
-    for trial, one in zip(trials, judged, strict=True):
-        total = total.faded(1.0, line_statistics(trial, one))
+    for recorded, one in zip(recordings, judged, strict=True):
+        total = total.faded(1.0, line_statistics(recorded, one))
     return unexplained(total)
 
 
-def worst_parts(calibration: Calibration, judged: Sequence[JudgedModel]) -> UnexplainedSignal:
-    """In each phase that of the part with the most left: what the model gets wrong goes with the operating point."""
-    of_parts = [
-        unexplained(line_statistics(trial, one))
-        for trial, one in zip(calibration.trials, judged, strict=True)
+def worst_folds(calibration: Calibration, judged: Sequence[JudgedModel]) -> UnexplainedSignal:
+    """In each phase that of the fold with the most left: what the model gets wrong goes with the operating point."""
+    of_folds = [
+        unexplained(line_statistics(recorded, one))
+        for recorded, one in zip(calibration.recordings, judged, strict=True)
     ]
 
     def largest(figures: Sequence[Mapping[Phase, float]]) -> dict[Phase, float]:
         return {phase: float(np.fmax.reduce([one[phase] for one in figures])) for phase in Phase}
 
     return UnexplainedSignal(
-        *(largest([getattr(one, each.name) for one in of_parts]) for each in fields(UnexplainedSignal))
+        *(largest([getattr(one, each.name) for one in of_folds]) for each in fields(UnexplainedSignal))
     )
 
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Every part judged by what the others say of the parameters.
+    """Every fold judged by what the others say of the parameters.
 
-    unexplained: of the line pressure; mass_shift: by what share the mass of its injections moves when a part is left
-    out (parts,), which is how sure masses are at operating points nobody fitted.
+    unexplained: of the line pressure; mass_shift: by what share the mass of its injections moves when a fold is left
+    out (folds,), which is how sure masses are at operating points nobody fitted.
     """
 
     unexplained: UnexplainedSignal
@@ -120,33 +120,33 @@ class HeldOut:
 
 
 def held_out(calibration: Calibration, at: Quadratic) -> HeldOut | None:
-    """At the minimum of all parts. None with a single part, or where the model has no solution without one.
+    """At the minimum of all folds. None with a single fold, or where the model has no solution without one.
 
-    theta without a part is one Newton step from the minimum: it is near, and all slopes are known there.
+    theta without a fold is one Newton step from the minimum: it is near, and all slopes are known there.
     """
-    parts = len(calibration.parts)
-    if parts < 2:
+    folds = len(calibration.folds)
+    if folds < 2:
         return None
     left_out, shifts = [], []
-    for number in range(parts):
+    for number in range(folds):
         theta = without(calibration, at, [number])
         one, all_in = calibration.judge(theta, number), calibration.judge(at.theta, number)
         if one is None or all_in is None:
             return None
         left_out.append(one)
         shifts.append(float(np.sum(one.masses) / np.sum(all_in.masses)) - 1.0)
-    return HeldOut(pooled(calibration.trials, left_out), np.array(shifts))
+    return HeldOut(pooled(calibration.recordings, left_out), np.array(shifts))
 
 
 def without(calibration: Calibration, at: Quadratic, left_out: Sequence[int]) -> NDArray[np.float64]:
-    """theta by all parts but some, their own offsets as they are."""
+    """theta by all folds but some, their own offsets as they are."""
     information, gradient = at.information.copy(), at.gradient.copy()
     for number in left_out:
         own = calibration.residuals_of(at.theta, number)
-        assert own is not None  # it is part of the minimum
-        part = linearise(OnePart(calibration, number), at.theta, own, calibration.ranges)
-        information -= part.information
-        gradient -= part.gradient
+        assert own is not None  # the minimum has it
+        alone = linearise(OneFold(calibration, number), at.theta, own, calibration.ranges)
+        information -= alone.information
+        gradient -= alone.gradient
     theirs = [len(calibration.free) + number for number in left_out]
     kept = np.setdiff1d(np.arange(at.theta.size), theirs)
     theta = at.theta.copy()
@@ -185,10 +185,10 @@ class InjectedMass:
 
 
 @dataclass(frozen=True, eq=False)
-class PartOverlay:
-    """A part with the models run open loop from the opening on; before: empty where the file's has no solution."""
+class FoldOverlay:
+    """A fold with the models run open loop from the opening on; before: empty where the file's has no solution."""
 
-    part: Part
+    fold: Fold
     before: Sequence[Simulated]
     after: Sequence[Simulated]
 
@@ -208,7 +208,7 @@ class Comparison:
     swing: float
     open_loop: tuple[float, float]
     masses: Sequence[InjectedMass]
-    overlays: Sequence[PartOverlay]
+    overlays: Sequence[FoldOverlay]
 
     def share(self, phase: Phase) -> float:
         """What is left in a phase beyond noise, over what the flow does to the line pressure."""
@@ -216,10 +216,10 @@ class Comparison:
 
 
 @dataclass(frozen=True, eq=False)
-class _ModelOnParts:
-    """A model on all parts."""
+class _ModelOnFolds:
+    """A model on all folds."""
 
-    parts: Sequence[Part]
+    folds: Sequence[Fold]
     pool: Pool
     judged: Sequence[JudgedModel]
     models: Sequence[EffectiveModel]
@@ -232,7 +232,7 @@ class _ModelOnParts:
         """In the signal's unit: normalised mean square times the standard deviation it was normalised by."""
         sigma = math.sqrt(self.pool[signal].variance(phase))
         if signal is Signal.INJECTION_RATE:
-            return sigma * float(np.mean([part.measurement.rate_noise for part in self.parts]))
+            return sigma * float(np.mean([fold.measurement.rate_noise for fold in self.folds]))
         return sigma * self.innovation
 
     @property
@@ -243,22 +243,22 @@ class _ModelOnParts:
 
     def open_loop(self) -> float:
         errors = [
-            one.line_pressure - part.measurement.recording.line_pressure[one.samples]
-            for part, runs in zip(self.parts, self.simulated, strict=True)
+            one.line_pressure - fold.measurement.recording.line_pressure[one.samples]
+            for fold, runs in zip(self.folds, self.simulated, strict=True)
             for one in runs
         ]
         return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
 
 
 def compared(
-    file: InjectorParameters, fitted: InjectorParameters, offsets: NDArray[np.float64], parts: Sequence[Part]
+    file: InjectorParameters, fitted: InjectorParameters, offsets: NDArray[np.float64], folds: Sequence[Fold]
 ) -> Comparison:
-    """offsets: of the line-pressure sensor in each part [MPa]."""
-    after = _seen(fitted, offsets, parts)
+    """offsets: of the line-pressure sensor in each fold [MPa]."""
+    after = _seen(fitted, offsets, folds)
     if after is None:
         raise ArithmeticError("the fitted model has no finite solution on the recordings it was fitted to")
     try:
-        before = _seen(file, offsets, parts)
+        before = _seen(file, offsets, folds)
     except UserError:
         before = None  # too few samples for its sac: nothing to compare with
 
@@ -268,7 +268,7 @@ def compared(
     return Comparison(
         [
             Residual(
-                signal, phase, both(_ModelOnParts.rms, signal, phase), both(_ModelOnParts.chi2, signal, phase)
+                signal, phase, both(_ModelOnFolds.rms, signal, phase), both(_ModelOnFolds.chi2, signal, phase)
             )
             for signal, statistics in after.pool.items()
             for phase in Phase
@@ -276,51 +276,53 @@ def compared(
         ],
         unexplained(after.pool[Signal.LINE_PRESSURE]),
         after.innovation,
-        _swing(parts),
-        both(_ModelOnParts.open_loop),
+        _swing(folds),
+        both(_ModelOnFolds.open_loop),
         _masses(before, after),
         [
-            PartOverlay(part, () if before is None else before.simulated[i], after.simulated[i])
-            for i, part in enumerate(parts)
+            FoldOverlay(fold, () if before is None else before.simulated[i], after.simulated[i])
+            for i, fold in enumerate(folds)
         ],
     )
 
 
-def _swing(parts: Sequence[Part]) -> float:
+def _swing(folds: Sequence[Fold]) -> float:
     drops = [
-        (part.measurement.recording.rail_pressure - part.measurement.recording.line_pressure)[
+        (fold.measurement.recording.rail_pressure - fold.measurement.recording.line_pressure)[
             opening.first : opening.last + 1
         ]
-        for part in parts
-        for event in part.measurement.events
+        for fold in folds
+        for event in fold.measurement.events
         for opening in event.openings
     ]
     return float(np.sqrt(np.mean(np.concatenate(drops) ** 2)))
 
 
 def _seen(
-    injector: InjectorParameters, offsets: NDArray[np.float64], parts: Sequence[Part]
-) -> _ModelOnParts | None:
-    calibration = Calibration(injector, (), parts)
+    injector: InjectorParameters, offsets: NDArray[np.float64], folds: Sequence[Fold]
+) -> _ModelOnFolds | None:
+    calibration = Calibration(injector, (), folds)
     judged = calibration.judge_all(offsets)
     if judged is None:
         return None
-    models = [calibration.model(offsets, number) for number in range(len(parts))]
-    runs = [simulated(part.measurement, model) for part, model in zip(parts, models, strict=True)]
-    return _ModelOnParts(parts, pool_of(Evidence(calibration.trials), judged), judged, models, runs)
+    models = [calibration.model(offsets, number) for number in range(len(folds))]
+    runs = [simulated(fold.measurement, model) for fold, model in zip(folds, models, strict=True)]
+    return _ModelOnFolds(
+        folds, pool_of(JointLikelihood(calibration.recordings), judged), judged, models, runs
+    )
 
 
-def _masses(before: _ModelOnParts | None, after: _ModelOnParts) -> list[InjectedMass]:
+def _masses(before: _ModelOnFolds | None, after: _ModelOnFolds) -> list[InjectedMass]:
     result = []
-    for number, part in enumerate(after.parts):
-        measurement, density = part.measurement, after.models[number].coefficients.density
-        single = {} if part.weighed is None else part.weighed.single
+    for number, fold in enumerate(after.folds):
+        measurement, density = fold.measurement, after.models[number].coefficients.density
+        single = {} if fold.weighed is None else fold.weighed.single
         for i, one in enumerate(after.simulated[number]):
             first = one.event.openings[0].first
             weighed = single[first][0] if first in single else measured_mass(measurement, one, density)
             result.append(
                 InjectedMass(
-                    part.recording,
+                    fold.recording,
                     math.nan if is_chosen(measurement) else float(measurement.recording.time[first]),
                     measurement.rail_pressure,
                     math.nan if before is None else mass(measurement, before.simulated[number][i], density),

@@ -11,7 +11,7 @@ from observer_rt.engine.estimation.healthy_shape import EventStretch, ShapeFit, 
 from observer_rt.engine.estimation.phases import Phase, phase_statistics
 from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.identification.likelihood.healthy_shape import expected_of, stretches
-from observer_rt.identification.likelihood.likelihood import Evidence, JudgedModel
+from observer_rt.identification.likelihood.likelihood import JointLikelihood, JudgedModel
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.model.baseline import Appearance, HealthyRemainder, PhaseFigures
 from observer_rt.model.effect import Effect
@@ -44,7 +44,7 @@ class Signature:
 
 
 def signatures(
-    evidence: Evidence,
+    likelihood: JointLikelihood,
     model: EffectiveModel,
     judged: Sequence[JudgedModel],
     effects: Sequence[Effect],
@@ -55,7 +55,7 @@ def signatures(
     remaining: residuals that the gains are of, where they are others.
     """
     found = (
-        _signature(evidence, model, judged, remaining or judged, effect)
+        _signature(likelihood, model, judged, remaining or judged, effect)
         for effect in effects
         if effect.parameters
     )
@@ -63,7 +63,7 @@ def signatures(
 
 
 def _signature(
-    evidence: Evidence,
+    likelihood: JointLikelihood,
     model: EffectiveModel,
     judged: Sequence[JudgedModel],
     remaining: Sequence[JudgedModel],
@@ -75,7 +75,7 @@ def _signature(
     for probe in PROBES:
         size = probe * first.dead_zone
         size = size if size <= first.highest else -size
-        there = evidence.judge(effect.apply(model, (size, *(p.starts[0] for p in others))))
+        there = likelihood.judge(effect.apply(model, (size, *(p.starts[0] for p in others))))
         if there is None or not first.lowest <= size <= first.highest:
             break
         changes = [_residuals(one) - _residuals(other) for one, other in zip(judged, there, strict=True)]
@@ -93,7 +93,7 @@ def _residuals(one: JudgedModel) -> NDArray[np.float64]:
 
 
 def healthy_remainder(
-    evidence: Evidence,
+    likelihood: JointLikelihood,
     model: EffectiveModel,
     effects: Sequence[Effect],
     known: HealthyRemainder | None = None,
@@ -101,14 +101,14 @@ def healthy_remainder(
     """What a model leaves of healthy recordings: the shape of it, and what effects it appears to be beyond that.
 
     Each recording is compared with the shape of the others, so that the appearances hold at operating points of
-    which no healthy injection was seen. known: what was known before, whose shape the evidence has taken out.
+    which no healthy injection was seen. known: what was known before, whose shape the likelihood has taken out.
 
     Raises ArithmeticError when the model has no finite solution.
     """
-    judged = evidence.judge(model)
+    judged = likelihood.judge(model)
     if judged is None:
         raise ArithmeticError("the model has no finite solution on the healthy recordings")
-    measured = [trial.measurement for trial in evidence.trials]
+    measured = [recorded.measurement for recorded in likelihood.recordings]
     sigmas = [math.exp(one.log_sigma) * model.coefficients.pressure_scale for one in judged]
     fit = ShapeFit(
         [_by_event(one, result.z) for one, result in zip(measured, judged, strict=True)],
@@ -119,10 +119,10 @@ def healthy_remainder(
         replace(one, z=one.z - expected_of(fit.shape(number if several else None), measurement) / sigma)
         for number, (one, measurement, sigma) in enumerate(zip(judged, measured, sigmas, strict=True))
     ]
-    found = signatures(evidence, model, judged, effects, remaining)
+    found = signatures(likelihood, model, judged, effects, remaining)
     statistics = [
-        phase_statistics(one.z, 1.0, trial.phases, 0)
-        for trial, one in zip(evidence.trials, remaining, strict=True)
+        phase_statistics(one.z, 1.0, recorded.phases, 0)
+        for recorded, one in zip(likelihood.recordings, remaining, strict=True)
     ]
     return HealthyRemainder(
         line_pressure_offset_MPa=0.0 if known is None else known.line_pressure_offset_MPa,

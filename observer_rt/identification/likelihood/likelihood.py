@@ -71,7 +71,7 @@ class JudgedModel:
     masses: NDArray[np.float64]
 
 
-class Trial:
+class RecordingLikelihood:
     """One recording, ready to be compared with models."""
 
     def __init__(
@@ -251,9 +251,9 @@ class Trial:
         return np.append(residual - gain * scale, gain / GAIN_ERROR), larger
 
 
-def evidence_of(
+def joint_likelihood(
     found: Sequence[Measurement], nominal: EffectiveModel, healthy: HealthyShape | None = None
-) -> "Evidence":
+) -> "JointLikelihood":
     """Recordings, ready to be compared with models that depart from the nominal one.
 
     healthy: mean innovation of the healthy injector by the nominal model, which is taken out.
@@ -269,18 +269,18 @@ def evidence_of(
                 f"{rate:g} Hz would need {substeps} integration steps a sample (at most {MAX_SUBSTEPS})",
                 f"record with {rate * substeps / MAX_SUBSTEPS:.0f} Hz or more, or give the model a larger sac",
             )
-    return Evidence([Trial(measurement, nominal, healthy) for measurement in found])
+    return JointLikelihood([RecordingLikelihood(measurement, nominal, healthy) for measurement in found])
 
 
-class Evidence:
+class JointLikelihood:
     """All recordings: what a model's residuals on them are."""
 
-    def __init__(self, trials: Sequence[Trial]) -> None:
-        self.trials = tuple(trials)
+    def __init__(self, recordings: Sequence[RecordingLikelihood]) -> None:
+        self.recordings = tuple(recordings)
 
     def judge(self, model: EffectiveModel) -> list[JudgedModel] | None:
         """The model on every recording; None where its solution is not finite."""
-        judged = [trial.judge(model) for trial in self.trials]
+        judged = [recorded.judge(model) for recorded in self.recordings]
         complete = [one for one in judged if one is not None]
         return complete if len(complete) == len(judged) else None
 
@@ -339,15 +339,15 @@ def normalised(one: JudgedModel) -> dict[Signal, NDArray[np.float64]]:
     return parts
 
 
-def phases_by_signal(trial: Trial) -> dict[Signal, NDArray[np.int8]]:
-    return {Signal.LINE_PRESSURE: trial.phases, Signal.INJECTION_RATE: trial.rate_phases}
+def phases_by_signal(recorded: RecordingLikelihood) -> dict[Signal, NDArray[np.int8]]:
+    return {Signal.LINE_PRESSURE: recorded.phases, Signal.INJECTION_RATE: recorded.rate_phases}
 
 
-def pool_of(evidence: Evidence, judged: Sequence[JudgedModel]) -> Pool:
+def pool_of(likelihood: JointLikelihood, judged: Sequence[JudgedModel]) -> Pool:
     """Statistics of all recordings together."""
     pool: dict[Signal, PhaseStatistics] = {}
-    for trial, one in zip(evidence.trials, judged, strict=True):
+    for recorded, one in zip(likelihood.recordings, judged, strict=True):
         for signal, z in normalised(one).items():
-            found = phase_statistics(z, 1.0, phases_by_signal(trial)[signal], 0)
+            found = phase_statistics(z, 1.0, phases_by_signal(recorded)[signal], 0)
             pool[signal] = pool.get(signal, no_statistics()).faded(1.0, found)
     return pool

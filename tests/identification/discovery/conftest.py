@@ -7,7 +7,7 @@ from datetime import datetime
 import pytest
 
 from observer_rt.files.signals.recording import Recording
-from observer_rt.identification.discovery.answer import Question, answer
+from observer_rt.identification.discovery.discover import DiscoveryTask, answer
 from observer_rt.identification.discovery.findings import Findings, Indicator, Opinion, Sources
 from observer_rt.identification.discovery.search.candidates import NoMemory
 from observer_rt.identification.likelihood.measurement import measurements
@@ -26,7 +26,7 @@ WORN_POINTS = ((60e6, 0.6e-3), (60e6, 1.9e-3), (140e6, 0.6e-3), (140e6, 1.9e-3))
 class Worn:
     """An injector with v_H = WEAR, measured rate and all, and the answer."""
 
-    question: Question
+    task: DiscoveryTask
     findings: Findings
 
 
@@ -40,5 +40,5 @@ def worn() -> Worn:
     """Four operating points of a worn injector."""
     made = recordings((sized("orifice_area", v_H=WEAR),), measured_rate=True, points=WORN_POINTS)
     names = {f"<{number}>.csv": f"{number:064x}" for number in range(len(made))}
-    question = Question(NOMINAL, measurements(made), (), names)
-    return Worn(question, answer(question, NoMemory(), agrees, lambda _: None, "amended.toml"))
+    task = DiscoveryTask(NOMINAL, measurements(made), (), names)
+    return Worn(task, answer(task, NoMemory(), agrees, lambda _: None, "amended.toml"))

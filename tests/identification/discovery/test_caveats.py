@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from observer_rt.identification.discovery.answer import Question, answer
+from observer_rt.identification.discovery.discover import DiscoveryTask, answer
 from observer_rt.identification.discovery.findings import (
     Caveat,
     Findings,
@@ -14,7 +14,7 @@ from observer_rt.identification.discovery.findings import (
 from observer_rt.identification.discovery.report.document import as_json
 from observer_rt.identification.discovery.report.text import as_text
 from observer_rt.identification.discovery.search.candidates import NoMemory
-from observer_rt.identification.discovery.search.result import FittedParameter, Verdict
+from observer_rt.identification.discovery.search.results import FittedParameter, Verdict
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effects import effective_model, sized
 from tests.baselines import baseline
@@ -116,8 +116,8 @@ def test_flow_and_stiffness_that_changed_together_look_like_another_inertance(
 
 def test_what_is_of_the_bench_is_told_and_never_amended() -> None:
     made = recordings((sized("needle_lift_sensor_lag", tau=16e-6),))
-    question = Question(NOMINAL, measurements(made), (), {"a.csv": "0" * 64, "b.csv": "1" * 64})
-    findings = answer(question, NoMemory(), agrees, lambda _: None, "amended.toml")
+    task = DiscoveryTask(NOMINAL, measurements(made), (), {"a.csv": "0" * 64, "b.csv": "1" * 64})
+    findings = answer(task, NoMemory(), agrees, lambda _: None, "amended.toml")
     assert [effect.id for effect in findings.discovery.effects] == ["needle_lift_sensor_lag"]
     assert "state the lag of the lift sensor in the bench file" in as_text(findings).splitlines()[0]
     assert (findings.amended_model, findings.in_force) == (None, ())

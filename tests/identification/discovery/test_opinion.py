@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from observer_rt.identification.discovery.findings import Indicator, Opinion, contradictions, remark
-from observer_rt.identification.discovery.search.result import (
+from observer_rt.identification.discovery.search.results import (
     Consequence,
     Discovery,
     FittedEffect,

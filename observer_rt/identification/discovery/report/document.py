@@ -15,7 +15,7 @@ from observer_rt.identification.discovery.gaps import PHASE_NAMES, Disagreement,
 from observer_rt.identification.discovery.report.figures import overlay_figure
 from observer_rt.identification.discovery.report.page import held_out_figure, with_words
 from observer_rt.identification.discovery.report.text import definition, printed, proposal_words
-from observer_rt.identification.discovery.search.result import (
+from observer_rt.identification.discovery.search.results import (
     Candidate,
     Cell,
     Consequence,

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLISECOND, MM3_PER_MS
 from observer_rt.identification.discovery.gaps import Gap, Overlay
 from observer_rt.identification.discovery.report.text import sign
-from observer_rt.identification.discovery.search.result import LawCurve
+from observer_rt.identification.discovery.search.results import LawCurve
 from observer_rt.identification.likelihood.figure_look import FOUND, GIVEN, LOOK, MEASURED
 
 _SETTINGS = LOOK | {"svg.fonttype": "none", "svg.hashsalt": "observer_rt", "path.simplify_threshold": 0.3}

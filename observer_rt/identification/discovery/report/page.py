@@ -32,7 +32,7 @@ from observer_rt.identification.discovery.report.text import (
 )
 from observer_rt.identification.discovery.search import search
 from observer_rt.identification.discovery.search.adequacy import SIGNIFICANT
-from observer_rt.identification.discovery.search.result import (
+from observer_rt.identification.discovery.search.results import (
     Candidate,
     Cell,
     Consequence,

@@ -7,7 +7,7 @@ from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MILLIMETRE, MM3_PER_MS
 from observer_rt.identification.discovery.findings import Caveat, Findings, gap_share
 from observer_rt.identification.discovery.search.curves import AXES, SINCE
-from observer_rt.identification.discovery.search.result import (
+from observer_rt.identification.discovery.search.results import (
     Candidate,
     Discovery,
     FittedParameter,

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.phases import Phase, phase_statistics
-from observer_rt.identification.discovery.search.result import Candidate, Cell, Unexplained
+from observer_rt.identification.discovery.search.results import Candidate, Cell, Unexplained
 from observer_rt.identification.likelihood.likelihood import (
-    Evidence,
+    JointLikelihood,
     JudgedModel,
     Pool,
     Signal,
@@ -43,7 +43,7 @@ class HealthyBaseline:
 
     @property
     def shape(self) -> HealthyShape | None:
-        """Mean innovation of the healthy injector, which is taken out of the evidence."""
+        """Mean innovation of the healthy injector, which is taken out of the likelihood."""
         return None if self.remainder is None else self.remainder.shape
 
     @property
@@ -55,17 +55,19 @@ class HealthyBaseline:
 NO_BASELINE = HealthyBaseline({}, {})
 
 
-def cells_of(evidence: Evidence, judged: Sequence[JudgedModel], model: EffectiveModel) -> tuple[Cell, ...]:
+def cells_of(
+    likelihood: JointLikelihood, judged: Sequence[JudgedModel], model: EffectiveModel
+) -> tuple[Cell, ...]:
     """Every signal in every phase of every recording."""
     result = []
-    for number, (trial, one) in enumerate(zip(evidence.trials, judged, strict=True)):
-        measurement = trial.measurement
+    for number, (recorded, one) in enumerate(zip(likelihood.recordings, judged, strict=True)):
+        measurement = recorded.measurement
         scale = {
             Signal.LINE_PRESSURE: float(np.exp(one.log_sigma)) * model.coefficients.pressure_scale,
             Signal.INJECTION_RATE: measurement.rate_noise,
         }
         for signal, z in normalised(one).items():
-            phases = phases_by_signal(trial)[signal]
+            phases = phases_by_signal(recorded)[signal]
             statistics = phase_statistics(z, 1.0, phases, 0)
             for phase in Phase:
                 if not (phases == phase).any():
@@ -161,7 +163,7 @@ NAMES = ("rail pressure", "needle lift", "injection rate", "duration")
 
 
 def unexplained(
-    evidence: Evidence,
+    likelihood: JointLikelihood,
     judged: Sequence[JudgedModel],
     nominal: EffectiveModel,
     place: Worst,
@@ -171,7 +173,7 @@ def unexplained(
 
     The equation is that of the effect which explains most when nothing explains all.
     """
-    blocks = _blocks(evidence, judged, nominal, place)
+    blocks = _blocks(likelihood, judged, nominal, place)
     depends_on = _dependence(blocks)
     equation = _equation(fitted)
     sign = "more" if float(np.mean(blocks.means)) > 0.0 else "less"
@@ -190,20 +192,20 @@ def _equation(fitted: Sequence[Candidate]) -> Equation:
 
 
 def _blocks(
-    evidence: Evidence, judged: Sequence[JudgedModel], nominal: EffectiveModel, place: Worst
+    likelihood: JointLikelihood, judged: Sequence[JudgedModel], nominal: EffectiveModel, place: Worst
 ) -> _Blocks:
     means, regressors = [], []
-    for trial, one in zip(evidence.trials, judged, strict=True):
+    for recorded, one in zip(likelihood.recordings, judged, strict=True):
         at_line = place.signal is Signal.LINE_PRESSURE
         z = one.z if at_line else one.rate_z[:-1]
-        phases = trial.phases if at_line else trial.rate_phases
-        lift, rate = trial.lift_and_rate(nominal, at_line)
+        phases = recorded.phases if at_line else recorded.rate_phases
+        lift, rate = recorded.lift_and_rate(nominal, at_line)
         chosen = np.flatnonzero(phases == place.phase)
         for block in np.split(chosen, np.flatnonzero(np.diff(chosen) > 1) + 1):
             for first in range(0, block.size - BLOCK + 1, BLOCK):
                 rows = block[first : first + BLOCK]
                 means.append(float(z[rows].sum()) / np.sqrt(BLOCK))
-                measurement = trial.measurement
+                measurement = recorded.measurement
                 regressors.append(
                     (measurement.rail_pressure, lift[rows].mean(), rate[rows].mean(), measurement.duration)
                 )

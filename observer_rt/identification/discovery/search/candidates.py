@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.foundation.source import source_digest
-from observer_rt.identification.discovery.search.result import Candidate, Hypothesis, Sizing, minimum_from
+from observer_rt.identification.discovery.search.hypothesis import Hypothesis, Sizing, minimum_from
+from observer_rt.identification.discovery.search.results import Candidate
 from observer_rt.identification.likelihood.appearance import (
     HealthyAppearance,
     Signature,
@@ -24,7 +25,7 @@ from observer_rt.identification.likelihood.appearance import (
     smallest_visible,
 )
 from observer_rt.identification.likelihood.bounded_fit import MAX_ITERATIONS, Minimum, Residuals, linearise
-from observer_rt.identification.likelihood.likelihood import Evidence
+from observer_rt.identification.likelihood.likelihood import JointLikelihood
 from observer_rt.model.baseline import Appearance
 from observer_rt.model.effect import Effect, SizedEffect
 from observer_rt.model.effective import EffectiveModel
@@ -66,11 +67,11 @@ class NoMemory:
 
 
 class Fitter:
-    """Fits hypotheses to the evidence on several threads (the compiled prediction runs without the lock)."""
+    """Fits hypotheses to the likelihood on several threads (the compiled prediction runs without the lock)."""
 
     def __init__(
         self,
-        evidence: Evidence,
+        likelihood: JointLikelihood,
         nominal: EffectiveModel,
         workers: int = 1,
         memory: FitMemory | None = None,
@@ -79,7 +80,7 @@ class Fitter:
     ) -> None:
         """fitted: called with every fit as soon as it is there; appears: what the healthy injector
         appears to have."""
-        self.evidence = evidence
+        self.likelihood = likelihood
         self.nominal = nominal
         self._workers = workers
         self._memory = memory or NoMemory()
@@ -90,17 +91,17 @@ class Fitter:
 
     def nothing(self) -> Candidate:
         """The nominal model."""
-        residuals = self.evidence.residuals(self.nominal)
+        residuals = self.likelihood.residuals(self.nominal)
         if residuals is None:
             raise ArithmeticError("the nominal model has no finite solution on these recordings")
         return Candidate(Hypothesis(), (), residuals.statistic)
 
     def measure(self, effects: Sequence[Effect]) -> None:
         """What a small size of every effect does to the residuals of the nominal model."""
-        judged = self.evidence.judge(self.nominal)
+        judged = self.likelihood.judge(self.nominal)
         if judged is None:
             raise ArithmeticError("the nominal model has no finite solution on these recordings")
-        found = self.each(lambda effect: signatures(self.evidence, self.nominal, judged, [effect]), effects)
+        found = self.each(lambda effect: signatures(self.likelihood, self.nominal, judged, [effect]), effects)
         self._signatures = {one.effect.id: one for each in found for one in each}
 
     @property
@@ -121,7 +122,7 @@ class Fitter:
         """Standard deviations of a candidate's sizes by noise, from the information there; inf where it has none."""
         key = (candidate.ids, candidate.sizes)
         if key not in self._sigmas:
-            sizing = Sizing(self.evidence, self.nominal, candidate.hypothesis)
+            sizing = Sizing(self.likelihood, self.nominal, candidate.hypothesis)
             residuals = sizing.residuals(candidate.theta)
             if residuals is None or not candidate.hypothesis.effects:
                 return np.full(len(candidate.sizes), np.inf)
@@ -150,7 +151,7 @@ class Fitter:
         known = self._memory.get(key)
         if known is not None:
             return Candidate(hypothesis, tuple(known[0].tolist()), known[1])
-        sizing = Sizing(self.evidence, self.nominal, task.hypothesis)
+        sizing = Sizing(self.likelihood, self.nominal, task.hypothesis)
         found = minimum_from(sizing, task.starts, max_iterations, second_if_stuck=task.probed)
         if found is None:
             return None
@@ -187,10 +188,10 @@ class Fitter:
 
     def _seconds(self, leader: Candidate, effects: Sequence[Effect]) -> list["_Task"]:
         """The leader with each second effect that promises something, and where to begin."""
-        base = self.evidence.residuals(leader.model(self.nominal))
+        base = self.likelihood.residuals(leader.model(self.nominal))
         if base is None:
             return []
-        sizing = Sizing(self.evidence, self.nominal, leader.hypothesis)
+        sizing = Sizing(self.likelihood, self.nominal, leader.hypothesis)
         spanned = linearise(sizing, leader.theta, base, leader.hypothesis.ranges()).slopes
         others = [effect for effect in effects if effect not in leader.hypothesis.effects]
         promises = self.each(lambda effect: self._promise(leader, base, spanned, effect), others)
@@ -206,7 +207,7 @@ class Fitter:
     ) -> "_Promise":
         """What a second effect would gain were the residuals linear in it, the leader's sizes free."""
         both = leader.hypothesis.with_effect(effect)
-        sizing = Sizing(self.evidence, self.nominal, both)
+        sizing = Sizing(self.likelihood, self.nominal, both)
         best = _Promise(0.0, ())
         for values in _probes(effect):
             start = np.concatenate([leader.theta, values])

@@ -11,7 +11,7 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.identification.discovery.search.adequacy import HealthyBaseline, worst
 from observer_rt.identification.discovery.search.candidates import Fitter
 from observer_rt.identification.discovery.search.law_evidence import law_curve
-from observer_rt.identification.discovery.search.result import (
+from observer_rt.identification.discovery.search.results import (
     Candidate,
     Consequence,
     LawCurve,
@@ -28,7 +28,7 @@ from observer_rt.identification.discovery.search.term_search import (
     scores_of,
 )
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
-from observer_rt.identification.likelihood.likelihood import Evidence, pool_of
+from observer_rt.identification.likelihood.likelihood import JointLikelihood, pool_of
 from observer_rt.model.effect import Effect
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.term_effect import is_term
@@ -53,13 +53,15 @@ def propose(
     named = len(outcome.winner.hypothesis.effects) if outcome.adequate else SEVERAL
     if named == 0 or (named < SEVERAL and not _leaves_a_term(fitter, outcome, baseline)):
         return ()
-    problem = InjectorTerms(fitter.evidence, fitter.nominal, _candidates(fitter.evidence, outcome), baseline)
+    problem = InjectorTerms(
+        fitter.likelihood, fitter.nominal, _candidates(fitter.likelihood, outcome), baseline
+    )
     result = TermSearch(problem, fitter.each).run()
     if not result.best.chosen or (outcome.adequate and not _beats(problem, result.best, outcome)):
         return ()
-    judged = fitter.evidence.judge(fitter.nominal)
+    judged = fitter.likelihood.judge(fitter.nominal)
     assert judged is not None  # the search began with it
-    phase = worst(pool_of(fitter.evidence, judged), baseline).phase
+    phase = worst(pool_of(fitter.likelihood, judged), baseline).phase
     before = held_out.gap(outcome.nominal)
 
     def proposal(fit: TermFit) -> Proposal:
@@ -85,10 +87,10 @@ def _curves(
     fitter: Fitter, first: Proposal, best: TermFit, baseline: HealthyBaseline
 ) -> tuple[LawCurve, ...]:
     """The laws of a proposal over their variables."""
-    span, model = _span(fitter.evidence), first.model(fitter.nominal)
+    span, model = _span(fitter.likelihood), first.model(fitter.nominal)
 
     def about_here(effects: Sequence[Effect]) -> InjectorTerms:
-        return InjectorTerms(fitter.evidence, model, effects, baseline)
+        return InjectorTerms(fitter.likelihood, model, effects, baseline)
 
     reach = (span.time, span.injections)
     drawn = (law_curve(term, about_here, best.residuals, fitter.each, reach) for term in first.terms)
@@ -98,8 +100,8 @@ def _curves(
 def _leaves_a_term(fitter: Fitter, outcome: SearchOutcome, baseline: HealthyBaseline) -> bool:
     """Whether a term alone would gain much beside what the vocabulary found."""
     model = outcome.winner.model(fitter.nominal)
-    terms = list(library(_span(fitter.evidence)))
-    problem = InjectorTerms(fitter.evidence, model, terms, baseline)
+    terms = list(library(_span(fitter.likelihood)))
+    problem = InjectorTerms(fitter.likelihood, model, terms, baseline)
     nothing = no_terms(problem)
     gains = scores_of(problem, nothing, fitter.each).validated
     return bool(np.max(gains, initial=0.0) > CLEARLY * nothing.spread)
@@ -118,15 +120,15 @@ def _beats(problem: InjectorTerms, best: TermFit, outcome: SearchOutcome) -> boo
     return better and problem.is_adequate(best.chosen, best.theta)
 
 
-def _candidates(evidence: Evidence, outcome: SearchOutcome) -> list[Effect]:
+def _candidates(likelihood: JointLikelihood, outcome: SearchOutcome) -> list[Effect]:
     """The library, and the effects of the vocabulary that have one size."""
     singles = (one.hypothesis.effects[0] for one in outcome.fitted if len(one.hypothesis.effects) == 1)
-    return [*library(_span(evidence)), *(effect for effect in singles if len(effect.parameters) == 1)]
+    return [*library(_span(likelihood)), *(effect for effect in singles if len(effect.parameters) == 1)]
 
 
-def _span(evidence: Evidence) -> RecordingSpan:
+def _span(likelihood: JointLikelihood) -> RecordingSpan:
     """How far time and injection number reach in the recordings."""
-    events = list(chain.from_iterable(trial.measurement.events for trial in evidence.trials))
+    events = list(chain.from_iterable(recorded.measurement.events for recorded in likelihood.recordings))
     last = max(event.clock.injections + len(event.openings) for event in events)
     return RecordingSpan(max(event.clock.time for event in events), last)
 

@@ -11,10 +11,16 @@ from numpy.typing import NDArray
 from observer_rt.core.learning.whitening import robust_cost
 from observer_rt.identification.discovery.search.adequacy import NO_BASELINE, HealthyBaseline, worst
 from observer_rt.identification.discovery.search.candidates import NEAR, Fitter, best_of_each
-from observer_rt.identification.discovery.search.result import Candidate, Sizing
+from observer_rt.identification.discovery.search.hypothesis import Sizing
+from observer_rt.identification.discovery.search.results import Candidate
 from observer_rt.identification.likelihood.appearance import least_gain
 from observer_rt.identification.likelihood.bounded_fit import fit
-from observer_rt.identification.likelihood.likelihood import Evidence, JudgedModel, Trial, pool_of
+from observer_rt.identification.likelihood.likelihood import (
+    JointLikelihood,
+    JudgedModel,
+    RecordingLikelihood,
+    pool_of,
+)
 from observer_rt.identification.likelihood.measurement import Measurement, every_second_point
 from observer_rt.identification.likelihood.open_loop import simulated
 from observer_rt.model.effect import Effect, Likeness
@@ -25,24 +31,24 @@ from observer_rt.model.effects import VOCABULARY
 class HeldOutPoints:
     """Candidates fitted to every second operating point and judged on the events of the others."""
 
-    def __init__(self, evidence: Evidence, nominal: EffectiveModel) -> None:
-        first, second = every_second_point([trial.measurement for trial in evidence.trials])
+    def __init__(self, likelihood: JointLikelihood, nominal: EffectiveModel) -> None:
+        first, second = every_second_point([recorded.measurement for recorded in likelihood.recordings])
         self._fitted, self._judged = (
-            Evidence([evidence.trials[i] for i in part]) for part in (first, second)
+            JointLikelihood([likelihood.recordings[i] for i in part]) for part in (first, second)
         )
         self._nominal = nominal
         self._known: dict[tuple[tuple[str, ...], tuple[float, ...]], _Events | None] = {}
 
     def statistic(self, candidate: Candidate) -> float:
         """-2 log L of all events held out; inf without a solution, nan where there is nothing to hold out."""
-        if not self._judged.trials:
+        if not self._judged.recordings:
             return math.nan
         events = self._events(candidate)
         return math.inf if events is None else float(np.sum(events.statistic))
 
     def gap(self, candidate: Candidate) -> float:
         """Rms of the line pressure's open-loop gap on the events held out [Pa]; nan without any."""
-        if not self._judged.trials:
+        if not self._judged.recordings:
             return math.nan
         events = self._events(candidate)
         return math.inf if events is None else math.sqrt(float(np.mean(events.gap)))
@@ -54,7 +60,7 @@ class HeldOutPoints:
         corrected from the opening on, must not grow by more than it scatters: it says less of a small effect, but it
         is what a model is wanted for. Where nothing can be held out nothing speaks against a candidate.
         """
-        if not self._judged.trials:
+        if not self._judged.recordings:
             return True
         after, before = self._events(candidate), self._events(smaller)
         if after is None or before is None:
@@ -80,9 +86,9 @@ class HeldOutPoints:
         judged = self._judged.judge(model)
         if judged is None:
             return None
-        trials = self._judged.trials
-        statistic = [_by_event(trial, one) for trial, one in zip(trials, judged, strict=True)]
-        gap = [_gap_by_event(trial.measurement, model) for trial in trials]
+        recordings = self._judged.recordings
+        statistic = [_by_event(recorded, one) for recorded, one in zip(recordings, judged, strict=True)]
+        gap = [_gap_by_event(recorded.measurement, model) for recorded in recordings]
         return _Events(np.concatenate(statistic), np.concatenate(gap))
 
 
@@ -106,9 +112,9 @@ def _gap_by_event(measurement: Measurement, model: EffectiveModel) -> NDArray[np
     return np.array([float(np.mean((one.line_pressure - line[one.samples]) ** 2)) for one in runs])
 
 
-def _by_event(trial: Trial, one: JudgedModel) -> NDArray[np.float64]:
+def _by_event(recorded: RecordingLikelihood, one: JudgedModel) -> NDArray[np.float64]:
     """-2 log L of the events of a recording (events,); its measured rate is shared out evenly."""
-    events: Sequence[int] = [event.end - event.counted for event in trial.measurement.events]
+    events: Sequence[int] = [event.end - event.counted for event in recorded.measurement.events]
     ends = np.cumsum(events)
     rate = 2.0 * (robust_cost(one.rate_z, 0, 1.0) + one.rate_z.size * one.rate_log_sigma) / len(events)
     return np.array(
@@ -195,7 +201,7 @@ class Search:
         self._effects = effects
         self._baseline = baseline
         self._least_gain = least_gain(baseline.appears)
-        self.held_out = HeldOutPoints(fitter.evidence, fitter.nominal)
+        self.held_out = HeldOutPoints(fitter.likelihood, fitter.nominal)
 
     def run(self) -> SearchOutcome:
         """Fit candidates until nothing more is worth adding; see `SearchOutcome`."""
@@ -316,17 +322,17 @@ class Search:
 
     def _threshold(self, candidate: Candidate) -> float:
         """What an effect must gain beside what a candidate leaves unexplained: more the more that is."""
-        residuals = self._fitter.evidence.residuals(candidate.model(self._fitter.nominal))
+        residuals = self._fitter.likelihood.residuals(candidate.model(self._fitter.nominal))
         if residuals is None:
             return np.inf
         return self._least_gain * max(1.0, float(np.mean(residuals.z**2)))
 
     def _ratio(self, candidate: Candidate) -> float:
         """Of a candidate's worst phase to its limit."""
-        judged = self._fitter.evidence.judge(candidate.model(self._fitter.nominal))
+        judged = self._fitter.likelihood.judge(candidate.model(self._fitter.nominal))
         if judged is None:
             return np.inf
-        return worst(pool_of(self._fitter.evidence, judged), self._baseline).ratio
+        return worst(pool_of(self._fitter.likelihood, judged), self._baseline).ratio
 
 
 def _statistic(candidate: Candidate) -> float:

@@ -19,7 +19,7 @@ from observer_rt.identification.discovery.search.adequacy import (
 )
 from observer_rt.identification.discovery.search.candidates import FitMemory, Fitter
 from observer_rt.identification.discovery.search.proposals import propose
-from observer_rt.identification.discovery.search.result import (
+from observer_rt.identification.discovery.search.results import (
     Candidate,
     Cell,
     Consequence,
@@ -41,7 +41,7 @@ from observer_rt.identification.discovery.search.search import (
 )
 from observer_rt.identification.likelihood.appearance import healthy_remainder
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
-from observer_rt.identification.likelihood.likelihood import evidence_of, pool_of
+from observer_rt.identification.likelihood.likelihood import joint_likelihood, pool_of
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.open_loop import mass, simulated
 from observer_rt.model.effect import WITH_A_MEASURED_RATE, Effect, Place
@@ -140,7 +140,7 @@ def name_effects(
     answer to them.
     """
     options = options or SearchOptions()
-    evidence = evidence_of(found, nominal, options.baseline.shape)
+    likelihood = joint_likelihood(found, nominal, options.baseline.shape)
     effects = representatives()
     done = 0
 
@@ -150,9 +150,9 @@ def name_effects(
         if options.progress is not None:
             options.progress(min(1.0, done / (len(effects) + _EXPECTED_MORE)))
 
-    if evidence.judge(nominal) is None:
+    if likelihood.judge(nominal) is None:
         raise RunError("the model has no finite solution on these recordings: see `observer-rt check`")
-    fitter = Fitter(evidence, nominal, options.workers, options.memory, count, options.baseline.appears)
+    fitter = Fitter(likelihood, nominal, options.workers, options.memory, count, options.baseline.appears)
     fitter.measure(effects)
     search = Search(fitter, effects, options.baseline)
     outcome = search.run()
@@ -190,13 +190,13 @@ def healthy_baseline(
 
     known: what the model's own fit remembers of the healthy injector.
     """
-    evidence = evidence_of(found, nominal, known.shape)
-    judged = evidence.judge(nominal)
+    likelihood = joint_likelihood(found, nominal, known.shape)
+    judged = likelihood.judge(nominal)
     if judged is None:
         raise RunError("the model has no finite solution on the healthy recordings: see `observer-rt check`")
     discovery = name_effects(nominal, found, SearchOptions(workers, baseline=known))
-    remainder = healthy_remainder(evidence, nominal, representatives(), known.remainder)
-    return baseline_of(pool_of(evidence, judged), remainder, discovery.verdict is Verdict.NONE), discovery
+    remainder = healthy_remainder(likelihood, nominal, representatives(), known.remainder)
+    return baseline_of(pool_of(likelihood, judged), remainder, discovery.verdict is Verdict.NONE), discovery
 
 
 class _Verdict:
@@ -208,7 +208,7 @@ class _Verdict:
         self._fitter = fitter
         self._held_out = held_out
         self._nominal = fitter.nominal
-        self._evidence = fitter.evidence
+        self._likelihood = fitter.likelihood
         self._found = found
         self._baseline = baseline
         self._rivals = tuple(rival.ids for rival in found.rivals) if found.adequate else ()
@@ -223,7 +223,7 @@ class _Verdict:
             confidence = min(confidence, WITH_A_WRONG_MODEL)
         named = verdict in (Verdict.NAMED, Verdict.AMBIGUOUS)
         open_ids = [one for ids in (found.winner.ids, *self._rivals) for one in ids]
-        noise = [trial.measurement.noise for trial in self._evidence.trials]
+        noise = [recorded.measurement.noise for recorded in self._likelihood.recordings]
         return Discovery(
             verdict=verdict,
             named=found.winner if named else found.nominal,
@@ -260,11 +260,17 @@ class _Verdict:
         )
 
     def _samples(self) -> int:
-        return sum(trial.phases.size + trial.rate_phases.size for trial in self._evidence.trials)
+        return sum(
+            recorded.phases.size + recorded.rate_phases.size for recorded in self._likelihood.recordings
+        )
 
     def _rate_noise(self) -> float | None:
         """Mean over the recordings with a measured rate [m3/s]."""
-        levels = [trial.measurement.rate_noise for trial in self._evidence.trials if trial.rate_phases.size]
+        levels = [
+            recorded.measurement.rate_noise
+            for recorded in self._likelihood.recordings
+            if recorded.rate_phases.size
+        ]
         return float(np.mean(levels)) if levels else None
 
     def _verdict(self) -> Verdict:
@@ -312,7 +318,7 @@ class _Verdict:
         return replace(one, half=tuple((NORMAL_975 * np.sqrt(variances)).tolist()))
 
     def _moves(self, before: EffectiveModel, after: EffectiveModel) -> Consequence:
-        return consequence([trial.measurement for trial in self._evidence.trials], before, after)
+        return consequence([recorded.measurement for recorded in self._likelihood.recordings], before, after)
 
     def _ranking(self) -> tuple[Candidate, ...]:
         """Leaders by -2 log L, the winner, its rivals and the nominal model among them."""
@@ -330,16 +336,16 @@ class _Verdict:
 
     def _cells(self, one: Candidate) -> tuple[Cell, ...]:
         model = one.model(self._nominal)
-        judged = self._evidence.judge(model)
-        return () if judged is None else cells_of(self._evidence, judged, model)
+        judged = self._likelihood.judge(model)
+        return () if judged is None else cells_of(self._likelihood, judged, model)
 
     def _unexplained(self) -> Unexplained | None:
         found = self._found
-        judged = self._evidence.judge(found.winner.model(self._nominal))
+        judged = self._likelihood.judge(found.winner.model(self._nominal))
         if judged is None:
             return None
-        place = worst(pool_of(self._evidence, judged), self._baseline)
-        left = unexplained(self._evidence, judged, self._nominal, place, found.fitted)
+        place = worst(pool_of(self._likelihood, judged), self._baseline)
+        left = unexplained(self._likelihood, judged, self._nominal, place, found.fitted)
         if not self._proposals:
             return left
         best = self._proposals[0]

@@ -12,7 +12,7 @@ from observer_rt.engine.estimation.phases import Phase
 from observer_rt.identification.discovery.findings import Opinion, Sources
 from observer_rt.identification.discovery.report.document import as_json
 from observer_rt.identification.discovery.report.page import report
-from observer_rt.identification.discovery.search.result import Decisive, Discovery, Unexplained, Verdict
+from observer_rt.identification.discovery.search.results import Decisive, Discovery, Unexplained, Verdict
 from observer_rt.identification.likelihood.likelihood import Signal
 from observer_rt.model.effect import Equation
 from tests.identification.discovery.conftest import SOURCES, Worn
@@ -58,7 +58,7 @@ def _page(worn: Worn, found: Discovery | None = None, **changes: Any) -> _Page:
     findings = replace(worn.findings, **changes)
     if found is not None:
         findings = replace(findings, discovery=found)
-    return _Page(report(findings, _sources(worn.question.hashes)))
+    return _Page(report(findings, _sources(worn.task.hashes)))
 
 
 def _sources(hashes: Mapping[str, str]) -> Sources:
@@ -114,7 +114,7 @@ def test_every_part_is_there(worn: Worn) -> None:
     ):
         assert heading in page.text
     assert "Nothing here contradicts the discovery" in page.text
-    for name in worn.question.hashes:
+    for name in worn.task.hashes:
         assert name in page.text  # <0>.csv: shown, not taken for a tag
 
 

@@ -15,7 +15,7 @@ from observer_rt.config.bench import load_injector
 from observer_rt.files.formats import read_recording
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
 from observer_rt.identification.discovery.search.adequacy import NO_BASELINE, baseline_of_fit
-from observer_rt.identification.discovery.search.result import Proposal
+from observer_rt.identification.discovery.search.results import Proposal
 from observer_rt.identification.discovery.search.search import Search, SearchOutcome
 from observer_rt.identification.discovery.search.verdict import SearchOptions, name_effects
 from observer_rt.identification.likelihood.appearance import with_healthy_offset

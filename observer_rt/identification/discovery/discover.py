@@ -10,7 +10,7 @@ from datetime import datetime
 from pathlib import Path
 
 from observer_rt.config.injector_file import InjectorFile
-from observer_rt.engine.learning.healthy import holds_at
+from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy, holds_at
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation import file_kinds
 from observer_rt.foundation.console import check_folder
@@ -30,7 +30,7 @@ from observer_rt.identification.discovery.gaps import disagreements, gaps_of, ty
 from observer_rt.identification.discovery.report.document import as_json, remove_data, write_data
 from observer_rt.identification.discovery.report.page import report
 from observer_rt.identification.discovery.report.text import headline
-from observer_rt.identification.discovery.search.adequacy import NO_BASELINE, HealthyBaseline, baseline_of_fit
+from observer_rt.identification.discovery.search.adequacy import healthy_of_fit
 from observer_rt.identification.discovery.search.candidates import FitMemory, FitStore, problem_key
 from observer_rt.identification.discovery.search.results import Verdict
 from observer_rt.identification.discovery.search.verdict import SearchOptions, healthy_baseline, name_effects
@@ -120,7 +120,7 @@ def answer(
     """
     nominal = effective_model(task.parameters)
     known, warning = _remembered(nominal, [*task.measured, *task.healthy])
-    points = by_operating_point([with_healthy_offset(one, known.remainder) for one in task.measured])
+    points = by_operating_point([with_healthy_offset(one, known) for one in task.measured])
     measured = [point.measurement for point in points]
     workers = threads or len(os.sched_getaffinity(0))
     baseline = known
@@ -175,17 +175,17 @@ def answer(
         points=names,
         fitted_on=tuple(names[i] for i in gaps.fitted_on),
         held_out=tuple(names[i] for i in gaps.held_out),
-        healthy=baseline.remainder,
+        healthy=None if baseline.shape is None else baseline,
     )
 
 
-def _remembered(nominal: EffectiveModel, found: Sequence[Measurement]) -> tuple[HealthyBaseline, str]:
+def _remembered(nominal: EffectiveModel, found: Sequence[Measurement]) -> tuple[Healthy, str]:
     """What the fit of a model remembers of the healthy injector, and what speaks against it, empty when nothing."""
     fitted = nominal.injector.baseline
     if fitted is None:
-        return NO_BASELINE, ""
+        return NOT_FITTED, ""
     comparable = all(holds_at(fitted, one.recording.sample_rate) for one in found)
-    baseline = baseline_of_fit(fitted, comparable)
+    baseline = healthy_of_fit(fitted, comparable)
     if not fitted.adequate:
         return baseline, _INADEQUATE
     if fitted.healthy is None:
@@ -194,13 +194,13 @@ def _remembered(nominal: EffectiveModel, found: Sequence[Measurement]) -> tuple[
 
 
 def _judged_by_healthy(
-    nominal: EffectiveModel, healthy: Sequence[Measurement], workers: int, known: HealthyBaseline
-) -> tuple[HealthyBaseline, str]:
+    nominal: EffectiveModel, healthy: Sequence[Measurement], workers: int, known: Healthy
+) -> tuple[Healthy, str]:
     """What healthy recordings leave unexplained, and what they say against the model, if anything.
 
     known: what the fit of the model remembers, to which they add.
     """
-    found_with = [with_healthy_offset(one, known.remainder) for one in healthy]
+    found_with = [with_healthy_offset(one, known) for one in healthy]
     points = [point.measurement for point in by_operating_point(found_with)]
     baseline, found = healthy_baseline(nominal, points, workers, known)
     if found.verdict is Verdict.NONE:

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from datetime import datetime
 
 from observer_rt.engine.learning.adequacy import looks_like_inertance
+from observer_rt.engine.learning.healthy import Healthy
 from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.identification.discovery.gaps import Disagreement, ModelGaps, Overlay
 from observer_rt.identification.discovery.search.results import Discovery, FittedEffect, Verdict
 from observer_rt.identification.discovery.search.search import indistinguishable
 from observer_rt.identification.discovery.standstill import StandstillFigure
 from observer_rt.identification.likelihood.operating_points import distinct
-from observer_rt.model.baseline import HealthyRemainder
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import VOCABULARY
 from observer_rt.model.parameters import EffectInForce
@@ -263,7 +263,7 @@ class Findings:
     fitted_on: tuple[str, ...]
     held_out: tuple[str, ...]
     seconds: float = 0.0
-    healthy: HealthyRemainder | None = None
+    healthy: Healthy | None = None
     terms: tuple[TermInForce, ...] = ()
     not_accepted: str = ""
 

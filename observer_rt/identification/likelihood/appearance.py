@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.healthy_shape import EventStretch, ShapeFit, together
 from observer_rt.engine.estimation.phases import Phase, phase_statistics
+from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.identification.likelihood.healthy_shape import expected_of, stretches
 from observer_rt.identification.likelihood.likelihood import JointLikelihood, JudgedModel
@@ -96,7 +97,7 @@ def healthy_remainder(
     likelihood: JointLikelihood,
     model: EffectiveModel,
     effects: Sequence[Effect],
-    known: HealthyRemainder | None = None,
+    known: Healthy = NOT_FITTED,
 ) -> HealthyRemainder:
     """What a model leaves of healthy recordings: the shape of it, and what effects it appears to be beyond that.
 
@@ -125,11 +126,11 @@ def healthy_remainder(
         for recorded, one in zip(likelihood.recordings, remaining, strict=True)
     ]
     return HealthyRemainder(
-        line_pressure_offset_MPa=0.0 if known is None else known.line_pressure_offset_MPa,
+        line_pressure_offset_MPa=known.line_pressure_offset_MPa,
         variance=PhaseFigures.of({p.name: max(one.variance(p) for one in statistics) for p in Phase}),
         colour=PhaseFigures.of({p.name: max(one.colour(p) for one in statistics) for p in Phase}),
         appears={one.effect.id: _appearance(one) for one in found},
-        shape=fit.shape() if known is None else together(known.shape, fit.shape()),
+        shape=fit.shape() if known.shape is None else together(known.shape, fit.shape()),
     )
 
 
@@ -161,33 +162,26 @@ def _appearance(signature: Signature) -> Appearance:
     return Appearance(mean=mean, uncertainty=uncertainty, scatter=scatter, unit=first.unit)
 
 
-def with_healthy_offset(measured: Measurement, known: HealthyRemainder | None) -> Measurement:
+def with_healthy_offset(measured: Measurement, known: Healthy) -> Measurement:
     """A recording with the offset its line-pressure sensor had already when the injector was healthy."""
-    if known is None or known.line_pressure_offset_MPa == 0.0:
+    if known.line_pressure_offset_MPa == 0.0:
         return measured
     offset = sized("line_pressure_sensor_offset", o=known.line_pressure_offset_MPa * MEGAPASCAL)
     return replace(measured, stated=(*measured.stated, offset))
 
 
-@dataclass(frozen=True)
-class HealthyAppearance:
-    """The size an effect has on the healthy injector as seen by other recordings [SI]: mean, standard deviation."""
+def reference(appears: Mapping[str, Appearance], signature: Signature) -> tuple[float, float]:
+    """Size [SI] an effect has on the healthy injector as recordings with this signature see it: mean and sigma.
 
-    mean: float
-    sigma: float
-
-
-def reference(appears: Mapping[str, Appearance], signature: Signature) -> HealthyAppearance:
-    """For recordings in which the effect has this signature; 0 and sure where nothing is known of it."""
+    0 and sure where nothing is known of it.
+    """
     known = appears.get(signature.effect.id)
     if known is None:
-        return HealthyAppearance(0.0, 0.0)
+        return 0.0, 0.0
     weights = signature.information
     by_recordings = float(weights @ weights) / float(np.sum(weights)) ** 2
     si = signature.effect.parameters[0].si
-    return HealthyAppearance(
-        known.mean * si, si * math.hypot(known.uncertainty, known.scatter * math.sqrt(by_recordings))
-    )
+    return known.mean * si, si * math.hypot(known.uncertainty, known.scatter * math.sqrt(by_recordings))
 
 
 def least_gain(appears: Mapping[str, Appearance]) -> float:
@@ -197,5 +191,5 @@ def least_gain(appears: Mapping[str, Appearance]) -> float:
 
 def smallest_visible(appears: Mapping[str, Appearance], signature: Signature) -> float:
     """Size [SI] from which on an effect would have been told from noise and from the healthy injector."""
-    least = math.sqrt(least_gain(appears)) * math.hypot(signature.sigma, reference(appears, signature).sigma)
+    least = math.sqrt(least_gain(appears)) * math.hypot(signature.sigma, reference(appears, signature)[1])
     return max(least, signature.effect.parameters[0].dead_zone)

@@ -18,7 +18,6 @@ from observer_rt.foundation.source import source_digest
 from observer_rt.identification.discovery.search.hypothesis import Hypothesis, Sizing, minimum_from
 from observer_rt.identification.discovery.search.results import Candidate
 from observer_rt.identification.likelihood.appearance import (
-    HealthyAppearance,
     Signature,
     reference,
     signatures,
@@ -109,10 +108,10 @@ class Fitter:
         """Of the effects measured."""
         return tuple(self._signatures.values())
 
-    def reference(self, effect: Effect) -> HealthyAppearance:
+    def reference(self, effect: Effect) -> tuple[float, float]:
         """The size an effect appears to have on the healthy injector, as these recordings see it."""
         signature = self._signatures.get(effect.id)
-        return HealthyAppearance(0.0, 0.0) if signature is None else reference(self._appears, signature)
+        return (0.0, 0.0) if signature is None else reference(self._appears, signature)
 
     def smallest_visible(self, signature: Signature) -> float:
         """Size [SI] from which on an effect would have been told from noise and from the healthy injector."""

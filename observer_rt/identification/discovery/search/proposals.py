@@ -7,8 +7,9 @@ from itertools import chain
 import numpy as np
 
 from observer_rt.config.effects import term_domain
+from observer_rt.engine.learning.healthy import Healthy
 from observer_rt.foundation.errors import UserError
-from observer_rt.identification.discovery.search.adequacy import HealthyBaseline, worst
+from observer_rt.identification.discovery.search.adequacy import worst
 from observer_rt.identification.discovery.search.candidates import Fitter
 from observer_rt.identification.discovery.search.law_evidence import law_curve
 from observer_rt.identification.discovery.search.results import (
@@ -43,7 +44,7 @@ Moves = Callable[[EffectiveModel, EffectiveModel], Consequence]
 
 
 def propose(
-    fitter: Fitter, outcome: SearchOutcome, baseline: HealthyBaseline, held_out: HeldOutPoints, moves: Moves
+    fitter: Fitter, outcome: SearchOutcome, baseline: Healthy, held_out: HeldOutPoints, moves: Moves
 ) -> tuple[Proposal, ...]:
     """The best first, then what explains as much by another equation; none where the vocabulary does.
 
@@ -83,9 +84,7 @@ def propose(
     return (replace(first, curves=_curves(fitter, first, result.best, baseline)), *others)
 
 
-def _curves(
-    fitter: Fitter, first: Proposal, best: TermFit, baseline: HealthyBaseline
-) -> tuple[LawCurve, ...]:
+def _curves(fitter: Fitter, first: Proposal, best: TermFit, baseline: Healthy) -> tuple[LawCurve, ...]:
     """The laws of a proposal over their variables."""
     span, model = _span(fitter.likelihood), first.model(fitter.nominal)
 
@@ -97,7 +96,7 @@ def _curves(
     return tuple(one for one in drawn if one is not None)
 
 
-def _leaves_a_term(fitter: Fitter, outcome: SearchOutcome, baseline: HealthyBaseline) -> bool:
+def _leaves_a_term(fitter: Fitter, outcome: SearchOutcome, baseline: Healthy) -> bool:
     """Whether a term alone would gain much beside what the vocabulary found."""
     model = outcome.winner.model(fitter.nominal)
     terms = list(library(_span(fitter.likelihood)))

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.learning.whitening import robust_cost
-from observer_rt.identification.discovery.search.adequacy import NO_BASELINE, HealthyBaseline, worst
+from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
+from observer_rt.identification.discovery.search.adequacy import worst
 from observer_rt.identification.discovery.search.candidates import NEAR, Fitter, best_of_each
 from observer_rt.identification.discovery.search.hypothesis import Sizing
 from observer_rt.identification.discovery.search.results import Candidate
@@ -194,9 +195,7 @@ def indistinguishable(effect: Effect) -> tuple[str, ...]:
 class Search:
     """Singles, then pairs where something is left to explain."""
 
-    def __init__(
-        self, fitter: Fitter, effects: Sequence[Effect], baseline: HealthyBaseline = NO_BASELINE
-    ) -> None:
+    def __init__(self, fitter: Fitter, effects: Sequence[Effect], baseline: Healthy = NOT_FITTED) -> None:
         self._fitter = fitter
         self._effects = effects
         self._baseline = baseline
@@ -312,9 +311,9 @@ class Search:
         for effect, values in zip(
             candidate.hypothesis.effects, candidate.hypothesis.split(candidate.theta), strict=True
         ):
-            healthy = self._fitter.reference(effect)
-            if values.size and abs(values[0] - healthy.mean) < math.sqrt(self._least_gain) * math.hypot(
-                float(sigmas[place]), healthy.sigma
+            mean, sigma = self._fitter.reference(effect)
+            if values.size and abs(values[0] - mean) < math.sqrt(self._least_gain) * math.hypot(
+                float(sigmas[place]), sigma
             ):
                 return False
             place += values.size

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.phases import Phase
-from observer_rt.identification.discovery.search.adequacy import VARIANCE_LIMIT, HealthyBaseline, worst
+from observer_rt.engine.learning.healthy import Healthy
+from observer_rt.identification.discovery.search.adequacy import VARIANCE_LIMIT, healthy_level, worst
 from observer_rt.identification.discovery.search.curves import made_to_measure
 from observer_rt.identification.discovery.search.hypothesis import Hypothesis, Sizing
 from observer_rt.identification.discovery.search.term_search import Each, TermFit
@@ -152,7 +153,7 @@ class InjectorTerms:
         likelihood: JointLikelihood,
         nominal: EffectiveModel,
         effects: Sequence[Effect],
-        baseline: HealthyBaseline,
+        baseline: Healthy,
     ) -> None:
         self._likelihood = likelihood
         self._nominal = nominal
@@ -238,7 +239,7 @@ class InjectorTerms:
             self._before = pool_of(self._likelihood, judged)
         for signal, statistics in pool.items():
             for phase in Phase:
-                healthy = VARIANCE_LIMIT[signal] * self._baseline.variance.get((signal, phase), 1.0)
+                healthy = VARIANCE_LIMIT[signal] * healthy_level(self._baseline, signal, phase)[0]
                 excess = statistics.variance(phase) - healthy
                 if excess > self.remainder * max(0.0, self._before[signal].variance(phase) - healthy):
                     return False

@@ -8,15 +8,9 @@ from itertools import combinations
 import numpy as np
 
 from observer_rt.engine.estimation.gain import NoiseLevels
+from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy, healthy_for_naming
 from observer_rt.foundation.errors import RunError, UserError
-from observer_rt.identification.discovery.search.adequacy import (
-    NO_BASELINE,
-    HealthyBaseline,
-    baseline_of,
-    cells_of,
-    unexplained,
-    worst,
-)
+from observer_rt.identification.discovery.search.adequacy import cells_of, unexplained, worst
 from observer_rt.identification.discovery.search.candidates import FitMemory, Fitter
 from observer_rt.identification.discovery.search.proposals import propose
 from observer_rt.identification.discovery.search.results import (
@@ -41,7 +35,7 @@ from observer_rt.identification.discovery.search.search import (
 )
 from observer_rt.identification.likelihood.appearance import healthy_remainder
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
-from observer_rt.identification.likelihood.likelihood import joint_likelihood, pool_of
+from observer_rt.identification.likelihood.likelihood import Signal, joint_likelihood, pool_of
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.open_loop import mass, simulated
 from observer_rt.model.effect import WITH_A_MEASURED_RATE, Effect, Place
@@ -127,7 +121,7 @@ class SearchOptions:
     workers: int = 1
     memory: FitMemory | None = None
     progress: Progress | None = None
-    baseline: HealthyBaseline = NO_BASELINE
+    baseline: Healthy = NOT_FITTED
     chosen: tuple[str, ...] = ()
 
 
@@ -184,8 +178,8 @@ def healthy_baseline(
     nominal: EffectiveModel,
     found: Sequence[Measurement],
     workers: int = 1,
-    known: HealthyBaseline = NO_BASELINE,
-) -> tuple[HealthyBaseline, Discovery]:
+    known: Healthy = NOT_FITTED,
+) -> tuple[Healthy, Discovery]:
     """What healthy recordings leave unexplained, and what discovery says of them: `none` for an adequate model.
 
     known: what the model's own fit remembers of the healthy injector.
@@ -195,15 +189,16 @@ def healthy_baseline(
     if judged is None:
         raise RunError("the model has no finite solution on the healthy recordings: see `observer-rt check`")
     discovery = name_effects(nominal, found, SearchOptions(workers, baseline=known))
-    remainder = healthy_remainder(likelihood, nominal, representatives(), known.remainder)
-    return baseline_of(pool_of(likelihood, judged), remainder, discovery.verdict is Verdict.NONE), discovery
+    remainder = healthy_remainder(likelihood, nominal, representatives(), known)
+    rate = pool_of(likelihood, judged).get(Signal.INJECTION_RATE)
+    return healthy_for_naming(remainder, discovery.verdict is Verdict.NONE, rate), discovery
 
 
 class _Verdict:
     """The result of a search in the words of a `Discovery`."""
 
     def __init__(
-        self, fitter: Fitter, found: SearchOutcome, baseline: HealthyBaseline, held_out: HeldOutPoints
+        self, fitter: Fitter, found: SearchOutcome, baseline: Healthy, held_out: HeldOutPoints
     ) -> None:
         self._fitter = fitter
         self._held_out = held_out
@@ -219,7 +214,7 @@ class _Verdict:
         """Everything together."""
         found, verdict = self._found, self._verdict()
         confidence = HIGHEST if found.adequate and self._proposals else confidence_of(found)
-        if not self._baseline.trusted:
+        if not self._baseline.adequate:
             confidence = min(confidence, WITH_A_WRONG_MODEL)
         named = verdict in (Verdict.NAMED, Verdict.AMBIGUOUS)
         open_ids = [one for ids in (found.winner.ids, *self._rivals) for one in ids]
@@ -313,7 +308,7 @@ class _Verdict:
         place = 0
         for effect in one.hypothesis.effects:
             if effect.parameters:
-                variances[place] += self._fitter.reference(effect).sigma ** 2
+                variances[place] += self._fitter.reference(effect)[1] ** 2
             place += len(effect.parameters)
         return replace(one, half=tuple((NORMAL_975 * np.sqrt(variances)).tolist()))
 

@@ -195,7 +195,7 @@ def test_against_a_healthy_baseline_only_what_is_new_counts() -> None:
         update={"nozzle": NOMINAL.nozzle.model_copy(update={"sac_volume": 1.06 * NOMINAL.nozzle.sac_volume})}
     )
     baseline, on_healthy = healthy_baseline(MODEL, measurements(recordings(parameters=larger_sac)), workers=2)
-    assert not baseline.trusted
+    assert not baseline.adequate
     assert on_healthy.verdict is not Verdict.NONE
     found = _discover(
         sized("line_friction", k=0.5),

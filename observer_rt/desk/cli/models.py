@@ -58,7 +58,7 @@ def fit(
     from observer_rt.desk.evaluation.logged import open_source, without_truths
     from observer_rt.identification.fit.calibrate import baseline_of, calibrate, write_fitted
     from observer_rt.identification.fit.cross_validation import read_masses, refuse_clipped, warnings
-    from observer_rt.identification.fit.report import as_json as document_of
+    from observer_rt.identification.fit.document import document_of
     from observer_rt.identification.fit.report import print_fit
     from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES
     from observer_rt.identification.likelihood.reading import (
@@ -106,7 +106,7 @@ def fit(
 
         draw_fit(plot, done)
     if as_json:
-        print(json.dumps(document_of(done, baseline, warned), indent=2))
+        print(json.dumps(document_of(done, baseline, warned).as_json(), indent=2))
     else:
         print_fit(done, results())
     say(messages, f"{output}: written" + ("" if plot is None else f"; {plot}: figure"))

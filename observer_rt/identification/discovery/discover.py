@@ -27,7 +27,8 @@ from observer_rt.identification.discovery.findings import (
     remedies,
 )
 from observer_rt.identification.discovery.gaps import disagreements, gaps_of, typical_overlays
-from observer_rt.identification.discovery.report.document import as_json, remove_data, write_data
+from observer_rt.identification.discovery.report.data import remove_data, write_data
+from observer_rt.identification.discovery.report.document import document_of
 from observer_rt.identification.discovery.report.page import report
 from observer_rt.identification.discovery.report.text import headline
 from observer_rt.identification.discovery.search.adequacy import healthy_of_fit
@@ -289,7 +290,7 @@ def write_findings(
         healthy=tuple(path.name for path in healthy),
         made=datetime.now(),
     )
-    document = json.dumps(as_json(found, sources), indent=2)
+    document = json.dumps(document_of(found, sources).as_json(), indent=2)
     with file_errors(folder):
         (folder / FINDINGS).write_text(document + "\n", encoding="utf-8")
         (folder / REPORT).write_text(report(found, sources), encoding="utf-8")

@@ -11,7 +11,7 @@ from observer_rt.identification.discovery.findings import (
     is_level_measured,
     is_like_inertance,
 )
-from observer_rt.identification.discovery.report.document import as_json
+from observer_rt.identification.discovery.report.document import document_of
 from observer_rt.identification.discovery.report.text import as_text
 from observer_rt.identification.discovery.search.candidates import NoMemory
 from observer_rt.identification.discovery.search.results import FittedParameter, Verdict
@@ -69,9 +69,9 @@ def test_a_reservation_is_in_headline_and_document(worn: Worn, caveat: str, chan
     (one,) = findings.caveats
     assert one.id == caveat
     assert f"but: {one.words}" in as_text(findings).splitlines()[0]
-    assert {"id": caveat, "words": one.words, "sentence": one.sentence} in as_json(findings, SOURCES)[
-        "caveats"
-    ]
+    assert {"id": caveat, "words": one.words, "sentence": one.sentence} in document_of(
+        findings, SOURCES
+    ).as_json()["caveats"]
 
 
 def test_a_measured_rate_settles_the_inertance(worn: Worn) -> None:

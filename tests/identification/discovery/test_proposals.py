@@ -12,7 +12,7 @@ from observer_rt.config.injector_file import InjectorFile
 from observer_rt.identification.discovery.amend import write_amended
 from observer_rt.identification.discovery.discover import DiscoveryTask, answer
 from observer_rt.identification.discovery.findings import Findings
-from observer_rt.identification.discovery.report.document import as_json
+from observer_rt.identification.discovery.report.document import document_of
 from observer_rt.identification.discovery.report.page import report
 from observer_rt.identification.discovery.report.text import as_text
 from observer_rt.identification.discovery.search.candidates import NoMemory
@@ -92,7 +92,7 @@ def test_an_accepted_proposal_explains_the_recordings(
 
 
 def test_a_proposal_is_in_every_answer(accepted: Findings) -> None:
-    (stated,) = as_json(accepted, SOURCES)["unknown"]["proposals"]
+    (stated,) = document_of(accepted, SOURCES).as_json()["unknown"]["proposals"]
 
     assert stated["terms"][0]["equation"] == "nozzle_flow"
     assert stated["terms"][0]["depends_on"] == ["injection_number"]

@@ -8,16 +8,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from observer_rt.desk.fleet.discovering import said_of
+from observer_rt.desk.fleet.answers import said_of
 from observer_rt.foundation.errors import UserError
-from observer_rt.identification.discovery.report.document import as_json as document_of
+from observer_rt.identification.discovery.report.document import document_of
 from observer_rt.identification.discovery.runs import DiscoveryRun, as_json, change_lines, changes, run_table
 from tests.identification.discovery.conftest import SOURCES, WEAR, Worn
 
 
 @pytest.fixture
 def document(worn: Worn) -> dict[str, Any]:
-    parsed: dict[str, Any] = json.loads(json.dumps(document_of(worn.findings, SOURCES)))
+    parsed: dict[str, Any] = json.loads(json.dumps(document_of(worn.findings, SOURCES).as_json()))
     return parsed
 
 

@@ -4,7 +4,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from observer_rt import __version__
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.files import templates_of
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
@@ -286,7 +285,6 @@ def found_size(found: Discovery, effect_id: str) -> str:
 _PAGES = templates_of(__package__)
 _PAGES.globals |= vars(text) | globals()
 _PAGES.globals |= {
-    "version": __version__,
     "remark": remark,
     "overlay_figure": overlay_figure,
     "laws_figure": laws_figure,

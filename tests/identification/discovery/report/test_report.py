@@ -10,7 +10,7 @@ import pytest
 
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.identification.discovery.findings import Opinion, Sources
-from observer_rt.identification.discovery.report.document import as_json
+from observer_rt.identification.discovery.report.document import document_of
 from observer_rt.identification.discovery.report.page import report
 from observer_rt.identification.discovery.search.results import Decisive, Discovery, Unexplained, Verdict
 from observer_rt.identification.likelihood.likelihood import Signal
@@ -96,8 +96,8 @@ def test_a_recording_judged_in_part_is_told(worn: Worn) -> None:
     words = "long.csv: 113 of 988 complete injections chosen"
     assert words not in _page(worn).text
     assert f"{words}." in _page(worn, in_part=(words,)).text
-    told = as_json(replace(worn.findings, in_part=(words,)), SOURCES)["judged_in_part"]
-    assert (as_json(worn.findings, SOURCES)["judged_in_part"], told) == ([], [words])
+    told = document_of(replace(worn.findings, in_part=(words,)), SOURCES).as_json()["judged_in_part"]
+    assert (document_of(worn.findings, SOURCES).as_json()["judged_in_part"], told) == ([], [words])
 
 
 def test_every_part_is_there(worn: Worn) -> None:

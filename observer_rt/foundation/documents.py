@@ -1,6 +1,5 @@
 """Documents for programs: frozen pydantic models, dumped as JSON, read back, published as JSON Schema."""
 
-import json
 import math
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -46,8 +45,3 @@ class Document(DocumentPart):
             first = error.errors()[0]
             key = ".".join(map(str, first["loc"])) or "file"
             raise UserError(str(path), f"is no {what}: {key}: {first['msg'].lower()}", remedy) from None
-
-
-def schema_text(of: type[BaseModel]) -> str:
-    """JSON Schema of a model, as it is published."""
-    return json.dumps(of.model_json_schema(), indent=2) + "\n"

@@ -46,6 +46,9 @@ _DONE, _ERRORS, _SETTINGS = "done.jsonl", "errors.parquet", "batch.json"
 _ERRORS_SO_FAR = "errors.jsonl"
 _FAILED = pa.schema([(name, pa.string()) for name in ("file", "sha256", "injector", "problem")])
 _PARTITION = "injector"
+_WAITING = 4  # files at a worker, so that it need not wait for the next
+_Outcome = tuple[Path, str, pa.Table | FailedFile | None]
+"""A file, its hash, and its rows; None: they were there before."""
 
 
 class Dataset:
@@ -167,9 +170,6 @@ def read_injections(folder: Path, columns: Iterable[str] = SCHEMA.names) -> pa.T
     return table
 
 
-_WAITING = 4  # files at a worker, so that it need not wait for the next
-
-
 @dataclass
 class Evaluated:
     """How many files there were, of what kind; paths: of those that did not fail, by SHA-256."""
@@ -183,10 +183,6 @@ class Evaluated:
     def well(self) -> int:
         """Files whose rows are there."""
         return self.done + self.skipped
-
-
-_Outcome = tuple[Path, str, pa.Table | FailedFile | None]
-"""A file, its hash, and its rows; None: they were there before."""
 
 
 def evaluate_all(work: Work, task: Task, paths: Sequence[Path], dataset: Dataset) -> Evaluated:

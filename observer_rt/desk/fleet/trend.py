@@ -31,6 +31,8 @@ _COLUMNS = {each.name.partition("_")[0]: each.columns for each in WEAR}  # of th
 LEAP = 0.05  # of a flow from one recording to the next: wear takes many
 NEEDED = ("injector", "sha256", "time", "number", "valid", *chain.from_iterable(_COLUMNS.values()))
 """Columns of a batch's rows that a trend is made of."""
+_COLOURS = {"nozzle": "#0b4f9e", "seat": "#188038"}
+_SIDE_BY_SIDE = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,8 +213,6 @@ def doubts(found: Sequence[InjectorTrend]) -> Iterator[str]:
                 )
 
 
-_COLOURS = {"nozzle": "#0b4f9e", "seat": "#188038"}
-_SIDE_BY_SIDE = 3
 _PAGES = templates_of(__package__)
 
 

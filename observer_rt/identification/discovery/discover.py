@@ -1,4 +1,4 @@
-"""From recordings to the whole answer: check, find, name, add, show; and the folder it is written into."""
+"""Runs a discovery: checks, finds, names, adds and shows; writes its folder."""
 
 import hashlib
 import json
@@ -58,15 +58,30 @@ _FIRST = {
     Verdict.AMBIGUOUS: f"{_AMEND_FIRST} There, --choose says which of the tied effects it takes.",
     Verdict.UNKNOWN: "First correct the injector file by drawing and data sheet: no effect explains its error.",
 }
-"""What to do when discovery finds this on healthy recordings."""
+"""Remedies, by what discovery finds on healthy recordings."""
 
 ObserverCheck = Callable[[InjectorParameters, Sequence[Recording]], Opinion | None]
-"""What the learning observer says of recordings; raises `ObserverError` where it cannot take them."""
+"""Asks the learning observer for its opinion of recordings; raises `ObserverError` where it cannot take them."""
+_INADEQUATE = (
+    "The fit of this model to healthy recordings was not adequate: what is named here may be its error. Fit again "
+    "with another structure or more recordings."
+)
+_FORGOTTEN = (
+    "The model was fitted by an earlier version, which did not keep what the fit leaves of the healthy injector: "
+    "what is named here may be the model's error. Fit again, or give healthy recordings by --healthy."
+)
+_OTHER_RATE = (
+    "The model was fitted at {:g} kHz: what its fit leaves of the healthy injector says nothing at another sample "
+    "rate. Fit at this rate, or give healthy recordings by --healthy."
+)
+FINDINGS, AMENDED, REPORT, FITS = "findings.json", "amended.toml", "report.html", "fits.jsonl"
+DATA = "data"
+ANSWER = (REPORT, FINDINGS, AMENDED, DATA)
 
 
 @dataclass(frozen=True, eq=False)
 class DiscoveryTask:
-    """What is asked.
+    """Recordings to be explained, and how.
 
     healthy: recordings the model is judged against; hashes: SHA-256 of the recordings by name; chosen: effects the
     user prefers among those that explain the recordings as well as each other, empty: none; accepted: number of the
@@ -89,22 +104,6 @@ def refuse_incomparable(task: DiscoveryTask, model: str) -> None:
     refuse_unstable_cells(model, task.parameters, coefficients, first.interval)
 
 
-_INADEQUATE = (
-    "The fit of this model to healthy recordings was not adequate: what is named here may be its error. Fit again "
-    "with another structure or more recordings."
-)
-
-
-_FORGOTTEN = (
-    "The model was fitted by an earlier version, which did not keep what the fit leaves of the healthy injector: "
-    "what is named here may be the model's error. Fit again, or give healthy recordings by --healthy."
-)
-_OTHER_RATE = (
-    "The model was fitted at {:g} kHz: what its fit leaves of the healthy injector says nothing at another sample "
-    "rate. Fit at this rate, or give healthy recordings by --healthy."
-)
-
-
 def answer(
     task: DiscoveryTask,
     memory: FitMemory,
@@ -113,7 +112,7 @@ def answer(
     amended_model: str,
     threads: int | None = None,
 ) -> Findings:
-    """Everything but the time it took; progress is told the share done, amended_model is the name of its file.
+    """Finds what is missing; progress is given the share done, amended_model is the name of its file.
 
     threads: to search with, None: one a CPU.
 
@@ -181,7 +180,7 @@ def answer(
 
 
 def _remembered(nominal: EffectiveModel, found: Sequence[Measurement]) -> tuple[Healthy, str]:
-    """What the fit of a model remembers of the healthy injector, and what speaks against it, empty when nothing."""
+    """Reads the healthy injector from a fitted model, with a warning about that fit, empty without one."""
     fitted = nominal.injector.baseline
     if fitted is None:
         return NOT_FITTED, ""
@@ -197,7 +196,7 @@ def _remembered(nominal: EffectiveModel, found: Sequence[Measurement]) -> tuple[
 def _judged_by_healthy(
     nominal: EffectiveModel, healthy: Sequence[Measurement], workers: int, known: Healthy
 ) -> tuple[Healthy, str]:
-    """What healthy recordings leave unexplained, and what they say against the model, if anything.
+    """Judges a model by healthy recordings; also returns what they say against it, if anything.
 
     known: what the fit of the model remembers, to which they add.
     """
@@ -217,11 +216,6 @@ def _opinion(observer_check: ObserverCheck, task: DiscoveryTask) -> Opinion | No
         return observer_check(task.parameters, [one.recording for one in task.measured])
     except ObserverError:
         return None  # not a matter of discovery: the report says that there is none
-
-
-FINDINGS, AMENDED, REPORT, FITS = "findings.json", "amended.toml", "report.html", "fits.jsonl"
-DATA = "data"
-ANSWER = (REPORT, FINDINGS, AMENDED, DATA)
 
 
 def refuse_replacing(folder: Path, model: Path, force: bool) -> None:

@@ -1,4 +1,4 @@
-"""What `discover` answers: what it rests on, the learning observer's opinion, and the caveats told with it."""
+"""Findings of `discover`: what they rest on, the learning observer's opinion, and caveats."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -20,6 +20,8 @@ from observer_rt.model.terms.in_force import TermInForce
 
 SIGNIFICANT = 4.0  # standard deviations
 AGREES = 0.1  # of the larger size, that both may differ besides their intervals
+LEAST_MASS = 0.01 * MILLIGRAM  # kg, below which a change or gap is not worth a number
+RECORD_MORE = "record at least three rail pressures and two durations"
 
 
 @dataclass(frozen=True)
@@ -61,7 +63,7 @@ def contradictions(found: Discovery, opinion: Opinion) -> tuple[str, ...]:
 
 
 def remark(found: Discovery, opinion: Opinion) -> str:
-    """What a reader must know of the observer's figures, in a sentence."""
+    """Warns of the observer's figures, in a sentence."""
     known = {indicator.effect_id for indicator in opinion.indicators}
     foreign = [effect.id for effect in found.effects if effect.id not in known]
     if foreign:
@@ -119,10 +121,6 @@ def _of_effects(found: Discovery, opinion: Opinion) -> list[str]:
     return result
 
 
-LEAST_MASS = 0.01 * MILLIGRAM  # kg, below which a change or gap is not worth a number
-RECORD_MORE = "record at least three rail pressures and two durations"
-
-
 @dataclass(frozen=True)
 class Caveat:
     """A reservation. id: for programs; words: for a headline; sentence: what it means, and what would mend it."""
@@ -133,7 +131,7 @@ class Caveat:
 
 
 def remedies(found: Discovery) -> tuple[str, ...]:
-    """What to do about the effects found that no injector file can have in force."""
+    """Remedies for the effects found that no injector file can have in force."""
     return tuple(remedy for effect in found.effects if (remedy := VOCABULARY[effect.id].remedy))
 
 
@@ -231,7 +229,7 @@ def _of_level(findings: "Findings") -> Iterator[Caveat]:
 
 @dataclass(frozen=True)
 class Findings:
-    """The answer with what it rests on.
+    """Results of a discovery with what they rest on.
 
     opinion: of the learning observer, None where it could not be run; healthy_warning: what healthy recordings
     say against the model, empty when nothing; like_inertance: the change found is one that another inertance of
@@ -279,7 +277,7 @@ class Findings:
 
     @property
     def caveats(self) -> tuple[Caveat, ...]:
-        """What must be kept in mind with the answer, the gravest first."""
+        """Reservations, the gravest first."""
         every = (_of_opponents, _of_bench, _of_coverage, _of_names, _of_level)
         return tuple(caveat for arising in every for caveat in arising(self))
 
@@ -291,7 +289,7 @@ class Findings:
 
 @dataclass(frozen=True)
 class Sources:
-    """What an answer was made from.
+    """Model and recordings that findings were made from.
 
     model, model_hash: name and SHA-256 of the injector file; in_force: effects in it already; recordings: SHA-256 by
     file name; healthy: names of healthy recordings.

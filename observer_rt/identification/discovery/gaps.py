@@ -36,6 +36,15 @@ from observer_rt.model.effect import Equation
 from observer_rt.model.effective import EffectiveModel
 
 NOISE_RUNS = 3  # with noise added, for the noise floor
+PHASE_NAMES = {
+    Phase.STANDSTILL: "closed",
+    Phase.OPENING: "opening",
+    Phase.OPEN: "open",
+    Phase.CLOSING: "closing",
+    Phase.AFTER: "after",
+}
+_Key = tuple[Signal, Phase, int]
+SHOWN_RINGING = 6e-3  # s after the last closing
 
 
 @dataclass(frozen=True)
@@ -57,7 +66,7 @@ class PrintedGap(Gap):
 
     @property
     def words(self) -> str:
-        """What it is a gap of."""
+        """The quantity, for people."""
         return self.name.replace("_", " ")
 
 
@@ -241,17 +250,6 @@ def _together(gaps: Sequence[Gap]) -> Gap:
     )
 
 
-PHASE_NAMES = {
-    Phase.STANDSTILL: "closed",
-    Phase.OPENING: "opening",
-    Phase.OPEN: "open",
-    Phase.CLOSING: "closing",
-    Phase.AFTER: "after",
-}
-
-_Key = tuple[Signal, Phase, int]
-
-
 @dataclass(frozen=True)
 class Disagreement:
     """One signal in one phase of one recording, with the nominal model and with the winner of the search.
@@ -280,7 +278,7 @@ def disagreements(
 def _equations(
     found: Discovery, likelihood: JointLikelihood, nominal: EffectiveModel
 ) -> dict[_Key, Equation]:
-    """Of every cell: the equation of that effect without which it is explained worst."""
+    """Finds for every cell the equation of that effect without which it is explained worst."""
     if found.verdict is Verdict.UNKNOWN and found.unexplained is not None:
         return {_key(cell): found.unexplained.equation for cell in found.before}
     worst: dict[_Key, tuple[float, Equation]] = {}
@@ -296,9 +294,6 @@ def _equations(
 
 def _key(cell: Cell) -> _Key:
     return cell.signal, cell.phase, cell.recording
-
-
-SHOWN_RINGING = 6e-3  # s after the last closing
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,7 +27,7 @@ _COMPARED: Any = {
     "effects": {"__all__": {"id", "parameters"}},
     "unknown": {"proposals": {"__all__": {"sentence"}}},
 }
-"""What is shown of findings beside those of other runs."""
+"""Keys of findings that runs are compared by."""
 _REMEDY = "name a folder that `observer-rt discover --out` of this version wrote"
 
 
@@ -52,7 +52,7 @@ class DiscoveryRun:
 
 @dataclass(frozen=True)
 class Change:
-    """How a size changed from one run to another, with the half width of its 95 % interval."""
+    """Change of a size from one run to another, with the half width of its 95 % interval."""
 
     effect: str
     parameter: str
@@ -67,7 +67,7 @@ class Change:
 
 
 def changes(before: DiscoveryRun, after: DiscoveryRun) -> tuple[Change, ...]:
-    """Of every size that both runs found, with one meaning: they began with the same model."""
+    """Changes of every size that both runs found; none where they began with different models."""
     if before.document.model.sha256 != after.document.model.sha256:
         return ()
     old, new = before.sizes(), after.sizes()
@@ -120,7 +120,7 @@ def run_table(runs: Sequence[DiscoveryRun]) -> Table:
 
 
 def change_lines(runs: Sequence[DiscoveryRun]) -> list[str]:
-    """What changed from the first run to the last, in words."""
+    """Describes the changes from the first run to the last."""
     first, last = runs[0].document.model, runs[-1].document.model
     if first.sha256 != last.sha256:
         return [

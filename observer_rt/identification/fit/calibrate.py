@@ -1,4 +1,4 @@
-"""The whole fit: structures tried, one chosen and settled, its worth judged, its file written.
+"""Calibrates a model: tries structures, chooses and settles one, judges it, writes its file.
 
 Chosen is the simplest of those that explain recordings they were not fitted to as well as the best.
 """
@@ -54,6 +54,19 @@ MARGIN, WORST_MARGIN = (
     1.5,
 )  # times the best chi2, of the mean and of a phase, up to which one is as good
 NOISE = 0.03  # of a mean chi2 that is 1 for noise alone; what is below is chance
+GATE = 2.5  # chi2 of a phase, above which a model is not adequate
+TOLERATED = (
+    0.005  # of the swing of the line pressure, which goes with the flow: less moves no mass that matters
+)
+LEAST_MASS_SHARE = (
+    1.2e-3  # of a mass: impedance of the cells at the closed end, corners of the lift and the like
+)
+ORIGIN = "observer-rt fit"
+BASELINE = "baseline"
+_DIGITS = 7
+_PAIR = 2
+_OF_LINE = ("model", "cells", "wall_viscosity", "inlet_loss_factor", "impedance_ratio", "impedance_step")
+"""Keys of [line] that a structure changes."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +88,7 @@ class Choice:
 
 
 def judged_by(one: Fitted) -> UnexplainedSignal:
-    """What a structure leaves of recordings it was not fitted to; of all, where none could be left out."""
+    """Residuals of a structure on recordings it was not fitted to; on all, where none could be left out."""
     return one.left if one.held_out is None else one.held_out.unexplained
 
 
@@ -129,17 +142,8 @@ def _reason(best: Fitted, lowest: Fitted, candidates: Sequence[Fitted], as_good:
     return "; ".join(words)
 
 
-GATE = 2.5  # chi2 of a phase, above which a model is not adequate
-TOLERATED = (
-    0.005  # of the swing of the line pressure, which goes with the flow: less moves no mass that matters
-)
-LEAST_MASS_SHARE = (
-    1.2e-3  # of a mass: impedance of the cells at the closed end, corners of the lift and the like
-)
-
-
 class FlowLevel(StrEnum):
-    """What the absolute level of flow rests on."""
+    """Measurement that fixes the absolute level of flow."""
 
     FILE = "file"
     RATE = "measured_rate"
@@ -159,7 +163,7 @@ class FittedNumber:
 
 @dataclass(frozen=True, eq=False)
 class Calibrated:
-    """What a fit found.
+    """Result of a fit.
 
     file: the injector before; choice: of structures, compared on few events; fitted: the chosen one on many; kept:
     parameters the recordings do not tell, as in the file; comparison: before and after; odd: the recording that the
@@ -182,7 +186,7 @@ class Calibrated:
 
     @property
     def offsets(self) -> NDArray[np.float64]:
-        """Of the line-pressure sensor in each fold [MPa]."""
+        """Offsets of the line-pressure sensor in each fold [MPa]."""
         return self.fitted.minimum.at.theta[len(self.fitted.calibration.free) :]
 
     @property
@@ -199,7 +203,7 @@ class Calibrated:
 
     @property
     def left(self) -> UnexplainedSignal:
-        """Of the line pressure."""
+        """Residuals of the line pressure."""
         return self.comparison.after
 
     @property
@@ -284,14 +288,6 @@ def _tried(
     return searched(structure, file, free, folds, ROUGH_ITERATIONS, any(map(explains, earlier)))
 
 
-ORIGIN = "observer-rt fit"
-BASELINE = "baseline"
-_DIGITS = 7
-_PAIR = 2
-_OF_LINE = ("model", "cells", "wall_viscosity", "inlet_loss_factor", "impedance_ratio", "impedance_step")
-"""Keys of [line] that a structure changes."""
-
-
 def write_fitted(path: Path, file: InjectorFile, done: Calibrated, baseline: Baseline) -> None:
     """Write the file given with the fitted numbers. Raises `RunError` when it would not be taken back."""
     injector = done.injector
@@ -326,7 +322,7 @@ def _tables(entry: Mapping[str, Any]) -> Any:
 
 
 def baseline_of(done: Calibrated, hashes: dict[str, str]) -> Baseline:
-    """What the file is to remember. hashes: SHA-256 of the recordings by name."""
+    """Makes the section [baseline] of the file. hashes: SHA-256 of the recordings by name."""
     found, left = done.found, worst_folds(done.fitted.calibration, done.fitted.judged)
     noise = {
         "rail_pressure_MPa": [one.noise.rail_pressure / MEGAPASCAL for one in found],
@@ -364,7 +360,7 @@ def _by_phase(figures: Mapping[Phase, float]) -> PhaseFigures:
 
 
 def _remainder(done: Calibrated) -> HealthyRemainder:
-    """What the fitted model leaves of the injections it was fitted to, each fold compared with the others."""
+    """Measures what the fitted model leaves of its injections, each fold compared with the others."""
     offset = float(np.mean(done.offsets)) * MEGAPASCAL
     model = effective_model(done.injector).with_terms("sensor", offset=offset)
     likelihood = joint_likelihood([fold.measurement for fold in done.fitted.calibration.folds], model)

@@ -1,4 +1,4 @@
-"""Recordings as a fit sees them: few events, folds left out in turn, measured masses; what will not do is refused."""
+"""Prepares recordings for a fit: folds of few events, measured masses; refuses signals that are clipped."""
 
 import csv
 import math
@@ -25,6 +25,16 @@ from observer_rt.identification.likelihood.operating_points import distinct, eve
 T = TypeVar("T")
 
 RING_DOWN = 5e-3  # s after the last closing that count: the line forgets within less
+_RUN = 5  # equal samples at the edge of a range that are no chance
+_FINE = 0.2  # share of equal neighbours, below which a signal is so noisy that a run of them is none
+_FEW = 6  # injections, below which intervals are wide
+BETWEEN_SAMPLES = 0.005  # of a mass, by instants SLOW apart: of the richer plant, every fifth sample
+FAST, SLOW = 10e-6, 50e-6  # s between samples: edges of the lift lost nothing, and that
+WORTH_A_WORD = 0.001  # of a mass
+RECORDING, INJECTION, MASS, SIGMA = "recording", "injection", "mass_mg", "sigma_mg"
+SHARE_SIGMA = 0.005  # of a mass whose uncertainty is not stated: a good injection analyser
+LARGEST_MASS = 2000.0  # mg
+_EXAMPLE = f"{RECORDING},{MASS} with lines such as healthy_60.csv,31.4"
 
 
 @dataclass(frozen=True)
@@ -40,7 +50,7 @@ class MeasuredMasses:
 
 @dataclass(frozen=True, eq=False)
 class Fold:
-    """What can be left out to judge a fit by: a recording, or some events of the only one.
+    """Data that are left out to judge a fit by: a recording, or some events of the only one.
 
     measurement: its events shortened; recording: number of its recording; weights: how
     many injections of the recording each event stands for (events,); weighed: masses, None where none are measured.
@@ -121,14 +131,6 @@ def standstill_offset(fold: Fold) -> float:
     return float(np.mean([np.mean(difference[first - before : first]) for first in firsts]))
 
 
-_RUN = 5  # equal samples at the edge of a range that are no chance
-_FINE = 0.2  # share of equal neighbours, below which a signal is so noisy that a run of them is none
-_FEW = 6  # injections, below which intervals are wide
-BETWEEN_SAMPLES = 0.005  # of a mass, by instants SLOW apart: of the richer plant, every fifth sample
-FAST, SLOW = 10e-6, 50e-6  # s between samples: edges of the lift lost nothing, and that
-WORTH_A_WORD = 0.001  # of a mass
-
-
 def refuse_clipped(found: Sequence[Measurement]) -> None:
     """Raise `UserError` for a signal that stays at the edge of its range."""
     for one in found:
@@ -173,7 +175,7 @@ def share_between_samples(one: Measurement) -> float:
 
 
 def warnings(found: Sequence[Measurement]) -> list[str]:
-    """What makes the result less sure, in sentences."""
+    """Reasons why a result is less sure, in sentences."""
     result = []
     events = [(one, event) for one in found for event in one.events]
     pressures = distinct(rail_pressure_before(event, one.recording) for one, event in events)
@@ -199,12 +201,6 @@ def warnings(found: Sequence[Measurement]) -> list[str]:
             'meaning = "mean" in [sampling] of the bench file (--bench)'
         )
     return result
-
-
-RECORDING, INJECTION, MASS, SIGMA = "recording", "injection", "mass_mg", "sigma_mg"
-SHARE_SIGMA = 0.005  # of a mass whose uncertainty is not stated: a good injection analyser
-LARGEST_MASS = 2000.0  # mg
-_EXAMPLE = f"{RECORDING},{MASS} with lines such as healthy_60.csv,31.4"
 
 
 def read_masses(path: Path, found: Sequence[Measurement]) -> dict[int, MeasuredMasses]:

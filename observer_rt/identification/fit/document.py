@@ -26,6 +26,9 @@ from observer_rt.identification.fit.search import FailedStructure, Fitted
 from observer_rt.model.baseline import Baseline
 
 Whole = Annotated[Baseline, PlainSerializer(lambda one: one.model_dump(mode="json"))]
+Pair = Annotated[
+    dict[str, Number], Field(description="`file`: by the model given, `fitted`: by the fitted one")
+]
 
 
 class TriedStructure(DocumentPart):
@@ -45,11 +48,6 @@ class DeterminedDirection(DocumentPart):
 
     sigma: Number
     share: dict[str, Number]
-
-
-Pair = Annotated[
-    dict[str, Number], Field(description="`file`: by the model given, `fitted`: by the fitted one")
-]
 
 
 class ResidualEntry(DocumentPart):

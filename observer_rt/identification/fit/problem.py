@@ -1,4 +1,4 @@
-"""What a fit may change, structures and parameters; residuals as a function of these; which are determined."""
+"""Defines the problem of a fit: structures and free parameters, residuals, identifiability."""
 
 import math
 from collections.abc import Sequence
@@ -18,6 +18,13 @@ from observer_rt.model.line.wave import DAMPING, FEWEST_CELLS, RESOLVED, STABLE,
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
 
 CALM = 0.93  # of what a step may be, so that a fit can still move
+_DRAINED = {LineOutflow.NOZZLE: "drained by the nozzle flow", LineOutflow.SEAT: "drained by the seat flow"}
+OFFSET_SIGMA = 2 * MEGAPASCAL  # of the line-pressure sensor, in each recording
+_DIFFERENCE = 1e-3  # of a finite difference: of the logarithm, and of an offset in MPa
+_MOST_KEPT = 64  # residuals kept of a fold: those of a linearisation
+UNDETERMINED = 1.0 / 3.0  # of what was unknown before: a parameter known no better is left to the file
+LARGEST_SIGMA = 3.0  # of a logarithm, in an interval
+_WEAK_SHARE = 0.3  # of a weak direction, from which a parameter is named in it
 
 
 @dataclass(frozen=True)
@@ -45,12 +52,12 @@ class FreeParameter:
         return f"{self.section}.{self.key}"
 
     def stated(self, injector: InjectorParameters) -> float | None:
-        """What an injector's file says [SI]; None where it says nothing."""
+        """Value [SI] in an injector's file; None where it has none."""
         value: float | None = getattr(getattr(injector, self.section), self.key)
         return value
 
     def of(self, injector: InjectorParameters) -> float:
-        """Its value [SI], within the bounds."""
+        """Value [SI] of an injector, within the bounds."""
         return float(np.clip(self.stated(injector) or self.start, self.lowest, self.highest))
 
 
@@ -124,7 +131,6 @@ _LINES: Sequence[tuple[str, str, tuple[FreeParameter, ...]]] = (
     ("wave", "waves with both", (*_WAVES, WALL, INLET)),
     ("wave_two_part", "waves in two parts", (*_WAVES, RATIO, JOINT)),
 )
-_DRAINED = {LineOutflow.NOZZLE: "drained by the nozzle flow", LineOutflow.SEAT: "drained by the seat flow"}
 STRUCTURES: tuple[Structure, ...] = tuple(
     Structure(f"{words}, {drained}", outflow, line, (*free, *_ORIFICES))
     for line, words, free in _LINES
@@ -150,11 +156,6 @@ def values_of(injector: InjectorParameters, free: Sequence[FreeParameter]) -> ND
     return np.array([parameter.of(injector) for parameter in free])
 
 
-OFFSET_SIGMA = 2 * MEGAPASCAL  # of the line-pressure sensor, in each recording
-_DIFFERENCE = 1e-3  # of a finite difference: of the logarithm, and of an offset in MPa
-_MOST_KEPT = 64  # residuals kept of a fold: those of a linearisation
-
-
 class Calibration:
     """A `bounded_fit.Problem`. theta: (p + folds,) logarithms of the parameters, then an offset [MPa] of each fold.
 
@@ -169,7 +170,7 @@ class Calibration:
         self.folds = tuple(folds)
         self._injector = start
         self.recordings = [RecordingLikelihood(fold.measurement, effective_model(start)) for fold in folds]
-        """Of the folds, in their order."""
+        """Likelihoods of the folds, in their order."""
         self._kept: list[dict[tuple[float, ...], JudgedModel | None]] = [{} for _ in folds]
         self.centre = np.concatenate(
             [np.log(values_of(start, free)), [standstill_offset(fold) / MEGAPASCAL for fold in folds]]
@@ -239,7 +240,7 @@ class Calibration:
         return [(pressure, one.log_sigma), (one.rate_z, 0.0), (fold.mass_residuals(one.masses), 0.0)]
 
     def residuals_of(self, theta: NDArray[np.float64], number: int) -> Residuals | None:
-        """Of one fold, without the prior."""
+        """Residuals of one fold, without the prior."""
         judged = self.judge(theta, number)
         return None if judged is None else _joined(self._groups(number, judged))
 
@@ -252,7 +253,7 @@ class OneFold:
     number: int
 
     def residuals(self, theta: NDArray[np.float64]) -> Residuals | None:
-        """Of this fold."""
+        """Residuals of this fold."""
         return self.whole.residuals_of(theta, self.number)
 
 
@@ -262,11 +263,6 @@ def _joined(groups: Sequence[tuple[NDArray[np.float64], float]]) -> Residuals:
         np.array([z.size for z, _ in groups]),
         np.array([log_sigma for _, log_sigma in groups]),
     )
-
-
-UNDETERMINED = 1.0 / 3.0  # of what was unknown before: a parameter known no better is left to the file
-LARGEST_SIGMA = 3.0  # of a logarithm, in an interval
-_WEAK_SHARE = 0.3  # of a weak direction, from which a parameter is named in it
 
 
 @dataclass(frozen=True)
@@ -281,13 +277,13 @@ class Direction:
 
     @property
     def words(self) -> str:
-        """Its main parameters as a product of powers."""
+        """Main parameters as a product of powers."""
         return " ".join(f"{symbol}^{share:+.2f}" for symbol, share in self.share if abs(share) > _WEAK_SHARE)
 
 
 @dataclass(frozen=True, eq=False)
 class Certainty:
-    """What the data alone tell of the parameters, the offsets unknown.
+    """Certainty of the parameters by the data alone, the offsets unknown.
 
     sigmas: of the logarithms (p,), inf where nothing is determined; directions: from the most to the least certain.
     """

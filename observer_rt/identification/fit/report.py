@@ -1,4 +1,4 @@
-"""What a fit says: sentences, figures in printed units and a picture, on a terminal and as a JSON document."""
+"""Reports a fit: sentences, tables in printed units, and a figure."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -44,6 +44,10 @@ _OF_FOREIGN = (
 )
 _OF_INSTANTS = "; if samples are means over the sample period, state it (warning above)"
 _FITTED = "; line.diameter stands for A_L/(rho_L L_L) and was fitted with it"
+_MOST = 6  # overlays
+_COLUMNS = 3
+_SHOWN = 4e-3  # s after the opening
+_LEAST = 0.1  # of a chi2 on the axis
 
 
 def phase_name(phase: Phase) -> str:
@@ -52,7 +56,7 @@ def phase_name(phase: Phase) -> str:
 
 
 def level_words(done: Calibrated) -> str:
-    """What the absolute level of flow rests on."""
+    """Describes what fixes the absolute level of flow."""
     if done.level is FlowLevel.RATE:
         return f"fixed by the measured injection rate{_FITTED}"
     if done.level is FlowLevel.MASS:
@@ -125,7 +129,7 @@ def oddities(done: Calibrated) -> list[str]:
 
 
 def _beyond_physics(done: Calibrated) -> list[ImplausibleNumber]:
-    """Of the parameters fitted."""
+    """Implausible numbers among the parameters fitted."""
     names = {one.name for one in done.fitted.calibration.free}
     return [one for one in implausible(done.injector) if one.name in names]
 
@@ -208,12 +212,6 @@ def _figure(value: float) -> str:
     if math.isnan(value):
         return "-"
     return f"{value:.3g}" if value < 1000.0 else f"{value:.0f}"
-
-
-_MOST = 6  # overlays
-_COLUMNS = 3
-_SHOWN = 4e-3  # s after the opening
-_LEAST = 0.1  # of a chi2 on the axis
 
 
 def draw_fit(path: Path, done: Calibrated) -> None:

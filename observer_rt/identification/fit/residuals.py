@@ -1,4 +1,4 @@
-"""What the file's model and the fitted one leave unexplained, by signal and phase, and on folds left out."""
+"""Compares the residuals of the file's model and the fitted one, by signal and phase, and on folds left out."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -34,7 +34,7 @@ from observer_rt.model.parameters import InjectorParameters
 
 @dataclass(frozen=True)
 class UnexplainedSignal:
-    """What a model leaves of a signal: mean squares by phase, 1 where it leaves noise alone; nan without samples.
+    """Residuals of a signal: mean squares by phase, 1 where it leaves noise alone; nan without samples.
 
     chi2: of means of 8 samples, which coloured residuals fill (of samples where a phase is shorter); excess: rms of
     what these means are beyond noise, in standard deviations of a sample; variance: of samples; colour: the larger
@@ -48,7 +48,7 @@ class UnexplainedSignal:
 
     @property
     def mean(self) -> float:
-        """Of the chi2 of all phases."""
+        """Mean chi2 of the phases."""
         return float(np.nanmean(list(self.chi2.values())))
 
     @property
@@ -80,12 +80,12 @@ def _excess(statistics: PhaseStatistics, phase: Phase) -> float:
 
 
 def line_statistics(recorded: RecordingLikelihood, one: JudgedModel) -> PhaseStatistics:
-    """Of the line pressure of a fold."""
+    """Statistics of the line pressure of a fold."""
     return phase_statistics(one.z, 1.0, recorded.phases, 0)
 
 
 def pooled(recordings: Sequence[RecordingLikelihood], judged: Sequence[JudgedModel]) -> UnexplainedSignal:
-    """Of the line pressure of folds together."""
+    """Pools the line pressure of folds."""
     total = no_statistics()
     for recorded, one in zip(recordings, judged, strict=True):
         total = total.faded(1.0, line_statistics(recorded, one))
@@ -211,7 +211,7 @@ class Comparison:
     overlays: Sequence[FoldOverlay]
 
     def share(self, phase: Phase) -> float:
-        """What is left in a phase beyond noise, over what the flow does to the line pressure."""
+        """Residuals in a phase beyond noise, over what the flow does to the line pressure."""
         return self.after.excess[phase] * self.innovation / self.swing
 
 

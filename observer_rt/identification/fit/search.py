@@ -1,4 +1,4 @@
-"""One structure fitted: coarse for comparison, and in full for the one that is chosen.
+"""Fits one structure: coarsely for comparison, and in full for the one that is chosen.
 
 Where a search begins: the stiffness and damping of the line, of many, that explain the recordings best.
 
@@ -34,6 +34,10 @@ from observer_rt.model.stability import MAX_SUBSTEPS, substeps_needed
 ROUGH_EVENTS, ROUGH_ITERATIONS = 2, 8  # of an operating point, while structures are compared
 FINE_EVENTS, FINE_ITERATIONS = 6, 8
 MOST_FITS = 3  # of a structure, as its cells change with the sound speed found
+STIFFNESSES = np.exp(np.linspace(-0.7, 0.7, 29))  # of what is known: within a factor of two, 5 % apart
+SPARE = 1.2  # by which the stiffness that a search begins with may be too small
+DAMPINGS = (0.5, 2.0)  # m2/s; a strong one makes the minimum wide
+EXPLAINED = 1.5  # mean chi2, below which a search has not ended beside the minimum
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,12 +61,12 @@ class Fitted:
 
     @property
     def mass(self) -> float:
-        """Of all injections [kg]."""
+        """Mass of all injections [kg]."""
         return float(sum(fold.masses.sum() for fold in self.judged))
 
     @property
     def certainty(self) -> Certainty:
-        """How certain the parameters are; residuals that are more than noise say less."""
+        """Certainty of the parameters; residuals that are more than noise say less."""
         return certainty(self.calibration, self.minimum.at, max(1.0, self.left.mean))
 
 
@@ -142,12 +146,6 @@ def settled(
         free.remove(undetermined)
 
 
-STIFFNESSES = np.exp(np.linspace(-0.7, 0.7, 29))  # of what is known: within a factor of two, 5 % apart
-SPARE = 1.2  # by which the stiffness that a search begins with may be too small
-DAMPINGS = (0.5, 2.0)  # m2/s; a strong one makes the minimum wide
-EXPLAINED = 1.5  # mean chi2, below which a search has not ended beside the minimum
-
-
 def searched(
     structure: Structure,
     file: InjectorParameters,
@@ -194,7 +192,7 @@ def _best(
     free: Sequence[FreeParameter],
     folds: Sequence[Fold],
 ) -> InjectorParameters:
-    """Of several that with the least -2 log L, nothing fitted."""
+    """Start with the least -2 log L, nothing fitted."""
 
     def statistic(start: InjectorParameters) -> float:
         calibration = Calibration(structure.of(start), free, folds)

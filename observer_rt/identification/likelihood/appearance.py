@@ -1,4 +1,4 @@
-"""What every effect appears to be on a healthy injector, and the smallest size of it that recordings would show."""
+"""Measures the apparent effects of a healthy injector, and the smallest sizes that recordings would show."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -28,7 +28,7 @@ _DIGITS = 5
 
 @dataclass(frozen=True, eq=False)
 class Signature:
-    """What a size [SI] of an effect does to the residuals of every recording, as a line through 0.
+    """Change of the residuals of every recording by a size [SI] of an effect, as a line through 0.
 
     information: squared length of the change, and gain: its product with the residuals, both (recordings,).
     """
@@ -51,7 +51,7 @@ def signatures(
     effects: Sequence[Effect],
     remaining: Sequence[JudgedModel] | None = None,
 ) -> list[Signature]:
-    """Of all effects that have a size, beside a model that was `judged`.
+    """Measures all effects that have a size, beside a model that was `judged`.
 
     remaining: residuals that the gains are of, where they are others.
     """
@@ -99,7 +99,7 @@ def healthy_remainder(
     effects: Sequence[Effect],
     known: Healthy = NOT_FITTED,
 ) -> HealthyRemainder:
-    """What a model leaves of healthy recordings: the shape of it, and what effects it appears to be beyond that.
+    """Measures what a model leaves of healthy recordings: its shape, and apparent effects beyond that.
 
     Each recording is compared with the shape of the others, so that the appearances hold at operating points of
     which no healthy injection was seen. known: what was known before, whose shape the likelihood has taken out.
@@ -185,7 +185,7 @@ def reference(appears: Mapping[str, Appearance], signature: Signature) -> tuple[
 
 
 def least_gain(appears: Mapping[str, Appearance]) -> float:
-    """Of -2 log L, from which on an effect counts. appears: what the healthy injector appears to have, if known."""
+    """Least gain of -2 log L by which an effect counts. appears: effects the healthy injector seems to have."""
     return VISIBLE_BESIDE_A_FIT if appears else VISIBLE
 
 

@@ -1,4 +1,4 @@
-"""How well an effective model explains the recordings: whitened innovations, -2 log L, by phase."""
+"""Likelihood of a model given recordings: whitened innovations, -2 log L, by phase."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -72,7 +72,7 @@ class JudgedModel:
 
 
 class RecordingLikelihood:
-    """One recording, ready to be compared with models."""
+    """Likelihood of models given one recording."""
 
     def __init__(
         self, measurement: Measurement, nominal: EffectiveModel, healthy: HealthyShape | None = None
@@ -273,7 +273,7 @@ def joint_likelihood(
 
 
 class JointLikelihood:
-    """All recordings: what a model's residuals on them are."""
+    """Likelihood of models given all recordings."""
 
     def __init__(self, recordings: Sequence[RecordingLikelihood]) -> None:
         self.recordings = tuple(recordings)
@@ -301,7 +301,7 @@ def residuals_of(judged: Sequence[JudgedModel]) -> Residuals:
 
 
 def _input_key(model: EffectiveModel) -> tuple[InputTerms, Seat]:
-    """What the inputs depend on."""
+    """Terms that the inputs depend on."""
     return model.inputs, model.coefficients.seat
 
 
@@ -318,7 +318,7 @@ class Signal(StrEnum):
 
     @property
     def si(self) -> float:
-        """What one of that unit is in SI."""
+        """One of that unit in SI."""
         return MEGAPASCAL if self is Signal.LINE_PRESSURE else MM3_PER_MS
 
     @property

@@ -54,7 +54,10 @@ def test_wear_that_grew_is_told_with_its_interval(
 def test_a_proposal_stands_beside_those_of_other_runs(document: dict[str, Any], tmp_path: Path) -> None:
     unknown = document | {
         "effects": [],
-        "unknown": {"proposals": [{"sentence": "as if it hummed", "number": 1}]},
+        "unknown": {
+            **{"equation": "input", "phase": "open", "depends_on": [], "term": ""},
+            "proposals": [{"sentence": "as if it hummed", "number": 1}],
+        },
     }
     runs = [_run(tmp_path, "first", document), _run(tmp_path, "second", unknown)]
 

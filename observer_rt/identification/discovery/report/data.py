@@ -86,7 +86,7 @@ def _candidate_rows(findings: Findings) -> Iterator[Row]:
 
 
 def _disagreement_rows(findings: Findings) -> Iterator[Row]:
-    """What stands in the map: every signal in every phase at every operating point, before and after."""
+    """Rows of the map: every signal in every phase at every operating point, before and after."""
     figures = ("ratio_to_noise", "colour", "significance_sigma", "rms")
     yield (
         *("operating_point", "rail_pressure_MPa", "open_ms", "signal", "unit", "phase"),

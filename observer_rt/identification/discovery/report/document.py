@@ -29,6 +29,13 @@ from observer_rt.model.effect import Equation
 from observer_rt.model.effects import VOCABULARY
 from observer_rt.model.terms.term import Term
 
+Gap = Annotated[
+    dict[str, Number | bool],
+    Field(
+        description="rms of model minus measurement: `before` as given, `after` amended, `noise_floor`; with units"
+    ),
+]
+
 
 class NamedEffect(DocumentPart):
     """An effect with its sizes by parameter. gap_share: of the disagreement, that it explains; moves: by how much it
@@ -109,7 +116,7 @@ class ProposalEntry(DocumentPart):
 
 
 class Unknown(DocumentPart):
-    """What the best model leaves unexplained, and what would explain it, the best proposal first."""
+    """Residuals that the best model leaves, and proposals that would explain them, the best first."""
 
     equation: Equation
     phase: str
@@ -157,14 +164,6 @@ class ModelSource(DocumentPart):
     file: str
     sha256: str
     in_force: tuple[str, ...]
-
-
-Gap = Annotated[
-    dict[str, Number | bool],
-    Field(
-        description="rms of model minus measurement: `before` as given, `after` amended, `noise_floor`; with units"
-    ),
-]
 
 
 class FindingsDocument(Document):

@@ -1,4 +1,4 @@
-"""report.html: the answer first, then what it rests on, in one page; what its templates show, in words and units."""
+"""Builds report.html: the answer first, then what it rests on, in words and units."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -53,6 +53,9 @@ _STANDSTILL = {
     "needle_lift_noise": "noise, lift",
     "injection_rate_noise": "noise, rate",
 }
+_WORST = 10.0  # times the noise, from which on a cell is as red as it gets
+_WHITE, _RED = (255, 246, 240), (176, 38, 28)
+_CALM = "#eef4f0"
 
 
 @dataclass(frozen=True)
@@ -161,7 +164,7 @@ def sizes(candidate: Candidate) -> list[str]:
 
 
 def standing(candidate: Candidate, found: Discovery) -> str:
-    """What is to be said of a candidate in the ranking."""
+    """Rates a candidate of the ranking, in words."""
     doubt = "too small, or at a bound" if candidate.ids and not candidate.plausible else ""
     if candidate.ids in found.rivals:
         return "tied"
@@ -177,7 +180,7 @@ def explained_ids(found: Discovery) -> tuple[str, ...]:
 
 
 def role(point: str, findings: Findings) -> str:
-    """What an operating point was used for."""
+    """Names the use of an operating point."""
     if not findings.discovery.effects:
         return "shown" if point in findings.held_out else "judged"
     if not findings.held_apart:
@@ -243,7 +246,7 @@ def with_sigma(figure: StandstillFigure) -> str:
 
 
 def learned(indicator: Indicator) -> str:
-    """What the learning observer says of an effect, with its 95 % interval."""
+    """Prints the observer's size of an effect, with its 95 % interval."""
     definition = VOCABULARY[indicator.effect_id].parameters[0]
     value, sigma = indicator.value / definition.si, indicator.sigma / definition.si
     if not sigma > 0.0:
@@ -262,7 +265,7 @@ class VisibleRow:
 
 
 def visible_rows(findings: Findings) -> list[VisibleRow]:
-    """Of every effect that has a size."""
+    """Lists every effect that has a size."""
     appears = {} if findings.healthy is None else findings.healthy.appears
     rows = []
     for one in findings.discovery.smallest_visible:
@@ -277,7 +280,7 @@ def visible_rows(findings: Findings) -> list[VisibleRow]:
 
 
 def found_size(found: Discovery, effect_id: str) -> str:
-    """What discovery says of an effect."""
+    """Prints the size found of an effect."""
     sized = [size_words(printed(e.id, e.parameters[:1])) for e in found.effects if e.id == effect_id]
     return sized[0][0] if sized else "–"
 
@@ -289,9 +292,6 @@ _PAGES.globals |= {
     "overlay_figure": overlay_figure,
     "laws_figure": laws_figure,
 }
-_WORST = 10.0  # times the noise, from which on a cell is as red as it gets
-_WHITE, _RED = (255, 246, 240), (176, 38, 28)
-_CALM = "#eef4f0"
 
 
 def report(findings: Findings, sources: Sources) -> str:

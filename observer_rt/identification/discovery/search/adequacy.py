@@ -1,4 +1,4 @@
-"""What is left unexplained, by signal, phase and operating point; whether that is adequate, and what it tells.
+"""Tests residuals for adequacy, by signal, phase and operating point, and finds what they depend on.
 
 Where the best model still fails, an equation is violated, and the excess depends on something: both are named.
 """
@@ -27,6 +27,9 @@ from observer_rt.model.effective import EffectiveModel
 VARIANCE_LIMIT = {Signal.LINE_PRESSURE: 1.25, Signal.INJECTION_RATE: 1.6}
 COLOUR_LIMIT = {Signal.LINE_PRESSURE: 2.0, Signal.INJECTION_RATE: 4.0}
 SIGNIFICANT = 5.0  # standard deviations
+BLOCK = 8  # samples whose mean is looked at
+MATTERS = 0.1  # of the largest standardised slope, below which a dependence is not named
+NAMES = ("rail pressure", "needle lift", "injection rate", "duration")
 
 
 def cells_of(
@@ -104,19 +107,12 @@ def worst(pool: Pool, healthy: Healthy = NOT_FITTED) -> Worst:
     return max(ranked, key=lambda item: item.ratio)
 
 
-BLOCK = 8  # samples whose mean is looked at
-MATTERS = 0.1  # of the largest standardised slope, below which a dependence is not named
-
-
 @dataclass(frozen=True, eq=False)
 class _Blocks:
     """Scaled means of blocks of residuals (b,), and what they may depend on (b, names)."""
 
     means: NDArray[np.float64]
     regressors: NDArray[np.float64]
-
-
-NAMES = ("rail pressure", "needle lift", "injection rate", "duration")
 
 
 def unexplained(
@@ -126,7 +122,7 @@ def unexplained(
     place: Worst,
     fitted: Sequence[Candidate],
 ) -> Unexplained:
-    """What is left in the phase and signal a model explains worst.
+    """Describes the residuals in the phase and signal a model explains worst.
 
     The equation is that of the effect which explains most when nothing explains all.
     """
@@ -142,7 +138,7 @@ def unexplained(
 
 
 def _equation(fitted: Sequence[Candidate]) -> Equation:
-    """Of the leading effect among all singles."""
+    """Takes the equation of the leading effect among all singles."""
     singles = [one for one in fitted if len(one.hypothesis.effects) == 1]
     best = min(singles, key=lambda one: one.statistic)
     return best.hypothesis.effects[0].equation

@@ -43,6 +43,7 @@ ROUGH = "rough"
 
 _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
+FORMAT = 1
 
 
 class FitMemory(Protocol):
@@ -96,7 +97,7 @@ class Fitter:
         return Candidate(Hypothesis(), (), residuals.statistic)
 
     def measure(self, effects: Sequence[Effect]) -> None:
-        """What a small size of every effect does to the residuals of the nominal model."""
+        """Measures how a small size of every effect moves the residuals of the nominal model."""
         judged = self.likelihood.judge(self.nominal)
         if judged is None:
             raise ArithmeticError("the nominal model has no finite solution on these recordings")
@@ -105,7 +106,7 @@ class Fitter:
 
     @property
     def signatures(self) -> Sequence[Signature]:
-        """Of the effects measured."""
+        """Signatures of the effects measured."""
         return tuple(self._signatures.values())
 
     def reference(self, effect: Effect) -> tuple[float, float]:
@@ -204,7 +205,7 @@ class Fitter:
     def _promise(
         self, leader: Candidate, base: Residuals, spanned: NDArray[np.float64], effect: Effect
     ) -> "_Promise":
-        """What a second effect would gain were the residuals linear in it, the leader's sizes free."""
+        """Estimates the gain of a second effect were the residuals linear in it, the leader's sizes free."""
         both = leader.hypothesis.with_effect(effect)
         sizing = Sizing(self.likelihood, self.nominal, both)
         best = _Promise(0.0, ())
@@ -270,13 +271,10 @@ def _predicted_gain(base: Residuals, there: Residuals, spanned: NDArray[np.float
     return float(direction @ base.z) ** 2 / length if length > 0.0 else 0.0
 
 
-FORMAT = 1
-
-
 def problem_key(
     parameters: InjectorParameters, recording_hashes: Sequence[str], stated: Sequence[SizedEffect] = ()
 ) -> str:
-    """What fits belong to: model, recordings (SHA-256 of each), effects added and this program, as one SHA-256.
+    """Hashes the problem that fits belong to: model, recordings (SHA-256 of each), added effects and this program.
 
     stated: what is known of the recordings' channels.
     """
@@ -314,7 +312,7 @@ class FitStore:
 
     @property
     def kept(self) -> int:
-        """How many fits there are."""
+        """Number of fits."""
         return len(self._fits)
 
     def get(self, ids: tuple[str, ...]) -> tuple[NDArray[np.float64], float] | None:

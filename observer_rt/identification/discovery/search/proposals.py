@@ -126,7 +126,7 @@ def _candidates(likelihood: JointLikelihood, outcome: SearchOutcome) -> list[Eff
 
 
 def _span(likelihood: JointLikelihood) -> RecordingSpan:
-    """How far time and injection number reach in the recordings."""
+    """Range of time and injection number in the recordings."""
     events = list(chain.from_iterable(recorded.measurement.events for recorded in likelihood.recordings))
     last = max(event.clock.injections + len(event.openings) for event in events)
     return RecordingSpan(max(event.clock.time for event in events), last)

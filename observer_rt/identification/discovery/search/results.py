@@ -203,7 +203,7 @@ TOO_FREE = Refusal("laws with numbers of their own in several equations would fi
 
 @dataclass(frozen=True)
 class Proposal:
-    """What would explain the recordings: terms, perhaps beside effects of the vocabulary.
+    """Terms that would explain the recordings, perhaps beside effects of the vocabulary.
 
     found: the terms as effects with one size, and their intervals; gain: of -2 log L over the model as given; phase:
     in which the model as given fails most; adequate: nothing but noise is left; unsound: why a law does not hold over
@@ -223,7 +223,7 @@ class Proposal:
 
     @property
     def terms(self) -> tuple[Term, ...]:
-        """Its terms, with 95 % intervals of their coefficients."""
+        """Terms, with 95 % intervals of their coefficients."""
         sizes = zip(self.found.hypothesis.effects, self.found.sizes, self.found.half, strict=True)
         return tuple(
             replace(term, interval=(size - half, size + half))
@@ -264,7 +264,7 @@ class Proposal:
 
 @dataclass(frozen=True)
 class Discovery:
-    """The answer to: which effect is missing?
+    """Result of a search for the missing effect.
 
     named: the winner, or the leading explanation when ambiguous; without effects for `none` and `unknown`; best: the
     same, but for `unknown` what explains most, which is not enough; effects: those of the named; rivals: combinations

@@ -28,6 +28,11 @@ from observer_rt.model.effect import Effect, Likeness
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import VOCABULARY
 
+RELATIVE_GAIN = 1e-3  # of what is explained, that one more effect must add to an adequate model
+TIE = 16.0  # of -2 log L within which a rival explains the recordings as well
+LEADERS = 3  # singles that a second effect is added to
+PARAMETER_PRICE = 10.0  # of -2 log L for each parameter more, log(n): which of two near-ties leads
+
 
 class HeldOutPoints:
     """Candidates fitted to every second operating point and judged on the events of the others."""
@@ -95,7 +100,7 @@ class HeldOutPoints:
 
 @dataclass(frozen=True, eq=False)
 class _Events:
-    """Of every event held out (events,): -2 log L, and the mean square of the open-loop gap of the line pressure."""
+    """Events held out (events,): -2 log L, and the mean square of the open-loop gap of the line pressure."""
 
     statistic: NDArray[np.float64]
     gap: NDArray[np.float64]
@@ -129,15 +134,9 @@ def _by_event(recorded: RecordingLikelihood, one: JudgedModel) -> NDArray[np.flo
     )
 
 
-RELATIVE_GAIN = 1e-3  # of what is explained, that one more effect must add to an adequate model
-TIE = 16.0  # of -2 log L within which a rival explains the recordings as well
-LEADERS = 3  # singles that a second effect is added to
-PARAMETER_PRICE = 10.0  # of -2 log L for each parameter more, log(n): which of two near-ties leads
-
-
 @dataclass(frozen=True, eq=False)
 class SearchOutcome:
-    """How the search ended. winner: the nominal model when nothing is accepted; rivals: as many effects, as good.
+    """Result of the search. winner: the nominal model when nothing is accepted; rivals: as many effects, as good.
 
     ratio: of the winner's worst phase to its limit, above 1 when the winner does not explain the recordings;
     contenders: candidates of the winner's size that might be right instead; fitted: all candidates; threshold: the
@@ -159,7 +158,7 @@ class SearchOutcome:
         return self.ratio <= 1.0 or self.too_small
 
     def led_by(self, ids: Collection[str]) -> "SearchOutcome":
-        """The same with another of those that explain the recordings as well as the winner.
+        """Replaces the winner by another candidate that explains the recordings as well.
 
         Raises ValueError when these effects together are none of them.
         """
@@ -226,7 +225,7 @@ class Search:
     def _contenders(
         self, winner: Candidate, fitted: Sequence[Candidate], threshold: float
     ) -> tuple[Candidate, ...]:
-        """What else might be right, of the same size (single effects beside the nominal model)."""
+        """Candidates that might be right instead, of the same size (single effects beside the nominal model)."""
         size = max(1, len(winner.hypothesis.effects))
         limit = price(winner) + NEAR + (0.0 if winner.hypothesis.effects else threshold)
         return tuple(
@@ -320,14 +319,14 @@ class Search:
         return True
 
     def _threshold(self, candidate: Candidate) -> float:
-        """What an effect must gain beside what a candidate leaves unexplained: more the more that is."""
+        """Least gain of an effect beside a candidate: more, the more that leaves unexplained."""
         residuals = self._fitter.likelihood.residuals(candidate.model(self._fitter.nominal))
         if residuals is None:
             return np.inf
         return self._least_gain * max(1.0, float(np.mean(residuals.z**2)))
 
     def _ratio(self, candidate: Candidate) -> float:
-        """Of a candidate's worst phase to its limit."""
+        """Ratio of a candidate's worst phase to its limit."""
         judged = self._fitter.likelihood.judge(candidate.model(self._fitter.nominal))
         if judged is None:
             return np.inf

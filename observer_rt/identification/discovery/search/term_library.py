@@ -110,7 +110,7 @@ LIBRARY: Mapping[TermEquation, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class RecordingSpan:
-    """What the recordings reach to: time [s] and injection number."""
+    """Largest time [s] and injection number of the recordings."""
 
     time: float
     injections: float
@@ -189,7 +189,7 @@ class InjectorTerms:
         return [self._number_of(one) for one in found]
 
     def _waves(self, left: Residuals) -> list[tuple[Effect, Effect]]:
-        """Of frequencies that stand out of what is left."""
+        """Finds waves of frequencies that stand out of the residuals."""
         by_group = np.split(left.z, np.cumsum(left.counts)[:-1])  # line pressure and rate in turn
         times = [recorded.times for recorded in self._likelihood.recordings]
         found = lines(by_group[::2], times, self._likelihood.recordings[0].measurement.interval)
@@ -254,7 +254,7 @@ class EffectCandidate:
 
     @property
     def equation(self) -> str:
-        """Of a term, and of an effect that is one; else where the effect sits."""
+        """Equation of a term, and of an effect that is one; else where the effect sits."""
         law = self.effect.apply
         if isinstance(law, TermLaw):
             return law.equation

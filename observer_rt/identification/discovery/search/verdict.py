@@ -1,4 +1,4 @@
-"""Which effect is missing: from recordings to the verdict, and to what a bench could measure to decide."""
+"""Names the missing effect: from recordings to the verdict, and to measurements that would decide."""
 
 import math
 from collections.abc import Callable, Iterable, Sequence
@@ -47,6 +47,23 @@ _PRESSURE_SENSORS = frozenset({Place.RAIL_SENSOR, Place.LINE_SENSOR})
 
 _BESIDE_SHUT_NEEDLE = {Place.SEAT, Place.LIFT_SENSOR, Place.CLOSED_END}
 """Where fuel may leave, or seem to, while the needle is shut."""
+RANKED = 8  # candidates listed
+INTERVAL_MARGIN = (
+    1.08  # for what a steady gain does not know: errors on independent plants are that much larger
+)
+MODEL_SHARE = 0.01
+"""Standard deviation of a size, as a share: a fitted model answers to an effect no more exactly than to an injection.
+Found on seven plants of other equations than the model's, each with a discrepancy of its own."""
+_EXPECTED_MORE = 10  # fits of a usual search after the first of every effect, for the progress shown
+Progress = Callable[[float], None]
+"""Called with the share done, 0 to 1."""
+METHOD = (
+    "share of exp(-X/(2 T)) among candidates of the same size that might be right, X = -2 log L + 10 a parameter, "
+    "T = 2 for what no model knows of noise and line; at most 0.99"
+)
+TEMPER = 2.0
+HIGHEST = 0.99
+WITH_A_WRONG_MODEL = 0.8  # at most, when discovery names something on healthy recordings
 
 
 def decide_by(ids: Iterable[str], rate_measured: bool = False) -> tuple[Decisive, ...]:
@@ -76,7 +93,7 @@ def decide_between(proposals: Sequence[Proposal], rate_measured: bool = False) -
 
 
 def _measurement(one: Effect, other: Effect, rate_measured: bool) -> str:
-    """What the effects themselves say decides, else what decides by their places."""
+    """Finds the measurement that decides, by what the effects state, else by their places."""
     relation, places = one.relation_to(other), {one.place, other.place}
     said = relation.decided_by if relation is not None else one.decided_by or other.decided_by
     if said:
@@ -91,31 +108,10 @@ def _measurement(one: Effect, other: Effect, rate_measured: bool) -> str:
     return f"recordings at more {more}{with_rate}"
 
 
-RANKED = 8  # candidates listed
-INTERVAL_MARGIN = (
-    1.08  # for what a steady gain does not know: errors on independent plants are that much larger
-)
-MODEL_SHARE = 0.01
-"""Of a size, standard deviation: a fitted model answers to an effect no more exactly than to an injection. Found on
-seven plants of other equations than the model's, each with a discrepancy of its own."""
-_EXPECTED_MORE = 10  # fits of a usual search after the first of every effect, for the progress shown
-
-Progress = Callable[[float], None]
-"""Called with the share done, 0 to 1."""
-
-METHOD = (
-    "share of exp(-X/(2 T)) among candidates of the same size that might be right, X = -2 log L + 10 a parameter, "
-    "T = 2 for what no model knows of noise and line; at most 0.99"
-)
-TEMPER = 2.0
-HIGHEST = 0.99
-WITH_A_WRONG_MODEL = 0.8  # at most, when discovery names something on healthy recordings
-
-
 @dataclass(frozen=True)
 class SearchOptions:
-    """How to search. workers: threads; memory: of candidates fitted before; baseline: of healthy recordings; chosen:
-    effects that are to lead where they are among those that explain the recordings as well as the best.
+    """Options of a search. workers: threads; memory: of candidates fitted before; baseline: of healthy recordings;
+    chosen: effects that are to lead where they are among those that explain the recordings as well as the best.
     """
 
     workers: int = 1
@@ -180,7 +176,7 @@ def healthy_baseline(
     workers: int = 1,
     known: Healthy = NOT_FITTED,
 ) -> tuple[Healthy, Discovery]:
-    """What healthy recordings leave unexplained, and what discovery says of them: `none` for an adequate model.
+    """Measures what healthy recordings leave unexplained; discovery finds `none` in them for an adequate model.
 
     known: what the model's own fit remembers of the healthy injector.
     """
@@ -293,7 +289,7 @@ class _Verdict:
         return tuple(result)
 
     def _gain(self, effect_id: str) -> float:
-        """What -2 log L rises without one of the winner's effects."""
+        """Rise of -2 log L without one of the winner's effects."""
         winner = self._found.winner
         rest = set(winner.ids) - {effect_id}
         without = next(one for one in self._found.fitted if set(one.ids) == rest)

@@ -7,7 +7,6 @@ from pydantic import Field, PlainSerializer
 
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.documents import Document, DocumentPart, Number
-from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
 from observer_rt.identification.fit.calibrate import (
     GATE,
     TOLERATED,
@@ -22,13 +21,11 @@ from observer_rt.identification.fit.report import (
     recording_name,
     verdict_words,
 )
+from observer_rt.identification.fit.residuals import InjectedMass, Pair, Residual
 from observer_rt.identification.fit.search import FailedStructure, Fitted
 from observer_rt.model.baseline import Baseline
 
 Whole = Annotated[Baseline, PlainSerializer(lambda one: one.model_dump(mode="json"))]
-Pair = Annotated[
-    dict[str, Number], Field(description="`file`: by the model given, `fitted`: by the fitted one")
-]
 
 
 class TriedStructure(DocumentPart):
@@ -50,27 +47,6 @@ class DeterminedDirection(DocumentPart):
     share: dict[str, Number]
 
 
-class ResidualEntry(DocumentPart):
-    """Residuals of a signal in a phase: rms in its unit; chi2 of means of 8 samples, 1 for noise alone."""
-
-    signal: str
-    phase: str
-    rms: Pair
-    unit: str
-    chi2: Pair
-
-
-class InjectionEntry(DocumentPart):
-    """Masses of an injection: fitted, by the file's model, measured; null where there is none."""
-
-    recording: str
-    time_s: Number
-    rail_pressure_MPa: Number  # noqa: N815 - units as printed
-    mass_mg: Number
-    file_mass_mg: Number
-    measured_mass_mg: Number
-
-
 class FitDocument(Document):
     """Result of `observer-rt fit`. mass_share: standard deviation of a mass, as a share, that comes of the model."""
 
@@ -86,9 +62,9 @@ class FitDocument(Document):
     kept: dict[str, dict[str, float | str]] = Field(description="left to the file: value, unit")
     directions: tuple[DeterminedDirection, ...]
     level: dict[str, str] = Field(description="what the absolute level of flow rests on")
-    residuals: tuple[ResidualEntry, ...]
+    residuals: tuple[Residual, ...]
     open_loop_rms_MPa: Pair  # noqa: N815
-    injections: tuple[InjectionEntry, ...]
+    injections: tuple[InjectedMass, ...]
     mass_share: Number
     line_pressure_offsets_MPa: dict[str, Number]  # noqa: N815
     baseline: Whole
@@ -122,28 +98,9 @@ def document_of(done: Calibrated, baseline: Baseline, warnings: Sequence[str]) -
             for one in done.fitted.certainty.directions
         ),
         level={"from": done.level, "words": level_words(done)},
-        residuals=tuple(
-            ResidualEntry(
-                signal=one.signal,
-                phase=phase_name(one.phase),
-                rms=_pair(one.rms, one.signal.si),
-                unit=one.signal.unit,
-                chi2=_pair(one.chi2),
-            )
-            for one in comparison.residuals
-        ),
-        open_loop_rms_MPa=_pair(comparison.open_loop, MEGAPASCAL),
-        injections=tuple(
-            InjectionEntry(
-                recording=names[one.recording],
-                time_s=one.time,
-                rail_pressure_MPa=one.rail_pressure / MEGAPASCAL,
-                mass_mg=one.after / MILLIGRAM,
-                file_mass_mg=one.before / MILLIGRAM,
-                measured_mass_mg=one.measured / MILLIGRAM,
-            )
-            for one in comparison.masses
-        ),
+        residuals=comparison.residuals,
+        open_loop_rms_MPa=comparison.open_loop,
+        injections=comparison.masses,
         mass_share=done.mass_share,
         line_pressure_offsets_MPa={names[fold.recording]: offset for fold, offset in folds},
         baseline=baseline,
@@ -163,7 +120,3 @@ def _tried(one: Fitted | FailedStructure) -> TriedStructure:
         free=tuple(parameter.name for parameter in one.calibration.free),
         converged=one.minimum.converged,
     )
-
-
-def _pair(values: tuple[float, float], si: float = 1.0) -> dict[str, float | None]:
-    return {"file": values[0] / si, "fitted": values[1] / si}

@@ -1,7 +1,7 @@
 """Reports a fit: sentences, tables in printed units, and a figure."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import matplotlib as mpl
@@ -14,7 +14,7 @@ from rich.console import Console
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.console import plain_table, say
 from observer_rt.foundation.figures import FOUND, GIVEN, LOOK, MEASURED, save_figure
-from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
+from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
 from observer_rt.identification.fit.calibrate import GATE, TOLERATED, Calibrated, FlowLevel, judged_by
 from observer_rt.identification.fit.cross_validation import WORTH_A_WORD, share_between_samples, spread
 from observer_rt.identification.fit.residuals import FoldOverlay
@@ -173,14 +173,14 @@ def print_fit(done: Calibrated, console: Console) -> None:
     say(console, "\nresiduals, file -> fitted (rms one sample ahead; chi2 of means of 8 samples)")
     residuals = [
         (
-            *(left.signal.value, phase_name(left.phase), *_arrow(left.rms, left.signal.si)),
-            *(left.signal.unit, *_arrow(left.chi2)),
+            *(left.signal.value, left.phase, *_arrow(left.rms)),
+            *(left.unit, *_arrow(left.chi2)),
         )
         for left in done.comparison.residuals
     ]
     names = ("signal", "phase", "rms", "", "", "unit", "chi2", "", "")
     console.print(plain_table(names, residuals, right=(2, 3, 4, 6, 7, 8), folds=()))
-    open_loop = " ".join(_arrow(done.comparison.open_loop, MEGAPASCAL))
+    open_loop = " ".join(_arrow(done.comparison.open_loop))
     say(console, f"line pressure with nothing corrected from the opening on: rms {open_loop} MPa")
     for line in _masses(done):
         say(console, line)
@@ -190,26 +190,25 @@ def print_fit(done: Calibrated, console: Console) -> None:
 
 def _masses(done: Calibrated) -> Iterable[str]:
     masses = done.comparison.masses
-    after = np.array([one.after for one in masses])
-    measured = np.array([one.measured for one in masses])
+    after = np.array([one.mass_mg for one in masses], float)
+    measured = np.array([one.measured_mass_mg for one in masses], float)
     if np.isfinite(measured).any():
         share = (after / measured - 1.0)[np.isfinite(measured)]
         worst = share[np.argmax(np.abs(share))]
         yield f"mass beside the measured: {np.mean(share):+.2%} in the mean, {worst:+.2%} at worst"
-    before = np.array([one.before for one in masses])
+    before = np.array([one.file_mass_mg for one in masses], float)
     if np.isfinite(before).all():
-        yield f"mass of an injection, mean: {np.mean(before) / MILLIGRAM:.2f} -> {np.mean(after) / MILLIGRAM:.2f} mg"
+        yield f"mass of an injection, mean: {np.mean(before):.2f} -> {np.mean(after):.2f} mg"
     because = "what a recording left out changes, structures that do as well, slow instants, a level measured"
     yield f"mass uncertain by the model: {done.mass_share:.2%} (1 sigma; {because})"
 
 
-def _arrow(values: Sequence[float], si: float = 1.0) -> tuple[str, str, str]:
-    before, after = (_figure(value / si) for value in values)
-    return before, "->", after
+def _arrow(values: Mapping[str, float | None]) -> tuple[str, str, str]:
+    return _figure(values["file"]), "->", _figure(values["fitted"])
 
 
-def _figure(value: float) -> str:
-    if math.isnan(value):
+def _figure(value: float | None) -> str:
+    if value is None or math.isnan(value):
         return "-"
     return f"{value:.3g}" if value < 1000.0 else f"{value:.0f}"
 
@@ -252,7 +251,7 @@ def _phases(axes: Axes, done: Calibrated) -> None:
     """chi2 of every signal and phase, before and after."""
     residuals = done.comparison.residuals
     places = np.arange(len(residuals))
-    before, after = ([one.chi2[which] for one in residuals] for which in (0, 1))
+    before, after = (np.array([one.chi2[by] for one in residuals], float) for by in ("file", "fitted"))
     both = bool(np.isfinite(before).any())
     if both:
         axes.bar(places - 0.2, before, 0.38, color=GIVEN, label="file")
@@ -265,6 +264,6 @@ def _phases(axes: Axes, done: Calibrated) -> None:
     axes.set_ylim(_LEAST, 1.5 * float(np.nanmax([*before, *after, GATE])))
     axes.yaxis.set_major_formatter(ScalarFormatter())
     axes.yaxis.set_minor_formatter(NullFormatter())
-    axes.set_xticks(places, [f"{phase_name(one.phase)}\n{one.signal.words}" for one in residuals])
+    axes.set_xticks(places, [f"{one.phase}\n{one.signal.words}" for one in residuals])
     axes.set_ylabel("chi2 (1: noise alone)")
     axes.legend(frameon=False, fontsize=8, loc="upper right")

@@ -1,11 +1,13 @@
 """Compares the residuals of the file's model and the fitted one, by signal and phase, and on folds left out."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from observer_rt.engine.estimation.phases import (
     BLOCKS,
@@ -14,7 +16,9 @@ from observer_rt.engine.estimation.phases import (
     no_statistics,
     phase_statistics,
 )
+from observer_rt.foundation.documents import DocumentPart, Number
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
 from observer_rt.identification.fit.cross_validation import Fold
 from observer_rt.identification.fit.problem import Calibration, OneFold
 from observer_rt.identification.likelihood.bounded_fit import Quadratic, linearise
@@ -30,6 +34,10 @@ from observer_rt.identification.likelihood.open_loop import Simulated, mass, mea
 from observer_rt.identification.likelihood.reading import is_chosen
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.parameters import InjectorParameters
+
+Pair = Annotated[
+    dict[str, Number], Field(description="`file`: by the model given, `fitted`: by the fitted one")
+]
 
 
 @dataclass(frozen=True)
@@ -156,32 +164,29 @@ def without(calibration: Calibration, at: Quadratic, left_out: Sequence[int]) ->
     return np.clip(theta, lowest, highest)
 
 
-@dataclass(frozen=True)
-class Residual:
-    """A signal in a phase, before and after the fit; nan where the file's model has no solution.
-
-    rms: of the prediction's error one sample ahead [Pa or m3/s]; chi2: of its means of 8 samples, 1 for noise alone.
-    """
+class Residual(DocumentPart):
+    """A signal in a phase: rms of the prediction's error one sample ahead, in its unit; chi2 of its means of 8
+    samples, 1 for noise alone."""
 
     signal: Signal
-    phase: Phase
-    rms: tuple[float, float]
-    chi2: tuple[float, float]
+    phase: str
+    rms: Pair
+    unit: str
+    chi2: Pair
 
 
-@dataclass(frozen=True)
-class InjectedMass:
-    """Mass of an injection [kg], by the file's model, the fitted one, and as measured; nan where there is none.
+class InjectedMass(DocumentPart):
+    """Masses of an injection: fitted, by the file's model, measured; null where there is none.
 
-    time: when the needle opens [s]; nan of a recording so long that some injections were chosen.
+    time_s: when the needle opens; null in a recording so long that some injections were chosen.
     """
 
-    recording: int
-    time: float
-    rail_pressure: float
-    before: float
-    after: float
-    measured: float
+    recording: str
+    time_s: Number
+    rail_pressure_MPa: Number  # noqa: N815 - units as printed
+    mass_mg: Number
+    file_mass_mg: Number
+    measured_mass_mg: Number
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,15 +204,15 @@ class Comparison:
 
     after: of the line pressure, by the fitted model; innovation: standard deviation of a sample of it [Pa]; swing:
     rms of the line pressure against the rail's while the needle is open [Pa]; open_loop: rms of the line pressure
-    from the opening on, with nothing corrected, before and after [Pa].
+    from the opening on, with nothing corrected [MPa].
     """
 
-    residuals: Sequence[Residual]
+    residuals: tuple[Residual, ...]
     after: UnexplainedSignal
     innovation: float
     swing: float
-    open_loop: tuple[float, float]
-    masses: Sequence[InjectedMass]
+    open_loop: dict[str, float | None]
+    masses: tuple[InjectedMass, ...]
     overlays: Sequence[FoldOverlay]
 
     def share(self, phase: Phase) -> float:
@@ -262,23 +267,30 @@ def compared(
     except UserError:
         before = None  # too few samples for its sac: nothing to compare with
 
-    def both(figure: Callable[..., float], *of: Signal | Phase) -> tuple[float, float]:
-        return math.nan if before is None else figure(before, *of), figure(after, *of)
+    def both(figure: Callable[..., float], *of: Signal | Phase, si: float = 1.0) -> dict[str, float | None]:
+        return {
+            "file": None if before is None else figure(before, *of) / si,
+            "fitted": figure(after, *of) / si,
+        }
 
     return Comparison(
-        [
+        tuple(
             Residual(
-                signal, phase, both(_ModelOnFolds.rms, signal, phase), both(_ModelOnFolds.chi2, signal, phase)
+                signal=signal,
+                phase=phase.name.lower(),
+                rms=both(_ModelOnFolds.rms, signal, phase, si=signal.si),
+                unit=signal.unit,
+                chi2=both(_ModelOnFolds.chi2, signal, phase),
             )
             for signal, statistics in after.pool.items()
             for phase in Phase
             if statistics.samples[phase] > 0
-        ],
+        ),
         unexplained(after.pool[Signal.LINE_PRESSURE]),
         after.innovation,
         _swing(folds),
-        both(_ModelOnFolds.open_loop),
-        _masses(before, after),
+        both(_ModelOnFolds.open_loop, si=MEGAPASCAL),
+        tuple(_masses(before, after)),
         [
             FoldOverlay(fold, () if before is None else before.simulated[i], after.simulated[i])
             for i, fold in enumerate(folds)
@@ -312,22 +324,19 @@ def _seen(
     )
 
 
-def _masses(before: _ModelOnFolds | None, after: _ModelOnFolds) -> list[InjectedMass]:
-    result = []
+def _masses(before: _ModelOnFolds | None, after: _ModelOnFolds) -> Iterator[InjectedMass]:
     for number, fold in enumerate(after.folds):
         measurement, density = fold.measurement, after.models[number].coefficients.density
         single = {} if fold.weighed is None else fold.weighed.single
         for i, one in enumerate(after.simulated[number]):
             first = one.event.openings[0].first
             weighed = single[first][0] if first in single else measured_mass(measurement, one, density)
-            result.append(
-                InjectedMass(
-                    fold.recording,
-                    math.nan if is_chosen(measurement) else float(measurement.recording.time[first]),
-                    measurement.rail_pressure,
-                    math.nan if before is None else mass(measurement, before.simulated[number][i], density),
-                    mass(measurement, one, density),
-                    weighed,
-                )
+            by_file = math.nan if before is None else mass(measurement, before.simulated[number][i], density)
+            yield InjectedMass(
+                recording=str(measurement.recording.path or fold.recording),
+                time_s=math.nan if is_chosen(measurement) else float(measurement.recording.time[first]),
+                rail_pressure_MPa=measurement.rail_pressure / MEGAPASCAL,
+                mass_mg=mass(measurement, one, density) / MILLIGRAM,
+                file_mass_mg=by_file / MILLIGRAM,
+                measured_mass_mg=weighed / MILLIGRAM,
             )
-    return result

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from observer_rt.desk.simulation.simulate import Simulation
+from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.identification.fit.calibrate import Calibrated, FlowLevel, calibrate
 from observer_rt.identification.fit.cross_validation import MeasuredMasses, folds_of
 from observer_rt.identification.fit.problem import (
@@ -93,10 +94,15 @@ def test_mass_is_right_where_nothing_was_fitted(by_pressures: Calibrated) -> Non
 
 def test_residuals_fall_to_noise(by_pressures: Calibrated) -> None:
     for one in by_pressures.comparison.residuals:
-        assert one.chi2[1] < 1.5
-        assert one.chi2[0] > 5.0
-    before, after = by_pressures.comparison.open_loop
-    assert after < 0.2e6 < before
+        before, after = one.chi2["file"], one.chi2["fitted"]
+        assert before is not None
+        assert after is not None
+        assert after < 1.5
+        assert before > 5.0
+    before, after = (by_pressures.comparison.open_loop[name] for name in ("file", "fitted"))
+    assert before is not None
+    assert after is not None
+    assert after < 0.2 < before  # MPa
 
 
 def test_the_level_rests_on_the_inertance_of_the_file(by_pressures: Calibrated) -> None:
@@ -166,7 +172,8 @@ def test_a_measured_rate_fixes_the_level_of_a_wrong_inertance() -> None:
 @pytest.mark.slow
 def test_one_measured_mass_fixes_the_level_of_a_wrong_inertance() -> None:
     made = simulations()
-    true = np.mean([one.after for one in _fit(_found(made), NOMINAL).comparison.masses[:3]])
+    fitted = _fit(_found(made), NOMINAL).comparison.masses[:3]
+    true = MILLIGRAM * np.mean(np.array([one.mass_mg for one in fitted], float))
     done = _fit(_found(made), _wrong_inertance(), n0=MeasuredMasses({}, (float(true), 0.003 * float(true))))
     assert done.level is FlowLevel.MASS
     assert abs(_mass_error(done.injector)) < 0.005

@@ -166,7 +166,6 @@ def discover(
     from observer_rt.identification.discovery.discover import (
         AMENDED,
         DATA,
-        FINDINGS,
         FITS,
         REPORT,
         DiscoveryTask,
@@ -177,6 +176,7 @@ def discover(
         refuse_replacing,
         write_findings,
     )
+    from observer_rt.identification.discovery.report.document import FINDINGS
     from observer_rt.identification.discovery.report.text import as_text
     from observer_rt.identification.likelihood.reading import coverage, hashes, read_measured, without_copies
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 import pyarrow as pa
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 from rich.table import Table
 
 from observer_rt.desk.fleet.batch import write_table
@@ -103,10 +103,9 @@ class Ended:
     problem: str = ""
 
 
-class _Note(BaseModel):
+class _Note(DocumentPart):
     """Kept of a group beside its answer; key: of the group; problem: why there is no answer, if there is none."""
 
-    model_config = ConfigDict(frozen=True)
     injector: str
     key: str
     recordings: int
@@ -156,24 +155,24 @@ class Answers:
         return tuple(rows)
 
     def _row(self, place: Path, note: _Note) -> DiscoveredRow:
-        known: dict[str, Any] = {
-            "injector": note.injector,
-            "recordings": note.recordings,
-            "left_out": len(note.left_out),
-        }
-        if note.problem:
-            return DiscoveredRow(**known, problem=note.problem)
-        try:
-            document = DiscoveryRun.read(place).document
-        except UserError as error:
-            return DiscoveredRow(**known, problem=str(error))
-        files = {"report": place / REPORT, "amended": place / AMENDED}
-        kept: dict[str, Any] = {
-            name: str(file.relative_to(self._folder))
-            for name, file in files.items()
-            if name == "report" or file.exists()
-        }
-        return DiscoveredRow(**known, **said_of(document), **kept)
+        columns: dict[str, Any] = {}
+        problem = note.problem or None
+        if problem is None:
+            try:
+                columns = said_of(DiscoveryRun.read(place).document)
+            except UserError as error:
+                problem = str(error)
+            else:
+                within = place.relative_to(self._folder)
+                amended = str(within / AMENDED) if (place / AMENDED).exists() else None
+                columns |= {"report": str(within / REPORT), "amended": amended}
+        return DiscoveredRow(
+            injector=note.injector,
+            recordings=note.recordings,
+            left_out=len(note.left_out),
+            problem=problem,
+            **columns,
+        )
 
 
 def _read(place: Path) -> _Note | None:

@@ -8,13 +8,17 @@ batch.json                                by which model and how: another one ne
 """
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
+from urllib.parse import quote
 
 import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.dataset as ds
+import pyarrow.parquet as pq
 from rich.console import Console
 
 from observer_rt import __version__
@@ -22,24 +26,14 @@ from observer_rt.config.bench import Bench
 from observer_rt.config.own_effects import OwnEffects
 from observer_rt.daemon.persistence.state_file import model_hash
 from observer_rt.desk.fleet.cluster import Broken, Jobs, Work
-from observer_rt.desk.fleet.job import FailedFile, Task, evaluated, hashed
+from observer_rt.desk.fleet.job import OLD_NAMES, SCHEMA, FailedFile, Task, evaluated, hashed
 from observer_rt.foundation.console import progress_bar, results, say
-from observer_rt.foundation.files import file_hash
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.files import file_errors, file_hash, replacing
 from observer_rt.model.effects import BUILT_IN
 
 if TYPE_CHECKING:
     from observer_rt.desk.fleet.discovering import FoundAnswers
-from collections.abc import Iterable
-from typing import Self
-from urllib.parse import quote
-
-import pyarrow.compute as pc
-import pyarrow.dataset as ds
-import pyarrow.parquet as pq
-
-from observer_rt.desk.fleet.job import OLD_NAMES, SCHEMA
-from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.files import file_errors, replacing
 
 INJECTIONS = "injections"
 _DONE, _ERRORS, _SETTINGS = "done.jsonl", "errors.parquet", "batch.json"

@@ -28,7 +28,7 @@ from observer_rt.identification.discovery.findings import (
 )
 from observer_rt.identification.discovery.gaps import disagreements, gaps_of, typical_overlays
 from observer_rt.identification.discovery.report.data import remove_data, write_data
-from observer_rt.identification.discovery.report.document import document_of
+from observer_rt.identification.discovery.report.document import FINDINGS, document_of
 from observer_rt.identification.discovery.report.page import report
 from observer_rt.identification.discovery.report.text import headline
 from observer_rt.identification.discovery.search.adequacy import healthy_of_fit
@@ -74,7 +74,7 @@ _OTHER_RATE = (
     "The model was fitted at {:g} kHz: what its fit leaves of the healthy injector says nothing at another sample "
     "rate. Fit at this rate, or give healthy recordings by --healthy."
 )
-FINDINGS, AMENDED, REPORT, FITS = "findings.json", "amended.toml", "report.html", "fits.jsonl"
+AMENDED, REPORT, FITS = "amended.toml", "report.html", "fits.jsonl"
 DATA = "data"
 ANSWER = (REPORT, FINDINGS, AMENDED, DATA)
 

@@ -7,6 +7,7 @@ from datetime import datetime
 
 from observer_rt.engine.learning.adequacy import looks_like_inertance
 from observer_rt.engine.learning.healthy import Healthy
+from observer_rt.foundation.documents import DocumentPart, Number
 from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.identification.discovery.gaps import Disagreement, ModelGaps, Overlay
 from observer_rt.identification.discovery.search.results import Discovery, FittedEffect, Verdict
@@ -24,33 +25,40 @@ LEAST_MASS = 0.01 * MILLIGRAM  # kg, below which a change or gap is not worth a 
 RECORD_MORE = "record at least three rail pressures and two durations"
 
 
-@dataclass(frozen=True)
-class Indicator:
-    """One of the observer's figures, as the effect it stands for (SI). sigma: standard deviation, nan unknown."""
+class Quantity(DocumentPart):
+    """A figure in its unit, with its standard deviation or the ends of its 95 % interval."""
 
-    effect_id: str
-    value: float
-    sigma: float
-
-    @property
-    def stands_out(self) -> bool:
-        """Whether it is beyond its own uncertainty and the effect's dead zone."""
-        parameter = VOCABULARY[self.effect_id].parameters[0]
-        return abs(self.value) > max(parameter.dead_zone, SIGNIFICANT * self.sigma)
+    value: Number
+    sigma: Number = None
+    low: Number = None
+    high: Number = None
+    unit: str
 
 
-@dataclass(frozen=True)
-class Opinion:
-    """The observer after it learned from all recordings, one after another.
+class Opinion(DocumentPart):
+    """The learning observer after it learned from all recordings, one after another.
 
-    indicators: at the last injection; valid, injections: how many of them it declared valid; reasons: how often each
-    reason for `not valid` was given, but for those of a start.
+    valid: injections it declared valid; reasons: counts of the reasons for `not valid`, but for those of a start;
+    indicators: at the last injection, by effect; contradictions: statements that cannot be true beside the findings.
     """
 
-    indicators: tuple[Indicator, ...]
     valid: int
     injections: int
-    reasons: Mapping[str, int]
+    reasons: dict[str, int]
+    indicators: dict[str, Quantity]
+    contradictions: tuple[str, ...] = ()
+
+
+def stands_out(effect_id: str, learned: Quantity) -> bool:
+    """Whether an indicator is beyond its own uncertainty and the effect's dead zone."""
+    value, sigma = _si(effect_id, learned)
+    return abs(value) > max(VOCABULARY[effect_id].parameters[0].dead_zone, SIGNIFICANT * sigma)
+
+
+def _si(effect_id: str, learned: Quantity) -> tuple[float, float]:
+    """Value and standard deviation; 0 where nothing was learned."""
+    si = VOCABULARY[effect_id].parameters[0].si
+    return si * (learned.value or 0.0), si * (learned.sigma or 0.0)
 
 
 def contradictions(found: Discovery, opinion: Opinion) -> tuple[str, ...]:
@@ -64,8 +72,7 @@ def contradictions(found: Discovery, opinion: Opinion) -> tuple[str, ...]:
 
 def remark(found: Discovery, opinion: Opinion) -> str:
     """Warns of the observer's figures, in a sentence."""
-    known = {indicator.effect_id for indicator in opinion.indicators}
-    foreign = [effect.id for effect in found.effects if effect.id not in known]
+    foreign = [effect.id for effect in found.effects if effect.id not in opinion.indicators]
     if foreign:
         return (
             f"The observer has no term for {' and '.join(foreign)} and puts it down to what it knows; with the "
@@ -80,9 +87,9 @@ def remark(found: Discovery, opinion: Opinion) -> str:
 
 def _of_nothing(opinion: Opinion) -> list[str]:
     result = [
-        f"discovery finds nothing missing, the observer learned {indicator.effect_id}"
-        for indicator in opinion.indicators
-        if indicator.stands_out
+        f"discovery finds nothing missing, the observer learned {name}"
+        for name, learned in opinion.indicators.items()
+        if stands_out(name, learned)
     ]
     inadequate = _inadequate(opinion)
     if inadequate:
@@ -100,23 +107,21 @@ def _inadequate(opinion: Opinion) -> int:
 
 def _of_effects(found: Discovery, opinion: Opinion) -> list[str]:
     """Compared only where the observer has a term for everything found: elsewhere it must put it down to others."""
-    by_id = {indicator.effect_id: indicator for indicator in opinion.indicators}
     named = {effect.id: effect for effect in found.effects}
-    if not set(named) <= set(by_id):
+    if not named.keys() <= opinion.indicators.keys():
         return []
     result = []
     for effect_id, effect in named.items():
         ours, (low, high) = effect.parameters[0].value, effect.parameters[0].ci95
-        theirs = by_id[effect_id]
-        sigma = math.hypot((high - low) / 4.0, 0.0 if math.isnan(theirs.sigma) else theirs.sigma)
-        allowed = SIGNIFICANT * sigma + AGREES * max(abs(ours), abs(theirs.value))
-        if abs(ours - theirs.value) > allowed:
+        theirs, sigma = _si(effect_id, opinion.indicators[effect_id])
+        sigma = math.hypot((high - low) / 4.0, sigma)
+        if abs(ours - theirs) > SIGNIFICANT * sigma + AGREES * max(abs(ours), abs(theirs)):
             result.append(f"both see {effect_id}, but of different size")
     like = {other for effect in found.effects for other in effect.indistinguishable_from}
     result += [
-        f"the observer learned {indicator.effect_id} besides"
-        for indicator in opinion.indicators
-        if indicator.stands_out and indicator.effect_id not in like | set(named)
+        f"the observer learned {name} besides"
+        for name, learned in opinion.indicators.items()
+        if stands_out(name, learned) and name not in like | named.keys()
     ]
     return result
 

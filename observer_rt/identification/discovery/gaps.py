@@ -23,13 +23,7 @@ from observer_rt.identification.likelihood.likelihood import (
     joint_likelihood,
 )
 from observer_rt.identification.likelihood.measurement import Measurement, every_second_point
-from observer_rt.identification.likelihood.open_loop import (
-    Simulated,
-    mass,
-    measured_mass,
-    noisier,
-    simulated,
-)
+from observer_rt.identification.likelihood.open_loop import Simulated, mass, measured_mass, noisier, simulated
 from observer_rt.identification.likelihood.windows import in_mass_window
 from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.effect import Equation

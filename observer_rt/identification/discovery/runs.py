@@ -10,10 +10,9 @@ from rich.table import Table
 from rich.text import Text
 
 from observer_rt.foundation.console import plain_table
-from observer_rt.identification.discovery.report.document import FindingsDocument
+from observer_rt.identification.discovery.report.document import FINDINGS, FindingsDocument
 from observer_rt.identification.discovery.report.text import Size, shown, significant
 
-FINDINGS = "findings.json"
 SCHEMA = 1
 GAPS = (
     ("line_pressure", "MPa", "line pressure off, rms"),

@@ -7,13 +7,7 @@ from pydantic import Field, PlainSerializer
 
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.documents import Document, DocumentPart, Number
-from observer_rt.identification.fit.calibrate import (
-    GATE,
-    TOLERATED,
-    Calibrated,
-    FittedNumber,
-    judged_by,
-)
+from observer_rt.identification.fit.calibrate import GATE, TOLERATED, Calibrated, FittedNumber, judged_by
 from observer_rt.identification.fit.report import (
     level_words,
     oddities,

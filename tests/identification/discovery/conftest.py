@@ -1,6 +1,6 @@
 """Shared by the tests of discovery: a worn injector and everything `discover` says of it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
@@ -8,10 +8,10 @@ import pytest
 
 from observer_rt.files.signals.recording import Recording
 from observer_rt.identification.discovery.discover import DiscoveryTask, answer
-from observer_rt.identification.discovery.findings import Findings, Indicator, Opinion, Sources
+from observer_rt.identification.discovery.findings import Findings, Opinion, Quantity, Sources
 from observer_rt.identification.discovery.search.candidates import NoMemory
 from observer_rt.identification.likelihood.measurement import measurements
-from observer_rt.model.effects import sized
+from observer_rt.model.effects import VOCABULARY, sized
 from observer_rt.model.parameters import InjectorParameters
 from tests.identification.discovery.hidden import NOMINAL, recordings
 
@@ -32,7 +32,18 @@ class Worn:
 
 def agrees(_: InjectorParameters, __: Sequence[Recording]) -> Opinion:
     """A learning observer that says the same."""
-    return Opinion((Indicator("orifice_area", WEAR, 0.002),), 10, 12, {})
+    return opinion_of({"orifice_area": (WEAR, 0.002)})
+
+
+def opinion_of(learned: Mapping[str, tuple[float, float]], reasons: dict[str, int] | None = None) -> Opinion:
+    """10 of 12 injections valid. learned: value and standard deviation [SI] by effect."""
+    indicators = {}
+    for name, (value, sigma) in learned.items():
+        parameter = VOCABULARY[name].parameters[0]
+        indicators[name] = Quantity(
+            value=value / parameter.si, sigma=sigma / parameter.si, unit=parameter.unit
+        )
+    return Opinion(valid=10, injections=12, reasons=reasons or {}, indicators=indicators)
 
 
 @pytest.fixture(scope="session")

@@ -18,7 +18,7 @@ from observer_rt.identification.discovery.search.results import FittedParameter,
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effects import effective_model, sized
 from tests.baselines import baseline
-from tests.identification.discovery.conftest import SOURCES, Worn, agrees
+from tests.identification.discovery.conftest import SOURCES, Worn, agrees, opinion_of
 from tests.identification.discovery.hidden import NOMINAL, recordings
 
 
@@ -55,12 +55,7 @@ def _slow_lift_sensor(findings: Findings) -> Findings:
         ("mass_not_measured", _without_rate),
         ("line_inertance", lambda f: _without_rate(replace(f, like_inertance=True))),
         ("healthy_recordings", lambda f: replace(f, healthy_warning="the model is another")),
-        (
-            "observer",
-            lambda f: replace(
-                f, opinion=replace(f.opinion, indicators=(replace(f.opinion.indicators[0], value=0.0),))
-            ),
-        ),
+        ("observer", lambda f: replace(f, opinion=opinion_of({"orifice_area": (0.0, 0.002)}))),
     ],
 )
 def test_a_reservation_is_in_headline_and_document(worn: Worn, caveat: str, changed: object) -> None:

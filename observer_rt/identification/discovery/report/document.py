@@ -5,14 +5,16 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from observer_rt.foundation.documents import (
-    Document,
-    DocumentPart,
-    Figures,
-    Number,
-)
+from observer_rt.foundation.documents import Document, DocumentPart, Figures, Number
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
-from observer_rt.identification.discovery.findings import Caveat, Findings, Opinion, Sources, gap_share
+from observer_rt.identification.discovery.findings import (
+    Caveat,
+    Findings,
+    Opinion,
+    Quantity,
+    Sources,
+    gap_share,
+)
 from observer_rt.identification.discovery.gaps import PHASE_NAMES, Disagreement, ModelGaps
 from observer_rt.identification.discovery.report.text import Size, definition, printed, proposal_words
 from observer_rt.identification.discovery.search.results import (
@@ -26,9 +28,9 @@ from observer_rt.identification.discovery.search.results import (
 )
 from observer_rt.identification.likelihood.likelihood import Signal
 from observer_rt.model.effect import Equation
-from observer_rt.model.effects import VOCABULARY
 from observer_rt.model.terms.term import Term
 
+FINDINGS = "findings.json"
 Gap = Annotated[
     dict[str, Number | bool],
     Field(
@@ -76,16 +78,6 @@ class CellOfMap(DocumentPart):
     rms_MPa: Number = None  # noqa: N815
     rms_mm3_per_ms: Number = None
     after: Figures | None = None
-
-
-class Quantity(DocumentPart):
-    """A figure in its unit, with its standard deviation or the ends of its 95 % interval."""
-
-    value: Number
-    sigma: Number = None
-    low: Number = None
-    high: Number = None
-    unit: str
 
 
 class ProposedTerm(DocumentPart):
@@ -147,17 +139,6 @@ class Check(DocumentPart):
     explained: bool
 
 
-class ObserverOpinion(DocumentPart):
-    """The learning observer on the recordings. valid: injections it declared valid; reasons: for the others, counted;
-    indicators: by effect; contradictions: where it says what cannot be true beside the findings."""
-
-    valid: int
-    injections: int
-    reasons: dict[str, int]
-    indicators: dict[str, Quantity]
-    contradictions: tuple[str, ...]
-
-
 class ModelSource(DocumentPart):
     """The injector file, its SHA-256, and the effects in it already."""
 
@@ -185,7 +166,7 @@ class FindingsDocument(Document):
     smallest_visible: tuple[VisibleSize, ...] = ()
     gap: dict[str, Gap | None]
     checks: tuple[Check, ...] = ()
-    observer: ObserverOpinion | None = None
+    observer: Opinion | None = None
     healthy_warning: str = ""
     amended_model: str | None
     model: ModelSource
@@ -243,7 +224,8 @@ def document_of(findings: Findings, sources: Sources) -> FindingsDocument:
         ),
         gap=_gaps(findings.gaps),
         checks=tuple(Check(**vars(one) | {"recording": files.get(one.recording)}) for one in findings.checks),
-        observer=None if findings.opinion is None else _opinion(findings.opinion, findings.contradictions),
+        observer=findings.opinion
+        and findings.opinion.model_copy(update={"contradictions": findings.contradictions}),
         healthy_warning=findings.healthy_warning,
         amended_model=findings.amended_model,
         model=ModelSource(file=sources.model, sha256=sources.model_hash, in_force=sources.in_force),
@@ -351,20 +333,4 @@ def _term(term: Term) -> ProposedTerm:
         coefficient=Quantity(value=term.coefficient, low=low, high=high, unit=str(term.equation.unit)),
         hardly_told_from=term.equation.alike,
         depends_on=tuple(sorted(variable.word for variable in term.law.variables)),
-    )
-
-
-def _opinion(opinion: Opinion, against: tuple[str, ...]) -> ObserverOpinion:
-    indicators = {}
-    for one in opinion.indicators:
-        parameter = VOCABULARY[one.effect_id].parameters[0]
-        indicators[one.effect_id] = Quantity(
-            value=one.value / parameter.si, sigma=one.sigma / parameter.si, unit=parameter.unit
-        )
-    return ObserverOpinion(
-        valid=opinion.valid,
-        injections=opinion.injections,
-        reasons=dict(opinion.reasons),
-        indicators=indicators,
-        contradictions=against,
     )

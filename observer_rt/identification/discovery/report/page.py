@@ -10,10 +10,11 @@ from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
 from observer_rt.identification.discovery.findings import (
     LEAST_MASS,
     Findings,
-    Indicator,
+    Quantity,
     Sources,
     explained_share,
     remark,
+    stands_out,
 )
 from observer_rt.identification.discovery.gaps import PHASE_NAMES, Disagreement, ModelGaps
 from observer_rt.identification.discovery.report import text
@@ -245,14 +246,13 @@ def with_sigma(figure: StandstillFigure) -> str:
     return f"{shown(figure.value, step)} ± {shown(figure.sigma, step)}"
 
 
-def learned(indicator: Indicator) -> str:
+def learned(indicator: Quantity) -> str:
     """Prints the observer's size of an effect, with its 95 % interval."""
-    definition = VOCABULARY[indicator.effect_id].parameters[0]
-    value, sigma = indicator.value / definition.si, indicator.sigma / definition.si
-    if not sigma > 0.0:
+    if indicator.value is None or not indicator.sigma:
         return "not needed"
-    step = significant(sigma)
-    return f"{shown(value, step)} ± {shown(1.96 * sigma, step)} {sign(definition.unit)}"
+    step = significant(indicator.sigma)
+    interval = shown(1.96 * indicator.sigma, step)
+    return f"{shown(indicator.value, step)} ± {interval} {sign(indicator.unit)}"
 
 
 @dataclass(frozen=True)
@@ -289,6 +289,7 @@ _PAGES = templates_of(__package__)
 _PAGES.globals |= vars(text) | globals()
 _PAGES.globals |= {
     "remark": remark,
+    "stands_out": stands_out,
     "overlay_figure": overlay_figure,
     "laws_figure": laws_figure,
 }

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import product
+from operator import attrgetter
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Protocol, TypeVar
@@ -169,14 +170,14 @@ class Fitter:
     def pairs(self, leaders: Sequence[Candidate], effects: Sequence[Effect]) -> list[Candidate]:
         """Each leader with the second effects that promise something, fitted together as the singles are."""
         tasks = [task for leader in leaders for task in self._seconds(leader, effects)]
-        return self._refined(tasks, min(leaders, key=_statistic))
+        return self._refined(tasks, min(leaders, key=attrgetter("statistic")))
 
     def _refined(self, tasks: Sequence["_Task"], before: Candidate) -> list[Candidate]:
         """Each hypothesis once, best first where it matters: those within reach of the best are fitted to the end.
 
         before: the best candidate that is smaller.
         """
-        rough = best_of_each(self._fit_all(tasks, ROUGH_ITERATIONS), _statistic)
+        rough = best_of_each(self._fit_all(tasks, ROUGH_ITERATIONS), attrgetter("statistic"))
         if not rough:
             return []
         limit = rough[0].statistic + max(NEAR, ROUGH_SHARE * (before.statistic - rough[0].statistic))
@@ -229,10 +230,6 @@ def best_of_each(candidates: Sequence[Candidate], by: Callable[[Candidate], floa
     for candidate in sorted(candidates, key=by):
         best.setdefault(frozenset(candidate.ids), candidate)
     return list(best.values())
-
-
-def _statistic(candidate: Candidate) -> float:
-    return candidate.statistic
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from observer_rt.identification.discovery.search.results import (
     Proposal,
     Refusal,
 )
-from observer_rt.identification.discovery.search.search import HeldOutPoints, SearchOutcome
+from observer_rt.identification.discovery.search.search import INTERVAL_MARGIN, HeldOutPoints, SearchOutcome
 from observer_rt.identification.discovery.search.term_library import InjectorTerms, RecordingSpan, library
 from observer_rt.identification.discovery.search.term_search import (
     PRICE,
@@ -38,7 +38,6 @@ from observer_rt.model.terms.bounds import refuse_unbounded
 CLEARLY = 50.0  # of -2 log L, by which a term must beat the vocabulary to be offered in its place
 SEVERAL = 2  # effects together, of which one law may take the place
 MOST_PROPOSED = 4
-INTERVAL_MARGIN = 1.08  # as of effects
 
 Moves = Callable[[EffectiveModel, EffectiveModel], Consequence]
 

@@ -4,6 +4,7 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,9 @@ from observer_rt.model.effects import VOCABULARY
 RELATIVE_GAIN = 1e-3  # of what is explained, that one more effect must add to an adequate model
 TIE = 16.0  # of -2 log L within which a rival explains the recordings as well
 LEADERS = 3  # singles that a second effect is added to
+INTERVAL_MARGIN = (
+    1.08  # for what a steady gain does not know: errors on independent plants are that much larger
+)
 PARAMETER_PRICE = 10.0  # of -2 log L for each parameter more, log(n): which of two near-ties leads
 
 
@@ -281,7 +285,7 @@ class Search:
                 continue
             if candidate.plausible:
                 if self._is_new(candidate) and self.held_out.pays(
-                    candidate, min((smaller, *own), key=_statistic)
+                    candidate, min((smaller, *own), key=attrgetter("statistic"))
                 ):
                     return candidate
                 continue
@@ -331,10 +335,6 @@ class Search:
         if judged is None:
             return np.inf
         return worst(pool_of(self._fitter.likelihood, judged), self._baseline).ratio
-
-
-def _statistic(candidate: Candidate) -> float:
-    return candidate.statistic
 
 
 def price(candidate: Candidate) -> float:

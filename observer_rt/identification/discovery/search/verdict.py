@@ -26,6 +26,7 @@ from observer_rt.identification.discovery.search.results import (
     Verdict,
 )
 from observer_rt.identification.discovery.search.search import (
+    INTERVAL_MARGIN,
     HeldOutPoints,
     Search,
     SearchOutcome,
@@ -48,9 +49,6 @@ _PRESSURE_SENSORS = frozenset({Place.RAIL_SENSOR, Place.LINE_SENSOR})
 _BESIDE_SHUT_NEEDLE = {Place.SEAT, Place.LIFT_SENSOR, Place.CLOSED_END}
 """Where fuel may leave, or seem to, while the needle is shut."""
 RANKED = 8  # candidates listed
-INTERVAL_MARGIN = (
-    1.08  # for what a steady gain does not know: errors on independent plants are that much larger
-)
 MODEL_SHARE = 0.01
 """Standard deviation of a size, as a share: a fitted model answers to an effect no more exactly than to an injection.
 Found on seven plants of other equations than the model's, each with a discrepancy of its own."""

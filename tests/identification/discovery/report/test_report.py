@@ -9,13 +9,13 @@ from typing import Any
 import pytest
 
 from observer_rt.engine.estimation.phases import Phase
-from observer_rt.identification.discovery.findings import Opinion, Sources
+from observer_rt.identification.discovery.findings import Sources
 from observer_rt.identification.discovery.report.document import document_of
 from observer_rt.identification.discovery.report.page import report
 from observer_rt.identification.discovery.search.results import Decisive, Discovery, Unexplained, Verdict
 from observer_rt.identification.likelihood.likelihood import Signal
 from observer_rt.model.effect import Equation
-from tests.identification.discovery.conftest import SOURCES, Worn
+from tests.identification.discovery.conftest import SOURCES, Worn, opinion_of
 
 VOID = {"meta", "br", "path", "use", "rect", "line"}
 
@@ -120,7 +120,7 @@ def test_every_part_is_there(worn: Worn) -> None:
 
 def test_a_contradiction_stands_at_the_top(worn: Worn) -> None:
     assert worn.findings.opinion is not None
-    quiet = Opinion((replace(worn.findings.opinion.indicators[0], value=0.0),), 10, 12, {})
+    quiet = opinion_of({"orifice_area": (0.0, 0.002)})
     text = _page(worn, opinion=quiet).text
     assert text.index("does not agree") < text.index("Where model and measurement disagree")
     assert "could not be run" in _page(worn, opinion=None).text

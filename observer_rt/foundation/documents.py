@@ -22,7 +22,7 @@ Figures = Annotated[dict[str, Number], Field(description="by name, which ends wi
 class DocumentPart(BaseModel):
     """A part of a document: figures in the units of their names."""
 
-    model_config = ConfigDict(frozen=True, allow_inf_nan=False, populate_by_name=True, from_attributes=True)
+    model_config = ConfigDict(frozen=True, allow_inf_nan=False)
 
 
 class Document(DocumentPart):

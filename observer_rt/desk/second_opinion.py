@@ -11,7 +11,7 @@ from observer_rt.engine.estimation.scalars import SCALARS
 from observer_rt.engine.stream.state import Reason
 from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.stream import HeldSignals
-from observer_rt.identification.discovery.findings import Opinion, Quantity
+from observer_rt.identification.discovery.findings import Opinion, PrintedFigure
 from observer_rt.model.effects import VOCABULARY, effective_model
 from observer_rt.model.parameters import InjectorParameters
 
@@ -44,5 +44,5 @@ def second_opinion(
         (parameter, *_), one = VOCABULARY[shown.effect].parameters, learned[shown.effect]
         sigma = None if one.sigma is None else one.sigma * shown.si(c) / parameter.si
         value = one.value * shown.si(c) / parameter.si
-        indicators[shown.effect] = Quantity(value=value, sigma=sigma, unit=parameter.unit)
+        indicators[shown.effect] = PrintedFigure(value=value, sigma=sigma, unit=parameter.unit)
     return Opinion(valid=valid, injections=len(reports), reasons=reasons, indicators=indicators)

@@ -25,7 +25,7 @@ LEAST_MASS = 0.01 * MILLIGRAM  # kg, below which a change or gap is not worth a 
 RECORD_MORE = "record at least three rail pressures and two durations"
 
 
-class Quantity(DocumentPart):
+class PrintedFigure(DocumentPart):
     """A figure in its unit, with its standard deviation or the ends of its 95 % interval."""
 
     value: Number
@@ -45,17 +45,17 @@ class Opinion(DocumentPart):
     valid: int
     injections: int
     reasons: dict[str, int]
-    indicators: dict[str, Quantity]
+    indicators: dict[str, PrintedFigure]
     contradictions: tuple[str, ...] = ()
 
 
-def stands_out(effect_id: str, learned: Quantity) -> bool:
+def stands_out(effect_id: str, learned: PrintedFigure) -> bool:
     """Whether an indicator is beyond its own uncertainty and the effect's dead zone."""
     value, sigma = _si(effect_id, learned)
     return abs(value) > max(VOCABULARY[effect_id].parameters[0].dead_zone, SIGNIFICANT * sigma)
 
 
-def _si(effect_id: str, learned: Quantity) -> tuple[float, float]:
+def _si(effect_id: str, learned: PrintedFigure) -> tuple[float, float]:
     """Value and standard deviation; 0 where nothing was learned."""
     si = VOCABULARY[effect_id].parameters[0].si
     return si * (learned.value or 0.0), si * (learned.sigma or 0.0)

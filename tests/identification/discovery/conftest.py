@@ -8,7 +8,7 @@ import pytest
 
 from observer_rt.files.signals.recording import Recording
 from observer_rt.identification.discovery.discover import DiscoveryTask, answer
-from observer_rt.identification.discovery.findings import Findings, Opinion, Quantity, Sources
+from observer_rt.identification.discovery.findings import Findings, Opinion, PrintedFigure, Sources
 from observer_rt.identification.discovery.search.candidates import NoMemory
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effects import VOCABULARY, sized
@@ -40,7 +40,7 @@ def opinion_of(learned: Mapping[str, tuple[float, float]], reasons: dict[str, in
     indicators = {}
     for name, (value, sigma) in learned.items():
         parameter = VOCABULARY[name].parameters[0]
-        indicators[name] = Quantity(
+        indicators[name] = PrintedFigure(
             value=value / parameter.si, sigma=sigma / parameter.si, unit=parameter.unit
         )
     return Opinion(valid=10, injections=12, reasons=reasons or {}, indicators=indicators)

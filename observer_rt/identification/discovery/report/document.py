@@ -11,7 +11,7 @@ from observer_rt.identification.discovery.findings import (
     Caveat,
     Findings,
     Opinion,
-    Quantity,
+    PrintedFigure,
     Sources,
     gap_share,
 )
@@ -85,7 +85,7 @@ class ProposedTerm(DocumentPart):
 
     equation: str
     law: str
-    coefficient: Quantity
+    coefficient: PrintedFigure
     hardly_told_from: tuple[str, ...]
     depends_on: tuple[str, ...]
 
@@ -127,7 +127,7 @@ class VisibleSize(DocumentPart):
     unit: str
 
 
-class Check(DocumentPart):
+class StandstillCheck(DocumentPart):
     """A figure of the standstill. recording: null for all together; sigma: null for a noise level."""
 
     id: str
@@ -165,7 +165,7 @@ class FindingsDocument(Document):
     decide_by: tuple[Decisive, ...]
     smallest_visible: tuple[VisibleSize, ...] = ()
     gap: dict[str, Gap | None]
-    checks: tuple[Check, ...] = ()
+    checks: tuple[StandstillCheck, ...] = ()
     observer: Opinion | None = None
     healthy_warning: str = ""
     amended_model: str | None
@@ -223,7 +223,9 @@ def document_of(findings: Findings, sources: Sources) -> FindingsDocument:
             for one in found.smallest_visible
         ),
         gap=_gaps(findings.gaps),
-        checks=tuple(Check(**vars(one) | {"recording": files.get(one.recording)}) for one in findings.checks),
+        checks=tuple(
+            StandstillCheck(**vars(one) | {"recording": files.get(one.recording)}) for one in findings.checks
+        ),
         observer=findings.opinion
         and findings.opinion.model_copy(update={"contradictions": findings.contradictions}),
         healthy_warning=findings.healthy_warning,
@@ -330,7 +332,7 @@ def _term(term: Term) -> ProposedTerm:
     return ProposedTerm(
         equation=term.equation,
         law=str(term.law),
-        coefficient=Quantity(value=term.coefficient, low=low, high=high, unit=str(term.equation.unit)),
+        coefficient=PrintedFigure(value=term.coefficient, low=low, high=high, unit=str(term.equation.unit)),
         hardly_told_from=term.equation.alike,
         depends_on=tuple(sorted(variable.word for variable in term.law.variables)),
     )

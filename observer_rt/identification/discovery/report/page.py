@@ -10,7 +10,7 @@ from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
 from observer_rt.identification.discovery.findings import (
     LEAST_MASS,
     Findings,
-    Quantity,
+    PrintedFigure,
     Sources,
     explained_share,
     remark,
@@ -246,7 +246,7 @@ def with_sigma(figure: StandstillFigure) -> str:
     return f"{shown(figure.value, step)} ± {shown(figure.sigma, step)}"
 
 
-def learned(indicator: Quantity) -> str:
+def learned(indicator: PrintedFigure) -> str:
     """Prints the observer's size of an effect, with its 95 % interval."""
     if indicator.value is None or not indicator.sigma:
         return "not needed"

@@ -11,8 +11,8 @@ from observer_rt.engine.estimation.scalars import SCALARS
 from observer_rt.engine.stream.state import Reason
 from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.stream import HeldSignals
-from observer_rt.identification.discovery.findings import Indicator, Opinion
-from observer_rt.model.effects import effective_model
+from observer_rt.identification.discovery.findings import Opinion, PrintedFigure
+from observer_rt.model.effects import VOCABULARY, effective_model
 from observer_rt.model.parameters import InjectorParameters
 
 _OF_A_START = (Reason.STARTING, Reason.TOO_FEW_EVENTS, Reason.OUTSIDE_LEARNED_RANGE, Reason.JUMPED)
@@ -39,12 +39,10 @@ def second_opinion(
     c = effective_model(parameters).coefficients
     valid = sum(report.valid for report in reports)
     learned = reports[-1].indicators
-    indicators = tuple(  # by the effects they stand for, SI
-        Indicator(
-            shown.effect,
-            learned[shown.effect].value * shown.si(c),
-            float("nan") if (sigma := learned[shown.effect].sigma) is None else sigma * shown.si(c),
-        )
-        for _, shown in SCALARS.shown()
-    )
-    return Opinion(indicators, valid, len(reports), reasons)
+    indicators = {}
+    for _, shown in SCALARS.shown():
+        (parameter, *_), one = VOCABULARY[shown.effect].parameters, learned[shown.effect]
+        sigma = None if one.sigma is None else one.sigma * shown.si(c) / parameter.si
+        value = one.value * shown.si(c) / parameter.si
+        indicators[shown.effect] = PrintedFigure(value=value, sigma=sigma, unit=parameter.unit)
+    return Opinion(valid=valid, injections=len(reports), reasons=reasons, indicators=indicators)

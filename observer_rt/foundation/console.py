@@ -8,12 +8,14 @@ import signal
 import sys
 import tempfile
 import threading
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import TextIO, cast
+from typing import Literal, TextIO, cast
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.table import Table
+from rich.text import Text
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.file_kinds import FileKind, refuse_other_kind
@@ -80,6 +82,26 @@ def results() -> Console:
     """Console for tables on stdout: as wide as they are when stdout is a file or a pipe."""
     console = Console()
     return console if console.is_terminal else Console(width=160, file=cast(TextIO, _Piped(sys.stdout)))
+
+
+def plain_table(
+    headings: Sequence[str],
+    rows: Iterable[Sequence[str | Text]],
+    right: Collection[int] = (),
+    folds: Collection[int] | None = None,
+    gap: int = 2,
+) -> Table:
+    """A table without lines. right: columns of numbers; folds: columns that a narrow terminal breaks, None: all."""
+    table = Table(box=None, padding=(0, gap, 0, 0), pad_edge=False)
+    for place, heading in enumerate(headings):
+        justify: Literal["left", "right"] = "right" if place in right else "left"
+        whole = folds is not None and place not in folds
+        table.add_column(
+            Text(heading), justify=justify, no_wrap=whole, overflow="ellipsis" if whole else "fold"
+        )
+    for row in rows:
+        table.add_row(*(cell if isinstance(cell, Text) else Text(cell) for cell in row))
+    return table
 
 
 class _Piped(io.TextIOBase):

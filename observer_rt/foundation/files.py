@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from observer_rt import __version__
 from observer_rt.foundation.errors import RunError, UserError
 
 if TYPE_CHECKING:
@@ -45,13 +46,15 @@ def replacing(target: Path) -> Iterator[Path]:
 
 
 def templates_of(package: str) -> "Environment":
-    """The templates in a package's folder `templates`; what they name and are not given is an error."""
+    """The templates in a package's folder `templates`; a name they are not given is an error, but for `version`."""
     from jinja2 import Environment, PackageLoader, StrictUndefined  # commands without a page start without it
 
-    return Environment(
+    templates = Environment(
         loader=PackageLoader(package),
         autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,
         undefined=StrictUndefined,
     )
+    templates.globals["version"] = __version__
+    return templates

@@ -1,9 +1,9 @@
 """What a fitted injector file remembers of the healthy injector: [baseline]."""
 
 from collections.abc import Mapping
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer
 
 FORMAT = 1
 
@@ -70,30 +70,24 @@ class HealthyShape(_BaselineSection):
 
 
 class HealthyRemainder(_BaselineSection):
-    """What `discover` compares with: what the model leaves of the healthy injector.
+    """Innovations that a model leaves of the healthy injector: of the fit's predictor, or of the observer's x~.
 
-    line_pressure_offset_MPa: mean offset of the line-pressure sensor against the rail's; variance, colour: what is
-    left beyond the shape, as of `Baseline`; appears: effects by id.
+    variance, colour: what is left beyond the shape, as of `Baseline`, each recording by the shape of the others. For
+    `discover`, line_pressure_offset_MPa: mean offset of the line-pressure sensor against the rail's; appears: effects
+    by id. For the observer, overdispersion: factor by which events scatter beyond noise.
     """
 
     line_pressure_offset_MPa: float = 0.0  # noqa: N815
     variance: PhaseFigures
     colour: PhaseFigures
+    overdispersion: Annotated[float, Field(ge=1, allow_inf_nan=False)] = 1.0
     appears: Mapping[str, Appearance] = {}
     shape: HealthyShape
 
-
-class ObserverRemainder(_BaselineSection):
-    """What the observer compares with: what its x~ leaves of the healthy injector at the sample rate of the fit.
-
-    variance, colour: as of `Baseline`, beyond the shape, each recording by the shape of the others;
-    overdispersion: factor by which events scatter beyond noise, by these shapes, too.
-    """
-
-    variance: PhaseFigures
-    colour: PhaseFigures
-    overdispersion: Annotated[float, Field(ge=1, allow_inf_nan=False)]
-    shape: HealthyShape
+    @model_serializer(mode="wrap")
+    def _as_stated(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Only what was stated: each of the two writes its own figures."""
+        return {name: value for name, value in dump(self).items() if name in self.model_fields_set}
 
 
 class Baseline(_BaselineSection):
@@ -119,6 +113,6 @@ class Baseline(_BaselineSection):
     ci95: Mapping[str, tuple[float, float]] = {}
     recordings: tuple[str, ...] = ()
     healthy: HealthyRemainder | None = None
-    observer: ObserverRemainder | None = None
+    observer: HealthyRemainder | None = None
     origin: str = ""
     date: str = ""

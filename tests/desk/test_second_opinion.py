@@ -3,6 +3,7 @@
 import pytest
 
 from observer_rt.desk.second_opinion import second_opinion
+from observer_rt.identification.discovery.findings import stands_out
 from observer_rt.model.effects import sized
 from tests.identification.discovery.hidden import NOMINAL, recordings
 
@@ -12,9 +13,10 @@ POINTS = ((60e6, 1.0e-3), (100e6, 1.5e-3), (140e6, 1.0e-3))
 def test_wear_shows_in_its_own_indicator() -> None:
     opinion = second_opinion(NOMINAL, recordings((sized("orifice_area", v_H=0.15),), points=POINTS))
     assert opinion is not None
-    by_id = {indicator.effect_id: indicator for indicator in opinion.indicators}
-    assert by_id["orifice_area"].value == pytest.approx(0.15, abs=5 * by_id["orifice_area"].sigma)
-    assert [name for name, indicator in by_id.items() if indicator.stands_out] == ["orifice_area"]
+    wear = opinion.indicators["orifice_area"]
+    assert wear.sigma is not None
+    assert wear.value == pytest.approx(0.15, abs=5 * wear.sigma)
+    assert [name for name, one in opinion.indicators.items() if stands_out(name, one)] == ["orifice_area"]
     assert opinion.injections == 6
     assert (
         opinion.valid == 3
@@ -22,10 +24,9 @@ def test_wear_shows_in_its_own_indicator() -> None:
     assert opinion.reasons == {}
 
 
-def test_an_offset_is_in_pascal() -> None:
+def test_an_offset_is_in_megapascal() -> None:
     opinion = second_opinion(
         NOMINAL, recordings((sized("line_pressure_sensor_offset", o=0.3e6),), points=POINTS)
     )
     assert opinion is not None
-    by_id = {indicator.effect_id: indicator for indicator in opinion.indicators}
-    assert by_id["line_pressure_sensor_offset"].value == pytest.approx(0.3e6, rel=0.05)
+    assert opinion.indicators["line_pressure_sensor_offset"].value == pytest.approx(0.3, rel=0.05)

@@ -8,7 +8,7 @@ import pytest
 from observer_rt.config.bench import load_injector
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
-from observer_rt.identification.likelihood.likelihood import Evidence, evidence_of
+from observer_rt.identification.likelihood.likelihood import JointLikelihood, joint_likelihood
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import EffectiveModel
@@ -48,7 +48,7 @@ class Line:
 def line(request: pytest.FixtureRequest) -> Line:
     nominal = load_injector()
     injector = nominal.model_copy(update={"line": nominal.line.model_copy(update={"model": request.param})})
-    return Line(injector, _squares(_evidence(injector), effective_model(injector)))
+    return Line(injector, _squares(_likelihood(injector), effective_model(injector)))
 
 
 @pytest.mark.parametrize(
@@ -63,24 +63,24 @@ def line(request: pytest.FixtureRequest) -> Line:
 )
 def test_a_term_of_the_plant_explains_its_recording(line: Line, equation: str, law: str) -> None:
     term = Term(TermEquation(equation), parse(law))
-    evidence = _evidence(line.injector, SizedEffect(effect_of(term), ()))
+    likelihood = _likelihood(line.injector, SizedEffect(effect_of(term), ()))
     nominal = effective_model(line.injector)
 
     without, within = (
-        _squares(evidence, model) - line.healthy for model in (nominal, nominal.with_term(term))
+        _squares(likelihood, model) - line.healthy for model in (nominal, nominal.with_term(term))
     )
 
     assert without > 0.005
     assert abs(within) < 0.02 * without + 0.005
 
 
-def _evidence(injector: InjectorParameters, *effects: SizedEffect) -> Evidence:
+def _likelihood(injector: InjectorParameters, *effects: SizedEffect) -> JointLikelihood:
     schedule = make_schedule((140e6,), 2, 60e-3, (1.2e-3,))
     made = simulate(injector, schedule, 100e3, effects, SimulatedNoise(), True, 1)
-    return evidence_of(measurements([made.recording]), effective_model(injector))
+    return joint_likelihood(measurements([made.recording]), effective_model(injector))
 
 
-def _squares(evidence: Evidence, model: EffectiveModel) -> float:
-    residuals = evidence.residuals(model)
+def _squares(likelihood: JointLikelihood, model: EffectiveModel) -> float:
+    residuals = likelihood.residuals(model)
     assert residuals is not None
     return float(np.mean(residuals.z**2))

@@ -13,7 +13,7 @@ from rich.console import Console
 from observer_rt.config.bench import load_injector
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.files.formats import read_recording
-from observer_rt.identification.discovery.search.result import Proposal
+from observer_rt.identification.discovery.search.results import Proposal
 from observer_rt.identification.discovery.search.search import representatives
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effects import VOCABULARY, effective_model, sized

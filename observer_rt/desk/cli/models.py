@@ -57,8 +57,8 @@ def fit(
     from observer_rt.desk.evaluation.healthy_events import observer_remainder
     from observer_rt.desk.evaluation.logged import open_source, without_truths
     from observer_rt.identification.fit.calibrate import baseline_of, calibrate, write_fitted
-    from observer_rt.identification.fit.parts import read_masses, refuse_clipped, warnings
-    from observer_rt.identification.fit.report import as_json as document_of
+    from observer_rt.identification.fit.cross_validation import read_masses, refuse_clipped, warnings
+    from observer_rt.identification.fit.document import document_of
     from observer_rt.identification.fit.report import print_fit
     from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES
     from observer_rt.identification.likelihood.reading import (
@@ -106,7 +106,7 @@ def fit(
 
         draw_fit(plot, done)
     if as_json:
-        print(json.dumps(document_of(done, baseline, warned), indent=2))
+        print(json.dumps(document_of(done, baseline, warned).as_json(), indent=2))
     else:
         print_fit(done, results())
     say(messages, f"{output}: written" + ("" if plot is None else f"; {plot}: figure"))
@@ -163,20 +163,20 @@ def discover(
     from observer_rt.config.channels import effects_on_one_raster
     from observer_rt.desk.evaluation.logged import open_source, without_truths
     from observer_rt.desk.second_opinion import second_opinion
-    from observer_rt.identification.discovery.answer import (
+    from observer_rt.identification.discovery.discover import (
         AMENDED,
         DATA,
-        FINDINGS,
         FITS,
         REPORT,
-        Question,
+        DiscoveryTask,
         answer,
         fits_in,
         make_folder,
         refuse_incomparable,
         refuse_replacing,
-        write_answer,
+        write_findings,
     )
+    from observer_rt.identification.discovery.report.document import FINDINGS
     from observer_rt.identification.discovery.report.text import as_text
     from observer_rt.identification.likelihood.reading import coverage, hashes, read_measured, without_copies
 
@@ -194,25 +194,25 @@ def discover(
     given = [*paths, *references]
     measured = read_measured(given, read, messages, stated=stated, baseline=parameters.baseline)
     own, others = measured[: len(paths)], measured[len(paths) :]
-    question = Question(parameters, own, others, hashes(paths), chosen, accept_term)
-    refuse_incomparable(question, str(start))
+    task = DiscoveryTask(parameters, own, others, hashes(paths), chosen, accept_term)
+    refuse_incomparable(task, str(start))
     make_folder(out)
     for one in measured:
         say(messages, coverage(one))
     ask = partial(second_opinion, signals=None if decoder is None else decoder.injector.config.signals)
-    store = fits_in(out, question, stated)
+    store = fits_in(out, task, stated)
     if store.taken_over:
         say(messages, f"going on with {store.taken_over} candidates fitted before")
     with store, progress_bar(messages, "looking for what is missing", 1.0) as progress:
         try:
-            found = answer(question, store, ask, progress, AMENDED)
+            found = answer(task, store, ask, progress, AMENDED)
         except KeyboardInterrupt:
             raise InterruptionError(
                 f"interrupted; {store.kept} fitted candidates are kept in {out / FITS}\n"
                 "  remedy: give the same command again to go on"
             ) from None
     found = replace(found, seconds=time.monotonic() - begin)
-    document = write_answer(out, question, found, amendable, references, data)
+    document = write_findings(out, task, found, amendable, references, data)
     if found.not_accepted:
         say(messages, f"warning: {found.not_accepted}")
     if as_json:

@@ -27,7 +27,7 @@ from observer_rt.engine.learning.overdispersion import TemperedEvent, overdisper
 from observer_rt.engine.stream.standstill import Standstill
 from observer_rt.engine.stream.state import Constants
 from observer_rt.files.signals.recording import Recording
-from observer_rt.model.baseline import Baseline, HealthyShape, ObserverRemainder, PhaseFigures
+from observer_rt.model.baseline import Baseline, HealthyRemainder, HealthyShape, PhaseFigures
 from observer_rt.model.parameters import InjectorParameters
 
 OUTLIER = 8.0  # standard deviations
@@ -79,7 +79,7 @@ class _Listener(Learner):
 
 def observer_remainder(
     injector: InjectorParameters, baseline: Baseline, recordings: Sequence[Recording]
-) -> ObserverRemainder | None:
+) -> HealthyRemainder | None:
     """What the observer leaves of healthy recordings of an injector; None where it judged no event of them.
 
     baseline: what else its fit states. Recordings at another sample rate than the first one's are left out. Raises
@@ -108,7 +108,7 @@ def _bench_of(injector: InjectorParameters, recording: Recording) -> Bench:
     return bench.with_sections(sampling=sampling, learning=learning)
 
 
-def _remainder(heard: Sequence[Sequence[_HealthyEvent]]) -> ObserverRemainder:
+def _remainder(heard: Sequence[Sequence[_HealthyEvent]]) -> HealthyRemainder:
     seen = [[_innovations(event) for event in events] for events in heard]
     first = heard[0][0]
     fit = ShapeFit(seen, first.sigma * first.setting.coefficients.pressure_scale)
@@ -124,7 +124,7 @@ def _remainder(heard: Sequence[Sequence[_HealthyEvent]]) -> ObserverRemainder:
             found = event_statistics(event.window, innovations, event.setting.interval, NOT_FITTED)
             total = total.faded(1.0, found)
         statistics.append(total)
-    return ObserverRemainder(
+    return HealthyRemainder(
         variance=PhaseFigures.of({p.name: max(one.variance(p) for one in statistics) for p in Phase}),
         colour=PhaseFigures.of({p.name: max(one.colour(p) for one in statistics) for p in Phase}),
         overdispersion=round(overdispersion_of(tempered), _DIGITS),

@@ -8,13 +8,17 @@ batch.json                                by which model and how: another one ne
 """
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
+from urllib.parse import quote
 
 import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.dataset as ds
+import pyarrow.parquet as pq
 from rich.console import Console
 
 from observer_rt import __version__
@@ -22,30 +26,23 @@ from observer_rt.config.bench import Bench
 from observer_rt.config.own_effects import OwnEffects
 from observer_rt.daemon.persistence.state_file import model_hash
 from observer_rt.desk.fleet.cluster import Broken, Jobs, Work
-from observer_rt.desk.fleet.job import FailedFile, Task, evaluated, hashed
+from observer_rt.desk.fleet.job import OLD_NAMES, SCHEMA, FailedFile, Task, evaluated, hashed
 from observer_rt.foundation.console import progress_bar, results, say
-from observer_rt.foundation.files import file_hash
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.files import file_errors, file_hash, replacing
 from observer_rt.model.effects import BUILT_IN
 
 if TYPE_CHECKING:
     from observer_rt.desk.fleet.discovering import FoundAnswers
-from collections.abc import Iterable
-from typing import Self
-from urllib.parse import quote
-
-import pyarrow.compute as pc
-import pyarrow.dataset as ds
-import pyarrow.parquet as pq
-
-from observer_rt.desk.fleet.job import OLD_NAMES, SCHEMA
-from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.files import file_errors, replacing
 
 INJECTIONS = "injections"
 _DONE, _ERRORS, _SETTINGS = "done.jsonl", "errors.parquet", "batch.json"
 _ERRORS_SO_FAR = "errors.jsonl"
 _FAILED = pa.schema([(name, pa.string()) for name in ("file", "sha256", "injector", "problem")])
 _PARTITION = "injector"
+_WAITING = 4  # files at a worker, so that it need not wait for the next
+_Outcome = tuple[Path, str, pa.Table | FailedFile | None]
+"""A file, its hash, and its rows; None: they were there before."""
 
 
 class Dataset:
@@ -167,9 +164,6 @@ def read_injections(folder: Path, columns: Iterable[str] = SCHEMA.names) -> pa.T
     return table
 
 
-_WAITING = 4  # files at a worker, so that it need not wait for the next
-
-
 @dataclass
 class Evaluated:
     """How many files there were, of what kind; paths: of those that did not fail, by SHA-256."""
@@ -183,10 +177,6 @@ class Evaluated:
     def well(self) -> int:
         """Files whose rows are there."""
         return self.done + self.skipped
-
-
-_Outcome = tuple[Path, str, pa.Table | FailedFile | None]
-"""A file, its hash, and its rows; None: they were there before."""
 
 
 def evaluate_all(work: Work, task: Task, paths: Sequence[Path], dataset: Dataset) -> Evaluated:

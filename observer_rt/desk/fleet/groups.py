@@ -23,6 +23,11 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.identification.discovery.search.candidates import problem_key
 
 _PATTERN = re.compile(r"[*?\[]")
+_DATE_FORMATS = {8: 6, 12: 10, 14: 12}  # characters of the format by digits
+MOST_RECORDINGS = 16
+"""The latest ones of an injector: wear of months is no single size, and a search takes time and memory by samples."""
+NEEDED = ("injector", "sha256", "time")
+"""Columns of a batch's rows that groups are made of."""
 
 
 def recordings_in(sources: Sequence[str]) -> list[Path]:
@@ -130,14 +135,6 @@ class RecordingTimes(_PathPattern):
                 f"see {self.OPTION}: year, month, day and, if it is there, the time of day, such as "
                 f"'{self.EXAMPLE}'",
             ) from None
-
-
-_DATE_FORMATS = {8: 6, 12: 10, 14: 12}  # characters of the format by digits
-
-MOST_RECORDINGS = 16
-"""The latest ones of an injector: wear of months is no single size, and a search takes time and memory by samples."""
-NEEDED = ("injector", "sha256", "time")
-"""Columns of a batch's rows that groups are made of."""
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,5 @@
 """The wear of injectors over time, as a table, a page and a picture: the last valid estimate of recordings."""
 
-import io
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -9,7 +8,6 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pyarrow as pa
@@ -20,9 +18,10 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from rich.table import Table
 
-from observer_rt import __version__
 from observer_rt.engine.reports.injection_report import WEAR
+from observer_rt.foundation.console import plain_table
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.figures import save_figure, svg_figure
 from observer_rt.foundation.files import file_errors, templates_of
 
 Signal = NDArray[np.float64]
@@ -32,6 +31,8 @@ _COLUMNS = {each.name.partition("_")[0]: each.columns for each in WEAR}  # of th
 LEAP = 0.05  # of a flow from one recording to the next: wear takes many
 NEEDED = ("injector", "sha256", "time", "number", "valid", *chain.from_iterable(_COLUMNS.values()))
 """Columns of a batch's rows that a trend is made of."""
+_COLOURS = {"nozzle": "#0b4f9e", "seat": "#188038"}
+_SIDE_BY_SIDE = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,12 +184,9 @@ def as_json(found: Sequence[InjectorTrend]) -> list[dict[str, object]]:
 
 def table_of(found: Sequence[InjectorTrend]) -> Table:
     """For the terminal: changes of flow at the last recordings, an injector a row."""
-    table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False)
-    for heading in ("injector", "recordings", "injections", "last valid"):
-        table.add_column(heading, justify="right" if heading.endswith("s") else "left")
-    for name in _COLUMNS:
-        table.add_column(f"{name} flow, %", justify="right")
-        table.add_column("change a recording, %", justify="right")
+    headings = ["injector", "recordings", "injections", "last valid"]
+    headings += [heading for name in _COLUMNS for heading in (f"{name} flow, %", "change a recording, %")]
+    rows = []
     for trend in found:
         when = f"{trend.times[-1]:%Y-%m-%d %H:%M}" if trend.times else "never"
         cells = [trend.injector, str(trend.recordings), str(trend.injections), when]
@@ -198,8 +196,8 @@ def table_of(found: Sequence[InjectorTrend]) -> Table:
                 continue
             half = SURE * course.level_sigma[-1]
             cells += [f"{100.0 * course.level[-1]:+.2f} ± {100.0 * half:.2f}", f"{100.0 * course.drift:.2f}"]
-        table.add_row(*cells)
-    return table
+        rows.append(cells)
+    return plain_table(headings, rows, right=(1, 2, *range(4, len(headings))))
 
 
 def doubts(found: Sequence[InjectorTrend]) -> Iterator[str]:
@@ -215,16 +213,18 @@ def doubts(found: Sequence[InjectorTrend]) -> Iterator[str]:
                 )
 
 
-_COLOURS = {"nozzle": "#0b4f9e", "seat": "#188038"}
-_SIDE_BY_SIDE = 3
 _PAGES = templates_of(__package__)
 
 
 def write_page(path: Path, found: Sequence[InjectorTrend], source: Path) -> None:
     """One self-contained HTML page."""
-    pictures = [Markup(_svg(trend)) for trend in found]
+    pictures = []
+    for trend in found:
+        with svg_figure(9.0, 3.0, {}) as (figure, svg):
+            _draw(figure.add_subplot(), trend)
+            pictures.append(Markup(svg()))
     page = _PAGES.get_template("trend.html.j2").render(
-        trends=list(zip(found, pictures, strict=True)), source=source, version=__version__, sure=SURE
+        trends=list(zip(found, pictures, strict=True)), source=source, sure=SURE
     )
     with file_errors(path):
         path.write_text(page, encoding="utf-8")
@@ -234,26 +234,14 @@ def write_picture(path: Path, found: Sequence[InjectorTrend]) -> None:
     """All injectors in one picture; format by suffix."""
     columns = min(_SIDE_BY_SIDE, len(found))
     rows = -(-len(found) // columns)
-    figure, axes = plt.subplots(
-        rows, columns, figsize=(5.0 * columns, 3.2 * rows), sharey=True, squeeze=False, layout="constrained"
-    )
-    for number, place in enumerate(axes.flat):
+    figure = Figure(figsize=(5.0 * columns, 3.2 * rows), layout="constrained")
+    for number, place in enumerate(figure.subplots(rows, columns, sharey=True, squeeze=False).flat):
         if number < len(found):
             _draw(place, found[number])
             place.set_title(found[number].injector)
         else:
             place.axis("off")
-    with file_errors(path):
-        figure.savefig(path, dpi=130)
-    plt.close(figure)
-
-
-def _svg(trend: InjectorTrend) -> str:
-    figure = Figure(figsize=(9.0, 3.0), layout="constrained")
-    _draw(figure.add_subplot(), trend)
-    text = io.StringIO()
-    figure.savefig(text, format="svg", metadata={"Date": None})
-    return text.getvalue().partition("<svg")[1] + text.getvalue().partition("<svg")[2]
+    save_figure(figure, path, 130)
 
 
 def _draw(axes: Axes, trend: InjectorTrend) -> None:

@@ -1,6 +1,7 @@
-"""The healthy injector as a fitted model leaves it: what the observer does not hold against an event."""
+"""The healthy injector as a fitted model leaves it: what observer and `discover` do not hold against an event."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -9,13 +10,14 @@ from numpy.typing import NDArray
 from observer_rt.engine.estimation.healthy_shape import EventStretch, expected
 from observer_rt.engine.estimation.phases import BLOCKS, PHASES, Phase, PhaseStatistics
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.model.baseline import Baseline, HealthyShape, PhaseFigures
+from observer_rt.model.baseline import Appearance, Baseline, HealthyRemainder, HealthyShape, PhaseFigures
 from observer_rt.model.effective import Coefficients
 
 EDGES = (Phase.OPENING, Phase.CLOSING)
 # Mean square of single samples at an edge that a fitted model may leave: corners of the lift between samples scatter
 # with flow, and injections beyond those fitted have more of it. What biases a mass shows in means of blocks.
 SCATTER = 2.0
+_FOR_NAMING = ("shape", "appears", "line_pressure_offset_MPa")
 SAME_RATE = 0.01  # share by which sample rates may differ and a baseline still holds: blocks count samples
 
 
@@ -25,12 +27,14 @@ def _ones(*shape: int) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, eq=False)
 class Healthy:
-    """Of a model as it came, nothing: its innovations are white, and no event scatters beyond noise.
+    """Innovations of the healthy injector; by default those of an exact model: white, and no event scatters more.
 
     variance: (PHASES,), colour: (PHASES, len(BLOCKS)), of the innovations by phase, at least 1, without their shape;
     mass_share: standard deviation of a mass, as a share, that comes of the model; adequate: whether the fitted model
-    may be learned with at all; live_variance: the largest of a phase with the shape in it; shape: their mean course,
-    None: 0; overdispersion: factor by which events scatter beyond noise.
+    may be learned, or named, with at all; live_variance: the largest of a phase with the shape in it; shape: their
+    mean course, None: 0; overdispersion: factor by which events scatter beyond noise. For `discover`, appears: what
+    effects the injector seems to have, by id; line_pressure_offset_MPa: of its sensor; rate: innovations of a
+    measured injection rate.
     """
 
     variance: NDArray[np.float64] = field(default_factory=lambda: _ones(PHASES))
@@ -40,6 +44,9 @@ class Healthy:
     live_variance: float = 1.0
     shape: HealthyShape | None = None
     overdispersion: float = 1.0
+    appears: Mapping[str, Appearance] = field(default_factory=dict)
+    line_pressure_offset_MPa: float = 0.0  # noqa: N815 - as in [baseline]
+    rate: PhaseStatistics | None = None
 
     def relative(self, statistics: PhaseStatistics) -> PhaseStatistics:
         """Statistics of an event, measured against these."""
@@ -84,29 +91,42 @@ def healthy_of(baseline: Baseline | None, sample_rate: float, trusted: bool = Fa
     share, adequate = baseline.mass_share, baseline.adequate or trusted
     if not holds_at(baseline, sample_rate):
         return Healthy(mass_share=share, adequate=adequate)
-    names = [phase.name for phase in Phase]
-
-    def of_samples(left: PhaseFigures) -> NDArray[np.float64]:
-        variance = np.maximum([left.at(name) for name in names], 1.0)
-        variance[list(EDGES)] = np.maximum(variance[list(EDGES)], SCATTER)
-        return variance
-
-    def of_blocks(*left: PhaseFigures) -> NDArray[np.float64]:
-        return np.maximum([[each.at(name) for each in left] for name in names], 1.0)
-
-    variance, observer = of_samples(baseline.variance), baseline.observer
+    observer, live_variance = baseline.observer, float(_with_scatter(baseline.variance).max())
     if observer is None:
-        colour = of_blocks(baseline.chi2, baseline.colour)
-        return Healthy(variance, colour, share, adequate, float(variance.max()))
+        colour = at_least_noise(baseline.chi2, baseline.colour)
+        return Healthy(_with_scatter(baseline.variance), colour, share, adequate, live_variance)
     return Healthy(
-        of_samples(observer.variance),
-        of_blocks(observer.colour, observer.colour),
+        _with_scatter(observer.variance),
+        at_least_noise(observer.colour, observer.colour),
         share,
         adequate,
-        float(variance.max()),
+        live_variance,
         observer.shape,
         observer.overdispersion,
     )
+
+
+def healthy_for_naming(
+    left: Baseline | HealthyRemainder, adequate: bool, rate: PhaseStatistics | None = None
+) -> Healthy:
+    """What `discover` judges by: of a baseline that says nothing else, variance and colour only.
+
+    adequate: whether the model explains the healthy injector; rate: innovations of its measured rate.
+    """
+    known = {} if isinstance(left, Baseline) else {name: getattr(left, name) for name in _FOR_NAMING}
+    variance, colour = at_least_noise(left.variance)[:, 0], at_least_noise(left.colour, left.colour)
+    return Healthy(variance, colour, adequate=adequate, rate=rate, **known)
+
+
+def at_least_noise(*figures: PhaseFigures) -> NDArray[np.float64]:
+    """Mean squares (PHASES, len(figures)), none below that of noise alone."""
+    return np.maximum([[each.at(phase.name) for each in figures] for phase in Phase], 1.0)
+
+
+def _with_scatter(left: PhaseFigures) -> NDArray[np.float64]:
+    variance = at_least_noise(left)[:, 0]
+    variance[list(EDGES)] = np.maximum(variance[list(EDGES)], SCATTER)
+    return variance
 
 
 def holds_at(baseline: Baseline, sample_rate: float) -> bool:

@@ -12,16 +12,15 @@ import numpy as np
 from observer_rt.config.injector_file import InjectorFile, tables_in_force
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.identification.discovery.report.text import printed
-from observer_rt.identification.discovery.search.result import (
+from observer_rt.identification.discovery.search.hypothesis import Sizing, minimum_from
+from observer_rt.identification.discovery.search.results import (
     Discovery,
     FittedEffect,
     FittedParameter,
-    Sizing,
     Verdict,
-    minimum_from,
 )
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
-from observer_rt.identification.likelihood.likelihood import evidence_of
+from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.reading import shortened
 from observer_rt.model.baseline import HealthyShape
@@ -150,7 +149,7 @@ def _totals(
             for effect, values in zip(hypothesis.effects, hypothesis.split(found.named.theta), strict=True)
         ]
     )
-    fitted = minimum_from(Sizing(evidence_of(measured, base, healthy), base, hypothesis), [start])
+    fitted = minimum_from(Sizing(joint_likelihood(measured, base, healthy), base, hypothesis), [start])
     if fitted is None:
         raise RunError(f"{', '.join(again)}: the size in force and the one found make no model together")
     spread = math.sqrt(max(1.0, float(np.mean(fitted.at.residuals.z**2))))

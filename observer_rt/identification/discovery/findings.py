@@ -1,4 +1,4 @@
-"""What `discover` answers: what it rests on, the learning observer's opinion, and the caveats told with it."""
+"""Findings of `discover`: what they rest on, the learning observer's opinion, and caveats."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -6,13 +6,14 @@ from dataclasses import dataclass
 from datetime import datetime
 
 from observer_rt.engine.learning.adequacy import looks_like_inertance
+from observer_rt.engine.learning.healthy import Healthy
+from observer_rt.foundation.documents import DocumentPart, Number
 from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.identification.discovery.gaps import Disagreement, ModelGaps, Overlay
-from observer_rt.identification.discovery.search.result import Discovery, FittedEffect, Verdict
+from observer_rt.identification.discovery.search.results import Discovery, FittedEffect, Verdict
 from observer_rt.identification.discovery.search.search import indistinguishable
 from observer_rt.identification.discovery.standstill import StandstillFigure
 from observer_rt.identification.likelihood.operating_points import distinct
-from observer_rt.model.baseline import HealthyRemainder
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import VOCABULARY
 from observer_rt.model.parameters import EffectInForce
@@ -20,35 +21,44 @@ from observer_rt.model.terms.in_force import TermInForce
 
 SIGNIFICANT = 4.0  # standard deviations
 AGREES = 0.1  # of the larger size, that both may differ besides their intervals
+LEAST_MASS = 0.01 * MILLIGRAM  # kg, below which a change or gap is not worth a number
+RECORD_MORE = "record at least three rail pressures and two durations"
 
 
-@dataclass(frozen=True)
-class Indicator:
-    """One of the observer's figures, as the effect it stands for (SI). sigma: standard deviation, nan unknown."""
+class PrintedFigure(DocumentPart):
+    """A figure in its unit, with its standard deviation or the ends of its 95 % interval."""
 
-    effect_id: str
-    value: float
-    sigma: float
-
-    @property
-    def stands_out(self) -> bool:
-        """Whether it is beyond its own uncertainty and the effect's dead zone."""
-        parameter = VOCABULARY[self.effect_id].parameters[0]
-        return abs(self.value) > max(parameter.dead_zone, SIGNIFICANT * self.sigma)
+    value: Number
+    sigma: Number = None
+    low: Number = None
+    high: Number = None
+    unit: str
 
 
-@dataclass(frozen=True)
-class Opinion:
-    """The observer after it learned from all recordings, one after another.
+class Opinion(DocumentPart):
+    """The learning observer after it learned from all recordings, one after another.
 
-    indicators: at the last injection; valid, injections: how many of them it declared valid; reasons: how often each
-    reason for `not valid` was given, but for those of a start.
+    valid: injections it declared valid; reasons: counts of the reasons for `not valid`, but for those of a start;
+    indicators: at the last injection, by effect; contradictions: statements that cannot be true beside the findings.
     """
 
-    indicators: tuple[Indicator, ...]
     valid: int
     injections: int
-    reasons: Mapping[str, int]
+    reasons: dict[str, int]
+    indicators: dict[str, PrintedFigure]
+    contradictions: tuple[str, ...] = ()
+
+
+def stands_out(effect_id: str, learned: PrintedFigure) -> bool:
+    """Whether an indicator is beyond its own uncertainty and the effect's dead zone."""
+    value, sigma = _si(effect_id, learned)
+    return abs(value) > max(VOCABULARY[effect_id].parameters[0].dead_zone, SIGNIFICANT * sigma)
+
+
+def _si(effect_id: str, learned: PrintedFigure) -> tuple[float, float]:
+    """Value and standard deviation; 0 where nothing was learned."""
+    si = VOCABULARY[effect_id].parameters[0].si
+    return si * (learned.value or 0.0), si * (learned.sigma or 0.0)
 
 
 def contradictions(found: Discovery, opinion: Opinion) -> tuple[str, ...]:
@@ -61,9 +71,8 @@ def contradictions(found: Discovery, opinion: Opinion) -> tuple[str, ...]:
 
 
 def remark(found: Discovery, opinion: Opinion) -> str:
-    """What a reader must know of the observer's figures, in a sentence."""
-    known = {indicator.effect_id for indicator in opinion.indicators}
-    foreign = [effect.id for effect in found.effects if effect.id not in known]
+    """Warns of the observer's figures, in a sentence."""
+    foreign = [effect.id for effect in found.effects if effect.id not in opinion.indicators]
     if foreign:
         return (
             f"The observer has no term for {' and '.join(foreign)} and puts it down to what it knows; with the "
@@ -78,9 +87,9 @@ def remark(found: Discovery, opinion: Opinion) -> str:
 
 def _of_nothing(opinion: Opinion) -> list[str]:
     result = [
-        f"discovery finds nothing missing, the observer learned {indicator.effect_id}"
-        for indicator in opinion.indicators
-        if indicator.stands_out
+        f"discovery finds nothing missing, the observer learned {name}"
+        for name, learned in opinion.indicators.items()
+        if stands_out(name, learned)
     ]
     inadequate = _inadequate(opinion)
     if inadequate:
@@ -98,29 +107,23 @@ def _inadequate(opinion: Opinion) -> int:
 
 def _of_effects(found: Discovery, opinion: Opinion) -> list[str]:
     """Compared only where the observer has a term for everything found: elsewhere it must put it down to others."""
-    by_id = {indicator.effect_id: indicator for indicator in opinion.indicators}
     named = {effect.id: effect for effect in found.effects}
-    if not set(named) <= set(by_id):
+    if not named.keys() <= opinion.indicators.keys():
         return []
     result = []
     for effect_id, effect in named.items():
         ours, (low, high) = effect.parameters[0].value, effect.parameters[0].ci95
-        theirs = by_id[effect_id]
-        sigma = math.hypot((high - low) / 4.0, 0.0 if math.isnan(theirs.sigma) else theirs.sigma)
-        allowed = SIGNIFICANT * sigma + AGREES * max(abs(ours), abs(theirs.value))
-        if abs(ours - theirs.value) > allowed:
+        theirs, sigma = _si(effect_id, opinion.indicators[effect_id])
+        sigma = math.hypot((high - low) / 4.0, sigma)
+        if abs(ours - theirs) > SIGNIFICANT * sigma + AGREES * max(abs(ours), abs(theirs)):
             result.append(f"both see {effect_id}, but of different size")
     like = {other for effect in found.effects for other in effect.indistinguishable_from}
     result += [
-        f"the observer learned {indicator.effect_id} besides"
-        for indicator in opinion.indicators
-        if indicator.stands_out and indicator.effect_id not in like | set(named)
+        f"the observer learned {name} besides"
+        for name, learned in opinion.indicators.items()
+        if stands_out(name, learned) and name not in like | named.keys()
     ]
     return result
-
-
-LEAST_MASS = 0.01 * MILLIGRAM  # kg, below which a change or gap is not worth a number
-RECORD_MORE = "record at least three rail pressures and two durations"
 
 
 @dataclass(frozen=True)
@@ -133,7 +136,7 @@ class Caveat:
 
 
 def remedies(found: Discovery) -> tuple[str, ...]:
-    """What to do about the effects found that no injector file can have in force."""
+    """Remedies for the effects found that no injector file can have in force."""
     return tuple(remedy for effect in found.effects if (remedy := VOCABULARY[effect.id].remedy))
 
 
@@ -231,7 +234,7 @@ def _of_level(findings: "Findings") -> Iterator[Caveat]:
 
 @dataclass(frozen=True)
 class Findings:
-    """The answer with what it rests on.
+    """Results of a discovery with what they rest on.
 
     opinion: of the learning observer, None where it could not be run; healthy_warning: what healthy recordings
     say against the model, empty when nothing; like_inertance: the change found is one that another inertance of
@@ -263,7 +266,7 @@ class Findings:
     fitted_on: tuple[str, ...]
     held_out: tuple[str, ...]
     seconds: float = 0.0
-    healthy: HealthyRemainder | None = None
+    healthy: Healthy | None = None
     terms: tuple[TermInForce, ...] = ()
     not_accepted: str = ""
 
@@ -279,7 +282,7 @@ class Findings:
 
     @property
     def caveats(self) -> tuple[Caveat, ...]:
-        """What must be kept in mind with the answer, the gravest first."""
+        """Reservations, the gravest first."""
         every = (_of_opponents, _of_bench, _of_coverage, _of_names, _of_level)
         return tuple(caveat for arising in every for caveat in arising(self))
 
@@ -291,7 +294,7 @@ class Findings:
 
 @dataclass(frozen=True)
 class Sources:
-    """What an answer was made from.
+    """Model and recordings that findings were made from.
 
     model, model_hash: name and SHA-256 of the injector file; in_force: effects in it already; recordings: SHA-256 by
     file name; healthy: names of healthy recordings.

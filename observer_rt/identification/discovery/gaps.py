@@ -13,23 +13,32 @@ from numpy.typing import NDArray
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
 from observer_rt.identification.discovery.search.adequacy import SIGNIFICANT, cells_of
-from observer_rt.identification.discovery.search.result import Cell, Discovery, Sizing, Verdict
+from observer_rt.identification.discovery.search.hypothesis import Sizing
+from observer_rt.identification.discovery.search.results import Cell, Discovery, Verdict
 from observer_rt.identification.likelihood.bounded_fit import fit
-from observer_rt.identification.likelihood.likelihood import GAIN_ERROR, Evidence, Signal, evidence_of
-from observer_rt.identification.likelihood.measurement import Measurement, every_second_point
-from observer_rt.identification.likelihood.open_loop import (
-    Simulated,
-    mass,
-    measured_mass,
-    noisier,
-    simulated,
+from observer_rt.identification.likelihood.likelihood import (
+    GAIN_ERROR,
+    JointLikelihood,
+    Signal,
+    joint_likelihood,
 )
+from observer_rt.identification.likelihood.measurement import Measurement, every_second_point
+from observer_rt.identification.likelihood.open_loop import Simulated, mass, measured_mass, noisier, simulated
 from observer_rt.identification.likelihood.windows import in_mass_window
 from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.effect import Equation
 from observer_rt.model.effective import EffectiveModel
 
 NOISE_RUNS = 3  # with noise added, for the noise floor
+PHASE_NAMES = {
+    Phase.STANDSTILL: "closed",
+    Phase.OPENING: "opening",
+    Phase.OPEN: "open",
+    Phase.CLOSING: "closing",
+    Phase.AFTER: "after",
+}
+_Key = tuple[Signal, Phase, int]
+SHOWN_RINGING = 6e-3  # s after the last closing
 
 
 @dataclass(frozen=True)
@@ -51,7 +60,7 @@ class PrintedGap(Gap):
 
     @property
     def words(self) -> str:
-        """What it is a gap of."""
+        """The quantity, for people."""
         return self.name.replace("_", " ")
 
 
@@ -115,7 +124,7 @@ def gaps_of(
     fitted_on, held_out = every_second_point(measured)
     held_out = held_out or fitted_on
     named, hypothesis = found.named, found.named.hypothesis
-    sizing = Sizing(evidence_of([measured[i] for i in fitted_on], nominal, healthy), nominal, hypothesis)
+    sizing = Sizing(joint_likelihood([measured[i] for i in fitted_on], nominal, healthy), nominal, hypothesis)
     again = fit(sizing, named.theta, hypothesis.ranges())
     refitted = hypothesis.model(nominal, named.theta if again is None else again.at.theta)
     points = tuple(_point(number, measured[number], nominal, refitted, amended) for number in held_out)
@@ -235,17 +244,6 @@ def _together(gaps: Sequence[Gap]) -> Gap:
     )
 
 
-PHASE_NAMES = {
-    Phase.STANDSTILL: "closed",
-    Phase.OPENING: "opening",
-    Phase.OPEN: "open",
-    Phase.CLOSING: "closing",
-    Phase.AFTER: "after",
-}
-
-_Key = tuple[Signal, Phase, int]
-
-
 @dataclass(frozen=True)
 class Disagreement:
     """One signal in one phase of one recording, with the nominal model and with the winner of the search.
@@ -258,10 +256,12 @@ class Disagreement:
     equation: Equation | None
 
 
-def disagreements(found: Discovery, evidence: Evidence, nominal: EffectiveModel) -> tuple[Disagreement, ...]:
+def disagreements(
+    found: Discovery, likelihood: JointLikelihood, nominal: EffectiveModel
+) -> tuple[Disagreement, ...]:
     """The map of disagreement, in the order of the recordings."""
     after = {_key(cell): cell for cell in found.after}
-    equations = _equations(found, evidence, nominal)
+    equations = _equations(found, likelihood, nominal)
     result = []
     for cell in found.before:
         equation = equations.get(_key(cell)) if cell.excess > SIGNIFICANT else None
@@ -269,15 +269,17 @@ def disagreements(found: Discovery, evidence: Evidence, nominal: EffectiveModel)
     return tuple(result)
 
 
-def _equations(found: Discovery, evidence: Evidence, nominal: EffectiveModel) -> dict[_Key, Equation]:
-    """Of every cell: the equation of that effect without which it is explained worst."""
+def _equations(
+    found: Discovery, likelihood: JointLikelihood, nominal: EffectiveModel
+) -> dict[_Key, Equation]:
+    """Finds for every cell the equation of that effect without which it is explained worst."""
     if found.verdict is Verdict.UNKNOWN and found.unexplained is not None:
         return {_key(cell): found.unexplained.equation for cell in found.before}
     worst: dict[_Key, tuple[float, Equation]] = {}
     for number, effect in enumerate(found.named.hypothesis.effects):
         others = found.named.model_without(number, nominal)
-        judged = evidence.judge(others)
-        for cell in found.before if judged is None else cells_of(evidence, judged, others):
+        judged = likelihood.judge(others)
+        for cell in found.before if judged is None else cells_of(likelihood, judged, others):
             key, loss = _key(cell), cell.variance
             if key not in worst or loss > worst[key][0]:
                 worst[key] = loss, effect.equation
@@ -286,9 +288,6 @@ def _equations(found: Discovery, evidence: Evidence, nominal: EffectiveModel) ->
 
 def _key(cell: Cell) -> _Key:
     return cell.signal, cell.phase, cell.recording
-
-
-SHOWN_RINGING = 6e-3  # s after the last closing
 
 
 @dataclass(frozen=True, eq=False)

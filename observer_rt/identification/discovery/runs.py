@@ -4,17 +4,15 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from rich.table import Table
 from rich.text import Text
 
-from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.files import file_errors
+from observer_rt.foundation.console import plain_table
+from observer_rt.identification.discovery.report.document import FINDINGS, FindingsDocument
 from observer_rt.identification.discovery.report.text import Size, shown, significant
 
-FINDINGS = "findings.json"
 SCHEMA = 1
 GAPS = (
     ("line_pressure", "MPa", "line pressure off, rms"),
@@ -22,64 +20,14 @@ GAPS = (
     ("injected_mass", "mg", "injected mass off, rms"),
 )
 _DIGITS = 12  # of a hash
+_COMPARED: Any = {
+    **dict.fromkeys(("verdict", "confidence", "rivals", "gap", "model", "recordings"), True),
+    "caveats": {"__all__": {"words"}},
+    "effects": {"__all__": {"id", "parameters"}},
+    "unknown": {"proposals": {"__all__": {"sentence"}}},
+}
+"""Keys of findings that runs are compared by."""
 _REMEDY = "name a folder that `observer-rt discover --out` of this version wrote"
-
-
-class _Part(BaseModel):
-    model_config = ConfigDict(frozen=True, allow_inf_nan=False)
-
-
-class NamedEffect(_Part):
-    """An effect that was found."""
-
-    id: str
-    parameters: dict[str, Size]
-
-
-class CaveatWords(_Part):
-    """A reservation in a few words."""
-
-    words: str
-
-
-class ProposalWords(_Part):
-    """What would explain the recordings, in a sentence."""
-
-    sentence: str
-
-
-class Unknown(_Part):
-    """What is said where no effect explains the recordings, the best proposal first."""
-
-    proposals: tuple[ProposalWords, ...] = ()
-
-
-class Model(_Part):
-    """The injector file the run began with."""
-
-    file: str
-    sha256: str
-    in_force: tuple[str, ...]
-
-
-class Document(_Part):
-    """What is compared of a findings.json."""
-
-    schema_: Literal[1] = Field(alias="schema")
-    verdict: str
-    confidence: float
-    caveats: tuple[CaveatWords, ...]
-    effects: tuple[NamedEffect, ...]
-    rivals: tuple[tuple[str, ...], ...]
-    unknown: Unknown | None = None
-    gap: dict[str, dict[str, float | bool | None] | None]
-    model: Model
-    recordings: dict[str, str]
-
-    @property
-    def proposal(self) -> str:
-        """The first proposal; empty without one."""
-        return next((one.sentence for one in self.unknown.proposals), "") if self.unknown else ""
 
 
 @dataclass(frozen=True)
@@ -87,21 +35,13 @@ class DiscoveryRun:
     """An answer, by the name of its folder as the user gave it."""
 
     name: str
-    document: Document
+    document: FindingsDocument
 
     @classmethod
     def read(cls, path: Path) -> Self:
         """The run whose folder, or findings.json, this is. Raises `UserError` for what is none."""
         file = path / FINDINGS if path.is_dir() else path
-        with file_errors(file):
-            text = file.read_bytes()
-        try:
-            return cls(str(path), Document.model_validate_json(text))
-        except ValidationError as error:
-            first = error.errors()[0]
-            key = ".".join(map(str, first["loc"])) or "file"
-            problem = f"is no findings of a run: {key}: {first['msg'].lower()}"
-            raise UserError(str(file), problem, _REMEDY) from None
+        return cls(str(path), FindingsDocument.read(file, "findings of a run", _REMEDY))
 
     def sizes(self) -> dict[tuple[str, str], Size]:
         """Sizes by effect and parameter."""
@@ -111,7 +51,7 @@ class DiscoveryRun:
 
 @dataclass(frozen=True)
 class Change:
-    """How a size changed from one run to another, with the half width of its 95 % interval."""
+    """Change of a size from one run to another, with the half width of its 95 % interval."""
 
     effect: str
     parameter: str
@@ -126,7 +66,7 @@ class Change:
 
 
 def changes(before: DiscoveryRun, after: DiscoveryRun) -> tuple[Change, ...]:
-    """Of every size that both runs found, with one meaning: they began with the same model."""
+    """Changes of every size that both runs found; none where they began with different models."""
     if before.document.model.sha256 != after.document.model.sha256:
         return ()
     old, new = before.sizes(), after.sizes()
@@ -147,7 +87,11 @@ def as_json(runs: Sequence[DiscoveryRun]) -> dict[str, Any]:
     return {
         "schema": SCHEMA,
         "runs": [
-            {"run": run.name, **run.document.model_dump(mode="json", exclude={"schema_"})} for run in runs
+            {
+                "run": run.name,
+                **run.document.model_dump(mode="json", by_alias=True, exclude_unset=True, include=_COMPARED),
+            }
+            for run in runs
         ],
         "changes": [
             {
@@ -170,17 +114,12 @@ def _half(size: Size) -> float:
 
 def run_table(runs: Sequence[DiscoveryRun]) -> Table:
     """A column a run: verdict, reservations, sizes, gaps before and after, what it was made from."""
-    table = Table(box=None, padding=(0, 3, 0, 0), pad_edge=False)
-    for heading in ("", *(run.name for run in runs)):
-        table.add_column(Text(heading), overflow="fold")
-    documents = [run.document for run in runs]
-    for name, cells in _rows(runs, documents):
-        table.add_row(Text(name, style="bold"), *map(Text, cells))
-    return table
+    rows = [[Text(name, style="bold"), *map(Text, cells)] for name, cells in _rows(runs)]
+    return plain_table(("", *(run.name for run in runs)), rows, gap=3)
 
 
 def change_lines(runs: Sequence[DiscoveryRun]) -> list[str]:
-    """What changed from the first run to the last, in words."""
+    """Describes the changes from the first run to the last."""
     first, last = runs[0].document.model, runs[-1].document.model
     if first.sha256 != last.sha256:
         return [
@@ -198,7 +137,8 @@ def _in_words(one: Change) -> str:
     return f"{one.effect} {one.parameter}: {moved} (95 %), {verdict}"
 
 
-def _rows(runs: Sequence[DiscoveryRun], documents: Sequence[Document]) -> Iterator[tuple[str, list[str]]]:
+def _rows(runs: Sequence[DiscoveryRun]) -> Iterator[tuple[str, list[str]]]:
+    documents = [run.document for run in runs]
     yield "verdict", [document.verdict for document in documents]
     yield "confidence", [f"{document.confidence:.2f}" for document in documents]
     yield "but", ["; ".join(caveat.words for caveat in document.caveats) or "-" for document in documents]
@@ -227,7 +167,7 @@ def size_text(size: Size | None) -> str:
     return f"{value} ({low} to {high})" + ("" if size.unit == "-" else f" {size.unit}")
 
 
-def _gap(document: Document, key: str, unit: str) -> str:
+def _gap(document: FindingsDocument, key: str, unit: str) -> str:
     gap = document.gap.get(key)
     if gap is None or gap.get(f"before_{unit}") is None:
         return "-"

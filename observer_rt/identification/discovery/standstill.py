@@ -11,7 +11,7 @@ from observer_rt.core.stream.stream import dead_band
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS
 from observer_rt.identification.discovery.search.adequacy import SIGNIFICANT
-from observer_rt.identification.likelihood.likelihood import Evidence
+from observer_rt.identification.likelihood.likelihood import JointLikelihood
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.model.effect import Apparent, Effect, Place
 from observer_rt.model.effective import Coefficients, EffectiveModel
@@ -40,7 +40,10 @@ class StandstillFigure:
 
 
 def standstill_checks(
-    measured: Sequence[Measurement], evidence: Evidence, nominal: EffectiveModel, amended: EffectiveModel
+    measured: Sequence[Measurement],
+    likelihood: JointLikelihood,
+    nominal: EffectiveModel,
+    amended: EffectiveModel,
 ) -> tuple[StandstillFigure, ...]:
     """Offset, slope and noise of every recording, and apparent sizes of sensor effects over all recordings.
 
@@ -54,9 +57,9 @@ def standstill_checks(
     # of the settled needle, sensors first; then of what is left
     for effect in sorted(told, key=lambda e: (e.apparent is Apparent.LEFT, e.place is not Place.LINE_SENSOR)):
         settled = effect.apparent is Apparent.SETTLED
-        figures = _apparent(evidence, nominal if settled else amended, effect, settled)
+        figures = _apparent(likelihood, nominal if settled else amended, effect, settled)
         if settled and not all(figure.passed for figure in figures):
-            left = _apparent(evidence, amended, effect, settled)
+            left = _apparent(likelihood, amended, effect, settled)
             figures = [replace(figure, explained=all(one.passed for one in left)) for figure in figures]
         result += figures
     return tuple(result)
@@ -145,7 +148,7 @@ def _check(name: str, number: int, value: float, sigma: float, si: float, unit: 
 
 
 def _apparent(
-    evidence: Evidence, model: EffectiveModel, effect: Effect, settled: bool
+    likelihood: JointLikelihood, model: EffectiveModel, effect: Effect, settled: bool
 ) -> list[StandstillFigure]:
     """Size of an effect on top of a model by one Gauss-Newton step on the innovations, as if it were alone.
 
@@ -153,12 +156,12 @@ def _apparent(
     """
     parameter = effect.parameters[0]
     step = parameter.dead_zone
-    here, there = evidence.judge(model), evidence.judge(effect.apply(model, (step,)))
+    here, there = likelihood.judge(model), likelihood.judge(effect.apply(model, (step,)))
     if here is None or there is None:
         return []
     along, length = 0.0, 0.0
-    for trial, before, after in zip(evidence.trials, here, there, strict=True):
-        used = trial.phases == Phase.STANDSTILL if settled else np.ones(trial.phases.size, np.bool_)
+    for recorded, before, after in zip(likelihood.recordings, here, there, strict=True):
+        used = recorded.phases == Phase.STANDSTILL if settled else np.ones(recorded.phases.size, np.bool_)
         slope = (after.z[used] - before.z[used]) / step
         along -= float(slope @ before.z[used])
         length += float(slope @ slope)

@@ -1,4 +1,4 @@
-"""The whole fit: structures tried, one chosen and settled, its worth judged, its file written.
+"""Calibrates a model: tries structures, chooses and settles one, judges it, writes its file.
 
 Chosen is the simplest of those that explain recordings they were not fitted to as well as the best.
 """
@@ -20,10 +20,16 @@ from observer_rt.config.injector_file import InjectorFile, inline
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.errors import RunError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
+from observer_rt.identification.fit.cross_validation import (
+    Fold,
+    MeasuredMasses,
+    folds_of,
+    share_between_samples,
+    thinned,
+)
 from observer_rt.identification.fit.odd_recording import OddRecording, odd_recording
-from observer_rt.identification.fit.parts import Part, Weighed, parts_of, share_between_samples, thinned
 from observer_rt.identification.fit.problem import INERTANCE, STRUCTURES, FreeParameter, Structure, interval
-from observer_rt.identification.fit.residuals import Comparison, UnexplainedSignal, compared, worst_parts
+from observer_rt.identification.fit.residuals import Comparison, UnexplainedSignal, compared, worst_folds
 from observer_rt.identification.fit.search import (
     FINE_EVENTS,
     ROUGH_EVENTS,
@@ -36,7 +42,7 @@ from observer_rt.identification.fit.search import (
     settled,
 )
 from observer_rt.identification.likelihood.appearance import healthy_remainder
-from observer_rt.identification.likelihood.likelihood import evidence_of
+from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import Measurement, rail_pressure_before
 from observer_rt.identification.likelihood.reading import shortened
 from observer_rt.model.baseline import Baseline, HealthyRemainder, NoiseFigures, PhaseFigures
@@ -48,6 +54,19 @@ MARGIN, WORST_MARGIN = (
     1.5,
 )  # times the best chi2, of the mean and of a phase, up to which one is as good
 NOISE = 0.03  # of a mean chi2 that is 1 for noise alone; what is below is chance
+GATE = 2.5  # chi2 of a phase, above which a model is not adequate
+TOLERATED = (
+    0.005  # of the swing of the line pressure, which goes with the flow: less moves no mass that matters
+)
+LEAST_MASS_SHARE = (
+    1.2e-3  # of a mass: impedance of the cells at the closed end, corners of the lift and the like
+)
+ORIGIN = "observer-rt fit"
+BASELINE = "baseline"
+_DIGITS = 7
+_PAIR = 2
+_OF_LINE = ("model", "cells", "wall_viscosity", "inlet_loss_factor", "impedance_ratio", "impedance_step")
+"""Keys of [line] that a structure changes."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +88,7 @@ class Choice:
 
 
 def judged_by(one: Fitted) -> UnexplainedSignal:
-    """What a structure leaves of recordings it was not fitted to; of all, where none could be left out."""
+    """Residuals of a structure on recordings it was not fitted to; on all, where none could be left out."""
     return one.left if one.held_out is None else one.held_out.unexplained
 
 
@@ -123,17 +142,8 @@ def _reason(best: Fitted, lowest: Fitted, candidates: Sequence[Fitted], as_good:
     return "; ".join(words)
 
 
-GATE = 2.5  # chi2 of a phase, above which a model is not adequate
-TOLERATED = (
-    0.005  # of the swing of the line pressure, which goes with the flow: less moves no mass that matters
-)
-LEAST_MASS_SHARE = (
-    1.2e-3  # of a mass: impedance of the cells at the closed end, corners of the lift and the like
-)
-
-
 class FlowLevel(StrEnum):
-    """What the absolute level of flow rests on."""
+    """Measurement that fixes the absolute level of flow."""
 
     FILE = "file"
     RATE = "measured_rate"
@@ -153,7 +163,7 @@ class FittedNumber:
 
 @dataclass(frozen=True, eq=False)
 class Calibrated:
-    """What a fit found.
+    """Result of a fit.
 
     file: the injector before; choice: of structures, compared on few events; fitted: the chosen one on many; kept:
     parameters the recordings do not tell, as in the file; comparison: before and after; odd: the recording that the
@@ -176,7 +186,7 @@ class Calibrated:
 
     @property
     def offsets(self) -> NDArray[np.float64]:
-        """Of the line-pressure sensor in each part [MPa]."""
+        """Offsets of the line-pressure sensor in each fold [MPa]."""
         return self.fitted.minimum.at.theta[len(self.fitted.calibration.free) :]
 
     @property
@@ -193,7 +203,7 @@ class Calibrated:
 
     @property
     def left(self) -> UnexplainedSignal:
-        """Of the line pressure."""
+        """Residuals of the line pressure."""
         return self.comparison.after
 
     @property
@@ -231,7 +241,7 @@ class Calibrated:
 def calibrate(
     file: InjectorParameters,
     found: Sequence[Measurement],
-    weighed: Mapping[int, Weighed],
+    weighed: Mapping[int, MeasuredMasses],
     progress: Callable[[float], None],
     structures: Sequence[Structure] = STRUCTURES,
 ) -> Calibrated:
@@ -242,8 +252,8 @@ def calibrate(
     level = FlowLevel.MASS if weighed else FlowLevel.FILE
     if any(one.recording.injection_rate is not None for one in found):  # which gives it at every sample
         level = FlowLevel.RATE
-    parts = parts_of(found, weighed)
-    coarse = tuple(thinned(part, ROUGH_EVENTS) for part in parts)  # structures are compared on
+    folds = folds_of(found, weighed)
+    coarse = tuple(thinned(fold, ROUGH_EVENTS) for fold in folds)  # structures are compared on
     steps = len(structures) + 2
     tried: list[Fitted | FailedStructure] = []
     for structure in structures:
@@ -255,10 +265,10 @@ def calibrate(
             f"{one.structure.name}: {one.reason}" for one in tried if isinstance(one, FailedStructure)
         )
         raise RunError(f"no structure can be fitted to these recordings\n  {reasons}")
-    best, kept = settled(choice.best, file, [thinned(part, FINE_EVENTS) for part in parts])
+    best, kept = settled(choice.best, file, [thinned(fold, FINE_EVENTS) for fold in folds])
     progress((len(structures) + 1) / steps)
     offsets = best.minimum.at.theta[len(best.calibration.free) :]
-    comparison = compared(file, best.injector, offsets, best.calibration.parts)
+    comparison = compared(file, best.injector, offsets, best.calibration.folds)
     done = Calibrated(file, found, choice, best, kept, level, comparison)
     return replace(done, odd=odd_recording(best.calibration, best.minimum.at)) if done.inadequate else done
 
@@ -268,22 +278,14 @@ def _tried(
     earlier: Sequence[Fitted | FailedStructure],
     file: InjectorParameters,
     level: FlowLevel,
-    parts: Sequence[Part],
+    folds: Sequence[Fold],
 ) -> Fitted | FailedStructure:
     """A structure fitted roughly, from the numbers of the file, or from those of one it is a refinement of."""
     free = structure.free if level is FlowLevel.FILE else (*structure.free, INERTANCE)
     simpler = [one for one in earlier if isinstance(one, Fitted) and structure.refines(one.structure)]
     if simpler:
-        return fitted(structure, simpler[-1].injector, free, parts, ROUGH_ITERATIONS)
-    return searched(structure, file, free, parts, ROUGH_ITERATIONS, any(map(explains, earlier)))
-
-
-ORIGIN = "observer-rt fit"
-BASELINE = "baseline"
-_DIGITS = 7
-_PAIR = 2
-_OF_LINE = ("model", "cells", "wall_viscosity", "inlet_loss_factor", "impedance_ratio", "impedance_step")
-"""Keys of [line] that a structure changes."""
+        return fitted(structure, simpler[-1].injector, free, folds, ROUGH_ITERATIONS)
+    return searched(structure, file, free, folds, ROUGH_ITERATIONS, any(map(explains, earlier)))
 
 
 def write_fitted(path: Path, file: InjectorFile, done: Calibrated, baseline: Baseline) -> None:
@@ -320,8 +322,8 @@ def _tables(entry: Mapping[str, Any]) -> Any:
 
 
 def baseline_of(done: Calibrated, hashes: dict[str, str]) -> Baseline:
-    """What the file is to remember. hashes: SHA-256 of the recordings by name."""
-    found, left = done.found, worst_parts(done.fitted.calibration, done.fitted.judged)
+    """Makes the section [baseline] of the file. hashes: SHA-256 of the recordings by name."""
+    found, left = done.found, worst_folds(done.fitted.calibration, done.fitted.judged)
     noise = {
         "rail_pressure_MPa": [one.noise.rail_pressure / MEGAPASCAL for one in found],
         "line_pressure_MPa": [one.noise.line_pressure / MEGAPASCAL for one in found],
@@ -336,7 +338,7 @@ def baseline_of(done: Calibrated, hashes: dict[str, str]) -> Baseline:
         level=done.level.value,
         mass_share=rounded(done.mass_share),
         sample_rate_Hz=rounded(found[0].recording.sample_rate),
-        injections=sum(len(part.measurement.events) for part in done.fitted.calibration.parts),
+        injections=sum(len(fold.measurement.events) for fold in done.fitted.calibration.folds),
         rail_pressure_MPa=_rounded_pair((min(pressures), max(pressures))),
         variance=_by_phase(left.variance),
         chi2=_by_phase(left.chi2),
@@ -358,11 +360,11 @@ def _by_phase(figures: Mapping[Phase, float]) -> PhaseFigures:
 
 
 def _remainder(done: Calibrated) -> HealthyRemainder:
-    """What the fitted model leaves of the injections it was fitted to, each part compared with the others."""
+    """Measures what the fitted model leaves of its injections, each fold compared with the others."""
     offset = float(np.mean(done.offsets)) * MEGAPASCAL
     model = effective_model(done.injector).with_terms("sensor", offset=offset)
-    evidence = evidence_of([part.measurement for part in done.fitted.calibration.parts], model)
-    found = healthy_remainder(evidence, model, tuple(BUILT_IN.values()))
+    likelihood = joint_likelihood([fold.measurement for fold in done.fitted.calibration.folds], model)
+    found = healthy_remainder(likelihood, model, tuple(BUILT_IN.values()))
     return found.model_copy(update={"line_pressure_offset_MPa": rounded(offset / MEGAPASCAL)})
 
 

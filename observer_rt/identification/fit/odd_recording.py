@@ -28,10 +28,10 @@ def odd_recording(calibration: Calibration, at: Quadratic) -> OddRecording | Non
 
     As in `held_out`, the minimum without a recording is taken to be one Newton step away.
     """
-    numbers = sorted({part.recording for part in calibration.parts})
+    numbers = sorted({fold.recording for fold in calibration.folds})
     if len(numbers) < LEAST_RECORDINGS:
         return None
-    before = _worst(calibration, at.theta, range(len(calibration.parts)))
+    before = _worst(calibration, at.theta, range(len(calibration.folds)))
     if not before > 1.0:
         return None
     after = [_left_without(calibration, at, number) for number in numbers]
@@ -44,15 +44,15 @@ def odd_recording(calibration: Calibration, at: Quadratic) -> OddRecording | Non
 
 def _left_without(calibration: Calibration, at: Quadratic, recording: int) -> float:
     """chi2 in the worst phase of the other recordings, fitted without this one."""
-    numbers = range(len(calibration.parts))
-    own = [number for number in numbers if calibration.parts[number].recording == recording]
+    numbers = range(len(calibration.folds))
+    own = [number for number in numbers if calibration.folds[number].recording == recording]
     return _worst(calibration, without(calibration, at, own), [one for one in numbers if one not in own])
 
 
-def _worst(calibration: Calibration, theta: NDArray[np.float64], parts: Sequence[int]) -> float:
-    """chi2 of parts in the worst phase; nan without a solution."""
-    judged = [one for number in parts if (one := calibration.judge(theta, number)) is not None]
-    if len(judged) < len(parts):
+def _worst(calibration: Calibration, theta: NDArray[np.float64], folds: Sequence[int]) -> float:
+    """chi2 of folds in the worst phase; nan without a solution."""
+    judged = [one for number in folds if (one := calibration.judge(theta, number)) is not None]
+    if len(judged) < len(folds):
         return math.nan
-    left = pooled([calibration.trials[number] for number in parts], judged)
+    left = pooled([calibration.recordings[number] for number in folds], judged)
     return left.chi2[left.worst]

@@ -1,4 +1,4 @@
-"""What a fit may change, structures and parameters; residuals as a function of these; which are determined."""
+"""Defines the problem of a fit: structures and free parameters, residuals, identifiability."""
 
 import math
 from collections.abc import Sequence
@@ -9,15 +9,22 @@ from numpy.typing import NDArray
 
 from observer_rt.core.model.model import STEP
 from observer_rt.foundation.units import CUBIC_MILLIMETRE, MEGAPASCAL, MILLIMETRE
-from observer_rt.identification.fit.parts import Part, standstill_offset
+from observer_rt.identification.fit.cross_validation import Fold, standstill_offset
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975, Quadratic, Range, Residuals
-from observer_rt.identification.likelihood.likelihood import JudgedModel, Trial
+from observer_rt.identification.likelihood.likelihood import JudgedModel, RecordingLikelihood
 from observer_rt.model.effective import EffectiveModel, coefficients
 from observer_rt.model.effects import effective_model
 from observer_rt.model.line.wave import DAMPING, FEWEST_CELLS, RESOLVED, STABLE, cells_for
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
 
 CALM = 0.93  # of what a step may be, so that a fit can still move
+_DRAINED = {LineOutflow.NOZZLE: "drained by the nozzle flow", LineOutflow.SEAT: "drained by the seat flow"}
+OFFSET_SIGMA = 2 * MEGAPASCAL  # of the line-pressure sensor, in each recording
+_DIFFERENCE = 1e-3  # of a finite difference: of the logarithm, and of an offset in MPa
+_MOST_KEPT = 64  # residuals kept of a fold: those of a linearisation
+UNDETERMINED = 1.0 / 3.0  # of what was unknown before: a parameter known no better is left to the file
+LARGEST_SIGMA = 3.0  # of a logarithm, in an interval
+_WEAK_SHARE = 0.3  # of a weak direction, from which a parameter is named in it
 
 
 @dataclass(frozen=True)
@@ -45,12 +52,12 @@ class FreeParameter:
         return f"{self.section}.{self.key}"
 
     def stated(self, injector: InjectorParameters) -> float | None:
-        """What an injector's file says [SI]; None where it says nothing."""
+        """Value [SI] in an injector's file; None where it has none."""
         value: float | None = getattr(getattr(injector, self.section), self.key)
         return value
 
     def of(self, injector: InjectorParameters) -> float:
-        """Its value [SI], within the bounds."""
+        """Value [SI] of an injector, within the bounds."""
         return float(np.clip(self.stated(injector) or self.start, self.lowest, self.highest))
 
 
@@ -124,7 +131,6 @@ _LINES: Sequence[tuple[str, str, tuple[FreeParameter, ...]]] = (
     ("wave", "waves with both", (*_WAVES, WALL, INLET)),
     ("wave_two_part", "waves in two parts", (*_WAVES, RATIO, JOINT)),
 )
-_DRAINED = {LineOutflow.NOZZLE: "drained by the nozzle flow", LineOutflow.SEAT: "drained by the seat flow"}
 STRUCTURES: tuple[Structure, ...] = tuple(
     Structure(f"{words}, {drained}", outflow, line, (*free, *_ORIFICES))
     for line, words, free in _LINES
@@ -150,54 +156,49 @@ def values_of(injector: InjectorParameters, free: Sequence[FreeParameter]) -> ND
     return np.array([parameter.of(injector) for parameter in free])
 
 
-OFFSET_SIGMA = 2 * MEGAPASCAL  # of the line-pressure sensor, in each recording
-_DIFFERENCE = 1e-3  # of a finite difference: of the logarithm, and of an offset in MPa
-_MOST_KEPT = 64  # residuals kept of a part: those of a linearisation
-
-
 class Calibration:
-    """A `bounded_fit.Problem`. theta: (p + parts,) logarithms of the parameters, then an offset [MPa] of each part.
+    """A `bounded_fit.Problem`. theta: (p + folds,) logarithms of the parameters, then an offset [MPa] of each fold.
 
-    What a part's residuals depend on is its own offset only, so those of the others are taken from memory.
+    What a fold's residuals depend on is its own offset only, so those of the others are taken from memory.
     """
 
     def __init__(
-        self, start: InjectorParameters, free: Sequence[FreeParameter], parts: Sequence[Part]
+        self, start: InjectorParameters, free: Sequence[FreeParameter], folds: Sequence[Fold]
     ) -> None:
         """start: the injector in the structure to be fitted, which the prior is centred at."""
         self.free = tuple(free)
-        self.parts = tuple(parts)
+        self.folds = tuple(folds)
         self._injector = start
-        self.trials = [Trial(part.measurement, effective_model(start)) for part in parts]
-        """Of the parts, in their order."""
-        self._kept: list[dict[tuple[float, ...], JudgedModel | None]] = [{} for _ in parts]
+        self.recordings = [RecordingLikelihood(fold.measurement, effective_model(start)) for fold in folds]
+        """Likelihoods of the folds, in their order."""
+        self._kept: list[dict[tuple[float, ...], JudgedModel | None]] = [{} for _ in folds]
         self.centre = np.concatenate(
-            [np.log(values_of(start, free)), [standstill_offset(part) / MEGAPASCAL for part in parts]]
+            [np.log(values_of(start, free)), [standstill_offset(fold) / MEGAPASCAL for fold in folds]]
         )
 
     @property
     def prior_sigmas(self) -> NDArray[np.float64]:
-        """(p + parts,)"""
-        return np.array([one.spread for one in self.free] + [OFFSET_SIGMA / MEGAPASCAL] * len(self.parts))
+        """(p + folds,)"""
+        return np.array([one.spread for one in self.free] + [OFFSET_SIGMA / MEGAPASCAL] * len(self.folds))
 
     @property
     def ranges(self) -> list[Range]:
         """Bounds of theta."""
         sized = [Range(math.log(one.lowest), math.log(one.highest), _DIFFERENCE) for one in self.free]
-        return sized + [Range(-20.0, 20.0, _DIFFERENCE) for _ in self.parts]
+        return sized + [Range(-20.0, 20.0, _DIFFERENCE) for _ in self.folds]
 
     def injector(self, theta: NDArray[np.float64]) -> InjectorParameters:
         """The injector at theta."""
         return with_values(self._injector, self.free, np.exp(theta[: len(self.free)]))
 
     def model(self, theta: NDArray[np.float64], number: int) -> EffectiveModel:
-        """The model at theta of one of the parts."""
+        """The model at theta of one of the folds."""
         model = effective_model(self.injector(theta))
         offset = float(theta[len(self.free) + number]) * MEGAPASCAL
         return model.with_terms("sensor", offset=model.sensor.offset + offset)
 
     def judge(self, theta: NDArray[np.float64], number: int) -> JudgedModel | None:
-        """A part at theta; None where the model has no solution."""
+        """A fold at theta; None where the model has no solution."""
         p = len(self.free)
         key = (*theta[:p].tolist(), float(theta[p + number]))
         kept = self._kept[number]
@@ -207,17 +208,17 @@ class Calibration:
             model = self.model(theta, number)
             # sound must cross less than a cell in a step
             is_stable = model.coefficients.line.strain(STEP) < STABLE
-            kept[key] = self.trials[number].judge(model) if is_stable else None
+            kept[key] = self.recordings[number].judge(model) if is_stable else None
         return kept[key]
 
     def judge_all(self, theta: NDArray[np.float64]) -> list[JudgedModel] | None:
-        """All parts at theta; None where the model has no solution."""
-        judged = [self.judge(theta, number) for number in range(len(self.parts))]
+        """All folds at theta; None where the model has no solution."""
+        judged = [self.judge(theta, number) for number in range(len(self.folds))]
         complete = [one for one in judged if one is not None]
         return complete if len(complete) == len(judged) else None
 
     def residuals(self, theta: NDArray[np.float64]) -> Residuals | None:
-        """Line pressure, rate and masses of every part, then what the prior says of theta.
+        """Line pressure, rate and masses of every fold, then what the prior says of theta.
 
         Of the line pressure, means of a few innovations: short waves, which cells do not carry as a pipe does, would
         be made up for by the stiffness and the volume at the end, at the cost of the level.
@@ -230,29 +231,29 @@ class Calibration:
         return _joined(groups)
 
     def _groups(self, number: int, one: JudgedModel) -> list[tuple[NDArray[np.float64], float]]:
-        part = self.parts[number]
-        samples = max(1, round(RESOLVED / part.measurement.interval))
+        fold = self.folds[number]
+        samples = max(1, round(RESOLVED / fold.measurement.interval))
         blocks = one.z[: one.z.size - one.z.size % samples].reshape(
             -1, samples
         )  # what is left over is left out
         pressure = np.asarray(blocks.sum(axis=1) / math.sqrt(samples), np.float64)
-        return [(pressure, one.log_sigma), (one.rate_z, 0.0), (part.mass_residuals(one.masses), 0.0)]
+        return [(pressure, one.log_sigma), (one.rate_z, 0.0), (fold.mass_residuals(one.masses), 0.0)]
 
     def residuals_of(self, theta: NDArray[np.float64], number: int) -> Residuals | None:
-        """Of one part, without the prior."""
+        """Residuals of one fold, without the prior."""
         judged = self.judge(theta, number)
         return None if judged is None else _joined(self._groups(number, judged))
 
 
 @dataclass(frozen=True)
-class OnePart:
-    """A `bounded_fit.Problem`: what one part says of theta."""
+class OneFold:
+    """A `bounded_fit.Problem`: what one fold says of theta."""
 
     whole: Calibration
     number: int
 
     def residuals(self, theta: NDArray[np.float64]) -> Residuals | None:
-        """Of this part."""
+        """Residuals of this fold."""
         return self.whole.residuals_of(theta, self.number)
 
 
@@ -262,11 +263,6 @@ def _joined(groups: Sequence[tuple[NDArray[np.float64], float]]) -> Residuals:
         np.array([z.size for z, _ in groups]),
         np.array([log_sigma for _, log_sigma in groups]),
     )
-
-
-UNDETERMINED = 1.0 / 3.0  # of what was unknown before: a parameter known no better is left to the file
-LARGEST_SIGMA = 3.0  # of a logarithm, in an interval
-_WEAK_SHARE = 0.3  # of a weak direction, from which a parameter is named in it
 
 
 @dataclass(frozen=True)
@@ -281,13 +277,13 @@ class Direction:
 
     @property
     def words(self) -> str:
-        """Its main parameters as a product of powers."""
+        """Main parameters as a product of powers."""
         return " ".join(f"{symbol}^{share:+.2f}" for symbol, share in self.share if abs(share) > _WEAK_SHARE)
 
 
 @dataclass(frozen=True, eq=False)
 class Certainty:
-    """What the data alone tell of the parameters, the offsets unknown.
+    """Certainty of the parameters by the data alone, the offsets unknown.
 
     sigmas: of the logarithms (p,), inf where nothing is determined; directions: from the most to the least certain.
     """

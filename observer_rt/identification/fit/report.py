@@ -1,32 +1,26 @@
-"""What a fit says: sentences, figures in printed units and a picture, on a terminal and as a JSON document."""
+"""Reports a fit: sentences, tables in printed units, and a figure."""
 
-import json
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter, ScalarFormatter
-from pydantic_core import to_json
 from rich.console import Console
-from rich.table import Table
 
 from observer_rt.engine.estimation.phases import Phase
-from observer_rt.foundation.console import say
-from observer_rt.foundation.files import file_errors
-from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
+from observer_rt.foundation.console import plain_table, say
+from observer_rt.foundation.figures import FOUND, GIVEN, LOOK, MEASURED, save_figure
+from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
 from observer_rt.identification.fit.calibrate import GATE, TOLERATED, Calibrated, FlowLevel, judged_by
-from observer_rt.identification.fit.parts import WORTH_A_WORD, share_between_samples, spread
-from observer_rt.identification.fit.residuals import PartOverlay
+from observer_rt.identification.fit.cross_validation import WORTH_A_WORD, share_between_samples, spread
+from observer_rt.identification.fit.residuals import FoldOverlay
 from observer_rt.identification.fit.search import FailedStructure, Fitted
-from observer_rt.identification.likelihood.figure_look import FOUND, GIVEN, LOOK, MEASURED
 from observer_rt.identification.likelihood.measurement import open_time, rail_pressure_before
 from observer_rt.identification.likelihood.operating_points import point_name
-from observer_rt.model.baseline import Baseline
 from observer_rt.model.plausibility import ImplausibleNumber, implausible, wrong_entry
 
 _SEAT = "check the lift's calibration and the seat's geometry, and run `discover` on these recordings"
@@ -50,6 +44,10 @@ _OF_FOREIGN = (
 )
 _OF_INSTANTS = "; if samples are means over the sample period, state it (warning above)"
 _FITTED = "; line.diameter stands for A_L/(rho_L L_L) and was fitted with it"
+_MOST = 6  # overlays
+_COLUMNS = 3
+_SHOWN = 4e-3  # s after the opening
+_LEAST = 0.1  # of a chi2 on the axis
 
 
 def phase_name(phase: Phase) -> str:
@@ -58,7 +56,7 @@ def phase_name(phase: Phase) -> str:
 
 
 def level_words(done: Calibrated) -> str:
-    """What the absolute level of flow rests on."""
+    """Describes what fixes the absolute level of flow."""
     if done.level is FlowLevel.RATE:
         return f"fixed by the measured injection rate{_FITTED}"
     if done.level is FlowLevel.MASS:
@@ -98,8 +96,8 @@ def _to_try(done: Calibrated) -> str:
     if done.odd is not None:
         with_it, without_it = done.odd.chi2
         return (
-            f"leave out {_name(done, done.odd.recording)}: the others contradict it (without it chi2 is at most "
-            f"{without_it:.3g}, instead of {with_it:.3g}). Was the injector worn there, or another one?"
+            f"leave out {recording_name(done, done.odd.recording)}: the others contradict it (without it chi2 is "
+            f"at most {without_it:.3g}, instead of {with_it:.3g}). Was the injector worn there, or another one?"
         )
     worst = done.inadequate[0]
     if done.left.chi2[worst] > _FOREIGN:
@@ -110,7 +108,8 @@ def _to_try(done: Calibrated) -> str:
     return _TRY[worst] + (_OF_INSTANTS if slow else "")
 
 
-def _name(done: Calibrated, recording: int) -> str:
+def recording_name(done: Calibrated, recording: int) -> str:
+    """The file of a recording, or its number."""
     return str(done.found[recording].recording.path or recording)
 
 
@@ -130,108 +129,39 @@ def oddities(done: Calibrated) -> list[str]:
 
 
 def _beyond_physics(done: Calibrated) -> list[ImplausibleNumber]:
-    """Of the parameters fitted."""
+    """Implausible numbers among the parameters fitted."""
     names = {one.name for one in done.fitted.calibration.free}
     return [one for one in implausible(done.injector) if one.name in names]
-
-
-SCHEMA = 1
-
-
-def as_json(done: Calibrated, baseline: Baseline, warnings: Sequence[str]) -> dict[str, Any]:
-    """The fit as a document. Numbers that are not there are null."""
-    structure = done.fitted.structure
-    names = [_name(done, number) for number in range(len(done.found))]
-    parts = zip(done.fitted.calibration.parts, done.offsets.tolist(), strict=True)
-    document = {
-        "schema": SCHEMA,
-        "verdict": "inadequate" if done.inadequate else "adequate",
-        "verdict_words": verdict_words(done),
-        "gate_chi2": GATE,
-        "tolerated_share": TOLERATED,
-        "inadequate_phases": [phase_name(phase) for phase in done.inadequate],
-        "odd_recording": None if done.odd is None else names[done.odd.recording],
-        "structure": {
-            "name": structure.name,
-            "line_outflow": structure.outflow,
-            "line_model": structure.line,
-            "reason": done.choice.reason,
-        },
-        "structures": [_structure(one) for one in done.choice.tried],
-        "parameters": done.sizes,
-        "kept": {one.name: {"value": one.of(done.injector) / one.si, "unit": one.unit} for one in done.kept},
-        "directions": [
-            {"sigma": one.sigma, "share": dict(one.share)} for one in done.fitted.certainty.directions
-        ],
-        "level": {"from": done.level, "words": level_words(done)},
-        "residuals": [
-            {
-                "signal": one.signal,
-                "phase": phase_name(one.phase),
-                "rms": _pair(one.rms, one.signal.si),
-                "unit": one.signal.unit,
-                "chi2": _pair(one.chi2),
-            }
-            for one in done.comparison.residuals
-        ],
-        "open_loop_rms_MPa": _pair(done.comparison.open_loop, MEGAPASCAL),
-        "injections": [
-            {
-                "recording": names[one.recording],
-                "time_s": one.time,
-                "rail_pressure_MPa": one.rail_pressure / MEGAPASCAL,
-                "mass_mg": one.after / MILLIGRAM,
-                "file_mass_mg": one.before / MILLIGRAM,
-                "measured_mass_mg": one.measured / MILLIGRAM,
-            }
-            for one in done.comparison.masses
-        ],
-        "mass_share": done.mass_share,
-        "line_pressure_offsets_MPa": {names[part.recording]: offset for part, offset in parts},
-        "baseline": baseline,
-        "warnings": [*warnings, *oddities(done)],
-    }
-    content: dict[str, Any] = json.loads(to_json(document, inf_nan_mode="null"))
-    return content
-
-
-def _structure(one: Fitted | FailedStructure) -> dict[str, Any]:
-    if isinstance(one, FailedStructure):
-        return {"name": one.structure.name, "failed": one.reason}
-    return {
-        "name": one.structure.name,
-        "held_out": one.held_out is not None,
-        "chi2": {phase_name(phase): judged_by(one).chi2[phase] for phase in Phase},
-        "chi2_mean": judged_by(one).mean,
-        "free": [parameter.name for parameter in one.calibration.free],
-        "converged": one.minimum.converged,
-    }
-
-
-def _pair(values: Sequence[float], si: float = 1.0) -> dict[str, float]:
-    return {"file": values[0] / si, "fitted": values[1] / si}
 
 
 def print_fit(done: Calibrated, console: Console) -> None:
     """Structures, parameters, residuals, level and verdict."""
     say(console, "structures, by chi2 on recordings left out (1: noise alone)")
-    structures = _table(("structure", *map(phase_name, Phase), "free", ""), left=(0, 7), folded=0)
-    for one in done.choice.tried:
-        if isinstance(one, Fitted):
-            chi2, free = judged_by(one).chi2, str(len(one.calibration.free))
-            chosen = "chosen" if one is done.choice.best else ""
-            structures.add_row(one.structure.name, *(_figure(chi2[phase]) for phase in Phase), free, chosen)
-    console.print(structures)
+    structures = [
+        (
+            one.structure.name,
+            *(_figure(judged_by(one).chi2[phase]) for phase in Phase),
+            str(len(one.calibration.free)),
+            "chosen" if one is done.choice.best else "",
+        )
+        for one in done.choice.tried
+        if isinstance(one, Fitted)
+    ]
+    names = ("structure", *map(phase_name, Phase), "free", "")
+    console.print(plain_table(names, structures, right=range(1, 7), folds=(0,)))
     for failed in (one for one in done.choice.tried if isinstance(one, FailedStructure)):
         say(console, f"not fitted: {failed.structure.name}: it {failed.reason}")
     say(console, f"chosen: {done.choice.reason}\n")
     say(console, "parameters")
-    parameters = _table(("parameter", "", "file", "fitted", "95 % interval", "unit"), left=(0, 1, 5))
-    for name, size in done.sizes.items():
-        before = "" if size.file is None else f"{size.file:.5g}"
-        interval = "{:.5g} .. {:.5g}".format(*size.ci95)
-        parameters.add_row(name, size.symbol, before, f"{size.value:.5g}", interval, size.unit)
-    console.print(parameters)
+    parameters = [
+        (
+            *(name, size.symbol, "" if size.file is None else f"{size.file:.5g}", f"{size.value:.5g}"),
+            *("{:.5g} .. {:.5g}".format(*size.ci95), size.unit),
+        )
+        for name, size in done.sizes.items()
+    ]
+    names = ("parameter", "", "file", "fitted", "95 % interval", "unit")
+    console.print(plain_table(names, parameters, right=(2, 3, 4), folds=()))
     for kept in done.kept:
         value = f"{kept.of(done.injector) / kept.si:.4g} {kept.unit}"
         say(console, f"{kept.name} ({kept.symbol}) stays {value}: these recordings do not determine it")
@@ -241,13 +171,16 @@ def print_fit(done: Calibrated, console: Console) -> None:
     for line in oddities(done):
         say(console, line)
     say(console, "\nresiduals, file -> fitted (rms one sample ahead; chi2 of means of 8 samples)")
-    residuals = _table(("signal", "phase", "rms", "", "", "unit", "chi2", "", ""), left=(0, 1, 5))
-    for left in done.comparison.residuals:
-        rms = _arrow(left.rms, left.signal.si)
-        phase = phase_name(left.phase)
-        residuals.add_row(left.signal.value, phase, *rms, left.signal.unit, *_arrow(left.chi2))
-    console.print(residuals)
-    open_loop = " ".join(_arrow(done.comparison.open_loop, MEGAPASCAL))
+    residuals = [
+        (
+            *(left.signal.value, left.phase, *_arrow(left.rms)),
+            *(left.unit, *_arrow(left.chi2)),
+        )
+        for left in done.comparison.residuals
+    ]
+    names = ("signal", "phase", "rms", "", "", "unit", "chi2", "", "")
+    console.print(plain_table(names, residuals, right=(2, 3, 4, 6, 7, 8), folds=()))
+    open_loop = " ".join(_arrow(done.comparison.open_loop))
     say(console, f"line pressure with nothing corrected from the opening on: rms {open_loop} MPa")
     for line in _masses(done):
         say(console, line)
@@ -257,42 +190,27 @@ def print_fit(done: Calibrated, console: Console) -> None:
 
 def _masses(done: Calibrated) -> Iterable[str]:
     masses = done.comparison.masses
-    after = np.array([one.after for one in masses])
-    measured = np.array([one.measured for one in masses])
+    after = np.array([one.mass_mg for one in masses], float)
+    measured = np.array([one.measured_mass_mg for one in masses], float)
     if np.isfinite(measured).any():
         share = (after / measured - 1.0)[np.isfinite(measured)]
         worst = share[np.argmax(np.abs(share))]
         yield f"mass beside the measured: {np.mean(share):+.2%} in the mean, {worst:+.2%} at worst"
-    before = np.array([one.before for one in masses])
+    before = np.array([one.file_mass_mg for one in masses], float)
     if np.isfinite(before).all():
-        yield f"mass of an injection, mean: {np.mean(before) / MILLIGRAM:.2f} -> {np.mean(after) / MILLIGRAM:.2f} mg"
+        yield f"mass of an injection, mean: {np.mean(before):.2f} -> {np.mean(after):.2f} mg"
     because = "what a recording left out changes, structures that do as well, slow instants, a level measured"
     yield f"mass uncertain by the model: {done.mass_share:.2%} (1 sigma; {because})"
 
 
-def _arrow(values: Sequence[float], si: float = 1.0) -> tuple[str, str, str]:
-    before, after = (_figure(value / si) for value in values)
-    return before, "->", after
+def _arrow(values: Mapping[str, float | None]) -> tuple[str, str, str]:
+    return _figure(values["file"]), "->", _figure(values["fitted"])
 
 
-def _figure(value: float) -> str:
-    if math.isnan(value):
+def _figure(value: float | None) -> str:
+    if value is None or math.isnan(value):
         return "-"
     return f"{value:.3g}" if value < 1000.0 else f"{value:.0f}"
-
-
-def _table(names: Sequence[str], left: Sequence[int], folded: int | None = None) -> Table:
-    """folded: the column that a narrow terminal breaks into lines; none else is."""
-    table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False)
-    for place, name in enumerate(names):
-        table.add_column(name, justify="left" if place in left else "right", no_wrap=place != folded)
-    return table
-
-
-_MOST = 6  # overlays
-_COLUMNS = 3
-_SHOWN = 4e-3  # s after the opening
-_LEAST = 0.1  # of a chi2 on the axis
 
 
 def draw_fit(path: Path, done: Calibrated) -> None:
@@ -307,13 +225,12 @@ def draw_fit(path: Path, done: Calibrated) -> None:
             _overlay(axes, overlay, legend=number == 0)
         _phases(figure.add_subplot(grid[rows, :]), done)
         figure.suptitle(f"{done.fitted.structure.name}: {verdict_words(done).split('. ')[0]}", fontsize=11)
-        with file_errors(path):
-            figure.savefig(path, dpi=110)
+        save_figure(figure, path, 110)
 
 
-def _overlay(axes: Axes, overlay: PartOverlay, legend: bool) -> None:
-    """The first injection of a part."""
-    measurement, one = overlay.part.measurement, overlay.after[0]
+def _overlay(axes: Axes, overlay: FoldOverlay, legend: bool) -> None:
+    """The first injection of a fold."""
+    measurement, one = overlay.fold.measurement, overlay.after[0]
     recording, interval = measurement.recording, measurement.interval
     shown = one.samples[: round(_SHOWN / interval)]
     since = (shown - shown[0]) * interval / MILLISECOND
@@ -334,7 +251,7 @@ def _phases(axes: Axes, done: Calibrated) -> None:
     """chi2 of every signal and phase, before and after."""
     residuals = done.comparison.residuals
     places = np.arange(len(residuals))
-    before, after = ([one.chi2[which] for one in residuals] for which in (0, 1))
+    before, after = (np.array([one.chi2[by] for one in residuals], float) for by in ("file", "fitted"))
     both = bool(np.isfinite(before).any())
     if both:
         axes.bar(places - 0.2, before, 0.38, color=GIVEN, label="file")
@@ -347,6 +264,6 @@ def _phases(axes: Axes, done: Calibrated) -> None:
     axes.set_ylim(_LEAST, 1.5 * float(np.nanmax([*before, *after, GATE])))
     axes.yaxis.set_major_formatter(ScalarFormatter())
     axes.yaxis.set_minor_formatter(NullFormatter())
-    axes.set_xticks(places, [f"{phase_name(one.phase)}\n{one.signal.words}" for one in residuals])
+    axes.set_xticks(places, [f"{one.phase}\n{one.signal.words}" for one in residuals])
     axes.set_ylabel("chi2 (1: noise alone)")
     axes.legend(frameon=False, fontsize=8, loc="upper right")

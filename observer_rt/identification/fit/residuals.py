@@ -1,11 +1,13 @@
-"""What the file's model and the fitted one leave unexplained, by signal and phase, and on parts left out."""
+"""Compares the residuals of the file's model and the fitted one, by signal and phase, and on folds left out."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from observer_rt.engine.estimation.phases import (
     BLOCKS,
@@ -14,16 +16,18 @@ from observer_rt.engine.estimation.phases import (
     no_statistics,
     phase_statistics,
 )
+from observer_rt.foundation.documents import DocumentPart, Number
 from observer_rt.foundation.errors import UserError
-from observer_rt.identification.fit.parts import Part
-from observer_rt.identification.fit.problem import Calibration, OnePart
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
+from observer_rt.identification.fit.cross_validation import Fold
+from observer_rt.identification.fit.problem import Calibration, OneFold
 from observer_rt.identification.likelihood.bounded_fit import Quadratic, linearise
 from observer_rt.identification.likelihood.likelihood import (
-    Evidence,
+    JointLikelihood,
     JudgedModel,
     Pool,
+    RecordingLikelihood,
     Signal,
-    Trial,
     pool_of,
 )
 from observer_rt.identification.likelihood.open_loop import Simulated, mass, measured_mass, simulated
@@ -31,10 +35,14 @@ from observer_rt.identification.likelihood.reading import is_chosen
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.parameters import InjectorParameters
 
+Pair = Annotated[
+    dict[str, Number], Field(description="`file`: by the model given, `fitted`: by the fitted one")
+]
+
 
 @dataclass(frozen=True)
 class UnexplainedSignal:
-    """What a model leaves of a signal: mean squares by phase, 1 where it leaves noise alone; nan without samples.
+    """Residuals of a signal: mean squares by phase, 1 where it leaves noise alone; nan without samples.
 
     chi2: of means of 8 samples, which coloured residuals fill (of samples where a phase is shorter); excess: rms of
     what these means are beyond noise, in standard deviations of a sample; variance: of samples; colour: the larger
@@ -48,7 +56,7 @@ class UnexplainedSignal:
 
     @property
     def mean(self) -> float:
-        """Of the chi2 of all phases."""
+        """Mean chi2 of the phases."""
         return float(np.nanmean(list(self.chi2.values())))
 
     @property
@@ -79,40 +87,40 @@ def _excess(statistics: PhaseStatistics, phase: Phase) -> float:
     return math.sqrt(max(_chi2(statistics, phase) - 1.0, 0.0) / samples)
 
 
-def line_statistics(trial: Trial, one: JudgedModel) -> PhaseStatistics:
-    """Of the line pressure of a part."""
-    return phase_statistics(one.z, 1.0, trial.phases, 0)
+def line_statistics(recorded: RecordingLikelihood, one: JudgedModel) -> PhaseStatistics:
+    """Statistics of the line pressure of a fold."""
+    return phase_statistics(one.z, 1.0, recorded.phases, 0)
 
 
-def pooled(trials: Sequence[Trial], judged: Sequence[JudgedModel]) -> UnexplainedSignal:
-    """Of the line pressure of parts together."""
+def pooled(recordings: Sequence[RecordingLikelihood], judged: Sequence[JudgedModel]) -> UnexplainedSignal:
+    """Pools the line pressure of folds."""
     total = no_statistics()
-    for trial, one in zip(trials, judged, strict=True):
-        total = total.faded(1.0, line_statistics(trial, one))
+    for recorded, one in zip(recordings, judged, strict=True):
+        total = total.faded(1.0, line_statistics(recorded, one))
     return unexplained(total)
 
 
-def worst_parts(calibration: Calibration, judged: Sequence[JudgedModel]) -> UnexplainedSignal:
-    """In each phase that of the part with the most left: what the model gets wrong goes with the operating point."""
-    of_parts = [
-        unexplained(line_statistics(trial, one))
-        for trial, one in zip(calibration.trials, judged, strict=True)
+def worst_folds(calibration: Calibration, judged: Sequence[JudgedModel]) -> UnexplainedSignal:
+    """In each phase that of the fold with the most left: what the model gets wrong goes with the operating point."""
+    of_folds = [
+        unexplained(line_statistics(recorded, one))
+        for recorded, one in zip(calibration.recordings, judged, strict=True)
     ]
 
     def largest(figures: Sequence[Mapping[Phase, float]]) -> dict[Phase, float]:
         return {phase: float(np.fmax.reduce([one[phase] for one in figures])) for phase in Phase}
 
     return UnexplainedSignal(
-        *(largest([getattr(one, each.name) for one in of_parts]) for each in fields(UnexplainedSignal))
+        *(largest([getattr(one, each.name) for one in of_folds]) for each in fields(UnexplainedSignal))
     )
 
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Every part judged by what the others say of the parameters.
+    """Every fold judged by what the others say of the parameters.
 
-    unexplained: of the line pressure; mass_shift: by what share the mass of its injections moves when a part is left
-    out (parts,), which is how sure masses are at operating points nobody fitted.
+    unexplained: of the line pressure; mass_shift: by what share the mass of its injections moves when a fold is left
+    out (folds,), which is how sure masses are at operating points nobody fitted.
     """
 
     unexplained: UnexplainedSignal
@@ -120,33 +128,33 @@ class HeldOut:
 
 
 def held_out(calibration: Calibration, at: Quadratic) -> HeldOut | None:
-    """At the minimum of all parts. None with a single part, or where the model has no solution without one.
+    """At the minimum of all folds. None with a single fold, or where the model has no solution without one.
 
-    theta without a part is one Newton step from the minimum: it is near, and all slopes are known there.
+    theta without a fold is one Newton step from the minimum: it is near, and all slopes are known there.
     """
-    parts = len(calibration.parts)
-    if parts < 2:
+    folds = len(calibration.folds)
+    if folds < 2:
         return None
     left_out, shifts = [], []
-    for number in range(parts):
+    for number in range(folds):
         theta = without(calibration, at, [number])
         one, all_in = calibration.judge(theta, number), calibration.judge(at.theta, number)
         if one is None or all_in is None:
             return None
         left_out.append(one)
         shifts.append(float(np.sum(one.masses) / np.sum(all_in.masses)) - 1.0)
-    return HeldOut(pooled(calibration.trials, left_out), np.array(shifts))
+    return HeldOut(pooled(calibration.recordings, left_out), np.array(shifts))
 
 
 def without(calibration: Calibration, at: Quadratic, left_out: Sequence[int]) -> NDArray[np.float64]:
-    """theta by all parts but some, their own offsets as they are."""
+    """theta by all folds but some, their own offsets as they are."""
     information, gradient = at.information.copy(), at.gradient.copy()
     for number in left_out:
         own = calibration.residuals_of(at.theta, number)
-        assert own is not None  # it is part of the minimum
-        part = linearise(OnePart(calibration, number), at.theta, own, calibration.ranges)
-        information -= part.information
-        gradient -= part.gradient
+        assert own is not None  # the minimum has it
+        alone = linearise(OneFold(calibration, number), at.theta, own, calibration.ranges)
+        information -= alone.information
+        gradient -= alone.gradient
     theirs = [len(calibration.free) + number for number in left_out]
     kept = np.setdiff1d(np.arange(at.theta.size), theirs)
     theta = at.theta.copy()
@@ -156,39 +164,36 @@ def without(calibration: Calibration, at: Quadratic, left_out: Sequence[int]) ->
     return np.clip(theta, lowest, highest)
 
 
-@dataclass(frozen=True)
-class Residual:
-    """A signal in a phase, before and after the fit; nan where the file's model has no solution.
-
-    rms: of the prediction's error one sample ahead [Pa or m3/s]; chi2: of its means of 8 samples, 1 for noise alone.
-    """
+class Residual(DocumentPart):
+    """A signal in a phase: rms of the prediction's error one sample ahead, in its unit; chi2 of its means of 8
+    samples, 1 for noise alone."""
 
     signal: Signal
-    phase: Phase
-    rms: tuple[float, float]
-    chi2: tuple[float, float]
+    phase: str
+    rms: Pair
+    unit: str
+    chi2: Pair
 
 
-@dataclass(frozen=True)
-class InjectedMass:
-    """Mass of an injection [kg], by the file's model, the fitted one, and as measured; nan where there is none.
+class InjectedMass(DocumentPart):
+    """Masses of an injection: fitted, by the file's model, measured; null where there is none.
 
-    time: when the needle opens [s]; nan of a recording so long that some injections were chosen.
+    time_s: when the needle opens; null in a recording so long that some injections were chosen.
     """
 
-    recording: int
-    time: float
-    rail_pressure: float
-    before: float
-    after: float
-    measured: float
+    recording: str
+    time_s: Number
+    rail_pressure_MPa: Number  # noqa: N815 - units as printed
+    mass_mg: Number
+    file_mass_mg: Number
+    measured_mass_mg: Number
 
 
 @dataclass(frozen=True, eq=False)
-class PartOverlay:
-    """A part with the models run open loop from the opening on; before: empty where the file's has no solution."""
+class FoldOverlay:
+    """A fold with the models run open loop from the opening on; before: empty where the file's has no solution."""
 
-    part: Part
+    fold: Fold
     before: Sequence[Simulated]
     after: Sequence[Simulated]
 
@@ -199,27 +204,27 @@ class Comparison:
 
     after: of the line pressure, by the fitted model; innovation: standard deviation of a sample of it [Pa]; swing:
     rms of the line pressure against the rail's while the needle is open [Pa]; open_loop: rms of the line pressure
-    from the opening on, with nothing corrected, before and after [Pa].
+    from the opening on, with nothing corrected [MPa].
     """
 
-    residuals: Sequence[Residual]
+    residuals: tuple[Residual, ...]
     after: UnexplainedSignal
     innovation: float
     swing: float
-    open_loop: tuple[float, float]
-    masses: Sequence[InjectedMass]
-    overlays: Sequence[PartOverlay]
+    open_loop: dict[str, float | None]
+    masses: tuple[InjectedMass, ...]
+    overlays: Sequence[FoldOverlay]
 
     def share(self, phase: Phase) -> float:
-        """What is left in a phase beyond noise, over what the flow does to the line pressure."""
+        """Residuals in a phase beyond noise, over what the flow does to the line pressure."""
         return self.after.excess[phase] * self.innovation / self.swing
 
 
 @dataclass(frozen=True, eq=False)
-class _ModelOnParts:
-    """A model on all parts."""
+class _ModelOnFolds:
+    """A model on all folds."""
 
-    parts: Sequence[Part]
+    folds: Sequence[Fold]
     pool: Pool
     judged: Sequence[JudgedModel]
     models: Sequence[EffectiveModel]
@@ -232,7 +237,7 @@ class _ModelOnParts:
         """In the signal's unit: normalised mean square times the standard deviation it was normalised by."""
         sigma = math.sqrt(self.pool[signal].variance(phase))
         if signal is Signal.INJECTION_RATE:
-            return sigma * float(np.mean([part.measurement.rate_noise for part in self.parts]))
+            return sigma * float(np.mean([fold.measurement.rate_noise for fold in self.folds]))
         return sigma * self.innovation
 
     @property
@@ -243,89 +248,95 @@ class _ModelOnParts:
 
     def open_loop(self) -> float:
         errors = [
-            one.line_pressure - part.measurement.recording.line_pressure[one.samples]
-            for part, runs in zip(self.parts, self.simulated, strict=True)
+            one.line_pressure - fold.measurement.recording.line_pressure[one.samples]
+            for fold, runs in zip(self.folds, self.simulated, strict=True)
             for one in runs
         ]
         return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
 
 
 def compared(
-    file: InjectorParameters, fitted: InjectorParameters, offsets: NDArray[np.float64], parts: Sequence[Part]
+    file: InjectorParameters, fitted: InjectorParameters, offsets: NDArray[np.float64], folds: Sequence[Fold]
 ) -> Comparison:
-    """offsets: of the line-pressure sensor in each part [MPa]."""
-    after = _seen(fitted, offsets, parts)
+    """offsets: of the line-pressure sensor in each fold [MPa]."""
+    after = _seen(fitted, offsets, folds)
     if after is None:
         raise ArithmeticError("the fitted model has no finite solution on the recordings it was fitted to")
     try:
-        before = _seen(file, offsets, parts)
+        before = _seen(file, offsets, folds)
     except UserError:
         before = None  # too few samples for its sac: nothing to compare with
 
-    def both(figure: Callable[..., float], *of: Signal | Phase) -> tuple[float, float]:
-        return math.nan if before is None else figure(before, *of), figure(after, *of)
+    def both(figure: Callable[..., float], *of: Signal | Phase, si: float = 1.0) -> dict[str, float | None]:
+        return {
+            "file": None if before is None else figure(before, *of) / si,
+            "fitted": figure(after, *of) / si,
+        }
 
     return Comparison(
-        [
+        tuple(
             Residual(
-                signal, phase, both(_ModelOnParts.rms, signal, phase), both(_ModelOnParts.chi2, signal, phase)
+                signal=signal,
+                phase=phase.name.lower(),
+                rms=both(_ModelOnFolds.rms, signal, phase, si=signal.si),
+                unit=signal.unit,
+                chi2=both(_ModelOnFolds.chi2, signal, phase),
             )
             for signal, statistics in after.pool.items()
             for phase in Phase
             if statistics.samples[phase] > 0
-        ],
+        ),
         unexplained(after.pool[Signal.LINE_PRESSURE]),
         after.innovation,
-        _swing(parts),
-        both(_ModelOnParts.open_loop),
-        _masses(before, after),
+        _swing(folds),
+        both(_ModelOnFolds.open_loop, si=MEGAPASCAL),
+        tuple(_masses(before, after)),
         [
-            PartOverlay(part, () if before is None else before.simulated[i], after.simulated[i])
-            for i, part in enumerate(parts)
+            FoldOverlay(fold, () if before is None else before.simulated[i], after.simulated[i])
+            for i, fold in enumerate(folds)
         ],
     )
 
 
-def _swing(parts: Sequence[Part]) -> float:
+def _swing(folds: Sequence[Fold]) -> float:
     drops = [
-        (part.measurement.recording.rail_pressure - part.measurement.recording.line_pressure)[
+        (fold.measurement.recording.rail_pressure - fold.measurement.recording.line_pressure)[
             opening.first : opening.last + 1
         ]
-        for part in parts
-        for event in part.measurement.events
+        for fold in folds
+        for event in fold.measurement.events
         for opening in event.openings
     ]
     return float(np.sqrt(np.mean(np.concatenate(drops) ** 2)))
 
 
 def _seen(
-    injector: InjectorParameters, offsets: NDArray[np.float64], parts: Sequence[Part]
-) -> _ModelOnParts | None:
-    calibration = Calibration(injector, (), parts)
+    injector: InjectorParameters, offsets: NDArray[np.float64], folds: Sequence[Fold]
+) -> _ModelOnFolds | None:
+    calibration = Calibration(injector, (), folds)
     judged = calibration.judge_all(offsets)
     if judged is None:
         return None
-    models = [calibration.model(offsets, number) for number in range(len(parts))]
-    runs = [simulated(part.measurement, model) for part, model in zip(parts, models, strict=True)]
-    return _ModelOnParts(parts, pool_of(Evidence(calibration.trials), judged), judged, models, runs)
+    models = [calibration.model(offsets, number) for number in range(len(folds))]
+    runs = [simulated(fold.measurement, model) for fold, model in zip(folds, models, strict=True)]
+    return _ModelOnFolds(
+        folds, pool_of(JointLikelihood(calibration.recordings), judged), judged, models, runs
+    )
 
 
-def _masses(before: _ModelOnParts | None, after: _ModelOnParts) -> list[InjectedMass]:
-    result = []
-    for number, part in enumerate(after.parts):
-        measurement, density = part.measurement, after.models[number].coefficients.density
-        single = {} if part.weighed is None else part.weighed.single
+def _masses(before: _ModelOnFolds | None, after: _ModelOnFolds) -> Iterator[InjectedMass]:
+    for number, fold in enumerate(after.folds):
+        measurement, density = fold.measurement, after.models[number].coefficients.density
+        single = {} if fold.weighed is None else fold.weighed.single
         for i, one in enumerate(after.simulated[number]):
             first = one.event.openings[0].first
             weighed = single[first][0] if first in single else measured_mass(measurement, one, density)
-            result.append(
-                InjectedMass(
-                    part.recording,
-                    math.nan if is_chosen(measurement) else float(measurement.recording.time[first]),
-                    measurement.rail_pressure,
-                    math.nan if before is None else mass(measurement, before.simulated[number][i], density),
-                    mass(measurement, one, density),
-                    weighed,
-                )
+            by_file = math.nan if before is None else mass(measurement, before.simulated[number][i], density)
+            yield InjectedMass(
+                recording=str(measurement.recording.path or fold.recording),
+                time_s=math.nan if is_chosen(measurement) else float(measurement.recording.time[first]),
+                rail_pressure_MPa=measurement.rail_pressure / MEGAPASCAL,
+                mass_mg=mass(measurement, one, density) / MILLIGRAM,
+                file_mass_mg=by_file / MILLIGRAM,
+                measured_mass_mg=weighed / MILLIGRAM,
             )
-    return result

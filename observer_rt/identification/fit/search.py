@@ -1,4 +1,4 @@
-"""One structure fitted: coarse for comparison, and in full for the one that is chosen.
+"""Fits one structure: coarsely for comparison, and in full for the one that is chosen.
 
 Where a search begins: the stiffness and damping of the line, of many, that explain the recordings best.
 
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.identification.fit.parts import Part, thinned
+from observer_rt.identification.fit.cross_validation import Fold, thinned
 from observer_rt.identification.fit.problem import (
     STIFFNESS,
     WAVE_DAMPING,
@@ -34,13 +34,17 @@ from observer_rt.model.stability import MAX_SUBSTEPS, substeps_needed
 ROUGH_EVENTS, ROUGH_ITERATIONS = 2, 8  # of an operating point, while structures are compared
 FINE_EVENTS, FINE_ITERATIONS = 6, 8
 MOST_FITS = 3  # of a structure, as its cells change with the sound speed found
+STIFFNESSES = np.exp(np.linspace(-0.7, 0.7, 29))  # of what is known: within a factor of two, 5 % apart
+SPARE = 1.2  # by which the stiffness that a search begins with may be too small
+DAMPINGS = (0.5, 2.0)  # m2/s; a strong one makes the minimum wide
+EXPLAINED = 1.5  # mean chi2, below which a search has not ended beside the minimum
 
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
     """A structure at its best.
 
-    judged: of every part there; left: of the line pressure on the recordings it was fitted to.
+    judged: of every fold there; left: of the line pressure on the recordings it was fitted to.
     """
 
     structure: Structure
@@ -57,12 +61,12 @@ class Fitted:
 
     @property
     def mass(self) -> float:
-        """Of all injections [kg]."""
-        return float(sum(part.masses.sum() for part in self.judged))
+        """Mass of all injections [kg]."""
+        return float(sum(fold.masses.sum() for fold in self.judged))
 
     @property
     def certainty(self) -> Certainty:
-        """How certain the parameters are; residuals that are more than noise say less."""
+        """Certainty of the parameters; residuals that are more than noise say less."""
         return certainty(self.calibration, self.minimum.at, max(1.0, self.left.mean))
 
 
@@ -78,7 +82,7 @@ def fitted(
     structure: Structure,
     start: InjectorParameters,
     free: Sequence[FreeParameter],
-    parts: Sequence[Part],
+    folds: Sequence[Fold],
     iterations: int,
     spare: float = 1.0,
 ) -> Fitted | FailedStructure:
@@ -87,19 +91,19 @@ def fitted(
     spare: as in `Structure.of`; a line that then has too few cells for its sound speed, or too many, is fitted again.
     """
     injector = structure.of(start, spare)
-    needed = substeps_needed(injector, parts[0].measurement.recording.sample_rate)
+    needed = substeps_needed(injector, folds[0].measurement.recording.sample_rate)
     if needed > MAX_SUBSTEPS:
         return FailedStructure(
             structure, f"would need {needed} steps a sample, for its sac is small (at most {MAX_SUBSTEPS})"
         )
     try:
-        calibration, found = _fit(injector, free, parts, iterations)
+        calibration, found = _fit(injector, free, folds, iterations)
         for _ in range(MOST_FITS - 1):
             again = injector if found is None else structure.of(calibration.injector(found.at.theta))
             if again.line.cells == injector.line.cells:
                 break
             injector = again
-            calibration, found = _fit(injector, free, parts, iterations)
+            calibration, found = _fit(injector, free, folds, iterations)
     except UserError as error:
         return FailedStructure(structure, error.problem)
     judged = None if found is None else calibration.judge_all(found.at.theta)
@@ -107,21 +111,21 @@ def fitted(
         return FailedStructure(
             structure, "has no finite solution on these recordings from the numbers it was started with"
         )
-    left = pooled(calibration.trials, judged)
+    left = pooled(calibration.recordings, judged)
     return Fitted(structure, calibration, found, judged, left, held_out(calibration, found.at))
 
 
 def _fit(
-    start: InjectorParameters, free: Sequence[FreeParameter], parts: Sequence[Part], iterations: int
+    start: InjectorParameters, free: Sequence[FreeParameter], folds: Sequence[Fold], iterations: int
 ) -> tuple[Calibration, Minimum | None]:
-    calibration = Calibration(start, free, parts)
+    calibration = Calibration(start, free, folds)
     return calibration, fit(calibration, calibration.centre, calibration.ranges, iterations)
 
 
 def settled(
-    best: Fitted, start: InjectorParameters, parts: Sequence[Part]
+    best: Fitted, start: InjectorParameters, folds: Sequence[Fold]
 ) -> tuple[Fitted, tuple[FreeParameter, ...]]:
-    """The chosen structure fitted to `parts`, and the parameters left to the file since the data do not tell them.
+    """The chosen structure fitted to `folds`, and the parameters left to the file since the data do not tell them.
 
     start: the file's injector. One parameter at a time is left to the file, the least certain: with it fixed the
     others may be determined.
@@ -131,7 +135,7 @@ def settled(
     now = best
     while True:
         numbers = with_values(now.injector, left_out, values_of(best.structure.of(start), left_out))
-        again = fitted(best.structure, numbers, free, parts, FINE_ITERATIONS)
+        again = fitted(best.structure, numbers, free, folds, FINE_ITERATIONS)
         if isinstance(again, FailedStructure):
             return now, tuple(left_out)
         now = again
@@ -142,17 +146,11 @@ def settled(
         free.remove(undetermined)
 
 
-STIFFNESSES = np.exp(np.linspace(-0.7, 0.7, 29))  # of what is known: within a factor of two, 5 % apart
-SPARE = 1.2  # by which the stiffness that a search begins with may be too small
-DAMPINGS = (0.5, 2.0)  # m2/s; a strong one makes the minimum wide
-EXPLAINED = 1.5  # mean chi2, below which a search has not ended beside the minimum
-
-
 def searched(
     structure: Structure,
     file: InjectorParameters,
     free: Sequence[FreeParameter],
-    parts: Sequence[Part],
+    folds: Sequence[Fold],
     iterations: int,
     explained: bool,
 ) -> Fitted | FailedStructure:
@@ -162,16 +160,16 @@ def searched(
     they are sought once more, by the orifices found by then; not where a simpler structure has `explained` it all.
     """
     if WAVE_DAMPING not in structure.free:
-        return fitted(structure, file, free, parts, iterations)
-    few = tuple(thinned(part, 1) for part in parts)
-    found = fitted(structure, _best(structure, _around(file), free, few), free, parts, iterations, SPARE)
+        return fitted(structure, file, free, folds, iterations)
+    few = tuple(thinned(fold, 1) for fold in folds)
+    found = fitted(structure, _best(structure, _around(file), free, few), free, folds, iterations, SPARE)
     if explained or isinstance(found, FailedStructure) or explains(found):
         return found
     here = found.injector
     again = _best(structure, [here, *_around(here)], free, few)
     if again is here:
         return found
-    other = fitted(structure, again, free, parts, iterations, SPARE)
+    other = fitted(structure, again, free, folds, iterations, SPARE)
     return other if isinstance(other, Fitted) and other.minimum.statistic < found.minimum.statistic else found
 
 
@@ -192,12 +190,12 @@ def _best(
     structure: Structure,
     starts: Sequence[InjectorParameters],
     free: Sequence[FreeParameter],
-    parts: Sequence[Part],
+    folds: Sequence[Fold],
 ) -> InjectorParameters:
-    """Of several that with the least -2 log L, nothing fitted."""
+    """Start with the least -2 log L, nothing fitted."""
 
     def statistic(start: InjectorParameters) -> float:
-        calibration = Calibration(structure.of(start), free, parts)
+        calibration = Calibration(structure.of(start), free, folds)
         residuals = calibration.residuals(calibration.centre)
         return math.inf if residuals is None or math.isnan(residuals.statistic) else residuals.statistic
 

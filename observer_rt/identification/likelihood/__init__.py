@@ -1,1 +1,1 @@
-"""What recordings show: standstill, openings, judged stretches, noise; and how well a model explains it."""
+"""Likelihood of models: standstill, openings, judged stretches and noise of recordings, whitened residuals."""

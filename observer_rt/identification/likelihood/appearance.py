@@ -1,4 +1,4 @@
-"""What every effect appears to be on a healthy injector, and the smallest size of it that recordings would show."""
+"""Measures the apparent effects of a healthy injector, and the smallest sizes that recordings would show."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.healthy_shape import EventStretch, ShapeFit, together
 from observer_rt.engine.estimation.phases import Phase, phase_statistics
+from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.identification.likelihood.healthy_shape import expected_of, stretches
-from observer_rt.identification.likelihood.likelihood import Evidence, JudgedModel
+from observer_rt.identification.likelihood.likelihood import JointLikelihood, JudgedModel
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.model.baseline import Appearance, HealthyRemainder, PhaseFigures
 from observer_rt.model.effect import Effect
@@ -27,7 +28,7 @@ _DIGITS = 5
 
 @dataclass(frozen=True, eq=False)
 class Signature:
-    """What a size [SI] of an effect does to the residuals of every recording, as a line through 0.
+    """Change of the residuals of every recording by a size [SI] of an effect, as a line through 0.
 
     information: squared length of the change, and gain: its product with the residuals, both (recordings,).
     """
@@ -44,18 +45,18 @@ class Signature:
 
 
 def signatures(
-    evidence: Evidence,
+    likelihood: JointLikelihood,
     model: EffectiveModel,
     judged: Sequence[JudgedModel],
     effects: Sequence[Effect],
     remaining: Sequence[JudgedModel] | None = None,
 ) -> list[Signature]:
-    """Of all effects that have a size, beside a model that was `judged`.
+    """Measures all effects that have a size, beside a model that was `judged`.
 
     remaining: residuals that the gains are of, where they are others.
     """
     found = (
-        _signature(evidence, model, judged, remaining or judged, effect)
+        _signature(likelihood, model, judged, remaining or judged, effect)
         for effect in effects
         if effect.parameters
     )
@@ -63,7 +64,7 @@ def signatures(
 
 
 def _signature(
-    evidence: Evidence,
+    likelihood: JointLikelihood,
     model: EffectiveModel,
     judged: Sequence[JudgedModel],
     remaining: Sequence[JudgedModel],
@@ -75,7 +76,7 @@ def _signature(
     for probe in PROBES:
         size = probe * first.dead_zone
         size = size if size <= first.highest else -size
-        there = evidence.judge(effect.apply(model, (size, *(p.starts[0] for p in others))))
+        there = likelihood.judge(effect.apply(model, (size, *(p.starts[0] for p in others))))
         if there is None or not first.lowest <= size <= first.highest:
             break
         changes = [_residuals(one) - _residuals(other) for one, other in zip(judged, there, strict=True)]
@@ -93,22 +94,22 @@ def _residuals(one: JudgedModel) -> NDArray[np.float64]:
 
 
 def healthy_remainder(
-    evidence: Evidence,
+    likelihood: JointLikelihood,
     model: EffectiveModel,
     effects: Sequence[Effect],
-    known: HealthyRemainder | None = None,
+    known: Healthy = NOT_FITTED,
 ) -> HealthyRemainder:
-    """What a model leaves of healthy recordings: the shape of it, and what effects it appears to be beyond that.
+    """Measures what a model leaves of healthy recordings: its shape, and apparent effects beyond that.
 
     Each recording is compared with the shape of the others, so that the appearances hold at operating points of
-    which no healthy injection was seen. known: what was known before, whose shape the evidence has taken out.
+    which no healthy injection was seen. known: what was known before, whose shape the likelihood has taken out.
 
     Raises ArithmeticError when the model has no finite solution.
     """
-    judged = evidence.judge(model)
+    judged = likelihood.judge(model)
     if judged is None:
         raise ArithmeticError("the model has no finite solution on the healthy recordings")
-    measured = [trial.measurement for trial in evidence.trials]
+    measured = [recorded.measurement for recorded in likelihood.recordings]
     sigmas = [math.exp(one.log_sigma) * model.coefficients.pressure_scale for one in judged]
     fit = ShapeFit(
         [_by_event(one, result.z) for one, result in zip(measured, judged, strict=True)],
@@ -119,17 +120,17 @@ def healthy_remainder(
         replace(one, z=one.z - expected_of(fit.shape(number if several else None), measurement) / sigma)
         for number, (one, measurement, sigma) in enumerate(zip(judged, measured, sigmas, strict=True))
     ]
-    found = signatures(evidence, model, judged, effects, remaining)
+    found = signatures(likelihood, model, judged, effects, remaining)
     statistics = [
-        phase_statistics(one.z, 1.0, trial.phases, 0)
-        for trial, one in zip(evidence.trials, remaining, strict=True)
+        phase_statistics(one.z, 1.0, recorded.phases, 0)
+        for recorded, one in zip(likelihood.recordings, remaining, strict=True)
     ]
     return HealthyRemainder(
-        line_pressure_offset_MPa=0.0 if known is None else known.line_pressure_offset_MPa,
+        line_pressure_offset_MPa=known.line_pressure_offset_MPa,
         variance=PhaseFigures.of({p.name: max(one.variance(p) for one in statistics) for p in Phase}),
         colour=PhaseFigures.of({p.name: max(one.colour(p) for one in statistics) for p in Phase}),
         appears={one.effect.id: _appearance(one) for one in found},
-        shape=fit.shape() if known is None else together(known.shape, fit.shape()),
+        shape=fit.shape() if known.shape is None else together(known.shape, fit.shape()),
     )
 
 
@@ -161,41 +162,34 @@ def _appearance(signature: Signature) -> Appearance:
     return Appearance(mean=mean, uncertainty=uncertainty, scatter=scatter, unit=first.unit)
 
 
-def with_healthy_offset(measured: Measurement, known: HealthyRemainder | None) -> Measurement:
+def with_healthy_offset(measured: Measurement, known: Healthy) -> Measurement:
     """A recording with the offset its line-pressure sensor had already when the injector was healthy."""
-    if known is None or known.line_pressure_offset_MPa == 0.0:
+    if known.line_pressure_offset_MPa == 0.0:
         return measured
     offset = sized("line_pressure_sensor_offset", o=known.line_pressure_offset_MPa * MEGAPASCAL)
     return replace(measured, stated=(*measured.stated, offset))
 
 
-@dataclass(frozen=True)
-class HealthyAppearance:
-    """The size an effect has on the healthy injector as seen by other recordings [SI]: mean, standard deviation."""
+def reference(appears: Mapping[str, Appearance], signature: Signature) -> tuple[float, float]:
+    """Size [SI] an effect has on the healthy injector as recordings with this signature see it: mean and sigma.
 
-    mean: float
-    sigma: float
-
-
-def reference(appears: Mapping[str, Appearance], signature: Signature) -> HealthyAppearance:
-    """For recordings in which the effect has this signature; 0 and sure where nothing is known of it."""
+    0 and sure where nothing is known of it.
+    """
     known = appears.get(signature.effect.id)
     if known is None:
-        return HealthyAppearance(0.0, 0.0)
+        return 0.0, 0.0
     weights = signature.information
     by_recordings = float(weights @ weights) / float(np.sum(weights)) ** 2
     si = signature.effect.parameters[0].si
-    return HealthyAppearance(
-        known.mean * si, si * math.hypot(known.uncertainty, known.scatter * math.sqrt(by_recordings))
-    )
+    return known.mean * si, si * math.hypot(known.uncertainty, known.scatter * math.sqrt(by_recordings))
 
 
 def least_gain(appears: Mapping[str, Appearance]) -> float:
-    """Of -2 log L, from which on an effect counts. appears: what the healthy injector appears to have, if known."""
+    """Least gain of -2 log L by which an effect counts. appears: effects the healthy injector seems to have."""
     return VISIBLE_BESIDE_A_FIT if appears else VISIBLE
 
 
 def smallest_visible(appears: Mapping[str, Appearance], signature: Signature) -> float:
     """Size [SI] from which on an effect would have been told from noise and from the healthy injector."""
-    least = math.sqrt(least_gain(appears)) * math.hypot(signature.sigma, reference(appears, signature).sigma)
+    least = math.sqrt(least_gain(appears)) * math.hypot(signature.sigma, reference(appears, signature)[1])
     return max(least, signature.effect.parameters[0].dead_zone)

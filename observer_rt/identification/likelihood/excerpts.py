@@ -54,7 +54,7 @@ class _Excerpt:
 
 @dataclass
 class _Point:
-    """What is kept of an operating point: every stride-th injection, beginning with the first."""
+    """Injections kept of an operating point: every stride-th injection, beginning with the first."""
 
     seen: int = 0
     stride: int = 1

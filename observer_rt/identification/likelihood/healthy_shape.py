@@ -1,4 +1,4 @@
-"""Events of a recording as `engine.estimation.healthy_shape` sees them."""
+"""Finds the events of a recording for `engine.estimation.healthy_shape`."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,4 +1,4 @@
-"""How well an effective model explains the recordings: whitened innovations, -2 log L, by phase."""
+"""Likelihood of a model given recordings: whitened innovations, -2 log L, by phase."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -71,8 +71,8 @@ class JudgedModel:
     masses: NDArray[np.float64]
 
 
-class Trial:
-    """One recording, ready to be compared with models."""
+class RecordingLikelihood:
+    """Likelihood of models given one recording."""
 
     def __init__(
         self, measurement: Measurement, nominal: EffectiveModel, healthy: HealthyShape | None = None
@@ -251,9 +251,9 @@ class Trial:
         return np.append(residual - gain * scale, gain / GAIN_ERROR), larger
 
 
-def evidence_of(
+def joint_likelihood(
     found: Sequence[Measurement], nominal: EffectiveModel, healthy: HealthyShape | None = None
-) -> "Evidence":
+) -> "JointLikelihood":
     """Recordings, ready to be compared with models that depart from the nominal one.
 
     healthy: mean innovation of the healthy injector by the nominal model, which is taken out.
@@ -269,18 +269,18 @@ def evidence_of(
                 f"{rate:g} Hz would need {substeps} integration steps a sample (at most {MAX_SUBSTEPS})",
                 f"record with {rate * substeps / MAX_SUBSTEPS:.0f} Hz or more, or give the model a larger sac",
             )
-    return Evidence([Trial(measurement, nominal, healthy) for measurement in found])
+    return JointLikelihood([RecordingLikelihood(measurement, nominal, healthy) for measurement in found])
 
 
-class Evidence:
-    """All recordings: what a model's residuals on them are."""
+class JointLikelihood:
+    """Likelihood of models given all recordings."""
 
-    def __init__(self, trials: Sequence[Trial]) -> None:
-        self.trials = tuple(trials)
+    def __init__(self, recordings: Sequence[RecordingLikelihood]) -> None:
+        self.recordings = tuple(recordings)
 
     def judge(self, model: EffectiveModel) -> list[JudgedModel] | None:
         """The model on every recording; None where its solution is not finite."""
-        judged = [trial.judge(model) for trial in self.trials]
+        judged = [recorded.judge(model) for recorded in self.recordings]
         complete = [one for one in judged if one is not None]
         return complete if len(complete) == len(judged) else None
 
@@ -301,7 +301,7 @@ def residuals_of(judged: Sequence[JudgedModel]) -> Residuals:
 
 
 def _input_key(model: EffectiveModel) -> tuple[InputTerms, Seat]:
-    """What the inputs depend on."""
+    """Terms that the inputs depend on."""
     return model.inputs, model.coefficients.seat
 
 
@@ -318,7 +318,7 @@ class Signal(StrEnum):
 
     @property
     def si(self) -> float:
-        """What one of that unit is in SI."""
+        """One of that unit in SI."""
         return MEGAPASCAL if self is Signal.LINE_PRESSURE else MM3_PER_MS
 
     @property
@@ -339,15 +339,15 @@ def normalised(one: JudgedModel) -> dict[Signal, NDArray[np.float64]]:
     return parts
 
 
-def phases_by_signal(trial: Trial) -> dict[Signal, NDArray[np.int8]]:
-    return {Signal.LINE_PRESSURE: trial.phases, Signal.INJECTION_RATE: trial.rate_phases}
+def phases_by_signal(recorded: RecordingLikelihood) -> dict[Signal, NDArray[np.int8]]:
+    return {Signal.LINE_PRESSURE: recorded.phases, Signal.INJECTION_RATE: recorded.rate_phases}
 
 
-def pool_of(evidence: Evidence, judged: Sequence[JudgedModel]) -> Pool:
+def pool_of(likelihood: JointLikelihood, judged: Sequence[JudgedModel]) -> Pool:
     """Statistics of all recordings together."""
     pool: dict[Signal, PhaseStatistics] = {}
-    for trial, one in zip(evidence.trials, judged, strict=True):
+    for recorded, one in zip(likelihood.recordings, judged, strict=True):
         for signal, z in normalised(one).items():
-            found = phase_statistics(z, 1.0, phases_by_signal(trial)[signal], 0)
+            found = phase_statistics(z, 1.0, phases_by_signal(recorded)[signal], 0)
             pool[signal] = pool.get(signal, no_statistics()).faded(1.0, found)
     return pool

@@ -19,17 +19,31 @@ from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import Coefficients, EffectiveModel, averaged
 from observer_rt.model.forcing import NO_CLOCK, Clock
 
+LEAD = 3e-3  # s before an opening from which x~ runs
+COUNTED_LEAD = 1e-3  # s before an opening from which innovations count: by then x~ has forgotten its start
+RING_DOWN = 12e-3  # s after the last closing that count
+EVENT_GAP = 10e-3  # s of shut needle that end an event
+RESTING = 3e-3  # s after which a shut sac is at chamber pressure
+START_MEAN = 0.05e-3  # s on either side of the start over which y is averaged
+MARGIN = 80e-6  # s at both ends, for channels recorded late or early
+FLOOR = NoiseLevels(rail_pressure=0.005 * MEGAPASCAL, line_pressure=0.005 * MEGAPASCAL, needle_lift=0.02e-6)
+RATE_FLOOR = 0.01 * MM3_PER_MS
+POINT_PRESSURE, POINT_DURATION = 5 * MEGAPASCAL, 0.1e-3  # Pa, s: one operating point within these
+_GUESSED_LIFT_NOISE = 0.4 * MICROMETRE  # where too few samples tell
+LOWEST_SAMPLE_RATE = 10e3  # Hz, below which the line mode is not seen
+SHORTEST_OPENING = 0.05e-3  # s
+
 
 class MissingSamples:
     """Counts samples, those that are missing, and the gaps these make, while a recording is read."""
 
     def __init__(self) -> None:
         self.samples = 0
-        """Of the recording."""
+        """Samples of the recording."""
         self.missing = 0
-        """Of these."""
+        """Samples that are missing."""
         self.count = 0
-        """Of gaps."""
+        """Number of gaps."""
         self.longest = 0
         """[samples]"""
         self._open = 0  # samples of a gap that may go on
@@ -51,21 +65,6 @@ class MissingSamples:
             self._open = int(lengths[-1]) if missing[-1] else 0
 
 
-LEAD = 3e-3  # s before an opening from which x~ runs
-COUNTED_LEAD = 1e-3  # s before an opening from which innovations count: by then x~ has forgotten its start
-RING_DOWN = 12e-3  # s after the last closing that count
-EVENT_GAP = 10e-3  # s of shut needle that end an event
-RESTING = 3e-3  # s after which a shut sac is at chamber pressure
-START_MEAN = 0.05e-3  # s on either side of the start over which y is averaged
-MARGIN = 80e-6  # s at both ends, for channels recorded late or early
-FLOOR = NoiseLevels(rail_pressure=0.005 * MEGAPASCAL, line_pressure=0.005 * MEGAPASCAL, needle_lift=0.02e-6)
-RATE_FLOOR = 0.01 * MM3_PER_MS
-POINT_PRESSURE, POINT_DURATION = 5 * MEGAPASCAL, 0.1e-3  # Pa, s: one operating point within these
-_GUESSED_LIFT_NOISE = 0.4 * MICROMETRE  # where too few samples tell
-LOWEST_SAMPLE_RATE = 10e3  # Hz, below which the line mode is not seen
-SHORTEST_OPENING = 0.05e-3  # s
-
-
 @dataclass(frozen=True)
 class JudgedEvent:
     """Openings closer than EVENT_GAP: x~ runs from sample `start`, innovations count in [counted, end).
@@ -80,7 +79,7 @@ class JudgedEvent:
     clock: Clock = NO_CLOCK
 
     def moved(self, by: int) -> "JudgedEvent":
-        """The same some samples later."""
+        """Moves it by some samples."""
         openings = tuple(Opening(o.first + by, o.last + by, o.rising, o.falling) for o in self.openings)
         return JudgedEvent(openings, self.start + by, self.counted + by, self.end + by, self.clock)
 
@@ -103,7 +102,7 @@ class LeftOut:
 
 @dataclass(frozen=True)
 class FoundInjections:
-    """What there was in a recording. complete: injections that can be judged; left_out: others."""
+    """Injections of a recording. complete: injections that can be judged; left_out: others."""
 
     gaps: MissingSamples
     complete: int
@@ -214,7 +213,7 @@ def rail_pressure_before(event: JudgedEvent, recording: Recording) -> float:
 
 
 def open_time(event: JudgedEvent, recording: Recording) -> float:
-    """How long the needle is open in an event [s]."""
+    """Time the needle is open in an event [s]."""
     return sum(o.last - o.first + 1 for o in event.openings) / recording.sample_rate
 
 
@@ -321,5 +320,5 @@ def every_second_point(found: Sequence[Measurement]) -> tuple[tuple[int, ...], t
 
 
 def operating_point(rail_pressure: float, duration: float) -> tuple[int, int]:
-    """Of a rail pressure [Pa] and time open [s]: equal within a few MPa and some hundredths of a millisecond."""
+    """Key of a rail pressure [Pa] and time open [s]: equal within a few MPa and some hundredths of a millisecond."""
     return round(rail_pressure / POINT_PRESSURE), round(duration / POINT_DURATION)

@@ -12,6 +12,7 @@ from observer_rt.engine.stream.front_end import noise_gain
 
 RAMP = 8  # samples at most, through which the straight line of a ramp is laid
 RAMP_TIME = 80e-6  # s, of these samples
+GRID = 2e-6  # s of lag, at whose multiples openings are looked for: between them nothing jumps
 
 
 @dataclass(frozen=True)
@@ -99,9 +100,6 @@ def _ramp(lift: NDArray[np.float64], samples: int) -> Ramp:
     slope = float(beside @ used) / max(float(beside @ beside), 0.5)  # one sample has none
     level = float(np.mean(used)) - slope * (first + 0.5 * (used.size - 1))
     return Ramp(level, max(slope, 0.0))
-
-
-GRID = 2e-6  # s of lag, at whose multiples openings are looked for: between them nothing jumps
 
 
 def without_lag(lift: NDArray[np.float64], sample_rate: float, lag: float) -> NDArray[np.float64]:

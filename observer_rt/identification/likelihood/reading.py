@@ -20,6 +20,7 @@ from observer_rt.model.baseline import Baseline
 from observer_rt.model.effect import SizedEffect
 
 _RATE_TOLERANCE = 1e-6  # relative
+_SHOWN = 5  # of the injections left out for one reason
 
 
 def read_measured(
@@ -113,9 +114,6 @@ def shortened(hashes: Mapping[str, str]) -> list[str]:
     return [f"{name} sha256 {digest[:12]}" for name, digest in hashes.items()]
 
 
-_SHOWN = 5  # of the injections left out for one reason
-
-
 def coverage(measurement: Measurement) -> str:
     """One line for a recording used as a whole, else several. Pilot, main and post are one injection."""
     recording, found = measurement.recording, measurement.found
@@ -139,7 +137,7 @@ def is_chosen(measurement: Measurement) -> bool:
 
 
 def chosen_words(measurement: Measurement) -> str:
-    """How injections were chosen of a recording too long to be judged as a whole; empty for others."""
+    """Describes how injections were chosen of a recording too long to be judged whole; empty for others."""
     judged, complete = len(measurement.events), measurement.found.complete
     if not is_chosen(measurement):
         return ""

@@ -35,6 +35,9 @@ from observer_rt.model.forcing import Clock
 WIDTH = 50e-6  # s, of the kernel: it leaves what a rail does up to some 3 kHz
 REACH = 4.0  # widths to either side
 MOVING = 0.5  # of the noise: by so much the rail moves in events where its delay can be seen at all
+RATE_DELAY = 40e-6  # s after an opening from which a measured rate is judged
+MASS_LEAD, MASS_TAIL = 0.15e-3, 0.5e-3  # s beside an event's openings that its mass is summed over
+FOOT_ROUNDING = 8e-6  # s before and after a needle leaves or meets its seat, in which it gathers speed
 
 
 def smoothing_of(interval: float) -> float:
@@ -70,11 +73,6 @@ def _moves(measurement: Measurement) -> bool:
     return bool(variance > (1.0 + MOVING**2) * noise**2)
 
 
-RATE_DELAY = 40e-6  # s after an opening from which a measured rate is judged
-MASS_LEAD, MASS_TAIL = 0.15e-3, 0.5e-3  # s beside an event's openings that its mass is summed over
-FOOT_ROUNDING = 8e-6  # s before and after a needle leaves or meets its seat, in which it gathers speed
-
-
 class Batch(NamedTuple):
     """All windows of a recording, one after another; n samples, w windows, normalised by (24).
 
@@ -108,7 +106,7 @@ class Batch(NamedTuple):
 def in_mass_window(
     measurement: Measurement, event: JudgedEvent, samples: NDArray[np.int64]
 ) -> NDArray[np.bool_]:
-    """Which samples (n,) of a recording an event's mass is summed over."""
+    """Selects the samples (n,) of a recording over which an event's mass is summed."""
     lead, tail = (round(t / measurement.interval) for t in (MASS_LEAD, MASS_TAIL))
     inside = np.zeros(samples.size, np.bool_)
     for opening in event.openings:

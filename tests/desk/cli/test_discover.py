@@ -9,7 +9,7 @@ import can
 import numpy as np
 import pytest
 
-import observer_rt.identification.discovery.answer
+import observer_rt.identification.discovery.discover
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.files.formats import read_recording, write_recording
 from observer_rt.foundation.errors import RunError
@@ -113,7 +113,7 @@ def test_an_interrupted_search_goes_on_where_it_was(
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patched:
-        patched.setattr(observer_rt.identification.discovery.answer, "answer", interrupted)
+        patched.setattr(observer_rt.identification.discovery.discover, "answer", interrupted)
         done = command("discover", "--out", tmp_path / "found", worn)
     assert done.code == 130
     assert "1 fitted candidates are kept" in done.err
@@ -186,7 +186,7 @@ def test_a_log_of_the_replayed_recording_gives_the_same_verdict(
 def test_a_log_with_gaps_is_judged_by_what_is_whole(
     command: Command, worn: Path, bench: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(observer_rt.identification.discovery.answer, "answer", _stopped)
+    monkeypatch.setattr(observer_rt.identification.discovery.discover, "answer", _stopped)
     messages = _replayed(command, worn, bench)
     lift = read_recording(worn).needle_lift
     opening = int(np.flatnonzero(lift > 20e-6)[0]) // 9  # of the first injection, in frames of nine samples

@@ -12,7 +12,7 @@ import pytest
 
 from observer_rt.config.bench import EXAMPLE_BENCH, load_injector
 from observer_rt.desk.cli.models import discover
-from observer_rt.desk.fleet.discovering import TABLE
+from observer_rt.desk.fleet.answers import TABLE
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.files.formats import write_recording

@@ -1,17 +1,17 @@
 """Shared by the tests of discovery: a worn injector and everything `discover` says of it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
 import pytest
 
 from observer_rt.files.signals.recording import Recording
-from observer_rt.identification.discovery.answer import Question, answer
-from observer_rt.identification.discovery.findings import Findings, Indicator, Opinion, Sources
+from observer_rt.identification.discovery.discover import DiscoveryTask, answer
+from observer_rt.identification.discovery.findings import Findings, Opinion, PrintedFigure, Sources
 from observer_rt.identification.discovery.search.candidates import NoMemory
 from observer_rt.identification.likelihood.measurement import measurements
-from observer_rt.model.effects import sized
+from observer_rt.model.effects import VOCABULARY, sized
 from observer_rt.model.parameters import InjectorParameters
 from tests.identification.discovery.hidden import NOMINAL, recordings
 
@@ -26,13 +26,24 @@ WORN_POINTS = ((60e6, 0.6e-3), (60e6, 1.9e-3), (140e6, 0.6e-3), (140e6, 1.9e-3))
 class Worn:
     """An injector with v_H = WEAR, measured rate and all, and the answer."""
 
-    question: Question
+    task: DiscoveryTask
     findings: Findings
 
 
 def agrees(_: InjectorParameters, __: Sequence[Recording]) -> Opinion:
     """A learning observer that says the same."""
-    return Opinion((Indicator("orifice_area", WEAR, 0.002),), 10, 12, {})
+    return opinion_of({"orifice_area": (WEAR, 0.002)})
+
+
+def opinion_of(learned: Mapping[str, tuple[float, float]], reasons: dict[str, int] | None = None) -> Opinion:
+    """10 of 12 injections valid. learned: value and standard deviation [SI] by effect."""
+    indicators = {}
+    for name, (value, sigma) in learned.items():
+        parameter = VOCABULARY[name].parameters[0]
+        indicators[name] = PrintedFigure(
+            value=value / parameter.si, sigma=sigma / parameter.si, unit=parameter.unit
+        )
+    return Opinion(valid=10, injections=12, reasons=reasons or {}, indicators=indicators)
 
 
 @pytest.fixture(scope="session")
@@ -40,5 +51,5 @@ def worn() -> Worn:
     """Four operating points of a worn injector."""
     made = recordings((sized("orifice_area", v_H=WEAR),), measured_rate=True, points=WORN_POINTS)
     names = {f"<{number}>.csv": f"{number:064x}" for number in range(len(made))}
-    question = Question(NOMINAL, measurements(made), (), names)
-    return Worn(question, answer(question, NoMemory(), agrees, lambda _: None, "amended.toml"))
+    task = DiscoveryTask(NOMINAL, measurements(made), (), names)
+    return Worn(task, answer(task, NoMemory(), agrees, lambda _: None, "amended.toml"))

@@ -86,7 +86,7 @@ def test_what_was_found_is_written_with_its_evidence(worn: Worn) -> None:
     value = effect.parameters["v_H"]
     assert value.ci95 is not None
     assert value.ci95[0] < WEAR < value.ci95[1]
-    for name, digest in worn.question.hashes.items():
+    for name, digest in worn.task.hashes.items():
         assert f"{name} sha256 {digest[:12]}" in effect.evidence
     assert "named" in effect.evidence
     assert date.fromisoformat(effect.date)

@@ -4,21 +4,21 @@ from dataclasses import replace
 
 import pytest
 
-from observer_rt.identification.discovery.answer import Question, answer
+from observer_rt.identification.discovery.discover import DiscoveryTask, answer
 from observer_rt.identification.discovery.findings import (
     Caveat,
     Findings,
     is_level_measured,
     is_like_inertance,
 )
-from observer_rt.identification.discovery.report.document import as_json
+from observer_rt.identification.discovery.report.document import document_of
 from observer_rt.identification.discovery.report.text import as_text
 from observer_rt.identification.discovery.search.candidates import NoMemory
-from observer_rt.identification.discovery.search.result import FittedParameter, Verdict
+from observer_rt.identification.discovery.search.results import FittedParameter, Verdict
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effects import effective_model, sized
 from tests.baselines import baseline
-from tests.identification.discovery.conftest import SOURCES, Worn, agrees
+from tests.identification.discovery.conftest import SOURCES, Worn, agrees, opinion_of
 from tests.identification.discovery.hidden import NOMINAL, recordings
 
 
@@ -55,12 +55,7 @@ def _slow_lift_sensor(findings: Findings) -> Findings:
         ("mass_not_measured", _without_rate),
         ("line_inertance", lambda f: _without_rate(replace(f, like_inertance=True))),
         ("healthy_recordings", lambda f: replace(f, healthy_warning="the model is another")),
-        (
-            "observer",
-            lambda f: replace(
-                f, opinion=replace(f.opinion, indicators=(replace(f.opinion.indicators[0], value=0.0),))
-            ),
-        ),
+        ("observer", lambda f: replace(f, opinion=opinion_of({"orifice_area": (0.0, 0.002)}))),
     ],
 )
 def test_a_reservation_is_in_headline_and_document(worn: Worn, caveat: str, changed: object) -> None:
@@ -69,9 +64,9 @@ def test_a_reservation_is_in_headline_and_document(worn: Worn, caveat: str, chan
     (one,) = findings.caveats
     assert one.id == caveat
     assert f"but: {one.words}" in as_text(findings).splitlines()[0]
-    assert {"id": caveat, "words": one.words, "sentence": one.sentence} in as_json(findings, SOURCES)[
-        "caveats"
-    ]
+    assert {"id": caveat, "words": one.words, "sentence": one.sentence} in document_of(
+        findings, SOURCES
+    ).as_json()["caveats"]
 
 
 def test_a_measured_rate_settles_the_inertance(worn: Worn) -> None:
@@ -116,8 +111,8 @@ def test_flow_and_stiffness_that_changed_together_look_like_another_inertance(
 
 def test_what_is_of_the_bench_is_told_and_never_amended() -> None:
     made = recordings((sized("needle_lift_sensor_lag", tau=16e-6),))
-    question = Question(NOMINAL, measurements(made), (), {"a.csv": "0" * 64, "b.csv": "1" * 64})
-    findings = answer(question, NoMemory(), agrees, lambda _: None, "amended.toml")
+    task = DiscoveryTask(NOMINAL, measurements(made), (), {"a.csv": "0" * 64, "b.csv": "1" * 64})
+    findings = answer(task, NoMemory(), agrees, lambda _: None, "amended.toml")
     assert [effect.id for effect in findings.discovery.effects] == ["needle_lift_sensor_lag"]
     assert "state the lag of the lift sensor in the bench file" in as_text(findings).splitlines()[0]
     assert (findings.amended_model, findings.in_force) == (None, ())

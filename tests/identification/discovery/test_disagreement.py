@@ -2,9 +2,9 @@
 
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.identification.discovery.gaps import disagreements
-from observer_rt.identification.discovery.search.result import Verdict
+from observer_rt.identification.discovery.search.results import Verdict
 from observer_rt.identification.discovery.search.verdict import SearchOptions, name_effects
-from observer_rt.identification.likelihood.likelihood import Signal, evidence_of
+from observer_rt.identification.likelihood.likelihood import Signal, joint_likelihood
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effect import Equation
 from observer_rt.model.effects import effective_model, sized
@@ -33,7 +33,7 @@ def test_each_of_two_effects_has_its_places() -> None:
     measured = measurements(recordings(hidden))
     nominal = effective_model(NOMINAL)
     found = name_effects(nominal, measured, SearchOptions(workers=2))
-    where = disagreements(found, evidence_of(measured, nominal), nominal)
+    where = disagreements(found, joint_likelihood(measured, nominal), nominal)
     shut = {item.equation for item in where if item.before.phase is Phase.STANDSTILL}
     opened = {item.equation for item in where if item.before.phase is Phase.OPEN}
     assert shut <= {Equation.OUTPUT, Equation.INPUT}
@@ -45,6 +45,6 @@ def test_a_healthy_map_is_empty() -> None:
     nominal = effective_model(NOMINAL)
     found = name_effects(nominal, measured, SearchOptions(workers=2))
     assert found.verdict is Verdict.NONE
-    where = disagreements(found, evidence_of(measured, nominal), nominal)
+    where = disagreements(found, joint_likelihood(measured, nominal), nominal)
     assert {item.equation for item in where} == {None}
     assert all(item.before == item.after for item in where)

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from observer_rt.identification.discovery.findings import gap_share
-from observer_rt.identification.discovery.report.document import as_json
+from observer_rt.identification.discovery.report.document import document_of
 from observer_rt.identification.discovery.search.verdict import SearchOptions, name_effects
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effects import effective_model, sized
@@ -17,7 +17,7 @@ from tests.identification.discovery.hidden import NOMINAL, recordings
 @pytest.fixture
 def document(worn: Worn) -> dict[str, Any]:
     """The document as a reader without NaN sees it."""
-    text = json.dumps(as_json(worn.findings, SOURCES), allow_nan=False)
+    text = json.dumps(document_of(worn.findings, SOURCES).as_json(), allow_nan=False)
     parsed: dict[str, Any] = json.loads(text)
     return parsed
 

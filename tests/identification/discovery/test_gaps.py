@@ -27,7 +27,7 @@ def test_mass_is_off_by_what_wear_changes(worn: Worn) -> None:
     density = worn_model.coefficients.density
     changes = []
     for number in gaps.held_out:
-        measurement = worn.question.measured[number]
+        measurement = worn.task.measured[number]
         before, after = (simulated(measurement, model) for model in (effective_model(NOMINAL), worn_model))
         changes += [
             mass(measurement, new, density) - mass(measurement, old, density)

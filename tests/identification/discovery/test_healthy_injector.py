@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from observer_rt.identification.discovery.search.result import Discovery, Verdict
+from observer_rt.identification.discovery.search.results import Discovery, Verdict
 from observer_rt.identification.discovery.search.verdict import SearchOptions, healthy_baseline, name_effects
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effect import SizedEffect

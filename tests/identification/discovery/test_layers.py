@@ -13,7 +13,7 @@ DISCOVERY = "observer_rt.identification.discovery"
 
 
 def test_discovery_imports_nothing_from_above() -> None:
-    code = f"import {DISCOVERY}.answer, {DISCOVERY}.report.text, sys; print(*sys.modules)"
+    code = f"import {DISCOVERY}.discover, {DISCOVERY}.report.text, sys; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     loaded = {name.split(".")[1] for name in done.stdout.split() if name.startswith("observer_rt.")}
     assert "identification" in loaded

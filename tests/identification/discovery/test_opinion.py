@@ -4,31 +4,24 @@ from dataclasses import replace
 
 import pytest
 
-from observer_rt.identification.discovery.findings import Indicator, Opinion, contradictions, remark
-from observer_rt.identification.discovery.search.result import (
+from observer_rt.identification.discovery.findings import Opinion, contradictions, remark
+from observer_rt.identification.discovery.search.results import (
     Consequence,
     Discovery,
     FittedEffect,
     FittedParameter,
     Verdict,
 )
-from tests.identification.discovery.conftest import Worn
+from tests.identification.discovery.conftest import Worn, opinion_of
 
-QUIET = tuple(
-    Indicator(name, 0.0, sigma)
-    for name, sigma in (
-        ("orifice_area", 0.002),
-        ("seat_area", 0.005),
-        ("guide_leakage", 0.0),
-        ("line_pressure_sensor_lag", 0.0),
-    )
-)
+QUIET = {"orifice_area": 0.002, "seat_area": 0.005, "guide_leakage": 0.0, "line_pressure_sensor_lag": 0.0}
+"""Standard deviations of what was not learned."""
 
 
-def _with(*changed: Indicator, **reasons: int) -> Opinion:
-    ids = {indicator.effect_id for indicator in changed}
-    kept = tuple(indicator for indicator in QUIET if indicator.effect_id not in ids)
-    return Opinion((*kept, *changed), 10, 12, reasons)
+def _with(reasons: dict[str, int] | None = None, **changed: tuple[float, float]) -> Opinion:
+    """changed: value and standard deviation [SI] by effect."""
+    said = {name: (0.0, sigma) for name, sigma in QUIET.items()} | changed
+    return opinion_of(said, reasons)
 
 
 def _named(found: Discovery, effect_id: str, name: str, value: float, half: float) -> Discovery:
@@ -39,35 +32,34 @@ def _named(found: Discovery, effect_id: str, name: str, value: float, half: floa
 @pytest.mark.parametrize(("learned", "agrees"), [(0.1, True), (0.104, True), (0.2, False), (0.0, False)])
 def test_sizes_are_compared(worn: Worn, learned: float, agrees: bool) -> None:
     found = worn.findings.discovery
-    said = contradictions(found, _with(Indicator("orifice_area", learned, 0.002)))
+    said = contradictions(found, _with(orifice_area=(learned, 0.002)))
     assert (said == ()) == agrees
 
 
 def test_what_the_observer_learned_besides_is_told(worn: Worn) -> None:
     found = worn.findings.discovery
-    leak = Indicator("guide_leakage", 5e-14, 1e-15)
-    (said,) = contradictions(found, _with(Indicator("orifice_area", 0.1, 0.002), leak))
+    (said,) = contradictions(found, _with(orifice_area=(0.1, 0.002), guide_leakage=(5e-14, 1e-15)))
     assert "guide_leakage" in said
 
 
 def test_of_nothing_missing_nothing_is_learned(worn: Worn) -> None:
     nothing = replace(worn.findings.discovery, verdict=Verdict.NONE, effects=())
     assert contradictions(nothing, _with()) == ()
-    assert contradictions(nothing, _with(Indicator("seat_area", 0.2, 0.005)))
-    assert contradictions(nothing, _with(MODEL_INADEQUATE=3))
+    assert contradictions(nothing, _with(seat_area=(0.2, 0.005)))
+    assert contradictions(nothing, _with({"MODEL_INADEQUATE": 3}))
     # an indicator beyond its own uncertainty, but too small to matter
-    assert contradictions(nothing, _with(Indicator("orifice_area", 0.002, 1e-5))) == ()
+    assert contradictions(nothing, _with(orifice_area=(0.002, 1e-5))) == ()
 
 
 def test_an_effect_the_observer_has_no_term_for_is_no_contradiction(worn: Worn) -> None:
     found = _named(worn.findings.discovery, "lift_offset", "x_0", 20e-6, 1e-6)
-    opinion = _with(Indicator("seat_area", 1.1, 0.1), MODEL_INADEQUATE=10)
+    opinion = _with({"MODEL_INADEQUATE": 10}, seat_area=(1.1, 0.1))
     assert contradictions(found, opinion) == ()
     assert "lift_offset" in remark(found, opinion)
 
 
 def test_of_something_unknown_nobody_can_disagree(worn: Worn) -> None:
     unknown = replace(worn.findings.discovery, verdict=Verdict.UNKNOWN, effects=())
-    opinion = _with(Indicator("seat_area", 1.1, 0.1), MODEL_INADEQUATE=10)
+    opinion = _with({"MODEL_INADEQUATE": 10}, seat_area=(1.1, 0.1))
     assert contradictions(unknown, opinion) == ()
     assert "inadequate" in remark(unknown, opinion)

@@ -10,13 +10,13 @@ import pytest
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.config.injector_file import InjectorFile
 from observer_rt.identification.discovery.amend import write_amended
-from observer_rt.identification.discovery.answer import Question, answer
+from observer_rt.identification.discovery.discover import DiscoveryTask, answer
 from observer_rt.identification.discovery.findings import Findings
-from observer_rt.identification.discovery.report.document import as_json
+from observer_rt.identification.discovery.report.document import document_of
 from observer_rt.identification.discovery.report.page import report
 from observer_rt.identification.discovery.report.text import as_text
 from observer_rt.identification.discovery.search.candidates import NoMemory
-from observer_rt.identification.discovery.search.result import Verdict
+from observer_rt.identification.discovery.search.results import Verdict
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import effective_model, sized
@@ -31,22 +31,22 @@ PLUGGED = Term(
 )  # a hole, after the first injection
 
 
-def question_of(*effects: SizedEffect) -> Question:
+def question_of(*effects: SizedEffect) -> DiscoveryTask:
     made = recordings(effects, points=WORN_POINTS)
-    return Question(NOMINAL, measurements(made), (), {f"{n}.csv": f"{n:064x}" for n in range(len(made))})
+    return DiscoveryTask(NOMINAL, measurements(made), (), {f"{n}.csv": f"{n:064x}" for n in range(len(made))})
 
 
-def answered(question: Question) -> Findings:
-    return answer(question, NoMemory(), agrees, lambda _: None, "amended.toml")
+def answered(task: DiscoveryTask) -> Findings:
+    return answer(task, NoMemory(), agrees, lambda _: None, "amended.toml")
 
 
 @pytest.fixture(scope="module")
-def plugged() -> Question:
+def plugged() -> DiscoveryTask:
     return question_of(SizedEffect(effect_of(PLUGGED), ()))
 
 
 @pytest.fixture(scope="module")
-def accepted(plugged: Question) -> Findings:
+def accepted(plugged: DiscoveryTask) -> Findings:
     return answered(replace(plugged, accepted=1))
 
 
@@ -77,7 +77,7 @@ def test_a_law_is_drawn_beside_what_the_recordings_say(accepted: Findings) -> No
 
 
 def test_an_accepted_proposal_explains_the_recordings(
-    accepted: Findings, plugged: Question, tmp_path: Path
+    accepted: Findings, plugged: DiscoveryTask, tmp_path: Path
 ) -> None:
     path = tmp_path / "amended.toml"
     file = InjectorFile.read(NOMINAL_INJECTOR)
@@ -92,7 +92,7 @@ def test_an_accepted_proposal_explains_the_recordings(
 
 
 def test_a_proposal_is_in_every_answer(accepted: Findings) -> None:
-    (stated,) = as_json(accepted, SOURCES)["unknown"]["proposals"]
+    (stated,) = document_of(accepted, SOURCES).as_json()["unknown"]["proposals"]
 
     assert stated["terms"][0]["equation"] == "nozzle_flow"
     assert stated["terms"][0]["depends_on"] == ["injection_number"]
@@ -105,7 +105,9 @@ def test_a_proposal_is_in_every_answer(accepted: Findings) -> None:
 
 
 @pytest.mark.parametrize(("number", "because"), [(2, "there are 1"), (7, "there are 1")])
-def test_a_proposal_that_is_not_there_is_not_accepted(plugged: Question, number: int, because: str) -> None:
+def test_a_proposal_that_is_not_there_is_not_accepted(
+    plugged: DiscoveryTask, number: int, because: str
+) -> None:
     found = answered(replace(plugged, accepted=number))
 
     assert because in found.not_accepted

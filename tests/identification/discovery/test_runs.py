@@ -8,16 +8,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from observer_rt.desk.fleet.discovering import said_of
+from observer_rt.desk.fleet.answers import said_of
 from observer_rt.foundation.errors import UserError
-from observer_rt.identification.discovery.report.document import as_json as document_of
+from observer_rt.identification.discovery.report.document import document_of
 from observer_rt.identification.discovery.runs import DiscoveryRun, as_json, change_lines, changes, run_table
 from tests.identification.discovery.conftest import SOURCES, WEAR, Worn
 
 
 @pytest.fixture
 def document(worn: Worn) -> dict[str, Any]:
-    parsed: dict[str, Any] = json.loads(json.dumps(document_of(worn.findings, SOURCES)))
+    parsed: dict[str, Any] = json.loads(json.dumps(document_of(worn.findings, SOURCES).as_json()))
     return parsed
 
 
@@ -54,7 +54,10 @@ def test_wear_that_grew_is_told_with_its_interval(
 def test_a_proposal_stands_beside_those_of_other_runs(document: dict[str, Any], tmp_path: Path) -> None:
     unknown = document | {
         "effects": [],
-        "unknown": {"proposals": [{"sentence": "as if it hummed", "number": 1}]},
+        "unknown": {
+            **{"equation": "input", "phase": "open", "depends_on": [], "term": ""},
+            "proposals": [{"sentence": "as if it hummed", "number": 1}],
+        },
     }
     runs = [_run(tmp_path, "first", document), _run(tmp_path, "second", unknown)]
 

@@ -7,7 +7,7 @@ import pytest
 
 from observer_rt.files.signals.recording import Recording
 from observer_rt.identification.discovery.standstill import StandstillFigure, standstill_checks
-from observer_rt.identification.likelihood.likelihood import evidence_of
+from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import Measurement, measurements
 from observer_rt.model.effects import effective_model, sized
 from tests.identification.discovery.conftest import Worn
@@ -17,7 +17,7 @@ MODEL = effective_model(NOMINAL)
 
 
 def _checks(found: tuple[Measurement, ...]) -> list[StandstillFigure]:
-    return list(standstill_checks(found, evidence_of(found, MODEL), MODEL, MODEL))
+    return list(standstill_checks(found, joint_likelihood(found, MODEL), MODEL, MODEL))
 
 
 def _named(checks: list[StandstillFigure], name: str) -> list[StandstillFigure]:
@@ -85,17 +85,17 @@ def test_what_was_found_explains_what_looks_like_a_leak() -> None:
     """Red in a report is what nobody has named."""
     hidden = sized("line_pressure_sensor_offset", o=0.4e6)
     found = measurements(recordings((hidden,)))
-    evidence, amended = evidence_of(found, MODEL), effective_model(NOMINAL, (hidden,))
+    likelihood, amended = joint_likelihood(found, MODEL), effective_model(NOMINAL, (hidden,))
     as_given = _named(
-        list(standstill_checks(found, evidence, MODEL, MODEL)), "apparent_line_pressure_sensor_offset"
+        list(standstill_checks(found, likelihood, MODEL, MODEL)), "apparent_line_pressure_sensor_offset"
     )
     with_it = _named(
-        list(standstill_checks(found, evidence, MODEL, amended)), "apparent_line_pressure_sensor_offset"
+        list(standstill_checks(found, likelihood, MODEL, amended)), "apparent_line_pressure_sensor_offset"
     )
     assert [(one.passed, one.explained) for one in as_given + with_it] == [(False, False), (False, True)]
     assert with_it[0].value == as_given[0].value
     leaks = [
-        _named(list(standstill_checks(found, evidence, MODEL, model)), "apparent_guide_leakage")[0]
+        _named(list(standstill_checks(found, likelihood, MODEL, model)), "apparent_guide_leakage")[0]
         for model in (MODEL, amended)
     ]
     assert [leak.passed or leak.explained for leak in leaks] == [False, True]

@@ -23,7 +23,7 @@ HASHES = {"a.csv": "0123456789abcdef"}
     scope="module",
     params=[
         pytest.param(SEAT_LUMP, id="lump"),
-        pytest.param(TWO_PARTS, id="two parts", marks=pytest.mark.slow),
+        pytest.param(TWO_PARTS, id="two folds", marks=pytest.mark.slow),
     ],
 )
 def done(request: pytest.FixtureRequest) -> Calibrated:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
-from observer_rt.identification.likelihood.likelihood import Evidence, evidence_of
+from observer_rt.identification.likelihood.likelihood import JointLikelihood, joint_likelihood
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import VOCABULARY, effective_model, sized
@@ -30,11 +30,11 @@ MODELS = {"lump": effective_model(NOMINAL), "wave": effective_model(_wave())}
 
 
 @cache
-def _evidence(rate: float, line: str) -> Evidence:
+def _likelihood(rate: float, line: str) -> JointLikelihood:
     """One injection at the highest usual pressure, where waves are fastest."""
     schedule = make_schedule([150e6], 1, 0.06, [0.8e-3])
     recording = simulate(NOMINAL, schedule, rate, (), SimulatedNoise()).recording
-    return evidence_of(measurements([recording]), MODELS[line])
+    return joint_likelihood(measurements([recording]), MODELS[line])
 
 
 @given(
@@ -55,7 +55,7 @@ def test_a_candidate_is_judged_or_has_no_solution(
             p.lowest + s * (p.highest - p.lowest) for p, s in zip(effect.parameters, shares, strict=True)
         ]
         model = effect.apply(model, values)
-    judged = _evidence(rate, line).judge(model)
+    judged = _likelihood(rate, line).judge(model)
     if judged is not None:
         assert all(np.isfinite(one.z).all() and np.isfinite(one.log_sigma) for one in judged)
 
@@ -68,7 +68,7 @@ def test_faster_waves_get_fewer_cells(r: float) -> None:
     assert stable is not None
     assert stable.injector.line.cells < faster.injector.line.cells  # type: ignore[operator]
     assert stable.coefficients.line.strain(10e-6) < STABLE
-    assert _evidence(100e3, "wave").judge(faster) is not None
+    assert _likelihood(100e3, "wave").judge(faster) is not None
 
 
 def test_cells_that_are_stable_stay() -> None:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from observer_rt.desk.simulation.simulate import SimulatedNoise
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.identification.likelihood.lift_noise import GRID, LiftNoise
-from observer_rt.identification.likelihood.likelihood import evidence_of
+from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import Measurement, measurements
 from observer_rt.model.effects import effective_model, sized
 from tests.identification.discovery.hidden import NOMINAL, recordings
@@ -31,10 +31,10 @@ def test_what_is_found_is_the_variance_beyond_that_without_a_lag() -> None:
 
 def test_the_noise_of_a_restored_lift_speaks_less_against_the_model() -> None:
     lag = sized("needle_lift_sensor_lag", tau=40e-6)
-    evidence = evidence_of(measurements(recordings((lag,), True, noise=LOUD)), MODEL)
-    judged = evidence.judge(lag.effect.apply(MODEL, lag.values))
+    likelihood = joint_likelihood(measurements(recordings((lag,), True, noise=LOUD)), MODEL)
+    judged = likelihood.judge(lag.effect.apply(MODEL, lag.values))
     assert judged is not None
-    for trial, one in zip(evidence.trials, judged, strict=True):
-        moving = (trial.phases == Phase.OPENING) | (trial.phases == Phase.CLOSING)
+    for recorded, one in zip(likelihood.recordings, judged, strict=True):
+        moving = (recorded.phases == Phase.OPENING) | (recorded.phases == Phase.CLOSING)
         assert np.mean(one.z[moving] ** 2) < 2.0  # 3.0 were the lift taken to be as quiet as it was recorded
         assert np.mean(one.rate_z**2) < 0.95  # 1.0 and 1.1, likewise

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from observer_rt.identification.likelihood.likelihood import GAIN_ERROR, Evidence, evidence_of
+from observer_rt.identification.likelihood.likelihood import GAIN_ERROR, JointLikelihood, joint_likelihood
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.identification.likelihood.open_loop import simulated
 from observer_rt.model.effect import SizedEffect
@@ -14,11 +14,11 @@ from observer_rt.model.effects import effective_model, sized
 from tests.identification.discovery.hidden import NOMINAL, recordings
 
 NOMINAL_MODEL = effective_model(NOMINAL)
-HEALTHY = evidence_of(measurements(recordings(measured_rate=True)), NOMINAL_MODEL)
+HEALTHY = joint_likelihood(measurements(recordings(measured_rate=True)), NOMINAL_MODEL)
 
 
-def _statistic(evidence: Evidence, model: EffectiveModel = NOMINAL_MODEL) -> float:
-    residuals = evidence.residuals(model)
+def _statistic(likelihood: JointLikelihood, model: EffectiveModel = NOMINAL_MODEL) -> float:
+    residuals = likelihood.residuals(model)
     assert residuals is not None
     return residuals.statistic
 
@@ -48,12 +48,12 @@ def test_innovations_and_rate_residuals_of_the_true_model_are_white() -> None:
     ids=lambda effect: str(effect.effect.id),
 )
 def test_the_truth_explains_far_more_than_the_nominal_model(hidden: SizedEffect) -> None:
-    evidence = evidence_of(measurements(recordings((hidden,))), NOMINAL_MODEL)
+    likelihood = joint_likelihood(measurements(recordings((hidden,))), NOMINAL_MODEL)
     true = effective_model(NOMINAL, (hidden,))
-    residuals = evidence.residuals(true)
+    residuals = likelihood.residuals(true)
     assert residuals is not None
     assert np.mean(residuals.z**2) == pytest.approx(1.0, abs=0.06)
-    assert residuals.statistic < _statistic(evidence) - 300.0
+    assert residuals.statistic < _statistic(likelihood) - 300.0
 
 
 def test_a_gain_error_of_the_rate_is_no_effect_within_its_prior() -> None:
@@ -62,9 +62,9 @@ def test_a_gain_error_of_the_rate_is_no_effect_within_its_prior() -> None:
         for one in recordings(measured_rate=True)
         if one.injection_rate is not None
     ]
-    evidence = evidence_of(measurements(scaled), NOMINAL_MODEL)
+    likelihood = joint_likelihood(measurements(scaled), NOMINAL_MODEL)
     most = len(scaled) * (0.01 / GAIN_ERROR + 2.0) ** 2  # of each gain, two sigma of its own beside
-    assert _statistic(evidence) < _statistic(HEALTHY) + most
+    assert _statistic(likelihood) < _statistic(HEALTHY) + most
 
 
 def test_a_wrong_shape_of_the_rate_counts_in_full() -> None:
@@ -73,8 +73,8 @@ def test_a_wrong_shape_of_the_rate_counts_in_full() -> None:
         for one in recordings(measured_rate=True)
         if one.injection_rate is not None
     ]
-    evidence = evidence_of(measurements(moved), NOMINAL_MODEL)
-    assert _statistic(evidence) > _statistic(HEALTHY) + 10_000.0
+    likelihood = joint_likelihood(measurements(moved), NOMINAL_MODEL)
+    assert _statistic(likelihood) > _statistic(HEALTHY) + 10_000.0
 
 
 def test_a_skew_beyond_the_margin_has_no_solution() -> None:
@@ -82,9 +82,9 @@ def test_a_skew_beyond_the_margin_has_no_solution() -> None:
 
 
 def test_the_statistic_is_smooth_across_whole_samples_of_skew() -> None:
-    evidence = evidence_of(measurements(recordings((sized("channel_skew", d=10e-6),))), NOMINAL_MODEL)
+    likelihood = joint_likelihood(measurements(recordings((sized("channel_skew", d=10e-6),))), NOMINAL_MODEL)
     values = [
-        _statistic(evidence, effective_model(NOMINAL, (sized("channel_skew", d=d),)))
+        _statistic(likelihood, effective_model(NOMINAL, (sized("channel_skew", d=d),)))
         for d in np.linspace(9.96e-6, 10.04e-6, 9)
     ]
     assert np.abs(np.diff(values, 2)).max() < 1.0
@@ -99,8 +99,10 @@ def test_what_is_stated_of_the_channels_is_known() -> None:
         sized("line_pressure_sensor_lag", tau=9e-6),
     )
     found = [replace(one, stated=channels) for one in measurements(recordings(channels))]
-    by_effects = evidence_of([replace(one, stated=()) for one in found], effective_model(NOMINAL, channels))
-    known, alike = evidence_of(found, NOMINAL_MODEL), effective_model(NOMINAL, channels)
+    by_effects = joint_likelihood(
+        [replace(one, stated=()) for one in found], effective_model(NOMINAL, channels)
+    )
+    known, alike = joint_likelihood(found, NOMINAL_MODEL), effective_model(NOMINAL, channels)
     assert _statistic(known) == pytest.approx(_statistic(by_effects, alike), rel=1e-12)
     assert _statistic(known) < _statistic(by_effects, NOMINAL_MODEL) - 1e3
     judged = known.judge(NOMINAL_MODEL)

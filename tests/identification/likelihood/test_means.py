@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from observer_rt.config.injector import Meaning
 from observer_rt.files.signals.recording import Recording
-from observer_rt.identification.likelihood.likelihood import JudgedModel, evidence_of
+from observer_rt.identification.likelihood.likelihood import JudgedModel, joint_likelihood
 from observer_rt.identification.likelihood.measurement import Measurement, measurements
 from observer_rt.identification.likelihood.open_loop import mass, simulated
 from observer_rt.identification.likelihood.windows import TrueInputs
@@ -52,7 +52,7 @@ def measured(
 
 
 def judged(meaning: Meaning | None, rate: bool = False) -> list[JudgedModel]:
-    found = evidence_of(measured(meaning, rate=rate), MODEL).judge(MODEL)
+    found = joint_likelihood(measured(meaning, rate=rate), MODEL).judge(MODEL)
     assert found is not None
     return found
 
@@ -74,8 +74,8 @@ def test_a_measured_rate_is_a_mean_too() -> None:
 
 def test_the_truth_explains_more_than_the_nominal_model() -> None:
     for hidden in (sized("orifice_area", v_H=0.05), sized("channel_skew", d=30e-6)):
-        evidence = evidence_of(measured(Meaning.MEAN, (hidden,)), MODEL)
-        true, nominal = (evidence.residuals(m) for m in (effective_model(NOMINAL, (hidden,)), MODEL))
+        likelihood = joint_likelihood(measured(Meaning.MEAN, (hidden,)), MODEL)
+        true, nominal = (likelihood.residuals(m) for m in (effective_model(NOMINAL, (hidden,)), MODEL))
         assert true is not None
         assert nominal is not None
         assert np.mean(true.z**2) == pytest.approx(1.0, abs=0.15)

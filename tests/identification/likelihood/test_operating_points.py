@@ -6,7 +6,7 @@ import pytest
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.files.signals.recording import Recording
-from observer_rt.identification.likelihood.likelihood import evidence_of
+from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.identification.likelihood.operating_points import by_operating_point
 from observer_rt.model.effects import effective_model, sized
@@ -47,7 +47,10 @@ def test_a_model_explains_the_points_as_well_as_the_whole(hidden: str) -> None:
     whole = measurements(_history())
     parts = [point.measurement for point in by_operating_point(whole)]
     nominal, model = effective_model(NOMINAL), effective_model(NOMINAL, effects[hidden])
-    together, apart = evidence_of(whole, nominal).judge(model), evidence_of(parts, nominal).judge(model)
+    together, apart = (
+        joint_likelihood(whole, nominal).judge(model),
+        joint_likelihood(parts, nominal).judge(model),
+    )
     assert together is not None
     assert apart is not None
     found = np.sort(np.concatenate([one.z for one in apart]))

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from observer_rt.identification.likelihood.likelihood import evidence_of
+from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import Measurement, measurements
 from observer_rt.identification.likelihood.windows import true_rail_pressure
 from observer_rt.model.effects import effective_model, sized
@@ -75,12 +75,12 @@ def test_a_parabola_passes_as_it_is_and_a_gap_beside_it_does_no_harm() -> None:
 
 def test_a_healthy_injector_s_rail_was_recorded_in_time(moving: tuple[Measurement, ...]) -> None:
     """-2 log L over the delay is lowest at 0, within its interval, whatever the share of a sample."""
-    evidence = evidence_of(moving, MODEL)
+    likelihood = joint_likelihood(moving, MODEL)
     delays = np.arange(-40.0, 40.1, 2.5)
     statistic = []
     for delay in delays:
         effect = sized("rail_pressure_skew", d=1e-6 * delay)
-        residuals = evidence.residuals(effect.effect.apply(MODEL, effect.values))
+        residuals = likelihood.residuals(effect.effect.apply(MODEL, effect.values))
         assert residuals is not None
         statistic.append(residuals.statistic)
     gained = statistic[delays.size // 2] - np.array(statistic)
@@ -90,13 +90,13 @@ def test_a_healthy_injector_s_rail_was_recorded_in_time(moving: tuple[Measuremen
 
 def test_a_lag_undone_by_a_lead_explains_nothing(moving: tuple[Measurement, ...]) -> None:
     """Together they only smooth what is predicted: with the noise told apart that is no gain."""
-    evidence = evidence_of(moving, MODEL)
-    before = evidence.residuals(MODEL)
+    likelihood = joint_likelihood(moving, MODEL)
+    before = likelihood.residuals(MODEL)
     assert before is not None
     for tau in (2e-6, 5e-6, 8e-6, 13e-6):
         model = MODEL
         for effect in (sized("line_pressure_sensor_lag", tau=tau), sized("channel_skew", d=-tau)):
             model = effect.effect.apply(model, effect.values)
-        after = evidence.residuals(model)
+        after = likelihood.residuals(model)
         assert after is not None
         assert before.statistic - after.statistic < 16.0

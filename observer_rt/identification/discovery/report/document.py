@@ -1,197 +1,292 @@
-"""What `discover` answers for programs, in printed units: findings.json (schema 1), tables as CSV, figures as SVG."""
+"""findings.json: the findings of `discover` for programs, in printed units, and how they are made of `Findings`."""
 
-import csv
-import json
 import math
-from collections.abc import Iterable, Iterator, Sequence
-from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic_core import to_json
+from pydantic import Field
 
-from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MILLISECOND, MM3_PER_MS
-from observer_rt.identification.discovery.findings import Findings, Opinion, Sources, gap_share
-from observer_rt.identification.discovery.gaps import PHASE_NAMES, Disagreement, ModelGaps, Overlay
-from observer_rt.identification.discovery.report.figures import overlay_figure
-from observer_rt.identification.discovery.report.page import held_out_figure, with_words
-from observer_rt.identification.discovery.report.text import definition, printed, proposal_words
-from observer_rt.identification.discovery.search.result import (
+from observer_rt.foundation.documents import Document, DocumentPart, Figures, Number
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
+from observer_rt.identification.discovery.findings import (
+    Caveat,
+    Findings,
+    Opinion,
+    PrintedFigure,
+    Sources,
+    gap_share,
+)
+from observer_rt.identification.discovery.gaps import PHASE_NAMES, Disagreement, ModelGaps
+from observer_rt.identification.discovery.report.text import Size, definition, printed, proposal_words
+from observer_rt.identification.discovery.search.results import (
     Candidate,
     Cell,
     Consequence,
+    Decisive,
     Discovery,
     Proposal,
+    Verdict,
 )
-from observer_rt.model.effects import VOCABULARY
+from observer_rt.identification.likelihood.likelihood import Signal
+from observer_rt.model.effect import Equation
 from observer_rt.model.terms.term import Term
 
-SCHEMA = 1
+FINDINGS = "findings.json"
+Gap = Annotated[
+    dict[str, Number | bool],
+    Field(
+        description="rms of model minus measurement: `before` as given, `after` amended, `noise_floor`; with units"
+    ),
+]
 
 
-def as_json(findings: Findings, sources: Sources) -> dict[str, Any]:
-    """The document, in printed units. Numbers that are not finite are null."""
+class NamedEffect(DocumentPart):
+    """An effect with its sizes by parameter. gap_share: of the disagreement, that it explains; moves: by how much it
+    moves the line pressure, rms, and the injected mass, mean."""
+
+    id: str
+    parameters: dict[str, Size]
+    confidence: Number = None
+    indistinguishable_from: tuple[str, ...] = ()
+    gap_share: Number = None
+    moves: Figures | None = None
+
+
+class RankedCandidate(DocumentPart):
+    """Effects fitted together. chi2: -2 log L, constants left out; n_effective: independent samples."""
+
+    ids: tuple[str, ...]
+    held_out_chi2: Number
+    chi2: Number = None
+    n_effective: Number
+    parameters: tuple[dict[str, Size], ...] = ()
+    plausible: bool | None = None
+    moves: Figures | None = None
+
+
+class CellOfMap(DocumentPart):
+    """Residuals of a signal in a phase at an operating point: nrmse over noise, significance in standard deviations,
+    rms; after: with what was found. equation: which is violated, null where none is known to be."""
+
+    signal: Signal
+    phase: str = Field(description="closed, opening, open, closing or after")
+    equation: Equation | None
+    rail_pressure_MPa: Number  # noqa: N815 - units as printed
+    open_ms: Number = None
+    recording: str = ""
+    nrmse: Number
+    significance: Number
+    rms_MPa: Number = None  # noqa: N815
+    rms_mm3_per_ms: Number = None
+    after: Figures | None = None
+
+
+class ProposedTerm(DocumentPart):
+    """A law added to an equation."""
+
+    equation: str
+    law: str
+    coefficient: PrintedFigure
+    hardly_told_from: tuple[str, ...]
+    depends_on: tuple[str, ...]
+
+
+class ProposalEntry(DocumentPart):
+    """Terms that would explain the recordings. gain: of -2 log L; adequate: nothing but noise is left; sound: bounded
+    over the whole domain; may_enter: whether an amended model may have it."""
+
+    number: int
+    sentence: str
+    terms: tuple[ProposedTerm, ...] = ()
+    effects: tuple[NamedEffect, ...] = ()
+    gain: Number = None
+    phase: str = ""
+    adequate: bool | None = None
+    sound: bool | None = None
+    may_enter: bool | None = None
+    gap_held_out: Figures | None = None
+    moves: Figures | None = None
+
+
+class Unknown(DocumentPart):
+    """Residuals that the best model leaves, and proposals that would explain them, the best first."""
+
+    equation: Equation
+    phase: str
+    signal: Signal | None = None
+    depends_on: tuple[str, ...]
+    term: str
+    proposals: tuple[ProposalEntry, ...] = ()
+
+
+class VisibleSize(DocumentPart):
+    """The size from which on an effect would have been seen."""
+
+    id: str
+    parameter: str
+    value: Number
+    unit: str
+
+
+class StandstillCheck(DocumentPart):
+    """A figure of the standstill. recording: null for all together; sigma: null for a noise level."""
+
+    id: str
+    recording: str | None
+    value: Number
+    sigma: Number
+    unit: str
+    passed: bool
+    explained: bool
+
+
+class ModelSource(DocumentPart):
+    """The injector file, its SHA-256, and the effects in it already."""
+
+    file: str
+    sha256: str
+    in_force: tuple[str, ...]
+
+
+class FindingsDocument(Document):
+    """Findings of `observer-rt discover`. Keys with a default came later: earlier versions did not write them."""
+
+    verdict: Verdict
+    confidence: float
+    confidence_method: str
+    caveats: tuple[Caveat, ...]
+    effects: tuple[NamedEffect, ...]
+    rivals: tuple[tuple[str, ...], ...]
+    best: tuple[str, ...] = ()
+    chosen: tuple[str, ...] = ()
+    ranking: tuple[RankedCandidate, ...]
+    detection: Figures = Field(description="gain of the winner in -2 log L, threshold it had to exceed")
+    where: tuple[CellOfMap, ...]
+    unknown: Unknown | None = None
+    decide_by: tuple[Decisive, ...]
+    smallest_visible: tuple[VisibleSize, ...] = ()
+    gap: dict[str, Gap | None]
+    checks: tuple[StandstillCheck, ...] = ()
+    observer: Opinion | None = None
+    healthy_warning: str = ""
+    amended_model: str | None
+    model: ModelSource
+    recordings: dict[str, str] = Field(description="SHA-256 by file name")
+    judged_in_part: tuple[str, ...] = ()
+    healthy: tuple[str, ...] = ()
+    made: str = Field(default="", description="local time, ISO 8601")
+    fitted_on: tuple[str, ...]
+    held_out: tuple[str, ...]
+    seconds: float
+
+    @property
+    def proposal(self) -> str:
+        """The first proposal; empty without one."""
+        return next((one.sentence for one in self.unknown.proposals), "") if self.unknown else ""
+
+
+def document_of(findings: Findings, sources: Sources) -> FindingsDocument:
+    """Puts findings into printed units."""
     found = findings.discovery
-    unknown = found.unexplained
     files: dict[int | None, str] = dict(enumerate(findings.files))
-    document = {
-        "schema": SCHEMA,
-        "verdict": found.verdict,
-        "confidence": found.confidence,
-        "confidence_method": found.confidence_method,
-        "caveats": findings.caveats,
-        "effects": [
-            {
-                "id": effect.id,
-                "parameters": printed(effect.id, effect.parameters),
-                "confidence": found.confidence,
-                "indistinguishable_from": effect.indistinguishable_from,
-                "gap_share": gap_share(found, effect),
-                "moves": _moves(effect.moves),
-            }
+    return FindingsDocument(
+        schema=1,
+        verdict=found.verdict,
+        confidence=found.confidence,
+        confidence_method=found.confidence_method,
+        caveats=findings.caveats,
+        effects=tuple(
+            NamedEffect(
+                id=effect.id,
+                parameters=printed(effect.id, effect.parameters),
+                confidence=found.confidence,
+                indistinguishable_from=effect.indistinguishable_from,
+                gap_share=gap_share(found, effect),
+                moves=_moves(effect.moves),
+            )
             for effect in found.effects
-        ],
-        "rivals": found.rivals,
-        "best": found.best.ids,
-        "chosen": findings.chosen,
-        "ranking": [_candidate(candidate, found) for candidate in found.ranking],
-        "detection": {"gain": found.gain, "threshold": found.threshold},
-        "where": [_where(item, findings.points) for item in findings.where],
-        "unknown": None
-        if unknown is None
-        else {
-            "equation": unknown.equation,
-            "phase": PHASE_NAMES[unknown.phase],
-            "signal": unknown.signal,
-            "depends_on": unknown.depends_on,
-            "term": unknown.term,
-            "proposals": [_proposal(number, one) for number, one in enumerate(found.proposals, 1)],
-        },
-        "decide_by": found.decide_by,
-        "smallest_visible": [
-            {
-                "id": one.id,
-                "parameter": one.parameter,
-                "value": float(f"{one.size / definition(one.id, one.parameter).si:.4g}"),
-                "unit": definition(one.id, one.parameter).unit,
-            }
+        ),
+        rivals=found.rivals,
+        best=found.best.ids,
+        chosen=findings.chosen,
+        ranking=tuple(_candidate(candidate, found) for candidate in found.ranking),
+        detection={"gain": found.gain, "threshold": found.threshold},
+        where=tuple(_cell(item, findings.points) for item in findings.where),
+        unknown=_unknown(found),
+        decide_by=found.decide_by,
+        smallest_visible=tuple(
+            VisibleSize(
+                id=one.id,
+                parameter=one.parameter,
+                value=float(f"{one.size / definition(one.id, one.parameter).si:.4g}"),
+                unit=definition(one.id, one.parameter).unit,
+            )
             for one in found.smallest_visible
-        ],
-        "gap": _gaps(findings.gaps),
-        "checks": [vars(check) | {"recording": files.get(check.recording)} for check in findings.checks],
-        "observer": None if findings.opinion is None else _opinion(findings.opinion, findings.contradictions),
-        "healthy_warning": findings.healthy_warning,
-        "amended_model": findings.amended_model,
-        "model": {"file": sources.model, "sha256": sources.model_hash, "in_force": sources.in_force},
-        "recordings": sources.recordings,
-        "judged_in_part": findings.in_part,
-        "healthy": sources.healthy,
-        "made": sources.made.isoformat(timespec="seconds"),
-        "fitted_on": findings.fitted_on,
-        "held_out": findings.held_out,
-        "seconds": round(findings.seconds, 3),
-    }
-    content: dict[str, Any] = json.loads(to_json(document, inf_nan_mode="null"))
-    return content
+        ),
+        gap=_gaps(findings.gaps),
+        checks=tuple(
+            StandstillCheck(**vars(one) | {"recording": files.get(one.recording)}) for one in findings.checks
+        ),
+        observer=findings.opinion
+        and findings.opinion.model_copy(update={"contradictions": findings.contradictions}),
+        healthy_warning=findings.healthy_warning,
+        amended_model=findings.amended_model,
+        model=ModelSource(file=sources.model, sha256=sources.model_hash, in_force=sources.in_force),
+        recordings=dict(sources.recordings),
+        judged_in_part=findings.in_part,
+        healthy=sources.healthy,
+        made=sources.made.isoformat(timespec="seconds"),
+        fitted_on=findings.fitted_on,
+        held_out=findings.held_out,
+        seconds=round(findings.seconds, 3),
+    )
 
 
-def _candidate(candidate: Candidate, found: Discovery) -> dict[str, Any]:
-    return {
-        "ids": candidate.ids,
-        "held_out_chi2": candidate.held_out,
-        "chi2": candidate.statistic,
-        "n_effective": found.samples,
-        "parameters": [
-            printed(effect_id, parameters)
-            for effect_id, parameters in zip(candidate.ids, candidate.parameters, strict=True)
-        ],
-        "plausible": candidate.plausible,
-        "moves": _moves(candidate.moves),
-    }
+def _candidate(candidate: Candidate, found: Discovery) -> RankedCandidate:
+    sizes = zip(candidate.ids, candidate.parameters, strict=True)
+    return RankedCandidate(
+        ids=candidate.ids,
+        held_out_chi2=candidate.held_out,
+        chi2=candidate.statistic,
+        n_effective=found.samples,
+        parameters=tuple(printed(effect_id, parameters) for effect_id, parameters in sizes),
+        plausible=candidate.plausible,
+        moves=_moves(candidate.moves),
+    )
 
 
-def _moves(moves: Consequence) -> dict[str, float]:
+def _moves(moves: Consequence) -> dict[str, float | None]:
     return {
         "line_pressure_rms_MPa": moves.line_pressure / MEGAPASCAL,
         "injected_mass_mean_mg": moves.mass / MILLIGRAM,
     }
 
 
-def _proposal(number: int, one: Proposal) -> dict[str, Any]:
-    before, after = one.held_out
-    sizes = dict(zip(one.found.ids, one.found.parameters, strict=True))
-    return {
-        "number": number,
-        "sentence": proposal_words(one),
-        "terms": [_term(term) for term in one.terms],
-        "effects": [{"id": name, "parameters": printed(name, sizes[name])} for name in one.effects],
-        "gain": one.gain,
-        "phase": PHASE_NAMES[one.phase],
-        "adequate": one.adequate,
-        "sound": one.unsound is None,
-        "may_enter": one.may_enter,
-        "gap_held_out": {"before_MPa": before / MEGAPASCAL, "after_MPa": after / MEGAPASCAL},
-        "moves": _moves(one.moves),
-    }
-
-
-def _term(term: Term) -> dict[str, Any]:
-    low, high = term.interval or (None, None)
-    return {
-        "equation": term.equation,
-        "law": str(term.law),
-        "coefficient": {"value": term.coefficient, "low": low, "high": high, "unit": str(term.equation.unit)},
-        "hardly_told_from": term.equation.alike,
-        "depends_on": sorted(variable.word for variable in term.law.variables),
-    }
-
-
-def _where(item: Disagreement, points: tuple[str, ...]) -> dict[str, Any]:
+def _cell(item: Disagreement, points: tuple[str, ...]) -> CellOfMap:
     cell = item.before
-    return {
-        "signal": cell.signal,
-        "phase": PHASE_NAMES[cell.phase],
-        "equation": item.equation,
-        "rail_pressure_MPa": cell.rail_pressure / MEGAPASCAL,
-        "open_ms": cell.duration / MILLISECOND,
-        "recording": points[cell.recording],
+    return CellOfMap(
+        signal=cell.signal,
+        phase=PHASE_NAMES[cell.phase],
+        equation=item.equation,
+        rail_pressure_MPa=cell.rail_pressure / MEGAPASCAL,
+        open_ms=cell.duration / MILLISECOND,
+        recording=points[cell.recording],
         **_figures(cell),
-        "after": _figures(item.after),
-    }
+        after=_figures(item.after),
+    )
 
 
-def _figures(cell: Cell) -> dict[str, float]:
-    return {
-        "nrmse": math.sqrt(cell.variance),
-        "significance": cell.excess,
-        f"rms_{_key(cell.signal.unit)}": cell.rms / cell.signal.si,
-    }
+def _figures(cell: Cell) -> dict[str, Any]:
+    rms = f"rms_{_key(cell.signal.unit)}"
+    return {"nrmse": math.sqrt(cell.variance), "significance": cell.excess, rms: cell.rms / cell.signal.si}
 
 
-def _opinion(opinion: Opinion, against: tuple[str, ...]) -> dict[str, Any]:
-    indicators = {}
-    for indicator in opinion.indicators:
-        parameter = VOCABULARY[indicator.effect_id].parameters[0]
-        indicators[indicator.effect_id] = {
-            "value": indicator.value / parameter.si,
-            "sigma": indicator.sigma / parameter.si,
-            "unit": parameter.unit,
-        }
-    return {
-        "valid": opinion.valid,
-        "injections": opinion.injections,
-        "reasons": opinion.reasons,
-        "indicators": indicators,
-        "contradictions": against,
-    }
-
-
-def _gaps(gaps: ModelGaps) -> dict[str, Any]:
-    result: dict[str, Any] = {"line_pressure": None, "injection_rate": None}
+def _gaps(gaps: ModelGaps) -> dict[str, dict[str, float | bool | None] | None]:
+    result: dict[str, dict[str, float | bool | None] | None] = {"line_pressure": None, "injection_rate": None}
     for name, gap in gaps.printed.items():
-        figures = {"before": gap.before, "after": gap.after, "noise_floor": gap.noise_floor}
-        result[name] = {f"{when}_{_key(gap.unit)}": value for when, value in figures.items()}
-    del result["injected_mass"]["noise_floor_mg"]
-    result["injected_mass"]["measured"] = gaps.printed["injected_mass"].measured
+        unit = _key(gap.unit)
+        stated = result[name] = {f"before_{unit}": gap.before, f"after_{unit}": gap.after}
+        is_mass = name == "injected_mass"
+        stated |= {"measured": gap.measured} if is_mass else {f"noise_floor_{unit}": gap.noise_floor}
     return result
 
 
@@ -200,132 +295,44 @@ def _key(unit: str) -> str:
     return unit.replace("/", "_per_")
 
 
-_TABLES = ("effects.csv", "candidates.csv", "disagreement.csv", "gaps.csv", "standstill.csv")
-_INJECTIONS_FIGURE, _GAPS_FIGURE = "injections.svg", "gaps.svg"
-_XML = '<?xml version="1.0" encoding="utf-8"?>\n'
-
-Row = Sequence[str | float | int | None]
-
-
-def write_data(folder: Path, findings: Findings) -> None:
-    """Tables and figures into a folder, which is made."""
-    folder.mkdir(exist_ok=True)
-    rows = (_effect_rows, _candidate_rows, _disagreement_rows, _gap_rows, _standstill_rows)
-    for name, table in zip(_TABLES, rows, strict=True):
-        _write(folder / name, table(findings))
-    label = with_words(findings.discovery)
-    for number, overlay in enumerate(findings.overlays, start=1):
-        _write(folder / f"injection_{number}.csv", _injection_rows(overlay))
-    for name, svg in (
-        (_INJECTIONS_FIGURE, overlay_figure(findings.overlays, label)),
-        (_GAPS_FIGURE, held_out_figure(findings)),
-    ):
-        (folder / name).write_text(_XML + svg, encoding="utf-8")
-
-
-def remove_data(folder: Path) -> None:
-    """Take away what an earlier run wrote there, and nothing else."""
-    if folder.is_dir():
-        names = (*_TABLES, _INJECTIONS_FIGURE, _GAPS_FIGURE)
-        for path in (*(folder / name for name in names), *folder.glob("injection_[0-9].csv")):
-            path.unlink(missing_ok=True)
-        if not any(folder.iterdir()):
-            folder.rmdir()
-
-
-def _write(path: Path, rows: Iterable[Row]) -> None:
-    with path.open("w", newline="", encoding="utf-8") as file:
-        csv.writer(file).writerows([_text(value) for value in row] for row in rows)
-
-
-def _text(value: str | float | None) -> str:
-    """Ten digits; nothing for what there is not."""
-    if value is None or (isinstance(value, float) and not math.isfinite(value)):
-        return ""
-    return f"{value:.10g}" if isinstance(value, float) else str(value)
-
-
-def _effect_rows(findings: Findings) -> Iterator[Row]:
-    yield "candidate", "effect", "parameter", "unit", "value", "ci95_low", "ci95_high"
-    for candidate in findings.discovery.ranking:
-        for effect_id, parameters in zip(candidate.ids, candidate.parameters, strict=True):
-            for name, one in printed(effect_id, parameters).items():
-                yield "+".join(candidate.ids), effect_id, name, one.unit, one.value, *one.ci95
-
-
-def _candidate_rows(findings: Findings) -> Iterator[Row]:
-    found = findings.discovery
-    nominal = next(one for one in found.ranking if not one.ids)
-    yield (
-        *("candidate", "minus_2_log_l", "gain", "held_out_gain", "moves_line_pressure_rms_MPa"),
-        *("moves_injected_mass_mg", "plausible"),
+def _unknown(found: Discovery) -> Unknown | None:
+    left = found.unexplained
+    if left is None:
+        return None
+    return Unknown(
+        equation=left.equation,
+        phase=PHASE_NAMES[left.phase],
+        signal=left.signal,
+        depends_on=left.depends_on,
+        term=left.term,
+        proposals=tuple(_proposal(number, one) for number, one in enumerate(found.proposals, 1)),
     )
-    for one in found.ranking:
-        yield (
-            "+".join(one.ids) or "model as given",
-            one.statistic,
-            nominal.statistic - one.statistic,
-            nominal.held_out - one.held_out,
-            one.moves.line_pressure / MEGAPASCAL,
-            one.moves.mass / MILLIGRAM,
-            int(one.plausible),
-        )
 
 
-def _disagreement_rows(findings: Findings) -> Iterator[Row]:
-    """What stands in the map: every signal in every phase at every operating point, before and after."""
-    figures = ("ratio_to_noise", "colour", "significance_sigma", "rms")
-    yield (
-        *("operating_point", "rail_pressure_MPa", "open_ms", "signal", "unit", "phase"),
-        *(f"{figure}_{when}" for when in ("before", "after") for figure in figures),
+def _proposal(number: int, one: Proposal) -> ProposalEntry:
+    before, after = one.held_out
+    sizes = dict(zip(one.found.ids, one.found.parameters, strict=True))
+    return ProposalEntry(
+        number=number,
+        sentence=proposal_words(one),
+        terms=tuple(map(_term, one.terms)),
+        effects=tuple(NamedEffect(id=name, parameters=printed(name, sizes[name])) for name in one.effects),
+        gain=one.gain,
+        phase=PHASE_NAMES[one.phase],
+        adequate=one.adequate,
+        sound=one.unsound is None,
+        may_enter=one.may_enter,
+        gap_held_out={"before_MPa": before / MEGAPASCAL, "after_MPa": after / MEGAPASCAL},
+        moves=_moves(one.moves),
     )
-    for item in findings.where:
-        cell = item.before
-        yield (
-            findings.points[cell.recording],
-            cell.rail_pressure / MEGAPASCAL,
-            cell.duration / MILLISECOND,
-            cell.signal.value,
-            cell.signal.unit,
-            PHASE_NAMES[cell.phase],
-            *_numbers(cell),
-            *_numbers(item.after),
-        )
 
 
-def _numbers(cell: Cell) -> Row:
-    return math.sqrt(cell.variance), math.sqrt(cell.colour), cell.excess, cell.rms / cell.signal.si
-
-
-def _gap_rows(findings: Findings) -> Iterator[Row]:
-    """Rms of model minus measurement; of the mass against the model with what was found where none is measured."""
-    after = bool(findings.discovery.effects)
-    yield "operating_point", "signal", "unit", "before", "after", "noise_alone"
-    for point in findings.gaps.points:
-        for gap in point.printed.values():
-            left = gap.after if after else None
-            yield findings.points[point.recording], gap.name, gap.unit, gap.before, left, gap.noise_floor
-
-
-def _standstill_rows(findings: Findings) -> Iterator[Row]:
-    yield "recording", "figure", "value", "sigma", "unit", "passed", "explained"
-    for check in findings.checks:
-        name = "" if check.recording is None else findings.files[check.recording]
-        yield name, check.id, check.value, check.sigma, check.unit, int(check.passed), int(check.explained)
-
-
-def _injection_rows(one: Overlay) -> Iterator[Row]:
-    """The signals of one injection of the report, measured and modelled."""
-    columns = {
-        "time_ms": (one.time, MILLISECOND),
-        "needle_lift_um": (one.lift, MICROMETRE),
-        "line_pressure_MPa": (one.line_pressure, MEGAPASCAL),
-        "line_pressure_as_given_MPa": (one.nominal_pressure, MEGAPASCAL),
-        "line_pressure_amended_MPa": (one.amended_pressure, MEGAPASCAL),
-        "injection_rate_mm3_per_ms": (one.measured_rate, MM3_PER_MS),
-        "injection_rate_as_given_mm3_per_ms": (one.nominal_rate, MM3_PER_MS),
-        "injection_rate_amended_mm3_per_ms": (one.amended_rate, MM3_PER_MS),
-    }
-    there = {name: values / si for name, (values, si) in columns.items() if values is not None}
-    yield tuple(there)
-    yield from zip(*(values.tolist() for values in there.values()), strict=True)
+def _term(term: Term) -> ProposedTerm:
+    low, high = term.interval or (None, None)
+    return ProposedTerm(
+        equation=term.equation,
+        law=str(term.law),
+        coefficient=PrintedFigure(value=term.coefficient, low=low, high=high, unit=str(term.equation.unit)),
+        hardly_told_from=term.equation.alike,
+        depends_on=tuple(sorted(variable.word for variable in term.law.variables)),
+    )

@@ -1,26 +1,21 @@
 """Figures of the report, as SVG to stand in the page."""
 
-import io
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from textwrap import fill
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from observer_rt.foundation.figures import FOUND, GIVEN, MEASURED, svg_figure
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLISECOND, MM3_PER_MS
 from observer_rt.identification.discovery.gaps import Gap, Overlay
 from observer_rt.identification.discovery.report.text import sign
-from observer_rt.identification.discovery.search.result import LawCurve
-from observer_rt.identification.likelihood.figure_look import FOUND, GIVEN, LOOK, MEASURED
+from observer_rt.identification.discovery.search.results import LawCurve
 
-_SETTINGS = LOOK | {"svg.fonttype": "none", "svg.hashsalt": "observer_rt", "path.simplify_threshold": 0.3}
 _FEWEST_PLACES = 3  # beside each other, for which there is room
 _WRAPPED = 30  # characters of a label beside a low figure
-_NO_METADATA = dict.fromkeys(("Date", "Creator", "Type", "Format"))
 
 
 def overlay_figure(overlays: Sequence[Overlay], amended: str) -> str:
@@ -28,7 +23,7 @@ def overlay_figure(overlays: Sequence[Overlay], amended: str) -> str:
 
     amended: what the legend calls the amended model.
     """
-    with _figure(10.4, 7.4) as (figure, svg):
+    with svg_figure(10.4, 7.4) as (figure, svg):
         _draw_overlays(figure, overlays, amended)
     return svg()
 
@@ -100,7 +95,7 @@ class Bars:
 
 def gap_figure(labels: Sequence[str], groups: Sequence[Bars]) -> str:
     """Before and after beside each other at every operating point, in proportion; noise as a line."""
-    with _figure(10.4, 3.1) as (figure, svg):
+    with svg_figure(10.4, 3.1) as (figure, svg):
         for column, bars in enumerate(groups):
             axes = figure.add_subplot(1, len(groups), column + 1)
             _draw_bars(axes, labels, bars)
@@ -137,7 +132,7 @@ def _draw_bars(axes: Axes, labels: Sequence[str], bars: Bars) -> None:
 
 def laws_figure(curves: Sequence[LawCurve]) -> str:
     """Laws over their variables, with the band of their coefficients, and the points of a free curve."""
-    with _figure(10.4, 3.1) as (figure, svg):
+    with svg_figure(10.4, 3.1) as (figure, svg):
         for column, one in enumerate(curves):
             axes = figure.add_subplot(1, len(curves), column + 1)
             law, low, high = one.law
@@ -154,18 +149,3 @@ def laws_figure(curves: Sequence[LawCurve]) -> str:
                 handles = axes.get_legend_handles_labels()
                 figure.legend(*handles, loc="outside upper right", ncols=2, frameon=False)
     return svg()
-
-
-@contextmanager
-def _figure(width: float, height: float) -> Iterator[tuple[Figure, Callable[[], str]]]:
-    """A figure to draw on, inches, and what makes an <svg> element of it."""
-    with mpl.rc_context(_SETTINGS):
-        figure = Figure(figsize=(width, height), layout="constrained")
-
-        def svg() -> str:
-            text = io.StringIO()
-            with mpl.rc_context(_SETTINGS):
-                figure.savefig(text, format="svg", metadata=_NO_METADATA)
-            return text.getvalue()[text.getvalue().index("<svg") :]
-
-        yield figure, svg

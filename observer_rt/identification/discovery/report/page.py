@@ -1,20 +1,20 @@
-"""report.html: the answer first, then what it rests on, in one page; what its templates show, in words and units."""
+"""Builds report.html: the answer first, then what it rests on, in words and units."""
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from observer_rt import __version__
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.files import templates_of
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
 from observer_rt.identification.discovery.findings import (
     LEAST_MASS,
     Findings,
-    Indicator,
+    PrintedFigure,
     Sources,
     explained_share,
     remark,
+    stands_out,
 )
 from observer_rt.identification.discovery.gaps import PHASE_NAMES, Disagreement, ModelGaps
 from observer_rt.identification.discovery.report import text
@@ -32,7 +32,7 @@ from observer_rt.identification.discovery.report.text import (
 )
 from observer_rt.identification.discovery.search import search
 from observer_rt.identification.discovery.search.adequacy import SIGNIFICANT
-from observer_rt.identification.discovery.search.result import (
+from observer_rt.identification.discovery.search.results import (
     Candidate,
     Cell,
     Consequence,
@@ -54,6 +54,9 @@ _STANDSTILL = {
     "needle_lift_noise": "noise, lift",
     "injection_rate_noise": "noise, rate",
 }
+_WORST = 10.0  # times the noise, from which on a cell is as red as it gets
+_WHITE, _RED = (255, 246, 240), (176, 38, 28)
+_CALM = "#eef4f0"
 
 
 @dataclass(frozen=True)
@@ -162,7 +165,7 @@ def sizes(candidate: Candidate) -> list[str]:
 
 
 def standing(candidate: Candidate, found: Discovery) -> str:
-    """What is to be said of a candidate in the ranking."""
+    """Rates a candidate of the ranking, in words."""
     doubt = "too small, or at a bound" if candidate.ids and not candidate.plausible else ""
     if candidate.ids in found.rivals:
         return "tied"
@@ -178,7 +181,7 @@ def explained_ids(found: Discovery) -> tuple[str, ...]:
 
 
 def role(point: str, findings: Findings) -> str:
-    """What an operating point was used for."""
+    """Names the use of an operating point."""
     if not findings.discovery.effects:
         return "shown" if point in findings.held_out else "judged"
     if not findings.held_apart:
@@ -243,14 +246,13 @@ def with_sigma(figure: StandstillFigure) -> str:
     return f"{shown(figure.value, step)} ± {shown(figure.sigma, step)}"
 
 
-def learned(indicator: Indicator) -> str:
-    """What the learning observer says of an effect, with its 95 % interval."""
-    definition = VOCABULARY[indicator.effect_id].parameters[0]
-    value, sigma = indicator.value / definition.si, indicator.sigma / definition.si
-    if not sigma > 0.0:
+def learned(indicator: PrintedFigure) -> str:
+    """Prints the observer's size of an effect, with its 95 % interval."""
+    if indicator.value is None or not indicator.sigma:
         return "not needed"
-    step = significant(sigma)
-    return f"{shown(value, step)} ± {shown(1.96 * sigma, step)} {sign(definition.unit)}"
+    step = significant(indicator.sigma)
+    interval = shown(1.96 * indicator.sigma, step)
+    return f"{shown(indicator.value, step)} ± {interval} {sign(indicator.unit)}"
 
 
 @dataclass(frozen=True)
@@ -263,7 +265,7 @@ class VisibleRow:
 
 
 def visible_rows(findings: Findings) -> list[VisibleRow]:
-    """Of every effect that has a size."""
+    """Lists every effect that has a size."""
     appears = {} if findings.healthy is None else findings.healthy.appears
     rows = []
     for one in findings.discovery.smallest_visible:
@@ -278,7 +280,7 @@ def visible_rows(findings: Findings) -> list[VisibleRow]:
 
 
 def found_size(found: Discovery, effect_id: str) -> str:
-    """What discovery says of an effect."""
+    """Prints the size found of an effect."""
     sized = [size_words(printed(e.id, e.parameters[:1])) for e in found.effects if e.id == effect_id]
     return sized[0][0] if sized else "–"
 
@@ -286,14 +288,11 @@ def found_size(found: Discovery, effect_id: str) -> str:
 _PAGES = templates_of(__package__)
 _PAGES.globals |= vars(text) | globals()
 _PAGES.globals |= {
-    "version": __version__,
     "remark": remark,
+    "stands_out": stands_out,
     "overlay_figure": overlay_figure,
     "laws_figure": laws_figure,
 }
-_WORST = 10.0  # times the noise, from which on a cell is as red as it gets
-_WHITE, _RED = (255, 246, 240), (176, 38, 28)
-_CALM = "#eef4f0"
 
 
 def report(findings: Findings, sources: Sources) -> str:

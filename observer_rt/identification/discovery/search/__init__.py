@@ -1,1 +1,1 @@
-"""Which effect is missing: fits, candidates, verdict."""
+"""Searches for the missing effect: fits, candidates, verdict."""

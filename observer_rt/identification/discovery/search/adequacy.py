@@ -1,71 +1,50 @@
-"""What is left unexplained, by signal, phase and operating point; whether that is adequate, and what it tells.
+"""Tests residuals for adequacy, by signal, phase and operating point, and finds what they depend on.
 
 Where the best model still fails, an equation is violated, and the excess depends on something: both are named.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.phases import Phase, phase_statistics
-from observer_rt.identification.discovery.search.result import Candidate, Cell, Unexplained
+from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy, healthy_for_naming
+from observer_rt.identification.discovery.search.results import Candidate, Cell, Unexplained
 from observer_rt.identification.likelihood.likelihood import (
-    Evidence,
+    JointLikelihood,
     JudgedModel,
     Pool,
     Signal,
     normalised,
     phases_by_signal,
 )
-from observer_rt.model.baseline import Appearance, Baseline, HealthyRemainder, HealthyShape, PhaseFigures
+from observer_rt.model.baseline import Baseline
 from observer_rt.model.effect import Equation
 from observer_rt.model.effective import EffectiveModel
 
 VARIANCE_LIMIT = {Signal.LINE_PRESSURE: 1.25, Signal.INJECTION_RATE: 1.6}
 COLOUR_LIMIT = {Signal.LINE_PRESSURE: 2.0, Signal.INJECTION_RATE: 4.0}
 SIGNIFICANT = 5.0  # standard deviations
+BLOCK = 8  # samples whose mean is looked at
+MATTERS = 0.1  # of the largest standardised slope, below which a dependence is not named
+NAMES = ("rail pressure", "needle lift", "injection rate", "duration")
 
 
-@dataclass(frozen=True)
-class HealthyBaseline:
-    """What the model leaves of the healthy injector: what counts is the difference from that.
-
-    variance, colour: left in each phase; trusted: nothing is named on the healthy recordings; remainder: the shape of
-    what is left and what effects it appears to be, None where nothing is known of it.
-    """
-
-    variance: Mapping[tuple[Signal, Phase], float]
-    colour: Mapping[tuple[Signal, Phase], float]
-    trusted: bool = True
-    remainder: HealthyRemainder | None = None
-
-    @property
-    def shape(self) -> HealthyShape | None:
-        """Mean innovation of the healthy injector, which is taken out of the evidence."""
-        return None if self.remainder is None else self.remainder.shape
-
-    @property
-    def appears(self) -> Mapping[str, Appearance]:
-        """What effects the healthy injector appears to have, by id."""
-        return {} if self.remainder is None else self.remainder.appears
-
-
-NO_BASELINE = HealthyBaseline({}, {})
-
-
-def cells_of(evidence: Evidence, judged: Sequence[JudgedModel], model: EffectiveModel) -> tuple[Cell, ...]:
+def cells_of(
+    likelihood: JointLikelihood, judged: Sequence[JudgedModel], model: EffectiveModel
+) -> tuple[Cell, ...]:
     """Every signal in every phase of every recording."""
     result = []
-    for number, (trial, one) in enumerate(zip(evidence.trials, judged, strict=True)):
-        measurement = trial.measurement
+    for number, (recorded, one) in enumerate(zip(likelihood.recordings, judged, strict=True)):
+        measurement = recorded.measurement
         scale = {
             Signal.LINE_PRESSURE: float(np.exp(one.log_sigma)) * model.coefficients.pressure_scale,
             Signal.INJECTION_RATE: measurement.rate_noise,
         }
         for signal, z in normalised(one).items():
-            phases = phases_by_signal(trial)[signal]
+            phases = phases_by_signal(recorded)[signal]
             statistics = phase_statistics(z, 1.0, phases, 0)
             for phase in Phase:
                 if not (phases == phase).any():
@@ -87,38 +66,22 @@ def cells_of(evidence: Evidence, judged: Sequence[JudgedModel], model: Effective
     return tuple(result)
 
 
-def baseline_of(pool: Pool, remainder: HealthyRemainder, trusted: bool = True) -> HealthyBaseline:
-    """The baseline that healthy recordings set; never below what noise alone leaves. pool: of the measured rate."""
-    keys = [(Signal.INJECTION_RATE, phase) for phase in Phase if Signal.INJECTION_RATE in pool]
-    line = _of_line(remainder.variance, remainder.colour)
-    return HealthyBaseline(
-        line[0] | {(s, p): max(1.0, pool[s].variance(p)) for s, p in keys},
-        line[1] | {(s, p): max(1.0, pool[s].colour(p)) for s, p in keys},
-        trusted,
-        remainder,
-    )
-
-
-def baseline_of_fit(baseline: Baseline, comparable: bool) -> HealthyBaseline:
-    """What a fitted injector file remembers; nothing is named by a model whose fit was not adequate.
+def healthy_of_fit(baseline: Baseline, comparable: bool) -> Healthy:
+    """Reads what a fitted injector file remembers; nothing is named by a model whose fit was not adequate.
 
     comparable: whether the recordings have the sample rate of the fit's, so that innovations mean the same.
     """
     healthy = baseline.healthy if comparable else None
-    if healthy is None:
-        return HealthyBaseline(*_of_line(baseline.variance, baseline.colour), trusted=False)
-    return HealthyBaseline(*_of_line(healthy.variance, healthy.colour), baseline.adequate, healthy)
+    return healthy_for_naming(healthy or baseline, baseline.adequate and healthy is not None)
 
 
-_Figures = dict[tuple[Signal, Phase], float]
-
-
-def _of_line(variance: PhaseFigures, colour: PhaseFigures) -> tuple[_Figures, _Figures]:
-    keys = [(Signal.LINE_PRESSURE, phase) for phase in Phase]
-    return (
-        {key: max(1.0, variance.at(key[1].name)) for key in keys},
-        {key: max(1.0, colour.at(key[1].name)) for key in keys},
-    )
+def healthy_level(healthy: Healthy, signal: Signal, phase: Phase) -> tuple[float, float]:
+    """Variance and colour of the healthy injector's innovations, never below what noise alone leaves."""
+    if signal is Signal.LINE_PRESSURE:
+        return float(healthy.variance[phase]), float(healthy.colour[phase].max())
+    if healthy.rate is None:
+        return 1.0, 1.0
+    return max(1.0, healthy.rate.variance(phase)), max(1.0, healthy.rate.colour(phase))
 
 
 @dataclass(frozen=True)
@@ -130,23 +93,18 @@ class Worst:
     ratio: float
 
 
-def worst(pool: Pool, baseline: HealthyBaseline = NO_BASELINE) -> Worst:
+def worst(pool: Pool, healthy: Healthy = NOT_FITTED) -> Worst:
     """Where the model is least adequate; what lies within SIGNIFICANT of noise counts as explained."""
     ranked = []
     for signal, statistics in pool.items():
         for phase in Phase:
-            key = (signal, phase)
-            variance = statistics.variance(phase) / baseline.variance.get(key, 1.0)
-            colour = statistics.colour(phase) / baseline.colour.get(key, 1.0)
+            variance, colour = healthy_level(healthy, signal, phase)
+            variance, colour = statistics.variance(phase) / variance, statistics.colour(phase) / colour
             ratio = max(variance / VARIANCE_LIMIT[signal], colour / COLOUR_LIMIT[signal])
             if statistics.excess(phase) < SIGNIFICANT:
                 ratio = min(ratio, 1.0)
             ranked.append(Worst(signal, phase, ratio))
     return max(ranked, key=lambda item: item.ratio)
-
-
-BLOCK = 8  # samples whose mean is looked at
-MATTERS = 0.1  # of the largest standardised slope, below which a dependence is not named
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,21 +115,18 @@ class _Blocks:
     regressors: NDArray[np.float64]
 
 
-NAMES = ("rail pressure", "needle lift", "injection rate", "duration")
-
-
 def unexplained(
-    evidence: Evidence,
+    likelihood: JointLikelihood,
     judged: Sequence[JudgedModel],
     nominal: EffectiveModel,
     place: Worst,
     fitted: Sequence[Candidate],
 ) -> Unexplained:
-    """What is left in the phase and signal a model explains worst.
+    """Describes the residuals in the phase and signal a model explains worst.
 
     The equation is that of the effect which explains most when nothing explains all.
     """
-    blocks = _blocks(evidence, judged, nominal, place)
+    blocks = _blocks(likelihood, judged, nominal, place)
     depends_on = _dependence(blocks)
     equation = _equation(fitted)
     sign = "more" if float(np.mean(blocks.means)) > 0.0 else "less"
@@ -183,27 +138,27 @@ def unexplained(
 
 
 def _equation(fitted: Sequence[Candidate]) -> Equation:
-    """Of the leading effect among all singles."""
+    """Takes the equation of the leading effect among all singles."""
     singles = [one for one in fitted if len(one.hypothesis.effects) == 1]
     best = min(singles, key=lambda one: one.statistic)
     return best.hypothesis.effects[0].equation
 
 
 def _blocks(
-    evidence: Evidence, judged: Sequence[JudgedModel], nominal: EffectiveModel, place: Worst
+    likelihood: JointLikelihood, judged: Sequence[JudgedModel], nominal: EffectiveModel, place: Worst
 ) -> _Blocks:
     means, regressors = [], []
-    for trial, one in zip(evidence.trials, judged, strict=True):
+    for recorded, one in zip(likelihood.recordings, judged, strict=True):
         at_line = place.signal is Signal.LINE_PRESSURE
         z = one.z if at_line else one.rate_z[:-1]
-        phases = trial.phases if at_line else trial.rate_phases
-        lift, rate = trial.lift_and_rate(nominal, at_line)
+        phases = recorded.phases if at_line else recorded.rate_phases
+        lift, rate = recorded.lift_and_rate(nominal, at_line)
         chosen = np.flatnonzero(phases == place.phase)
         for block in np.split(chosen, np.flatnonzero(np.diff(chosen) > 1) + 1):
             for first in range(0, block.size - BLOCK + 1, BLOCK):
                 rows = block[first : first + BLOCK]
                 means.append(float(z[rows].sum()) / np.sqrt(BLOCK))
-                measurement = trial.measurement
+                measurement = recorded.measurement
                 regressors.append(
                     (measurement.rail_pressure, lift[rows].mean(), rate[rows].mean(), measurement.duration)
                 )

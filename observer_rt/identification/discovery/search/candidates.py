@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import product
+from operator import attrgetter
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Protocol, TypeVar
@@ -15,16 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.foundation.source import source_digest
-from observer_rt.identification.discovery.search.result import Candidate, Hypothesis, Sizing, minimum_from
+from observer_rt.identification.discovery.search.hypothesis import Hypothesis, Sizing, minimum_from
+from observer_rt.identification.discovery.search.results import Candidate
 from observer_rt.identification.likelihood.appearance import (
-    HealthyAppearance,
     Signature,
     reference,
     signatures,
     smallest_visible,
 )
 from observer_rt.identification.likelihood.bounded_fit import MAX_ITERATIONS, Minimum, Residuals, linearise
-from observer_rt.identification.likelihood.likelihood import Evidence
+from observer_rt.identification.likelihood.likelihood import JointLikelihood
 from observer_rt.model.baseline import Appearance
 from observer_rt.model.effect import Effect, SizedEffect
 from observer_rt.model.effective import EffectiveModel
@@ -43,6 +44,7 @@ ROUGH = "rough"
 
 _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
+FORMAT = 1
 
 
 class FitMemory(Protocol):
@@ -66,11 +68,11 @@ class NoMemory:
 
 
 class Fitter:
-    """Fits hypotheses to the evidence on several threads (the compiled prediction runs without the lock)."""
+    """Fits hypotheses to the likelihood on several threads (the compiled prediction runs without the lock)."""
 
     def __init__(
         self,
-        evidence: Evidence,
+        likelihood: JointLikelihood,
         nominal: EffectiveModel,
         workers: int = 1,
         memory: FitMemory | None = None,
@@ -79,7 +81,7 @@ class Fitter:
     ) -> None:
         """fitted: called with every fit as soon as it is there; appears: what the healthy injector
         appears to have."""
-        self.evidence = evidence
+        self.likelihood = likelihood
         self.nominal = nominal
         self._workers = workers
         self._memory = memory or NoMemory()
@@ -90,28 +92,28 @@ class Fitter:
 
     def nothing(self) -> Candidate:
         """The nominal model."""
-        residuals = self.evidence.residuals(self.nominal)
+        residuals = self.likelihood.residuals(self.nominal)
         if residuals is None:
             raise ArithmeticError("the nominal model has no finite solution on these recordings")
         return Candidate(Hypothesis(), (), residuals.statistic)
 
     def measure(self, effects: Sequence[Effect]) -> None:
-        """What a small size of every effect does to the residuals of the nominal model."""
-        judged = self.evidence.judge(self.nominal)
+        """Measures how a small size of every effect moves the residuals of the nominal model."""
+        judged = self.likelihood.judge(self.nominal)
         if judged is None:
             raise ArithmeticError("the nominal model has no finite solution on these recordings")
-        found = self.each(lambda effect: signatures(self.evidence, self.nominal, judged, [effect]), effects)
+        found = self.each(lambda effect: signatures(self.likelihood, self.nominal, judged, [effect]), effects)
         self._signatures = {one.effect.id: one for each in found for one in each}
 
     @property
     def signatures(self) -> Sequence[Signature]:
-        """Of the effects measured."""
+        """Signatures of the effects measured."""
         return tuple(self._signatures.values())
 
-    def reference(self, effect: Effect) -> HealthyAppearance:
+    def reference(self, effect: Effect) -> tuple[float, float]:
         """The size an effect appears to have on the healthy injector, as these recordings see it."""
         signature = self._signatures.get(effect.id)
-        return HealthyAppearance(0.0, 0.0) if signature is None else reference(self._appears, signature)
+        return (0.0, 0.0) if signature is None else reference(self._appears, signature)
 
     def smallest_visible(self, signature: Signature) -> float:
         """Size [SI] from which on an effect would have been told from noise and from the healthy injector."""
@@ -121,7 +123,7 @@ class Fitter:
         """Standard deviations of a candidate's sizes by noise, from the information there; inf where it has none."""
         key = (candidate.ids, candidate.sizes)
         if key not in self._sigmas:
-            sizing = Sizing(self.evidence, self.nominal, candidate.hypothesis)
+            sizing = Sizing(self.likelihood, self.nominal, candidate.hypothesis)
             residuals = sizing.residuals(candidate.theta)
             if residuals is None or not candidate.hypothesis.effects:
                 return np.full(len(candidate.sizes), np.inf)
@@ -150,7 +152,7 @@ class Fitter:
         known = self._memory.get(key)
         if known is not None:
             return Candidate(hypothesis, tuple(known[0].tolist()), known[1])
-        sizing = Sizing(self.evidence, self.nominal, task.hypothesis)
+        sizing = Sizing(self.likelihood, self.nominal, task.hypothesis)
         found = minimum_from(sizing, task.starts, max_iterations, second_if_stuck=task.probed)
         if found is None:
             return None
@@ -168,14 +170,14 @@ class Fitter:
     def pairs(self, leaders: Sequence[Candidate], effects: Sequence[Effect]) -> list[Candidate]:
         """Each leader with the second effects that promise something, fitted together as the singles are."""
         tasks = [task for leader in leaders for task in self._seconds(leader, effects)]
-        return self._refined(tasks, min(leaders, key=_statistic))
+        return self._refined(tasks, min(leaders, key=attrgetter("statistic")))
 
     def _refined(self, tasks: Sequence["_Task"], before: Candidate) -> list[Candidate]:
         """Each hypothesis once, best first where it matters: those within reach of the best are fitted to the end.
 
         before: the best candidate that is smaller.
         """
-        rough = best_of_each(self._fit_all(tasks, ROUGH_ITERATIONS), _statistic)
+        rough = best_of_each(self._fit_all(tasks, ROUGH_ITERATIONS), attrgetter("statistic"))
         if not rough:
             return []
         limit = rough[0].statistic + max(NEAR, ROUGH_SHARE * (before.statistic - rough[0].statistic))
@@ -187,10 +189,10 @@ class Fitter:
 
     def _seconds(self, leader: Candidate, effects: Sequence[Effect]) -> list["_Task"]:
         """The leader with each second effect that promises something, and where to begin."""
-        base = self.evidence.residuals(leader.model(self.nominal))
+        base = self.likelihood.residuals(leader.model(self.nominal))
         if base is None:
             return []
-        sizing = Sizing(self.evidence, self.nominal, leader.hypothesis)
+        sizing = Sizing(self.likelihood, self.nominal, leader.hypothesis)
         spanned = linearise(sizing, leader.theta, base, leader.hypothesis.ranges()).slopes
         others = [effect for effect in effects if effect not in leader.hypothesis.effects]
         promises = self.each(lambda effect: self._promise(leader, base, spanned, effect), others)
@@ -204,9 +206,9 @@ class Fitter:
     def _promise(
         self, leader: Candidate, base: Residuals, spanned: NDArray[np.float64], effect: Effect
     ) -> "_Promise":
-        """What a second effect would gain were the residuals linear in it, the leader's sizes free."""
+        """Estimates the gain of a second effect were the residuals linear in it, the leader's sizes free."""
         both = leader.hypothesis.with_effect(effect)
-        sizing = Sizing(self.evidence, self.nominal, both)
+        sizing = Sizing(self.likelihood, self.nominal, both)
         best = _Promise(0.0, ())
         for values in _probes(effect):
             start = np.concatenate([leader.theta, values])
@@ -228,10 +230,6 @@ def best_of_each(candidates: Sequence[Candidate], by: Callable[[Candidate], floa
     for candidate in sorted(candidates, key=by):
         best.setdefault(frozenset(candidate.ids), candidate)
     return list(best.values())
-
-
-def _statistic(candidate: Candidate) -> float:
-    return candidate.statistic
 
 
 @dataclass(frozen=True, eq=False)
@@ -270,13 +268,10 @@ def _predicted_gain(base: Residuals, there: Residuals, spanned: NDArray[np.float
     return float(direction @ base.z) ** 2 / length if length > 0.0 else 0.0
 
 
-FORMAT = 1
-
-
 def problem_key(
     parameters: InjectorParameters, recording_hashes: Sequence[str], stated: Sequence[SizedEffect] = ()
 ) -> str:
-    """What fits belong to: model, recordings (SHA-256 of each), effects added and this program, as one SHA-256.
+    """Hashes the problem that fits belong to: model, recordings (SHA-256 of each), added effects and this program.
 
     stated: what is known of the recordings' channels.
     """
@@ -314,7 +309,7 @@ class FitStore:
 
     @property
     def kept(self) -> int:
-        """How many fits there are."""
+        """Number of fits."""
         return len(self._fits)
 
     def get(self, ids: tuple[str, ...]) -> tuple[NDArray[np.float64], float] | None:

@@ -153,7 +153,7 @@ RINGING = Form(
         tuple(FormNumber(0.25 * eighth * math.pi, -4.0, 8.0) for eighth in range(4)),
     ),
 )
-"""What rings after every opening."""
+"""Laws that ring after every opening."""
 
 
 def made_to_measure(

@@ -7,18 +7,19 @@ from itertools import chain
 import numpy as np
 
 from observer_rt.config.effects import term_domain
+from observer_rt.engine.learning.healthy import Healthy
 from observer_rt.foundation.errors import UserError
-from observer_rt.identification.discovery.search.adequacy import HealthyBaseline, worst
+from observer_rt.identification.discovery.search.adequacy import worst
 from observer_rt.identification.discovery.search.candidates import Fitter
 from observer_rt.identification.discovery.search.law_evidence import law_curve
-from observer_rt.identification.discovery.search.result import (
+from observer_rt.identification.discovery.search.results import (
     Candidate,
     Consequence,
     LawCurve,
     Proposal,
     Refusal,
 )
-from observer_rt.identification.discovery.search.search import HeldOutPoints, SearchOutcome
+from observer_rt.identification.discovery.search.search import INTERVAL_MARGIN, HeldOutPoints, SearchOutcome
 from observer_rt.identification.discovery.search.term_library import InjectorTerms, RecordingSpan, library
 from observer_rt.identification.discovery.search.term_search import (
     PRICE,
@@ -28,7 +29,7 @@ from observer_rt.identification.discovery.search.term_search import (
     scores_of,
 )
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
-from observer_rt.identification.likelihood.likelihood import Evidence, pool_of
+from observer_rt.identification.likelihood.likelihood import JointLikelihood, pool_of
 from observer_rt.model.effect import Effect
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.term_effect import is_term
@@ -37,13 +38,12 @@ from observer_rt.model.terms.bounds import refuse_unbounded
 CLEARLY = 50.0  # of -2 log L, by which a term must beat the vocabulary to be offered in its place
 SEVERAL = 2  # effects together, of which one law may take the place
 MOST_PROPOSED = 4
-INTERVAL_MARGIN = 1.08  # as of effects
 
 Moves = Callable[[EffectiveModel, EffectiveModel], Consequence]
 
 
 def propose(
-    fitter: Fitter, outcome: SearchOutcome, baseline: HealthyBaseline, held_out: HeldOutPoints, moves: Moves
+    fitter: Fitter, outcome: SearchOutcome, baseline: Healthy, held_out: HeldOutPoints, moves: Moves
 ) -> tuple[Proposal, ...]:
     """The best first, then what explains as much by another equation; none where the vocabulary does.
 
@@ -53,13 +53,15 @@ def propose(
     named = len(outcome.winner.hypothesis.effects) if outcome.adequate else SEVERAL
     if named == 0 or (named < SEVERAL and not _leaves_a_term(fitter, outcome, baseline)):
         return ()
-    problem = InjectorTerms(fitter.evidence, fitter.nominal, _candidates(fitter.evidence, outcome), baseline)
+    problem = InjectorTerms(
+        fitter.likelihood, fitter.nominal, _candidates(fitter.likelihood, outcome), baseline
+    )
     result = TermSearch(problem, fitter.each).run()
     if not result.best.chosen or (outcome.adequate and not _beats(problem, result.best, outcome)):
         return ()
-    judged = fitter.evidence.judge(fitter.nominal)
+    judged = fitter.likelihood.judge(fitter.nominal)
     assert judged is not None  # the search began with it
-    phase = worst(pool_of(fitter.evidence, judged), baseline).phase
+    phase = worst(pool_of(fitter.likelihood, judged), baseline).phase
     before = held_out.gap(outcome.nominal)
 
     def proposal(fit: TermFit) -> Proposal:
@@ -81,25 +83,23 @@ def propose(
     return (replace(first, curves=_curves(fitter, first, result.best, baseline)), *others)
 
 
-def _curves(
-    fitter: Fitter, first: Proposal, best: TermFit, baseline: HealthyBaseline
-) -> tuple[LawCurve, ...]:
+def _curves(fitter: Fitter, first: Proposal, best: TermFit, baseline: Healthy) -> tuple[LawCurve, ...]:
     """The laws of a proposal over their variables."""
-    span, model = _span(fitter.evidence), first.model(fitter.nominal)
+    span, model = _span(fitter.likelihood), first.model(fitter.nominal)
 
     def about_here(effects: Sequence[Effect]) -> InjectorTerms:
-        return InjectorTerms(fitter.evidence, model, effects, baseline)
+        return InjectorTerms(fitter.likelihood, model, effects, baseline)
 
     reach = (span.time, span.injections)
     drawn = (law_curve(term, about_here, best.residuals, fitter.each, reach) for term in first.terms)
     return tuple(one for one in drawn if one is not None)
 
 
-def _leaves_a_term(fitter: Fitter, outcome: SearchOutcome, baseline: HealthyBaseline) -> bool:
+def _leaves_a_term(fitter: Fitter, outcome: SearchOutcome, baseline: Healthy) -> bool:
     """Whether a term alone would gain much beside what the vocabulary found."""
     model = outcome.winner.model(fitter.nominal)
-    terms = list(library(_span(fitter.evidence)))
-    problem = InjectorTerms(fitter.evidence, model, terms, baseline)
+    terms = list(library(_span(fitter.likelihood)))
+    problem = InjectorTerms(fitter.likelihood, model, terms, baseline)
     nothing = no_terms(problem)
     gains = scores_of(problem, nothing, fitter.each).validated
     return bool(np.max(gains, initial=0.0) > CLEARLY * nothing.spread)
@@ -118,15 +118,15 @@ def _beats(problem: InjectorTerms, best: TermFit, outcome: SearchOutcome) -> boo
     return better and problem.is_adequate(best.chosen, best.theta)
 
 
-def _candidates(evidence: Evidence, outcome: SearchOutcome) -> list[Effect]:
+def _candidates(likelihood: JointLikelihood, outcome: SearchOutcome) -> list[Effect]:
     """The library, and the effects of the vocabulary that have one size."""
     singles = (one.hypothesis.effects[0] for one in outcome.fitted if len(one.hypothesis.effects) == 1)
-    return [*library(_span(evidence)), *(effect for effect in singles if len(effect.parameters) == 1)]
+    return [*library(_span(likelihood)), *(effect for effect in singles if len(effect.parameters) == 1)]
 
 
-def _span(evidence: Evidence) -> RecordingSpan:
-    """How far time and injection number reach in the recordings."""
-    events = list(chain.from_iterable(trial.measurement.events for trial in evidence.trials))
+def _span(likelihood: JointLikelihood) -> RecordingSpan:
+    """Range of time and injection number in the recordings."""
+    events = list(chain.from_iterable(recorded.measurement.events for recorded in likelihood.recordings))
     last = max(event.clock.injections + len(event.openings) for event in events)
     return RecordingSpan(max(event.clock.time for event in events), last)
 

@@ -4,45 +4,61 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.learning.whitening import robust_cost
-from observer_rt.identification.discovery.search.adequacy import NO_BASELINE, HealthyBaseline, worst
+from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
+from observer_rt.identification.discovery.search.adequacy import worst
 from observer_rt.identification.discovery.search.candidates import NEAR, Fitter, best_of_each
-from observer_rt.identification.discovery.search.result import Candidate, Sizing
+from observer_rt.identification.discovery.search.hypothesis import Sizing
+from observer_rt.identification.discovery.search.results import Candidate
 from observer_rt.identification.likelihood.appearance import least_gain
 from observer_rt.identification.likelihood.bounded_fit import fit
-from observer_rt.identification.likelihood.likelihood import Evidence, JudgedModel, Trial, pool_of
+from observer_rt.identification.likelihood.likelihood import (
+    JointLikelihood,
+    JudgedModel,
+    RecordingLikelihood,
+    pool_of,
+)
 from observer_rt.identification.likelihood.measurement import Measurement, every_second_point
 from observer_rt.identification.likelihood.open_loop import simulated
 from observer_rt.model.effect import Effect, Likeness
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import VOCABULARY
 
+RELATIVE_GAIN = 1e-3  # of what is explained, that one more effect must add to an adequate model
+TIE = 16.0  # of -2 log L within which a rival explains the recordings as well
+LEADERS = 3  # singles that a second effect is added to
+INTERVAL_MARGIN = (
+    1.08  # for what a steady gain does not know: errors on independent plants are that much larger
+)
+PARAMETER_PRICE = 10.0  # of -2 log L for each parameter more, log(n): which of two near-ties leads
+
 
 class HeldOutPoints:
     """Candidates fitted to every second operating point and judged on the events of the others."""
 
-    def __init__(self, evidence: Evidence, nominal: EffectiveModel) -> None:
-        first, second = every_second_point([trial.measurement for trial in evidence.trials])
+    def __init__(self, likelihood: JointLikelihood, nominal: EffectiveModel) -> None:
+        first, second = every_second_point([recorded.measurement for recorded in likelihood.recordings])
         self._fitted, self._judged = (
-            Evidence([evidence.trials[i] for i in part]) for part in (first, second)
+            JointLikelihood([likelihood.recordings[i] for i in part]) for part in (first, second)
         )
         self._nominal = nominal
         self._known: dict[tuple[tuple[str, ...], tuple[float, ...]], _Events | None] = {}
 
     def statistic(self, candidate: Candidate) -> float:
         """-2 log L of all events held out; inf without a solution, nan where there is nothing to hold out."""
-        if not self._judged.trials:
+        if not self._judged.recordings:
             return math.nan
         events = self._events(candidate)
         return math.inf if events is None else float(np.sum(events.statistic))
 
     def gap(self, candidate: Candidate) -> float:
         """Rms of the line pressure's open-loop gap on the events held out [Pa]; nan without any."""
-        if not self._judged.trials:
+        if not self._judged.recordings:
             return math.nan
         events = self._events(candidate)
         return math.inf if events is None else math.sqrt(float(np.mean(events.gap)))
@@ -54,7 +70,7 @@ class HeldOutPoints:
         corrected from the opening on, must not grow by more than it scatters: it says less of a small effect, but it
         is what a model is wanted for. Where nothing can be held out nothing speaks against a candidate.
         """
-        if not self._judged.trials:
+        if not self._judged.recordings:
             return True
         after, before = self._events(candidate), self._events(smaller)
         if after is None or before is None:
@@ -80,15 +96,15 @@ class HeldOutPoints:
         judged = self._judged.judge(model)
         if judged is None:
             return None
-        trials = self._judged.trials
-        statistic = [_by_event(trial, one) for trial, one in zip(trials, judged, strict=True)]
-        gap = [_gap_by_event(trial.measurement, model) for trial in trials]
+        recordings = self._judged.recordings
+        statistic = [_by_event(recorded, one) for recorded, one in zip(recordings, judged, strict=True)]
+        gap = [_gap_by_event(recorded.measurement, model) for recorded in recordings]
         return _Events(np.concatenate(statistic), np.concatenate(gap))
 
 
 @dataclass(frozen=True, eq=False)
 class _Events:
-    """Of every event held out (events,): -2 log L, and the mean square of the open-loop gap of the line pressure."""
+    """Events held out (events,): -2 log L, and the mean square of the open-loop gap of the line pressure."""
 
     statistic: NDArray[np.float64]
     gap: NDArray[np.float64]
@@ -106,9 +122,9 @@ def _gap_by_event(measurement: Measurement, model: EffectiveModel) -> NDArray[np
     return np.array([float(np.mean((one.line_pressure - line[one.samples]) ** 2)) for one in runs])
 
 
-def _by_event(trial: Trial, one: JudgedModel) -> NDArray[np.float64]:
+def _by_event(recorded: RecordingLikelihood, one: JudgedModel) -> NDArray[np.float64]:
     """-2 log L of the events of a recording (events,); its measured rate is shared out evenly."""
-    events: Sequence[int] = [event.end - event.counted for event in trial.measurement.events]
+    events: Sequence[int] = [event.end - event.counted for event in recorded.measurement.events]
     ends = np.cumsum(events)
     rate = 2.0 * (robust_cost(one.rate_z, 0, 1.0) + one.rate_z.size * one.rate_log_sigma) / len(events)
     return np.array(
@@ -122,15 +138,9 @@ def _by_event(trial: Trial, one: JudgedModel) -> NDArray[np.float64]:
     )
 
 
-RELATIVE_GAIN = 1e-3  # of what is explained, that one more effect must add to an adequate model
-TIE = 16.0  # of -2 log L within which a rival explains the recordings as well
-LEADERS = 3  # singles that a second effect is added to
-PARAMETER_PRICE = 10.0  # of -2 log L for each parameter more, log(n): which of two near-ties leads
-
-
 @dataclass(frozen=True, eq=False)
 class SearchOutcome:
-    """How the search ended. winner: the nominal model when nothing is accepted; rivals: as many effects, as good.
+    """Result of the search. winner: the nominal model when nothing is accepted; rivals: as many effects, as good.
 
     ratio: of the winner's worst phase to its limit, above 1 when the winner does not explain the recordings;
     contenders: candidates of the winner's size that might be right instead; fitted: all candidates; threshold: the
@@ -152,7 +162,7 @@ class SearchOutcome:
         return self.ratio <= 1.0 or self.too_small
 
     def led_by(self, ids: Collection[str]) -> "SearchOutcome":
-        """The same with another of those that explain the recordings as well as the winner.
+        """Replaces the winner by another candidate that explains the recordings as well.
 
         Raises ValueError when these effects together are none of them.
         """
@@ -188,14 +198,12 @@ def indistinguishable(effect: Effect) -> tuple[str, ...]:
 class Search:
     """Singles, then pairs where something is left to explain."""
 
-    def __init__(
-        self, fitter: Fitter, effects: Sequence[Effect], baseline: HealthyBaseline = NO_BASELINE
-    ) -> None:
+    def __init__(self, fitter: Fitter, effects: Sequence[Effect], baseline: Healthy = NOT_FITTED) -> None:
         self._fitter = fitter
         self._effects = effects
         self._baseline = baseline
         self._least_gain = least_gain(baseline.appears)
-        self.held_out = HeldOutPoints(fitter.evidence, fitter.nominal)
+        self.held_out = HeldOutPoints(fitter.likelihood, fitter.nominal)
 
     def run(self) -> SearchOutcome:
         """Fit candidates until nothing more is worth adding; see `SearchOutcome`."""
@@ -221,7 +229,7 @@ class Search:
     def _contenders(
         self, winner: Candidate, fitted: Sequence[Candidate], threshold: float
     ) -> tuple[Candidate, ...]:
-        """What else might be right, of the same size (single effects beside the nominal model)."""
+        """Candidates that might be right instead, of the same size (single effects beside the nominal model)."""
         size = max(1, len(winner.hypothesis.effects))
         limit = price(winner) + NEAR + (0.0 if winner.hypothesis.effects else threshold)
         return tuple(
@@ -277,7 +285,7 @@ class Search:
                 continue
             if candidate.plausible:
                 if self._is_new(candidate) and self.held_out.pays(
-                    candidate, min((smaller, *own), key=_statistic)
+                    candidate, min((smaller, *own), key=attrgetter("statistic"))
                 ):
                     return candidate
                 continue
@@ -306,31 +314,27 @@ class Search:
         for effect, values in zip(
             candidate.hypothesis.effects, candidate.hypothesis.split(candidate.theta), strict=True
         ):
-            healthy = self._fitter.reference(effect)
-            if values.size and abs(values[0] - healthy.mean) < math.sqrt(self._least_gain) * math.hypot(
-                float(sigmas[place]), healthy.sigma
+            mean, sigma = self._fitter.reference(effect)
+            if values.size and abs(values[0] - mean) < math.sqrt(self._least_gain) * math.hypot(
+                float(sigmas[place]), sigma
             ):
                 return False
             place += values.size
         return True
 
     def _threshold(self, candidate: Candidate) -> float:
-        """What an effect must gain beside what a candidate leaves unexplained: more the more that is."""
-        residuals = self._fitter.evidence.residuals(candidate.model(self._fitter.nominal))
+        """Least gain of an effect beside a candidate: more, the more that leaves unexplained."""
+        residuals = self._fitter.likelihood.residuals(candidate.model(self._fitter.nominal))
         if residuals is None:
             return np.inf
         return self._least_gain * max(1.0, float(np.mean(residuals.z**2)))
 
     def _ratio(self, candidate: Candidate) -> float:
-        """Of a candidate's worst phase to its limit."""
-        judged = self._fitter.evidence.judge(candidate.model(self._fitter.nominal))
+        """Ratio of a candidate's worst phase to its limit."""
+        judged = self._fitter.likelihood.judge(candidate.model(self._fitter.nominal))
         if judged is None:
             return np.inf
-        return worst(pool_of(self._fitter.evidence, judged), self._baseline).ratio
-
-
-def _statistic(candidate: Candidate) -> float:
-    return candidate.statistic
+        return worst(pool_of(self._fitter.likelihood, judged), self._baseline).ratio
 
 
 def price(candidate: Candidate) -> float:

@@ -12,13 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.phases import Phase
-from observer_rt.identification.discovery.search.adequacy import VARIANCE_LIMIT, HealthyBaseline, worst
+from observer_rt.engine.learning.healthy import Healthy
+from observer_rt.identification.discovery.search.adequacy import VARIANCE_LIMIT, healthy_level, worst
 from observer_rt.identification.discovery.search.curves import made_to_measure
-from observer_rt.identification.discovery.search.result import Hypothesis, Sizing
+from observer_rt.identification.discovery.search.hypothesis import Hypothesis, Sizing
 from observer_rt.identification.discovery.search.term_search import Each, TermFit
 from observer_rt.identification.discovery.search.waves import lines, waves
 from observer_rt.identification.likelihood.bounded_fit import Range, Residuals, fit
-from observer_rt.identification.likelihood.likelihood import Evidence, Pool, pool_of
+from observer_rt.identification.likelihood.likelihood import JointLikelihood, Pool, pool_of
 from observer_rt.model.effect import Effect
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import VOCABULARY
@@ -109,7 +110,7 @@ LIBRARY: Mapping[TermEquation, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class RecordingSpan:
-    """What the recordings reach to: time [s] and injection number."""
+    """Largest time [s] and injection number of the recordings."""
 
     time: float
     injections: float
@@ -149,12 +150,12 @@ class InjectorTerms:
 
     def __init__(
         self,
-        evidence: Evidence,
+        likelihood: JointLikelihood,
         nominal: EffectiveModel,
         effects: Sequence[Effect],
-        baseline: HealthyBaseline,
+        baseline: Healthy,
     ) -> None:
-        self._evidence = evidence
+        self._likelihood = likelihood
         self._nominal = nominal
         self._baseline = baseline
         self._before: Pool | None = None
@@ -171,14 +172,14 @@ class InjectorTerms:
 
     def residuals(self, chosen: Sequence[int], theta: NDArray[np.float64]) -> Residuals | None:
         """See `TermProblem`."""
-        return Sizing(self._evidence, self._nominal, self.hypothesis(chosen)).residuals(theta)
+        return Sizing(self._likelihood, self._nominal, self.hypothesis(chosen)).residuals(theta)
 
     def tailored(self, about: TermFit, equations: Sequence[str], each: Each) -> Sequence[int]:
         """See `TermProblem`."""
         model = self.hypothesis(about.chosen).model(self._nominal, about.theta)
 
         def about_here(effects: Sequence[Effect]) -> InjectorTerms:
-            return InjectorTerms(self._evidence, model, effects, self._baseline)
+            return InjectorTerms(self._likelihood, model, effects, self._baseline)
 
         known = [TermEquation(one) for one in equations if one in set(TermEquation)]
         first = known[:TAILORED_FURTHER] if about.chosen else [*known[:TAILORED_FIRST], *MASKED]
@@ -188,10 +189,10 @@ class InjectorTerms:
         return [self._number_of(one) for one in found]
 
     def _waves(self, left: Residuals) -> list[tuple[Effect, Effect]]:
-        """Of frequencies that stand out of what is left."""
+        """Finds waves of frequencies that stand out of the residuals."""
         by_group = np.split(left.z, np.cumsum(left.counts)[:-1])  # line pressure and rate in turn
-        times = [trial.times for trial in self._evidence.trials]
-        found = lines(by_group[::2], times, self._evidence.trials[0].measurement.interval)
+        times = [recorded.times for recorded in self._likelihood.recordings]
+        found = lines(by_group[::2], times, self._likelihood.recordings[0].measurement.interval)
         return waves(found, max(float(one[-1] - one[0]) for one in times))
 
     def sharpened(self, chosen: Sequence[int], theta: NDArray[np.float64]) -> tuple[int, ...] | None:
@@ -205,7 +206,9 @@ class InjectorTerms:
             for effect, size in zip(freed.effects, theta, strict=True)
             for value in (size, *(one.starts[0] for one in effect.parameters[1:]))
         ]
-        found = fit(Sizing(self._evidence, self._nominal, freed), np.array(start), freed.ranges(), ITERATIONS)
+        found = fit(
+            Sizing(self._likelihood, self._nominal, freed), np.array(start), freed.ranges(), ITERATIONS
+        )
         if found is None:
             return None
         parts = zip(effects, freed.split(found.at.theta), strict=True)
@@ -220,10 +223,10 @@ class InjectorTerms:
 
     def is_adequate(self, chosen: Sequence[int], theta: NDArray[np.float64]) -> bool:
         """See `TermProblem`."""
-        judged = self._evidence.judge(self.hypothesis(chosen).model(self._nominal, theta))
+        judged = self._likelihood.judge(self.hypothesis(chosen).model(self._nominal, theta))
         if judged is None:
             return False
-        pool = pool_of(self._evidence, judged)
+        pool = pool_of(self._likelihood, judged)
         return worst(pool, self._baseline).ratio <= 1.0 or bool(chosen and self._is_remainder(pool))
 
     def _is_remainder(self, pool: Pool) -> bool:
@@ -231,12 +234,12 @@ class InjectorTerms:
         if not self.remainder:
             return False
         if self._before is None:
-            judged = self._evidence.judge(self._nominal)
+            judged = self._likelihood.judge(self._nominal)
             assert judged is not None  # the search began with it
-            self._before = pool_of(self._evidence, judged)
+            self._before = pool_of(self._likelihood, judged)
         for signal, statistics in pool.items():
             for phase in Phase:
-                healthy = VARIANCE_LIMIT[signal] * self._baseline.variance.get((signal, phase), 1.0)
+                healthy = VARIANCE_LIMIT[signal] * healthy_level(self._baseline, signal, phase)[0]
                 excess = statistics.variance(phase) - healthy
                 if excess > self.remainder * max(0.0, self._before[signal].variance(phase) - healthy):
                     return False
@@ -251,7 +254,7 @@ class EffectCandidate:
 
     @property
     def equation(self) -> str:
-        """Of a term, and of an effect that is one; else where the effect sits."""
+        """Equation of a term, and of an effect that is one; else where the effect sits."""
         law = self.effect.apply
         if isinstance(law, TermLaw):
             return law.equation

@@ -27,6 +27,8 @@ SHORTLIST = 40  # candidates of further terms that are linearised again
 STARTS = 2  # first terms from which others are sought, where the best ends inadequate
 SHARPENED = 2  # best fits, in which the numbers within laws are fitted, too
 ITERATIONS = 6  # of a refit
+Each = Callable[[Callable[[int], object], Sequence[int]], Iterable[object]]
+"""Applies work to items, on several threads if it likes, in the order of the items."""
 
 
 class CandidateTerm(Protocol):
@@ -62,11 +64,7 @@ class TermProblem(Protocol):
         """Candidates made for what a fit leaves, which may be new; equations: the most promising first."""
 
     def sharpened(self, chosen: Sequence[int], theta: NDArray[np.float64]) -> tuple[int, ...] | None:
-        """The same terms with the numbers within their laws fitted; None where they have none. They may be new."""
-
-
-Each = Callable[[Callable[[int], object], Sequence[int]], Iterable[object]]
-"""Applies work to items, on several threads if it likes, in the order of the items."""
+        """These terms with the numbers within their laws fitted; None where they have none. They may be new."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +97,7 @@ def no_terms(problem: TermProblem) -> TermFit:
 
 @dataclass(frozen=True, eq=False)
 class TermSearchResult:
-    """How a search ended.
+    """Result of a search for terms.
 
     best: the terms found, none where nothing is worth one; nothing: the model as it is; adequate: whether the best
     leaves nothing but noise; rivals: of other equations, the best fit of as many terms that explains as much.
@@ -128,7 +126,7 @@ class Scores:
     slopes: NDArray[np.float32]
 
     def cosine(self, one: int, other: int) -> float:
-        """Of the signatures in two rows."""
+        """Cosine of the signatures in two rows."""
         length = math.sqrt(self.information[one, one] * self.information[other, other])
         return abs(float(self.information[one, other])) / length
 
@@ -145,7 +143,7 @@ class Scores:
         )
 
     def pair_gain(self, one: int, other: int) -> float:
-        """What two rows together would gain."""
+        """Gain of two rows together."""
         rows = [one, other]
         information, gradient = self.information[np.ix_(rows, rows)], self.gradient[rows]
         return float(gradient @ np.linalg.lstsq(information, gradient, rcond=1e-9)[0])
@@ -421,7 +419,7 @@ def _fitted(chosen: tuple[int, ...], found: Minimum) -> TermFit:
 
 
 def _least(about: TermFit, share: float) -> float:
-    """What a term must gain: more the more is left, and a share of that, as `statistic` counts it."""
+    """Least gain of a term: more, the more is left, and a share of that, as `statistic` counts it."""
     left = about.residuals.squares - about.residuals.z.size
     return max(LEAST_GAIN * about.spread, share * max(0.0, left))
 

@@ -1,4 +1,4 @@
-"""Which effect is missing: from recordings to the verdict, and to what a bench could measure to decide."""
+"""Names the missing effect: from recordings to the verdict, and to measurements that would decide."""
 
 import math
 from collections.abc import Callable, Iterable, Sequence
@@ -8,18 +8,12 @@ from itertools import combinations
 import numpy as np
 
 from observer_rt.engine.estimation.gain import NoiseLevels
+from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy, healthy_for_naming
 from observer_rt.foundation.errors import RunError, UserError
-from observer_rt.identification.discovery.search.adequacy import (
-    NO_BASELINE,
-    HealthyBaseline,
-    baseline_of,
-    cells_of,
-    unexplained,
-    worst,
-)
+from observer_rt.identification.discovery.search.adequacy import cells_of, unexplained, worst
 from observer_rt.identification.discovery.search.candidates import FitMemory, Fitter
 from observer_rt.identification.discovery.search.proposals import propose
-from observer_rt.identification.discovery.search.result import (
+from observer_rt.identification.discovery.search.results import (
     Candidate,
     Cell,
     Consequence,
@@ -32,6 +26,7 @@ from observer_rt.identification.discovery.search.result import (
     Verdict,
 )
 from observer_rt.identification.discovery.search.search import (
+    INTERVAL_MARGIN,
     HeldOutPoints,
     Search,
     SearchOutcome,
@@ -41,7 +36,7 @@ from observer_rt.identification.discovery.search.search import (
 )
 from observer_rt.identification.likelihood.appearance import healthy_remainder
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
-from observer_rt.identification.likelihood.likelihood import evidence_of, pool_of
+from observer_rt.identification.likelihood.likelihood import Signal, joint_likelihood, pool_of
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.open_loop import mass, simulated
 from observer_rt.model.effect import WITH_A_MEASURED_RATE, Effect, Place
@@ -53,6 +48,20 @@ _PRESSURE_SENSORS = frozenset({Place.RAIL_SENSOR, Place.LINE_SENSOR})
 
 _BESIDE_SHUT_NEEDLE = {Place.SEAT, Place.LIFT_SENSOR, Place.CLOSED_END}
 """Where fuel may leave, or seem to, while the needle is shut."""
+RANKED = 8  # candidates listed
+MODEL_SHARE = 0.01
+"""Standard deviation of a size, as a share: a fitted model answers to an effect no more exactly than to an injection.
+Found on seven plants of other equations than the model's, each with a discrepancy of its own."""
+_EXPECTED_MORE = 10  # fits of a usual search after the first of every effect, for the progress shown
+Progress = Callable[[float], None]
+"""Called with the share done, 0 to 1."""
+METHOD = (
+    "share of exp(-X/(2 T)) among candidates of the same size that might be right, X = -2 log L + 10 a parameter, "
+    "T = 2 for what no model knows of noise and line; at most 0.99"
+)
+TEMPER = 2.0
+HIGHEST = 0.99
+WITH_A_WRONG_MODEL = 0.8  # at most, when discovery names something on healthy recordings
 
 
 def decide_by(ids: Iterable[str], rate_measured: bool = False) -> tuple[Decisive, ...]:
@@ -82,7 +91,7 @@ def decide_between(proposals: Sequence[Proposal], rate_measured: bool = False) -
 
 
 def _measurement(one: Effect, other: Effect, rate_measured: bool) -> str:
-    """What the effects themselves say decides, else what decides by their places."""
+    """Finds the measurement that decides, by what the effects state, else by their places."""
     relation, places = one.relation_to(other), {one.place, other.place}
     said = relation.decided_by if relation is not None else one.decided_by or other.decided_by
     if said:
@@ -97,37 +106,16 @@ def _measurement(one: Effect, other: Effect, rate_measured: bool) -> str:
     return f"recordings at more {more}{with_rate}"
 
 
-RANKED = 8  # candidates listed
-INTERVAL_MARGIN = (
-    1.08  # for what a steady gain does not know: errors on independent plants are that much larger
-)
-MODEL_SHARE = 0.01
-"""Of a size, standard deviation: a fitted model answers to an effect no more exactly than to an injection. Found on
-seven plants of other equations than the model's, each with a discrepancy of its own."""
-_EXPECTED_MORE = 10  # fits of a usual search after the first of every effect, for the progress shown
-
-Progress = Callable[[float], None]
-"""Called with the share done, 0 to 1."""
-
-METHOD = (
-    "share of exp(-X/(2 T)) among candidates of the same size that might be right, X = -2 log L + 10 a parameter, "
-    "T = 2 for what no model knows of noise and line; at most 0.99"
-)
-TEMPER = 2.0
-HIGHEST = 0.99
-WITH_A_WRONG_MODEL = 0.8  # at most, when discovery names something on healthy recordings
-
-
 @dataclass(frozen=True)
 class SearchOptions:
-    """How to search. workers: threads; memory: of candidates fitted before; baseline: of healthy recordings; chosen:
-    effects that are to lead where they are among those that explain the recordings as well as the best.
+    """Options of a search. workers: threads; memory: of candidates fitted before; baseline: of healthy recordings;
+    chosen: effects that are to lead where they are among those that explain the recordings as well as the best.
     """
 
     workers: int = 1
     memory: FitMemory | None = None
     progress: Progress | None = None
-    baseline: HealthyBaseline = NO_BASELINE
+    baseline: Healthy = NOT_FITTED
     chosen: tuple[str, ...] = ()
 
 
@@ -140,7 +128,7 @@ def name_effects(
     answer to them.
     """
     options = options or SearchOptions()
-    evidence = evidence_of(found, nominal, options.baseline.shape)
+    likelihood = joint_likelihood(found, nominal, options.baseline.shape)
     effects = representatives()
     done = 0
 
@@ -150,9 +138,9 @@ def name_effects(
         if options.progress is not None:
             options.progress(min(1.0, done / (len(effects) + _EXPECTED_MORE)))
 
-    if evidence.judge(nominal) is None:
+    if likelihood.judge(nominal) is None:
         raise RunError("the model has no finite solution on these recordings: see `observer-rt check`")
-    fitter = Fitter(evidence, nominal, options.workers, options.memory, count, options.baseline.appears)
+    fitter = Fitter(likelihood, nominal, options.workers, options.memory, count, options.baseline.appears)
     fitter.measure(effects)
     search = Search(fitter, effects, options.baseline)
     outcome = search.run()
@@ -184,31 +172,32 @@ def healthy_baseline(
     nominal: EffectiveModel,
     found: Sequence[Measurement],
     workers: int = 1,
-    known: HealthyBaseline = NO_BASELINE,
-) -> tuple[HealthyBaseline, Discovery]:
-    """What healthy recordings leave unexplained, and what discovery says of them: `none` for an adequate model.
+    known: Healthy = NOT_FITTED,
+) -> tuple[Healthy, Discovery]:
+    """Measures what healthy recordings leave unexplained; discovery finds `none` in them for an adequate model.
 
     known: what the model's own fit remembers of the healthy injector.
     """
-    evidence = evidence_of(found, nominal, known.shape)
-    judged = evidence.judge(nominal)
+    likelihood = joint_likelihood(found, nominal, known.shape)
+    judged = likelihood.judge(nominal)
     if judged is None:
         raise RunError("the model has no finite solution on the healthy recordings: see `observer-rt check`")
     discovery = name_effects(nominal, found, SearchOptions(workers, baseline=known))
-    remainder = healthy_remainder(evidence, nominal, representatives(), known.remainder)
-    return baseline_of(pool_of(evidence, judged), remainder, discovery.verdict is Verdict.NONE), discovery
+    remainder = healthy_remainder(likelihood, nominal, representatives(), known)
+    rate = pool_of(likelihood, judged).get(Signal.INJECTION_RATE)
+    return healthy_for_naming(remainder, discovery.verdict is Verdict.NONE, rate), discovery
 
 
 class _Verdict:
     """The result of a search in the words of a `Discovery`."""
 
     def __init__(
-        self, fitter: Fitter, found: SearchOutcome, baseline: HealthyBaseline, held_out: HeldOutPoints
+        self, fitter: Fitter, found: SearchOutcome, baseline: Healthy, held_out: HeldOutPoints
     ) -> None:
         self._fitter = fitter
         self._held_out = held_out
         self._nominal = fitter.nominal
-        self._evidence = fitter.evidence
+        self._likelihood = fitter.likelihood
         self._found = found
         self._baseline = baseline
         self._rivals = tuple(rival.ids for rival in found.rivals) if found.adequate else ()
@@ -219,11 +208,11 @@ class _Verdict:
         """Everything together."""
         found, verdict = self._found, self._verdict()
         confidence = HIGHEST if found.adequate and self._proposals else confidence_of(found)
-        if not self._baseline.trusted:
+        if not self._baseline.adequate:
             confidence = min(confidence, WITH_A_WRONG_MODEL)
         named = verdict in (Verdict.NAMED, Verdict.AMBIGUOUS)
         open_ids = [one for ids in (found.winner.ids, *self._rivals) for one in ids]
-        noise = [trial.measurement.noise for trial in self._evidence.trials]
+        noise = [recorded.measurement.noise for recorded in self._likelihood.recordings]
         return Discovery(
             verdict=verdict,
             named=found.winner if named else found.nominal,
@@ -260,11 +249,17 @@ class _Verdict:
         )
 
     def _samples(self) -> int:
-        return sum(trial.phases.size + trial.rate_phases.size for trial in self._evidence.trials)
+        return sum(
+            recorded.phases.size + recorded.rate_phases.size for recorded in self._likelihood.recordings
+        )
 
     def _rate_noise(self) -> float | None:
         """Mean over the recordings with a measured rate [m3/s]."""
-        levels = [trial.measurement.rate_noise for trial in self._evidence.trials if trial.rate_phases.size]
+        levels = [
+            recorded.measurement.rate_noise
+            for recorded in self._likelihood.recordings
+            if recorded.rate_phases.size
+        ]
         return float(np.mean(levels)) if levels else None
 
     def _verdict(self) -> Verdict:
@@ -292,7 +287,7 @@ class _Verdict:
         return tuple(result)
 
     def _gain(self, effect_id: str) -> float:
-        """What -2 log L rises without one of the winner's effects."""
+        """Rise of -2 log L without one of the winner's effects."""
         winner = self._found.winner
         rest = set(winner.ids) - {effect_id}
         without = next(one for one in self._found.fitted if set(one.ids) == rest)
@@ -307,12 +302,12 @@ class _Verdict:
         place = 0
         for effect in one.hypothesis.effects:
             if effect.parameters:
-                variances[place] += self._fitter.reference(effect).sigma ** 2
+                variances[place] += self._fitter.reference(effect)[1] ** 2
             place += len(effect.parameters)
         return replace(one, half=tuple((NORMAL_975 * np.sqrt(variances)).tolist()))
 
     def _moves(self, before: EffectiveModel, after: EffectiveModel) -> Consequence:
-        return consequence([trial.measurement for trial in self._evidence.trials], before, after)
+        return consequence([recorded.measurement for recorded in self._likelihood.recordings], before, after)
 
     def _ranking(self) -> tuple[Candidate, ...]:
         """Leaders by -2 log L, the winner, its rivals and the nominal model among them."""
@@ -330,16 +325,16 @@ class _Verdict:
 
     def _cells(self, one: Candidate) -> tuple[Cell, ...]:
         model = one.model(self._nominal)
-        judged = self._evidence.judge(model)
-        return () if judged is None else cells_of(self._evidence, judged, model)
+        judged = self._likelihood.judge(model)
+        return () if judged is None else cells_of(self._likelihood, judged, model)
 
     def _unexplained(self) -> Unexplained | None:
         found = self._found
-        judged = self._evidence.judge(found.winner.model(self._nominal))
+        judged = self._likelihood.judge(found.winner.model(self._nominal))
         if judged is None:
             return None
-        place = worst(pool_of(self._evidence, judged), self._baseline)
-        left = unexplained(self._evidence, judged, self._nominal, place, found.fitted)
+        place = worst(pool_of(self._likelihood, judged), self._baseline)
+        left = unexplained(self._likelihood, judged, self._nominal, place, found.fitted)
         if not self._proposals:
             return left
         best = self._proposals[0]

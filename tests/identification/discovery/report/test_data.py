@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.identification.discovery.report.document import as_json, remove_data, write_data
+from observer_rt.identification.discovery.report.data import remove_data, write_data
+from observer_rt.identification.discovery.report.document import document_of
 from tests.identification.discovery.conftest import SOURCES, Worn
 
 
@@ -24,7 +25,7 @@ def data(worn: Worn, tmp_path: Path) -> Path:
 
 
 def test_the_tables_say_what_the_document_says(worn: Worn, data: Path) -> None:
-    document = as_json(worn.findings, SOURCES)
+    document = document_of(worn.findings, SOURCES).as_json()
     candidates = _rows(data / "candidates.csv")
     assert [one["candidate"] for one in candidates] == [
         "+".join(one["ids"]) or "model as given" for one in document["ranking"]

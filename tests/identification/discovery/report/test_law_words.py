@@ -4,13 +4,8 @@ import pytest
 
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.identification.discovery.report.text import as_if, standing_words
-from observer_rt.identification.discovery.search.result import (
-    Candidate,
-    Consequence,
-    Hypothesis,
-    Proposal,
-    Refusal,
-)
+from observer_rt.identification.discovery.search.hypothesis import Hypothesis
+from observer_rt.identification.discovery.search.results import Candidate, Consequence, Proposal, Refusal
 from observer_rt.model.effect import Effect
 from observer_rt.model.term_effect import FormNumber, term_effect
 from observer_rt.model.terms.parser import parse

@@ -3,7 +3,7 @@
 import pytest
 
 from observer_rt.identification.discovery.report.text import printed, shown
-from observer_rt.identification.discovery.search.result import FittedParameter
+from observer_rt.identification.discovery.search.results import FittedParameter
 
 
 @pytest.mark.parametrize(

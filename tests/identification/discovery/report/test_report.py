@@ -9,13 +9,13 @@ from typing import Any
 import pytest
 
 from observer_rt.engine.estimation.phases import Phase
-from observer_rt.identification.discovery.findings import Opinion, Sources
-from observer_rt.identification.discovery.report.document import as_json
+from observer_rt.identification.discovery.findings import Sources
+from observer_rt.identification.discovery.report.document import document_of
 from observer_rt.identification.discovery.report.page import report
-from observer_rt.identification.discovery.search.result import Decisive, Discovery, Unexplained, Verdict
+from observer_rt.identification.discovery.search.results import Decisive, Discovery, Unexplained, Verdict
 from observer_rt.identification.likelihood.likelihood import Signal
 from observer_rt.model.effect import Equation
-from tests.identification.discovery.conftest import SOURCES, Worn
+from tests.identification.discovery.conftest import SOURCES, Worn, opinion_of
 
 VOID = {"meta", "br", "path", "use", "rect", "line"}
 
@@ -58,7 +58,7 @@ def _page(worn: Worn, found: Discovery | None = None, **changes: Any) -> _Page:
     findings = replace(worn.findings, **changes)
     if found is not None:
         findings = replace(findings, discovery=found)
-    return _Page(report(findings, _sources(worn.question.hashes)))
+    return _Page(report(findings, _sources(worn.task.hashes)))
 
 
 def _sources(hashes: Mapping[str, str]) -> Sources:
@@ -96,8 +96,8 @@ def test_a_recording_judged_in_part_is_told(worn: Worn) -> None:
     words = "long.csv: 113 of 988 complete injections chosen"
     assert words not in _page(worn).text
     assert f"{words}." in _page(worn, in_part=(words,)).text
-    told = as_json(replace(worn.findings, in_part=(words,)), SOURCES)["judged_in_part"]
-    assert (as_json(worn.findings, SOURCES)["judged_in_part"], told) == ([], [words])
+    told = document_of(replace(worn.findings, in_part=(words,)), SOURCES).as_json()["judged_in_part"]
+    assert (document_of(worn.findings, SOURCES).as_json()["judged_in_part"], told) == ([], [words])
 
 
 def test_every_part_is_there(worn: Worn) -> None:
@@ -114,13 +114,13 @@ def test_every_part_is_there(worn: Worn) -> None:
     ):
         assert heading in page.text
     assert "Nothing here contradicts the discovery" in page.text
-    for name in worn.question.hashes:
+    for name in worn.task.hashes:
         assert name in page.text  # <0>.csv: shown, not taken for a tag
 
 
 def test_a_contradiction_stands_at_the_top(worn: Worn) -> None:
     assert worn.findings.opinion is not None
-    quiet = Opinion((replace(worn.findings.opinion.indicators[0], value=0.0),), 10, 12, {})
+    quiet = opinion_of({"orifice_area": (0.0, 0.002)})
     text = _page(worn, opinion=quiet).text
     assert text.index("does not agree") < text.index("Where model and measurement disagree")
     assert "could not be run" in _page(worn, opinion=None).text

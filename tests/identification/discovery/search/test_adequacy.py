@@ -5,13 +5,8 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.phases import Phase, phase_statistics
-from observer_rt.identification.discovery.search.adequacy import (
-    NO_BASELINE,
-    HealthyBaseline,
-    baseline_of,
-    baseline_of_fit,
-    worst,
-)
+from observer_rt.engine.learning.healthy import NOT_FITTED, healthy_for_naming
+from observer_rt.identification.discovery.search.adequacy import healthy_of_fit, worst
 from observer_rt.identification.likelihood.likelihood import Pool, Signal
 from observer_rt.model.baseline import HealthyRemainder, HealthyShape
 from tests.baselines import WHITE
@@ -54,27 +49,26 @@ def test_a_small_lasting_shift_shows_in_the_means_of_blocks() -> None:
 
 
 def test_what_healthy_recordings_leave_is_adequate_again() -> None:
-    baseline = baseline_of({}, _remainder(1.4**2))
+    baseline = healthy_for_naming(_remainder(1.4**2), adequate=True)
     assert worst(_pool(scale=1.4), baseline).ratio <= 1.0
     assert worst(_pool(scale=2.0), baseline).ratio > 1.0
 
 
 def test_a_baseline_is_never_below_noise() -> None:
-    assert baseline_of({}, _remainder(0.25)).variance[Signal.LINE_PRESSURE, Phase.OPEN] == 1.0
+    assert healthy_for_naming(_remainder(0.25), adequate=True).variance[Phase.OPEN] == 1.0
 
 
 def test_a_measured_rate_has_a_baseline_of_its_own() -> None:
     of_rate = {Signal.INJECTION_RATE: _pool(scale=1.4)[Signal.LINE_PRESSURE]}
-    baseline = baseline_of(of_rate, _remainder(1.0))
+    baseline = healthy_for_naming(_remainder(1.0), True, of_rate[Signal.INJECTION_RATE])
     assert worst(of_rate, baseline).ratio <= 1.0
     assert worst(_pool(scale=1.4), baseline).ratio > 1.0
 
 
 def test_no_baseline_is_trusted_and_knows_nothing() -> None:
-    assert HealthyBaseline({}, {}) == NO_BASELINE
-    assert NO_BASELINE.trusted
-    assert NO_BASELINE.shape is None
-    assert not NO_BASELINE.appears
+    assert NOT_FITTED.adequate
+    assert NOT_FITTED.shape is None
+    assert not NOT_FITTED.appears
 
 
 @pytest.mark.parametrize("adequate", [True, False])
@@ -82,12 +76,12 @@ def test_no_baseline_is_trusted_and_knows_nothing() -> None:
 def test_a_fitted_file_is_a_baseline(adequate: bool, comparable: bool) -> None:
     left = WHITE | {"after": 1.96}
     of_file = fitted(adequate=adequate, variance=left, colour=left, healthy=_remainder(1.96))
-    baseline = baseline_of_fit(of_file, comparable)
+    baseline = healthy_of_fit(of_file, comparable)
     explained, other = (Phase.OPEN, Phase.AFTER) if comparable else (Phase.AFTER, Phase.OPEN)
-    assert baseline.trusted is (adequate and comparable)
+    assert baseline.adequate is (adequate and comparable)
     assert worst(_pool(scale=1.4, phase=explained), baseline).ratio <= 1.0
     assert worst(_pool(scale=1.4, phase=other), baseline).ratio > 1.0
 
 
 def test_a_file_fitted_before_the_healthy_injector_was_kept_is_not_trusted() -> None:
-    assert not baseline_of_fit(fitted(), comparable=True).trusted
+    assert not healthy_of_fit(fitted(), comparable=True).adequate

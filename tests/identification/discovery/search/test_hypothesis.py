@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from observer_rt.identification.discovery.search.result import Hypothesis
+from observer_rt.identification.discovery.search.hypothesis import Hypothesis
 from observer_rt.identification.discovery.search.search import indistinguishable, representatives
 from observer_rt.model.effects import VOCABULARY, effective_model, sized
 from tests.identification.discovery.hidden import NOMINAL

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.identification.discovery.search.result import Discovery, Verdict
+from observer_rt.identification.discovery.search.results import Discovery, Verdict
 from observer_rt.identification.discovery.search.verdict import SearchOptions, healthy_baseline, name_effects
 from observer_rt.identification.likelihood.likelihood import Signal
 from observer_rt.identification.likelihood.measurement import measurements
@@ -195,7 +195,7 @@ def test_against_a_healthy_baseline_only_what_is_new_counts() -> None:
         update={"nozzle": NOMINAL.nozzle.model_copy(update={"sac_volume": 1.06 * NOMINAL.nozzle.sac_volume})}
     )
     baseline, on_healthy = healthy_baseline(MODEL, measurements(recordings(parameters=larger_sac)), workers=2)
-    assert not baseline.trusted
+    assert not baseline.adequate
     assert on_healthy.verdict is not Verdict.NONE
     found = _discover(
         sized("line_friction", k=0.5),

@@ -12,10 +12,11 @@ from unittest.mock import patch
 import numpy as np
 
 from observer_rt.config.bench import load_injector
+from observer_rt.engine.learning.healthy import NOT_FITTED
 from observer_rt.files.formats import read_recording
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
-from observer_rt.identification.discovery.search.adequacy import NO_BASELINE, baseline_of_fit
-from observer_rt.identification.discovery.search.result import Proposal
+from observer_rt.identification.discovery.search.adequacy import healthy_of_fit
+from observer_rt.identification.discovery.search.results import Proposal
 from observer_rt.identification.discovery.search.search import Search, SearchOutcome
 from observer_rt.identification.discovery.search.verdict import SearchOptions, name_effects
 from observer_rt.identification.likelihood.appearance import with_healthy_offset
@@ -89,8 +90,8 @@ def ask_outside(label: str, folder: Path, model: Path, without: Sequence[str] = 
     """Ask about a case's recordings in a folder, with a model and a vocabulary without some names."""
     nominal = effective_model(load_injector(model))
     fitted = nominal.injector.baseline
-    baseline = NO_BASELINE if fitted is None else baseline_of_fit(fitted, True)
-    whole = [with_healthy_offset(one, baseline.remainder) for one in _measured(folder / GIVEN_FOLDER)]
+    baseline = NOT_FITTED if fitted is None else healthy_of_fit(fitted, True)
+    whole = [with_healthy_offset(one, baseline) for one in _measured(folder / GIVEN_FOLDER)]
     points = [point.measurement for point in by_operating_point(whole)]
     begin = time.perf_counter()
     with vocabulary_without(without), noted_search() as noted:

@@ -1,4 +1,4 @@
-"""From recordings to the whole answer: check, find, name, add, show; and the folder it is written into."""
+"""Runs a discovery: checks, finds, names, adds and shows; writes its folder."""
 
 import hashlib
 import json
@@ -10,7 +10,7 @@ from datetime import datetime
 from pathlib import Path
 
 from observer_rt.config.injector_file import InjectorFile
-from observer_rt.engine.learning.healthy import holds_at
+from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy, holds_at
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation import file_kinds
 from observer_rt.foundation.console import check_folder
@@ -27,16 +27,17 @@ from observer_rt.identification.discovery.findings import (
     remedies,
 )
 from observer_rt.identification.discovery.gaps import disagreements, gaps_of, typical_overlays
-from observer_rt.identification.discovery.report.document import as_json, remove_data, write_data
+from observer_rt.identification.discovery.report.data import remove_data, write_data
+from observer_rt.identification.discovery.report.document import FINDINGS, document_of
 from observer_rt.identification.discovery.report.page import report
 from observer_rt.identification.discovery.report.text import headline
-from observer_rt.identification.discovery.search.adequacy import NO_BASELINE, HealthyBaseline, baseline_of_fit
+from observer_rt.identification.discovery.search.adequacy import healthy_of_fit
 from observer_rt.identification.discovery.search.candidates import FitMemory, FitStore, problem_key
-from observer_rt.identification.discovery.search.result import Verdict
+from observer_rt.identification.discovery.search.results import Verdict
 from observer_rt.identification.discovery.search.verdict import SearchOptions, healthy_baseline, name_effects
 from observer_rt.identification.discovery.standstill import standstill_checks
 from observer_rt.identification.likelihood.appearance import with_healthy_offset
-from observer_rt.identification.likelihood.likelihood import evidence_of
+from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.operating_points import by_operating_point
 from observer_rt.identification.likelihood.reading import chosen_words, refuse_rates_missing
@@ -57,15 +58,30 @@ _FIRST = {
     Verdict.AMBIGUOUS: f"{_AMEND_FIRST} There, --choose says which of the tied effects it takes.",
     Verdict.UNKNOWN: "First correct the injector file by drawing and data sheet: no effect explains its error.",
 }
-"""What to do when discovery finds this on healthy recordings."""
+"""Remedies, by what discovery finds on healthy recordings."""
 
-AskObserver = Callable[[InjectorParameters, Sequence[Recording]], Opinion | None]
-"""What the learning observer says of recordings; raises `ObserverError` where it cannot take them."""
+ObserverCheck = Callable[[InjectorParameters, Sequence[Recording]], Opinion | None]
+"""Asks the learning observer for its opinion of recordings; raises `ObserverError` where it cannot take them."""
+_INADEQUATE = (
+    "The fit of this model to healthy recordings was not adequate: what is named here may be its error. Fit again "
+    "with another structure or more recordings."
+)
+_FORGOTTEN = (
+    "The model was fitted by an earlier version, which did not keep what the fit leaves of the healthy injector: "
+    "what is named here may be the model's error. Fit again, or give healthy recordings by --healthy."
+)
+_OTHER_RATE = (
+    "The model was fitted at {:g} kHz: what its fit leaves of the healthy injector says nothing at another sample "
+    "rate. Fit at this rate, or give healthy recordings by --healthy."
+)
+AMENDED, REPORT, FITS = "amended.toml", "report.html", "fits.jsonl"
+DATA = "data"
+ANSWER = (REPORT, FINDINGS, AMENDED, DATA)
 
 
 @dataclass(frozen=True, eq=False)
-class Question:
-    """What is asked.
+class DiscoveryTask:
+    """Recordings to be explained, and how.
 
     healthy: recordings the model is judged against; hashes: SHA-256 of the recordings by name; chosen: effects the
     user prefers among those that explain the recordings as well as each other, empty: none; accepted: number of the
@@ -80,66 +96,50 @@ class Question:
     accepted: int = 0
 
 
-def refuse_incomparable(question: Question, model: str) -> None:
+def refuse_incomparable(task: DiscoveryTask, model: str) -> None:
     """Raise `UserError` for recordings that cannot be compared with the model, or not together; model: its file."""
-    refuse_rates_missing([one.recording for one in question.measured])
-    first = question.measured[0]
-    coefficients = first.coefficients_of(effective_model(question.parameters))
-    refuse_unstable_cells(model, question.parameters, coefficients, first.interval)
-
-
-_INADEQUATE = (
-    "The fit of this model to healthy recordings was not adequate: what is named here may be its error. Fit again "
-    "with another structure or more recordings."
-)
-
-
-_FORGOTTEN = (
-    "The model was fitted by an earlier version, which did not keep what the fit leaves of the healthy injector: "
-    "what is named here may be the model's error. Fit again, or give healthy recordings by --healthy."
-)
-_OTHER_RATE = (
-    "The model was fitted at {:g} kHz: what its fit leaves of the healthy injector says nothing at another sample "
-    "rate. Fit at this rate, or give healthy recordings by --healthy."
-)
+    refuse_rates_missing([one.recording for one in task.measured])
+    first = task.measured[0]
+    coefficients = first.coefficients_of(effective_model(task.parameters))
+    refuse_unstable_cells(model, task.parameters, coefficients, first.interval)
 
 
 def answer(
-    question: Question,
+    task: DiscoveryTask,
     memory: FitMemory,
-    ask_observer: AskObserver,
+    observer_check: ObserverCheck,
     progress: Callable[[float], None],
     amended_model: str,
     threads: int | None = None,
 ) -> Findings:
-    """Everything but the time it took; progress is told the share done, amended_model is the name of its file.
+    """Finds what is missing; progress is given the share done, amended_model is the name of its file.
 
     threads: to search with, None: one a CPU.
 
     Raises `RunError` when the model has no solution on the recordings, `UserError` for a choice they do not leave.
     """
-    nominal = effective_model(question.parameters)
-    known, warning = _remembered(nominal, [*question.measured, *question.healthy])
-    points = by_operating_point([with_healthy_offset(one, known.remainder) for one in question.measured])
+    nominal = effective_model(task.parameters)
+    known, warning = _remembered(nominal, [*task.measured, *task.healthy])
+    points = by_operating_point([with_healthy_offset(one, known) for one in task.measured])
     measured = [point.measurement for point in points]
     workers = threads or len(os.sched_getaffinity(0))
     baseline = known
-    if question.healthy:
-        baseline, warning = _judged_by_healthy(nominal, question.healthy, workers, known)
-    begin = _HEALTHY if question.healthy else 0.0
+    if task.healthy:
+        baseline, warning = _judged_by_healthy(nominal, task.healthy, workers, known)
+    begin = _HEALTHY if task.healthy else 0.0
     progress(begin)
     options = SearchOptions(
         workers,
         memory,
         lambda share: progress(begin + (_NAMED - begin) * share),
         baseline,
-        question.chosen,
+        task.chosen,
     )
     found = name_effects(nominal, measured, options)
     gaps = gaps_of(found, measured, nominal, baseline.shape)
     progress(_SHOWN)
-    evidence = evidence_of(measured, nominal, baseline.shape)
-    files, in_part = tuple(question.hashes), map(chosen_words, question.measured)
+    likelihood = joint_likelihood(measured, nominal, baseline.shape)
+    files, in_part = tuple(task.hashes), map(chosen_words, task.measured)
     several = Counter(point.file for point in points)
     names = tuple(
         files[point.file] if several[point.file] == 1 else f"{files[point.file]}, {point.name}"
@@ -147,24 +147,24 @@ def answer(
     )
     amended = found.named.model(nominal)
     in_force: tuple[EffectInForce, ...] = ()
-    if (found.verdict is not Verdict.AMBIGUOUS or question.chosen) and not remedies(found):
-        in_force = amended_effects(question.parameters, found, measured, question.hashes, baseline.shape)
-    terms, refused = question.parameters.terms if in_force else (), ""
-    if question.accepted:
+    if (found.verdict is not Verdict.AMBIGUOUS or task.chosen) and not remedies(found):
+        in_force = amended_effects(task.parameters, found, measured, task.hashes, baseline.shape)
+    terms, refused = task.parameters.terms if in_force else (), ""
+    if task.accepted:
         try:
-            in_force, terms = accepted(question.parameters, found, question.accepted, question.hashes)
+            in_force, terms = accepted(task.parameters, found, task.accepted, task.hashes)
         except UserError as error:
             refused = str(error)
     return Findings(
         discovery=found,
-        where=disagreements(found, evidence, nominal),
+        where=disagreements(found, likelihood, nominal),
         gaps=gaps,
-        checks=standstill_checks(question.measured, evidence, nominal, amended),
-        opinion=_opinion(ask_observer, question),
+        checks=standstill_checks(task.measured, likelihood, nominal, amended),
+        opinion=_opinion(observer_check, task),
         healthy_warning=warning,
         like_inertance=is_like_inertance(nominal, amended),
         level_measured=is_level_measured(nominal),
-        chosen=question.chosen,
+        chosen=task.chosen,
         amended_model=amended_model if in_force or terms else None,
         in_force=in_force,
         terms=terms,
@@ -175,17 +175,17 @@ def answer(
         points=names,
         fitted_on=tuple(names[i] for i in gaps.fitted_on),
         held_out=tuple(names[i] for i in gaps.held_out),
-        healthy=baseline.remainder,
+        healthy=None if baseline.shape is None else baseline,
     )
 
 
-def _remembered(nominal: EffectiveModel, found: Sequence[Measurement]) -> tuple[HealthyBaseline, str]:
-    """What the fit of a model remembers of the healthy injector, and what speaks against it, empty when nothing."""
+def _remembered(nominal: EffectiveModel, found: Sequence[Measurement]) -> tuple[Healthy, str]:
+    """Reads the healthy injector from a fitted model, with a warning about that fit, empty without one."""
     fitted = nominal.injector.baseline
     if fitted is None:
-        return NO_BASELINE, ""
+        return NOT_FITTED, ""
     comparable = all(holds_at(fitted, one.recording.sample_rate) for one in found)
-    baseline = baseline_of_fit(fitted, comparable)
+    baseline = healthy_of_fit(fitted, comparable)
     if not fitted.adequate:
         return baseline, _INADEQUATE
     if fitted.healthy is None:
@@ -194,13 +194,13 @@ def _remembered(nominal: EffectiveModel, found: Sequence[Measurement]) -> tuple[
 
 
 def _judged_by_healthy(
-    nominal: EffectiveModel, healthy: Sequence[Measurement], workers: int, known: HealthyBaseline
-) -> tuple[HealthyBaseline, str]:
-    """What healthy recordings leave unexplained, and what they say against the model, if anything.
+    nominal: EffectiveModel, healthy: Sequence[Measurement], workers: int, known: Healthy
+) -> tuple[Healthy, str]:
+    """Judges a model by healthy recordings; also returns what they say against it, if anything.
 
     known: what the fit of the model remembers, to which they add.
     """
-    found_with = [with_healthy_offset(one, known.remainder) for one in healthy]
+    found_with = [with_healthy_offset(one, known) for one in healthy]
     points = [point.measurement for point in by_operating_point(found_with)]
     baseline, found = healthy_baseline(nominal, points, workers, known)
     if found.verdict is Verdict.NONE:
@@ -211,16 +211,11 @@ def _judged_by_healthy(
     )
 
 
-def _opinion(ask_observer: AskObserver, question: Question) -> Opinion | None:
+def _opinion(observer_check: ObserverCheck, task: DiscoveryTask) -> Opinion | None:
     try:
-        return ask_observer(question.parameters, [one.recording for one in question.measured])
+        return observer_check(task.parameters, [one.recording for one in task.measured])
     except ObserverError:
         return None  # not a matter of discovery: the report says that there is none
-
-
-FINDINGS, AMENDED, REPORT, FITS = "findings.json", "amended.toml", "report.html", "fits.jsonl"
-DATA = "data"
-ANSWER = (REPORT, FINDINGS, AMENDED, DATA)
 
 
 def refuse_replacing(folder: Path, model: Path, force: bool) -> None:
@@ -256,22 +251,22 @@ def make_folder(folder: Path) -> None:
     check_folder("--out", folder)
 
 
-def fits_in(folder: Path, question: Question, stated: Sequence[SizedEffect]) -> FitStore:
+def fits_in(folder: Path, task: DiscoveryTask, stated: Sequence[SizedEffect]) -> FitStore:
     """Where the search for an answer keeps its fits, and finds those of an interrupted one."""
     parts = [
         f"{sha256} {one.recording.samples}"  # of a long one it depends on the command how much is kept
-        for sha256, one in zip(question.hashes.values(), question.measured, strict=True)
+        for sha256, one in zip(task.hashes.values(), task.measured, strict=True)
     ]
-    parts += [  # what is taken out of the evidence comes of these
-        hashlib.sha256(one.recording.line_pressure.tobytes()).hexdigest() for one in question.healthy
+    parts += [  # what is taken out of the likelihood comes of these
+        hashlib.sha256(one.recording.line_pressure.tobytes()).hexdigest() for one in task.healthy
     ]
     with file_errors(folder):
-        return FitStore(folder / FITS, problem_key(question.parameters, parts, stated))
+        return FitStore(folder / FITS, problem_key(task.parameters, parts, stated))
 
 
-def write_answer(
+def write_findings(
     folder: Path,
-    question: Question,
+    task: DiscoveryTask,
     found: Findings,
     injector: InjectorFile,
     healthy: Sequence[Path],
@@ -284,12 +279,12 @@ def write_answer(
     sources = Sources(
         model=injector.name,
         model_hash=injector.sha256,
-        in_force=tuple(effect.id for effect in question.parameters.effects),
-        recordings=question.hashes,
+        in_force=tuple(effect.id for effect in task.parameters.effects),
+        recordings=task.hashes,
         healthy=tuple(path.name for path in healthy),
         made=datetime.now(),
     )
-    document = json.dumps(as_json(found, sources), indent=2)
+    document = json.dumps(document_of(found, sources).as_json(), indent=2)
     with file_errors(folder):
         (folder / FINDINGS).write_text(document + "\n", encoding="utf-8")
         (folder / REPORT).write_text(report(found, sources), encoding="utf-8")
@@ -297,7 +292,7 @@ def write_answer(
         if data:
             write_data(folder / DATA, found)
         if found.amended_model is not None:
-            cells = stable_cells(question.parameters, found.in_force, question.measured)
+            cells = stable_cells(task.parameters, found.in_force, task.measured)
             write_amended(folder / AMENDED, injector, found.in_force, cells, found.terms)
         else:
             (folder / AMENDED).unlink(missing_ok=True)

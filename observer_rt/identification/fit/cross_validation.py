@@ -1,4 +1,4 @@
-"""Recordings as a fit sees them: few events, parts left out in turn, measured masses; what will not do is refused."""
+"""Prepares recordings for a fit: folds of few events, measured masses; refuses signals that are clipped."""
 
 import csv
 import math
@@ -25,10 +25,20 @@ from observer_rt.identification.likelihood.operating_points import distinct, eve
 T = TypeVar("T")
 
 RING_DOWN = 5e-3  # s after the last closing that count: the line forgets within less
+_RUN = 5  # equal samples at the edge of a range that are no chance
+_FINE = 0.2  # share of equal neighbours, below which a signal is so noisy that a run of them is none
+_FEW = 6  # injections, below which intervals are wide
+BETWEEN_SAMPLES = 0.005  # of a mass, by instants SLOW apart: of the richer plant, every fifth sample
+FAST, SLOW = 10e-6, 50e-6  # s between samples: edges of the lift lost nothing, and that
+WORTH_A_WORD = 0.001  # of a mass
+RECORDING, INJECTION, MASS, SIGMA = "recording", "injection", "mass_mg", "sigma_mg"
+SHARE_SIGMA = 0.005  # of a mass whose uncertainty is not stated: a good injection analyser
+LARGEST_MASS = 2000.0  # mg
+_EXAMPLE = f"{RECORDING},{MASS} with lines such as healthy_60.csv,31.4"
 
 
 @dataclass(frozen=True)
-class Weighed:
+class MeasuredMasses:
     """Measured masses of a recording's injections [kg], each with its standard deviation.
 
     single: by the first sample of the injection; mean: of all injections, None where they were not weighed together.
@@ -39,8 +49,8 @@ class Weighed:
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
-    """What can be left out to judge a fit by: a recording, or some events of the only one.
+class Fold:
+    """Data that are left out to judge a fit by: a recording, or some events of the only one.
 
     measurement: its events shortened; recording: number of its recording; weights: how
     many injections of the recording each event stands for (events,); weighed: masses, None where none are measured.
@@ -49,7 +59,7 @@ class Part:
     measurement: Measurement
     recording: int
     weights: NDArray[np.float64]
-    weighed: Weighed | None = None
+    weighed: MeasuredMasses | None = None
 
     def mass_residuals(self, masses: NDArray[np.float64]) -> NDArray[np.float64]:
         """Modelled masses (events,) [kg] beside the measured ones, in standard deviations (m,)."""
@@ -67,8 +77,8 @@ class Part:
         return np.array(residuals)
 
 
-def parts_of(found: Sequence[Measurement], weighed: Mapping[int, Weighed]) -> tuple[Part, ...]:
-    """Every recording as a part; of a single one its operating points, or else its events by halves.
+def folds_of(found: Sequence[Measurement], weighed: Mapping[int, MeasuredMasses]) -> tuple[Fold, ...]:
+    """Every recording as a fold; of a single one its operating points, or else its events by halves.
 
     weighed: by the number of the recording.
     """
@@ -86,23 +96,23 @@ def parts_of(found: Sequence[Measurement], weighed: Mapping[int, Weighed]) -> tu
             points = [points[0][:half], points[0][half:]]
         groups = [(0, events) for events in points]
     return tuple(
-        Part(replace(short[n], events=tuple(events)), n, np.ones(len(events)), weighed.get(n))
+        Fold(replace(short[n], events=tuple(events)), n, np.ones(len(events)), weighed.get(n))
         for n, events in groups
     )
 
 
-def thinned(part: Part, most: int) -> Part:
+def thinned(fold: Fold, most: int) -> Fold:
     """At most so many events of each operating point, spread evenly."""
     kept = [
         (event, len(point) / min(most, len(point)))
-        for point in events_by_point(part.measurement)
+        for point in events_by_point(fold.measurement)
         for event in spread(point, most)
     ]
     kept.sort(key=lambda item: item[0].start)
     events = tuple(event for event, _ in kept)
     return replace(
-        part,
-        measurement=replace(part.measurement, events=events),
+        fold,
+        measurement=replace(fold.measurement, events=events),
         weights=np.array([share for _, share in kept]),
     )
 
@@ -112,21 +122,13 @@ def spread(items: Sequence[T], most: int) -> list[T]:
     return [items[n] for n in np.linspace(0, len(items) - 1, min(most, len(items))).round().astype(int)]
 
 
-def standstill_offset(part: Part) -> float:
+def standstill_offset(fold: Fold) -> float:
     """Mean of line minus rail pressure before the injections [Pa]."""
-    recording = part.measurement.recording
+    recording = fold.measurement.recording
     difference = recording.line_pressure - recording.rail_pressure
     before = math.ceil(COUNTED_LEAD * recording.sample_rate)
-    firsts = [event.openings[0].first for event in part.measurement.events]
+    firsts = [event.openings[0].first for event in fold.measurement.events]
     return float(np.mean([np.mean(difference[first - before : first]) for first in firsts]))
-
-
-_RUN = 5  # equal samples at the edge of a range that are no chance
-_FINE = 0.2  # share of equal neighbours, below which a signal is so noisy that a run of them is none
-_FEW = 6  # injections, below which intervals are wide
-BETWEEN_SAMPLES = 0.005  # of a mass, by instants SLOW apart: of the richer plant, every fifth sample
-FAST, SLOW = 10e-6, 50e-6  # s between samples: edges of the lift lost nothing, and that
-WORTH_A_WORD = 0.001  # of a mass
 
 
 def refuse_clipped(found: Sequence[Measurement]) -> None:
@@ -173,7 +175,7 @@ def share_between_samples(one: Measurement) -> float:
 
 
 def warnings(found: Sequence[Measurement]) -> list[str]:
-    """What makes the result less sure, in sentences."""
+    """Reasons why a result is less sure, in sentences."""
     result = []
     events = [(one, event) for one in found for event in one.events]
     pressures = distinct(rail_pressure_before(event, one.recording) for one, event in events)
@@ -201,13 +203,7 @@ def warnings(found: Sequence[Measurement]) -> list[str]:
     return result
 
 
-RECORDING, INJECTION, MASS, SIGMA = "recording", "injection", "mass_mg", "sigma_mg"
-SHARE_SIGMA = 0.005  # of a mass whose uncertainty is not stated: a good injection analyser
-LARGEST_MASS = 2000.0  # mg
-_EXAMPLE = f"{RECORDING},{MASS} with lines such as healthy_60.csv,31.4"
-
-
-def read_masses(path: Path, found: Sequence[Measurement]) -> dict[int, Weighed]:
+def read_masses(path: Path, found: Sequence[Measurement]) -> dict[int, MeasuredMasses]:
     """Measured masses by the number of the recording.
 
     CSV: `recording` (file name), `mass_mg`, and, where there are such columns, `injection` (number in the recording
@@ -247,7 +243,7 @@ def read_masses(path: Path, found: Sequence[Measurement]) -> dict[int, Weighed]:
     numbers = sorted(single.keys() | means.keys())
     if not numbers:
         raise UserError(str(path), "holds no mass", f"write {_EXAMPLE}")
-    return {number: Weighed(single.get(number, {}), means.get(number)) for number in numbers}
+    return {number: MeasuredMasses(single.get(number, {}), means.get(number)) for number in numbers}
 
 
 def _check_header(place: str, header: Sequence[str]) -> None:

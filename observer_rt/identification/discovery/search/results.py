@@ -1,10 +1,9 @@
-"""What discovery found, as values: hypotheses, fitted effects, rivals, what is left unexplained. SI throughout."""
+"""Results of a search: candidates, fitted effects, cells of the map, proposals, the verdict. SI throughout."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from itertools import islice, product
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -12,122 +11,15 @@ from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.phases import Phase
-from observer_rt.identification.likelihood.bounded_fit import MAX_ITERATIONS, Minimum, Range, Residuals, fit
-from observer_rt.identification.likelihood.likelihood import Evidence, Signal
-from observer_rt.model.effect import Effect, EffectParameter, Equation
+from observer_rt.identification.discovery.search.hypothesis import Hypothesis
+from observer_rt.identification.likelihood.likelihood import Signal
+from observer_rt.model.effect import Equation
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.term_effect import TermLaw, is_term, term_of
 from observer_rt.model.terms.term import Term
 
-DEAD_SHARE = 0.75  # of the dead zone: estimates of an effect just beyond it scatter
-_STEP = 0.01  # of the dead zone, for finite differences
-_SHAPE_STEP = 1e-4  # of the range, for parameters without dead zone
 MOST_ENTERING = 2  # terms and effects that a model may be given: more say nothing of what is missing
-MOST_STARTS = 2  # from which a search begins
-_EXPLAINED = 1.1  # variance of the residuals below which no second start is tried
-
-
-@dataclass(frozen=True)
-class Hypothesis:
-    """Effects in force beyond the nominal model; parameters theta (p,) in SI, effect after effect."""
-
-    effects: tuple[Effect, ...] = ()
-
-    @property
-    def ids(self) -> tuple[str, ...]:
-        """Ids of the effects."""
-        return tuple(effect.id for effect in self.effects)
-
-    @property
-    def parameters(self) -> tuple[EffectParameter, ...]:
-        """Parameters of all effects, as in theta."""
-        return tuple(parameter for effect in self.effects for parameter in effect.parameters)
-
-    def with_effect(self, effect: Effect) -> "Hypothesis":
-        """One effect more, at the end."""
-        return Hypothesis((*self.effects, effect))
-
-    def split(self, theta: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-        """theta by effects."""
-        ends = np.cumsum([len(effect.parameters) for effect in self.effects])
-        return tuple(np.split(theta, ends[:-1])) if self.effects else ()
-
-    def model(self, nominal: EffectiveModel, theta: NDArray[np.float64]) -> EffectiveModel:
-        """The nominal model with these effects at these sizes."""
-        for effect, values in zip(self.effects, self.split(theta), strict=True):
-            nominal = effect.apply(nominal, tuple(float(value) for value in values))
-        return nominal
-
-    def ranges(self) -> tuple[Range, ...]:
-        """Bounds and steps of theta."""
-        return tuple(
-            Range(p.lowest, p.highest, _STEP * p.dead_zone or _SHAPE_STEP * (p.highest - p.lowest))
-            for p in self.parameters
-        )
-
-    def starts(self) -> list[NDArray[np.float64]]:
-        """Where a search begins: all combinations of the starts of the last effect, the others off."""
-        if not self.effects:
-            return [np.zeros(0)]
-        before = [p.off for effect in self.effects[:-1] for p in effect.parameters]
-        grids = product(*(p.starts for p in self.effects[-1].parameters))
-        return [np.array([*before, *values]) for values in grids]
-
-    def is_plausible(self, theta: NDArray[np.float64]) -> bool:
-        """Whether every effect has a size that matters and that no bound holds back: the sizes, not the shapes."""
-        return self.is_within_bounds(theta) and all(
-            abs(value - p.off) > DEAD_SHARE * p.dead_zone for p, value in self._sizes(theta)
-        )
-
-    def is_within_bounds(self, theta: NDArray[np.float64]) -> bool:
-        """Whether no bound but `off` holds a size back."""
-        return all(value == p.off or p.lowest < value < p.highest for p, value in self._sizes(theta))
-
-    def _sizes(self, theta: NDArray[np.float64]) -> list[tuple[EffectParameter, float]]:
-        pairs = zip(self.parameters, theta, strict=True)
-        return [(p, float(value)) for p, value in pairs if p.dead_zone > 0.0]
-
-
-class Sizing:
-    """The problem of finding the sizes of a hypothesis' effects."""
-
-    def __init__(self, evidence: Evidence, nominal: EffectiveModel, hypothesis: Hypothesis) -> None:
-        self._evidence = evidence
-        self._nominal = nominal
-        self.hypothesis = hypothesis
-
-    def residuals(self, theta: NDArray[np.float64]) -> Residuals | None:
-        """Residuals on all recordings with effects of these sizes."""
-        return self._evidence.residuals(self.hypothesis.model(self._nominal, theta))
-
-
-def minimum_from(
-    sizing: Sizing,
-    starts: Sequence[NDArray[np.float64]],
-    max_iterations: int = MAX_ITERATIONS,
-    second_if_stuck: bool = False,
-) -> Minimum | None:
-    """Best fit from the most promising start, or two; None when the model has no solution at any of them.
-
-    second_if_stuck: a second start is tried only where the first fit got stuck.
-    """
-    tried = []
-    for start in starts:
-        residuals = sizing.residuals(start)
-        if residuals is not None:
-            tried.append((residuals.statistic, start))
-    tried.sort(key=lambda item: item[0])
-    ranges = sizing.hypothesis.ranges()
-    best: Minimum | None = None
-    for _, start in tried[:MOST_STARTS]:
-        found = fit(sizing, start, ranges, max_iterations)
-        if found is not None and (best is None or found.statistic < best.statistic):
-            best = found
-        if best is None or (second_if_stuck and best.stuck):
-            continue
-        if second_if_stuck or np.mean(best.at.residuals.z**2) < _EXPLAINED:
-            break
-    return best
+_MORE_POINTS = "record more rail pressures and durations"
 
 
 class Verdict(StrEnum):
@@ -302,7 +194,6 @@ class Refusal(NamedTuple):
     remedy: str
 
 
-_MORE_POINTS = "record more rail pressures and durations"
 INCOMPLETE = Refusal("it leaves something unexplained", _MORE_POINTS)
 TOO_MANY = Refusal(
     "so many laws together would fit anything", f"{_MORE_POINTS}, or the injection rate as well"
@@ -312,7 +203,7 @@ TOO_FREE = Refusal("laws with numbers of their own in several equations would fi
 
 @dataclass(frozen=True)
 class Proposal:
-    """What would explain the recordings: terms, perhaps beside effects of the vocabulary.
+    """Terms that would explain the recordings, perhaps beside effects of the vocabulary.
 
     found: the terms as effects with one size, and their intervals; gain: of -2 log L over the model as given; phase:
     in which the model as given fails most; adequate: nothing but noise is left; unsound: why a law does not hold over
@@ -332,7 +223,7 @@ class Proposal:
 
     @property
     def terms(self) -> tuple[Term, ...]:
-        """Its terms, with 95 % intervals of their coefficients."""
+        """Terms, with 95 % intervals of their coefficients."""
         sizes = zip(self.found.hypothesis.effects, self.found.sizes, self.found.half, strict=True)
         return tuple(
             replace(term, interval=(size - half, size + half))
@@ -373,7 +264,7 @@ class Proposal:
 
 @dataclass(frozen=True)
 class Discovery:
-    """The answer to: which effect is missing?
+    """Result of a search for the missing effect.
 
     named: the winner, or the leading explanation when ambiguous; without effects for `none` and `unknown`; best: the
     same, but for `unknown` what explains most, which is not enough; effects: those of the named; rivals: combinations

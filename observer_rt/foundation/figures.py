@@ -1,0 +1,53 @@
+"""Figures: colours and settings, files of them, and SVG to stand in a page."""
+
+import io
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.figure import Figure
+
+from observer_rt.foundation.files import file_errors
+
+MEASURED, GIVEN, FOUND = "#1b1f24", "#c0392b", "#1f77b4"
+"""Colours of what was measured, of the model as given, and of the one that was found."""
+LOOK = {
+    "font.size": 9.5,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": "#59636e",
+    "axes.labelcolor": "#1b1f24",
+    "xtick.color": "#59636e",
+    "ytick.color": "#59636e",
+    "axes.grid": True,
+    "grid.color": "#e3e7eb",
+    "axes.axisbelow": True,
+}
+_SVG = {"svg.fonttype": "none", "svg.hashsalt": "observer_rt", "path.simplify_threshold": 0.3}
+_NO_METADATA = dict.fromkeys(("Date", "Creator", "Type", "Format"))
+
+
+@contextmanager
+def svg_figure(
+    width: float, height: float, look: Mapping[str, Any] = LOOK
+) -> Iterator[tuple[Figure, Callable[[], str]]]:
+    """A figure to draw on, inches, and what makes an <svg> element of it."""
+    settings = {**look, **_SVG}
+    with mpl.rc_context(settings):
+        figure = Figure(figsize=(width, height), layout="constrained")
+
+        def svg() -> str:
+            text = io.StringIO()
+            with mpl.rc_context(settings):
+                figure.savefig(text, format="svg", metadata=_NO_METADATA)
+            return text.getvalue()[text.getvalue().index("<svg") :]
+
+        yield figure, svg
+
+
+def save_figure(figure: Figure, path: Path, dpi: int) -> None:
+    """Writes a figure; its kind is that of the suffix."""
+    with file_errors(path):
+        figure.savefig(path, dpi=dpi)

@@ -22,12 +22,12 @@ def _dtype(found: np.dtype[Any], value: Any) -> np.dtype[Any]:
         return np.dtype(np.bool_)
     if found.fields is None:
         return found
-    return np.dtype(
-        {
-            "names": found.names,
-            "formats": [_dtype(found.fields[name][0], value[name]) for name in found.names or ()],
-            "offsets": [found.fields[name][1] for name in found.names or ()],
-            "itemsize": found.itemsize,
-        },
-        align=True,
-    )
+    fields = dict(found.fields)
+    layout: Any = {
+        "names": list(fields),
+        "formats": [_dtype(field[0], value[name]) for name, field in fields.items()],
+        "offsets": [field[1] for field in fields.values()],
+        "itemsize": found.itemsize,
+    }
+    made: np.dtype[Any] = np.dtype(layout, align=True)
+    return made

@@ -10,7 +10,6 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from tools.benchmarks import ablation as parts
 from tools.benchmarks import bars, peers, worn_lines
 from tools.benchmarks import command_line as cli
 from tools.benchmarks.cases import CLASSES, LUMP_CLASSES, WAVE_CLASSES, Case, Group, make_case, on_real_line
@@ -36,7 +35,7 @@ from tools.benchmarks.speed.sample import measure_sample_time
 from tools.benchmarks.wave_plant import Variant
 from tools.benchmarks.wave_recordings import fitted_model
 
-CASES, ABLATION_CASES, WAVE_CASES = 60, 10, 20  # per class
+CASES, WAVE_CASES = 60, 20  # per class
 PEER_CASES = 4  # of a class of tier B: a joint UKF takes some 15 s a recording
 
 
@@ -279,16 +278,13 @@ def _spread(values: Sequence[float]) -> dict[str, float]:
 )
 def accuracy(
     cases: Annotated[
-        int | None, typer.Option(min=1, help=f"Cases per class ({CASES}; with --ablation {ABLATION_CASES}).")
+        int | None, typer.Option(min=1, help=f"Cases per class ({CASES}; of tier B {WAVE_CASES}).")
     ] = None,
     classes: Annotated[str, typer.Option(help="Classes, by commas (default: all).")] = "",
     seed: cli.SeedOption = 1,
     workers: cli.WorkersOption = cli.PROCESSES,
     out: cli.OutOption = None,
     no_peers: cli.NoPeersOption = False,
-    ablation: Annotated[
-        bool, typer.Option("--ablation", help="Instead: our observer with one part changed each.")
-    ] = False,
     tier: cli.TierOption = cli.Tier.A,
     variant: Annotated[
         Variant | None,
@@ -313,16 +309,11 @@ def accuracy(
             put_out(as_json, worn_lines.json_document(worn), worn_lines.shown(worn))
         return
     variant = variant or Variant.PLAIN
-    if ablation:
-        default, usual = parts.CLASSES_TRIED, ABLATION_CASES
-    elif tier is cli.Tier.B:
+    if tier is cli.Tier.B:
         default, usual, folder = WAVE_CLASSES, WAVE_CASES, f"accuracy-{variant}"
     chosen = cli.chosen_names(classes, "--classes", CLASSES, default)
     plan = Plan(chosen, cases or usual, seed, workers, out or Path("build") / folder, not no_peers)
     with cli.resumable("what is scored is"):
-        if ablation:
-            parts.run_ablation(plan, as_json)
-            return
         on_waves = tier is cli.Tier.B
         found = run_wave_accuracy(plan, variant, model, measured_rate) if on_waves else run_accuracy(plan)
         cli.tell_figures(save_figures(found.scores, plan.out))

@@ -23,7 +23,6 @@ from observer_rt.desk.simulation.schedule import Schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, Simulation, simulate
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.service.judging import InlineExecutor
-from observer_rt.engine.service.learners import LearnerFactory, make_learner
 from observer_rt.engine.service.messages import Counters
 from observer_rt.engine.stream.state import State
 from observer_rt.files.replay.framing import Span, windows
@@ -61,14 +60,14 @@ class WindowedEvaluation:
     first_index: int = 0
 
 
-def evaluate_windowed(bench: Bench, recording: Recording, learner_of: LearnerFactory) -> WindowedEvaluation:
+def evaluate_windowed(bench: Bench, recording: Recording) -> WindowedEvaluation:
     """The observer on a recording of which a windowed source sends only what lies round the injections.
 
     To the observer, recordings of one history are windows of a source: the index jumps with the needle closed, the
     E2E counters go on. Where nothing was recorded nothing is available; samples and indices are those of the whole.
     """
     spans = windows(recording)
-    history = evaluate(bench, [part_of(recording, span) for span in spans], learner_of=learner_of)
+    history = evaluate(bench, [part_of(recording, span) for span in spans])
     first = history.evaluations[0].trace
     trace = Trace(
         **{
@@ -112,17 +111,15 @@ def score_case(case: Case, model: Path | None = None) -> CaseScore:
     return score_outcome(case, record(case.bench), bench_for_case(case, model))
 
 
-def score_outcome(
-    case: Case, outcome: Outcome, bench: Bench, learner_of: LearnerFactory = make_learner
-) -> CaseScore:
-    """Score an observer by its bench and learner, and the nominal model beside it, on what a case came to."""
+def score_outcome(case: Case, outcome: Outcome, bench: Bench) -> CaseScore:
+    """Score an observer by its bench, and the nominal model beside it, on what a case came to."""
     recording = recording_of(outcome)
     with timed_training() as training:
         evaluation: Scored
         if CLASSES[case.class_name].windowed:
-            evaluation = evaluate_windowed(bench, recording, learner_of)
+            evaluation = evaluate_windowed(bench, recording)
         else:
-            evaluation = evaluate(bench, [recording], learner_of=learner_of).evaluations[0]
+            evaluation = evaluate(bench, [recording]).evaluations[0]
     return score_evaluation(case, outcome, bench, evaluation, training)
 
 

@@ -1,7 +1,6 @@
 """What the observer knows: the belief about all parameters, what is in force, what an event adds."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Protocol
@@ -115,28 +114,3 @@ class EventLearner(Protocol):
         self, window: Window, standstill: Standstill, in_force: Theta, constants: Constants | None = None
     ) -> Outcome:
         """Learn from one event, during which `in_force` (m,) was carried; its constants, None: as they were."""
-
-
-class OverheardLearner:
-    """A learner before whose every event somebody hears what it is given; else as `EventLearner`."""
-
-    def __init__(self, learner: EventLearner, hear: Callable[[Window, Standstill], object]) -> None:
-        self._learner = learner
-        self._hear = hear
-
-    @property
-    def schedule(self) -> GainSchedule:
-        """As of the learner."""
-        return self._learner.schedule
-
-    @property
-    def phi(self) -> Phi:
-        """As of the learner."""
-        return self._learner.phi
-
-    def learn(
-        self, window: Window, standstill: Standstill, in_force: Theta, constants: Constants | None = None
-    ) -> Outcome:
-        """As the learner learns."""
-        self._hear(window, standstill)
-        return self._learner.learn(window, standstill, in_force, constants)

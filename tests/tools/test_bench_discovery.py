@@ -12,6 +12,8 @@ from rich.console import Console
 
 from observer_rt.config.bench import NOMINAL_INJECTOR
 from observer_rt.model.effects import VOCABULARY
+from tests.observed_plants import recording_of
+from tests.plants.plant import record
 from tests.tools.discovery_stub import Stub
 from tools.benchmarks.discovery import result as summary
 from tools.benchmarks.discovery.answers import Answer, read_answer
@@ -23,8 +25,6 @@ from tools.benchmarks.discovery.result import CaseResult, Gap, Interval, Visibil
 from tools.benchmarks.discovery.run import run_discovery, shown
 from tools.benchmarks.discovery.scoring import injector_of, open_loop, score_answered
 from tools.benchmarks.discovery.tables import json_document, misses
-from tools.benchmarks.plant import record
-from tools.benchmarks.scoring import recording_of
 
 VISIBLE = Visibility(gain=500.0, mass_mg=1.0, pressure_mpa=0.0, beyond_dead_zone=True)
 RIGHT = CaseResult(

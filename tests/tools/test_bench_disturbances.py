@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tools.benchmarks.plant import Bench, Measured, Outcome, record
+from tests.plants.plant import Bench, Measured, Outcome, record
 from tools.benchmarks.realism.catalogue import (
     AND,
     DISTURBANCES,

@@ -5,13 +5,13 @@ import pytest
 from filterpy.kalman import ExtendedKalmanFilter, MerweScaledSigmaPoints, UnscentedKalmanFilter
 from numpy.typing import NDArray
 
+from tests.plants.parameters import Faults, Injector
+from tests.plants.plant import Bench, Event, Needle, Outcome, Shot, record
+from tests.plants.windows import windows_of
 from tools.benchmarks.information_limit import mass_limits_mg
 from tools.benchmarks.kalman_peers import UNSCENTED_SHAPE, joint_ekf, joint_ukf, start_of
 from tools.benchmarks.peer_equations import PeerInputs, Stream, joint_jacobian, joint_step, peer_inputs, rest
 from tools.benchmarks.peers import TUNING
-from tools.benchmarks.plant import Bench, Event, Needle, Outcome, Shot, record
-from tools.benchmarks.plant_parameters import Faults, Injector
-from tools.benchmarks.score import windows_of
 
 WORN = Faults(orifice_area=0.3, line_friction=1.0, line_pressure_sensor_offset=0.5e6)
 DENSITY = 830.0

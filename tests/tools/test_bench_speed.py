@@ -13,7 +13,7 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import PACKAGE_DATA, load_bench, load_injector
 from observer_rt.core.frames.frames import check_frame
 from observer_rt.engine.service.core import Core
-from tools.benchmarks.scoring import bench_at
+from tests.observed_plants import bench_at
 from tools.benchmarks.speed import native
 from tools.benchmarks.speed.observers import observer
 from tools.benchmarks.speed.pace import Pacer, Passage

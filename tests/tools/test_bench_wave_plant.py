@@ -8,11 +8,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from tests.tools.test_bench_plant import ringing_frequency
-from tools.benchmarks.plant import Bench, Event, Needle, Outcome, Shot, record, strokes_of, wave_injector
-from tools.benchmarks.plant_equations import Rail
-from tools.benchmarks.plant_parameters import Faults
-from tools.benchmarks.wave_plant import (
+from tests.plants.equations import Rail
+from tests.plants.parameters import Faults
+from tests.plants.plant import Bench, Event, Needle, Outcome, Shot, record, strokes_of, wave_injector
+from tests.plants.wave import (
     HIDDEN_SHARE,
     KAGAWA_RATES,
     KAGAWA_SHARES,
@@ -24,7 +23,8 @@ from tools.benchmarks.wave_plant import (
     new_part,
     real_part,
 )
-from tools.benchmarks.wave_plant_equations import STEPS
+from tests.plants.wave_equations import STEPS
+from tests.tools.test_bench_plant import ringing_frequency
 
 EVENT = Event(100e6, (Shot(0.0, 1.2e-3),), Faults())
 FAULTS = {

@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.observed_plants import bench_at, recording_of
+from tests.plants.parameters import Faults
+from tests.plants.plant import record
 from tools.benchmarks.cases import Case, make_case
-from tools.benchmarks.plant import record
-from tools.benchmarks.plant_parameters import Faults
 from tools.benchmarks.score import NOMINAL, CaseScore
-from tools.benchmarks.scoring import bench_at, evaluate_windowed, recording_of, score_case
+from tools.benchmarks.scoring import evaluate_windowed, score_case
 
 EVENTS = 6
 

@@ -10,6 +10,7 @@ import numpy as np
 import typer
 from rich.table import Table
 
+from tests.plants.wave import Variant
 from tools.benchmarks import bars, peers, worn_lines
 from tools.benchmarks import command_line as cli
 from tools.benchmarks.cases import CLASSES, LUMP_CLASSES, WAVE_CLASSES, Case, Group, make_case, on_real_line
@@ -28,11 +29,10 @@ from tools.benchmarks.report import (
     ruled,
     table_of,
 )
-from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Crash, Plan, Task, on_case
+from tools.benchmarks.runs import MEASURING, PACKAGE, Crash, Plan, Task, on_case
 from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore, SampleTime
 from tools.benchmarks.scoring import score_case, warm_up
 from tools.benchmarks.speed.sample import measure_sample_time
-from tools.benchmarks.wave_plant import Variant
 from tools.benchmarks.wave_recordings import fitted_model
 
 CASES, WAVE_CASES = 60, 20  # per class
@@ -56,11 +56,11 @@ def run_accuracy(plan: Plan) -> Results:
     package's, so its are not.
     """
     runs = plan.campaign
-    kept = runs.store("observer", CaseScore, PACKAGE, BENCHMARKS)
+    kept = runs.store("observer", CaseScore, PACKAGE, *MEASURING)
     scores = runs.results("observer", kept, partial(on_case, make_case, score_case), plan.tasks, warm_up)
     for name, sources, is_run, score in (
-        ("peers", (BENCHMARKS,), peers.has_peers, peers.score_peers),
-        ("paper", (PACKAGE, BENCHMARKS), peers.has_paper, peers.score_paper),
+        ("peers", MEASURING, peers.has_peers, peers.score_peers),
+        ("paper", (PACKAGE, *MEASURING), peers.has_paper, peers.score_paper),
     ):
         if plan.peers:
             tasks = [task for task in plan.tasks if is_run(task.class_name)]
@@ -75,13 +75,13 @@ def run_wave_accuracy(plan: Plan, variant: Variant, given: Path | None, measured
     """The same on tier B, with a model fitted to healthy recordings, or given."""
     model, healthy = fitted_model(plan, given, variant, measured_rate)
     runs, make, ready = plan.campaign, partial(make_wave_case, variant), partial(warm_up, model)
-    kept = runs.store(f"observer-{variant}", CaseScore, PACKAGE, BENCHMARKS, model)
+    kept = runs.store(f"observer-{variant}", CaseScore, PACKAGE, *MEASURING, model)
     work: partial[Any] = partial(on_case, make, partial(score_case, model=model))
     scores = runs.results("observer", kept, work, plan.tasks, ready)
     if plan.peers:
         work = partial(on_case, make, partial(peers.wave_peers, peers.lumps_of(list(healthy.values()))))
         tasks = [task for task in plan.tasks if task.number < PEER_CASES]
-        kept_peers = runs.store(f"peers-{variant}", peers.PeerScore, BENCHMARKS)
+        kept_peers = runs.store(f"peers-{variant}", peers.PeerScore, *MEASURING)
         scores = joined(scores, runs.results("peers", kept_peers, work, tasks, ready))
     found, took = plan.in_order(scores), measure_sample_time(model)
     return Results(

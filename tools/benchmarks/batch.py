@@ -19,9 +19,9 @@ import typer
 
 from observer_rt.foundation.errors import RunError
 from observer_rt.foundation.units import MICROSECOND
+from tests.observed_plants import bench_at
 from tools.benchmarks.command_line import JsonOption, app, messages
 from tools.benchmarks.report import NOTHING, Columns, Figure, Shown, figures_table, list_of, put_out
-from tools.benchmarks.scoring import bench_at
 from tools.benchmarks.speed.core_alone import (
     CAN_LOG,
     INJECTIONS,

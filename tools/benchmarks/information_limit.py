@@ -10,7 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tools.benchmarks.arrays import Array
+from tests.plants.arrays import Array
+from tests.plants.parameters import Faults
+from tests.plants.windows import Windows
 from tools.benchmarks.kalman_peers import LINE_NOISE, RAIL_NOISE
 from tools.benchmarks.peer_equations import (
     LAG,
@@ -22,8 +24,6 @@ from tools.benchmarks.peer_equations import (
     line_gain,
     predict,
 )
-from tools.benchmarks.plant_parameters import Faults
-from tools.benchmarks.score import Windows
 
 # v_H, v_S, friction k, leak c [m3/(s Pa)], offset o [p0], lag tau [s], stiffness r
 PRIOR_SIGMA = np.array([0.45, 0.4, 1.75, 5.5e-14, 0.025, 35e-6, 0.18])

@@ -12,9 +12,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from tools.benchmarks.arrays import Array
-from tools.benchmarks.plant import Measured
-from tools.benchmarks.plant_parameters import Injector
+from tests.plants.arrays import Array
+from tests.plants.parameters import Injector
+from tests.plants.plant import Measured
 
 SHUT_STEP = 0.1  # radians of the line's mode per step while nothing flows
 RESTING_VARIANCE = 1e-10  # of a sac known to be at chamber pressure

@@ -14,7 +14,12 @@ from scipy.optimize import least_squares
 from observer_rt.config.bench import Bench
 from observer_rt.config.injector import LearningConfig, Training
 from observer_rt.desk.evaluation.evaluate import evaluate
-from tools.benchmarks.arrays import Array
+from tests.observed_plants import bench_at, recording_of
+from tests.plants.arrays import Array
+from tests.plants.parameters import Injector
+from tests.plants.plant import Outcome, record
+from tests.plants.wave import new_part
+from tests.plants.windows import windows_of
 from tools.benchmarks.cases import CLASSES, Case, Group
 from tools.benchmarks.information_limit import (
     innovations,
@@ -25,12 +30,8 @@ from tools.benchmarks.information_limit import (
 )
 from tools.benchmarks.kalman_peers import Tuning, joint_ekf, joint_ukf
 from tools.benchmarks.peer_equations import PARAMETERS, Model, PeerInputs, lump_model, peer_inputs
-from tools.benchmarks.plant import Outcome, record
-from tools.benchmarks.plant_parameters import Injector
 from tools.benchmarks.runs import Task
-from tools.benchmarks.score import EKF, PAPER, UKF, EstimatorScore, score_rate, windows_of
-from tools.benchmarks.scoring import bench_at, recording_of
-from tools.benchmarks.wave_plant import new_part
+from tools.benchmarks.score import EKF, PAPER, UKF, EstimatorScore, score_rate
 
 TUNING = Tuning(wear_walk=1e-5, model_noise=3e4, line_noise=2.0)  # see kalman_peers.py
 

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 from scipy.stats import binomtest
 
-from tools.benchmarks.arrays import Array
+from tests.plants.arrays import Array
 
 TABLE_WIDTH = 210  # where stdout is no terminal
 NOTHING = "-"  # in the place of a figure of which there is none

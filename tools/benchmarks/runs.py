@@ -16,9 +16,13 @@ from pydantic import TypeAdapter, ValidationError
 
 import observer_rt
 from observer_rt.foundation.errors import RunError
+from tests.plants import plant
 from tools.benchmarks.command_line import messages, tracked
 
 BENCHMARKS = Path(__file__).parent
+PLANTS = Path(plant.__file__).parent
+MEASURING = (BENCHMARKS, PLANTS)
+"""What a score depends on beside the package."""
 PACKAGE = Path(observer_rt.__file__).parent
 _SINGLE_THREADED = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 _AHEAD = 2  # tasks handed out per process: an interrupted run loses no more

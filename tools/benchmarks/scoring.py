@@ -30,20 +30,13 @@ from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
 from observer_rt.model.effects import sized
 from observer_rt.model.parameters import InjectorParameters
-from tools.benchmarks.arrays import Array
+from tests.observed_plants import recording_of
+from tests.plants.arrays import Array
+from tests.plants.plant import Outcome, record
+from tests.plants.windows import Windows, windows_of
 from tools.benchmarks.cases import CLASSES, Case, make_case
-from tools.benchmarks.plant import Outcome, record
 from tools.benchmarks.report import known
-from tools.benchmarks.score import (
-    NOMINAL,
-    OBSERVER,
-    CaseScore,
-    EstimatorScore,
-    Windows,
-    covered_samples,
-    score_rate,
-    windows_of,
-)
+from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore, EstimatorScore, covered_samples, score_rate
 
 WARM_UP_EVENTS = 3
 PRESSURE_SCALE = 100 * MEGAPASCAL  # of x3
@@ -173,19 +166,8 @@ def short_case() -> Case:
     return replace(case, bench=replace(case.bench, events=case.bench.events[:WARM_UP_EVENTS]))
 
 
-def recording_of(outcome: Outcome) -> Recording:
-    """What the observer is given: no truth."""
-    m = outcome.measured
-    return Recording(m.time, m.rail_pressure, m.needle_lift, m.line_pressure)
-
-
-def bench_at(sample_rate: float, model: Path | None = None) -> Bench:
-    """The example bench at a sample rate [Hz], with another injector file than its own."""
-    return load_bench(model=model).with_sections(sampling=SamplingConfig(rate_hz=sample_rate))
-
-
 def bench_for_case(case: Case, model: Path | None = None) -> Bench:
-    """The same as a case is recorded."""
+    """The example bench as a case is recorded, with another injector file than its own."""
     meaning = Meaning.MEAN if case.bench.averaged else Meaning.INSTANT
     sampling = SamplingConfig(rate_hz=case.bench.sample_rate, meaning=meaning)
     return load_bench(model=model).with_sections(sampling=sampling)

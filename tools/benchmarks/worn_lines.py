@@ -16,15 +16,17 @@ import numpy as np
 
 from observer_rt.config.bench import load_injector
 from observer_rt.desk.evaluation.evaluate import evaluate
+from tests.observed_plants import bench_at, recording_of
+from tests.plants.parameters import Faults
+from tests.plants.plant import Bench, Event, Outcome, Shot, Surroundings, event_start, record
+from tests.plants.windows import windows_of
 from tools.benchmarks.cases import Case
 from tools.benchmarks.discovery.real_line.cases import Rig, healthy_benches, needle_of
 from tools.benchmarks.discovery.real_line.discrepancies import Discrepancy, plant_of
-from tools.benchmarks.plant import Bench, Event, Outcome, Shot, Surroundings, event_start, record
-from tools.benchmarks.plant_parameters import Faults
 from tools.benchmarks.report import NOTHING, Columns, Shown, mean, percentile, table_of
-from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Crash, Plan, Task, digest_of
-from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore, windows_of
-from tools.benchmarks.scoring import bench_at, recording_of, score_evaluation
+from tools.benchmarks.runs import MEASURING, PACKAGE, Crash, Plan, Task, digest_of
+from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore
+from tools.benchmarks.scoring import score_evaluation
 from tools.benchmarks.wave_recordings import FITTED, NEW_PART, fit_model, kept_fit, write_recordings
 
 CASES = 9  # of a discrepancy
@@ -81,7 +83,7 @@ def run_worn_lines(plan: Plan) -> WornResults:
         if baseline is None or not baseline.adequate:
             inadequate.append(name)
             continue
-        kept = runs.store(f"worn-{name}", CaseScore, PACKAGE, BENCHMARKS, model)
+        kept = runs.store(f"worn-{name}", CaseScore, PACKAGE, *MEASURING, model)
         tasks = [task for task in plan.tasks if task.class_name == name]
         scores |= runs.results(name, kept, partial(score_worn, model), tasks)
     return WornResults(plan.in_order(scores), tuple(inadequate), runs.crashes)
@@ -93,7 +95,7 @@ def fitted_model(discrepancy: Discrepancy, plan: Plan) -> Path:
     Raises RunError where it fails.
     """
     model = plan.out / f"{discrepancy}-{plan.master_seed}" / FITTED
-    return kept_fit(model, digest_of((PACKAGE, BENCHMARKS)), partial(_fit, discrepancy, plan, model))
+    return kept_fit(model, digest_of((PACKAGE, *MEASURING)), partial(_fit, discrepancy, plan, model))
 
 
 def _fit(discrepancy: Discrepancy, plan: Plan, model: Path) -> None:

@@ -2,8 +2,8 @@
 
 from functools import cache
 
-from tools.benchmarks.plant import Bench, Event, Needle, Outcome, Shot, record
-from tools.benchmarks.plant_parameters import Faults, Injector
+from tests.plants.parameters import Faults, Injector
+from tests.plants.plant import Bench, Event, Needle, Outcome, Shot, record
 
 
 @cache

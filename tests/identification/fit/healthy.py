@@ -10,8 +10,8 @@ from observer_rt.desk.simulation.simulate import SimulatedNoise, Simulation, sim
 from observer_rt.files.signals.recording import Recording
 from observer_rt.identification.fit.problem import LOSS, NOZZLE, SEAT, STIFFNESS, with_values
 from observer_rt.model.parameters import InjectorParameters
-from tools.benchmarks import plant
-from tools.benchmarks.plant_parameters import Faults, Injector
+from tests.plants import plant
+from tests.plants.parameters import Faults, Injector
 
 NOMINAL = load_injector()
 WRONG = (STIFFNESS, LOSS, SEAT, NOZZLE)

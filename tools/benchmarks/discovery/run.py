@@ -17,7 +17,7 @@ from tools.benchmarks.discovery.real_line import result as real_result
 from tools.benchmarks.discovery.real_line import tables as real_tables
 from tools.benchmarks.discovery.scoring import score_answered, score_real
 from tools.benchmarks.report import Shown
-from tools.benchmarks.runs import BENCHMARKS, PACKAGE
+from tools.benchmarks.runs import MEASURING, PACKAGE
 
 WARM_UP_RECORDINGS = 2
 
@@ -28,7 +28,7 @@ def run_discovery(asking: Asking[cases.HidingPlan]) -> Found[result.CaseResult]:
     seal(asking.plan, hidden)
     labels = hiding.labels_in(hidden)
     answers = campaign.store("answers", Answer, PACKAGE, *fitting.NOMINAL_SOURCES)
-    results = campaign.store("results", result.CaseResult, PACKAGE, BENCHMARKS)
+    results = campaign.store("results", result.CaseResult, PACKAGE, *MEASURING)
     if {answer.label for answer in answers.load()}.isdisjoint(labels):
         messages.print("first call of discover, which compiles")
         folder = asking.out / "warm-up"
@@ -62,7 +62,7 @@ def run_real_lines(asking: Asking[real_cases.RealPlan]) -> RealResults:
     seal(asking.plan, hidden)
     labels = hiding.labels_in(hidden)
     answers = campaign.store("answers", Answer, PACKAGE, *fitting.HIDING_SOURCES)
-    results = campaign.store("results", real_result.RealResult, PACKAGE, BENCHMARKS)
+    results = campaign.store("results", real_result.RealResult, PACKAGE, *MEASURING)
     missing = {label.label for label in labels} - {answer.label for answer in answers.load()}
     models = fitting.fitted_models({label.rig for label in labels}, asking, failed)
     for rig in {label.rig for label in labels if label.label in missing} & models.keys():

@@ -11,15 +11,16 @@ import typer
 from matplotlib.figure import Figure
 
 from observer_rt.foundation.units import MILLISECOND
+from tests.observed_plants import bench_at
+from tests.plants.plant import record
 from tools.benchmarks import command_line as cli
 from tools.benchmarks.faults import bus, inputs, player
 from tools.benchmarks.faults import live as on_bus
 from tools.benchmarks.faults.scenario import AND, Kind, drawn, tasks
 from tools.benchmarks.faults.score import RECOVERY, FaultScore, score
-from tools.benchmarks.plant import record
 from tools.benchmarks.report import NOTHING, Columns, Shown, known, mean, percentile, put_out, table_of
-from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Crash, Plan, Task
-from tools.benchmarks.scoring import bench_at, warm_up, with_signals
+from tools.benchmarks.runs import MEASURING, PACKAGE, Crash, Plan, Task
+from tools.benchmarks.scoring import warm_up, with_signals
 from tools.benchmarks.wave_recordings import fitted_model
 
 SCENARIOS = 520
@@ -45,7 +46,7 @@ def run_faults(names: tuple[str, ...], plan: Plan, is_rich: bool, given: Path | 
     """The plan's number of scenarios of these kinds, those not yet scored by this state of the code."""
     model = fitted_model(plan, given)[0] if is_rich else None
     campaign, todo = plan.campaign, tasks(names, plan.cases, plan.master_seed)
-    kept = campaign.store("faults", FaultScore, PACKAGE, BENCHMARKS, *([model] if model else []))
+    kept = campaign.store("faults", FaultScore, PACKAGE, *MEASURING, *([model] if model else []))
     work, ready = partial(score_scenario, model), partial(warm_up, model)
     scores = campaign.results("faults", kept, work, todo, ready)
     return Results(tuple(scores[each.label] for each in todo if each.label in scores), campaign.crashes)

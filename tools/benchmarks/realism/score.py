@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
 
-from tools.benchmarks.arrays import Array
+from tests.plants.arrays import Array
 from tools.benchmarks.realism.catalogue import AND, STATED, alone, name_of, parsed, true_reasons
 from tools.benchmarks.report import NOTHING, Columns, Shown, cells, mean, percentile
 from tools.benchmarks.runs import Crash, Task

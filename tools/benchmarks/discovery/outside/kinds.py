@@ -10,7 +10,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from tools.benchmarks.arrays import Array
+from tests.plants.arrays import Array
+from tests.plants.plant import LINE, RAIL, Step, seen_as
 from tools.benchmarks.discovery.hidden import (
     MOMENTUM,
     NOZZLE,
@@ -23,7 +24,6 @@ from tools.benchmarks.discovery.hidden import (
 )
 from tools.benchmarks.discovery.real_line.discrepancies import resonant_line
 from tools.benchmarks.discovery.real_line.hidden import EFFECTS, TAP_DAMPING, bent_sensor
-from tools.benchmarks.plant import LINE, RAIL, Step, seen_as
 from tools.benchmarks.realism.channels import filtered
 
 MPA, MS, US = 1e6, 1e-3, 1e-6

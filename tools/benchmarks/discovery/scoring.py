@@ -200,7 +200,7 @@ def open_loop(injector: InjectorParameters, recording: Recording) -> tuple[Array
     u = np.stack((inputs.rail, inputs.area), axis=1)
     start = np.zeros(c.states + 1)
     start[-1] = inputs.rail[0]
-    rest_state(start[:-1], start[-1], c.line)
+    rest_state(start[:-1], start[-1], c)
     window = Window(
         inputs=u,
         output=np.zeros(recording.samples),

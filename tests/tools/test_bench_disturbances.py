@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.plants.plant import Bench, Measured, Outcome, record
+from tools.benchmarks.campaign import Task
 from tools.benchmarks.realism.catalogue import (
     AND,
     DISTURBANCES,
@@ -22,7 +23,6 @@ from tools.benchmarks.realism.catalogue import (
     parsed,
 )
 from tools.benchmarks.realism.channels import butterworth, butterworth_delay, energizing, filtered
-from tools.benchmarks.runs import Task
 
 SIGNALS = ("rail_pressure", "needle_lift", "line_pressure")
 OF_KIND = {"line": {"line_pressure"}, "rail": {"rail_pressure"}, "lift": {"needle_lift"}}

@@ -9,7 +9,7 @@ from tests.plants.plant import Measured, Outcome, Truth
 from tests.plants.windows import Windows, windows_of
 from tests.tools.made_scores import factors, score
 from tools.benchmarks.bars import recovered, useful_at_third
-from tools.benchmarks.runs import Store
+from tools.benchmarks.campaign import Store
 from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore, EstimatorScore, covered_samples
 
 RATE = 100e3

@@ -13,8 +13,8 @@ from observer_rt.engine.stream.state import Reason
 from observer_rt.files.replay.framing import Span
 from tests.observed_plants import recording_of
 from tests.plants.plant import record
+from tools.benchmarks.campaign import Task
 from tools.benchmarks.realism.catalogue import alone, make_realism_case, name_of, parsed
-from tools.benchmarks.runs import Task
 from tools.benchmarks.scoring import bench_for_case, part_of, with_signals
 
 SEED = 1

@@ -1,6 +1,6 @@
 """`tools/bench accuracy`: cases of faults on independent plants, our observer and its peers; what came out."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -13,6 +13,7 @@ from rich.table import Table
 from tests.plants.wave import Variant
 from tools.benchmarks import bars, peers, worn_lines
 from tools.benchmarks import command_line as cli
+from tools.benchmarks.campaign import MEASURING, PACKAGE, Found, Plan, on_case
 from tools.benchmarks.cases import CLASSES, LUMP_CLASSES, WAVE_CLASSES, Case, Group, make_case, on_real_line
 from tools.benchmarks.discovery.real_line.discrepancies import Discrepancy
 from tools.benchmarks.figures import save_figures
@@ -21,6 +22,7 @@ from tools.benchmarks.report import (
     Columns,
     Shown,
     clopper_pearson,
+    crash_lines,
     known,
     mean,
     median,
@@ -29,7 +31,6 @@ from tools.benchmarks.report import (
     ruled,
     table_of,
 )
-from tools.benchmarks.runs import MEASURING, PACKAGE, Crash, Plan, Task, on_case
 from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore, SampleTime
 from tools.benchmarks.scoring import score_case, warm_up
 from tools.benchmarks.speed.sample import measure_sample_time
@@ -40,11 +41,9 @@ PEER_CASES = 4  # of a class of tier B: a joint UKF takes some 15 s a recording
 
 
 @dataclass(frozen=True)
-class Results:
-    """What came out; missed: a line for every bar that is missed."""
+class Results(Found[CaseScore]):
+    """missed: a line for every bar that is missed."""
 
-    scores: tuple[CaseScore, ...]
-    crashes: tuple[Crash[Task], ...]
     sample_time: SampleTime
     missed: tuple[str, ...]
 
@@ -67,8 +66,7 @@ def run_accuracy(plan: Plan) -> Results:
             work = partial(on_case, make_case, score)
             kept_parts = runs.store(name, peers.PeerScore, *sources)
             scores = joined(scores, runs.results(name, kept_parts, work, tasks, warm_up))
-    found, took = plan.in_order(scores), measure_sample_time()
-    return Results(found, runs.crashes, took, (*bars.violations(found), *bars.slow_sample(took)))
+    return _judged(runs.found(plan.tasks, scores), measure_sample_time(), bars.violations)
 
 
 def run_wave_accuracy(plan: Plan, variant: Variant, given: Path | None, measured_rate: bool) -> Results:
@@ -83,10 +81,17 @@ def run_wave_accuracy(plan: Plan, variant: Variant, given: Path | None, measured
         tasks = [task for task in plan.tasks if task.number < PEER_CASES]
         kept_peers = runs.store(f"peers-{variant}", peers.PeerScore, *MEASURING)
         scores = joined(scores, runs.results("peers", kept_peers, work, tasks, ready))
-    found, took = plan.in_order(scores), measure_sample_time(model)
-    return Results(
-        found, runs.crashes, took, (*bars.wave_violations(found, variant), *bars.slow_sample(took))
+    return _judged(
+        runs.found(plan.tasks, scores),
+        measure_sample_time(model),
+        partial(bars.wave_violations, variant=variant),
     )
+
+
+def _judged(
+    found: Found[CaseScore], took: SampleTime, violations: Callable[[Sequence[CaseScore]], Iterable[str]]
+) -> Results:
+    return Results(found.results, found.crashes, took, (*violations(found.results), *bars.slow_sample(took)))
 
 
 def make_wave_case(variant: Variant, class_name: str, master_seed: int, number: int) -> Case:
@@ -108,19 +113,19 @@ def joined(scores: dict[str, CaseScore], parts: dict[str, peers.PeerScore]) -> d
 def shown(results: Results) -> Iterator[Shown]:
     """The tables, then a line for every bar that is missed and every crash."""
     classes = {}
-    for name, cases in bars.by_class(results.scores).items():
+    for name, cases in bars.by_class(results.results).items():
         interval = _interval(c) if (c := bars.coverage(cases)) else NOTHING
         beside = {"x3_ratio_p5": percentile(bars.x3_ratios(cases), 5), "coverage_ci99": interval}
         classes[name] = _class_details(cases) | beside
     yield table_of("observer, events 11-20", "class", classes, CLASS_COLUMNS)
-    if any(has_peer(score) for score in results.scores):
-        yield from peer_tables(results.scores)
-    if any(bars.followed(s) is not None for s in results.scores):
-        yield following_table(results.scores)
+    if any(has_peer(score) for score in results.results):
+        yield from peer_tables(results.results)
+    if any(bars.followed(s) is not None for s in results.results):
+        yield following_table(results.results)
     took = results.sample_time
     yield f"one sample of the observer at 100 kHz, us: needle open {took.open_us:.2f}, shut {took.closed_us:.2f}"
     yield from results.missed
-    yield from (f"crash: {crash.task}: {crash.message}" for crash in results.crashes)
+    yield from crash_lines(results.crashes)
 
 
 SPREAD = ("median", "p95", "max")
@@ -316,6 +321,6 @@ def accuracy(
     with cli.resumable("what is scored is"):
         on_waves = tier is cli.Tier.B
         found = run_wave_accuracy(plan, variant, model, measured_rate) if on_waves else run_accuracy(plan)
-        cli.tell_figures(save_figures(found.scores, plan.out))
-        crashes = [str(crash) for crash in found.crashes]
-        put_out(as_json, json_document(found.scores, crashes, found.sample_time, found.missed), shown(found))
+        cli.tell_figures(save_figures(found.results, plan.out))
+        document = json_document(found.results, found.crashes, found.sample_time, found.missed)
+        put_out(as_json, document, shown(found))

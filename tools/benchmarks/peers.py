@@ -20,6 +20,7 @@ from tests.plants.parameters import Injector
 from tests.plants.plant import Outcome, record
 from tests.plants.wave import new_part
 from tests.plants.windows import windows_of
+from tools.benchmarks.campaign import Task
 from tools.benchmarks.cases import CLASSES, Case, Group
 from tools.benchmarks.information_limit import (
     innovations,
@@ -30,7 +31,6 @@ from tools.benchmarks.information_limit import (
 )
 from tools.benchmarks.kalman_peers import Tuning, joint_ekf, joint_ukf
 from tools.benchmarks.peer_equations import PARAMETERS, Model, PeerInputs, lump_model, peer_inputs
-from tools.benchmarks.runs import Task
 from tools.benchmarks.score import EKF, PAPER, UKF, EstimatorScore, score_rate
 
 TUNING = Tuning(wear_walk=1e-5, model_noise=3e4, line_noise=2.0)  # see kalman_peers.py

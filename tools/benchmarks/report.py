@@ -3,7 +3,7 @@
 import json
 import math
 import string
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -88,6 +88,11 @@ def list_of(title: str, groups: Iterable[Iterable[Row]], columns: Columns[Row], 
             table.add_row(*cells(row, columns))
         table.add_section()
     return table
+
+
+def crash_lines(crashes: Iterable[str]) -> Iterator[str]:
+    """What is said of cases that crashed."""
+    yield from (f"crash: {line}" for line in crashes)
 
 
 def finite(value: Any) -> Any:

@@ -10,7 +10,7 @@ from observer_rt.foundation.units import MM3_PER_MS
 from tests.plants.arrays import Array
 from tests.plants.plant import Truth
 from tests.plants.windows import Windows
-from tools.benchmarks.runs import Task
+from tools.benchmarks.campaign import Task
 
 SCORED = slice(10, 20)  # events 11-20
 WRONG_MASS = 3.0  # %, beyond which a valid injection is wrong

@@ -28,10 +28,10 @@ from tests.plants.laws import NO_LAWS, Laws
 from tests.plants.parameters import Faults
 from tests.plants.plant import SAMPLE_RATE, Bench, Outcome, record
 from tests.plants.wave import Variant, new_part
+from tools.benchmarks.campaign import Plan
 from tools.benchmarks.cases import drawn_events
 from tools.benchmarks.command_line import app, messages, tracked
 from tools.benchmarks.peers import RATE_NOISE
-from tools.benchmarks.runs import Plan
 
 OUR_PROGRAM = (sys.executable, "-m", "observer_rt")
 NEW_PART, FITTED, MADE_BY = "new_part.toml", "fitted.toml", "made_by.txt"

@@ -6,18 +6,18 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 
+from tools.benchmarks.campaign import MEASURING, PACKAGE, Found
 from tools.benchmarks.command_line import messages
 from tools.benchmarks.discovery import cases, result, tables
 from tools.benchmarks.discovery.answers import Answer, ask
-from tools.benchmarks.discovery.asking import Asking, Found, Question, ask_and_score, seal
+from tools.benchmarks.discovery.asking import Asking, Question, ask_and_score, seal
 from tools.benchmarks.discovery.hidden import HEALTHY
 from tools.benchmarks.discovery.real_line import cases as real_cases
 from tools.benchmarks.discovery.real_line import fitting
 from tools.benchmarks.discovery.real_line import result as real_result
 from tools.benchmarks.discovery.real_line import tables as real_tables
 from tools.benchmarks.discovery.scoring import score_answered, score_real
-from tools.benchmarks.report import Shown
-from tools.benchmarks.runs import MEASURING, PACKAGE
+from tools.benchmarks.report import Shown, crash_lines
 
 WARM_UP_RECORDINGS = 2
 
@@ -46,7 +46,7 @@ def shown(found: Found[result.CaseResult]) -> Iterator[Shown]:
         yield table(found.results)
     yield from (f"missed: {line}" for line in tables.misses(found.results))
     yield from (f"bar missed: {line}" for line in result.violations(found.results))
-    yield from (f"crash: {line}" for line in found.crashes)
+    yield from crash_lines(found.crashes)
 
 
 @dataclass(frozen=True)
@@ -89,4 +89,4 @@ def real_shown(found: RealResults) -> Iterator[Shown]:
     yield from (f"missed: {line}" for line in real_tables.misses(found.results))
     missed = real_result.violations(found.results, len(found.crashes))
     yield from (f"bar missed: {line}" for line in missed)
-    yield from (f"crash: {line}" for line in found.crashes)
+    yield from crash_lines(found.crashes)

@@ -18,6 +18,7 @@ from tests.plants.windows import Windows, windows_of
 from tools.benchmarks import command_line as cli
 from tools.benchmarks import scoring
 from tools.benchmarks.accuracy import joined
+from tools.benchmarks.campaign import MEASURING, PACKAGE, Plan, Task
 from tools.benchmarks.kalman_peers import joint_ukf
 from tools.benchmarks.peer_equations import Model, peer_inputs
 from tools.benchmarks.peers import FITTED_LUMP, TUNING, PeerScore, lumps_of, peer_score
@@ -33,7 +34,6 @@ from tools.benchmarks.realism.catalogue import (
 from tools.benchmarks.realism.disturbance import Stated
 from tools.benchmarks.realism.score import Interval, Results, RunScore, realism_document, shown
 from tools.benchmarks.report import put_out
-from tools.benchmarks.runs import MEASURING, PACKAGE, Plan, Task
 from tools.benchmarks.score import UKF
 from tools.benchmarks.wave_recordings import fitted_model
 
@@ -63,7 +63,8 @@ def run_realism(entries: Sequence[Entry], plan: Plan, is_rich: bool, given: Path
         cases = joined({label: run.case for label, run in runs.items()}, peers)
         runs = {label: replace(run, case=cases[label]) for label, run in runs.items()}
     not_known = tuple(name for name, known in names.items() if not known)
-    return Results(plan.in_order(runs), campaign.crashes, not_known)
+    found = campaign.found(plan.tasks, runs)
+    return Results(found.results, found.crashes, not_known)
 
 
 def is_known(stated: Stated) -> bool:

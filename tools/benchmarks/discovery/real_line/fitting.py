@@ -7,11 +7,11 @@ from typing import Any
 
 from observer_rt.config.bench import NOMINAL_INJECTOR
 from observer_rt.foundation.errors import RunError
+from tools.benchmarks.campaign import BENCHMARKS, PACKAGE, PLANTS, digest_of
 from tools.benchmarks.command_line import messages, tracked
 from tools.benchmarks.discovery.asking import Asking, generate, seal
 from tools.benchmarks.discovery.cases import GIVEN
 from tools.benchmarks.discovery.real_line.cases import HIDING, RealPlan, Rig, hidden_text
-from tools.benchmarks.runs import BENCHMARKS, PACKAGE, PLANTS, digest_of
 from tools.benchmarks.wave_recordings import FITTED, NEW_PART, OUR_PROGRAM, fit_model, kept_fit, maker_file
 
 HERE = Path(__file__).parent

@@ -1,4 +1,4 @@
-"""The observer on recordings of the benchmark's plant, which shares no code with it; each case runs once."""
+"""The observer on recordings of a plant, which shares no code with it; each case runs once."""
 
 from dataclasses import dataclass
 from functools import cache

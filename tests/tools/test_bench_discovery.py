@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from observer_rt.config.bench import NOMINAL_INJECTOR
 from observer_rt.model.effects import VOCABULARY
 from tests.observed_plants import recording_of
 from tests.plants.plant import record
-from tests.tools.discovery_stub import Stub
+from tests.tools.discovery_stub import Stub, printed
 from tools.benchmarks.discovery import result as summary
 from tools.benchmarks.discovery.answers import Answer, read_answer
 from tools.benchmarks.discovery.asking import Answered, Asking
@@ -261,11 +260,7 @@ def test_a_run_asks_once_scores_all_and_goes_on_where_it_stopped(tmp_path: Path)
     again = run_discovery(replace(asking, plan=replace(asking.plan, healthy=2)))
     assert len(stub.calls()) == len(calls) + 1
     assert [r for r in again.results if r in found.results] == list(found.results)
-    console = Console(width=190)
-    with console.capture() as told:
-        for part in shown(again):
-            console.print(part, highlight=False, markup=False)
-    assert f"missed: {outflow.label} with rate: seat_outflow: none" in told.get()
+    assert f"missed: {outflow.label} with rate: seat_outflow: none" in printed(shown(again))
 
 
 @pytest.mark.slow

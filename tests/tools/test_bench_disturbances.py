@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.plants.plant import Bench, Measured, Outcome, record
+from tests.plants.plant import SIGNALS, Bench, Measured, Outcome, record
 from tools.benchmarks.campaign import Task
 from tools.benchmarks.realism.catalogue import (
     AND,
@@ -24,7 +24,6 @@ from tools.benchmarks.realism.catalogue import (
 )
 from tools.benchmarks.realism.channels import butterworth, butterworth_delay, energizing, filtered
 
-SIGNALS = ("rail_pressure", "needle_lift", "line_pressure")
 OF_KIND = {"line": {"line_pressure"}, "rail": {"rail_pressure"}, "lift": {"needle_lift"}}
 REALLY_HAPPENS = {"pump_ripple_620_hz", "pump_ripple_200_hz", "engine_transient"}
 

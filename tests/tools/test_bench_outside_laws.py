@@ -1,4 +1,4 @@
-"""The product's terms on the benchmark's plants: the law a plant follows, in force, closes the model's gap to it."""
+"""The product's terms on independent plants: the law a plant follows, in force, closes the model's gap to it."""
 
 import math
 from collections.abc import Callable

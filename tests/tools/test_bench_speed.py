@@ -37,23 +37,12 @@ from tools.benchmarks.speed.traffic import (
     Ids,
     Traffic,
     index_of,
-    make_traffic,
     payloads_of,
     write_bench,
 )
 
 PEER_FRAMES = 1400  # three injections
 Answers = Callable[[bytes, int], list[bytes]]
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("speed")
-
-
-@pytest.fixture(scope="module")
-def traffic(folder: Path) -> Traffic:
-    return make_traffic(folder)
 
 
 def test_c_observer_computes_the_same_rates(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The observer on recordings of the benchmark's plant whose pressure sensors drift, or differ in their gains."""
+"""The observer on recordings of an independent plant whose pressure sensors drift, or differ in their gains."""
 
 import math
 from collections.abc import Callable

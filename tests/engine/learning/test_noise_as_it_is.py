@@ -1,4 +1,4 @@
-"""The observer on recordings of the benchmark's plant whose line pressure hums or has coloured noise."""
+"""The observer on recordings of an independent plant whose line pressure hums or has coloured noise."""
 
 import math
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""A worn injector of the benchmark's plant as its sensors show it, for tests that disturb them."""
+"""A worn injector of an independent plant as its sensors show it, for tests that disturb them."""
 
 from functools import cache
 

@@ -48,7 +48,7 @@ def simulations(
 
 
 def of_independent_plant(part: Injector, points: Sequence[tuple[float, float]] = POINTS) -> list[Recording]:
-    """Recordings of the benchmark's plant, which shares no code with the package."""
+    """Recordings of a plant, which shares no code with the package."""
     result = []
     for number, (pressure, duration) in enumerate(points):
         event = plant.Event(pressure, (plant.Shot(0.0, duration + 0.3e-3),), Faults())

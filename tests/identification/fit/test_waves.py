@@ -33,7 +33,7 @@ WAVES = tuple(one for one in STRUCTURES if one.line == "wave")
 
 @pytest.fixture(scope="module")
 def travelling() -> Calibrated:
-    """Six recordings of the benchmark's plant with 40 cells, drained by the seat into a sac of 3 mm3."""
+    """Six recordings of an independent plant with 40 cells, drained by the seat into a sac of 3 mm3."""
     found = measurements(of_independent_plant(wave_injector()))
     return calibrate(off_by_ten_percent(SMALL_SAC), found, {}, lambda _: None)
 

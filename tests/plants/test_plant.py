@@ -1,4 +1,4 @@
-"""The benchmark's plant: independent of the package, right by a reference solution, every fault felt."""
+"""The plant: independent of the package, right by a reference solution, every fault felt."""
 
 import math
 
@@ -22,6 +22,7 @@ from tests.plants.plant import (
     wave_injector,
 )
 
+pytestmark = pytest.mark.slow
 SENSOR_FAULTS = {
     "line_pressure_sensor_lag": 40e-6,
     "channel_skew": 25e-6,

@@ -28,16 +28,11 @@ def one_injection() -> PeerInputs:
     """From shortly before an injection to shortly after the sac is at rest again."""
     whole = peer_inputs(recorded(Faults(orifice_area=0.3), 1).measured)
     cut = slice(14_900, 15_700)
-    stream = Stream(
-        whole.stream.inputs[cut],
-        whole.stream.output[cut],
-        whole.stream.resting[cut],
-        whole.stream.interval,
-        whole.stream.substeps,
-    )
+    inputs, output, resting, interval, substeps = whole.stream
+    stream = Stream(inputs[cut], output[cut], resting[cut], interval, substeps)
     assert stream.resting[-1]
     assert not stream.resting.all()
-    return PeerInputs(whole.model, stream, whole.events, whole.open[cut])
+    return PeerInputs(whole.model, stream, whole.events)
 
 
 def test_joint_ukf_is_filterpys(one_injection: PeerInputs) -> None:

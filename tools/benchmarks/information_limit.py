@@ -12,8 +12,8 @@ import numpy as np
 
 from tests.plants.arrays import Array
 from tests.plants.parameters import Faults
+from tests.plants.plant import LINE_NOISE, RAIL_NOISE
 from tests.plants.windows import Windows
-from tools.benchmarks.kalman_peers import LINE_NOISE, RAIL_NOISE
 from tools.benchmarks.peer_equations import (
     LAG,
     PARAMETERS,

@@ -301,7 +301,6 @@ class PeerInputs:
     model: Model
     stream: Stream
     events: NDArray[np.int64]
-    open: NDArray[np.bool_]
 
 
 def lump_model(part: Injector, sac_follows: bool = False) -> Model:
@@ -344,7 +343,7 @@ def peer_inputs(measured: Measured, model: Model | None = None) -> PeerInputs:
         interval,
         max(5, math.ceil(interval / STEP)),
     )
-    return PeerInputs(model or lump_model(part), stream, _events(opened, round(EVENT_GAP / interval)), opened)
+    return PeerInputs(model or lump_model(part), stream, _events(opened, round(EVENT_GAP / interval)))
 
 
 def _open(lift: Array) -> NDArray[np.bool_]:

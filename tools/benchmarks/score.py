@@ -54,8 +54,6 @@ class CaseScore(Task):
     valid: tuple[bool, ...]
     reasons: tuple[str, ...]
     mass_ci95_mg: tuple[tuple[float, float] | None, ...]
-    opening_errors_pct: tuple[tuple[float, ...], ...]
-    """Mass error of every opening of each event, for information."""
     training_ms: tuple[float, ...]
     rate_judged: tuple[int, ...]
     """Samples with an open needle and a standard deviation of the rate."""

@@ -127,8 +127,6 @@ def score_evaluation(
     nominal_x3 = x3_of_rate(trace.nominal_rate, bench)
     x3 = np.where(np.isnan(trace.x[:, 2]), nominal_x3, trace.x[:, 2])
     true_x3 = (truth.sac_pressure - case.bench.injector.chamber_pressure) / PRESSURE_SCALE
-    true_masses = windows.masses(truth.injection_rate, density)
-    errors = 100.0 * (windows.masses(rate, density) / true_masses - 1.0)
     judged, covered = covered_samples(rate - truth.injection_rate, trace.injection_rate_sigma, windows)
     valid, reasons, intervals = _judged(evaluation, windows)
 
@@ -148,7 +146,6 @@ def score_evaluation(
         valid=valid,
         reasons=reasons,
         mass_ci95_mg=intervals,
-        opening_errors_pct=tuple(tuple(float(errors[i]) for i in o) for o in windows.of_event),
         training_ms=tuple(training),
         rate_judged=judged,
         rate_covered=covered,

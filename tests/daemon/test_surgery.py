@@ -4,7 +4,7 @@ import pytest
 
 from observer_rt.engine.stream.state import Reason
 from observer_rt.foundation.units import MILLISECOND
-from tools.benchmarks.surgery import FAULTS, SAMPLE_RATE, Finding, Learning, Onset, Surgery, operate
+from tests.daemon.surgery import FAULTS, SAMPLE_RATE, Finding, Learning, Onset, Surgery, operate
 
 UNDETECTED = 0.4 * MILLISECOND  # for which wrong samples may be valid, until the innovations show the fault
 

@@ -1,4 +1,4 @@
-"""The observer on recordings of the benchmark's plant, which shares no code with it; each case runs once."""
+"""The observer on recordings of a plant, which shares no code with it; each case runs once."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -14,10 +14,10 @@ from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import coefficients
 from observer_rt.model.parameters import EffectInForce, EffectValue
-from tools.benchmarks.plant import Bench, Event, Needle, Shot, record
-from tools.benchmarks.plant_parameters import Faults, Injector
-from tools.benchmarks.score import windows_of
-from tools.benchmarks.scoring import bench_at, recording_of
+from tests.observed_plants import bench_at, recording_of
+from tests.plants.parameters import Faults, Injector
+from tests.plants.plant import Bench, Event, Needle, Shot, record
+from tests.plants.windows import windows_of
 
 EVENTS = 10
 HEALTHY = Faults()

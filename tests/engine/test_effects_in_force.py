@@ -13,7 +13,7 @@ from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import VOCABULARY, sized
 from tests.engine.plant_runs import GATED, in_force, run_plant
 from tests.engine.sample_stream import RAIL, Stream
-from tools.benchmarks.plant_parameters import Faults
+from tests.plants.parameters import Faults
 
 INJECTOR = load_injector()
 UM = 1e-6

@@ -5,7 +5,7 @@ import pytest
 from observer_rt.engine.estimation.scalars import NOZZLE, OFFSET, SEAT
 from observer_rt.engine.stream.state import Reason
 from tests.engine.plant_runs import EVENTS, GATED, HEALTHY, PlantRun, run_plant
-from tools.benchmarks.plant_parameters import Faults
+from tests.plants.parameters import Faults
 
 FAULTS = {
     "line friction x 3": ("line_friction", 2.0),

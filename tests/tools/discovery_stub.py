@@ -2,7 +2,12 @@
 
 import json
 import sys
+from collections.abc import Iterable
 from pathlib import Path
+
+from rich.console import Console
+
+from tools.benchmarks.report import Shown
 
 STUB = """
 import json, pathlib, sys
@@ -41,3 +46,12 @@ class Stub:
     def calls(self) -> list[tuple[str, list[str], list[str], int]]:
         """Verb, arguments, recordings and commas in the first header of every call."""
         return [tuple(json.loads(line)) for line in self._log.read_text().splitlines()]
+
+
+def printed(parts: Iterable[Shown]) -> str:
+    """Tables and lines as they stand on a screen."""
+    console = Console(width=200)
+    with console.capture() as told:
+        for part in parts:
+            console.print(part, highlight=False, markup=False)
+    return told.get()

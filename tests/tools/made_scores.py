@@ -27,7 +27,6 @@ def score(mass_factor: NDArray[np.float64] | float = 1.0, **changes: object) -> 
         valid=(False, False, *(True,) * 18),
         reasons=("",) * 20,
         mass_ci95_mg=((49.0, 51.0),) * 20,
-        opening_errors_pct=((0.0,),) * 20,
         training_ms=(5.0,) * 20,
         rate_judged=(100,) * 20,
         rate_covered=(95,) * 20,

@@ -21,7 +21,7 @@ from tools.benchmarks.discovery.real_line.discrepancies import Discrepancy
 from tools.benchmarks.discovery.real_line.hidden import EFFECTS
 
 REPOSITORY = Path(__file__).parents[2]
-BENCHMARKS = REPOSITORY / "tools" / "benchmarks"
+ROOMS = (REPOSITORY / "tools" / "benchmarks", REPOSITORY / "tests" / "plants")
 CLAIM = "Imports nothing of `observer_rt`"
 MORE = ("cases", "realism.sensors", "realism.channels", "realism.benches")
 ALONE = """
@@ -33,7 +33,7 @@ class Blocked:
             raise ImportError("observer_rt is blocked")
 
 sys.meta_path.insert(0, Blocked())
-modules = [importlib.import_module("tools.benchmarks." + name) for name in sys.argv[1].split()]
+modules = [importlib.import_module(name) for name in sys.argv[1].split()]
 """
 HIDES = """
 hiding, folder = modules[0].HIDING, sys.argv[2]
@@ -82,18 +82,19 @@ def run_alone(program: str, *arguments: str) -> subprocess.CompletedProcess[str]
 
 def test_what_claims_to_know_nothing_of_the_package_does_not() -> None:
     claiming = [
-        ".".join(path.relative_to(BENCHMARKS).with_suffix("").parts)
-        for path in BENCHMARKS.rglob("*.py")
+        ".".join(path.relative_to(REPOSITORY).with_suffix("").parts)
+        for room in ROOMS
+        for path in room.rglob("*.py")
         if CLAIM in " ".join((ast.get_docstring(ast.parse(path.read_text())) or "").split())
     ]
-    assert {"plant", "wave_plant", "discovery.oracle"} <= set(claiming)
-    run_alone("", " ".join((*claiming, *MORE)))
+    assert {"tests.plants.plant", "tests.plants.wave", "tools.benchmarks.discovery.oracle"} <= set(claiming)
+    run_alone("", " ".join((*claiming, *(f"tools.benchmarks.{name}" for name in MORE))))
 
 
 @pytest.mark.parametrize("generator", PLANS)
 def test_cases_are_hidden_from_who_is_asked(generator: str, tmp_path: Path) -> None:
     plan, hidden, count = PLANS[generator]
-    files = run_alone(HIDES, generator, str(tmp_path), json.dumps(plan)).stdout.split()
+    files = run_alone(HIDES, f"tools.benchmarks.{generator}", str(tmp_path), json.dumps(plan)).stdout.split()
     labels = (tmp_path / "labels.json").read_text()
     assert not [word for word in hidden if any(word in told for told in (labels, *files))]
     assert len(files) == count

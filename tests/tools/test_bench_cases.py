@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from tests.plants.plant import record
 from tools.benchmarks.cases import CLASSES, EVENTS, make_case
-from tools.benchmarks.plant import record
 
 MANY = range(300)
 

@@ -11,7 +11,15 @@ from observer_rt.files.canlog.candump import CandumpLog
 from observer_rt.files.formats import log_formats, signal_formats, suffixes_of, written
 from observer_rt.files.mdf4.can_log import Mdf4Log
 from tools.benchmarks import damage
-from tools.benchmarks.damage import Became, Task, damage_document, damage_table, one_file, run_damage
+from tools.benchmarks.damage import (
+    Became,
+    Task,
+    damage_document,
+    damage_table,
+    faults_of,
+    one_file,
+    run_damage,
+)
 from tools.benchmarks.damage_files import FRAMES
 
 SEED = 7
@@ -19,15 +27,15 @@ SEED = 7
 
 @pytest.mark.slow
 def test_a_share_of_the_campaign_has_no_fault() -> None:
-    campaign = run_damage(150, SEED, 1)
-    assert campaign.faults == []
-    kinds = {each.task.kind for each in campaign.outcomes}
+    outcomes = run_damage(150, SEED, 1)
+    assert faults_of(outcomes) == []
+    kinds = {each.task.kind for each in outcomes}
     assert {kind[kind.index(".") :] for kind in kinds} >= {
         *suffixes_of(written(log_formats())),
         *suffixes_of(written(signal_formats())),
     }
-    assert damage_table(campaign).row_count == len(kinds) + 1
-    assert json.loads(json.dumps(damage_document(campaign)))["figures"]["files"] == 150
+    assert damage_table(outcomes).row_count == len(kinds) + 1
+    assert json.loads(json.dumps(damage_document(outcomes)))["figures"]["files"] == 150
 
 
 def test_the_same_seed_gives_the_same_outcome() -> None:

@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from observer_rt.config.bench import NOMINAL_INJECTOR
 from observer_rt.model.effects import VOCABULARY
-from tests.tools.discovery_stub import Stub
+from tests.observed_plants import recording_of
+from tests.plants.plant import record
+from tests.tools.discovery_stub import Stub, printed
 from tools.benchmarks.discovery import result as summary
 from tools.benchmarks.discovery.answers import Answer, read_answer
 from tools.benchmarks.discovery.asking import Answered, Asking
@@ -23,8 +24,6 @@ from tools.benchmarks.discovery.result import CaseResult, Gap, Interval, Visibil
 from tools.benchmarks.discovery.run import run_discovery, shown
 from tools.benchmarks.discovery.scoring import injector_of, open_loop, score_answered
 from tools.benchmarks.discovery.tables import json_document, misses
-from tools.benchmarks.plant import record
-from tools.benchmarks.scoring import recording_of
 
 VISIBLE = Visibility(gain=500.0, mass_mg=1.0, pressure_mpa=0.0, beyond_dead_zone=True)
 RIGHT = CaseResult(
@@ -261,11 +260,7 @@ def test_a_run_asks_once_scores_all_and_goes_on_where_it_stopped(tmp_path: Path)
     again = run_discovery(replace(asking, plan=replace(asking.plan, healthy=2)))
     assert len(stub.calls()) == len(calls) + 1
     assert [r for r in again.results if r in found.results] == list(found.results)
-    console = Console(width=190)
-    with console.capture() as told:
-        for part in shown(again):
-            console.print(part, highlight=False, markup=False)
-    assert f"missed: {outflow.label} with rate: seat_outflow: none" in told.get()
+    assert f"missed: {outflow.label} with rate: seat_outflow: none" in printed(shown(again))
 
 
 @pytest.mark.slow

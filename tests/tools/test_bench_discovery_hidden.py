@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from observer_rt.model.effects import VOCABULARY
+from tests.plants.parameters import Faults
+from tests.plants.plant import record
 from tools.benchmarks.discovery.cases import GIVEN, benches, make_case, make_cases, measured_rate
 from tools.benchmarks.discovery.hidden import HEALTHY, HIDDEN, same_effect
 from tools.benchmarks.discovery.oracle import best_statistic, record_all, residuals, statistic
-from tools.benchmarks.plant import record
-from tools.benchmarks.plant_parameters import Faults
 
 NOTHING_TO_SEE = {"rail_pressure_skew"}  # where the rail is at rest
 

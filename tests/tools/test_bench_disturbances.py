@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tools.benchmarks.plant import Bench, Measured, Outcome, record
+from tests.plants.plant import SIGNALS, Bench, Measured, Outcome, record
+from tools.benchmarks.campaign import Task
 from tools.benchmarks.realism.catalogue import (
     AND,
     DISTURBANCES,
@@ -22,9 +23,7 @@ from tools.benchmarks.realism.catalogue import (
     parsed,
 )
 from tools.benchmarks.realism.channels import butterworth, butterworth_delay, energizing, filtered
-from tools.benchmarks.runs import Task
 
-SIGNALS = ("rail_pressure", "needle_lift", "line_pressure")
 OF_KIND = {"line": {"line_pressure"}, "rail": {"rail_pressure"}, "lift": {"needle_lift"}}
 REALLY_HAPPENS = {"pump_ripple_620_hz", "pump_ripple_200_hz", "engine_transient"}
 

@@ -9,6 +9,10 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.core.frames.frames import check_frame
 from observer_rt.files.replay.framing import Framer, whole
+from tests.observed_plants import recording_of
+from tests.plants.parameters import Faults, Injector
+from tests.plants.plant import SIGNALS, Bench, Event, Needle, Outcome, Shot, record
+from tools.benchmarks.campaign import Task
 from tools.benchmarks.faults import bus as bus_faults
 from tools.benchmarks.faults import inputs
 from tools.benchmarks.faults.bus import Sent, with_bus_fault
@@ -17,10 +21,6 @@ from tools.benchmarks.faults.player import Published, Summary
 from tools.benchmarks.faults.run import KINDS, score_scenario
 from tools.benchmarks.faults.scenario import Placed, Scenario, drawn, tasks
 from tools.benchmarks.faults.score import RECOVERY, FaultScore, score
-from tools.benchmarks.plant import SIGNALS, Bench, Event, Needle, Outcome, Shot, record
-from tools.benchmarks.plant_parameters import Faults, Injector
-from tools.benchmarks.runs import Task
-from tools.benchmarks.scoring import recording_of
 
 BEGIN, END = 0.30, 0.40  # s
 

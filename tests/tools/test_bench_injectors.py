@@ -18,17 +18,7 @@ from tools.benchmarks.speed.injectors import (
     sent_frames,
 )
 from tools.benchmarks.speed.pace import Pacer, Passage
-from tools.benchmarks.speed.traffic import RATES, RAW_FRAME, SAMPLES, Ids, Traffic, index_of, make_traffic
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("injectors")
-
-
-@pytest.fixture(scope="module")
-def traffic(folder: Path) -> Traffic:
-    return make_traffic(folder)
+from tools.benchmarks.speed.traffic import RATES, RAW_FRAME, SAMPLES, Ids, Traffic, index_of
 
 
 def test_pauses_have_their_time_and_are_not_sent(folder: Path, traffic: Traffic) -> None:

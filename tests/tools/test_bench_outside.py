@@ -8,7 +8,6 @@ from types import SimpleNamespace
 from typing import cast
 
 import pytest
-from rich.console import Console
 
 from observer_rt.config.bench import load_injector
 from observer_rt.engine.estimation.phases import Phase
@@ -17,6 +16,7 @@ from observer_rt.identification.discovery.search.results import Proposal
 from observer_rt.identification.discovery.search.search import representatives
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effects import VOCABULARY, effective_model, sized
+from tests.tools.discovery_stub import printed
 from tools.benchmarks.discovery.asking import Asking
 from tools.benchmarks.discovery.cases import write_all
 from tools.benchmarks.discovery.outside.answers import (
@@ -241,9 +241,6 @@ def test_a_run_asks_once_and_tells_what_came_of_it(tmp_path: Path) -> None:
     answers = (tmp_path / "answers.jsonl").read_text()
     assert run_outside(asking) == found
     assert (tmp_path / "answers.jsonl").read_text() == answers
-    console = Console(width=200)
-    with console.capture() as told:
-        for part in shown(found, "A"):
-            console.print(part, highlight=False, markup=False)
-    assert "stop_loss" in told.get()
-    assert "right_equation_in_library" in told.get()
+    told = printed(shown(found, "A"))
+    assert "stop_loss" in told
+    assert "right_equation_in_library" in told

@@ -1,4 +1,4 @@
-"""The product's terms on the benchmark's plants: the law a plant follows, in force, closes the model's gap to it."""
+"""The product's terms on independent plants: the law a plant follows, in force, closes the model's gap to it."""
 
 import math
 from collections.abc import Callable
@@ -12,12 +12,12 @@ from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effects import effective_model
 from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.term import Term, TermEquation
+from tests.plants.parameters import Injector
 from tools.benchmarks.discovery.cases import write_all
 from tools.benchmarks.discovery.outside.answers import misfit
 from tools.benchmarks.discovery.outside.cases import Asked, OutsideCase, further_benches
 from tools.benchmarks.discovery.outside.kinds import KINDS
 from tools.benchmarks.discovery.real_line.hidden import TAP_DAMPING
-from tools.benchmarks.plant_parameters import Injector
 
 PART = Injector()
 INERTANCE = 1e-12 * PART.density * PART.line_length / PART.line_area  # MPa s per mm3/ms

@@ -9,6 +9,21 @@ import pytest
 
 from observer_rt.model.effects import VOCABULARY
 from observer_rt.model.terms.term import TermEquation as TheirEquation
+from tests.plants.equations import chamber_pressure, seat_factor
+from tests.plants.laws import NO_LAWS, Laws
+from tests.plants.parameters import Faults, Injector
+from tests.plants.plant import (
+    LINE_NOISE,
+    RAIL_NOISE,
+    Bench,
+    Event,
+    Needle,
+    Outcome,
+    Shot,
+    Surroundings,
+    record,
+)
+from tests.plants.wave import LINES, Variant, WaveLine, new_part
 from tests.tools.test_bench_real_line_plants import short
 from tools.benchmarks.discovery.cases import FURTHER, GIVEN
 from tools.benchmarks.discovery.hidden import HiddenKind, TermEquation
@@ -28,21 +43,6 @@ from tools.benchmarks.discovery.outside.kinds import (
 )
 from tools.benchmarks.discovery.real_line.cases import Rig
 from tools.benchmarks.discovery.real_line.hidden import OUTSIDE
-from tools.benchmarks.plant import (
-    LINE_NOISE,
-    RAIL_NOISE,
-    Bench,
-    Event,
-    Needle,
-    Outcome,
-    Shot,
-    Surroundings,
-    record,
-)
-from tools.benchmarks.plant_equations import chamber_pressure, seat_factor
-from tools.benchmarks.plant_laws import NO_LAWS, Laws
-from tools.benchmarks.plant_parameters import Faults, Injector
-from tools.benchmarks.wave_plant import LINES, Variant, WaveLine, new_part
 
 PLANTS: dict[str, tuple[Injector, WaveLine | None]] = {
     "A": (Injector(), None),

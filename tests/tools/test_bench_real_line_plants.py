@@ -6,6 +6,10 @@ import numpy as np
 import pytest
 
 from observer_rt.model.effects import VOCABULARY
+from tests.plants.laws import NO_LAWS, Laws
+from tests.plants.parameters import Faults, Injector
+from tests.plants.plant import Bench, Event, Measured, Needle, Outcome, Shot, Surroundings, record
+from tests.plants.wave import LINES, Variant, WaveLine, new_part, real_part
 from tools.benchmarks.discovery.real_line.cases import (
     Kind,
     Numbers,
@@ -31,10 +35,6 @@ from tools.benchmarks.discovery.real_line.hidden import (
     faults_of,
     late_rail,
 )
-from tools.benchmarks.plant import Bench, Event, Measured, Needle, Outcome, Shot, Surroundings, record
-from tools.benchmarks.plant_laws import NO_LAWS, Laws
-from tools.benchmarks.plant_parameters import Faults, Injector
-from tools.benchmarks.wave_plant import LINES, Variant, WaveLine, new_part, real_part
 
 STRUCTURES = {"seat_outflow"}
 SEVERAL_FAULTS = Faults(

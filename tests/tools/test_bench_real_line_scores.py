@@ -5,10 +5,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from rich.console import Console
 
 from observer_rt.config.bench import NOMINAL_INJECTOR
-from tests.tools.discovery_stub import Stub
+from tests.tools.discovery_stub import Stub, printed
 from tools.benchmarks.discovery.answers import Answer, Claim, ClaimedParameter, Smallest, read_answer
 from tools.benchmarks.discovery.asking import Answered, Asking
 from tools.benchmarks.discovery.real_line import result as summary
@@ -208,11 +207,7 @@ def test_a_run_fits_first_asks_with_the_fitted_model_and_goes_on_where_it_stoppe
     again = run_real_lines(asking)
     assert again.results == found.results
     assert len(stub.calls()) == len(calls)
-    console = Console(width=190)
-    with console.capture() as told:
-        for part in real_shown(again):
-            console.print(part, highlight=False, markup=False)
-    assert "step" in told.get()
+    assert "step" in printed(real_shown(again))
 
 
 @pytest.mark.slow

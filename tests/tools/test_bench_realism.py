@@ -11,13 +11,14 @@ import pytest
 from observer_rt.config.bench import load_bench
 from observer_rt.desk.evaluation.evaluate import Evaluation
 from observer_rt.engine.stream.state import Reason
+from tests.plants.windows import Windows
 from tests.tools.made_scores import UKF_SCORE, factors, score
 from tests.tools.test_bench_accuracy import bench
 from tools.benchmarks.realism.catalogue import alone
 from tools.benchmarks.realism.disturbance import Reasons
 from tools.benchmarks.realism.run import is_known, phantoms
 from tools.benchmarks.realism.score import Results, RunScore, Verdict, missed_bars, summary
-from tools.benchmarks.score import CaseScore, Windows
+from tools.benchmarks.score import CaseScore
 from tools.benchmarks.scoring import with_signals
 
 HUM, FILTER = "hum_50_hz_line 0.2", "lift_filter 10"

@@ -5,19 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.plants.plant import Measured, Outcome, Truth
+from tests.plants.windows import Windows, windows_of
 from tests.tools.made_scores import factors, score
 from tools.benchmarks.bars import recovered, useful_at_third
-from tools.benchmarks.plant import Measured, Outcome, Truth
-from tools.benchmarks.runs import Store
-from tools.benchmarks.score import (
-    NOMINAL,
-    OBSERVER,
-    CaseScore,
-    EstimatorScore,
-    Windows,
-    covered_samples,
-    windows_of,
-)
+from tools.benchmarks.campaign import Store
+from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore, EstimatorScore, covered_samples
 
 RATE = 100e3
 DENSITY = 830.0

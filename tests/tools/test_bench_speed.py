@@ -13,7 +13,7 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import PACKAGE_DATA, load_bench, load_injector
 from observer_rt.core.frames.frames import check_frame
 from observer_rt.engine.service.core import Core
-from tools.benchmarks.scoring import bench_at
+from tests.observed_plants import bench_at
 from tools.benchmarks.speed import native
 from tools.benchmarks.speed.observers import observer
 from tools.benchmarks.speed.pace import Pacer, Passage
@@ -37,23 +37,12 @@ from tools.benchmarks.speed.traffic import (
     Ids,
     Traffic,
     index_of,
-    make_traffic,
     payloads_of,
     write_bench,
 )
 
 PEER_FRAMES = 1400  # three injections
 Answers = Callable[[bytes, int], list[bytes]]
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("speed")
-
-
-@pytest.fixture(scope="module")
-def traffic(folder: Path) -> Traffic:
-    return make_traffic(folder)
 
 
 def test_c_observer_computes_the_same_rates(tmp_path: Path) -> None:

@@ -11,17 +11,17 @@ from numpy.typing import NDArray
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.files.formats import read_recording
 from observer_rt.foundation.errors import UserError
+from tests.plants.laws import Laws
+from tests.plants.parameters import Faults
+from tests.plants.plant import Bench, Event, Needle, Outcome, Shot, record
+from tests.plants.wave import LINES, Variant, new_part, real_part
+from tests.plants.windows import windows_of
 from tests.tools.made_scores import factors, score
 from tests.tools.test_bench_accuracy import bench
 from tools.benchmarks.bars import wave_violations
 from tools.benchmarks.kalman_peers import joint_ukf
 from tools.benchmarks.peer_equations import lump_model, peer_inputs
 from tools.benchmarks.peers import TUNING, fitted_lump
-from tools.benchmarks.plant import Bench, Event, Needle, Outcome, Shot, record
-from tools.benchmarks.plant_laws import Laws
-from tools.benchmarks.plant_parameters import Faults
-from tools.benchmarks.score import windows_of
-from tools.benchmarks.wave_plant import LINES, Variant, new_part, real_part
 from tools.benchmarks.wave_recordings import (
     NEW_PART,
     faulty_bench,

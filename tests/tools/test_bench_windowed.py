@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from observer_rt.engine.service.learners import make_learner
+from tests.observed_plants import bench_at, recording_of
+from tests.plants.parameters import Faults
+from tests.plants.plant import record
 from tools.benchmarks.cases import Case, make_case
-from tools.benchmarks.plant import record
-from tools.benchmarks.plant_parameters import Faults
 from tools.benchmarks.score import NOMINAL, CaseScore
-from tools.benchmarks.scoring import bench_at, evaluate_windowed, recording_of, score_case
+from tools.benchmarks.scoring import evaluate_windowed, score_case
 
 EVENTS = 6
 
@@ -42,7 +42,7 @@ def test_samples_and_reports_are_those_of_the_whole_recording() -> None:
     case = worn("windowed")
     outcome = record(case.bench)
     recording = recording_of(outcome)
-    evaluation = evaluate_windowed(bench_at(100e3), recording, make_learner)
+    evaluation = evaluate_windowed(bench_at(100e3), recording)
     known = ~np.isnan(evaluation.trace.injection_rate)
     shut = np.ones(recording.samples, np.bool_)
     for opening, closing in outcome.openings:

@@ -11,10 +11,11 @@ from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.stream.state import Reason
 from observer_rt.files.replay.framing import Span
-from tools.benchmarks.plant import record
+from tests.observed_plants import recording_of
+from tests.plants.plant import record
+from tools.benchmarks.campaign import Task
 from tools.benchmarks.realism.catalogue import alone, make_realism_case, name_of, parsed
-from tools.benchmarks.runs import Task
-from tools.benchmarks.scoring import bench_for_case, part_of, recording_of, with_signals
+from tools.benchmarks.scoring import bench_for_case, part_of, with_signals
 
 SEED = 1
 # until an event was judged, as after every start, and at points that few events do not reach

@@ -1,6 +1,6 @@
 """`tools/bench accuracy`: cases of faults on independent plants, our observer and its peers; what came out."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -10,9 +10,10 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from tools.benchmarks import ablation as parts
+from tests.plants.wave import Variant
 from tools.benchmarks import bars, peers, worn_lines
 from tools.benchmarks import command_line as cli
+from tools.benchmarks.campaign import MEASURING, PACKAGE, Found, Plan, on_case
 from tools.benchmarks.cases import CLASSES, LUMP_CLASSES, WAVE_CLASSES, Case, Group, make_case, on_real_line
 from tools.benchmarks.discovery.real_line.discrepancies import Discrepancy
 from tools.benchmarks.figures import save_figures
@@ -21,6 +22,7 @@ from tools.benchmarks.report import (
     Columns,
     Shown,
     clopper_pearson,
+    crash_lines,
     known,
     mean,
     median,
@@ -29,23 +31,19 @@ from tools.benchmarks.report import (
     ruled,
     table_of,
 )
-from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Crash, Plan, Task, on_case
 from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore, SampleTime
 from tools.benchmarks.scoring import score_case, warm_up
 from tools.benchmarks.speed.sample import measure_sample_time
-from tools.benchmarks.wave_plant import Variant
 from tools.benchmarks.wave_recordings import fitted_model
 
-CASES, ABLATION_CASES, WAVE_CASES = 60, 10, 20  # per class
+CASES, WAVE_CASES = 60, 20  # per class
 PEER_CASES = 4  # of a class of tier B: a joint UKF takes some 15 s a recording
 
 
 @dataclass(frozen=True)
-class Results:
-    """What came out; missed: a line for every bar that is missed."""
+class Results(Found[CaseScore]):
+    """missed: a line for every bar that is missed."""
 
-    scores: tuple[CaseScore, ...]
-    crashes: tuple[Crash[Task], ...]
     sample_time: SampleTime
     missed: tuple[str, ...]
 
@@ -57,37 +55,43 @@ def run_accuracy(plan: Plan) -> Results:
     package's, so its are not.
     """
     runs = plan.campaign
-    kept = runs.store("observer", CaseScore, PACKAGE, BENCHMARKS)
+    kept = runs.store("observer", CaseScore, PACKAGE, *MEASURING)
     scores = runs.results("observer", kept, partial(on_case, make_case, score_case), plan.tasks, warm_up)
     for name, sources, is_run, score in (
-        ("peers", (BENCHMARKS,), peers.has_peers, peers.score_peers),
-        ("paper", (PACKAGE, BENCHMARKS), peers.has_paper, peers.score_paper),
+        ("peers", MEASURING, peers.has_peers, peers.score_peers),
+        ("paper", (PACKAGE, *MEASURING), peers.has_paper, peers.score_paper),
     ):
         if plan.peers:
             tasks = [task for task in plan.tasks if is_run(task.class_name)]
             work = partial(on_case, make_case, score)
             kept_parts = runs.store(name, peers.PeerScore, *sources)
             scores = joined(scores, runs.results(name, kept_parts, work, tasks, warm_up))
-    found, took = plan.in_order(scores), measure_sample_time()
-    return Results(found, runs.crashes, took, (*bars.violations(found), *bars.slow_sample(took)))
+    return _judged(runs.found(plan.tasks, scores), measure_sample_time(), bars.violations)
 
 
 def run_wave_accuracy(plan: Plan, variant: Variant, given: Path | None, measured_rate: bool) -> Results:
     """The same on tier B, with a model fitted to healthy recordings, or given."""
     model, healthy = fitted_model(plan, given, variant, measured_rate)
     runs, make, ready = plan.campaign, partial(make_wave_case, variant), partial(warm_up, model)
-    kept = runs.store(f"observer-{variant}", CaseScore, PACKAGE, BENCHMARKS, model)
+    kept = runs.store(f"observer-{variant}", CaseScore, PACKAGE, *MEASURING, model)
     work: partial[Any] = partial(on_case, make, partial(score_case, model=model))
     scores = runs.results("observer", kept, work, plan.tasks, ready)
     if plan.peers:
         work = partial(on_case, make, partial(peers.wave_peers, peers.lumps_of(list(healthy.values()))))
         tasks = [task for task in plan.tasks if task.number < PEER_CASES]
-        kept_peers = runs.store(f"peers-{variant}", peers.PeerScore, BENCHMARKS)
+        kept_peers = runs.store(f"peers-{variant}", peers.PeerScore, *MEASURING)
         scores = joined(scores, runs.results("peers", kept_peers, work, tasks, ready))
-    found, took = plan.in_order(scores), measure_sample_time(model)
-    return Results(
-        found, runs.crashes, took, (*bars.wave_violations(found, variant), *bars.slow_sample(took))
+    return _judged(
+        runs.found(plan.tasks, scores),
+        measure_sample_time(model),
+        partial(bars.wave_violations, variant=variant),
     )
+
+
+def _judged(
+    found: Found[CaseScore], took: SampleTime, violations: Callable[[Sequence[CaseScore]], Iterable[str]]
+) -> Results:
+    return Results(found.results, found.crashes, took, (*violations(found.results), *bars.slow_sample(took)))
 
 
 def make_wave_case(variant: Variant, class_name: str, master_seed: int, number: int) -> Case:
@@ -109,19 +113,19 @@ def joined(scores: dict[str, CaseScore], parts: dict[str, peers.PeerScore]) -> d
 def shown(results: Results) -> Iterator[Shown]:
     """The tables, then a line for every bar that is missed and every crash."""
     classes = {}
-    for name, cases in bars.by_class(results.scores).items():
+    for name, cases in bars.by_class(results.results).items():
         interval = _interval(c) if (c := bars.coverage(cases)) else NOTHING
         beside = {"x3_ratio_p5": percentile(bars.x3_ratios(cases), 5), "coverage_ci99": interval}
         classes[name] = _class_details(cases) | beside
     yield table_of("observer, events 11-20", "class", classes, CLASS_COLUMNS)
-    if any(has_peer(score) for score in results.scores):
-        yield from peer_tables(results.scores)
-    if any(bars.followed(s) is not None for s in results.scores):
-        yield following_table(results.scores)
+    if any(has_peer(score) for score in results.results):
+        yield from peer_tables(results.results)
+    if any(bars.followed(s) is not None for s in results.results):
+        yield following_table(results.results)
     took = results.sample_time
     yield f"one sample of the observer at 100 kHz, us: needle open {took.open_us:.2f}, shut {took.closed_us:.2f}"
     yield from results.missed
-    yield from (f"crash: {crash.task}: {crash.message}" for crash in results.crashes)
+    yield from crash_lines(results.crashes)
 
 
 SPREAD = ("median", "p95", "max")
@@ -279,16 +283,13 @@ def _spread(values: Sequence[float]) -> dict[str, float]:
 )
 def accuracy(
     cases: Annotated[
-        int | None, typer.Option(min=1, help=f"Cases per class ({CASES}; with --ablation {ABLATION_CASES}).")
+        int | None, typer.Option(min=1, help=f"Cases per class ({CASES}; of tier B {WAVE_CASES}).")
     ] = None,
     classes: Annotated[str, typer.Option(help="Classes, by commas (default: all).")] = "",
     seed: cli.SeedOption = 1,
     workers: cli.WorkersOption = cli.PROCESSES,
     out: cli.OutOption = None,
     no_peers: cli.NoPeersOption = False,
-    ablation: Annotated[
-        bool, typer.Option("--ablation", help="Instead: our observer with one part changed each.")
-    ] = False,
     tier: cli.TierOption = cli.Tier.A,
     variant: Annotated[
         Variant | None,
@@ -313,18 +314,13 @@ def accuracy(
             put_out(as_json, worn_lines.json_document(worn), worn_lines.shown(worn))
         return
     variant = variant or Variant.PLAIN
-    if ablation:
-        default, usual = parts.CLASSES_TRIED, ABLATION_CASES
-    elif tier is cli.Tier.B:
+    if tier is cli.Tier.B:
         default, usual, folder = WAVE_CLASSES, WAVE_CASES, f"accuracy-{variant}"
     chosen = cli.chosen_names(classes, "--classes", CLASSES, default)
     plan = Plan(chosen, cases or usual, seed, workers, out or Path("build") / folder, not no_peers)
     with cli.resumable("what is scored is"):
-        if ablation:
-            parts.run_ablation(plan, as_json)
-            return
         on_waves = tier is cli.Tier.B
         found = run_wave_accuracy(plan, variant, model, measured_rate) if on_waves else run_accuracy(plan)
-        cli.tell_figures(save_figures(found.scores, plan.out))
-        crashes = [str(crash) for crash in found.crashes]
-        put_out(as_json, json_document(found.scores, crashes, found.sample_time, found.missed), shown(found))
+        cli.tell_figures(save_figures(found.results, plan.out))
+        document = json_document(found.results, found.crashes, found.sample_time, found.missed)
+        put_out(as_json, document, shown(found))

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from tests.plants.wave import Variant
 from tools.benchmarks.cases import CLASSES, Group
 from tools.benchmarks.report import clopper_pearson, known
 from tools.benchmarks.score import NOMINAL, OBSERVER, UKF, CaseScore, SampleTime
-from tools.benchmarks.wave_plant import Variant
 
 WEAR = ("orifice_area", "seat_area", "orifice_and_seat_area")
 WEAR_FROM_THE_START = (*WEAR, "growing_wear", "missing_injections")  # where the first useful phi is asked for

@@ -19,9 +19,9 @@ import typer
 
 from observer_rt.foundation.errors import RunError
 from observer_rt.foundation.units import MICROSECOND
+from tests.observed_plants import bench_at
 from tools.benchmarks.command_line import JsonOption, app, messages
 from tools.benchmarks.report import NOTHING, Columns, Figure, Shown, figures_table, list_of, put_out
-from tools.benchmarks.scoring import bench_at
 from tools.benchmarks.speed.core_alone import (
     CAN_LOG,
     INJECTIONS,
@@ -161,13 +161,12 @@ QUICK = ManyPlan(3, (2, 4), (2, 8))
 
 @dataclass(frozen=True)
 class Line:
-    """Time over a quantity as a straight line: start [s], slope [s each], and the point farthest off it.
+    """Time over a quantity as a straight line: start [s], and the point farthest off it.
 
     farthest: share of the longest time.
     """
 
     start: float
-    slope: float
     farthest: float
 
 
@@ -175,7 +174,7 @@ def line_through(points: Sequence[tuple[float, float]]) -> Line:
     """By least squares."""
     x, y = np.array(points).T
     slope, start = np.polyfit(x, y, 1)
-    return Line(float(start), float(slope), float(np.max(np.abs(start + slope * x - y)) / np.max(y)))
+    return Line(float(start), float(np.max(np.abs(start + slope * x - y)) / np.max(y)))
 
 
 Time = Callable[[Taken], float]

@@ -8,9 +8,9 @@ from enum import StrEnum
 import numpy as np
 from numpy.random import Generator
 
-from tools.benchmarks.plant import Bench, Event, Shot, drawn_needle, wave_injector
-from tools.benchmarks.plant_parameters import Faults, Injector
-from tools.benchmarks.wave_plant import LINES, Variant, real_part
+from tests.plants.parameters import Faults, Injector
+from tests.plants.plant import Bench, Event, Shot, drawn_needle, wave_injector
+from tests.plants.wave import LINES, Variant, real_part
 
 EVENTS = 20
 RAIL_PRESSURES = (40e6, 160e6)  # Pa

@@ -29,9 +29,9 @@ from observer_rt.desk.cli.app import main
 from observer_rt.files import formats
 from observer_rt.foundation.errors import UserError
 from tools.benchmarks import command_line as cli
+from tools.benchmarks.campaign import Crash, run_tasks
 from tools.benchmarks.damage_files import DATABASE, makers, write_database
 from tools.benchmarks.report import put_out, table_of
-from tools.benchmarks.runs import Crash, run_tasks
 from tools.benchmarks.scoring import bench_text
 
 JUDGED = (".mf4",)  # whose readers lose no frame in silence; text may lose whole lines
@@ -73,43 +73,34 @@ class Outcome:
     said: str = ""
 
 
-@dataclass(frozen=True)
-class Campaign:
-    """All outcomes."""
-
-    outcomes: tuple[Outcome, ...]
-
-    @property
-    def faults(self) -> list[Outcome]:
-        """Tracebacks, output on stdout, results that cannot be read, frames lost in silence, files that took long."""
-        return [each for each in self.outcomes if each.became is Became.FAULT]
+def faults_of(outcomes: Sequence[Outcome]) -> list[Outcome]:
+    """Tracebacks, output on stdout, results that cannot be read, frames lost in silence, files that took long."""
+    return [each for each in outcomes if each.became is Became.FAULT]
 
 
-def run_damage(files: int, seed: int, workers: int, flips: bool = False) -> Campaign:
+def run_damage(files: int, seed: int, workers: int, flips: bool = False) -> tuple[Outcome, ...]:
     """Damage so many files, the kinds in turn. Raises `RunError` where a process of ours was ended by one."""
     kinds = [kind for kind in makers() if not flips or kind.endswith(BINARY)]
     tasks = [Task(kinds[number % len(kinds)], seed, number, flips) for number in range(files)]
     results = cli.tracked(run_tasks(one_file, tasks, workers, _warm_up), "damaging", files)
-    return Campaign(
-        tuple(
-            Outcome(each.task, Became.FAULT, 0.0, each.message) if isinstance(each, Crash) else each
-            for each in results
-        )
+    return tuple(
+        Outcome(each.task, Became.FAULT, 0.0, each.message) if isinstance(each, Crash) else each
+        for each in results
     )
 
 
-def _by_kind(campaign: Campaign) -> dict[str, list[Outcome]]:
+def _by_kind(outcomes: Sequence[Outcome]) -> dict[str, list[Outcome]]:
     """The outcomes of the kinds that there are, in their order."""
-    found = {kind: [each for each in campaign.outcomes if each.task.kind == kind] for kind in makers()}
+    found = {kind: [each for each in outcomes if each.task.kind == kind] for kind in makers()}
     return {kind: outcomes for kind, outcomes in found.items() if outcomes}
 
 
-def damage_document(campaign: Campaign) -> dict[str, Any]:
+def damage_document(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     """The outcomes for a program."""
     return {
-        "figures": _figures(campaign.outcomes),
-        "kinds": {kind: _figures(outcomes) for kind, outcomes in _by_kind(campaign).items()},
-        "faults": [[*each.task, each.said] for each in campaign.faults],
+        "figures": _figures(outcomes),
+        "kinds": {kind: _figures(outcomes) for kind, outcomes in _by_kind(outcomes).items()},
+        "faults": [[*each.task, each.said] for each in faults_of(outcomes)],
     }
 
 
@@ -118,11 +109,11 @@ def _figures(outcomes: Sequence[Outcome]) -> dict[str, int]:
     return {"files": len(outcomes)} | {b.name.lower(): counts[b] for b in Became}
 
 
-def damage_table(campaign: Campaign) -> Table:
+def damage_table(outcomes: Sequence[Outcome]) -> Table:
     """The outcomes for a screen, kind by kind."""
     rows = {
         kind: {**_figures(chosen), "longest": max(each.seconds for each in chosen)}
-        for kind, chosen in {**_by_kind(campaign), "all": campaign.outcomes}.items()
+        for kind, chosen in {**_by_kind(outcomes), "all": outcomes}.items()
     }
     columns = {"files": "{[files]}", **{str(b): f"{{[{b.name.lower()}]}}" for b in Became}}
     return table_of("damaged files", "kind", rows, {**columns, "longest s": "{[longest]:.2f}"})
@@ -137,11 +128,11 @@ def damage(
     as_json: cli.JsonOption = False,
 ) -> None:
     """What becomes of damaged files of every format; exit code 1 if one crashes, or shows a traceback."""
-    campaign = run_damage(files, seed, workers, flips)
-    put_out(as_json, damage_document(campaign), [damage_table(campaign)])
-    for fault in campaign.faults:
+    outcomes = run_damage(files, seed, workers, flips)
+    put_out(as_json, damage_document(outcomes), [damage_table(outcomes)])
+    for fault in faults_of(outcomes):
         cli.messages.print(f"{fault.task}: {fault.said}", markup=False, highlight=False, soft_wrap=True)
-    if campaign.faults:
+    if faults_of(outcomes):
         raise typer.Exit(1)
 
 

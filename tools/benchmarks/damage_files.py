@@ -17,7 +17,7 @@ from observer_rt.files import formats
 from observer_rt.files.canlog.can_log import LogFrame
 from observer_rt.files.canlog.pcap import CAN
 from observer_rt.files.signals.recording import Recording
-from tools.benchmarks.logger_file import Field, pcapng, write_logger_file
+from tests.files.logger_file import Field, pcapng, write_logger_file
 
 FRAMES = 40
 SAMPLES = 60

@@ -19,9 +19,10 @@ from observer_rt.engine.service.messages import Counters
 from observer_rt.files.replay.framing import Framer, windows
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.units import MILLISECOND
+from tests.observed_plants import bench_at
 from tools.benchmarks.command_line import JsonOption, ModelOption, app, tracked
 from tools.benchmarks.report import Columns, put_out, table_of
-from tools.benchmarks.scoring import bench_at, part_of, worn_injector
+from tools.benchmarks.scoring import part_of, worn_injector
 
 SAMPLE_RATE = 100e3  # Hz: the index of 32 bits comes round after 11.9 h
 PRESSURES = (60e6, 100e6, 140e6)  # Pa

@@ -17,7 +17,9 @@ import typer
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MM3_PER_MS
-from tools.benchmarks.arrays import Array
+from tests.plants.arrays import Array
+from tests.plants.plant import LINE_NOISE, RAIL_NOISE, Outcome, record
+from tests.plants.windows import windows_of
 from tools.benchmarks.cases import CLASSES, Group, make_case
 from tools.benchmarks.command_line import app, tracked
 from tools.benchmarks.peer_equations import (
@@ -28,11 +30,9 @@ from tools.benchmarks.peer_equations import (
     peer_inputs,
     unscented,
 )
-from tools.benchmarks.plant import Outcome, record
 from tools.benchmarks.report import Columns, list_of, put_out
-from tools.benchmarks.score import SCORED, windows_of
+from tools.benchmarks.score import SCORED
 
-RAIL_NOISE, LINE_NOISE = 0.1e6, 0.15e6  # Pa, as on every bench
 UNSCENTED_SHAPE = (0.5, 2.0, 0.0)  # alpha, beta, kappa
 TUNING_SEED = 77
 WEAR_WALKS = (1e-6, 3e-6, 1e-5, 3e-5, 1e-4)

@@ -12,9 +12,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from tools.benchmarks.arrays import Array
-from tools.benchmarks.plant import Measured
-from tools.benchmarks.plant_parameters import Injector
+from tests.plants.arrays import Array
+from tests.plants.parameters import Injector
+from tests.plants.plant import Measured
 
 SHUT_STEP = 0.1  # radians of the line's mode per step while nothing flows
 RESTING_VARIANCE = 1e-10  # of a sac known to be at chamber pressure
@@ -301,7 +301,6 @@ class PeerInputs:
     model: Model
     stream: Stream
     events: NDArray[np.int64]
-    open: NDArray[np.bool_]
 
 
 def lump_model(part: Injector, sac_follows: bool = False) -> Model:
@@ -344,7 +343,7 @@ def peer_inputs(measured: Measured, model: Model | None = None) -> PeerInputs:
         interval,
         max(5, math.ceil(interval / STEP)),
     )
-    return PeerInputs(model or lump_model(part), stream, _events(opened, round(EVENT_GAP / interval)), opened)
+    return PeerInputs(model or lump_model(part), stream, _events(opened, round(EVENT_GAP / interval)))
 
 
 def _open(lift: Array) -> NDArray[np.bool_]:

@@ -1,6 +1,6 @@
 """The peers on one case, and the information limit beside them.
 
-On the plant of the nominal structure: joint Kalman filters, the parametric fit, the paper's scheme. On the richer
+On the plant of the nominal structure: joint Kalman filters, the paper's scheme. On the richer
 plant: the joint UKF on the paper's lump, as its maker says, fitted, and fitted with a measured rate. The sac of a few
 mm3 follows without delay: filling it takes a thousandth of the mass.
 """
@@ -14,11 +14,16 @@ from scipy.optimize import least_squares
 from observer_rt.config.bench import Bench
 from observer_rt.config.injector import LearningConfig, Training
 from observer_rt.desk.evaluation.evaluate import evaluate
-from tools.benchmarks.arrays import Array
+from tests.observed_plants import bench_at, recording_of
+from tests.plants.arrays import Array
+from tests.plants.parameters import Injector
+from tests.plants.plant import Outcome, record
+from tests.plants.wave import new_part
+from tests.plants.windows import windows_of
+from tools.benchmarks.campaign import Task
 from tools.benchmarks.cases import CLASSES, Case, Group
-from tools.benchmarks.joint_fit import (
+from tools.benchmarks.information_limit import (
     innovations,
-    joint_fit_rate,
     mass_limits_mg,
     open_loop_rate,
     segments_of,
@@ -26,19 +31,13 @@ from tools.benchmarks.joint_fit import (
 )
 from tools.benchmarks.kalman_peers import Tuning, joint_ekf, joint_ukf
 from tools.benchmarks.peer_equations import PARAMETERS, Model, PeerInputs, lump_model, peer_inputs
-from tools.benchmarks.plant import Outcome, record
-from tools.benchmarks.plant_parameters import Injector
-from tools.benchmarks.runs import Task
-from tools.benchmarks.score import EKF, FIT, PAPER, UKF, EstimatorScore, score_rate, windows_of
-from tools.benchmarks.scoring import bench_at, recording_of
-from tools.benchmarks.wave_plant import new_part
+from tools.benchmarks.score import EKF, PAPER, UKF, EstimatorScore, score_rate
 
 TUNING = Tuning(wear_walk=1e-5, model_noise=3e4, line_noise=2.0)  # see kalman_peers.py
 
 PEERS: dict[str, Callable[[PeerInputs], Array]] = {
     UKF: lambda inputs: joint_ukf(inputs, TUNING).rate,
     EKF: lambda inputs: joint_ekf(inputs, TUNING).rate,
-    FIT: joint_fit_rate,
 }
 """Rate [m3/s] at every sample of a recording. The nominal model runs beside the observer; the paper's scheme has
 scores of its own, for it is the package's."""

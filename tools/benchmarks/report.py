@@ -3,7 +3,7 @@
 import json
 import math
 import string
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 from scipy.stats import binomtest
 
-from tools.benchmarks.arrays import Array
+from tests.plants.arrays import Array
 
 TABLE_WIDTH = 210  # where stdout is no terminal
 NOTHING = "-"  # in the place of a figure of which there is none
@@ -88,6 +88,11 @@ def list_of(title: str, groups: Iterable[Iterable[Row]], columns: Columns[Row], 
             table.add_row(*cells(row, columns))
         table.add_section()
     return table
+
+
+def crash_lines(crashes: Iterable[str]) -> Iterator[str]:
+    """What is said of cases that crashed."""
+    yield from (f"crash: {line}" for line in crashes)
 
 
 def finite(value: Any) -> Any:

@@ -1,4 +1,4 @@
-"""A case's score, event by event and in figures; the windows of a recording that it is taken in."""
+"""A case's score, event by event and in figures."""
 
 import math
 from dataclasses import dataclass
@@ -6,18 +6,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.foundation.units import MILLIGRAM, MILLISECOND, MM3_PER_MS
-from tools.benchmarks.arrays import Array
-from tools.benchmarks.plant import Outcome, Truth
-from tools.benchmarks.runs import Task
+from observer_rt.foundation.units import MM3_PER_MS
+from tests.plants.arrays import Array
+from tests.plants.plant import Truth
+from tests.plants.windows import Windows
+from tools.benchmarks.campaign import Task
 
 SCORED = slice(10, 20)  # events 11-20
 WRONG_MASS = 3.0  # %, beyond which a valid injection is wrong
 WRONG_RATE = 3.0  # mm3/ms
 OBSERVER, NOMINAL = "observer", "nominal"
-UKF, EKF, FIT, PAPER = "joint UKF", "joint EKF", "parametric fit", "paper"
-LEAD = 0.15 * MILLISECOND  # of a window, before the opening
-TAIL = 0.5 * MILLISECOND  # after the needle is shut
+UKF, EKF, PAPER = "joint UKF", "joint EKF", "paper"
 Z_95 = 1.96  # sigmas
 
 
@@ -55,8 +54,6 @@ class CaseScore(Task):
     valid: tuple[bool, ...]
     reasons: tuple[str, ...]
     mass_ci95_mg: tuple[tuple[float, float] | None, ...]
-    opening_errors_pct: tuple[tuple[float, ...], ...]
-    """Mass error of every opening of each event, for information."""
     training_ms: tuple[float, ...]
     rate_judged: tuple[int, ...]
     """Samples with an open needle and a standard deviation of the rate."""
@@ -147,36 +144,6 @@ class CaseScore(Task):
         return float(np.average(squares[SCORED], weights=weights))
 
 
-@dataclass(frozen=True, eq=False)
-class Windows:
-    """Where to look in a recording: a range of samples for every opening, and in it those with the needle open; the
-    openings of every event."""
-
-    ranges: tuple[slice, ...]
-    opened: tuple[slice, ...]
-    of_event: tuple[tuple[int, ...], ...]
-    interval: float  # s
-
-    def union(self, event: int) -> NDArray[np.int64]:
-        """Samples of an event's windows, each once."""
-        ranges = [self.ranges[i] for i in self.of_event[event]]
-        return np.unique(np.concatenate([np.arange(r.start, r.stop) for r in ranges]))
-
-    def masses(self, rate: Array, density: float) -> Array:
-        """Mass of every opening [kg], trapezoidal rule over exactly its window."""
-        areas = np.array([np.trapezoid(rate[r]) for r in self.ranges], np.float64)
-        return np.asarray(areas * self.interval * density, np.float64)
-
-    def event_masses_mg(self, rate: Array, density: float) -> tuple[float, ...]:
-        """Mass of every event [mg], its openings summed."""
-        masses = self.masses(rate, density) / MILLIGRAM
-        return tuple(float(sum(masses[i] for i in openings)) for openings in self.of_event)
-
-    def mean_squares(self, error: Array) -> tuple[float, ...]:
-        """Mean square of an error over every event's union of windows."""
-        return tuple(float(np.mean(error[self.union(i)] ** 2)) for i in range(len(self.of_event)))
-
-
 def covered_samples(error: Array, sigma: Array, windows: Windows) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """Samples with an open needle and a standard deviation, and of these those within 1.96 of it, event by event.
 
@@ -208,20 +175,3 @@ def score_rate(
         windows.mean_squares((rate - truth.injection_rate) / MM3_PER_MS),
         () if x3_error is None else windows.mean_squares(x3_error),
     )
-
-
-def windows_of(outcome: Outcome, sample_rate: float) -> Windows:
-    """Windows of the true openings, ending where the next opening begins."""
-    lead, tail = round(LEAD * sample_rate), round(TAIL * sample_rate)
-    samples = outcome.truth.needle_lift.size
-    first = outcome.openings[:, 0]
-    following = np.append(first[1:], samples - 1)
-    ranges = tuple(
-        slice(max(0, int(begin) - lead), min(int(shut) + 1 + tail, int(next_begin)) + 1)
-        for (begin, shut), next_begin in zip(outcome.openings, following, strict=True)
-    )
-    members = tuple(
-        tuple(int(i) for i in np.flatnonzero(outcome.event_of == e)) for e in np.unique(outcome.event_of)
-    )
-    opened = tuple(slice(int(begin), int(shut) + 1) for begin, shut in outcome.openings)
-    return Windows(ranges, opened, members, 1.0 / sample_rate)

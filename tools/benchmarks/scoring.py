@@ -23,7 +23,6 @@ from observer_rt.desk.simulation.schedule import Schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, Simulation, simulate
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.service.judging import InlineExecutor
-from observer_rt.engine.service.learners import LearnerFactory, make_learner
 from observer_rt.engine.service.messages import Counters
 from observer_rt.engine.stream.state import State
 from observer_rt.files.replay.framing import Span, windows
@@ -31,20 +30,13 @@ from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
 from observer_rt.model.effects import sized
 from observer_rt.model.parameters import InjectorParameters
-from tools.benchmarks.arrays import Array
+from tests.observed_plants import recording_of
+from tests.plants.arrays import Array
+from tests.plants.plant import Outcome, record
+from tests.plants.windows import Windows, windows_of
 from tools.benchmarks.cases import CLASSES, Case, make_case
-from tools.benchmarks.plant import Outcome, record
 from tools.benchmarks.report import known
-from tools.benchmarks.score import (
-    NOMINAL,
-    OBSERVER,
-    CaseScore,
-    EstimatorScore,
-    Windows,
-    covered_samples,
-    score_rate,
-    windows_of,
-)
+from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore, EstimatorScore, covered_samples, score_rate
 
 WARM_UP_EVENTS = 3
 PRESSURE_SCALE = 100 * MEGAPASCAL  # of x3
@@ -61,14 +53,14 @@ class WindowedEvaluation:
     first_index: int = 0
 
 
-def evaluate_windowed(bench: Bench, recording: Recording, learner_of: LearnerFactory) -> WindowedEvaluation:
+def evaluate_windowed(bench: Bench, recording: Recording) -> WindowedEvaluation:
     """The observer on a recording of which a windowed source sends only what lies round the injections.
 
     To the observer, recordings of one history are windows of a source: the index jumps with the needle closed, the
     E2E counters go on. Where nothing was recorded nothing is available; samples and indices are those of the whole.
     """
     spans = windows(recording)
-    history = evaluate(bench, [part_of(recording, span) for span in spans], learner_of=learner_of)
+    history = evaluate(bench, [part_of(recording, span) for span in spans])
     first = history.evaluations[0].trace
     trace = Trace(
         **{
@@ -112,17 +104,15 @@ def score_case(case: Case, model: Path | None = None) -> CaseScore:
     return score_outcome(case, record(case.bench), bench_for_case(case, model))
 
 
-def score_outcome(
-    case: Case, outcome: Outcome, bench: Bench, learner_of: LearnerFactory = make_learner
-) -> CaseScore:
-    """Score an observer by its bench and learner, and the nominal model beside it, on what a case came to."""
+def score_outcome(case: Case, outcome: Outcome, bench: Bench) -> CaseScore:
+    """Score an observer by its bench, and the nominal model beside it, on what a case came to."""
     recording = recording_of(outcome)
     with timed_training() as training:
         evaluation: Scored
         if CLASSES[case.class_name].windowed:
-            evaluation = evaluate_windowed(bench, recording, learner_of)
+            evaluation = evaluate_windowed(bench, recording)
         else:
-            evaluation = evaluate(bench, [recording], learner_of=learner_of).evaluations[0]
+            evaluation = evaluate(bench, [recording]).evaluations[0]
     return score_evaluation(case, outcome, bench, evaluation, training)
 
 
@@ -137,8 +127,6 @@ def score_evaluation(
     nominal_x3 = x3_of_rate(trace.nominal_rate, bench)
     x3 = np.where(np.isnan(trace.x[:, 2]), nominal_x3, trace.x[:, 2])
     true_x3 = (truth.sac_pressure - case.bench.injector.chamber_pressure) / PRESSURE_SCALE
-    true_masses = windows.masses(truth.injection_rate, density)
-    errors = 100.0 * (windows.masses(rate, density) / true_masses - 1.0)
     judged, covered = covered_samples(rate - truth.injection_rate, trace.injection_rate_sigma, windows)
     valid, reasons, intervals = _judged(evaluation, windows)
 
@@ -158,7 +146,6 @@ def score_evaluation(
         valid=valid,
         reasons=reasons,
         mass_ci95_mg=intervals,
-        opening_errors_pct=tuple(tuple(float(errors[i]) for i in o) for o in windows.of_event),
         training_ms=tuple(training),
         rate_judged=judged,
         rate_covered=covered,
@@ -176,19 +163,8 @@ def short_case() -> Case:
     return replace(case, bench=replace(case.bench, events=case.bench.events[:WARM_UP_EVENTS]))
 
 
-def recording_of(outcome: Outcome) -> Recording:
-    """What the observer is given: no truth."""
-    m = outcome.measured
-    return Recording(m.time, m.rail_pressure, m.needle_lift, m.line_pressure)
-
-
-def bench_at(sample_rate: float, model: Path | None = None) -> Bench:
-    """The example bench at a sample rate [Hz], with another injector file than its own."""
-    return load_bench(model=model).with_sections(sampling=SamplingConfig(rate_hz=sample_rate))
-
-
 def bench_for_case(case: Case, model: Path | None = None) -> Bench:
-    """The same as a case is recorded."""
+    """The example bench as a case is recorded, with another injector file than its own."""
     meaning = Meaning.MEAN if case.bench.averaged else Meaning.INSTANT
     sampling = SamplingConfig(rate_hz=case.bench.sample_rate, meaning=meaning)
     return load_bench(model=model).with_sections(sampling=sampling)

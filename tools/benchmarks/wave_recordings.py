@@ -5,7 +5,6 @@ import sys
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
-from itertools import product
 from pathlib import Path
 from typing import Annotated
 
@@ -23,39 +22,20 @@ from observer_rt.files.signals.table_writers import (
     write_columns,
 )
 from observer_rt.foundation.errors import RunError, UserError
-from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
+from tests.observed_plants import recording_of
+from tests.plants.healthy import healthy_benches, wave_bench
+from tests.plants.laws import NO_LAWS, Laws
+from tests.plants.parameters import Faults
+from tests.plants.plant import SAMPLE_RATE, Bench, Outcome, record
+from tests.plants.wave import Variant, new_part
+from tools.benchmarks.campaign import Plan
 from tools.benchmarks.cases import drawn_events
 from tools.benchmarks.command_line import app, messages, tracked
 from tools.benchmarks.peers import RATE_NOISE
-from tools.benchmarks.plant import SAMPLE_RATE, Bench, Event, Needle, Outcome, Shot, record
-from tools.benchmarks.plant_laws import NO_LAWS, Laws
-from tools.benchmarks.plant_parameters import Faults
-from tools.benchmarks.runs import Plan
-from tools.benchmarks.scoring import recording_of
-from tools.benchmarks.wave_plant import LINES, Variant, new_part, real_part
 
 OUR_PROGRAM = (sys.executable, "-m", "observer_rt")
-FIT_PRESSURES = (60e6, 100e6, 140e6)  # Pa
-FIT_DURATIONS = (0.6e-3, 1.9e-3)  # s, of the openings
-FIT_EVENTS = 6  # in a recording of 0.52 s
-START_SPREAD = 50e-6  # s, of an event on the grid of samples
 NEW_PART, FITTED, MADE_BY = "new_part.toml", "fitted.toml", "made_by.txt"
 WRONG_LENGTH = 1.05  # of the line, as its maker says, where a measured rate can put it right
-
-
-def healthy_benches(
-    variant: Variant, seed: int, sample_rate: float = SAMPLE_RATE, averaged: bool = False
-) -> dict[str, Bench]:
-    """The six recordings `fit` is given, by name."""
-    rng = np.random.default_rng([seed, zlib.crc32(b"healthy")])
-    benches = {}
-    for pressure, duration in product(FIT_PRESSURES, FIT_DURATIONS):
-        starts = rng.uniform(0.0, START_SPREAD, FIT_EVENTS)
-        events = tuple(Event(pressure, (Shot(s, duration),), Faults()) for s in starts)
-        name = f"{pressure / MEGAPASCAL:03.0f}MPa_{duration / MILLISECOND:.1f}ms"
-        noise = int(rng.integers(2**62))
-        benches[name] = _bench(variant, seed, events, noise, sample_rate, averaged)
-    return benches
 
 
 def faulty_bench(
@@ -70,7 +50,7 @@ def faulty_bench(
     key = f"{faults}" if laws == NO_LAWS else f"{faults} {laws}"
     rng = np.random.default_rng([seed, zlib.crc32(key.encode())])
     events = tuple(replace(event, faults=faults) for event in drawn_events(rng, varying=True))
-    bench = _bench(variant, seed, events, int(rng.integers(2**62)), sample_rate, averaged)
+    bench = wave_bench(variant, seed, events, int(rng.integers(2**62)), sample_rate, averaged)
     return replace(bench, laws=laws)
 
 
@@ -174,13 +154,6 @@ def fitted_model(
         messages.print(fit_model(recordings, folder / NEW_PART, model), highlight=False, markup=False)
     load_injector(model)  # refused here, not in every process
     return model, healthy
-
-
-def _bench(
-    variant: Variant, seed: int, events: tuple[Event, ...], noise: int, sample_rate: float, averaged: bool
-) -> Bench:
-    part, line = real_part(seed), LINES[variant]
-    return Bench(part, Needle(), events, sample_rate, seed=noise, averaged=averaged, line=line)
 
 
 @app.command(

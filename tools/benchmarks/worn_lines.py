@@ -16,15 +16,17 @@ import numpy as np
 
 from observer_rt.config.bench import load_injector
 from observer_rt.desk.evaluation.evaluate import evaluate
+from tests.observed_plants import bench_at, recording_of
+from tests.plants.parameters import Faults
+from tests.plants.plant import Bench, Event, Outcome, Shot, Surroundings, event_start, record
+from tests.plants.windows import windows_of
+from tools.benchmarks.campaign import MEASURING, PACKAGE, Found, Plan, Task, digest_of
 from tools.benchmarks.cases import Case
 from tools.benchmarks.discovery.real_line.cases import Rig, healthy_benches, needle_of
 from tools.benchmarks.discovery.real_line.discrepancies import Discrepancy, plant_of
-from tools.benchmarks.plant import Bench, Event, Outcome, Shot, Surroundings, event_start, record
-from tools.benchmarks.plant_parameters import Faults
-from tools.benchmarks.report import NOTHING, Columns, Shown, mean, percentile, table_of
-from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Crash, Plan, Task, digest_of
-from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore, windows_of
-from tools.benchmarks.scoring import bench_at, recording_of, score_evaluation
+from tools.benchmarks.report import NOTHING, Columns, Shown, crash_lines, mean, percentile, table_of
+from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore
+from tools.benchmarks.scoring import score_evaluation
 from tools.benchmarks.wave_recordings import FITTED, NEW_PART, fit_model, kept_fit, write_recordings
 
 CASES = 9  # of a discrepancy
@@ -37,12 +39,10 @@ VALID_SHARE, WORST_SHARE, P95_PCT, LARGEST_PCT, COVERAGE = 0.99, 0.9375, 0.4, 0.
 
 
 @dataclass(frozen=True)
-class WornResults:
-    """What came out, by discrepancy; inadequate: plants that `fit` says the model does not describe, left out."""
+class WornResults(Found[CaseScore]):
+    """inadequate: plants that `fit` says the model does not describe, left out."""
 
-    scores: tuple[CaseScore, ...]
     inadequate: tuple[str, ...]
-    crashes: tuple[Crash[Task], ...]
 
 
 def make_case(discrepancy: Discrepancy, seed: int, number: int) -> Case:
@@ -81,10 +81,11 @@ def run_worn_lines(plan: Plan) -> WornResults:
         if baseline is None or not baseline.adequate:
             inadequate.append(name)
             continue
-        kept = runs.store(f"worn-{name}", CaseScore, PACKAGE, BENCHMARKS, model)
+        kept = runs.store(f"worn-{name}", CaseScore, PACKAGE, *MEASURING, model)
         tasks = [task for task in plan.tasks if task.class_name == name]
         scores |= runs.results(name, kept, partial(score_worn, model), tasks)
-    return WornResults(plan.in_order(scores), tuple(inadequate), runs.crashes)
+    found = runs.found(plan.tasks, scores)
+    return WornResults(found.results, found.crashes, tuple(inadequate))
 
 
 def fitted_model(discrepancy: Discrepancy, plan: Plan) -> Path:
@@ -93,7 +94,7 @@ def fitted_model(discrepancy: Discrepancy, plan: Plan) -> Path:
     Raises RunError where it fails.
     """
     model = plan.out / f"{discrepancy}-{plan.master_seed}" / FITTED
-    return kept_fit(model, digest_of((PACKAGE, BENCHMARKS)), partial(_fit, discrepancy, plan, model))
+    return kept_fit(model, digest_of((PACKAGE, *MEASURING)), partial(_fit, discrepancy, plan, model))
 
 
 def _fit(discrepancy: Discrepancy, plan: Plan, model: Path) -> None:
@@ -220,21 +221,21 @@ def violations(scores: Sequence[CaseScore]) -> tuple[str, ...]:
 def shown(results: WornResults) -> Iterator[Shown]:
     """The table, then a line for every bar that is missed and every crash."""
     yield table_of(
-        "worn injectors on fitted lines, fifth event on", "plant", by_discrepancy(results.scores), COLUMNS
+        "worn injectors on fitted lines, fifth event on", "plant", by_discrepancy(results.results), COLUMNS
     )
-    yield from violations(results.scores)
+    yield from violations(results.results)
     yield from (f"{name}: left out, its fit is INADEQUATE" for name in results.inadequate)
-    yield from (f"crash: {crash.task}: {crash.message}" for crash in results.crashes)
+    yield from crash_lines(results.crashes)
 
 
 def json_document(results: WornResults) -> dict[str, Any]:
     """`figures` over all plants, `details` by plant."""
     return {
-        "figures": figures(results.scores),
+        "figures": figures(results.results),
         "details": {
-            "plants": by_discrepancy(results.scores),
-            "violations": list(violations(results.scores)),
+            "plants": by_discrepancy(results.results),
+            "violations": list(violations(results.results)),
             "inadequate": list(results.inadequate),
-            "crashes": [str(crash) for crash in results.crashes],
+            "crashes": list(results.crashes),
         },
     }

@@ -210,21 +210,6 @@ def rate_by_balance(double x_3, double u_2, double phi_1, coefficients) -> float
     return balanced_rate(x_3, u_2, phi_1, &model.coefficients)
 
 
-def observe_interval(double[::1] x, start, end, setting, network) -> None:
-    """x^ (n,) one sample later, in place, inputs (2,) linear between the samples; a `systems.PaperSetting`."""
-    cdef Model model = Model(setting.coefficients)
-    cdef Weights nominal = Weights(setting.nominal)
-    cdef _Lent lent = _Lent(network)
-    cdef Inputs u_start, u_end
-    cdef System s
-    if x.shape[0] != model.coefficients.states:
-        raise ValueError(f"{x.shape[0]} states, {model.coefficients.states} are wanted")
-    u_start.rail, u_start.area = start
-    u_end.rail, u_end.area = end
-    s.coefficients, s.nominal, s.phi, s.gain = &model.coefficients, &nominal.network, &lent.weights, 0.0
-    _integrate(&x[0], u_start, u_end, 0.0, 0.0, setting.interval, setting.substeps, &s)
-
-
 def sweep(window, setting, network, result) -> None:
     """One pass over an event with fixed weights (10) into `result`, a `systems.EventPass`.
 

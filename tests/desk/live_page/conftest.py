@@ -9,7 +9,7 @@ from playwright.sync_api import Browser, Page, Request, sync_playwright
 
 from observer_rt.foundation.errors import UserError
 from tests.daemon.end_to_end import command
-from tools.benchmarks.live_page.watched import launch, served
+from tests.desk.live_page.browser import launch, served
 
 Serve = Callable[..., str]
 

@@ -16,9 +16,9 @@ from tornado.websocket import websocket_connect
 from observer_rt.files.formats import write_recording
 from tests.daemon.end_to_end import START_TIMEOUT, command
 from tests.daemon.participants import bench_file, until
+from tests.desk.live_page.browser import served
 from tests.desk.live_page.message import unpacked
 from tests.device import worn_recording
-from tools.benchmarks.live_page.watched import served
 
 INJECTIONS = 4
 SPEED = "0.1"

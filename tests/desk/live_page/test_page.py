@@ -18,11 +18,11 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from tests.daemon.end_to_end import command
 from tests.daemon.participants import bench_file, until
+from tests.desk.live_page.browser import served
 from tests.desk.live_page.conftest import Serve
 from tests.desk.live_page.traffic import BEGIN, Observed, traffic, write_log
 from tests.device import frames_of, worn_recording
 from tests.three_injectors import NAMES, lift_id, three_on
-from tools.benchmarks.live_page.watched import served
 
 pytestmark = pytest.mark.slow
 PATIENCE = 60_000  # ms, after which the machine is too slow or the page stuck

@@ -15,7 +15,7 @@ from tornado.websocket import websocket_connect
 
 from tests.daemon.end_to_end import command
 from tests.daemon.participants import bench_file, until
-from tools.benchmarks.live_page.watched import Served, served
+from tests.desk.live_page.browser import Served, served
 
 pytestmark = pytest.mark.slow
 DESCRIPTORS = 1024  # that a process may open on most computers

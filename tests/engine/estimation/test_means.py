@@ -39,7 +39,7 @@ def event(setting: Setting) -> Window:
     area = np.interp(time, [1.03e-3, 1.3e-3, 2.1e-3, 2.38e-3], [0.0, 0.9, 0.9, 0.0])
     knots = np.column_stack([np.full(80, 0.5), np.append(0.5 * (area[1:] + area[:-1]), 0.0)])
     start = np.zeros(setting.coefficients.states + 1)
-    rest_state(start[:-1], 0.95, setting.coefficients.line)
+    rest_state(start[:-1], 0.95, setting.coefficients)
     start[-1] = 0.95
     output = 0.95 - 0.04 * area + np.random.default_rng(2).normal(0.0, 1e-3, 80)
     return Window(np.column_stack([np.full(80, 0.95), area]), output, time < 1e-3, start, 21, knots)
@@ -129,7 +129,7 @@ def test_innovations_of_means_are_white() -> None:
     rail = 0.95 + random.normal(0.0, NOISE.rail_pressure / c.pressure_scale, count)
     line = 0.95 + random.normal(0.0, NOISE.line_pressure / c.pressure_scale, count)
     start = np.zeros(c.states + 1)
-    rest_state(start[:-1], 0.95, c.line)
+    rest_state(start[:-1], 0.95, c)
     start[-1] = 0.95
     window = Window(np.column_stack([rail, np.zeros(count)]), line, np.ones(count, np.bool_), start, count)
     errors = np.empty(count)

@@ -244,7 +244,7 @@ def made_up_event(case: Case) -> Window:
     """An injection with a line pressure that nothing explains."""
     inputs = event_inputs()
     start = np.zeros(case.c.states + 1)
-    rest_state(start[:-1], float(inputs[0, 0]), case.c.line)
+    rest_state(start[:-1], float(inputs[0, 0]), case.c)
     start[-1] = inputs[0, 0]
     output = inputs[:, 0] - 0.04 * inputs[:, 1] + np.random.default_rng(2).normal(0.0, 1e-3, len(inputs))
     return Window(inputs, output, np.arange(len(inputs)) < 100, start, 100)

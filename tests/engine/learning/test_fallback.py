@@ -16,8 +16,8 @@ from observer_rt.engine.learning.state import Checkpoint, Learned
 from observer_rt.engine.stream.state import Reason
 from tests.engine.learning.test_adequacy import statistics_of
 from tests.engine.learning.worn_injector import recorded
-from tools.benchmarks.plant import Measured, event_start
-from tools.benchmarks.scoring import bench_at, recording_of
+from tests.observed_plants import bench_at, recording_of
+from tests.plants.plant import Measured, event_start
 
 
 def test_learning_freezes_after_two_bad_standstills_and_goes_on_after_three_good_ones() -> None:

@@ -1,4 +1,4 @@
-"""The observer on recordings of the benchmark's plant whose pressure sensors drift, or differ in their gains."""
+"""The observer on recordings of an independent plant whose pressure sensors drift, or differ in their gains."""
 
 import math
 from collections.abc import Callable
@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate
 from observer_rt.engine.stream.state import Reason
 from tests.engine.learning.worn_injector import recorded
-from tools.benchmarks.plant import Measured
-from tools.benchmarks.plant_parameters import Injector
-from tools.benchmarks.score import windows_of
-from tools.benchmarks.scoring import bench_at, recording_of
+from tests.observed_plants import bench_at, recording_of
+from tests.plants.parameters import Injector
+from tests.plants.plant import Measured
+from tests.plants.windows import windows_of
 
 EVENTS = 12
 SEED = 12

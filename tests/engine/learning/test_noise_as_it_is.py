@@ -1,4 +1,4 @@
-"""The observer on recordings of the benchmark's plant whose line pressure hums or has coloured noise."""
+"""The observer on recordings of an independent plant whose line pressure hums or has coloured noise."""
 
 import math
 from dataclasses import replace
@@ -12,10 +12,10 @@ from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.files.signals.recording import Recording
 from tests.engine.learning.worn_injector import recorded
-from tools.benchmarks.plant import FIRST_EVENT, PERIOD
-from tools.benchmarks.plant_parameters import Injector
-from tools.benchmarks.score import windows_of
-from tools.benchmarks.scoring import bench_at, recording_of
+from tests.observed_plants import bench_at, recording_of
+from tests.plants.parameters import Injector
+from tests.plants.plant import FIRST_EVENT, PERIOD
+from tests.plants.windows import windows_of
 
 EVENTS = 9
 SEED = 11

@@ -23,9 +23,9 @@ from observer_rt.engine.learning.interval import (
 )
 from observer_rt.engine.stream.state import Reason
 from tests.engine.learning.worn_injector import recorded_at
-from tools.benchmarks.plant_parameters import Injector
-from tools.benchmarks.score import windows_of
-from tools.benchmarks.scoring import bench_at, recording_of
+from tests.observed_plants import bench_at, recording_of
+from tests.plants.parameters import Injector
+from tests.plants.windows import windows_of
 
 points = st.builds(EventPoint, st.floats(0.1, 2.0), st.floats(-9.0, -5.0), st.floats(0.0, 1.0))
 

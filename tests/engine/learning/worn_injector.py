@@ -1,9 +1,9 @@
-"""A worn injector of the benchmark's plant as its sensors show it, for tests that disturb them."""
+"""A worn injector of an independent plant as its sensors show it, for tests that disturb them."""
 
 from functools import cache
 
-from tools.benchmarks.plant import Bench, Event, Needle, Outcome, Shot, record
-from tools.benchmarks.plant_parameters import Faults, Injector
+from tests.plants.parameters import Faults, Injector
+from tests.plants.plant import Bench, Event, Needle, Outcome, Shot, record
 
 
 @cache

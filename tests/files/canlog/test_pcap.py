@@ -14,7 +14,7 @@ from observer_rt.files.canlog.pcap import ALL, ALL_2, CAN
 from observer_rt.files.formats import is_log, open_log
 from observer_rt.foundation.errors import UserError
 from tests.files.canlog.log_cases import mixture
-from tools.benchmarks.logger_file import Capture, pcap, pcapng
+from tests.files.logger_file import Capture, pcap, pcapng
 
 CAPTURES = [("bus.pcap", pcap), ("bus.pcapng", pcapng)]
 

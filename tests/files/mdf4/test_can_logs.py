@@ -17,7 +17,7 @@ from observer_rt.files.formats import is_log, open_log
 from observer_rt.files.mdf4.bus_frames import start_of
 from observer_rt.foundation.errors import UserError
 from tests.files.canlog.log_cases import START, log_frames, mixture, write_log
-from tools.benchmarks.logger_file import Field, value_of, write_logger_file
+from tests.files.logger_file import Field, value_of, write_logger_file
 
 MIDNIGHT = START // 10**9 * 10**9
 STORED = {"ID": 29, "IDE": 1, "BusChannel": 4, "DataLength": 7, "Dir": 1, "EDL": 1, "BRS": 1, "ESI": 1}

@@ -12,7 +12,7 @@ from observer_rt.files.formats import is_log, open_log
 from observer_rt.files.mdf4.records import count_records
 from observer_rt.foundation.errors import UserError
 from tests.files.canlog.log_cases import START, mixture
-from tools.benchmarks.logger_file import FRAME_RECORDS, Field, write_logger_file
+from tests.files.logger_file import FRAME_RECORDS, Field, write_logger_file
 
 FRAMES = 30
 ERRORS = 2

@@ -10,8 +10,8 @@ from observer_rt.desk.simulation.simulate import SimulatedNoise, Simulation, sim
 from observer_rt.files.signals.recording import Recording
 from observer_rt.identification.fit.problem import LOSS, NOZZLE, SEAT, STIFFNESS, with_values
 from observer_rt.model.parameters import InjectorParameters
-from tools.benchmarks import plant
-from tools.benchmarks.plant_parameters import Faults, Injector
+from tests.plants import plant
+from tests.plants.parameters import Faults, Injector
 
 NOMINAL = load_injector()
 WRONG = (STIFFNESS, LOSS, SEAT, NOZZLE)
@@ -48,7 +48,7 @@ def simulations(
 
 
 def of_independent_plant(part: Injector, points: Sequence[tuple[float, float]] = POINTS) -> list[Recording]:
-    """Recordings of the benchmark's plant, which shares no code with the package."""
+    """Recordings of a plant, which shares no code with the package."""
     result = []
     for number, (pressure, duration) in enumerate(points):
         event = plant.Event(pressure, (plant.Shot(0.0, duration + 0.3e-3),), Faults())

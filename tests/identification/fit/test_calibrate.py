@@ -31,7 +31,7 @@ from tests.identification.fit.healthy import (
     off_by_ten_percent,
     simulations,
 )
-from tools.benchmarks.plant_parameters import Injector
+from tests.plants.parameters import Injector
 
 LUMPS = tuple(one for one in STRUCTURES if one.line == "lump")
 UNSEEN = simulations([(80e6, 1.2e-3)], seed=9)

@@ -16,7 +16,7 @@ from tests.identification.fit.healthy import (
     simulations,
 )
 from tests.identification.fit.test_calibrate import LUMPS
-from tools.benchmarks.plant_parameters import Injector
+from tests.plants.parameters import Injector
 
 
 def _worn(number: int, effect: str, **sizes: float) -> Simulation:

@@ -19,10 +19,10 @@ from observer_rt.identification.fit.problem import (
 from observer_rt.identification.likelihood.measurement import Measurement, measurements
 from observer_rt.model.parameters import InjectorParameters
 from tests.identification.fit.healthy import NOMINAL
-from tools.benchmarks.plant import record
-from tools.benchmarks.scoring import recording_of
-from tools.benchmarks.wave_plant import LINES, Variant, real_part
-from tools.benchmarks.wave_recordings import healthy_benches
+from tests.observed_plants import recording_of
+from tests.plants.healthy import healthy_benches
+from tests.plants.plant import record
+from tests.plants.wave import LINES, Variant, real_part
 
 PART_SEED = 1
 WRONG = (STIFFNESS, LOSS, SEAT, NOZZLE)

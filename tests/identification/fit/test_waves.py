@@ -20,10 +20,10 @@ from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effective import coefficients
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
 from tests.identification.fit.healthy import NOMINAL, of_independent_plant, off_by_ten_percent
-from tools.benchmarks.plant import record, wave_injector
-from tools.benchmarks.scoring import recording_of
-from tools.benchmarks.wave_plant import LINES, Variant, WaveLine, real_part
-from tools.benchmarks.wave_recordings import healthy_benches
+from tests.observed_plants import recording_of
+from tests.plants.healthy import healthy_benches
+from tests.plants.plant import record, wave_injector
+from tests.plants.wave import LINES, Variant, WaveLine, real_part
 
 pytestmark = pytest.mark.slow  # compiles what only these tests call, or is a whole closed loop
 
@@ -33,7 +33,7 @@ WAVES = tuple(one for one in STRUCTURES if one.line == "wave")
 
 @pytest.fixture(scope="module")
 def travelling() -> Calibrated:
-    """Six recordings of the benchmark's plant with 40 cells, drained by the seat into a sac of 3 mm3."""
+    """Six recordings of an independent plant with 40 cells, drained by the seat into a sac of 3 mm3."""
     found = measurements(of_independent_plant(wave_injector()))
     return calibrate(off_by_ten_percent(SMALL_SAC), found, {}, lambda _: None)
 

@@ -13,9 +13,9 @@ from observer_rt.identification.likelihood.measurement import Measurement, measu
 from observer_rt.identification.likelihood.windows import true_rail_pressure
 from observer_rt.model.effects import effective_model, sized
 from tests.identification.discovery.hidden import NOMINAL, recordings
-from tools.benchmarks.plant import Bench, Event, Needle, Shot, Surroundings, record
-from tools.benchmarks.plant_parameters import Faults, Injector
-from tools.benchmarks.scoring import recording_of
+from tests.observed_plants import recording_of
+from tests.plants.parameters import Faults, Injector
+from tests.plants.plant import Bench, Event, Needle, Shot, Surroundings, record
 
 STARTS = (0.02, 0.05, 0.08)
 MODEL = effective_model(NOMINAL)

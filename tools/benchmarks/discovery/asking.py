@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from observer_rt.config.bench import NOMINAL_INJECTOR
+from tools.benchmarks.campaign import Campaign, Found, Labelled, Store
 from tools.benchmarks.discovery import hiding
 from tools.benchmarks.discovery.answers import Answer, ask
-from tools.benchmarks.runs import Campaign, Labelled, Store
 from tools.benchmarks.wave_recordings import OUR_PROGRAM
 
 Hiding = TypeVar("Hiding")
@@ -67,14 +67,6 @@ class Answered(Generic[Hidden]):
         return self.case.label
 
 
-@dataclass(frozen=True)
-class Found(Generic[Scored]):
-    """What came out, and a line for every case that failed."""
-
-    results: tuple[Scored, ...]
-    crashes: tuple[str, ...]
-
-
 def generate(cases: str, verb: str, folder: Path, *arguments: str, given: str = "") -> tuple[Path, ...]:
     """Run what hides the cases of a module, the only process that knows them before the answers are in; its files."""
     command = [sys.executable, "-m", hiding.__name__, cases, verb, str(folder), *arguments]
@@ -121,4 +113,4 @@ def ask_and_score(
     models = {question.label: question.model for question in questions}
     answered = [Answered(c, given[c.label], models[c.label]) for c in opened() if c.label in given]
     scored = campaign.results("scores", results, score, answered)
-    return Found(tuple(scored[one.label] for one in questions if one.label in scored), campaign.crash_lines)
+    return campaign.found(questions, scored)

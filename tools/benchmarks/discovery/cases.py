@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 from pydantic import TypeAdapter
 
-from tools.benchmarks.arrays import Array
+from tests.plants.arrays import Array
+from tests.plants.parameters import Faults, Injector
+from tests.plants.plant import Bench, Event, Outcome, Shot, drawn_needle, record
 from tools.benchmarks.discovery.hidden import HEALTHY, HIDDEN
 from tools.benchmarks.discovery.hiding import Hiding, label_of
-from tools.benchmarks.plant import Bench, Event, Outcome, Shot, drawn_needle, record
-from tools.benchmarks.plant_parameters import Faults, Injector
 
 GIVEN = tuple(itertools.product((60e6, 100e6, 140e6), (0.6e-3, 1.9e-3)))
 """Operating points `discover` is given: rail pressure [Pa], needle open [s]."""

@@ -11,10 +11,10 @@ from enum import StrEnum
 
 from numpy.random import Generator
 
-from tools.benchmarks.arrays import Array
-from tools.benchmarks.plant import Step
-from tools.benchmarks.plant_laws import Laws
-from tools.benchmarks.plant_parameters import Faults
+from tests.plants.arrays import Array
+from tests.plants.laws import Laws
+from tests.plants.parameters import Faults
+from tests.plants.plant import Step
 
 HEALTHY = "healthy"
 MICROMETRE, MICROSECOND = 1e-6, 1e-6

@@ -15,22 +15,8 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from tools.benchmarks.arrays import Array
-from tools.benchmarks.discovery.cases import RATE_GAIN, RATE_NOISE, measured_rate
-from tools.benchmarks.discovery.hidden import HIDDEN, HiddenKind
-from tools.benchmarks.peer_equations import line_gain
-from tools.benchmarks.plant import (
-    LIFT_NOISE,
-    LINE_NOISE,
-    RAIL_NOISE,
-    SAMPLE_RATE,
-    Bench,
-    Outcome,
-    event_start,
-    record,
-    strokes_of,
-)
-from tools.benchmarks.plant_equations import (
+from tests.plants.arrays import Array
+from tests.plants.equations import (
     STEPS_FLOWING,
     STEPS_SHUT,
     chamber_pressure,
@@ -42,7 +28,21 @@ from tools.benchmarks.plant_equations import (
     seat_factor,
     square_root,
 )
-from tools.benchmarks.plant_parameters import Faults, Injector, with_faults
+from tests.plants.parameters import Faults, Injector, with_faults
+from tests.plants.plant import (
+    LIFT_NOISE,
+    LINE_NOISE,
+    RAIL_NOISE,
+    SAMPLE_RATE,
+    Bench,
+    Outcome,
+    event_start,
+    record,
+    strokes_of,
+)
+from tools.benchmarks.discovery.cases import RATE_GAIN, RATE_NOISE, measured_rate
+from tools.benchmarks.discovery.hidden import HIDDEN, HiddenKind
+from tools.benchmarks.peer_equations import line_gain
 
 INTERVAL = 1.0 / SAMPLE_RATE  # s
 LEAD, TAIL = 1e-3, 12e-3  # s before an opening and after its end that are judged

@@ -6,18 +6,18 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 
+from tools.benchmarks.campaign import MEASURING, PACKAGE, Found
 from tools.benchmarks.command_line import messages
 from tools.benchmarks.discovery import cases, result, tables
 from tools.benchmarks.discovery.answers import Answer, ask
-from tools.benchmarks.discovery.asking import Asking, Found, Question, ask_and_score, seal
+from tools.benchmarks.discovery.asking import Asking, Question, ask_and_score, seal
 from tools.benchmarks.discovery.hidden import HEALTHY
 from tools.benchmarks.discovery.real_line import cases as real_cases
 from tools.benchmarks.discovery.real_line import fitting
 from tools.benchmarks.discovery.real_line import result as real_result
 from tools.benchmarks.discovery.real_line import tables as real_tables
 from tools.benchmarks.discovery.scoring import score_answered, score_real
-from tools.benchmarks.report import Shown
-from tools.benchmarks.runs import BENCHMARKS, PACKAGE
+from tools.benchmarks.report import Shown, crash_lines
 
 WARM_UP_RECORDINGS = 2
 
@@ -28,7 +28,7 @@ def run_discovery(asking: Asking[cases.HidingPlan]) -> Found[result.CaseResult]:
     seal(asking.plan, hidden)
     labels = hiding.labels_in(hidden)
     answers = campaign.store("answers", Answer, PACKAGE, *fitting.NOMINAL_SOURCES)
-    results = campaign.store("results", result.CaseResult, PACKAGE, BENCHMARKS)
+    results = campaign.store("results", result.CaseResult, PACKAGE, *MEASURING)
     if {answer.label for answer in answers.load()}.isdisjoint(labels):
         messages.print("first call of discover, which compiles")
         folder = asking.out / "warm-up"
@@ -46,7 +46,7 @@ def shown(found: Found[result.CaseResult]) -> Iterator[Shown]:
         yield table(found.results)
     yield from (f"missed: {line}" for line in tables.misses(found.results))
     yield from (f"bar missed: {line}" for line in result.violations(found.results))
-    yield from (f"crash: {line}" for line in found.crashes)
+    yield from crash_lines(found.crashes)
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ def run_real_lines(asking: Asking[real_cases.RealPlan]) -> RealResults:
     seal(asking.plan, hidden)
     labels = hiding.labels_in(hidden)
     answers = campaign.store("answers", Answer, PACKAGE, *fitting.HIDING_SOURCES)
-    results = campaign.store("results", real_result.RealResult, PACKAGE, BENCHMARKS)
+    results = campaign.store("results", real_result.RealResult, PACKAGE, *MEASURING)
     missing = {label.label for label in labels} - {answer.label for answer in answers.load()}
     models = fitting.fitted_models({label.rig for label in labels}, asking, failed)
     for rig in {label.rig for label in labels if label.label in missing} & models.keys():
@@ -89,4 +89,4 @@ def real_shown(found: RealResults) -> Iterator[Shown]:
     yield from (f"missed: {line}" for line in real_tables.misses(found.results))
     missed = real_result.violations(found.results, len(found.crashes))
     yield from (f"bar missed: {line}" for line in missed)
-    yield from (f"crash: {line}" for line in found.crashes)
+    yield from crash_lines(found.crashes)

@@ -21,7 +21,11 @@ from observer_rt.identification.likelihood.windows import TrueInputs
 from observer_rt.model.effects import VOCABULARY, effective_model
 from observer_rt.model.parameters import EffectInForce, EffectValue, InjectorParameters
 from observer_rt.model.stability import substeps_needed
-from tools.benchmarks.arrays import Array
+from tests.observed_plants import recording_of
+from tests.plants.arrays import Array
+from tests.plants.parameters import Faults, with_faults
+from tests.plants.plant import SAMPLE_RATE, Bench, Outcome, record
+from tests.plants.windows import windows_of
 from tools.benchmarks.discovery import oracle
 from tools.benchmarks.discovery.answers import Answer, Claim
 from tools.benchmarks.discovery.asking import Answered
@@ -32,10 +36,6 @@ from tools.benchmarks.discovery.real_line.discrepancies import plant_of
 from tools.benchmarks.discovery.real_line.hidden import Parts, known
 from tools.benchmarks.discovery.real_line.result import RealGap, RealResult
 from tools.benchmarks.discovery.result import AMBIGUOUS, NAMED, CaseResult, Gap, Interval, Visibility
-from tools.benchmarks.plant import SAMPLE_RATE, Bench, Outcome, record
-from tools.benchmarks.plant_parameters import Faults, with_faults
-from tools.benchmarks.score import windows_of
-from tools.benchmarks.scoring import recording_of
 
 SUBSTEPS = 10  # at 100 kHz, or what is needed: of the nominal injector a fifth, at the largest orifice
 Model = tuple[Array, Array]
@@ -200,7 +200,7 @@ def open_loop(injector: InjectorParameters, recording: Recording) -> tuple[Array
     u = np.stack((inputs.rail, inputs.area), axis=1)
     start = np.zeros(c.states + 1)
     start[-1] = inputs.rail[0]
-    rest_state(start[:-1], start[-1], c.line)
+    rest_state(start[:-1], start[-1], c)
     window = Window(
         inputs=u,
         output=np.zeros(recording.samples),

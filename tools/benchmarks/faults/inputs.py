@@ -6,9 +6,9 @@ import numpy as np
 from numpy.random import Generator
 from scipy.signal import lfilter
 
-from tools.benchmarks.arrays import Array
+from tests.plants.arrays import Array
+from tests.plants.plant import LIFT, LINE, RAIL, SIGNALS, Measured
 from tools.benchmarks.faults.scenario import Group, Kind, Placed
-from tools.benchmarks.plant import LIFT, LINE, RAIL, SIGNALS, Measured
 
 MPA, UM, US = 1e6, 1e-6, 1e-6
 DRIFT = {RAIL: (0.5 * MPA, 4 * MPA), LINE: (0.5 * MPA, 4 * MPA), LIFT: (3 * UM, 30 * UM)}

@@ -20,15 +20,16 @@ from observer_rt.config.bench import load_bench
 from observer_rt.engine.service.messages import OutputFrame
 from observer_rt.files.replay.framing import Framer, TimedFrame, whole
 from observer_rt.files.replay.player import play
+from tests.observed_plants import recording_of
+from tests.plants.parameters import Faults, Injector
+from tests.plants.plant import Outcome, record
+from tools.benchmarks.campaign import Task
 from tools.benchmarks.command_line import tracked
 from tools.benchmarks.faults.bus import index_of
 from tools.benchmarks.faults.player import RATE_ID, SUMMARY_ID, Published, Receiver
 from tools.benchmarks.faults.scenario import Group, Kind, Placed, Scenario, drawn
 from tools.benchmarks.faults.score import FaultScore, score
-from tools.benchmarks.plant import Outcome, record
-from tools.benchmarks.plant_parameters import Faults, Injector
-from tools.benchmarks.runs import Task
-from tools.benchmarks.scoring import bench_text, recording_of
+from tools.benchmarks.scoring import bench_text
 from tools.benchmarks.speed.observers import RUN, Observer, observer
 
 CHANNEL = "vcan0"

@@ -21,11 +21,11 @@ from observer_rt.engine.stream.state import Reason
 from observer_rt.files.replay.framing import Framer, whole
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.units import MILLIGRAM, MM3_PER_MS
+from tests.plants.plant import Measured
 from tools.benchmarks.faults import bus as bus_faults
 from tools.benchmarks.faults.bus import Frames, Sent, with_bus_fault
 from tools.benchmarks.faults.inputs import with_input_fault
 from tools.benchmarks.faults.scenario import Group, Kind, Placed, Scenario
-from tools.benchmarks.plant import Measured
 
 _LATE = frozenset(
     {

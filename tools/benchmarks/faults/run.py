@@ -11,15 +11,16 @@ import typer
 from matplotlib.figure import Figure
 
 from observer_rt.foundation.units import MILLISECOND
+from tests.observed_plants import bench_at
+from tests.plants.plant import record
 from tools.benchmarks import command_line as cli
+from tools.benchmarks.campaign import MEASURING, PACKAGE, Found, Plan, Task
 from tools.benchmarks.faults import bus, inputs, player
 from tools.benchmarks.faults import live as on_bus
 from tools.benchmarks.faults.scenario import AND, Kind, drawn, tasks
 from tools.benchmarks.faults.score import RECOVERY, FaultScore, score
-from tools.benchmarks.plant import record
 from tools.benchmarks.report import NOTHING, Columns, Shown, known, mean, percentile, put_out, table_of
-from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Crash, Plan, Task
-from tools.benchmarks.scoring import bench_at, warm_up, with_signals
+from tools.benchmarks.scoring import warm_up, with_signals
 from tools.benchmarks.wave_recordings import fitted_model
 
 SCENARIOS = 520
@@ -33,22 +34,16 @@ _BLOCKS = {
 }
 
 
-@dataclass(frozen=True)
-class Results:
-    """What came out."""
-
-    scores: tuple[FaultScore, ...]
-    crashes: tuple[Crash[Task], ...]
+Results = Found[FaultScore]
 
 
 def run_faults(names: tuple[str, ...], plan: Plan, is_rich: bool, given: Path | None) -> Results:
     """The plan's number of scenarios of these kinds, those not yet scored by this state of the code."""
     model = fitted_model(plan, given)[0] if is_rich else None
     campaign, todo = plan.campaign, tasks(names, plan.cases, plan.master_seed)
-    kept = campaign.store("faults", FaultScore, PACKAGE, BENCHMARKS, *([model] if model else []))
+    kept = campaign.store("faults", FaultScore, PACKAGE, *MEASURING, *([model] if model else []))
     work, ready = partial(score_scenario, model), partial(warm_up, model)
-    scores = campaign.results("faults", kept, work, todo, ready)
-    return Results(tuple(scores[each.label] for each in todo if each.label in scores), campaign.crashes)
+    return campaign.found(todo, campaign.results("faults", kept, work, todo, ready))
 
 
 def score_scenario(model: Path | None, task: Task) -> FaultScore:
@@ -114,39 +109,39 @@ def by_kind(scores: Sequence[FaultScore]) -> dict[str, Summary]:
 
 def missed_bars(results: Results) -> list[str]:
     """A line for every bar that is missed."""
-    return list(_missed(results)) if results.scores else []
+    return list(_missed(results)) if results.results else []
 
 
 def shown(results: Results) -> Iterator[Shown]:
     """Every kind a line, the total, and what is missed."""
-    if results.scores:
-        rows = {**by_kind(results.scores), "all": summary(results.scores)}
+    if results.results:
+        rows = {**by_kind(results.results), "all": summary(results.results)}
         yield table_of("Faults at random times", "fault", rows, _COLUMNS)
     yield from missed_bars(results)
-    yield from (f"crash: {s.label}: {s.crash}" for s in results.scores if s.crash)
-    yield from (f"not run: {crash.task}: {crash.message}" for crash in results.crashes)
+    yield from (f"crash: {s.label}: {s.crash}" for s in results.results if s.crash)
+    yield from (f"not run: {line}" for line in results.crashes)
 
 
 def faults_document(results: Results) -> dict[str, Any]:
     """`figures` over all scenarios, `details` by kind and of each that was wrong."""
     return {
-        "figures": asdict(summary(results.scores)) if results.scores else None,
+        "figures": asdict(summary(results.results)) if results.results else None,
         "details": {
-            "kinds": {name: asdict(each) for name, each in by_kind(results.scores).items()},
-            "wrong": [asdict(s) for s in results.scores if s.wrong_samples or s.wrong_summaries or s.crash],
+            "kinds": {name: asdict(each) for name, each in by_kind(results.results).items()},
+            "wrong": [asdict(s) for s in results.results if s.wrong_samples or s.wrong_summaries or s.crash],
             "violations": missed_bars(results),
-            "not_run": [str(crash) for crash in results.crashes],
+            "not_run": list(results.crashes),
         },
     }
 
 
 def save_figure(results: Results, path: Path) -> None:
     """Time until a fault was found, and events until one was valid again, a line a kind, a dot a scenario."""
-    alone = [name for name, each in by_kind(results.scores).items() if name != SEVERAL]
+    alone = [name for name, each in by_kind(results.results).items() if name != SEVERAL]
     figure = Figure(figsize=(10, 0.24 * len(alone) + 1.5), layout="constrained")
     found, again = figure.subplots(1, 2, sharey=True)
     for row, name in enumerate(alone):
-        ours = [s for s in results.scores if s.class_name == name]
+        ours = [s for s in results.results if s.class_name == name]
         times = [after / MILLISECOND for after in known(s.found_after for s in ours)]
         found.plot(np.maximum(times, 0.01), [row] * len(times), ".", color="tab:blue", alpha=0.5)
         events = known(s.recovered_after for s in ours)
@@ -155,13 +150,13 @@ def save_figure(results: Results, path: Path) -> None:
     found.set_yticklabels(alone, fontsize=7)
     found.invert_yaxis()
     again.axvline(RECOVERY + 0.5, color="tab:red", linewidth=0.8)
-    most = max([RECOVERY, *known(s.recovered_after for s in results.scores)])
+    most = max([RECOVERY, *known(s.recovered_after for s in results.results)])
     again.set(xlabel="events after the fault until one is valid", xticks=range(1, most + 1))
     figure.savefig(path, dpi=150)
 
 
 def _missed(results: Results) -> Iterator[str]:
-    total = summary(results.scores)
+    total = summary(results.results)
     bars: tuple[tuple[bool, str], ...] = (
         (total.scenarios >= FEWEST, f"{total.scenarios} scenarios, {FEWEST} are asked for"),
         (total.crashes == 0, f"{total.crashes} crashes"),
@@ -219,9 +214,9 @@ def faults(
     plan = Plan((), scenarios, seed, workers, out or Path("build") / f"faults-{tier}", peers=False)
     with cli.resumable("what is scored is"):
         if live:
-            results = Results(tuple(on_bus.run_live(live, seed, plan.out / "live")), ())
+            results = Found(tuple(on_bus.run_live(live, seed, plan.out / "live")), ())
         else:
             results = run_faults(names, plan, tier is cli.Tier.B, model)
-    if figure is not None and results.scores:
+    if figure is not None and results.results:
         save_figure(results, figure)
     put_out(as_json, faults_document(results), shown(results))

@@ -7,10 +7,10 @@ from enum import StrEnum
 import numpy as np
 from numpy.random import Generator
 
+from tests.plants.parameters import Injector
+from tests.plants.plant import PERIOD, Bench, drawn_needle, event_start
+from tools.benchmarks.campaign import Task
 from tools.benchmarks.cases import on_real_line, worn_events
-from tools.benchmarks.plant import PERIOD, Bench, drawn_needle, event_start
-from tools.benchmarks.plant_parameters import Injector
-from tools.benchmarks.runs import Task
 
 SETTLED, LAST_BEGIN = 4, 10  # events: what goes wrong begins after the one, before the other
 SHORTEST, LONGEST = 0.5 * PERIOD, 5 * PERIOD  # s

@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.foundation.units import MILLIGRAM, MM3_PER_MS
+from tests.plants.plant import Outcome
+from tests.plants.windows import windows_of
+from tools.benchmarks.campaign import Task
 from tools.benchmarks.faults.player import Published
 from tools.benchmarks.faults.scenario import Scenario
-from tools.benchmarks.plant import Outcome
-from tools.benchmarks.runs import Task
-from tools.benchmarks.score import windows_of
 
 WRONG, WRONG_MASS = 0.03, 0.3 * MILLIGRAM  # of an injection, and at least
 CLOSE = 100  # samples between the first one of a window as published, and of the true one

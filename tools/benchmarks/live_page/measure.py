@@ -16,9 +16,10 @@ import typer
 from playwright.sync_api import Browser, sync_playwright
 from rich.table import Table
 
+from tests.desk.live_page.browser import Served, launch, served
 from tools.benchmarks.command_line import JsonOption, app
 from tools.benchmarks.live_page import bare_page
-from tools.benchmarks.live_page.watched import Gaps, Served, Watched, launch, served, watch
+from tools.benchmarks.live_page.watched import Gaps, Watched, watch
 from tools.benchmarks.report import list_of, put_out
 from tools.benchmarks.speed import native
 from tools.benchmarks.speed.injectors import in_windows, socket_bench, until_all_ready

@@ -1,83 +1,21 @@
 """A page in a real browser, watched for a while: when frames were made, and when something new was drawn."""
 
 import re
-import shutil
-import subprocess
-import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import psutil
-from playwright.sync_api import Browser, Error, Page, Playwright
+from playwright.sync_api import Browser, Page
 
-from observer_rt.foundation.errors import UserError
-from tools.benchmarks.arrays import Array
+from tests.desk.live_page.browser import Served
+from tests.plants.arrays import Array
 from tools.benchmarks.speed.observers import cpu_time
 
-_OBTAIN = f"{sys.executable} -m playwright install --with-deps chromium-headless-shell"
-_BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-# nothing of its own goes out
-_QUIET = (
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-)
-_URL = re.compile(r"http://\S+:\d+/\S*")
 _FRAMES = Path(__file__).with_name("frames.js").read_text("utf-8")
 _PATIENCE = 120_000  # ms until a page shows its first injection
 _NUMBER = ".letters tr:has(th:text-is('injection')) td"
-
-
-def launch(playwright: Playwright) -> Browser:
-    """The first that starts, of the system's and Playwright's own. Raises UserError where there is none.
-
-    Ubuntu's `chromium-browser` is there and only asks for a snap.
-    """
-    failures = []
-    for path in (*filter(None, map(shutil.which, _BROWSERS)), None):
-        try:
-            return playwright.chromium.launch(executable_path=path, args=list(_QUIET))
-        except Error as error:
-            failures.append(f"{path or 'of Playwright'}: {error}")
-    raise UserError("Chromium", "cannot be started: " + "\n".join(failures), _OBTAIN)
-
-
-@dataclass(frozen=True)
-class Served:
-    """A program that serves a page, and the page's address."""
-
-    process: subprocess.Popen[str]
-    url: str
-
-
-@contextmanager
-def served(
-    command: Sequence[str | Path], folder: Path | None = None, descriptors: Sequence[int] = ()
-) -> Iterator[Served]:
-    """Start a program that tells its address on stderr; end it with SIGTERM. Raises UserError where it tells none."""
-    words = list(map(str, command))
-    with subprocess.Popen(
-        words, cwd=folder, stderr=subprocess.PIPE, text=True, pass_fds=descriptors
-    ) as process:
-        try:
-            assert process.stderr is not None
-            told = []
-            for line in process.stderr:
-                told.append(line)
-                if (found := _URL.search(line)) is not None:
-                    yield Served(process, found[0])
-                    break
-            else:
-                raise UserError(" ".join(words), "served no page:\n" + "".join(told), "see what it says")
-        finally:
-            process.terminate()
 
 
 @dataclass(frozen=True)

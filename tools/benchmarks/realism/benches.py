@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.random import Generator
 
-from tools.benchmarks.arrays import Array
-from tools.benchmarks.plant import FIRST_EVENT, PERIOD, Bench, Event, Motion, Needle, Shot, strokes_of
+from tests.plants.arrays import Array
+from tests.plants.plant import FIRST_EVENT, PERIOD, Bench, Event, Motion, Needle, Shot, strokes_of
 from tools.benchmarks.realism.disturbance import MPA, UM, Apply, Disturbance, Kind, Reasons
 
 QUICK = 26  # events of a quick rhythm: the last ones wait for a pause that does not come

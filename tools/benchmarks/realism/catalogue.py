@@ -7,12 +7,12 @@ from enum import StrEnum
 
 import numpy as np
 
+from tests.plants.parameters import Injector
+from tests.plants.plant import Bench, drawn_needle
+from tools.benchmarks.campaign import Task
 from tools.benchmarks.cases import Case, on_real_line, worn_events
-from tools.benchmarks.plant import Bench, drawn_needle
-from tools.benchmarks.plant_parameters import Injector
 from tools.benchmarks.realism import benches, channels, sensors
 from tools.benchmarks.realism.disturbance import Disturbance, Reasons, Stated
-from tools.benchmarks.runs import Task
 
 DISTURBANCES = {d.name: d for part in (sensors, channels, benches) for d in part.DISTURBANCES}
 PAIRS = 40

@@ -10,9 +10,9 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 from scipy.signal import butter, freqs
 
-from tools.benchmarks import plant
-from tools.benchmarks.arrays import Array
-from tools.benchmarks.plant import LIFT, LINE, RAIL, Bench, Measured
+from tests.plants import plant
+from tests.plants.arrays import Array
+from tests.plants.plant import LIFT, LINE, RAIL, Bench, Measured
 from tools.benchmarks.realism import disturbance as of
 from tools.benchmarks.realism.disturbance import ALL, US, Disturbance, Kind, Reasons, of_signal
 from tools.benchmarks.realism.sensors import coarse, hum

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.random import Generator
 
-from tools.benchmarks.arrays import Array
-from tools.benchmarks.plant import LIFT, LINE, RAIL, SIGNALS, Bench, Measured, Step, seen_as
+from tests.plants.arrays import Array
+from tests.plants.plant import LIFT, LINE, RAIL, SIGNALS, Bench, Measured, Step, seen_as
 
 
 class Reasons:

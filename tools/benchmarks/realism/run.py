@@ -12,13 +12,16 @@ import typer
 from observer_rt.config.signals import SignalConfig
 from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate
 from observer_rt.engine.estimation.scalars import NOZZLE, SEAT
+from tests.observed_plants import recording_of
+from tests.plants.plant import record
+from tests.plants.windows import Windows, windows_of
 from tools.benchmarks import command_line as cli
 from tools.benchmarks import scoring
 from tools.benchmarks.accuracy import joined
+from tools.benchmarks.campaign import MEASURING, PACKAGE, Plan, Task
 from tools.benchmarks.kalman_peers import joint_ukf
 from tools.benchmarks.peer_equations import Model, peer_inputs
 from tools.benchmarks.peers import FITTED_LUMP, TUNING, PeerScore, lumps_of, peer_score
-from tools.benchmarks.plant import record
 from tools.benchmarks.realism.catalogue import (
     DISTURBANCES,
     Entry,
@@ -31,8 +34,7 @@ from tools.benchmarks.realism.catalogue import (
 from tools.benchmarks.realism.disturbance import Stated
 from tools.benchmarks.realism.score import Interval, Results, RunScore, realism_document, shown
 from tools.benchmarks.report import put_out
-from tools.benchmarks.runs import BENCHMARKS, PACKAGE, Plan, Task
-from tools.benchmarks.score import UKF, Windows, windows_of
+from tools.benchmarks.score import UKF
 from tools.benchmarks.wave_recordings import fitted_model
 
 CASES = 3  # each has another wear
@@ -46,7 +48,7 @@ def run_realism(entries: Sequence[Entry], plan: Plan, is_rich: bool, given: Path
     """
     names = {name_of(e): all(is_known(s.stated) for s in e) for e in entries}
     plan = replace(plan, classes=tuple(name for name, known in names.items() if known))
-    model, lump, sources = None, None, [PACKAGE, BENCHMARKS]
+    model, lump, sources = None, None, [PACKAGE, *MEASURING]
     if is_rich:
         model, healthy = fitted_model(plan, given)
         lump = lumps_of(list(healthy.values()))[FITTED_LUMP] if plan.peers else None
@@ -56,12 +58,13 @@ def run_realism(entries: Sequence[Entry], plan: Plan, is_rich: bool, given: Path
     runs = campaign.results("observer", kept, partial(score_run, model), plan.tasks, ready)
     if plan.peers:
         tasks = [t for t in plan.tasks if not any(s.is_stated for s in parsed(t.class_name))]
-        kept_peers = campaign.store("peers", PeerScore, BENCHMARKS)
+        kept_peers = campaign.store("peers", PeerScore, *MEASURING)
         peers = campaign.results("peers", kept_peers, partial(score_peer, is_rich, lump), tasks, ready)
         cases = joined({label: run.case for label, run in runs.items()}, peers)
         runs = {label: replace(run, case=cases[label]) for label, run in runs.items()}
     not_known = tuple(name for name, known in names.items() if not known)
-    return Results(plan.in_order(runs), campaign.crashes, not_known)
+    found = campaign.found(plan.tasks, runs)
+    return Results(found.results, found.crashes, not_known)
 
 
 def is_known(stated: Stated) -> bool:
@@ -77,7 +80,7 @@ def score_run(model: Path | None, task: Task) -> RunScore:
     for each in parsed(task.class_name):
         bench = scoring.with_signals(bench, each.stated)
     with scoring.timed_training() as training:
-        evaluation = evaluate(bench, [scoring.recording_of(outcome)]).evaluations[0]
+        evaluation = evaluate(bench, [recording_of(outcome)]).evaluations[0]
     windows = windows_of(outcome, case.bench.sample_rate)
     return RunScore(
         class_name=task.class_name,

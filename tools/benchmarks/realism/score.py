@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
 
-from tools.benchmarks.arrays import Array
+from tests.plants.arrays import Array
+from tools.benchmarks.campaign import Found, Task
 from tools.benchmarks.realism.catalogue import AND, STATED, alone, name_of, parsed, true_reasons
-from tools.benchmarks.report import NOTHING, Columns, Shown, cells, mean, percentile
-from tools.benchmarks.runs import Crash, Task
+from tools.benchmarks.report import NOTHING, Columns, Shown, cells, crash_lines, mean, percentile
 from tools.benchmarks.score import OBSERVER, UKF, WRONG_MASS, CaseScore
 
 JUDGED = slice(7, 20)  # events 8-20
@@ -108,11 +108,9 @@ class RunScore(Task):
 
 
 @dataclass(frozen=True)
-class Results:
-    """What came out; not_known: entries whose keys of the bench file this observer does not know."""
+class Results(Found[RunScore]):
+    """not_known: entries whose keys of the bench file this observer does not know."""
 
-    runs: tuple[RunScore, ...]
-    crashes: tuple[Crash[Task], ...]
     not_known: tuple[str, ...]
 
 
@@ -189,31 +187,31 @@ def by_entry(runs: Sequence[RunScore]) -> dict[str, Summary]:
 
 def missed_bars(results: Results) -> list[str]:
     """A line for every bar that is missed."""
-    return list(_missed(results.runs)) if results.runs else []
+    return list(_missed(results.results)) if results.results else []
 
 
 def shown(results: Results) -> Iterator[Shown]:
     """Every entry a line, the totals, the bars that are missed, what could not be run."""
-    if results.runs:
+    if results.results:
         title = "events 8-20; reasons with * are not true of the disturbance; UKF: the joint UKF, which never refuses"
-        yield _plain_table(title, "disturbance", by_entry(results.runs), _ENTRY_COLUMNS)
-        yield _plain_table("in all", "", _groups(results.runs), _TOTAL_COLUMNS)
+        yield _plain_table(title, "disturbance", by_entry(results.results), _ENTRY_COLUMNS)
+        yield _plain_table("in all", "", _groups(results.results), _TOTAL_COLUMNS)
     yield from missed_bars(results)
     yield from (f"{name}: not run, this observer's bench file has no such key" for name in results.not_known)
-    yield from (f"crash: {crash.task}: {crash.message}" for crash in results.crashes)
+    yield from crash_lines(results.crashes)
 
 
 def realism_document(results: Results) -> dict[str, Any]:
     """`figures` over all runs, `details` per entry."""
-    total = summary(results.runs) if results.runs else None
+    total = summary(results.results) if results.results else None
     return {
         "figures": None if total is None else _figures(total),
         "details": {
-            "groups": {name: _figures(each) for name, each in _groups(results.runs).items()},
-            "entries": {name: asdict(each) for name, each in by_entry(results.runs).items()},
+            "groups": {name: _figures(each) for name, each in _groups(results.results).items()},
+            "entries": {name: asdict(each) for name, each in by_entry(results.results).items()},
             "violations": missed_bars(results),
             "not_known": list(results.not_known),
-            "crashes": [str(crash) for crash in results.crashes],
+            "crashes": list(results.crashes),
         },
     }
 

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.random import Generator
 from scipy.signal import lfilter
 
-from tools.benchmarks.arrays import Array
-from tools.benchmarks.plant import LIFT, LIFT_NOISE, LINE, LINE_NOISE, RAIL, RAIL_NOISE, Bench
+from tests.plants.arrays import Array
+from tests.plants.plant import LIFT, LIFT_NOISE, LINE, LINE_NOISE, RAIL, RAIL_NOISE, Bench
 from tools.benchmarks.realism import disturbance as of
 from tools.benchmarks.realism.disturbance import ALL, Disturbance, Kind, Reasons, of_signal, sign
 

@@ -29,7 +29,8 @@ from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.stream import HeldSignals, SignalStream
 from observer_rt.files.signals.table_writers import write_whole
 from observer_rt.foundation.units import MICROSECOND, MILLISECOND
-from tools.benchmarks.scoring import bench_at, with_signals
+from tests.observed_plants import bench_at
+from tools.benchmarks.scoring import with_signals
 from tools.benchmarks.speed.sample import thread_seconds
 from tools.benchmarks.speed.traffic import PERIOD, SAMPLE_RATE, worn_recording
 

@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from rich.table import Table
 
 from observer_rt.foundation.units import MICROSECOND
-from tools.benchmarks.arrays import Array
+from tests.plants.arrays import Array
 from tools.benchmarks.command_line import JsonOption, app, chosen_names, messages, tell_figures
 from tools.benchmarks.figures import COLOURS
 from tools.benchmarks.report import Figure, Shown, figures_table, list_of, put_out, table_of

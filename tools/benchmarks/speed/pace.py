@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from observer_rt.foundation.errors import RunError
 from observer_rt.foundation.units import MICROSECOND
-from tools.benchmarks.arrays import Array
+from tests.plants.arrays import Array
 from tools.benchmarks.speed import native
 from tools.benchmarks.speed.traffic import DATA_ID, RATES, SAMPLES, Ids, Traffic
 

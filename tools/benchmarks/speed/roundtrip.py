@@ -19,7 +19,7 @@ from pydantic import TypeAdapter
 
 from observer_rt.foundation.errors import RunError
 from observer_rt.foundation.units import MICROSECOND
-from tools.benchmarks.arrays import Array
+from tests.plants.arrays import Array
 from tools.benchmarks.speed import native
 from tools.benchmarks.speed.observers import BUSY_RUN, RUN, Observer, observer
 from tools.benchmarks.speed.pace import Latency, Pacer, Passage, latency_of

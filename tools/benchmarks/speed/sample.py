@@ -22,9 +22,9 @@ from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND, MI
 from observer_rt.model.line.lump import LumpLine
 from observer_rt.model.network import ARGUMENTS, HIDDEN
 from observer_rt.model.sensor import LAG_UNIT
-from tools.benchmarks.arrays import Array
+from tests.observed_plants import bench_at
+from tests.plants.arrays import Array
 from tools.benchmarks.score import SampleTime
-from tools.benchmarks.scoring import bench_at
 from tools.benchmarks.speed import native
 from tools.benchmarks.speed.traffic import SAMPLE_RATE, worn_recording
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from tools.benchmarks.arrays import Array
+from tests.plants.arrays import Array
 from tools.benchmarks.report import list_of
 from tools.benchmarks.speed.observers import PAUSED_RUN, RUN, Observer, observer
 from tools.benchmarks.speed.pace import Latency, latency_of, socket_pacer

@@ -15,7 +15,8 @@ from observer_rt.engine.service.core import Core
 from observer_rt.files.replay.framing import Framer, whole
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.units import MILLISECOND
-from tools.benchmarks.scoring import bench_at, bench_text, worn_injector
+from tests.observed_plants import bench_at
+from tools.benchmarks.scoring import bench_text, worn_injector
 
 SAMPLE_RATE = 100e3  # Hz
 SAMPLES, RATES = 9, 28  # of an input frame and of a rate frame

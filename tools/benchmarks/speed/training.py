@@ -27,8 +27,9 @@ from observer_rt.foundation.units import MILLISECOND
 from observer_rt.model.effective import coefficients
 from observer_rt.model.effects import sized
 from observer_rt.model.network import constant_network
-from tools.benchmarks.arrays import Array
-from tools.benchmarks.scoring import bench_at, timed_training
+from tests.observed_plants import bench_at
+from tests.plants.arrays import Array
+from tools.benchmarks.scoring import timed_training
 from tools.benchmarks.speed.sample import thread_seconds
 from tools.benchmarks.speed.traffic import INPUT_ID, SAMPLE_RATE, Traffic, payloads_of
 

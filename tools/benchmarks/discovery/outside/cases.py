@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 from pydantic import TypeAdapter
 
+from tests.plants.parameters import Faults, Injector
+from tests.plants.plant import SAMPLE_RATE, Bench, Event, Needle, Shot, Surroundings
 from tools.benchmarks.discovery.cases import FURTHER, GIVEN, write_all
 from tools.benchmarks.discovery.hiding import Hiding, label_of
 from tools.benchmarks.discovery.outside.kinds import KINDS, NOT_IN, VOCABULARY_KINDS, kind_named
 from tools.benchmarks.discovery.real_line.cases import DISTANCE, FIRST, Rig, RigLabel, bench_of
 from tools.benchmarks.discovery.real_line.discrepancies import Discrepancy
-from tools.benchmarks.plant import SAMPLE_RATE, Bench, Event, Needle, Shot, Surroundings
-from tools.benchmarks.plant_parameters import Faults, Injector
 
 INJECTIONS = 4  # in each recording
 SAME_TO_RECORDINGS = ({"bulk_modulus", "line_volume"},)

@@ -10,7 +10,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from tools.benchmarks.arrays import Array
+from tests.plants.arrays import Array
+from tests.plants.plant import LINE, RAIL, Step, seen_as
 from tools.benchmarks.discovery.hidden import (
     MOMENTUM,
     NOZZLE,
@@ -23,7 +24,6 @@ from tools.benchmarks.discovery.hidden import (
 )
 from tools.benchmarks.discovery.real_line.discrepancies import resonant_line
 from tools.benchmarks.discovery.real_line.hidden import EFFECTS, TAP_DAMPING, bent_sensor
-from tools.benchmarks.plant import LINE, RAIL, Step, seen_as
 from tools.benchmarks.realism.channels import filtered
 
 MPA, MS, US = 1e6, 1e-3, 1e-6
@@ -64,145 +64,70 @@ def _law(name: str, lowest: float, highest: float, both: bool = False) -> Hidden
     return HiddenParameter(name, name, lowest, highest, -highest if both else 0.0)
 
 
+def _size(name: str, lowest: float, highest: float, both: bool = False) -> HiddenParameter:
+    return HiddenParameter(name, "", lowest, highest, -highest if both else 0.0)
+
+
+def _part(name: str, fault: str, lowest: float, highest: float) -> tuple[HiddenParameter]:
+    return (HiddenParameter(name, fault, lowest, highest),)
+
+
+_K = HiddenKind
+_FLOW, _OUT, _STIFF, _SEAT, _LIFT = _T.LINE_FLOW, _T.LINE_PRESSURE, _T.STIFFNESS, _T.SEAT_FLOW, _T.NEEDLE_LIFT
+_HOLES, _CHAMBER, _SENSOR = _T.NOZZLE_FLOW, _T.CHAMBER_PRESSURE, _T.LINE_PRESSURE_SENSOR
+_LIFT_MEMORY = _law("lift_memory", 0.08 * MS, 0.25 * MS)
 _KINDS = (
-    HiddenKind("laminar_friction", _T.LINE_FLOW, (_law("line_laminar", 80.0, 400.0),)),
-    HiddenKind("friction_by_pressure", _T.LINE_FLOW, (_law("pressure_friction", 1.0, 2.2, both=True),)),
-    HiddenKind(
-        "slow_friction",
-        _T.LINE_FLOW,
-        (_law("slow_friction", 100.0, 500.0), _law("flow_memory", 0.15 * MS, 0.6 * MS)),
-    ),
-    HiddenKind("stiction", _T.LINE_FLOW, (_law("stiction", 0.2 * MPA, 1.0 * MPA),), in_library=False),
-    HiddenKind("inertance_by_flow", _T.INERTANCE, (_law("flow_inertance", 0.05, 0.3),)),
-    HiddenKind(
-        "rail_hum",
-        _T.RAIL_PRESSURE,
-        (
-            HiddenParameter("amplitude", "", 0.3 * MPA, 1.0 * MPA),
-            HiddenParameter("frequency", "", 1.8e3, 4e3),
-        ),
-        step=deaf_rail,
-        supply=hum,
-    ),
-    HiddenKind(
-        "bent_rail_sensor",
-        _T.RAIL_PRESSURE,
-        (HiddenParameter("bow", "", 1.0 * MPA, 4.0 * MPA, -4.0 * MPA),),
-        without_rate=SENSOR,
-        step=partial(bent_sensor, role=RAIL),
-    ),
-    HiddenKind("needle_displacement", _T.LINE_PRESSURE, (_law("needle_area", 2e-6, 8e-6),)),
-    HiddenKind(
-        "root_leakage",
-        _T.LINE_PRESSURE,
-        (_law("root_leakage", 1e-10, 5e-10),),  # m3/s/sqrt(Pa): 1 to 5 mm3/ms at 100 MPa
-        without_rate=SEAT,
-    ),
-    HiddenKind("open_leakage", _T.LINE_PRESSURE, (_law("open_leakage", 2e-14, 1e-13),)),
-    HiddenKind("relief_leakage", _T.LINE_PRESSURE, (_law("relief", 2e-14, 1.2e-13),), in_library=False),
-    HiddenKind("stiffness_bend", _T.STIFFNESS, (_law("stiffness_bend", 0.1, 0.5, both=True),)),
-    HiddenKind("waxing_fuel", _T.STIFFNESS, (_law("wax", 0.02, 0.08),), in_library=False),
-    HiddenKind(
-        "warming_fuel",
-        _T.STIFFNESS,
-        (_law("softening", 0.05, 0.3), _law("seat_growth", 0.2, 1.0)),
-        also=SEAT,
-        without_rate=MOMENTUM,
-    ),
-    HiddenKind("seat_by_speed", _T.SEAT_FLOW, (_law("seat_speed", 0.1, 0.4, both=True),)),
-    HiddenKind("stop_loss", _T.SEAT_FLOW, (_law("stop_loss", 0.3, 0.7),), without_rate=NOZZLE),
-    HiddenKind("middle_loss", _T.SEAT_FLOW, (_law("middle_loss", 0.3, 0.7),), in_library=False),
-    HiddenKind(
-        "seat_hysteresis",
-        _T.SEAT_FLOW,
-        (HiddenParameter("share", "seat_hysteresis", 0.4, 0.9),),
-        in_library=False,
-    ),
-    HiddenKind(
-        "lagged_lift",
-        _T.NEEDLE_LIFT,
-        (_law("lift_ahead", 0.1, 0.4), _law("lift_memory", 0.08 * MS, 0.25 * MS)),
-    ),
-    HiddenKind(
-        "needle_behind",  # its sensor: open a while longer than is seen
-        _T.NEEDLE_LIFT,
-        (_law("lift_behind", 0.1, 0.3), _law("lift_memory", 0.08 * MS, 0.25 * MS)),
-    ),
-    HiddenKind("bent_lift", _T.NEEDLE_LIFT, (_law("lift_bend", 0.15, 0.25, both=True),)),
-    HiddenKind(
-        "needle_not_shut", _T.NEEDLE_LIFT, (_law("least_lift", 0.5 * US, 3.0 * US),), without_rate=OUTFLOW
-    ),
-    HiddenKind(
-        "coking_nozzle",
-        _T.NOZZLE_FLOW,
-        (HiddenParameter("loss", "orifice_area", 0.03, 0.12),),
-        by_number=lambda number: -float(number),
-    ),
-    HiddenKind(
-        "plugged_hole",
-        _T.NOZZLE_FLOW,
-        (HiddenParameter("loss", "orifice_area", 0.08, 0.3),),
-        in_library=False,
-        by_number=lambda number: -float(number > 0),
-    ),
-    HiddenKind(
-        "closing_hole",
-        _T.NOZZLE_FLOW,
-        (HiddenParameter("loss", "hole_closing", 0.1, 0.3),),
-        in_library=False,
-    ),
-    HiddenKind("viscous_nozzle", _T.NOZZLE_FLOW, (_law("viscous_loss", 0.03, 0.12),)),
-    HiddenKind(
-        "opening_loss",
-        _T.NOZZLE_FLOW,
-        (_law("opening_loss", 0.15, 0.5, both=True), _law("opening_time", 0.15 * MS, 0.6 * MS)),
-    ),
-    HiddenKind(
-        "chamber_by_number",
-        _T.CHAMBER_PRESSURE,
-        (HiddenParameter("step", "chamber_pressure_step", 1.5 * MPA, 5.0 * MPA),),
-        by_number=float,
-    ),
-    HiddenKind(
-        "chamber_by_flow",
-        _T.CHAMBER_PRESSURE,
-        (_law("flow_back_pressure", 5e10, 2e11),),  # Pa s/m3: 3 to 12 MPa at 60 mm3/ms
-    ),
-    HiddenKind(
-        "chamber_ringing",
-        _T.CHAMBER_PRESSURE,
-        (_law("chamber_ringing", 4 * MPA, 15 * MPA),),
-        in_library=False,
-    ),
-    HiddenKind(
-        "bent_line_sensor",
-        _T.LINE_PRESSURE_SENSOR,
-        (HiddenParameter("bow", "", 1.0 * MPA, 4.0 * MPA, -4.0 * MPA),),
-        without_rate=MOMENTUM,
-        step=bent_sensor,
-    ),
-    HiddenKind(
-        "tap_resonance",
-        _T.LINE_PRESSURE_SENSOR,
-        (HiddenParameter("frequency", "", 5e3, 9e3),),
-        without_rate=SEAT,
-        step=lambda frequency: resonant_line(frequency, TAP_DAMPING),
-    ),
-    HiddenKind(
-        "drifting_sensor",
-        _T.LINE_PRESSURE_SENSOR,
-        (HiddenParameter("rate", "", 5.0 * MPA, 20.0 * MPA, -20.0 * MPA),),  # per second
-        without_rate=MOMENTUM,
-        step=drifting_sensor,
-    ),
-    HiddenKind(
-        "creeping_sensor",
-        _T.LINE_PRESSURE_SENSOR,
-        (HiddenParameter("share", "", 0.03, 0.12, -0.12),),
-        in_library=False,
-        step=creeping_sensor,
-    ),
-)
+    _K("laminar_friction", _FLOW, (_law("line_laminar", 80.0, 400.0),)),
+    _K("friction_by_pressure", _FLOW, (_law("pressure_friction", 1.0, 2.2, both=True),)),
+    _K("slow_friction", _FLOW,
+        (_law("slow_friction", 100.0, 500.0), _law("flow_memory", 0.15 * MS, 0.6 * MS))),
+    _K("stiction", _FLOW, (_law("stiction", 0.2 * MPA, 1.0 * MPA),), in_library=False),
+    _K("inertance_by_flow", _T.INERTANCE, (_law("flow_inertance", 0.05, 0.3),)),
+    _K("rail_hum", _T.RAIL_PRESSURE,
+        (_size("amplitude", 0.3 * MPA, 1.0 * MPA), _size("frequency", 1.8e3, 4e3)), step=deaf_rail, supply=hum),
+    _K("bent_rail_sensor", _T.RAIL_PRESSURE, (_size("bow", 1.0 * MPA, 4.0 * MPA, both=True),),
+        without_rate=SENSOR, step=partial(bent_sensor, role=RAIL)),
+    _K("needle_displacement", _OUT, (_law("needle_area", 2e-6, 8e-6),)),
+    # m3/s/sqrt(Pa): 1 to 5 mm3/ms at 100 MPa
+    _K("root_leakage", _OUT, (_law("root_leakage", 1e-10, 5e-10),), without_rate=SEAT),
+    _K("open_leakage", _OUT, (_law("open_leakage", 2e-14, 1e-13),)),
+    _K("relief_leakage", _OUT, (_law("relief", 2e-14, 1.2e-13),), in_library=False),
+    _K("stiffness_bend", _STIFF, (_law("stiffness_bend", 0.1, 0.5, both=True),)),
+    _K("waxing_fuel", _STIFF, (_law("wax", 0.02, 0.08),), in_library=False),
+    _K("warming_fuel", _STIFF, (_law("softening", 0.05, 0.3), _law("seat_growth", 0.2, 1.0)),
+        also=SEAT, without_rate=MOMENTUM),
+    _K("seat_by_speed", _SEAT, (_law("seat_speed", 0.1, 0.4, both=True),)),
+    _K("stop_loss", _SEAT, (_law("stop_loss", 0.3, 0.7),), without_rate=NOZZLE),
+    _K("middle_loss", _SEAT, (_law("middle_loss", 0.3, 0.7),), in_library=False),
+    _K("seat_hysteresis", _SEAT, _part("share", "seat_hysteresis", 0.4, 0.9), in_library=False),
+    _K("lagged_lift", _LIFT, (_law("lift_ahead", 0.1, 0.4), _LIFT_MEMORY)),
+    # its sensor: open a while longer than is seen
+    _K("needle_behind", _LIFT, (_law("lift_behind", 0.1, 0.3), _LIFT_MEMORY)),
+    _K("bent_lift", _LIFT, (_law("lift_bend", 0.15, 0.25, both=True),)),
+    _K("needle_not_shut", _LIFT, (_law("least_lift", 0.5 * US, 3.0 * US),), without_rate=OUTFLOW),
+    _K("coking_nozzle", _HOLES, _part("loss", "orifice_area", 0.03, 0.12),
+        by_number=lambda number: -float(number)),
+    _K("plugged_hole", _HOLES, _part("loss", "orifice_area", 0.08, 0.3), in_library=False,
+        by_number=lambda number: -float(number > 0)),
+    _K("closing_hole", _HOLES, _part("loss", "hole_closing", 0.1, 0.3), in_library=False),
+    _K("viscous_nozzle", _HOLES, (_law("viscous_loss", 0.03, 0.12),)),
+    _K("opening_loss", _HOLES,
+        (_law("opening_loss", 0.15, 0.5, both=True), _law("opening_time", 0.15 * MS, 0.6 * MS))),
+    _K("chamber_by_number", _CHAMBER, _part("step", "chamber_pressure_step", 1.5 * MPA, 5.0 * MPA),
+        by_number=float),
+    # Pa s/m3: 3 to 12 MPa at 60 mm3/ms
+    _K("chamber_by_flow", _CHAMBER, (_law("flow_back_pressure", 5e10, 2e11),)),
+    _K("chamber_ringing", _CHAMBER, (_law("chamber_ringing", 4 * MPA, 15 * MPA),), in_library=False),
+    _K("bent_line_sensor", _SENSOR, (_size("bow", 1.0 * MPA, 4.0 * MPA, both=True),),
+        without_rate=MOMENTUM, step=bent_sensor),
+    _K("tap_resonance", _SENSOR, (_size("frequency", 5e3, 9e3),), without_rate=SEAT,
+        step=lambda frequency: resonant_line(frequency, TAP_DAMPING)),
+    # of the rate, per second
+    _K("drifting_sensor", _SENSOR, (_size("rate", 5.0 * MPA, 20.0 * MPA, both=True),),
+        without_rate=MOMENTUM, step=drifting_sensor),
+    _K("creeping_sensor", _SENSOR, (_size("share", 0.03, 0.12, both=True),), in_library=False,
+        step=creeping_sensor),
+)  # fmt: skip
 KINDS = {kind.name: kind for kind in _KINDS}
 _MOVING = frozenset({"opening", "closing"})
 ACTS_IN = {

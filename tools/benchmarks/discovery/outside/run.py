@@ -5,14 +5,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from tools.benchmarks.discovery.asking import Asking, Found, Question, recorded, seal
+from tools.benchmarks.campaign import PACKAGE, Found
+from tools.benchmarks.discovery.asking import Asking, Question, recorded, seal
 from tools.benchmarks.discovery.outside.answers import OutsideAnswer, ask_outside
 from tools.benchmarks.discovery.outside.cases import HIDING, Asked, OutsidePlan
 from tools.benchmarks.discovery.outside.result import OutsideResult, asked_for, figures
 from tools.benchmarks.discovery.outside.tables import answer_table, case_lines, kind_table
 from tools.benchmarks.discovery.real_line.fitting import HIDING_SOURCES, fitted_models
-from tools.benchmarks.report import Shown, figures_table
-from tools.benchmarks.runs import PACKAGE
+from tools.benchmarks.report import Shown, crash_lines, figures_table
 
 HERE = Path(__file__).parent
 SOURCES = (
@@ -43,7 +43,7 @@ def run_outside(asking: Asking[OutsidePlan]) -> Found[OutsideResult]:
     store = campaign.store("answers", OutsideAnswer, PACKAGE, *SOURCES)
     given = campaign.results("answers", store, ask_outside_question, questions)
     found = [OutsideResult(case, given[case.label]) for case in HIDING.opened(hidden) if case.label in given]
-    return Found(tuple(found), (*failed, *campaign.crash_lines))
+    return Found(tuple(found), (*failed, *campaign.crashes))
 
 
 def shown(found: Found[OutsideResult], tier: str) -> Iterator[Shown]:
@@ -54,7 +54,7 @@ def shown(found: Found[OutsideResult], tier: str) -> Iterator[Shown]:
     yield answer_table(found.results)
     yield figures_table(figures(found.results, tier), f"outside the vocabulary, tier {tier}")
     yield from case_lines(found.results)
-    yield from (f"crash: {line}" for line in found.crashes)
+    yield from crash_lines(found.crashes)
 
 
 def ask_outside_question(question: OutsideQuestion) -> OutsideAnswer:

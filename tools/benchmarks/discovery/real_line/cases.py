@@ -10,6 +10,8 @@ import numpy as np
 from numpy.random import Generator
 from pydantic import TypeAdapter
 
+from tests.plants.parameters import Faults
+from tests.plants.plant import SAMPLE_RATE, Bench, Event, Needle, Shot, Step, Surroundings
 from tools.benchmarks.discovery.cases import FURTHER, GIVEN, write_all
 from tools.benchmarks.discovery.hiding import Hiding, label_of
 from tools.benchmarks.discovery.real_line.discrepancies import Discrepancy, plant_of
@@ -24,8 +26,6 @@ from tools.benchmarks.discovery.real_line.hidden import (
     laws_of,
     steps_of,
 )
-from tools.benchmarks.plant import SAMPLE_RATE, Bench, Event, Needle, Shot, Step, Surroundings
-from tools.benchmarks.plant_parameters import Faults
 
 FIT_INJECTIONS, INJECTIONS = 6, 3  # in each recording
 FIRST, DISTANCE = 40e-3, 50e-3  # s: start of the first injection, and from one to the next

@@ -12,12 +12,12 @@ from enum import StrEnum
 import numpy as np
 from numpy.random import Generator
 
-from tools.benchmarks.arrays import Array
-from tools.benchmarks.plant import LINE, REFERENCE_PRESSURE, Step, seen_as
-from tools.benchmarks.plant_parameters import Injector
+from tests.plants.arrays import Array
+from tests.plants.parameters import Injector
+from tests.plants.plant import LINE, REFERENCE_PRESSURE, Step, seen_as
+from tests.plants.wave import LINES, Variant, WaveLine, real_part
 from tools.benchmarks.realism.channels import filtered, resonance
 from tools.benchmarks.realism.disturbance import sign
-from tools.benchmarks.wave_plant import LINES, Variant, WaveLine, real_part
 
 LONGEST = 1.9e-3  # s, of an injection at REFERENCE_PRESSURE that takes `Rail.dip`
 LENGTH_CHANGE = 0.02

@@ -7,32 +7,22 @@ from typing import Any
 
 from observer_rt.config.bench import NOMINAL_INJECTOR
 from observer_rt.foundation.errors import RunError
+from tools.benchmarks.campaign import BENCHMARKS, PACKAGE, PLANTS, digest_of
 from tools.benchmarks.command_line import messages, tracked
 from tools.benchmarks.discovery.asking import Asking, generate, seal
 from tools.benchmarks.discovery.cases import GIVEN
 from tools.benchmarks.discovery.real_line.cases import HIDING, RealPlan, Rig, hidden_text
-from tools.benchmarks.runs import BENCHMARKS, PACKAGE, digest_of
 from tools.benchmarks.wave_recordings import FITTED, NEW_PART, OUR_PROGRAM, fit_model, kept_fit, maker_file
 
 HERE = Path(__file__).parent
 HEALTHY, FIT_LOG, CASES = "healthy", "fit.txt", "cases"
-NOMINAL_SOURCES = tuple(
-    BENCHMARKS / f"{name}.py"
-    for name in (
-        "plant",
-        "plant_equations",
-        "plant_laws",
-        "plant_parameters",
-        "discovery/hidden",
-        "discovery/cases",
-        "discovery/hiding",
-        "discovery/answers",
-    )
+NOMINAL_SOURCES = (
+    PLANTS,
+    *(BENCHMARKS / "discovery" / f"{name}.py" for name in ("hidden", "cases", "hiding", "answers")),
 )
 """What, with the package, an answer of tier A depends on."""
 HIDING_SOURCES = (
     *NOMINAL_SOURCES,
-    *(BENCHMARKS / f"{name}.py" for name in ("wave_line_equations", "wave_plant", "wave_plant_equations")),
     *(HERE / f"{name}.py" for name in ("discrepancies", "hidden", "cases", "fitting")),
 )
 """What, with the package, a fitted model and an answer depend on."""

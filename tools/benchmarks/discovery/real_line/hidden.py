@@ -8,6 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from tests.plants.laws import Laws
+from tests.plants.parameters import Faults
+from tests.plants.plant import LINE, RAIL, Step, seen_as
 from tools.benchmarks.discovery.hidden import (
     HIDDEN,
     MICROMETRE,
@@ -19,9 +22,6 @@ from tools.benchmarks.discovery.hidden import (
     TermEquation,
 )
 from tools.benchmarks.discovery.real_line.discrepancies import resonant_line
-from tools.benchmarks.plant import LINE, RAIL, Step, seen_as
-from tools.benchmarks.plant_laws import Laws
-from tools.benchmarks.plant_parameters import Faults
 
 MPA = 1e6
 TAP_DAMPING = 0.15

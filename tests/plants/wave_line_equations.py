@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 from numba import njit
 
-from tools.benchmarks.arrays import Array
-from tools.benchmarks.plant_equations import line_stiffness
-from tools.benchmarks.plant_parameters import Faults, Injector
+from tests.plants.arrays import Array
+from tests.plants.equations import line_stiffness
+from tests.plants.parameters import Faults, Injector
 
 NODES = 4  # of an element
 EDGE = 12.0  # 2 / weight of an outer node: what a jump of the flux does to it

@@ -1,4 +1,4 @@
-"""Injector and feed line of the benchmark's plant: a line of n cells, and the sac, in fine steps.
+"""Injector and feed line of the plant: a line of n cells, and the sac, in fine steps.
 
 Integrator: velocity Verlet (kick, drift, kick) along the line, the trapezoidal rule, solved by Newton's method, for
 the closed end of the line with the sac. One cell is the lump of (19)-(20); dozens carry travelling waves.
@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from tools.benchmarks.arrays import Array
-from tools.benchmarks.plant_laws import (
+from tests.plants.arrays import Array
+from tests.plants.laws import (
     Laws,
     Moment,
     altered,
@@ -22,7 +22,7 @@ from tools.benchmarks.plant_laws import (
     since_opening,
     true_lift,
 )
-from tools.benchmarks.plant_parameters import Faults, Injector
+from tests.plants.parameters import Faults, Injector
 
 ROUNDING = 100.0  # Pa, below which the square root of a pressure difference is rounded
 CHAMBER_LIFT = 300e-6

@@ -14,8 +14,8 @@ import math
 import numpy as np
 from numba import njit
 
-from tools.benchmarks.arrays import Array
-from tools.benchmarks.plant_equations import (
+from tests.plants.arrays import Array
+from tests.plants.equations import (
     Rail,
     chamber_pressure,
     is_shut,
@@ -25,7 +25,7 @@ from tools.benchmarks.plant_equations import (
     nozzle_factor,
     seat_factor,
 )
-from tools.benchmarks.plant_laws import (
+from tests.plants.laws import (
     Laws,
     Moment,
     altered,
@@ -36,8 +36,8 @@ from tools.benchmarks.plant_laws import (
     since_opening,
     true_lift,
 )
-from tools.benchmarks.plant_parameters import Faults, Injector
-from tools.benchmarks.wave_line_equations import NODES, Lattice, WaveState, line_step
+from tests.plants.parameters import Faults, Injector
+from tests.plants.wave_line_equations import NODES, Lattice, WaveState, line_step
 
 GAMMA = 1.0 - 1.0 / math.sqrt(2.0)  # of SDIRK2
 STEPS = 12  # per sample of 10 us
@@ -168,7 +168,7 @@ def run_wave(
 ) -> None:
     """Integrate over the samples of the rail pressure, each in `steps`, for which the lattice was made.
 
-    lattice: as `usual`, to be changed; beyond: whether there is any law; result (n, 6) as of `plant_equations.run`.
+    lattice: as `usual`, to be changed; beyond: whether there is any law; result (n, 6) as of `equations.run`.
     """
     start, interval, rail = drive
     y, sac_and_sensor, remembered = state.line, state.sac_and_sensor, state.remembered

@@ -9,12 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tools.benchmarks.arrays import Array
-from tools.benchmarks.plant_equations import Rail
-from tools.benchmarks.plant_laws import NO_LAWS, Laws
-from tools.benchmarks.plant_parameters import Faults, Injector, with_faults
-from tools.benchmarks.wave_line_equations import NODES, Lattice, WaveState
-from tools.benchmarks.wave_plant_equations import STEPS, run_wave
+from tests.plants.arrays import Array
+from tests.plants.equations import Rail
+from tests.plants.laws import NO_LAWS, Laws
+from tests.plants.parameters import Faults, Injector, with_faults
+from tests.plants.wave_equations import STEPS, run_wave
+from tests.plants.wave_line_equations import NODES, Lattice, WaveState
 
 SAC_VOLUME = 3e-9  # m3, of the new part
 HIDDEN_SHARE = 0.1  # by which the real part differs from its data sheet, at most
@@ -127,7 +127,7 @@ class WavePlant:
         )
 
     def advance(self, faults: Faults, strokes: Array, drive: Rail, result: Array) -> None:
-        """Signals (n, 6) of `plant_equations.run` at the samples after the first of `drive`."""
+        """Signals (n, 6) of `equations.run` at the samples after the first of `drive`."""
         part = with_faults(self._part, faults)
         usual = lattice_of(part, faults, self._line, drive.interval / self._steps)
         lattice = usual._replace(inertance=usual.inertance.copy(), loss=usual.loss.copy())

@@ -1,4 +1,4 @@
-"""The benchmark's plant: what is injected when, what happens, and what the sensors and the bus make of it.
+"""The plant: what is injected when, what happens, and what the sensors and the bus make of it.
 
 Imports nothing of `observer_rt`.
 """
@@ -12,11 +12,11 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from tools.benchmarks.arrays import Array
-from tools.benchmarks.plant_equations import Rail, State, run
-from tools.benchmarks.plant_laws import NO_LAWS, Laws
-from tools.benchmarks.plant_parameters import Faults, Injector, with_faults
-from tools.benchmarks.wave_plant import WaveLine, WavePlant
+from tests.plants.arrays import Array
+from tests.plants.equations import Rail, State, run
+from tests.plants.laws import NO_LAWS, Laws
+from tests.plants.parameters import Faults, Injector, with_faults
+from tests.plants.wave import WaveLine, WavePlant
 
 PRESSURE_STEP, PRESSURE_FLOOR = 0.005e6, -10e6  # Pa, of the 16-bit code on the bus
 LIFT_STEP, LIFT_FLOOR = 0.01e-6, -50e-6  # m
@@ -243,7 +243,7 @@ class _CellPlant:
         self._state = State(flows, pressures, sac_and_sensor, np.zeros(part.line_cells + 1))
 
     def advance(self, faults: Faults, strokes: Array, drive: Rail, result: Array) -> None:
-        """Signals (n, 6) of `plant_equations.run` at the samples after the first of `drive`."""
+        """Signals (n, 6) of `equations.run` at the samples after the first of `drive`."""
         part, beyond = with_faults(self._part, faults), self._laws != NO_LAWS
         run(part, faults, self._laws, beyond, strokes, drive, self._state, result)
 
@@ -269,7 +269,7 @@ def _rail(bench: Bench, time: Array) -> Array:
 
 
 def _integrate(bench: Bench, time: Array, rail: Array) -> tuple[Array, NDArray[np.int64]]:
-    """Signals (n, 6) of `plant_equations.run` at all samples, and how many samples late the line is recorded."""
+    """Signals (n, 6) of `equations.run` at all samples, and how many samples late the line is recorded."""
     part = bench.injector
     start = float(rail[0])
     plant = (

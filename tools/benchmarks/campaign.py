@@ -1,24 +1,28 @@
-"""Cases worked through on a few processes, resumably: results are on disk, one JSON line a case."""
+"""The runner of campaigns: cases worked through on a few processes, resumably; results on disk, a JSON line each."""
 
 import hashlib
 import json
 import multiprocessing
 import os
 import signal
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Generic, Protocol, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 
 import observer_rt
 from observer_rt.foundation.errors import RunError
+from tests.plants import plant
 from tools.benchmarks.command_line import messages, tracked
 
 BENCHMARKS = Path(__file__).parent
+PLANTS = Path(plant.__file__).parent
+MEASURING = (BENCHMARKS, PLANTS)
+"""What a score depends on beside the package."""
 PACKAGE = Path(observer_rt.__file__).parent
 _SINGLE_THREADED = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 _AHEAD = 2  # tasks handed out per process: an interrupted run loses no more
@@ -44,6 +48,14 @@ class Crash(Generic[Item]):
 
     task: Item
     message: str
+
+
+@dataclass(frozen=True)
+class Found(Generic[Result]):
+    """What came out, and a line for every case that crashed: at what, which case, and why."""
+
+    results: tuple[Result, ...]
+    crashes: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -75,10 +87,6 @@ class Plan:
     def tasks(self) -> tuple[Task, ...]:
         """All cases, class by class."""
         return tuple(Task(c, self.master_seed, n) for c in self.classes for n in range(self.cases))
-
-    def in_order(self, results: dict[str, Result]) -> tuple[Result, ...]:
-        """Results by label in the order of the cases."""
-        return tuple(results[task.label] for task in self.tasks if task.label in results)
 
     @property
     def campaign(self) -> "Campaign":
@@ -135,17 +143,13 @@ class Campaign:
     def __init__(self, out: Path, workers: int) -> None:
         """Nothing is done yet."""
         self._out, self._workers = out, workers
-        self._crashes: list[tuple[str, Crash[Any]]] = []
+        self.crashes: list[str] = []
 
-    @property
-    def crashes(self) -> tuple[Crash[Any], ...]:
-        """All so far."""
-        return tuple(crash for _, crash in self._crashes)
-
-    @property
-    def crash_lines(self) -> tuple[str, ...]:
-        """The same in words: at what, which case, and why."""
-        return tuple(f"{what}: {crash.task.label}: {crash.message}" for what, crash in self._crashes)
+    def found(self, cases: Iterable[Labelled], results: Mapping[str, Result]) -> Found[Result]:
+        """Results by label in the order of the cases, and what crashed so far."""
+        return Found(
+            tuple(results[case.label] for case in cases if case.label in results), tuple(self.crashes)
+        )
 
     def store(self, name: str, result_type: type[Result], *sources: Path) -> Store[Result]:
         """Where results that depend on these sources are kept."""
@@ -169,7 +173,7 @@ class Campaign:
             return done
         for result in tracked(run_tasks(work, missing, self._workers, warm_up), what, len(missing)):
             if isinstance(result, Crash):
-                self._crashes.append((what, result))
+                self.crashes.append(f"{what}: {result.task.label}: {result.message}")
             else:
                 store.add(result)
                 done[result.label] = result

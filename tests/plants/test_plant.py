@@ -1,4 +1,4 @@
-"""The benchmark's plant: independent of the package, right by a reference solution, every fault felt."""
+"""The plant: independent of the package, right by a reference solution, every fault felt."""
 
 import math
 
@@ -7,7 +7,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from tools.benchmarks.plant import (
+from tests.plants.equations import lift_at
+from tests.plants.parameters import Faults, Injector
+from tests.plants.plant import (
     FIRST_EVENT,
     Bench,
     Event,
@@ -19,9 +21,8 @@ from tools.benchmarks.plant import (
     strokes_of,
     wave_injector,
 )
-from tools.benchmarks.plant_equations import lift_at
-from tools.benchmarks.plant_parameters import Faults, Injector
 
+pytestmark = pytest.mark.slow
 SENSOR_FAULTS = {
     "line_pressure_sensor_lag": 40e-6,
     "channel_skew": 25e-6,

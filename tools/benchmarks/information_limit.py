@@ -1,22 +1,19 @@
-"""Peer: the parametric fit. Named parameters of the nominal structure, no network, learned event after event.
+"""The information limit (Cramer-Rao) of the mass: what no estimator with this prior and drift can beat.
 
-Gauss-Newton on the whitened innovations of the predictor with a prior, information accumulated, drift added: the
-same problem the observer solves, with W = 0, all parameters always free, and sensitivities by finite differences.
-
-Beside it the information limit (Cramer-Rao) of the mass, what no estimator with this prior and drift can beat: the
-same structure linearised at the true parameters. Rail noise drives the line, so the innovations of the Kalman
+The nominal structure linearised at the true parameters. Rail noise drives the line, so the innovations of the Kalman
 predictor are what is white; the information of all earlier events counts, as does the drift between them. The event's
 own innovations do not: its estimate is given while it happens.
 """
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from tools.benchmarks.arrays import Array
-from tools.benchmarks.kalman_peers import LINE_NOISE, RAIL_NOISE
+from tests.plants.arrays import Array
+from tests.plants.parameters import Faults
+from tests.plants.plant import LINE_NOISE, RAIL_NOISE
+from tests.plants.windows import Windows
 from tools.benchmarks.peer_equations import (
     LAG,
     PARAMETERS,
@@ -27,18 +24,12 @@ from tools.benchmarks.peer_equations import (
     line_gain,
     predict,
 )
-from tools.benchmarks.plant_parameters import Faults
-from tools.benchmarks.score import Windows
 
 # v_H, v_S, friction k, leak c [m3/(s Pa)], offset o [p0], lag tau [s], stiffness r
 PRIOR_SIGMA = np.array([0.45, 0.4, 1.75, 5.5e-14, 0.025, 35e-6, 0.18])
 DRIFT_SIGMA = np.array([5e-4, 5e-4, 2e-3, 2e-16, 2e-5, 1e-7, 2e-4])  # per event
-LOWEST = np.array([-0.9, -0.9, -0.9, 0.0, -0.1, 0.0, -0.6])
-HIGHEST = np.array([3.0, 3.0, 10.0, 1e-12, 0.1, 200e-6, 1.5])
 STEPS = 1e-3 * PRIOR_SIGMA  # for sensitivities
 LEAD, BURN_IN = 2e-3, 1e-3  # s of shut needle before an event's opening; of it, not counted
-FIRST_ITERATIONS, ITERATIONS, HALVINGS = 6, 3, 6
-SMALL_DECREMENT = 0.01
 
 
 @dataclass(frozen=True)
@@ -99,61 +90,8 @@ def open_loop_rate(inputs: PeerInputs, segment: Segment, theta: Array, gain: Arr
     return np.asarray(inputs.model.nozzle_flow * (1.0 + theta[V_H]) * root, np.float64)
 
 
-@dataclass(frozen=True, eq=False)
-class Fitted:
-    """theta (PARAMETERS,) and its covariance after an event."""
-
-    theta: Array
-    covariance: Array
-
-
-def fits(inputs: PeerInputs) -> Iterator[tuple[Segment, Fitted]]:
-    """Every event's segment with what was known before it (the prior first), drift included."""
-    known = Fitted(np.zeros(PARAMETERS), np.diag(PRIOR_SIGMA**2))
-    for number, segment in enumerate(segments_of(inputs)):
-        yield segment, known
-        learned = _learn(inputs, segment, known, FIRST_ITERATIONS if number == 0 else ITERATIONS)
-        known = Fitted(learned.theta, learned.covariance + np.diag(DRIFT_SIGMA**2))
-
-
-def joint_fit_rate(inputs: PeerInputs) -> Array:
-    """Rate [m3/s] at every sample: each event open loop with what was learned from those before it."""
-    rate = np.zeros(inputs.stream.output.size)
-    for segment, known in fits(inputs):
-        gain, _ = steady_gain(inputs, known.theta[LAG])
-        rate[segment.first : segment.closed] = open_loop_rate(inputs, segment, known.theta, gain)
-    return rate
-
-
-def _learn(inputs: PeerInputs, segment: Segment, known: Fitted, iterations: int) -> Fitted:
-    prior = np.asarray(np.linalg.inv(known.covariance), np.float64)
-    theta, covariance = known.theta, known.covariance
-    for _ in range(iterations):
-        gain, sigma = steady_gain(inputs, theta[LAG])
-        errors, slopes = sensitivities(inputs, segment, theta, gain)
-        information = prior + slopes.T @ slopes / sigma**2
-        gradient = slopes.T @ errors / sigma**2 + prior @ (theta - known.theta)
-        covariance = np.asarray(np.linalg.inv(information), np.float64)
-        step = -covariance @ gradient
-
-        def cost(errors: Array, theta: Array) -> float:
-            distance = theta - known.theta
-            return 0.5 * float(errors @ errors) / sigma**2 + 0.5 * float(distance @ prior @ distance)  # noqa: B023
-
-        before = cost(errors, theta)
-        for _ in range(HALVINGS):
-            trial = np.asarray(np.clip(theta + step, LOWEST, HIGHEST), np.float64)
-            if cost(innovations(inputs, segment, trial, gain), trial) < before:
-                theta = trial
-                break
-            step = 0.5 * step
-        if float(step @ information @ step) < SMALL_DECREMENT:
-            break
-    return Fitted(theta, covariance)
-
-
 def true_parameters(faults: Faults) -> Array:
-    """The parameters of `joint_fit` (PARAMETERS,) that are faults of the plant; other faults have none."""
+    """The parameters (PARAMETERS,) that are faults of the plant; other faults have none."""
     offset = faults.line_pressure_sensor_offset - faults.rail_pressure_sensor_offset
     f, shift = faults, offset / PRESSURE_SCALE
     of_line = (f.line_friction, f.guide_leakage, shift, f.line_pressure_sensor_lag, f.bulk_modulus)

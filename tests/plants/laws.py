@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 from numba import njit
 
-from tools.benchmarks.arrays import Array
-from tools.benchmarks.plant_parameters import Injector
+from tests.plants.arrays import Array
+from tests.plants.parameters import Injector
 
 REFERENCE = 100e6  # Pa
 FULL_FLOW = 60e-6  # m3/s

@@ -1,4 +1,4 @@
-"""The arrays the benchmark computes with."""
+"""The arrays that plants and benchmarks compute with."""
 
 import numpy as np
 from numpy.typing import NDArray

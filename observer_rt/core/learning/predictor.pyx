@@ -8,8 +8,8 @@ from numpy import array, zeros
 from observer_rt.core.learning.matrices cimport propagate
 from observer_rt.core.model.hydraulics cimport Seat, seat_area_slope
 from observer_rt.core.model.model cimport (
-    Carried, Model, Terms, Weights, advance_over, correct, empty_sac, fault_and_rate, flow_slopes, predict,
-    rate_after, shown_under_terms, trusted_under_terms, under_terms
+    Carried, Model, Terms, Weights, begin_forcing, correct, empty_sac, fault_and_rate, flow_slopes, predict, rate_after,
+    shown_under_terms, trusted_under_terms, under_terms
 )
 from observer_rt.core.model.records cimport (
     SAC, Coefficients, FlowSlopes, Forced, Gradient, Inputs, Interval, Knot, LaggedSlopes, Tangent
@@ -33,7 +33,7 @@ cdef class Followed:
     cdef Forced forced
     cdef Interval interval
 
-    def __init__(self, window, setting, learned, clock) -> None:
+    def __init__(self, window, setting, learned, Terms terms) -> None:
         self.inputs, self.output, self.resting = window.inputs, window.output, window.resting.view("u1")
         self.knots, self.masked = window.knots, window.masked.view("u1")
         samples = self.output.shape[0]
@@ -41,8 +41,7 @@ cdef class Followed:
             raise ValueError("arrays of a window do not fit each other")
         if 0 < self.knots.shape[0] < samples:
             raise ValueError("a window has fewer knots than samples")
-        self.model, self.weights = Model(learned.coefficients), Weights(learned.network)
-        self.terms = Terms(setting.program, clock.time, clock.injections)
+        self.model, self.weights, self.terms = Model(learned.coefficients), Weights(learned.network), terms
         self.forced.coefficients, self.forced.network = self.model.coefficients, self.weights.network
         self.interval.length, self.interval.substeps = setting.interval, setting.substeps
 
@@ -62,43 +61,108 @@ cdef class Followed:
         """Whether y of sample k does not count."""
         return k < self.masked.shape[0] and self.masked[k] != 0
 
+    cdef int64_t drained(self) noexcept nogil:
+        """The first sample at which the sac has certainly been empty since the needle shut for the last time."""
+        cdef int64_t last = self.output.shape[0] - 1
+        while last > 0 and self.inputs[last, 1] <= 0.0:
+            last -= 1
+        return min(last + 1 + <int64_t> ceil(DRAINING / self.interval.length), self.output.shape[0])
 
-def follow(window, setting, learned, int64_t corrected, double[:] errors, double[:] rate, gradient, double[:, :] slopes) -> object:
+
+cdef class FlowRecord:
+    """An `engine.estimation.open_loop.OpenLoop` of zeros, lent."""
+
+    cdef double[::1] rate
+    cdef double[:, ::1] slopes
+    cdef double[:, ::1] gradient
+    cdef double[:, :, ::1] transition
+    cdef double[::1] relaxation
+    cdef double[::1] by_area
+
+    def __init__(self, run) -> None:
+        self.rate, self.slopes, self.gradient = run.rate, run.slopes, run.gradient
+        self.transition, self.relaxation, self.by_area = run.transition, run.relaxation, run.by_area
+
+    cdef void take(self, int64_t k, const double* x, const Forced* forced, Tangent* t) noexcept nogil:
+        """Sample k, after which the tangent's last columns are the derivatives by the state one sample before."""
+        cdef int64_t n = t.n, m = self.slopes.shape[1], i, j
+        cdef FlowSlopes flows
+        cdef Inputs u = forced.interval.end
+        for i in range(n):
+            for j in range(n):
+                self.transition[k, i, j] = t.by[i * t.m + m + j]
+        u.area = max(u.area, 0.0)
+        if u.area > 0.0 or x[SAC] != 0.0:
+            flow_slopes(x, u, &forced.coefficients, &forced.network, t.sigmas, &flows)
+            _take_flows(
+                &flows, u.area, &forced.coefficients, t, &self.rate[k], &self.slopes[k, 0], m, &self.gradient[k, 0], n,
+                &self.relaxation[k], &self.by_area[k],
+            )
+
+
+def follow(
+    window, setting, learned, int64_t corrected, double[:] errors, double[:] rate, gradient, double[:, :] slopes,
+    Terms terms=None, double[:, :] phi=None, run=None
+) -> object:
     """x~ before sample `corrected`, from there on x^: it follows x~ and then runs open loop; its last state (n,).
 
-    window, setting, learned, gradient: named tuples of engine.estimation.predictor. errors: (n,) y - o - (indicated
-    pressure), before the correction, errors[0] is 0; rate: of injection, before the correction [m3/s], (n,), or (0,)
-    if not wanted. With a gradient of 0 (else None), slopes (n, m) becomes d(errors)/dtheta.
+    window, setting, learned, gradient: named tuples of engine.estimation.predictor. terms: go on with these, those of
+    the samples before; None: they begin at the window's clock. errors: (n,) y - o - (indicated pressure), before the
+    correction, errors[0] is 0; rate: of injection, before the correction [m3/s], (n,), or (0,) if not wanted. With a
+    gradient of 0 (else None), slopes (n, m) becomes d(errors)/dtheta. phi: (3, n) of the model [1/s], if wanted.
+
+    run: an `engine.estimation.open_loop.OpenLoop` of zeros to be filled from `corrected` on, until nothing flows. The
+    gradient then begins there, at least m + n columns wide.
     """
-    cdef Followed it = Followed(window, setting, learned, window.clock)
+    cdef Followed it
+    cdef FlowRecord flows = None if run is None else FlowRecord(run)
     cdef Gradient of_gradient
     cdef Gradient* g = NULL
     cdef Carried carried
     cdef const double[::1] lag_of, gain = setting.gain
     cdef double[::1] before, indicated_by, error_by
+    cdef double[3] rows
     cdef double lag = setting.lag + learned.lag, offset = setting.offset + learned.offset, late = setting.late
-    cdef double interval = setting.interval, indicated, shown, trusted
-    cdef int64_t k, j, samples = it.output.shape[0], n = it.model.coefficients.states
-    cdef bint is_measured
+    cdef double interval = setting.interval, time = window.clock.time, injections = window.clock.injections
+    cdef double indicated, shown, trusted
+    cdef bint is_measured, records_flows = run is not None
+    if terms is None:
+        terms = Terms(setting.program, time, injections)
+    it = Followed(window, setting, learned, terms)
+    cdef int64_t k, j, row, samples = it.output.shape[0], n = it.model.coefficients.states, first = 1, width
     state = array(window.start[:n])
     cdef double[::1] x = state
     if len(window.start) != n + 1 or gain.shape[0] < n or errors.shape[0] < samples or 0 < rate.shape[0] < samples:
         raise ValueError("what is followed does not fit the model or the window")
+    if phi is not None and (phi.shape[0] != 3 or phi.shape[1] < samples):
+        raise ValueError("phi does not fit the window")
     indicated = window.start[n]
     if gradient is not None:
         carried = Carried(gradient.tangent)
         lag_of, before, indicated_by, error_by = gradient.lag, gradient.before, gradient.indicated, gradient.error
-        if slopes.shape[0] < samples or slopes.shape[1] > carried.tangent.m or carried.tangent.n != n:
+        width = slopes.shape[1] if flows is None else flows.slopes.shape[1] + n
+        if width > carried.tangent.m or carried.tangent.n != n or (flows is None and slopes.shape[0] < samples):
             raise ValueError("the slopes fit neither the window nor the gradient")
         of_gradient.tangent = carried.tangent
         of_gradient.lag, of_gradient.before = &lag_of[0], &before[0]
         of_gradient.indicated, of_gradient.error = &indicated_by[0], &error_by[0]
         g = &of_gradient
+    if records_flows:
+        if g == NULL or flows.rate.shape[0] < samples:
+            raise ValueError("what is run open loop does not fit the window, or has no gradient")
+        g, first, samples = NULL, max(corrected, <int64_t> 1), it.drained()
     errors[:1] = 0.0
     rate[:1] = 0.0
     slopes[:1] = 0.0
+    if phi is not None:
+        phi[:, :1] = 0.0
     with nogil:
         for k in range(1, samples):
+            if records_flows and k >= first:
+                if g == NULL:
+                    g = &of_gradient
+                    begin_forcing(&it.terms.forcing, time + (first - 1) * interval, injections)
+                _begin_transition(&g.tangent, flows.slopes.shape[1])
             it.force(&x[0], k)
             shown = predict(&x[0], &indicated, &it.forced, late, lag, g)
             shown = shown_under_terms(shown, &it.forced, &it.terms.forcing)
@@ -114,51 +178,21 @@ def follow(window, setting, learned, int64_t corrected, double[:] errors, double
                 correct(&x[0], &indicated, trusted, &gain[0], n, g)
             if it.resting[k] != 0 and it.forced.interval.end.area <= 0.0:
                 empty_sac(&x[0], NULL if g == NULL else &g.tangent)
+            if phi is not None:
+                fault_and_rate(&x[0], it.forced.interval.end, &it.forced.coefficients, &it.forced.network, rows)
+                for row in range(3):
+                    phi[row, k] = rows[row]
+            if records_flows and g != NULL:
+                flows.take(k, &x[0], &it.forced, &g.tangent)
     return state
 
 
-def run_open_loop(window, setting, learned, double[::1] x, tangent, clock, result) -> None:
-    """Fill `result`, an `engine.estimation.open_loop.OpenLoop` of zeros, from the opening on.
-
-    x (n,): the state one sample before, moved on with it; clock: of then; tangent: at least m + n columns wide.
-    """
-    cdef Followed it = Followed(window, setting, learned, clock)
-    cdef Carried carried = Carried(tangent)
-    cdef double[::1] rate = result.rate, relaxation = result.relaxation, by_area = result.by_area
-    cdef double[:, ::1] slopes = result.slopes, gradient = result.gradient
-    cdef double[:, :, ::1] transition = result.transition
-    cdef int64_t n = x.shape[0], m = slopes.shape[1], samples = it.output.shape[0], last = samples - 1, i, j, k
-    cdef int64_t first = max(<int64_t> window.opening, <int64_t> 1), drained
-    cdef double interval = setting.interval
-    cdef FlowSlopes flows
-    cdef Inputs u
-    t = &carried.tangent
-    if t.n != n or t.m < m + n or n != it.model.coefficients.states or rate.shape[0] < samples:
-        raise ValueError("what is run open loop does not fit the model or the window")
-    while last > 0 and it.inputs[last, 1] <= 0.0:
-        last -= 1
-    drained = last + 1 + <int64_t> ceil(DRAINING / interval)
-    with nogil:
-        for k in range(first, min(drained, samples)):
-            it.force(&x[0], k)
-            for i in range(n):
-                for j in range(n):
-                    t.by[i * t.m + m + j] = 1.0 if i == j else 0.0
-            advance_over(&x[0], &it.forced.interval, it.forced.knot, &it.forced.coefficients, &it.forced.network, t)
-            if it.resting[k] != 0 and it.forced.interval.end.area <= 0.0:
-                empty_sac(&x[0], t)
-            for i in range(n):
-                for j in range(n):
-                    transition[k, i, j] = t.by[i * t.m + m + j]
-            u = it.forced.interval.end
-            u.area = max(u.area, 0.0)
-            if u.area <= 0.0 and x[SAC] == 0.0:
-                continue
-            flow_slopes(&x[0], u, &it.forced.coefficients, &it.forced.network, t.sigmas, &flows)
-            _take_flows(
-                &flows, u.area, &it.forced.coefficients, t, &rate[k], &slopes[k, 0], m, &gradient[k, 0], n, &relaxation[k],
-                &by_area[k],
-            )
+cdef inline void _begin_transition(Tangent* t, int64_t m) noexcept nogil:
+    """Columns behind the m of theta: the state's derivatives by itself."""
+    cdef int64_t i, j
+    for i in range(t.n):
+        for j in range(t.n):
+            t.by[i * t.m + m + j] = 1.0 if i == j else 0.0
 
 
 cdef void _take_flows(
@@ -262,30 +296,6 @@ def propagate_noise(
                 for i in range(size):
                     covariance[end, i] = 0.0
                     covariance[i, end] = 0.0
-
-
-def run_from_rest(window, setting, learned, double[::1] x, double[::1] rate, double[:, ::1] phi) -> None:
-    """Rate [m3/s] (n,) and phi [1/s] (3, n) of the model open loop; x: the state at the first sample, moved on."""
-    cdef Followed it = Followed(window, setting, learned, window.clock)
-    cdef double[3] rows
-    cdef int64_t k, row, samples = it.output.shape[0]
-    if x.shape[0] != it.model.coefficients.states or rate.shape[0] < samples or phi.shape[0] != 3:
-        raise ValueError("what is run does not fit the model or the window")
-    if phi.shape[1] < samples:
-        raise ValueError("what is run does not fit the window")
-    with nogil:
-        for k in range(1, samples):
-            it.force(&x[0], k)
-            advance_over(
-                &x[0], &it.forced.interval, it.forced.knot, &it.forced.coefficients, &it.forced.network, NULL
-            )
-            if it.resting[k] != 0 and it.forced.interval.end.area <= 0.0:
-                empty_sac(&x[0], NULL)
-            rate[k] = fault_and_rate(
-                &x[0], it.forced.interval.end, &it.forced.coefficients, &it.forced.network, rows
-            )
-            for row in range(3):
-                phi[row, k] = rows[row]
 
 
 def sum_of_squares(const double[:] errors) -> float:

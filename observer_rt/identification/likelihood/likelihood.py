@@ -31,6 +31,7 @@ from observer_rt.identification.likelihood.windows import (
     phases,
     rail_on_time,
     rate_as_recorded,
+    setting_of,
     smoothing_of,
 )
 from observer_rt.model.baseline import HealthyShape
@@ -163,14 +164,9 @@ class Trial:
         self, model: EffectiveModel, inputs: TrueInputs, late: int, schedule: GainSchedule
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Innovations and rate of all rows, the line pressure recorded `late` whole samples late."""
-        c, sensor, interval = self.measurement.coefficients_of(model), model.sensor, self.measurement.interval
-        batch = batch_of(self.measurement, self._rows, inputs, late, sensor.offset, c)
-        share = sensor.delay / interval - late
-        offset = sensor.offset / c.pressure_scale
-        gain = schedule.gains[-1].copy()
-        setting = Setting(
-            interval, self._substeps_of(model), c, gain, share, sensor.lag, offset, model.program
-        )
+        c = self.measurement.coefficients_of(model)
+        batch = batch_of(self.measurement, self._rows, inputs, late, model.sensor.offset, c)
+        setting = setting_of(self.measurement, model, late, self._substeps_of(model), schedule.gains[-1])
         innovation, rate = np.empty(batch.output.size), np.empty(batch.output.size)
         predict(batch, setting, nothing_learned(c), innovation, rate)
         return innovation, rate_as_recorded(self.measurement, rate)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from observer_rt.core.learning.predictor import follow
 from observer_rt.engine.estimation.gain import gain_schedule
-from observer_rt.engine.estimation.predictor import NO_SLOPES, Setting
+from observer_rt.engine.estimation.predictor import NO_SLOPES
 from observer_rt.engine.estimation.scalars import nothing_learned
 from observer_rt.identification.likelihood.measurement import JudgedEvent, Measurement
 from observer_rt.identification.likelihood.windows import (
@@ -17,6 +17,7 @@ from observer_rt.identification.likelihood.windows import (
     batch_of,
     in_mass_window,
     rate_as_recorded,
+    setting_of,
     smoothing_of,
 )
 from observer_rt.model.effective import EffectiveModel
@@ -61,8 +62,7 @@ def simulated(measurement: Measurement, model: EffectiveModel) -> tuple[Simulate
         c, measurement.noise, sample_rate, sensor.lag, share, rail_smoothing=smoothing_of(interval)
     ).gains
     substeps = substeps_needed(model.injector, sample_rate, model.departures) + SPARE_SUBSTEPS
-    offset = sensor.offset / c.pressure_scale
-    setting = Setting(interval, substeps, c, gains[-1].copy(), share, sensor.lag, offset, model.program)
+    setting = setting_of(measurement, model, late, substeps, gains[-1])
     learned = nothing_learned(c)
     result = []
     for number, event in enumerate(measurement.events):

@@ -19,7 +19,7 @@ from observer_rt.core.learning.phases import phases_of
 from observer_rt.core.model.model import rest_state
 from observer_rt.core.stream.stream import dead_band
 from observer_rt.engine.estimation.phases import AFTERGLOW, EDGE
-from observer_rt.engine.estimation.predictor import Window
+from observer_rt.engine.estimation.predictor import Setting, Window
 from observer_rt.identification.likelihood.measurement import (
     MARGIN,
     RESTING,
@@ -29,7 +29,7 @@ from observer_rt.identification.likelihood.measurement import (
     shut_mask,
 )
 from observer_rt.identification.likelihood.openings import Opening, openings_without_lag, without_lag
-from observer_rt.model.effective import Coefficients, InputTerms
+from observer_rt.model.effective import Coefficients, EffectiveModel, InputTerms
 from observer_rt.model.forcing import Clock
 
 WIDTH = 50e-6  # s, of the kernel: it leaves what a rail does up to some 3 kHz
@@ -257,6 +257,15 @@ def batch_of(
         inputs.knots[source] if inputs.knots.size else inputs.knots,
         clocks,
     )
+
+
+def setting_of(
+    measurement: Measurement, model: EffectiveModel, late: int, substeps: int, gain: NDArray[np.float64]
+) -> Setting:
+    """How a model follows the windows when the line pressure is recorded `late` whole samples late."""
+    c, sensor = measurement.coefficients_of(model), model.sensor
+    share, offset = sensor.delay / measurement.interval - late, sensor.offset / c.pressure_scale
+    return Setting(measurement.interval, substeps, c, gain.copy(), share, sensor.lag, offset, model.program)
 
 
 def rate_as_recorded(measurement: Measurement, rate: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -22,11 +22,9 @@ cdef double DRAINING = 0.2e-3  # s, in which the sac is certainly empty behind a
 cdef class Followed:
     """A window's samples and a model, as `follow` goes along them."""
 
-    cdef const double[:, :] inputs
+    cdef const double[:, :] inputs, knots
     cdef const double[:] output
-    cdef const unsigned char[:] resting
-    cdef const double[:, :] knots
-    cdef const unsigned char[:] masked
+    cdef const unsigned char[:] resting, masked
     cdef Model model
     cdef Weights weights
     cdef Terms terms
@@ -57,47 +55,57 @@ cdef class Followed:
             x, &self.interval, knot, &self.model.coefficients, &self.weights.network, &self.terms.forcing, &self.forced
         )
 
-    cdef bint is_masked(self, int64_t k) noexcept nogil:
-        """Whether y of sample k does not count."""
-        return k < self.masked.shape[0] and self.masked[k] != 0
-
-    cdef int64_t drained(self) noexcept nogil:
-        """The first sample at which the sac has certainly been empty since the needle shut for the last time."""
-        cdef int64_t last = self.output.shape[0] - 1
-        while last > 0 and self.inputs[last, 1] <= 0.0:
-            last -= 1
-        return min(last + 1 + <int64_t> ceil(DRAINING / self.interval.length), self.output.shape[0])
-
 
 cdef class FlowRecord:
     """An `engine.estimation.open_loop.OpenLoop` of zeros, lent."""
 
-    cdef double[::1] rate
-    cdef double[:, ::1] slopes
-    cdef double[:, ::1] gradient
+    cdef double[::1] rate, relaxation, by_area
+    cdef double[:, ::1] slopes, gradient
     cdef double[:, :, ::1] transition
-    cdef double[::1] relaxation
-    cdef double[::1] by_area
 
     def __init__(self, run) -> None:
         self.rate, self.slopes, self.gradient = run.rate, run.slopes, run.gradient
         self.transition, self.relaxation, self.by_area = run.transition, run.relaxation, run.by_area
 
+    cdef void begin(self, Tangent* t) noexcept nogil:
+        """Have the columns behind the m of theta become the state's derivatives by itself."""
+        cdef int64_t m = self.slopes.shape[1], i, j
+        for i in range(t.n):
+            for j in range(t.n):
+                t.by[i * t.m + m + j] = 1.0 if i == j else 0.0
+
     cdef void take(self, int64_t k, const double* x, const Forced* forced, Tangent* t) noexcept nogil:
-        """Sample k, after which the tangent's last columns are the derivatives by the state one sample before."""
-        cdef int64_t n = t.n, m = self.slopes.shape[1], i, j
+        """Sample k, one after `begin`: its rate by its flows, their slopes and the state's; whichever line there is."""
+        cdef int64_t n = t.n, m = self.slopes.shape[1], i, j, neuron
         cdef FlowSlopes flows
         cdef Inputs u = forced.interval.end
+        cdef double nozzle_flow = forced.coefficients.nozzle.flow
+        cdef double* slopes = &self.slopes[k, 0]
+        cdef double* gradient = &self.gradient[k, 0]
+        c, theta = &forced.coefficients, &t.theta
         for i in range(n):
             for j in range(n):
                 self.transition[k, i, j] = t.by[i * t.m + m + j]
         u.area = max(u.area, 0.0)
-        if u.area > 0.0 or x[SAC] != 0.0:
-            flow_slopes(x, u, &forced.coefficients, &forced.network, t.sigmas, &flows)
-            _take_flows(
-                &flows, u.area, &forced.coefficients, t, &self.rate[k], &self.slopes[k, 0], m, &self.gradient[k, 0], n,
-                &self.relaxation[k], &self.by_area[k],
-            )
+        if u.area <= 0.0 and x[SAC] == 0.0:
+            return
+        flow_slopes(x, u, c, &forced.network, t.sigmas, &flows)
+        self.rate[k] = nozzle_flow * flows.q_h
+        for i in range(3):
+            gradient[i] = nozzle_flow * flows.h_x[i]
+        gradient[n] = nozzle_flow * flows.h_area
+        slopes[theta.nozzle_bias] = nozzle_flow * flows.h_change
+        for neuron in range(t.neurons):
+            slopes[theta.nozzle_weight + neuron] = nozzle_flow * flows.h_change * t.sigmas[neuron]
+        slopes[theta.back_pressure] = nozzle_flow * flows.h_back_pressure
+        slopes[theta.back_pressure + 1] = nozzle_flow * flows.h_back_pressure * u.area
+        for j in range(m):
+            for i in range(3):
+                slopes[j] += gradient[i] * t.by[i * t.m + j]
+        # the sac by itself: how its pressure's rate of change goes with that pressure, and with the area
+        self.relaxation[k] = c.sac.a6 * flows.h_x[2] - c.sac.a5 * flows.s_x[2]
+        if u.area > 0.0:
+            self.by_area[k] = (c.sac.a5 * flows.s_area - c.sac.a6 * flows.h_area) / self.relaxation[k]
 
 
 def follow(
@@ -106,13 +114,11 @@ def follow(
 ) -> object:
     """x~ before sample `corrected`, from there on x^: it follows x~ and then runs open loop; its last state (n,).
 
-    window, setting, learned, gradient: named tuples of engine.estimation.predictor. terms: go on with these, those of
-    the samples before; None: they begin at the window's clock. errors: (n,) y - o - (indicated pressure), before the
-    correction, errors[0] is 0; rate: of injection, before the correction [m3/s], (n,), or (0,) if not wanted. With a
-    gradient of 0 (else None), slopes (n, m) becomes d(errors)/dtheta. phi: (3, n) of the model [1/s], if wanted.
-
-    run: an `engine.estimation.open_loop.OpenLoop` of zeros to be filled from `corrected` on, until nothing flows. The
-    gradient then begins there, at least m + n columns wide.
+    window, setting, learned, gradient: named tuples of engine.estimation.predictor. terms: go on with these; None: they
+    begin at the window's clock. errors: (n,) y - o - (indicated pressure), before the correction, errors[0] is 0; rate:
+    of injection, before the correction [m3/s], (n,), or (0,) if not wanted. With a gradient of 0 (else None), slopes
+    (n, m) becomes d(errors)/dtheta. phi: (3, n) of the model [1/s], or None. run: an `OpenLoop` of zeros, filled from
+    `corrected` on until nothing flows, where the gradient begins, then at least m + states columns wide; or None.
     """
     cdef Followed it
     cdef FlowRecord flows = None if run is None else FlowRecord(run)
@@ -125,100 +131,69 @@ def follow(
     cdef double lag = setting.lag + learned.lag, offset = setting.offset + learned.offset, late = setting.late
     cdef double interval = setting.interval, time = window.clock.time, injections = window.clock.injections
     cdef double indicated, shown, trusted
-    cdef bint is_measured, records_flows = run is not None
-    if terms is None:
-        terms = Terms(setting.program, time, injections)
-    it = Followed(window, setting, learned, terms)
-    cdef int64_t k, j, row, samples = it.output.shape[0], n = it.model.coefficients.states, first = 1, width
+    cdef bint is_measured, has_phi = phi is not None
+    it = Followed(window, setting, learned, Terms(setting.program, time, injections) if terms is None else terms)
+    cdef int64_t samples = it.output.shape[0], n = it.model.coefficients.states, first = samples, width = slopes.shape[1]
+    cdef int64_t k, j
     state = array(window.start[:n])
     cdef double[::1] x = state
     if len(window.start) != n + 1 or gain.shape[0] < n or errors.shape[0] < samples or 0 < rate.shape[0] < samples:
         raise ValueError("what is followed does not fit the model or the window")
-    if phi is not None and (phi.shape[0] != 3 or phi.shape[1] < samples):
-        raise ValueError("phi does not fit the window")
+    if has_phi and (phi.shape[0] != 3 or phi.shape[1] < samples) or run is not None and flows.rate.shape[0] < samples:
+        raise ValueError("what is recorded does not fit the window")
+    errors[:1] = 0.0
+    rate[:1] = 0.0
+    slopes[:1] = 0.0
+    if has_phi:
+        phi[:, :1] = 0.0
     indicated = window.start[n]
     if gradient is not None:
         carried = Carried(gradient.tangent)
         lag_of, before, indicated_by, error_by = gradient.lag, gradient.before, gradient.indicated, gradient.error
-        width = slopes.shape[1] if flows is None else flows.slopes.shape[1] + n
-        if width > carried.tangent.m or carried.tangent.n != n or (flows is None and slopes.shape[0] < samples):
-            raise ValueError("the slopes fit neither the window nor the gradient")
+        if run is None and slopes.shape[0] < samples:
+            raise ValueError("the slopes do not fit the window")
+        if carried.tangent.n != n or carried.tangent.m < (width if run is None else flows.slopes.shape[1] + n):
+            raise ValueError("the slopes do not fit the gradient")
         of_gradient.tangent = carried.tangent
         of_gradient.lag, of_gradient.before = &lag_of[0], &before[0]
         of_gradient.indicated, of_gradient.error = &indicated_by[0], &error_by[0]
-        g = &of_gradient
-    if records_flows:
-        if g == NULL or flows.rate.shape[0] < samples:
-            raise ValueError("what is run open loop does not fit the window, or has no gradient")
-        g, first, samples = NULL, max(corrected, <int64_t> 1), it.drained()
-    errors[:1] = 0.0
-    rate[:1] = 0.0
-    slopes[:1] = 0.0
-    if phi is not None:
-        phi[:, :1] = 0.0
+        g = &of_gradient if run is None else NULL
+    if run is not None:
+        if gradient is None:
+            raise ValueError("the open loop's record needs a gradient")
+        first = max(corrected, <int64_t> 1)
+        while samples > 1 and it.inputs[samples - 1, 1] <= 0.0:
+            samples -= 1
+        samples = min(samples + <int64_t> ceil(DRAINING / interval), it.output.shape[0])
     with nogil:
         for k in range(1, samples):
-            if records_flows and k >= first:
-                if g == NULL:
+            if k >= first:
+                if k == first:
                     g = &of_gradient
                     begin_forcing(&it.terms.forcing, time + (first - 1) * interval, injections)
-                _begin_transition(&g.tangent, flows.slopes.shape[1])
+                flows.begin(&g.tangent)
             it.force(&x[0], k)
             shown = predict(&x[0], &indicated, &it.forced, late, lag, g)
             shown = shown_under_terms(shown, &it.forced, &it.terms.forcing)
             if rate.shape[0] > 0:
                 rate[k] = rate_after(&x[0], &it.forced)
-            is_measured = not it.is_masked(k)
+            is_measured = k >= it.masked.shape[0] or it.masked[k] == 0
             errors[k] = it.output[k] - offset - shown if is_measured else 0.0
             if g != NULL:
-                for j in range(slopes.shape[1]):
+                for j in range(width):
                     slopes[k, j] = g.error[j] if is_measured else 0.0
             if k < corrected and is_measured:
                 trusted = trusted_under_terms(errors[k], interval, &it.terms.forcing)
                 correct(&x[0], &indicated, trusted, &gain[0], n, g)
             if it.resting[k] != 0 and it.forced.interval.end.area <= 0.0:
                 empty_sac(&x[0], NULL if g == NULL else &g.tangent)
-            if phi is not None:
+            if has_phi:
                 fault_and_rate(&x[0], it.forced.interval.end, &it.forced.coefficients, &it.forced.network, rows)
-                for row in range(3):
-                    phi[row, k] = rows[row]
-            if records_flows and g != NULL:
+                for j in range(3):
+                    phi[j, k] = rows[j]
+            if k >= first:
                 flows.take(k, &x[0], &it.forced, &g.tangent)
     return state
-
-
-cdef inline void _begin_transition(Tangent* t, int64_t m) noexcept nogil:
-    """Columns behind the m of theta: the state's derivatives by itself."""
-    cdef int64_t i, j
-    for i in range(t.n):
-        for j in range(t.n):
-            t.by[i * t.m + m + j] = 1.0 if i == j else 0.0
-
-
-cdef void _take_flows(
-    const FlowSlopes* flows, double area, const Coefficients* c, const Tangent* t, double* rate, double* slopes, int64_t m,
-    double* gradient, int64_t states, double* relaxation, double* by_area
-) noexcept nogil:
-    """A sample's rate after its flows, their slopes and the state's; whichever line there is."""
-    cdef double nozzle_flow = c.nozzle.flow
-    cdef int64_t i, j, neuron
-    theta = &t.theta
-    rate[0] = nozzle_flow * flows.q_h
-    for i in range(3):
-        gradient[i] = nozzle_flow * flows.h_x[i]
-    gradient[states] = nozzle_flow * flows.h_area
-    slopes[theta.nozzle_bias] = nozzle_flow * flows.h_change
-    for neuron in range(t.neurons):
-        slopes[theta.nozzle_weight + neuron] = nozzle_flow * flows.h_change * t.sigmas[neuron]
-    slopes[theta.back_pressure] = nozzle_flow * flows.h_back_pressure
-    slopes[theta.back_pressure + 1] = nozzle_flow * flows.h_back_pressure * area
-    for j in range(m):
-        for i in range(3):
-            slopes[j] += gradient[i] * t.by[i * t.m + j]
-    # the sac by itself: how its pressure's rate of change goes with that pressure, and with the area
-    relaxation[0] = c.sac.a6 * flows.h_x[2] - c.sac.a5 * flows.s_x[2]
-    if area > 0.0:
-        by_area[0] = (c.sac.a5 * flows.s_area - c.sac.a6 * flows.h_area) / relaxation[0]
 
 
 def propagate_noise(

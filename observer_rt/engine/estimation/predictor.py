@@ -38,16 +38,8 @@ class Window(NamedTuple):
 
     def until(self, end: int) -> "Window":
         """Its first samples, so many."""
-        return Window(
-            self.inputs[:end],
-            self.output[:end],
-            self.resting[:end],
-            self.start,
-            self.opening,
-            self.knots[:end],
-            self.masked[:end],
-            self.clock,
-        )
+        sampled = ("inputs", "output", "resting", "knots", "masked")
+        return self._replace(**{name: getattr(self, name)[:end] for name in sampled})
 
 
 class Setting(NamedTuple):

@@ -26,14 +26,14 @@ class Follower:
 
     def begin(self, x: NDArray[np.float64], clock: Clock = NO_CLOCK) -> None:
         """Be in a state x (states,) at a sample, at which the clock of the terms shows this."""
-        self._x = x
-        self._terms = Terms(self.constants.program, *clock)
+        self._x, self._terms = x, Terms(self.constants.program, *clock)
 
     def along(self, rows: NDArray[np.void]) -> NDArray[np.float64]:
         """`run` along an observer's samples (n,), dtype `SAMPLE` or `sample_dtype`."""
         inputs = np.column_stack([rows["rail_pressure"], rows["seat_area"]])
-        knots = np.column_stack([rows["lift_after"], rows["lift_area"]])
-        return self.run(inputs, rows["resting"].copy(), knots)
+        return self.run(
+            inputs, rows["resting"].copy(), np.column_stack([rows["lift_after"], rows["lift_area"]])
+        )
 
     def run(
         self,
@@ -46,15 +46,10 @@ class Follower:
 
         inputs (n, 2), resting (n,), knots (n, 2): as in `Window`; phi (3, n) [1/s]: filled, if given.
         """
-        c, samples = self.constants.coefficients, len(inputs)
-        setting = Setting(
-            self.constants.interval,
-            self.constants.substeps,
-            c,
-            np.zeros(c.states),
-            program=self.constants.program,
-        )
-        window = Window(inputs, np.zeros(samples), resting, np.append(self._x, self._x[0]), 0, knots)
-        learned, errors, rate = Learned(self._network, c, 0.0, 0.0), np.empty(samples), np.empty(samples)
+        it, c = self.constants, self.constants.coefficients
+        errors, rate = np.empty((2, len(inputs)))
+        setting = Setting(it.interval, it.substeps, c, np.zeros(c.states), program=it.program)
+        window = Window(inputs, np.zeros(len(inputs)), resting, np.append(self._x, self._x[0]), 0, knots)
+        learned = Learned(self._network, c, 0.0, 0.0)
         self._x = follow(window, setting, learned, 0, errors, rate, None, NO_SLOPES, self._terms, phi)
         return rate

@@ -15,12 +15,12 @@ from observer_rt.engine.learning.knowledge import no_knowledge
 from observer_rt.engine.learning.learner import Learner
 from observer_rt.engine.observer import make_observer
 from observer_rt.engine.service.constants import bench_constants, configured_noise
+from observer_rt.engine.stream.state import Observer
 from observer_rt.foundation.continuity import RECORDED, RECORDED_RING, Break
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND, MILLISECOND
 from observer_rt.model.line.lump import LumpLine
 from observer_rt.model.network import ARGUMENTS, HIDDEN
 from observer_rt.model.sensor import LAG_UNIT
-from observer_rt.observer.stream.state import Observer
 from tools.benchmarks.arrays import Array
 from tools.benchmarks.score import SampleTime
 from tools.benchmarks.scoring import bench_at

@@ -17,13 +17,8 @@ from observer_rt.bus.can_frame import frame_key
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.links.link import BusFrame
 from observer_rt.bus.mapping.bus_map import BusMap
-from observer_rt.bus.mapping.output_messages import (
-    HEADER_SIGNALS,
-    OutputMessage,
-    RateMessage,
-    StatusValues,
-    SummaryValues,
-)
+from observer_rt.bus.mapping.output_messages import HEADER_SIGNALS, OutputMessage, RateMessage
+from observer_rt.bus.mapping.output_signals import StatusValues, SummaryValues
 from observer_rt.bus.mapping.timing import Numbering
 from observer_rt.config.bench import BenchInjector
 from observer_rt.core.frames.frames import carries, check_frame, decode_signals

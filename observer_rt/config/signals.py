@@ -1,11 +1,16 @@
 """Which signals of which messages carry what the observer needs, as a bench file says it."""
 
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Annotated, Self
 
 from pydantic import Field, field_validator, model_validator
 
 from observer_rt.config.toml_file import Positive, Section
+from observer_rt.foundation.units import MASS_UNITS, TEMPERATURE_ORIGINS
+from observer_rt.model.parameters import HIGHEST_TEMPERATURE, LOWEST_TEMPERATURE, InjectorParameters
 
 
 class Role(StrEnum):
@@ -22,6 +27,54 @@ class OptionalRole(StrEnum):
     LEARNING_ENABLE = "learning_enable"
     MEASURED_MASS = "measured_mass"
     FUEL_TEMPERATURE = "fuel_temperature"
+
+
+@dataclass(frozen=True)
+class OptionalSignal:
+    """What an optional role is, for the bus and for `check`.
+
+    use: what becomes of its values; possible: lowest and highest value [SI] of which its range must reach one, else
+    it is `wrong`. expires: a value counts for a time only. usual: value [SI] in frames made of recordings; if not
+    always, then only where a frame cannot say that there is none. units: SI of each, or origins: where each begins
+    [K]; neither: a plain number. shown: the unit of its range in `check`; without one that is not shown.
+    """
+
+    use: str
+    possible: tuple[float, float]
+    wrong: str
+    expires: bool = False
+    usual: Callable[[InjectorParameters], float] = lambda _: math.nan
+    always: bool = True
+    units: Mapping[str, float] | None = None
+    origins: Mapping[str, float] | None = None
+    shown: str = ""
+
+    def to_si(self, unit: str) -> tuple[float, float]:
+        """Factor and origin of a unit: value_si = value * factor + origin."""
+        return (self.units or {}).get(unit, 1.0), (self.origins or {}).get(unit, 0.0)
+
+
+OPTIONAL_SIGNALS: Mapping[OptionalRole, OptionalSignal] = {
+    OptionalRole.LEARNING_ENABLE: OptionalSignal(  # a frame made of a recording must not switch learning off
+        "learning stops while it is 0", (0.0, 0.0), "which it cannot be", True, lambda _: 1.0, always=False
+    ),
+    OptionalRole.MEASURED_MASS: OptionalSignal(
+        "compared with the estimate",
+        (math.ulp(0.0), math.inf),
+        "never positive",
+        units=MASS_UNITS,
+        shown="mg",
+    ),
+    OptionalRole.FUEL_TEMPERATURE: OptionalSignal(
+        "",
+        (LOWEST_TEMPERATURE, HIGHEST_TEMPERATURE),
+        "no temperature of a fuel; what is its unit?",
+        expires=True,
+        usual=lambda injector: injector.fluid.reference_temperature or math.nan,
+        origins=TEMPERATURE_ORIGINS,
+        shown="degC",
+    ),
+}
 
 
 class SampledConfig(Section):

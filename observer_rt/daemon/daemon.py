@@ -1,6 +1,5 @@
 """The daemon: a thin loop round the core, from the buses back onto them."""
 
-import math
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -227,19 +226,17 @@ class Daemon:
         """Of the rates sent so far; None before the first."""
         return self._latency()
 
+    @property
+    def troubled_bus(self) -> int:
+        """The first bus in trouble, counted from 1; 0: none."""
+        return next((n for n, port in enumerate(self.ports, 1) if port.is_in_trouble), 0)
+
     def _status(self, now: int) -> list[OutputFrame]:
-        rail, lift, line = (self.arrivals.age_of(role, now) for role in Role)
-        injector_id, latency = self._injector.config.outputs.injector_id, self.latency
-        values = status_values(self.core, *self.state(now), injector_id, self._hashes)._replace(
-            dropped_frames=self.dropped,
-            link_troubles=self.troubles,
-            troubled_bus=next((n for n, port in enumerate(self.ports, 1) if port.is_in_trouble), 0),
-            foreign_frames=self.arrivals.foreign_frames,
-            rail_pressure_age=rail,
-            needle_lift_age=lift,
-            line_pressure_age=line,
-            failed_writes=self.failed_writes,
-            latency_p999=math.nan if latency is None else latency.p999,
-            largest_latency=math.nan if latency is None else latency.largest,
-        )
-        return self._status_writer.write(values)
+        others = {
+            "daemon": self,
+            "ages": {role: self.arrivals.age_of(role, now) for role in Role},
+            "injector_id": self._injector.config.outputs.injector_id,
+            "model_hash": self._hashes[0],
+            "database_hash": self._hashes[1],
+        }
+        return self._status_writer.write(status_values(self.core, *self.state(now), others))

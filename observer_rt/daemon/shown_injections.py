@@ -12,12 +12,11 @@ from rich.table import Table
 from rich.text import Text
 
 from observer_rt.config.bench import BenchInjector
-from observer_rt.engine.estimation.open_loop import open_loop
-from observer_rt.engine.estimation.predictor import Setting, Window
-from observer_rt.engine.estimation.scalars import NOZZLE, SCALARS
+from observer_rt.engine.estimation.scalars import NOZZLE
 from observer_rt.engine.reports.injection_report import NAMED, InjectionReport
 from observer_rt.engine.reports.news import MeasuredMass
 from observer_rt.engine.service.constants import bench_constants
+from observer_rt.engine.stream.follower import Follower
 from observer_rt.engine.words import REASONS
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
 from observer_rt.model.effective import Coefficients
@@ -50,32 +49,18 @@ class NominalInjection:
     """The model as given, run over an injection's own inputs."""
 
     def __init__(self, fitted: BenchInjector) -> None:
-        constants = bench_constants(fitted)
-        self.coefficients: Coefficients = constants.coefficients
-        self._setting = Setting(
-            constants.interval,
-            constants.substeps,
-            constants.coefficients,
-            np.zeros(constants.coefficients.states),  # it is not corrected by what is measured
-            program=constants.program,
-        )
-        self._nothing_learned = np.zeros(SCALARS.width)
+        self._constants = bench_constants(fitted)
+        self.coefficients: Coefficients = self._constants.coefficients
 
     def __call__(self, report: InjectionReport, rows: NDArray[np.void]) -> Sequence[ComparedRate]:
         """Its rate and mass; none where the needle was open from the start."""
         is_open = rows["seat_area"] > 0.0
         if not is_open.any() or is_open[0]:
             return ()
-        window = Window(
-            inputs=np.column_stack([rows["rail_pressure"], rows["seat_area"]]),
-            output=rows["line_pressure"].copy(),
-            resting=rows["resting"].copy(),
-            start=np.append(rows["x_tilde"][0], rows["indicated"][0]),
-            opening=int(np.argmax(is_open)),
-            knots=np.column_stack([rows["lift_after"], rows["lift_area"]]),
-        )
-        rate = open_loop(window, self._setting, self._nothing_learned).rate
-        mass = float(np.trapezoid(rate)) * self._setting.interval * report.density
+        follower = Follower(self._constants)
+        follower.begin(rows["x_tilde"][0])
+        rate = follower.along(rows)
+        mass = float(np.trapezoid(rate)) * self._constants.interval * report.density
         return [ComparedRate("nominal", rate, mass)]
 
 

@@ -1,6 +1,7 @@
 """What the service says, in words: states, reasons, counters and log lines, and what is to be done about each.
 
-The one table of them. The log, the view and the databases' value tables use `Words.what`; docs/operating.md has all.
+The one table of them, but for counters, which have theirs beside their signals. The log, the view and the databases'
+value tables use `Words.what`; docs/operating.md has all.
 """
 
 import logging
@@ -8,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
+from observer_rt.bus.mapping.output_signals import StatusValues, rows_of
 from observer_rt.engine.stream.state import Reason, State
 
 
@@ -159,54 +161,7 @@ REASONS: Mapping[Reason, Words] = {
 }
 
 COUNTERS: Mapping[str, Words] = {
-    "samples_processed": Words("samples observed"),
-    "lost_samples": Words("samples that never came or had no value", "as SAMPLES_LOST"),
-    "interpolated_samples": Words(
-        "samples put in between their neighbours, two at the most", "as SAMPLES_LOST, if many"
-    ),
-    "crc_errors": Words(
-        "frames whose end-to-end protection is wrong", "check E2EProfile and E2EDataId; cable and termination"
-    ),
-    "sequence_errors": Words(
-        "frames out of sequence by their counter", "a second sender of an input? a gateway that reorders?"
-    ),
-    "refused_frames": Words(
-        "good frames of a message whose end-to-end protection is INVALID", "as INPUT_PROTECTION"
-    ),
-    "length_errors": Words("frames of another length than the database says", "correct the database"),
-    "repeated_frames": Words("frames that came twice; the first counts", "a second sender of an input?"),
-    "old_frames": Words("frames that came too late", "a bus or gateway lags by more than 4096 samples"),
-    "dropped_frames": Words(
-        "frames lost by interface or kernel before they were read",
-        "give the process a processor (taskset) and real-time priority (chrt)",
-    ),
-    "link_troubles": Words(
-        "how often an interface was down, error-passive or bus-off",
-        "cable, termination, bit rates, another node that acknowledges",
-    ),
-    "restarts": Words("restarts of a measuring device", "its power supply"),
-    "adoptions": Words("corrections learned and taken into force"),
-    "rejected_adoptions": Words(
-        "corrections learned and refused", "nothing, if seldom; else as MODEL_INADEQUATE"
-    ),
-    "late_adoptions": Words(
-        "corrections late for their injection, in force with a later one",
-        "a faster computer, or a longer learning_delay_ms",
-    ),
-    "foreign_frames": Words("frames of another node under our identifiers", "as SECOND_SENDER"),
-    "failed_writes": Words(
-        "failed writes of state or journal, and log lines given up",
-        "room and rights on the disk; the log says which: `kept`, `stream`",
-    ),
-    "missing_injections": Words("commands after which the needle did not open", "injector, driver stage"),
-    "uncommanded_injections": Words("injections without a command", "a command message that is lost; a leak"),
-    "spikes": Words(
-        "values that stood out among their neighbours and were replaced",
-        "shielding and earth of the sensor's cable, if many",
-    ),
-    "bridged_samples": Words(
-        "values of a frozen, clipped or missing input that did not count", "as INPUT_FROZEN, if many"
-    ),
+    name: Words(row.counts, row.remedy) for name, row in rows_of(StatusValues).items() if row.counts
 }
 
 

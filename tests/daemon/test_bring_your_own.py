@@ -13,7 +13,7 @@ import pytest
 
 from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
-from observer_rt.bus.mapping.output_messages import StatusValues
+from observer_rt.bus.mapping.output_signals import StatusValues
 from observer_rt.config.bench import PACKAGE_DATA, load_bench, load_injector
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate

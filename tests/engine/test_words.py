@@ -9,7 +9,7 @@ import cantools.database
 import pytest
 from rich.console import Console
 
-from observer_rt.bus.mapping.output_messages import StatusValues
+from observer_rt.bus.mapping.output_signals import StatusValues
 from observer_rt.config.bench import PACKAGE_DATA, load_injector
 from observer_rt.daemon.event_logger import Deduplicator, EventLogger
 from observer_rt.daemon.log import ServiceLog, Voice

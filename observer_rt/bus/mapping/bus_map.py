@@ -33,13 +33,11 @@ from observer_rt.bus.mapping.optional_inputs import EnergizingLayout, SlowMessag
 from observer_rt.bus.mapping.output_messages import (
     OutputMessage,
     RateMessage,
-    StatusValues,
-    SummaryValues,
     output_message,
     protected_layout,
     rate_message,
-    signals_of,
 )
+from observer_rt.bus.mapping.output_signals import StatusValues, SummaryValues, signals_of
 from observer_rt.bus.mapping.timing import INDEX_BITS, Following, following, map_timing, number_signal
 from observer_rt.config.bench import Bench, BenchInjector
 from observer_rt.config.signals import Role

@@ -41,25 +41,16 @@ from observer_rt.bus.mapping.timing import USUAL_INDEX, Joining, Numbering, inde
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.bench_file import LinkConfig
 from observer_rt.config.signals import (
+    OPTIONAL_SIGNALS,
     EnergizingConfig,
-    FuelTemperatureConfig,
-    LearningEnableConfig,
     OptionalRole,
     Role,
     SignalConfig,
-    SlowQuantityConfig,
     SlowSignalConfig,
 )
 from observer_rt.core.frames.frames import carries, encode_signals
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import (
-    MASS_UNITS,
-    MICROSECOND,
-    MILLISECOND,
-    TEMPERATURE_ORIGINS,
-    TIME_UNITS,
-    factor_of,
-)
+from observer_rt.foundation.units import MICROSECOND, MILLISECOND, TIME_UNITS, factor_of
 
 NO_UNITS = ("", "-", "1")  # of a level
 NANOSECONDS = 1e9
@@ -191,22 +182,21 @@ def _slow_signal(
     place = fitted.place(f"signals.{role}")
     with named(place):
         find_signal(message, config.signal)
-    factor, origin, default, timeout = 1.0, 0.0, math.nan, math.inf
-    if isinstance(config, FuelTemperatureConfig):
-        unit = stated_unit(message, config.signal, config.unit)
-        if unit not in TEMPERATURE_ORIGINS:
-            raise unknown_unit(place, message, unit, config.unit, TEMPERATURE_ORIGINS)
-        origin = TEMPERATURE_ORIGINS[unit]
-        default = (fitted.parameters.fluid.reference_temperature or math.nan) - origin
-    elif isinstance(config, SlowQuantityConfig):
-        factor = from_unit(place, message, config.signal, config.unit, MASS_UNITS)
+    carried, own_unit = OPTIONAL_SIGNALS[role], getattr(config, "unit", None)
+    unit, factor, timeout = stated_unit(message, config.signal, own_unit), 1.0, math.inf
+    if carried.origins is not None and unit not in carried.origins:
+        raise unknown_unit(place, message, unit, own_unit, carried.origins)
+    if carried.units is not None:
+        factor = from_unit(place, message, config.signal, own_unit, carried.units)
+    origin = carried.to_si(unit)[1]
     with named(place):
         selection = compile_conditions(message, conditions_of(message, config.signal))
         table = signal_table(message, [config.signal])
-    if isinstance(config, LearningEnableConfig) and not table[0]["has_not_available"]:
-        default = 1.0  # a frame made of a recording must not switch learning off
-    if isinstance(config, FuelTemperatureConfig | LearningEnableConfig):
-        timeout = slow_timeout(config.timeout_ms, layout.cycle_time_ns)
+    default = (carried.usual(fitted.parameters) - origin) / factor
+    if not carried.always and table[0]["has_not_available"]:
+        default = math.nan
+    if carried.expires:
+        timeout = slow_timeout(getattr(config, "timeout_ms", None), layout.cycle_time_ns)
     row = np.zeros((), OPTIONAL_INPUT)
     row["role"], row["timeout"] = OPTIONAL_ROLES.index(role), timeout
     row["factor"], row["origin"] = factor, origin

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from cantools.database.can import Message
@@ -26,80 +25,6 @@ from observer_rt.foundation.errors import UserError
 
 HEADER_SIGNALS = ("SampleIndex", "Valid", "Learning", "State")
 RATE_PATTERN = "InjectionRate_{:02d}"
-
-
-class SummaryValues(NamedTuple):
-    """The signals of a summary, in the database's units: `mass_sigma` goes out as `MassSigma`."""
-
-    sample_index: int
-    valid: bool
-    learning: bool
-    state: int
-    end_index: int
-    injection_number: int
-    event_number: int
-    phi_version: int
-    injector_id: int
-    reason: int
-    mass: float
-    mass_sigma: float
-    volume: float
-    rail_pressure_at_start: float
-    peak_injection_rate: float
-    nozzle_wear: float
-    nozzle_wear_sigma: float
-    seat_wear: float
-    seat_wear_sigma: float
-    line_pressure_offset: float
-
-
-class StatusValues(NamedTuple):
-    """The signals of a status, as in `SummaryValues`."""
-
-    sample_index: int
-    valid: bool
-    learning: bool
-    state: int
-    reason: int
-    injector_id: int
-    version_major: int
-    version_minor: int
-    version_patch: int
-    model_hash: int
-    database_hash: int
-    samples_processed: int
-    lost_samples: int
-    interpolated_samples: int
-    crc_errors: int
-    sequence_errors: int
-    length_errors: int
-    repeated_frames: int
-    old_frames: int
-    dropped_frames: int
-    link_troubles: int
-    troubled_bus: int
-    restarts: int
-    adoptions: int
-    rejected_adoptions: int
-    late_adoptions: int
-    foreign_frames: int
-    rail_pressure_age: float  # s, nan: none came yet
-    needle_lift_age: float
-    line_pressure_age: float
-    failed_writes: int
-    latency_p999: float  # s, nan: no rates were sent yet
-    largest_latency: float
-    # our layouts have no room for these; a status message of a user's own may have them
-    missing_injections: int
-    uncommanded_injections: int
-    spikes: int
-    bridged_samples: int
-    refused_frames: int
-
-
-def signals_of(values: type[SummaryValues] | type[StatusValues]) -> tuple[str, ...]:
-    """Names of the signals in a database, in order."""
-    return tuple("".join(word.capitalize() for word in field.split("_")) for field in values._fields)
 
 
 @dataclass(frozen=True)

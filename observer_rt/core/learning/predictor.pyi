@@ -5,8 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-class Followed:
-    def __init__(self, window: Any, setting: Any, learned: Any, clock: Any) -> None: ...
+from observer_rt.core.model.model import Terms
 
 def follow(
     window: Any,
@@ -17,10 +16,10 @@ def follow(
     rate: NDArray[np.float64],
     gradient: Any,
     slopes: NDArray[np.float64],
+    terms: Terms | None = ...,
+    phi: NDArray[np.float64] | None = ...,
+    run: Any = ...,
 ) -> NDArray[np.float64]: ...
-def run_open_loop(
-    window: Any, setting: Any, learned: Any, x: NDArray[np.float64], tangent: Any, clock: Any, result: Any
-) -> None: ...
 def propagate_noise(
     areas: NDArray[np.float64],
     opening: int,
@@ -32,13 +31,5 @@ def propagate_noise(
     lift: float,
     rate: NDArray[np.float64],
     volume: NDArray[np.float64],
-) -> None: ...
-def run_from_rest(
-    window: Any,
-    setting: Any,
-    learned: Any,
-    x: NDArray[np.float64],
-    rate: NDArray[np.float64],
-    phi: NDArray[np.float64],
 ) -> None: ...
 def sum_of_squares(errors: NDArray[np.float64]) -> float: ...

@@ -8,8 +8,8 @@ from numpy import array, zeros
 from observer_rt.core.learning.matrices cimport propagate
 from observer_rt.core.model.hydraulics cimport Seat, seat_area_slope
 from observer_rt.core.model.model cimport (
-    Carried, Model, Terms, Weights, advance_over, correct, empty_sac, fault_and_rate, flow_slopes, predict,
-    rate_after, shown_under_terms, trusted_under_terms, under_terms
+    Carried, Model, Terms, Weights, begin_forcing, correct, empty_sac, fault_and_rate, flow_slopes, predict, rate_after,
+    shown_under_terms, trusted_under_terms, under_terms
 )
 from observer_rt.core.model.records cimport (
     SAC, Coefficients, FlowSlopes, Forced, Gradient, Inputs, Interval, Knot, LaggedSlopes, Tangent
@@ -22,18 +22,16 @@ cdef double DRAINING = 0.2e-3  # s, in which the sac is certainly empty behind a
 cdef class Followed:
     """A window's samples and a model, as `follow` goes along them."""
 
-    cdef const double[:, :] inputs
+    cdef const double[:, :] inputs, knots
     cdef const double[:] output
-    cdef const unsigned char[:] resting
-    cdef const double[:, :] knots
-    cdef const unsigned char[:] masked
+    cdef const unsigned char[:] resting, masked
     cdef Model model
     cdef Weights weights
     cdef Terms terms
     cdef Forced forced
     cdef Interval interval
 
-    def __init__(self, window, setting, learned, clock) -> None:
+    def __init__(self, window, setting, learned, Terms terms) -> None:
         self.inputs, self.output, self.resting = window.inputs, window.output, window.resting.view("u1")
         self.knots, self.masked = window.knots, window.masked.view("u1")
         samples = self.output.shape[0]
@@ -41,8 +39,7 @@ cdef class Followed:
             raise ValueError("arrays of a window do not fit each other")
         if 0 < self.knots.shape[0] < samples:
             raise ValueError("a window has fewer knots than samples")
-        self.model, self.weights = Model(learned.coefficients), Weights(learned.network)
-        self.terms = Terms(setting.program, clock.time, clock.injections)
+        self.model, self.weights, self.terms = Model(learned.coefficients), Weights(learned.network), terms
         self.forced.coefficients, self.forced.network = self.model.coefficients, self.weights.network
         self.interval.length, self.interval.substeps = setting.interval, setting.substeps
 
@@ -58,133 +55,145 @@ cdef class Followed:
             x, &self.interval, knot, &self.model.coefficients, &self.weights.network, &self.terms.forcing, &self.forced
         )
 
-    cdef bint is_masked(self, int64_t k) noexcept nogil:
-        """Whether y of sample k does not count."""
-        return k < self.masked.shape[0] and self.masked[k] != 0
+
+cdef class FlowRecord:
+    """An `engine.estimation.open_loop.OpenLoop` of zeros, lent."""
+
+    cdef double[::1] rate, relaxation, by_area
+    cdef double[:, ::1] slopes, gradient
+    cdef double[:, :, ::1] transition
+
+    def __init__(self, run) -> None:
+        self.rate, self.slopes, self.gradient = run.rate, run.slopes, run.gradient
+        self.transition, self.relaxation, self.by_area = run.transition, run.relaxation, run.by_area
+
+    cdef void begin(self, Tangent* t) noexcept nogil:
+        """Have the columns behind the m of theta become the state's derivatives by itself."""
+        cdef int64_t m = self.slopes.shape[1], i, j
+        for i in range(t.n):
+            for j in range(t.n):
+                t.by[i * t.m + m + j] = 1.0 if i == j else 0.0
+
+    cdef void take(self, int64_t k, const double* x, const Forced* forced, Tangent* t) noexcept nogil:
+        """Sample k, one after `begin`: its rate by its flows, their slopes and the state's; whichever line there is."""
+        cdef int64_t n = t.n, m = self.slopes.shape[1], i, j, neuron
+        cdef FlowSlopes flows
+        cdef Inputs u = forced.interval.end
+        cdef double nozzle_flow = forced.coefficients.nozzle.flow
+        cdef double* slopes = &self.slopes[k, 0]
+        cdef double* gradient = &self.gradient[k, 0]
+        c, theta = &forced.coefficients, &t.theta
+        for i in range(n):
+            for j in range(n):
+                self.transition[k, i, j] = t.by[i * t.m + m + j]
+        u.area = max(u.area, 0.0)
+        if u.area <= 0.0 and x[SAC] == 0.0:
+            return
+        flow_slopes(x, u, c, &forced.network, t.sigmas, &flows)
+        self.rate[k] = nozzle_flow * flows.q_h
+        for i in range(3):
+            gradient[i] = nozzle_flow * flows.h_x[i]
+        gradient[n] = nozzle_flow * flows.h_area
+        slopes[theta.nozzle_bias] = nozzle_flow * flows.h_change
+        for neuron in range(t.neurons):
+            slopes[theta.nozzle_weight + neuron] = nozzle_flow * flows.h_change * t.sigmas[neuron]
+        slopes[theta.back_pressure] = nozzle_flow * flows.h_back_pressure
+        slopes[theta.back_pressure + 1] = nozzle_flow * flows.h_back_pressure * u.area
+        for j in range(m):
+            for i in range(3):
+                slopes[j] += gradient[i] * t.by[i * t.m + j]
+        # the sac by itself: how its pressure's rate of change goes with that pressure, and with the area
+        self.relaxation[k] = c.sac.a6 * flows.h_x[2] - c.sac.a5 * flows.s_x[2]
+        if u.area > 0.0:
+            self.by_area[k] = (c.sac.a5 * flows.s_area - c.sac.a6 * flows.h_area) / self.relaxation[k]
 
 
-def follow(window, setting, learned, int64_t corrected, double[:] errors, double[:] rate, gradient, double[:, :] slopes) -> object:
+def follow(
+    window, setting, learned, int64_t corrected, double[:] errors, double[:] rate, gradient, double[:, :] slopes,
+    Terms terms=None, double[:, :] phi=None, run=None
+) -> object:
     """x~ before sample `corrected`, from there on x^: it follows x~ and then runs open loop; its last state (n,).
 
-    window, setting, learned, gradient: named tuples of engine.estimation.predictor. errors: (n,) y - o - (indicated
-    pressure), before the correction, errors[0] is 0; rate: of injection, before the correction [m3/s], (n,), or (0,)
-    if not wanted. With a gradient of 0 (else None), slopes (n, m) becomes d(errors)/dtheta.
+    window, setting, learned, gradient: named tuples of engine.estimation.predictor. terms: go on with these; None: they
+    begin at the window's clock. errors: (n,) y - o - (indicated pressure), before the correction, errors[0] is 0; rate:
+    of injection, before the correction [m3/s], (n,), or (0,) if not wanted. With a gradient of 0 (else None), slopes
+    (n, m) becomes d(errors)/dtheta. phi: (3, n) of the model [1/s], or None. run: an `OpenLoop` of zeros, filled from
+    `corrected` on until nothing flows, where the gradient begins, then at least m + states columns wide; or None.
     """
-    cdef Followed it = Followed(window, setting, learned, window.clock)
+    cdef Followed it
+    cdef FlowRecord flows = None if run is None else FlowRecord(run)
     cdef Gradient of_gradient
     cdef Gradient* g = NULL
     cdef Carried carried
     cdef const double[::1] lag_of, gain = setting.gain
     cdef double[::1] before, indicated_by, error_by
+    cdef double[3] rows
     cdef double lag = setting.lag + learned.lag, offset = setting.offset + learned.offset, late = setting.late
-    cdef double interval = setting.interval, indicated, shown, trusted
-    cdef int64_t k, j, samples = it.output.shape[0], n = it.model.coefficients.states
-    cdef bint is_measured
+    cdef double interval = setting.interval, time = window.clock.time, injections = window.clock.injections
+    cdef double indicated, shown, trusted
+    cdef bint is_measured, has_phi = phi is not None
+    it = Followed(window, setting, learned, Terms(setting.program, time, injections) if terms is None else terms)
+    cdef int64_t samples = it.output.shape[0], n = it.model.coefficients.states, first = samples, width = slopes.shape[1]
+    cdef int64_t k, j
     state = array(window.start[:n])
     cdef double[::1] x = state
     if len(window.start) != n + 1 or gain.shape[0] < n or errors.shape[0] < samples or 0 < rate.shape[0] < samples:
         raise ValueError("what is followed does not fit the model or the window")
+    if has_phi and (phi.shape[0] != 3 or phi.shape[1] < samples) or run is not None and flows.rate.shape[0] < samples:
+        raise ValueError("what is recorded does not fit the window")
+    errors[:1] = 0.0
+    rate[:1] = 0.0
+    slopes[:1] = 0.0
+    if has_phi:
+        phi[:, :1] = 0.0
     indicated = window.start[n]
     if gradient is not None:
         carried = Carried(gradient.tangent)
         lag_of, before, indicated_by, error_by = gradient.lag, gradient.before, gradient.indicated, gradient.error
-        if slopes.shape[0] < samples or slopes.shape[1] > carried.tangent.m or carried.tangent.n != n:
-            raise ValueError("the slopes fit neither the window nor the gradient")
+        if run is None and slopes.shape[0] < samples:
+            raise ValueError("the slopes do not fit the window")
+        if carried.tangent.n != n or carried.tangent.m < (width if run is None else flows.slopes.shape[1] + n):
+            raise ValueError("the slopes do not fit the gradient")
         of_gradient.tangent = carried.tangent
         of_gradient.lag, of_gradient.before = &lag_of[0], &before[0]
         of_gradient.indicated, of_gradient.error = &indicated_by[0], &error_by[0]
-        g = &of_gradient
-    errors[:1] = 0.0
-    rate[:1] = 0.0
-    slopes[:1] = 0.0
+        g = &of_gradient if run is None else NULL
+    if run is not None:
+        if gradient is None:
+            raise ValueError("the open loop's record needs a gradient")
+        first = max(corrected, <int64_t> 1)
+        while samples > 1 and it.inputs[samples - 1, 1] <= 0.0:
+            samples -= 1
+        samples = min(samples + <int64_t> ceil(DRAINING / interval), it.output.shape[0])
     with nogil:
         for k in range(1, samples):
+            if k >= first:
+                if k == first:
+                    g = &of_gradient
+                    begin_forcing(&it.terms.forcing, time + (first - 1) * interval, injections)
+                flows.begin(&g.tangent)
             it.force(&x[0], k)
             shown = predict(&x[0], &indicated, &it.forced, late, lag, g)
             shown = shown_under_terms(shown, &it.forced, &it.terms.forcing)
             if rate.shape[0] > 0:
                 rate[k] = rate_after(&x[0], &it.forced)
-            is_measured = not it.is_masked(k)
+            is_measured = k >= it.masked.shape[0] or it.masked[k] == 0
             errors[k] = it.output[k] - offset - shown if is_measured else 0.0
             if g != NULL:
-                for j in range(slopes.shape[1]):
+                for j in range(width):
                     slopes[k, j] = g.error[j] if is_measured else 0.0
             if k < corrected and is_measured:
                 trusted = trusted_under_terms(errors[k], interval, &it.terms.forcing)
                 correct(&x[0], &indicated, trusted, &gain[0], n, g)
             if it.resting[k] != 0 and it.forced.interval.end.area <= 0.0:
                 empty_sac(&x[0], NULL if g == NULL else &g.tangent)
+            if has_phi:
+                fault_and_rate(&x[0], it.forced.interval.end, &it.forced.coefficients, &it.forced.network, rows)
+                for j in range(3):
+                    phi[j, k] = rows[j]
+            if k >= first:
+                flows.take(k, &x[0], &it.forced, &g.tangent)
     return state
-
-
-def run_open_loop(window, setting, learned, double[::1] x, tangent, clock, result) -> None:
-    """Fill `result`, an `engine.estimation.open_loop.OpenLoop` of zeros, from the opening on.
-
-    x (n,): the state one sample before, moved on with it; clock: of then; tangent: at least m + n columns wide.
-    """
-    cdef Followed it = Followed(window, setting, learned, clock)
-    cdef Carried carried = Carried(tangent)
-    cdef double[::1] rate = result.rate, relaxation = result.relaxation, by_area = result.by_area
-    cdef double[:, ::1] slopes = result.slopes, gradient = result.gradient
-    cdef double[:, :, ::1] transition = result.transition
-    cdef int64_t n = x.shape[0], m = slopes.shape[1], samples = it.output.shape[0], last = samples - 1, i, j, k
-    cdef int64_t first = max(<int64_t> window.opening, <int64_t> 1), drained
-    cdef double interval = setting.interval
-    cdef FlowSlopes flows
-    cdef Inputs u
-    t = &carried.tangent
-    if t.n != n or t.m < m + n or n != it.model.coefficients.states or rate.shape[0] < samples:
-        raise ValueError("what is run open loop does not fit the model or the window")
-    while last > 0 and it.inputs[last, 1] <= 0.0:
-        last -= 1
-    drained = last + 1 + <int64_t> ceil(DRAINING / interval)
-    with nogil:
-        for k in range(first, min(drained, samples)):
-            it.force(&x[0], k)
-            for i in range(n):
-                for j in range(n):
-                    t.by[i * t.m + m + j] = 1.0 if i == j else 0.0
-            advance_over(&x[0], &it.forced.interval, it.forced.knot, &it.forced.coefficients, &it.forced.network, t)
-            if it.resting[k] != 0 and it.forced.interval.end.area <= 0.0:
-                empty_sac(&x[0], t)
-            for i in range(n):
-                for j in range(n):
-                    transition[k, i, j] = t.by[i * t.m + m + j]
-            u = it.forced.interval.end
-            u.area = max(u.area, 0.0)
-            if u.area <= 0.0 and x[SAC] == 0.0:
-                continue
-            flow_slopes(&x[0], u, &it.forced.coefficients, &it.forced.network, t.sigmas, &flows)
-            _take_flows(
-                &flows, u.area, &it.forced.coefficients, t, &rate[k], &slopes[k, 0], m, &gradient[k, 0], n, &relaxation[k],
-                &by_area[k],
-            )
-
-
-cdef void _take_flows(
-    const FlowSlopes* flows, double area, const Coefficients* c, const Tangent* t, double* rate, double* slopes, int64_t m,
-    double* gradient, int64_t states, double* relaxation, double* by_area
-) noexcept nogil:
-    """A sample's rate after its flows, their slopes and the state's; whichever line there is."""
-    cdef double nozzle_flow = c.nozzle.flow
-    cdef int64_t i, j, neuron
-    theta = &t.theta
-    rate[0] = nozzle_flow * flows.q_h
-    for i in range(3):
-        gradient[i] = nozzle_flow * flows.h_x[i]
-    gradient[states] = nozzle_flow * flows.h_area
-    slopes[theta.nozzle_bias] = nozzle_flow * flows.h_change
-    for neuron in range(t.neurons):
-        slopes[theta.nozzle_weight + neuron] = nozzle_flow * flows.h_change * t.sigmas[neuron]
-    slopes[theta.back_pressure] = nozzle_flow * flows.h_back_pressure
-    slopes[theta.back_pressure + 1] = nozzle_flow * flows.h_back_pressure * area
-    for j in range(m):
-        for i in range(3):
-            slopes[j] += gradient[i] * t.by[i * t.m + j]
-    # the sac by itself: how its pressure's rate of change goes with that pressure, and with the area
-    relaxation[0] = c.sac.a6 * flows.h_x[2] - c.sac.a5 * flows.s_x[2]
-    if area > 0.0:
-        by_area[0] = (c.sac.a5 * flows.s_area - c.sac.a6 * flows.h_area) / relaxation[0]
 
 
 def propagate_noise(
@@ -262,30 +271,6 @@ def propagate_noise(
                 for i in range(size):
                     covariance[end, i] = 0.0
                     covariance[i, end] = 0.0
-
-
-def run_from_rest(window, setting, learned, double[::1] x, double[::1] rate, double[:, ::1] phi) -> None:
-    """Rate [m3/s] (n,) and phi [1/s] (3, n) of the model open loop; x: the state at the first sample, moved on."""
-    cdef Followed it = Followed(window, setting, learned, window.clock)
-    cdef double[3] rows
-    cdef int64_t k, row, samples = it.output.shape[0]
-    if x.shape[0] != it.model.coefficients.states or rate.shape[0] < samples or phi.shape[0] != 3:
-        raise ValueError("what is run does not fit the model or the window")
-    if phi.shape[1] < samples:
-        raise ValueError("what is run does not fit the window")
-    with nogil:
-        for k in range(1, samples):
-            it.force(&x[0], k)
-            advance_over(
-                &x[0], &it.forced.interval, it.forced.knot, &it.forced.coefficients, &it.forced.network, NULL
-            )
-            if it.resting[k] != 0 and it.forced.interval.end.area <= 0.0:
-                empty_sac(&x[0], NULL)
-            rate[k] = fault_and_rate(
-                &x[0], it.forced.interval.end, &it.forced.coefficients, &it.forced.network, rows
-            )
-            for row in range(3):
-                phi[row, k] = rows[row]
 
 
 def sum_of_squares(const double[:] errors) -> float:

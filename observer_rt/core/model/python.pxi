@@ -243,17 +243,6 @@ def totals_of_terms(
     return totals
 
 
-def first_row_of_sensor(const double[:, ::1] program) -> int:
-    """From which row on a program (n, 2) is the sensor's."""
-    return sensor_rows(&program[0, 0], program.shape[0]) if program.shape[0] else 0
-
-
-def lift_of_area(double u_2, seat) -> float:
-    """The lift x_N [m] that opens a normalised seat area; 0 for a shut needle."""
-    cdef Seat of_seat = seat._asdict()
-    return lift_at(u_2, &of_seat)
-
-
 def stiffness_of(double x_1, line) -> float:
     """K_eff/K_L of a line at the normalised pressure x_1."""
     cdef Softness softness

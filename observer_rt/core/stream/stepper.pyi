@@ -2,9 +2,6 @@
 
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from observer_rt.core.stream.stream import PairStepper, Stream
 
 class CarriedPhi: ...
@@ -21,12 +18,3 @@ class Stepper(PairStepper):
         phi: CarriedPhi,
     ) -> None: ...
     def go_on_from(self, before: Stepper) -> None: ...
-    def nominal_rates(
-        self,
-        observed: Stream,
-        position: int,
-        flows: bool,
-        held: NDArray[np.float64],
-        first: int,
-        rates: NDArray[np.float64],
-    ) -> tuple[int, bool]: ...

@@ -1,16 +1,16 @@
 """What steps the pair x~ and x^ from sample to sample: the only part of the stream that knows line and phi."""
 
-from libc.math cimport NAN, isfinite, isnan
+from libc.math cimport NAN, isfinite
 from libc.stdint cimport int64_t
 from libc.string cimport memcpy
 
 from observer_rt.core.model.model cimport (
-    Model, Terms, advance_over, correct, fault_and_rate, is_shut_under_terms, predict, rate_after, rest_line,
-    shown_under_terms, trusted_under_terms, under_terms
+    Model, Terms, advance_over, correct, fault_and_rate, is_shut_under_terms, predict, rest_line, shown_under_terms,
+    trusted_under_terms, under_terms
 )
 from observer_rt.core.model.records cimport SAC, Coefficients, Forced, Forcing, Inputs, Interval, Knot, Network
 from observer_rt.core.stream.state cimport (
-    BREAK_NONE, HIDDEN, MASK, RING, STEPPING_CORRECT, STEPPING_PREDICT, STEPPING_START, Sample
+    HIDDEN, MASK, STEPPING_CORRECT, STEPPING_PREDICT, STEPPING_START, Sample
 )
 from observer_rt.core.stream.stream cimport Stream
 
@@ -71,53 +71,6 @@ cdef class Stepper(PairStepper):
             raise ValueError("other terms than before")
         self.terms_of_tilde, self.terms_of_hat = before.terms_of_tilde, before.terms_of_hat
         self.stepping.of_tilde, self.stepping.of_hat = &self.terms_of_tilde.forcing, &self.terms_of_hat.forcing
-
-    def nominal_rates(
-        self, Stream observed, int64_t position, bint flows, double[::1] held, int64_t first, double[::1] rates
-    ) -> tuple[int, bool]:
-        """Rates of this model [m3/s] at samples of an observer from the position `first` on; where, and whether it flows.
-
-        held (n,): the model's state at `position`, up to which it was followed; it flows while its last rate is not 0.
-
-        A needle that is shut with nothing flowing is passed over until it opens again or the line is at rest.
-        """
-        cdef int64_t place, number, now, i, found = -1  # position of the state to go on from, if that is not held
-        cdef Sample* ring = observed.observer.ring
-        cdef Sample* row
-        cdef double* x = &held[0]
-        cdef size_t size = self.stepping.observer.states * sizeof(double)
-        cdef int64_t states = self.stepping.observer.states
-        s = &self.stepping
-        if held.shape[0] != states or observed.observer.states != states:
-            raise ValueError("the state held is that of another model")
-        with nogil:
-            _take_line(s)
-            for place in range(rates.shape[0]):
-                now = first + place
-                row = &ring[now & MASK]
-                rates[place] = 0.0
-                if row.resting or row.broken != BREAK_NONE:
-                    position = found = now
-                    flows = False
-                elif row.seat_area > 0.0 or flows:
-                    if found >= 0:
-                        memcpy(x, observed.observer.x_tilde + (found & MASK) * states, size)
-                        found = -1
-                    if now - position >= RING:
-                        for i in range(states):
-                            x[i] = NAN
-                        position = now - 1
-                    for number in range(position + 1, now + 1):
-                        _force(s, ring, number, x, s.of_hat)
-                        advance_over(x, &s.forced.interval, s.forced.knot, &s.forced.coefficients, &s.forced.network, NULL)
-                        rates[place] = rate_after(x, &s.forced)
-                    position = now
-                    flows = rates[place] != 0.0
-                if isnan(row.injection_rate):
-                    rates[place] = NAN
-            if found >= 0:
-                memcpy(x, observed.observer.x_tilde + (found & MASK) * states, size)
-        return position, flows
 
 
 cdef double step(void* stepper, int64_t what, int64_t position) noexcept nogil:

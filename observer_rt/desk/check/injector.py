@@ -21,7 +21,7 @@ from observer_rt.bus.mapping.optional_inputs import EnergizingLayout, SlowSignal
 from observer_rt.bus.mapping.timing import TOLERANCE, Joining, Numbering
 from observer_rt.config.bench import PACKAGE_DATA, BenchInjector
 from observer_rt.config.channels import effects_after_alignment
-from observer_rt.config.signals import OptionalRole, Role
+from observer_rt.config.signals import OPTIONAL_SIGNALS, Role
 from observer_rt.core.stream.stream import MAX_EVENT, dead_band
 from observer_rt.desk.check.findings import Finding, Said, graded, ruled
 from observer_rt.engine.estimation.gain import gain_schedule
@@ -38,13 +38,12 @@ from observer_rt.foundation.units import (
     MEGAPASCAL,
     MICROMETRE,
     MICROSECOND,
-    MILLIGRAM,
     MILLISECOND,
     PRESSURE_UNITS,
     ZERO_CELSIUS,
 )
 from observer_rt.model.effects import effective_model
-from observer_rt.model.parameters import HIGHEST_TEMPERATURE, LOWEST_TEMPERATURE, at_temperature
+from observer_rt.model.parameters import at_temperature
 from observer_rt.model.stability import MAX_SUBSTEPS, fastest_rate
 
 SHOWN_TEMPERATURES = 20.0, 40.0, 80.0  # degC
@@ -75,19 +74,16 @@ def fuel_findings(fitted: BenchInjector) -> Iterator[Said]:
 
 
 def _optional(name: str, signal: SlowSignal) -> Said:
-    lowest, highest = signal.range
+    (lowest, highest), carried = signal.range, OPTIONAL_SIGNALS[signal.role]
     counts = f"a value counts for {signal.timeout:g} s"
     if math.isinf(signal.timeout):
         counts = "a value counts until the next (no cycle time, no timeout_ms)"
-    match signal.role:
-        case OptionalRole.FUEL_TEMPERATURE:
-            limits = f"{lowest - ZERO_CELSIUS:.0f} to {highest - ZERO_CELSIUS:.0f} degC"
-            is_fuel = lowest < HIGHEST_TEMPERATURE and highest > LOWEST_TEMPERATURE
-            return is_fuel, f"{name}, {limits}, {counts}", "no temperature of a fuel; what is its unit?"
-        case OptionalRole.MEASURED_MASS:
-            limits = f"{lowest / MILLIGRAM:.6g} to {highest / MILLIGRAM:.6g} mg"
-            return highest > 0.0, f"{name}, {limits}, compared with the estimate", "never positive"
-    return lowest <= 0.0 <= highest, f"{name}, learning stops while it is 0, {counts}", "which it cannot be"
+    factor, origin = carried.to_si(carried.shown)
+    start, end = (f"{(limit - origin) / factor:{'.0f' if origin else '.6g'}}" for limit in (lowest, highest))
+    limits = f"{start} to {end} {carried.shown}" if carried.shown else ""
+    said = (name, limits, carried.use, counts if carried.expires else "")
+    least, most = carried.possible
+    return lowest <= most and highest >= least, ", ".join(filter(None, said)), carried.wrong
 
 
 def _energizing(energizing: EnergizingLayout, sample: float) -> Iterator[Said]:

@@ -14,21 +14,23 @@ from numpy.typing import NDArray
 
 from observer_rt.bus.links.link import BusFrame, FrameBlock, blocks_of
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus
-from observer_rt.config.bench import Bench, BenchInjector
+from observer_rt.config.bench import Bench
 from observer_rt.core.stream.stream import RING
 from observer_rt.desk.evaluation.passage import Passage, Signal
-from observer_rt.engine.learning.knowledge import Knowledge, no_knowledge
-from observer_rt.engine.observer import make_observer, with_constants
+from observer_rt.engine.learning.knowledge import Knowledge
+from observer_rt.engine.observer import remembered
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.reports.news import MeasuredMass, News
-from observer_rt.engine.service.constants import bench_constants, configured_noise
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.service.learners import LearnerFactory, make_learner
 from observer_rt.engine.service.messages import OutputFrame
-from observer_rt.engine.stream.state import Observer
+from observer_rt.engine.stream.follower import Follower
+from observer_rt.engine.stream.state import Constants, Observer
 from observer_rt.files.replay.recording_frames import Device
 from observer_rt.files.signals.recording import Chunk
 from observer_rt.files.signals.stream import SignalStream
+from observer_rt.foundation.continuity import Break
+from observer_rt.model.forcing import Clock
 
 if TYPE_CHECKING:
     from observer_rt.desk.evaluation.evaluate import Evaluation
@@ -50,27 +52,31 @@ def ahead(things: Iterable[Thing]) -> Iterator[Thing]:
 
 
 class NominalModel:
-    """Follows an observer's samples: open loop from the state in which that found the line before an injection."""
+    """Follows an observer's samples with nothing learned, from every state on in which that found the line."""
 
-    def __init__(self, fitted: BenchInjector) -> None:
-        constants = bench_constants(fitted)
-        start = no_knowledge(configured_noise(fitted), constants.coefficients.pressure_scale)
-        self._nominal = make_observer(constants, start, make_learner(fitted, constants, start))
-        self._position, self._flows = 0, False  # up to where it was followed, and whether it injected there
-        self._x = np.full(constants.coefficients.states, np.nan)
+    def __init__(self, constants: Constants) -> None:
+        self._follower = Follower(constants)
+        self._end = self._injections = 0
 
     def rates(self, observer: Observer, first: int, end: int) -> Signal:
-        """Rates [m3/s] at positions [first, end), processed and remembered; nan where the observer has none.
-
-        Call it without gaps.
-        """
-        rates = np.empty(end - first)
-        if self._nominal.constants is not observer.constants:  # of fuel as warm as it is
-            self._nominal = with_constants(self._nominal, observer.constants)
-        self._position, self._flows = self._nominal.stepper.nominal_rates(
-            observer.stream, self._position, self._flows, self._x, first, rates
-        )
-        return rates
+        """Rates [m3/s] at positions [first, end), processed and remembered; nan where the observer has none."""
+        if first != self._end:
+            self._follower.begin(np.full(observer.constants.coefficients.states, np.nan))
+        self._follower.constants, self._end = observer.constants, end  # of fuel as warm as it is
+        before = max(first - 1, 0)
+        rows = remembered(observer.ring, before, end)
+        rates, is_open = np.zeros(len(rows)), rows["seat_area"] > 0.0
+        openings = self._injections + np.cumsum(np.diff(is_open, prepend=is_open[:1]) & is_open)
+        runs = ~(rows["resting"] | (rows["broken"] != Break.NONE))  # elsewhere x^ is x~
+        for start, stop in np.flatnonzero(np.diff(runs, prepend=False, append=False)).reshape(-1, 2).tolist():
+            from_row = max(start - 1, 0)
+            if start > 0:
+                position = before + from_row
+                clock = Clock(position * observer.constants.interval, float(openings[from_row]))
+                self._follower.begin(observer.x_tilde[position % RING], clock)
+            rates[from_row:stop] = self._follower.along(rows[from_row:stop])
+        self._injections = int(openings[-1])
+        return np.where(np.isnan(rows["injection_rate"]), np.nan, rates)[first - before :]
 
 
 Progress = Callable[[int], None]  # samples done
@@ -150,7 +156,7 @@ class ObserverRun:
             writes_summaries=keeps_frames,
         )
         self._reading = _Reading(self.core)
-        self._nominal = NominalModel(bench.injector)
+        self._nominal = NominalModel(self.core.compiled.observer.constants)
         self._device = Device(bus)
         self._progress = progress or (lambda _: None)
         self._keeps_frames = keeps_frames

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from observer_rt.bus.links.link import BusFrame
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus
-from observer_rt.bus.mapping.output_messages import StatusValues, SummaryValues
+from observer_rt.bus.mapping.output_signals import StatusValues, SummaryValues
 from observer_rt.config.bench import Bench
 from observer_rt.daemon.input_monitoring.arrivals import SECOND, Arrivals, message_text
 from observer_rt.daemon.input_monitoring.input_watch import LASTING

@@ -17,24 +17,17 @@ from observer_rt.bus.can_frame import frame_key
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.links.link import BusFrame
 from observer_rt.bus.mapping.bus_map import BusMap
-from observer_rt.bus.mapping.output_messages import (
-    HEADER_SIGNALS,
-    OutputMessage,
-    RateMessage,
-    StatusValues,
-    SummaryValues,
-)
+from observer_rt.bus.mapping.output_messages import HEADER_SIGNALS, OutputMessage, RateMessage
+from observer_rt.bus.mapping.output_signals import StatusValues, SummaryValues
 from observer_rt.bus.mapping.timing import Numbering
 from observer_rt.config.bench import BenchInjector
 from observer_rt.core.frames.frames import carries, check_frame, decode_signals
-from observer_rt.core.learning.predictor import run_from_rest
 from observer_rt.core.model.laws import normalised_area
 from observer_rt.core.model.model import rest_state
 from observer_rt.core.stream.stream import RING, dead_band
-from observer_rt.engine.estimation.predictor import Setting, Window
-from observer_rt.engine.estimation.scalars import Learned
 from observer_rt.engine.service.constants import bench_constants, configured_noise
 from observer_rt.engine.service.core import Core
+from observer_rt.engine.stream.follower import Follower
 from observer_rt.foundation.units import MM3_PER_MS
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.network import constant_network
@@ -272,16 +265,9 @@ class InjectionModel:
     """Runs the model of an injector open loop over the samples of an injection, from standstill."""
 
     def __init__(self, fitted: BenchInjector) -> None:
-        constants = bench_constants(fitted)
-        self.coefficients: Coefficients = constants.coefficients
+        self._constants = bench_constants(fitted)
+        self.coefficients: Coefficients = self._constants.coefficients
         self._dead_band = dead_band(configured_noise(fitted).needle_lift)[0]
-        self._setting = Setting(
-            constants.interval,
-            constants.substeps,
-            constants.coefficients,
-            np.zeros(constants.coefficients.states),
-            program=constants.program,
-        )
 
     def __call__(
         self,
@@ -299,14 +285,8 @@ class InjectionModel:
         area = np.array([normalised_area(each, c.seat) for each in lift.tolist()])
         state = np.zeros(c.states)
         rest_state(state, float(rail_pressure[0]), c)
-        window = Window(
-            inputs=np.column_stack([rail_pressure, area]),
-            output=np.zeros(n),
-            resting=np.cumsum(area) == 0.0,  # once it was open, the sac drains by itself
-            start=state,
-            opening=0,
-        )
-        learned = Learned(constant_network(nozzle_wear, seat_wear), c, 0.0, 0.0)
-        result = Modelled(np.zeros(n), np.zeros((3, n)))
-        run_from_rest(window, self._setting, learned, state, result.rate, result.phi)
-        return Modelled(result.rate / MM3_PER_MS, result.phi)
+        follower, phi = Follower(self._constants, constant_network(nozzle_wear, seat_wear)), np.empty((3, n))
+        follower.begin(state)
+        resting = np.cumsum(area) == 0.0  # once it was open, the sac drains by itself
+        rate = follower.run(np.column_stack([rail_pressure, area]), resting, phi=phi)
+        return Modelled(rate / MM3_PER_MS, phi)

@@ -60,39 +60,20 @@ def run_plant(
     """
     longest_step, model = _longest_step(model)
     c = model.coefficients
-    compiled, weights, terms = Model(c), Weights(constant_network()), Terms(model.program)
+    parts = Model(c), Weights(constant_network()), model.sensor, Terms(model.program)
     period = float(time[-1] - time[0]) / (time.size - 1)
     steps = math.ceil(period / longest_step)
     time, rail = np.ascontiguousarray(time), (rail_pressure - c.chamber_pressure) / c.pressure_scale
     table = np.array(strokes, dtype=np.float64).reshape(len(strokes), len(Stroke._fields))
-    states = np.empty((time.size, 3))
+    states, lift, rate, recorded = np.empty((time.size, 3)), *np.empty((3, time.size))
     x = np.zeros(c.states)
     rest_state(x, float(rail[0]), c)
-    lift = np.empty(time.size)
-    rate = np.empty(time.size)
-    recorded = np.empty(time.size)
     number, indicated, due = 0, float(rail[0]), 0
     for first in range(0, time.size, SAMPLES_PER_CHUNK):
         last = min(first + SAMPLES_PER_CHUNK, time.size)
+        state, grid = (x, number, indicated, due), (time, rail, table, steps)
         number, indicated, due = run_injector(
-            x,
-            number,
-            indicated,
-            due,
-            first,
-            last,
-            time,
-            rail,
-            table,
-            steps,
-            compiled,
-            weights,
-            model.sensor,
-            terms,
-            states,
-            lift,
-            rate,
-            recorded,
+            *state, first, last, *grid, *parts, states, lift, rate, recorded
         )
         if progress is not None:
             progress(last / time.size)

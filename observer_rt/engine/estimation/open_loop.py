@@ -6,12 +6,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.learning.predictor import follow, propagate_noise, run_open_loop
+from observer_rt.core.learning.predictor import follow, propagate_noise
 from observer_rt.engine.estimation.gain import NoiseLevels
-from observer_rt.engine.estimation.predictor import NO_RATE, NO_SLOPES, Setting, Window
-from observer_rt.engine.estimation.scalars import SCALARS, Scalars, by_theta, learned_of
-from observer_rt.model.forcing import Clock
-from observer_rt.model.right_hand_side import tangent_of
+from observer_rt.engine.estimation.predictor import NO_RATE, NO_SLOPES, Setting, Window, gradient_of
+from observer_rt.engine.estimation.scalars import SCALARS, Scalars, learned_of
 
 
 class OpenLoop(NamedTuple):
@@ -45,13 +43,8 @@ def open_loop(
         relaxation=np.zeros(n),
         by_area=np.zeros(n),
     )
-    before = window.until(max(window.opening, 1))
-    x = follow(before, setting, learned, window.opening, np.empty(n), NO_RATE, None, NO_SLOPES)
-    by = by_theta(theta, setting.coefficients, scalars)
-    tangent = tangent_of(learned.coefficients, learned.network, by, m + states)
-    first = max(window.opening, 1)
-    clock = Clock(window.clock.time + (first - 1) * setting.interval, window.clock.injections)
-    run_open_loop(window, setting, learned, x, tangent, clock, result)
+    gradient = gradient_of(theta, setting.coefficients, learned, scalars, states)
+    follow(window, setting, learned, window.opening, np.empty(n), NO_RATE, gradient, NO_SLOPES, run=result)
     return result
 
 

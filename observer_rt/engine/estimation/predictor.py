@@ -38,16 +38,8 @@ class Window(NamedTuple):
 
     def until(self, end: int) -> "Window":
         """Its first samples, so many."""
-        return Window(
-            self.inputs[:end],
-            self.output[:end],
-            self.resting[:end],
-            self.start,
-            self.opening,
-            self.knots[:end],
-            self.masked[:end],
-            self.clock,
-        )
+        sampled = ("inputs", "output", "resting", "knots", "masked")
+        return self._replace(**{name: getattr(self, name)[:end] for name in sampled})
 
 
 class Setting(NamedTuple):
@@ -78,10 +70,10 @@ class Gradient(NamedTuple):
 
 
 def gradient_of(
-    theta: NDArray[np.float64], c: Coefficients, learned: Learned, scalars: Scalars = SCALARS
+    theta: NDArray[np.float64], c: Coefficients, learned: Learned, scalars: Scalars = SCALARS, beside: int = 0
 ) -> Gradient:
-    """A gradient of 0 for theta (m,) on the model `c`."""
-    tangent = tangent_of(c, learned.network, by_theta(theta, c, scalars), theta.size)
+    """A gradient of 0 for theta (m,) on the model `c`, with so many columns beside those of theta."""
+    tangent = tangent_of(c, learned.network, by_theta(theta, c, scalars), theta.size + beside)
     lag, before, indicated, error = np.zeros((4, tangent.by.shape[1]))
     lag[_LAG] = LAG_UNIT
     return Gradient(tangent, lag, before, indicated, error)

@@ -17,7 +17,7 @@ from observer_rt.bus.alignment.timekeeping import MessageTiming, make_timekeepin
 from observer_rt.bus.database.e2e import E2EState
 from observer_rt.bus.links.link import BusFrame, Frame, FrameBlock, block_of
 from observer_rt.bus.mapping.bus_map import BusMap, stream_of
-from observer_rt.bus.mapping.output_messages import StatusValues
+from observer_rt.bus.mapping.output_signals import StatusValues
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.signals import Role
 from observer_rt.core.stream.stream import RING, dead_band
@@ -31,14 +31,14 @@ from observer_rt.engine.service.constants import bench_constants, configured_noi
 from observer_rt.engine.service.input_memory import make_input_memory
 from observer_rt.engine.service.judging import InlineExecutor, Judging
 from observer_rt.engine.service.learners import LearnerFactory, healthy_injector, make_learner, slow_noise_of
-from observer_rt.engine.service.messages import Counters, OutputFrame, ResultFrames, counted
+from observer_rt.engine.service.messages import Counters, OutputFrame, ResultFrames, counted, values_of
 from observer_rt.engine.service.optional_inputs import OptionalInputs
 from observer_rt.engine.service.pipeline import CompiledPipeline, Pipeline, make_receiver, make_supervised
 from observer_rt.engine.service.publisher import make_publisher
 from observer_rt.engine.stream.standstill import LiftFigures, Standstill, lift_figures, standstill_of
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.stream.validity import Surroundings, state_of_service
-from observer_rt.engine.words import Topic
+from observer_rt.engine.words import Topic, is_good
 
 _NOT_LEARNED = (
     "nothing was learned from an event: {}\n  remedy: see that memory is free; report it if it comes again"
@@ -298,7 +298,21 @@ class Core:
     @property
     def counters(self) -> Counters:
         """What was counted so far."""
-        return counted(self.compiled.pipeline, self.optional.energizing, self._judging)
+        return counted(self.parts)
+
+    @property
+    def parts(self) -> dict[str, Any]:
+        """What counts, by the names that sources of `OutputSignal` have for it."""
+        pipeline = self.compiled.pipeline
+        return {
+            "core": self,
+            "receiver": pipeline.receiver[0],
+            "supervised": pipeline.supervised,
+            "alignment": pipeline.alignment.memory[0],
+            "observer": pipeline.observer.memory[0],
+            "judging": self._judging,
+            "energizing": self.optional.energizing,
+        }
 
     @property
     def frames_taken(self) -> int:
@@ -350,27 +364,8 @@ class Core:
         return self.compiled.observer.constants.coefficients.pressure_scale
 
 
-def status_values(
-    core: Core, state: State, reason: Reason, injector_id: int, hashes: tuple[int, int]
-) -> StatusValues:
-    """What the status says, every counter that it has a signal for included; of links and files 0.
-
-    hashes: of model and bus databases (first 32 bits).
-    """
-    major, minor, patch = (int(part) for part in __version__.split(".")[:3])
-    counters = core.counters
-    counts: dict[str, Any] = {name: getattr(counters, name, 0) for name in StatusValues._fields}
-    return StatusValues(**counts)._replace(
-        sample_index=core.last_index & 0xFFFFFFFF,
-        valid=core.is_valid and state in (State.RUNNING_NOMINAL, State.ADAPTED),
-        learning=core.optional.learning,
-        state=state,
-        reason=reason,
-        injector_id=injector_id,
-        version_major=major,
-        version_minor=minor,
-        version_patch=patch,
-        model_hash=hashes[0],
-        database_hash=hashes[1],
-        samples_processed=counters.samples & 0xFFFFFFFF,
-    )
+def status_values(core: Core, state: State, reason: Reason, others: Mapping[str, Any]) -> StatusValues:
+    """What the status says; others: parts beside those of the core, of links and files."""
+    version = dict(zip(("major", "minor", "patch"), map(int, __version__.split(".")[:3]), strict=True))
+    said = {"valid": core.is_valid and is_good(state), "state": state, "reason": reason, "version": version}
+    return values_of(StatusValues, {**core.parts, **said, **others})

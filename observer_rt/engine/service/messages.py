@@ -1,21 +1,21 @@
 """Result frames: values into payloads, with what the service counts."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, Any, NamedTuple, TypeVar, get_type_hints
 
 import numpy as np
 
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.mapping.bus_map import BusMap
-from observer_rt.bus.mapping.output_messages import OutputMessage, StatusValues, SummaryValues
+from observer_rt.bus.mapping.output_messages import OutputMessage
+from observer_rt.bus.mapping.output_signals import StatusValues, SummaryValues, rows_of
 from observer_rt.core.frames.frames import encode_signals, protect_frame
-from observer_rt.engine.estimation.scalars import NOZZLE, OFFSET, SEAT
+from observer_rt.engine.estimation.scalars import OFFSET
 from observer_rt.engine.reports.injection_report import InjectionReport
-from observer_rt.engine.service.energizing import EnergizingFigures
-from observer_rt.engine.service.judging import Judging
-from observer_rt.engine.service.pipeline import Pipeline
 from observer_rt.engine.service.publisher import Publisher
-from observer_rt.foundation.units import CUBIC_MILLIMETRE, MEGAPASCAL, MILLIGRAM, MM3_PER_MS
+
+AnyValues = TypeVar("AnyValues", SummaryValues, StatusValues)
 
 
 class OutputFrame(NamedTuple):
@@ -77,8 +77,14 @@ class ResultFrames:
 
     def add_summary(self, report: InjectionReport, learning: bool, pressure_scale: float) -> None:
         """Write the summary of an injection; pressure_scale p_0 [Pa]."""
-        values = summary_values(report, self._injector_id, learning, pressure_scale)
-        self._frames += self._summary_writer.write(values)
+        parts = {
+            "report": report,
+            "learning": learning,
+            "injector_id": self._injector_id,
+            "mass_sigma": report.mass_bound / 1.96,
+            "line_pressure_offset": report.indicators[OFFSET].value * pressure_scale,
+        }
+        self._frames += self._summary_writer.write(values_of(SummaryValues, parts))
 
     def taken(self) -> list[OutputFrame]:
         """All frames since the last call, but for rates that nobody has collected."""
@@ -86,46 +92,40 @@ class ResultFrames:
         return frames
 
 
-def summary_values(
-    report: InjectionReport, injector_id: int, learning: bool, pressure_scale: float
-) -> SummaryValues:
-    """The summary of an injection; pressure_scale p_0 [Pa]."""
-    nozzle, seat, offset = (report.indicators[name] for name in (NOZZLE, SEAT, OFFSET))
-    mass_sigma = report.mass_bound / 1.96
-    return SummaryValues(
-        sample_index=report.start_index & 0xFFFFFFFF,
-        valid=report.valid,
-        learning=learning,
-        state=report.state,
-        end_index=report.end_index & 0xFFFFFFFF,
-        injection_number=report.number & 0xFFFFFFFF,
-        event_number=report.event & 0xFFFFFFFF,
-        phi_version=report.phi_version & 0xFFFF,
-        injector_id=injector_id,
-        reason=report.reason,
-        mass=report.mass / MILLIGRAM,
-        mass_sigma=mass_sigma / MILLIGRAM,
-        volume=report.volume / CUBIC_MILLIMETRE,
-        rail_pressure_at_start=report.rail_pressure / MEGAPASCAL,
-        peak_injection_rate=report.peak_rate / MM3_PER_MS,
-        nozzle_wear=nozzle.value,
-        nozzle_wear_sigma=np.nan if nozzle.sigma is None else nozzle.sigma,
-        seat_wear=seat.value,
-        seat_wear_sigma=np.nan if seat.sigma is None else seat.sigma,
-        line_pressure_offset=offset.value * pressure_scale / MEGAPASCAL,
-    )
+def value_of(source: str, parts: Mapping[str, Any]) -> Any:
+    """What a source names: a part, and a column, key or attribute of it; None where there is no such part.
+
+    Of a column of several records the sum.
+    """
+    found: Any = parts
+    for name in source.split("."):
+        if isinstance(found, Mapping):
+            found = found.get(name)
+        elif isinstance(found, np.ndarray):
+            found = found[name].sum()
+        elif isinstance(found, np.void):
+            found = found[name]
+        elif found is not None:
+            found = getattr(found, name)
+    return found.item() if isinstance(found, np.number) else found
+
+
+def values_of(kind: type[AnyValues], parts: Mapping[str, Any]) -> AnyValues:
+    """All values of a message, from where its table has them."""
+    rows = rows_of(kind)  # type: ignore[arg-type]  # a class is hashable
+    return kind(**{field: row.sent(value_of(row.source, parts)) for field, row in rows.items()})
 
 
 @dataclass(frozen=True)
 class Counters:
-    """What was counted since the start."""
+    """What was counted since the start; with the source of what the status does not send."""
 
-    samples: int
+    samples: Annotated[int, "observer.positions.processed"]
     lost_samples: int
     interpolated_samples: int
     spikes: int
     bridged_samples: int
-    frames: int
+    frames: Annotated[int, "receiver.frames"]
     crc_errors: int
     length_errors: int
     sequence_errors: int
@@ -133,15 +133,15 @@ class Counters:
     repeated_frames: int
     old_frames: int
     restarts: int
-    jumps: int
-    events: int
-    injections: int
+    jumps: Annotated[int, "alignment.jumps"]
+    events: Annotated[int, "observer.judgement.events_judged"]
+    injections: Annotated[int, "observer.counts.injections_reported"]
     adoptions: int
     rejected_adoptions: int
     late_adoptions: int
-    passed_over: int
+    passed_over: Annotated[int, "judging.passed_over"]
     """Events judged, and not learned from since more came than can be."""
-    commands: int
+    commands: Annotated[int, "energizing.commands"]
     """Energizings of the injector; 0, as the next, where that is no input."""
     missing_injections: int
     uncommanded_injections: int
@@ -158,33 +158,12 @@ class Counters:
         return Counters(**{name: count - getattr(earlier, name) for name, count in vars(self).items()})
 
 
-def counted(pipeline: Pipeline, energizing: EnergizingFigures | None, judging: Judging) -> Counters:
+_SOURCES = {
+    name: hint.__metadata__[0] if hasattr(hint, "__metadata__") else rows_of(StatusValues)[name].source
+    for name, hint in get_type_hints(Counters, include_extras=True).items()
+}
+
+
+def counted(parts: Mapping[str, Any]) -> Counters:
     """What all parts have counted."""
-    receiver = pipeline.receiver[0]
-    alignment = pipeline.alignment.memory[0]
-    memory = pipeline.observer.memory[0]
-    positions, outliers = memory["positions"], memory["outliers"]
-    return Counters(
-        samples=int(positions["processed"]),
-        lost_samples=int(alignment["lost"]),
-        interpolated_samples=int(positions["interpolated"]),
-        spikes=int(outliers["spikes"]),
-        bridged_samples=int(outliers["bridged"]),
-        **{
-            name: int(receiver[name]) for name in ("frames", "crc_errors", "length_errors", "sequence_errors")
-        },
-        refused_frames=int(pipeline.supervised["refused"].sum()),
-        repeated_frames=int(alignment["repeated"]),
-        old_frames=int(alignment["old"]),
-        restarts=int(alignment["restarts"]),
-        jumps=int(alignment["jumps"]),
-        events=int(memory["judgement"]["events_judged"]),
-        injections=int(memory["counts"]["injections_reported"]),
-        adoptions=judging.adoptions,
-        rejected_adoptions=judging.rejected,
-        late_adoptions=judging.late,
-        passed_over=judging.passed_over,
-        commands=energizing.commands if energizing else 0,
-        missing_injections=energizing.missing if energizing else 0,
-        uncommanded_injections=energizing.uncommanded if energizing else 0,
-    )
+    return Counters(**{name: value_of(source, parts) or 0 for name, source in _SOURCES.items()})

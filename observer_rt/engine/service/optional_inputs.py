@@ -7,8 +7,9 @@ from collections.abc import Callable
 import numpy as np
 
 from observer_rt.bus.mapping.bus_map import BusMap
-from observer_rt.bus.mapping.input_tables import ENERGIZING
+from observer_rt.bus.mapping.input_tables import ENERGIZING, OPTIONAL_ROLES
 from observer_rt.config.bench import BenchInjector
+from observer_rt.config.signals import OptionalRole
 from observer_rt.core.frames.frames import READINGS
 from observer_rt.engine.reports.injection_report import CommandedOpening, InjectionReport
 from observer_rt.engine.reports.news import Listener, MeasuredMass
@@ -41,6 +42,7 @@ class OptionalInputs:
         self._heard = compiled.pipeline.heard
         self._memory = self._heard.memory[0]
         self._masses = _MassComparison(tell)
+        self._takers = {OptionalRole.MEASURED_MASS: self._masses.take}  # of readings that wait
         self._watch = EnergizingWatch(bus.energizing, compiled, tell) if bus.energizing else None
         self._look_on()
 
@@ -56,7 +58,7 @@ class OptionalInputs:
                 came = values[: row["signal_count"]].copy()
                 self._watch.take(came, int(reading["stamp"]), follows, int(reading["processed"]))
             else:
-                self._masses.take(float(values[0]), int(reading["closed"]))
+                self._takers[OPTIONAL_ROLES[row["role"]]](float(values[0]), int(reading["closed"]))
         self._memory["read"] = end
 
     def look(self) -> None:

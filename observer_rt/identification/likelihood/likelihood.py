@@ -4,16 +4,12 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.learning.predictor import follow
 from observer_rt.engine.estimation.gain import GainSchedule, gain_schedule
 from observer_rt.engine.estimation.phases import PhaseStatistics, no_statistics, phase_statistics
-from observer_rt.engine.estimation.predictor import NO_SLOPES, Setting
-from observer_rt.engine.estimation.scalars import Learned, nothing_learned
 from observer_rt.engine.stream.front_end import noise_gain
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MM3_PER_MS
@@ -23,14 +19,15 @@ from observer_rt.identification.likelihood.lift_noise import LiftNoise
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.open_loop import SPARE_SUBSTEPS
 from observer_rt.identification.likelihood.windows import (
-    Batch,
     Rows,
     TrueInputs,
     batch_of,
+    followed,
     latest,
     phases,
     rail_on_time,
     rate_as_recorded,
+    setting_of,
     smoothing_of,
 )
 from observer_rt.model.baseline import HealthyShape
@@ -41,20 +38,6 @@ from observer_rt.model.stability import MAX_SUBSTEPS, in_stable_cells, substeps_
 
 GAIN_ERROR = 0.005  # standard deviation of a measured rate's gain, once a recording
 _MOST_GAINS = 4096  # kept: those round a few candidates
-
-
-def predict(
-    batch: Batch,
-    setting: Setting,
-    learned: Learned,
-    innovation: NDArray[np.float64],
-    rate: NDArray[np.float64],
-) -> None:
-    """Innovations (n,), normalised, and injection rate [m3/s] (n,) of x~ over all windows of a recording."""
-    for i, (first, end) in enumerate(pairwise(batch.bounds)):
-        of_window = slice(first, end)
-        window = batch.window(i)
-        follow(window, setting, learned, end - first, innovation[of_window], rate[of_window], None, NO_SLOPES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,16 +146,10 @@ class RecordingLikelihood:
         self, model: EffectiveModel, inputs: TrueInputs, late: int, schedule: GainSchedule
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Innovations and rate of all rows, the line pressure recorded `late` whole samples late."""
-        c, sensor, interval = self.measurement.coefficients_of(model), model.sensor, self.measurement.interval
-        batch = batch_of(self.measurement, self._rows, inputs, late, sensor.offset, c)
-        share = sensor.delay / interval - late
-        offset = sensor.offset / c.pressure_scale
-        gain = schedule.gains[-1].copy()
-        setting = Setting(
-            interval, self._substeps_of(model), c, gain, share, sensor.lag, offset, model.program
-        )
-        innovation, rate = np.empty(batch.output.size), np.empty(batch.output.size)
-        predict(batch, setting, nothing_learned(c), innovation, rate)
+        c = self.measurement.coefficients_of(model)
+        batch = batch_of(self.measurement, self._rows, inputs, late, model.sensor.offset, c)
+        setting = setting_of(self.measurement, model, late, self._substeps_of(model), schedule.gains[-1])
+        innovation, rate = followed(batch, setting)
         return innovation, rate_as_recorded(self.measurement, rate)
 
     def _with_lift_lag(self, measurement: Measurement, lag: float) -> NDArray[np.float64]:

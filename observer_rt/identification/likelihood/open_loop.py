@@ -6,17 +6,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.learning.predictor import follow
 from observer_rt.engine.estimation.gain import gain_schedule
-from observer_rt.engine.estimation.predictor import NO_SLOPES, Setting
-from observer_rt.engine.estimation.scalars import nothing_learned
 from observer_rt.identification.likelihood.measurement import JudgedEvent, Measurement
 from observer_rt.identification.likelihood.windows import (
     Rows,
     TrueInputs,
     batch_of,
+    followed,
     in_mass_window,
     rate_as_recorded,
+    setting_of,
     smoothing_of,
 )
 from observer_rt.model.effective import EffectiveModel
@@ -61,28 +60,16 @@ def simulated(measurement: Measurement, model: EffectiveModel) -> tuple[Simulate
         c, measurement.noise, sample_rate, sensor.lag, share, rail_smoothing=smoothing_of(interval)
     ).gains
     substeps = substeps_needed(model.injector, sample_rate, model.departures) + SPARE_SUBSTEPS
-    offset = sensor.offset / c.pressure_scale
-    setting = Setting(interval, substeps, c, gains[-1].copy(), share, sensor.lag, offset, model.program)
-    learned = nothing_learned(c)
+    setting = setting_of(measurement, model, late, substeps, gains[-1])
+    errors, rate = followed(batch, setting, until_opening=True)
+    pressure = (batch.output - errors) * c.pressure_scale + c.chamber_pressure
     result = []
     for number, event in enumerate(measurement.events):
-        window = batch.window(number)
-        size = window.output.size
-        errors, rate = np.empty(size), np.empty(size)
-        follow(window, setting, learned, window.opening, errors, rate, None, NO_SLOPES)
-        rate = rate_as_recorded(measurement, rate)
-        shown = window.output - errors
+        window = slice(*batch.bounds[number : number + 2])
         first = event.openings[0].first - event.start
-        samples = rows.samples[batch.bounds[number] : batch.bounds[number + 1]][first:]
-        result.append(
-            Simulated(
-                event,
-                samples,
-                shown[first:] * c.pressure_scale + c.chamber_pressure,
-                samples - late,
-                rate[first:],
-            )
-        )
+        samples = rows.samples[window][first:]
+        recorded = rate_as_recorded(measurement, rate[window])[first:]
+        result.append(Simulated(event, samples, pressure[window][first:], samples - late, recorded))
     return tuple(result)
 
 

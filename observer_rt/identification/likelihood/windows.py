@@ -9,6 +9,7 @@ better. So the rail pressure is smoothed first, by one kernel whatever its delay
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -16,10 +17,12 @@ from numpy.typing import NDArray
 
 from observer_rt.core.identification.areas import fill_areas
 from observer_rt.core.learning.phases import phases_of
+from observer_rt.core.learning.predictor import follow
 from observer_rt.core.model.model import rest_state
 from observer_rt.core.stream.stream import dead_band
 from observer_rt.engine.estimation.phases import AFTERGLOW, EDGE
-from observer_rt.engine.estimation.predictor import Window
+from observer_rt.engine.estimation.predictor import NO_SLOPES, Setting, Window
+from observer_rt.engine.estimation.scalars import nothing_learned
 from observer_rt.identification.likelihood.measurement import (
     MARGIN,
     RESTING,
@@ -29,7 +32,7 @@ from observer_rt.identification.likelihood.measurement import (
     shut_mask,
 )
 from observer_rt.identification.likelihood.openings import Opening, openings_without_lag, without_lag
-from observer_rt.model.effective import Coefficients, InputTerms
+from observer_rt.model.effective import Coefficients, EffectiveModel, InputTerms
 from observer_rt.model.forcing import Clock
 
 WIDTH = 50e-6  # s, of the kernel: it leaves what a rail does up to some 3 kHz
@@ -255,6 +258,31 @@ def batch_of(
         inputs.knots[source] if inputs.knots.size else inputs.knots,
         clocks,
     )
+
+
+def setting_of(
+    measurement: Measurement, model: EffectiveModel, late: int, substeps: int, gain: NDArray[np.float64]
+) -> Setting:
+    """How a model follows the windows when the line pressure is recorded `late` whole samples late."""
+    c, sensor = measurement.coefficients_of(model), model.sensor
+    share, offset = sensor.delay / measurement.interval - late, sensor.offset / c.pressure_scale
+    return Setting(measurement.interval, substeps, c, gain.copy(), share, sensor.lag, offset, model.program)
+
+
+def followed(
+    batch: Batch, setting: Setting, until_opening: bool = False
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Innovations (n,), normalised, and injection rate [m3/s] (n,) of x~ over all windows of a recording.
+
+    until_opening: of x^, which runs open loop from the opening of its window on.
+    """
+    learned = nothing_learned(setting.coefficients)
+    innovation, rate = np.empty((2, batch.output.size))
+    for number, (first, end) in enumerate(pairwise(batch.bounds)):
+        window, part = batch.window(number), slice(first, end)
+        corrected = window.opening if until_opening else end - first
+        follow(window, setting, learned, corrected, innovation[part], rate[part], None, NO_SLOPES)
+    return innovation, rate
 
 
 def rate_as_recorded(measurement: Measurement, rate: NDArray[np.float64]) -> NDArray[np.float64]:

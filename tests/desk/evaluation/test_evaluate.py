@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from observer_rt.config.bench import EXAMPLE_BENCH, load_bench, load_injector
+from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench, load_injector
 from observer_rt.desk.evaluation.evaluate import Evaluation, History, evaluate, evaluate_stream
 from observer_rt.desk.simulation.schedule import Shot, make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, Simulation, simulate
@@ -255,3 +255,12 @@ def test_a_line_pressure_clipped_at_rest_is_never_valid_and_wrong(seed: int) -> 
         window = slice(report.start_index, report.end_index + 1)
         truth = np.sum(made.truth.injection_rate[window]) / 100e3 * C.density
         assert report.mass == pytest.approx(truth, rel=0.02)
+
+
+@pytest.mark.parametrize("law", ["-20[1/s] * time", "-0.21 * (injection_number - 1)"])
+def test_the_nominal_model_counts_as_the_observer_does(law: str, tmp_path: Path) -> None:
+    file = tmp_path / "injector.toml"
+    stated = f'\n[[terms]]\nequation = "nozzle_flow"\nlaw = "{law}"\n'
+    file.write_text(NOMINAL_INJECTOR.read_text("utf-8") + stated, "utf-8")
+    (found,) = evaluate(load_bench(model=file), [worn().recording], learning=False).evaluations
+    np.testing.assert_array_equal(found.trace.nominal_rate, found.trace.injection_rate)

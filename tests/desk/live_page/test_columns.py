@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import pytest
 
-from observer_rt.bus.mapping.output_messages import SummaryValues
+from observer_rt.bus.mapping.output_signals import SummaryValues
 from observer_rt.desk.live_page.injector import HISTORY, Seen
 from observer_rt.desk.live_page.page.columns import DETAILS, Columns, mass_columns, rate_columns, wear_columns
 from observer_rt.desk.live_page.samples import SampleCurves, SeenInjection

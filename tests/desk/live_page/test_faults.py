@@ -6,7 +6,7 @@ import pytest
 
 from observer_rt.bus.links.link import BusFrame, Frame
 from observer_rt.bus.mapping.bus_map import map_bus
-from observer_rt.bus.mapping.output_messages import StatusValues
+from observer_rt.bus.mapping.output_signals import StatusValues
 from observer_rt.config.bench import load_bench
 from observer_rt.desk.live_page.injector import Fault, Seen, WatchedInjector
 from observer_rt.engine.service.messages import FrameWriter, OutputFrame

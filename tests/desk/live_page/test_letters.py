@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from observer_rt.bus.mapping.output_messages import StatusValues, SummaryValues
+from observer_rt.bus.mapping.output_signals import StatusValues, SummaryValues
 from observer_rt.desk.live_page.injector import HISTORY, Fault, Seen
 from observer_rt.desk.live_page.page.letters import banner_html, numbers_html
 from observer_rt.desk.live_page.samples import SeenInjection

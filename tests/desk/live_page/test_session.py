@@ -10,7 +10,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from observer_rt.bus.mapping.output_messages import SummaryValues
+from observer_rt.bus.mapping.output_signals import SummaryValues
 from observer_rt.config.bench import load_bench
 from observer_rt.desk.live_page.page.session import Session, packed, pressed, save_injection
 from observer_rt.desk.live_page.samples import SampleCurves, SeenInjection

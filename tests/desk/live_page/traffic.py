@@ -35,7 +35,8 @@ class Observed:
         if frame.stamp_ns >= self._due:
             self._due = frame.stamp_ns + STATUS_EVERY
             state, reason = self._core.state
-            values = status_values(self._core, state, reason, self._outputs.injector_id, (0, 0))
+            others = {"injector_id": self._outputs.injector_id}
+            values = status_values(self._core, state, reason, others)
             sent = sent + self._status.write(values)
         return sent
 

@@ -1,0 +1,69 @@
+"""Output signals: what their table says is in the databases and in the frames. A new one is a row."""
+
+from typing import Annotated, Any, NamedTuple, get_type_hints
+
+import cantools.database
+import numpy as np
+import pytest
+
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.bus.mapping.output_messages import output_message
+from observer_rt.bus.mapping.output_signals import (
+    OutputSignal,
+    SentQuantity,
+    StatusValues,
+    SummaryValues,
+    rows_of,
+    signals_of,
+)
+from observer_rt.config.bench import load_bench
+from observer_rt.engine.service.core import Core
+from observer_rt.engine.service.messages import FrameWriter, value_of, values_of
+from tools.lib.word_tables import DATABASES, database_with_signals
+
+LENGTH = SentQuantity(0.1, -5.0, "um", 1e-6)
+MAKE: Any = NamedTuple
+MORE = MAKE(
+    "MORE",
+    [
+        *get_type_hints(SummaryValues, include_extras=True).items(),
+        (
+            "needle_bounces",
+            Annotated[int, OutputSignal("counts.bounces", 8, 352, 7, 16, says="Of the needle.")],
+        ),
+        ("bounce_height", Annotated[float, OutputSignal("report.bounce", 16, 360, 7, 24, LENGTH)]),
+    ],
+)
+
+
+@pytest.mark.parametrize("path", DATABASES, ids=lambda path: path.stem)
+def test_a_row_adds_a_signal_and_a_counter(path: Any) -> None:
+    text = database_with_signals(path.read_text("utf-8"), {513: MORE})
+    assert database_with_signals(text, {513: MORE}) == text
+    message = cantools.database.load_string(text, "dbc").get_message_by_name("InjectionSummary")
+    assert message.get_signal_by_name("NeedleBounces").comment == "Of the needle."
+    parts = {"counts": np.array((7,), [("bounces", np.int64)])[()], "report": {"bounce": 2e-6, "mass": 40e-6}}
+    sent: dict[str, Any] = {}
+    for frame in FrameWriter(output_message(message, signals_of(MORE))).write(values_of(MORE, parts)):
+        sent |= message.decode(frame.payload, decode_choices=False)
+    assert sent["NeedleBounces"] == 7
+    assert sent["BounceHeight"] == pytest.approx(2.0)
+    assert sent["Mass"] == pytest.approx(40.0)
+    assert sent["Volume"] == pytest.approx(-50.0 + 0.01 * 0xFFFF)  # there is none
+
+
+@pytest.mark.parametrize("path", DATABASES, ids=lambda path: path.stem)
+def test_a_row_that_goes_takes_its_lines_along(path: Any) -> None:
+    text = path.read_text("utf-8")
+    more = database_with_signals(text, {513: MORE})
+    assert more != text
+    assert database_with_signals(more) == text
+
+
+def test_the_core_has_what_the_status_sends() -> None:
+    bench = load_bench()
+    parts = Core(bench.injector, map_bus(bench)).parts
+    sources = [row.source for row in rows_of(StatusValues).values() if row.source.split(".")[0] in parts]
+    assert len(sources) > 15
+    for source in sources:
+        assert (value_of(source, parts) is None) == source.startswith("energizing.")

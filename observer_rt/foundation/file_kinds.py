@@ -24,7 +24,7 @@ def _kind(name: str, beginning: bytes) -> FileKind:
 LEARNED_STATE = _kind(
     "a learned state",
     rb'\A\s*\{\s*"version":\s*\d|"package_version":\s*"[^"]*",\s*"model_sha256":'
-    rb'|\A\{("v?e?r?s?i?o?n?"?:?\s*)?\Z',  # cut off at once
+    rb'|\A\s*\{\s*("v?e?r?s?i?o?n?"?:?\s*)?\Z',  # cut off at once
 )
 JOURNAL = _kind("a journal of injections", rb"\ASQLite format 3\0")
 SERVICE_LOG = _kind("a log of `observer-rt run`", rb"^\d{4}-\d\d-\d\dT[\d:.]+[+-]\d\d:\d\d [A-Z]+ [a-z]+: ")

@@ -248,19 +248,16 @@ def _opened(path: Path) -> Iterator[Any]:
         raise UserError(str(path), f"a damaged Parquet file: {error}", READABLE) from None
 
 
-_I32, _CHECKSUM = (
-    5,
-    4,
-)  # of Thrift's compact protocol: type of a field; number of the checksum's in a page header
+_FIRST_PAGE = 4  # bytes: the magic number
+_I32, _CHECKSUM = 5, 4  # of Thrift's compact protocol: type of a field; number of the checksum's in a page header
 
 
 def _has_page_checksums(path: Path, metadata: Any) -> bool:
     """Whether the first page of a Parquet file has one, or there is no page."""
     if not metadata.num_row_groups or not metadata.num_columns:
         return True
-    column = metadata.row_group(0).column(0)
     with path.open("rb") as file:
-        file.seek(column.dictionary_page_offset or column.data_page_offset)
+        file.seek(_FIRST_PAGE)  # not where metadata say: pyarrow ends the process over the damaged ones of a column
         header = iter(file.read(64))
     field = 0
     for begin in header:  # the fields in order: type, two sizes, the checksum if there is one

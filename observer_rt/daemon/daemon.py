@@ -11,6 +11,7 @@ from observer_rt.bus.links.receiver import BusDownError
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench import Bench
 from observer_rt.config.signals import Role
+from observer_rt.daemon.bus_connection import RETRY, Port
 from observer_rt.daemon.input_monitoring.input_watch import PERIOD as LOOK_PERIOD
 from observer_rt.daemon.input_monitoring.input_watch import (
     InputWatch,
@@ -18,8 +19,8 @@ from observer_rt.daemon.input_monitoring.input_watch import (
     RestartWatch,
     StateWatch,
 )
+from observer_rt.daemon.link_opening import buses_of
 from observer_rt.daemon.persistence.state_file import model_hash
-from observer_rt.daemon.port import RETRY, Port, buses_of
 from observer_rt.daemon.pump.latency import Latency
 from observer_rt.daemon.pump.pump import FramePump
 from observer_rt.daemon.rights import take_time, touch

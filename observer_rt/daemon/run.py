@@ -22,11 +22,11 @@ from observer_rt.config.bench import Bench, changes, content_of
 from observer_rt.config.bench_file import NAME_PLACE
 from observer_rt.daemon.daemon import Daemon
 from observer_rt.daemon.event_logger import Deduplicator, EventLogger
+from observer_rt.daemon.link_opening import LinkOpening, StoppedError, buses_of, shared_buses
 from observer_rt.daemon.log import ServiceLog, Voice
 from observer_rt.daemon.notify import Notifier
 from observer_rt.daemon.persistence.keeper import Keeper, keeper_of, kept_files
 from observer_rt.daemon.persistence.state_file import model_hash, restored_knowledge
-from observer_rt.daemon.port import LinkOpening, StoppedError, buses_of, shared_buses
 from observer_rt.daemon.rights import (
     REMEDY,
     Processors,

@@ -31,10 +31,11 @@ from observer_rt.engine.learning.disturbances.masks import End, EventEnds, Outli
 from observer_rt.engine.learning.disturbances.pressure_gains import PressureGains
 from observer_rt.engine.learning.fallback import Freezer, Mistrust
 from observer_rt.engine.learning.indicators import Estimate
-from observer_rt.engine.learning.interval import EventPoint
 from observer_rt.engine.learning.knowledge import Knowledge
-from observer_rt.engine.learning.lateness import LiftLagSearch, SlowedSensor, no_doubt
+from observer_rt.engine.learning.learned_range import EventPoint
+from observer_rt.engine.learning.lift_lag import LiftLagSearch
 from observer_rt.engine.learning.overdispersion import Overdispersion
+from observer_rt.engine.learning.pressure_lag import SlowedSensor, no_doubt
 from observer_rt.engine.learning.state import Checkpoint, Learned, LearningState
 from observer_rt.engine.learning.trend import RecentScores, Trend
 from observer_rt.engine.reports.injection_report import CommandedOpening, InjectionReport

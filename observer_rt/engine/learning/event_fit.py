@@ -1,6 +1,6 @@
-"""One event explained: fitted without its outliers, in the colour of the noise and at its levels.
+"""Fit of one event: without its outliers, in the colour of the noise and at its levels.
 
-Fitted from what is believed of it; after a sudden change, where that is much better, from nothing.
+It starts from the belief before the event; after a sudden change, where that is much better, from nothing.
 """
 
 from dataclasses import dataclass, replace

@@ -46,6 +46,19 @@ def theta_limits(pressure_scale: float, scalars: Scalars = SCALARS) -> Limits:
     return Limits(*scalars.bounds(pressure_scale), scalars.longest_step(pressure_scale))
 
 
+def freed(
+    direction: NDArray[np.float64], slopes: NDArray[np.float64], prior: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Rest of a direction (k,) of the innovations that theta cannot undo, and the change of theta (m,) that does most.
+
+    slopes: (k, m) by theta; prior: standard deviations (m,) of theta. Raises
+    numpy.linalg.LinAlgError when singular.
+    """
+    information = slopes.T @ slopes + np.diag(prior**-2)
+    change = -np.linalg.solve(information, slopes.T @ direction)
+    return direction + slopes @ change, change
+
+
 @dataclass(frozen=True)
 class EventFit:
     """One event fitted: the active columns, the cost round the estimate, its prior.

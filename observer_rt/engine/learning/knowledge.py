@@ -11,7 +11,8 @@ from observer_rt.engine.estimation.gain import GainSchedule, NoiseLevels
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import SCALARS, Scalars, Theta
 from observer_rt.engine.learning.adequacy import Objection
-from observer_rt.engine.learning.interval import EVERYWHERE, KnownFlow, Resimulated
+from observer_rt.engine.learning.interval import Resimulated
+from observer_rt.engine.learning.learned_range import EVERYWHERE, KnownFlow
 from observer_rt.engine.learning.state import LearningState, no_state
 from observer_rt.engine.stream.phi import Phi, StructuredPhi
 from observer_rt.engine.stream.standstill import RestingLift, Standstill

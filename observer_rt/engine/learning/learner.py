@@ -24,21 +24,22 @@ from observer_rt.engine.learning.adequacy import (
 )
 from observer_rt.engine.learning.disturbances.colour import offset_between
 from observer_rt.engine.learning.disturbances.noise_levels import Sigmas, median
-from observer_rt.engine.learning.explained import Believed, EventReader, Explained, temper_in
+from observer_rt.engine.learning.event_fit import Believed, EventReader, Explained, temper_in
 from observer_rt.engine.learning.fallback import UNEXPLAINED, Rehearsed, best_explaining, is_better
 from observer_rt.engine.learning.forgetting import Cause
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.engine.learning.indicators import nozzle_change
-from observer_rt.engine.learning.interval import (
+from observer_rt.engine.learning.interval import resimulated
+from observer_rt.engine.learning.knowledge import Adoption, Knowledge, Outcome
+from observer_rt.engine.learning.learned_range import (
     UNSEEN,
+    extrapolation_sigma,
     known_flow,
     operating_point,
     remembered,
-    resimulated,
-    unfamiliarity,
 )
-from observer_rt.engine.learning.knowledge import Adoption, Knowledge, Outcome
-from observer_rt.engine.learning.lateness import LiftLag, lag_score, lateness_of, lift_lag_of
+from observer_rt.engine.learning.lift_lag import LiftLag, lift_lag_of
+from observer_rt.engine.learning.pressure_lag import lag_score, lateness_of
 from observer_rt.engine.learning.state import Learned, LearningState, no_state
 from observer_rt.engine.stream.phi import StructuredPhi
 from observer_rt.engine.stream.standstill import Standstill
@@ -290,7 +291,9 @@ def _outcome_read(read: _Read, event: Event, given: Given) -> Outcome:
     now = gated.carried(theta) + more
     again = resimulated(found.window, setting, state.noise, theta, now, carried + more, reader.scalars)
     systematic = math.hypot(
-        reader.healthy.mass_share, UNSEEN * unfamiliarity(point, state.learned_at), state.gains.flow_share
+        reader.healthy.mass_share,
+        UNSEEN * extrapolation_sigma(point, state.learned_at),
+        state.gains.flow_share,
     )
     state = replace(
         state,

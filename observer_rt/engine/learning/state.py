@@ -22,10 +22,11 @@ from observer_rt.engine.learning.disturbances.masks import OutlierSearch
 from observer_rt.engine.learning.disturbances.pressure_gains import PressureGains
 from observer_rt.engine.learning.fallback import Freezer, Mistrust, Rehearsed
 from observer_rt.engine.learning.healthy import SAME_RATE
-from observer_rt.engine.learning.interval import EventPoint
-from observer_rt.engine.learning.lateness import LagDoubt, LiftLagSearch, SlowedSensor, no_doubt
+from observer_rt.engine.learning.learned_range import EventPoint
+from observer_rt.engine.learning.lift_lag import LiftLagSearch
 from observer_rt.engine.learning.memory import NOT_KEPT, Count
 from observer_rt.engine.learning.overdispersion import Overdispersion, of_healthy
+from observer_rt.engine.learning.pressure_lag import LagDoubt, SlowedSensor, no_doubt
 from observer_rt.engine.learning.trend import Trend
 from observer_rt.engine.stream.standstill import Standstill
 

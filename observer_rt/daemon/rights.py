@@ -21,6 +21,7 @@ _PR_SET_TIMERSLACK = 29
 _CAP_IPC_LOCK = 1 << 14
 _ISOLATED = Path("/sys/devices/system/cpu/isolated")
 _T = TypeVar("_T")
+REMEDY = "name others; `cat /sys/fs/cgroup/cpuset.cpus.effective` shows which there are"
 
 
 @dataclass(frozen=True)
@@ -140,9 +141,6 @@ class Processors:
         if not self.refused:
             return ""
         return f"CPU {_listed(self.refused)} of realtime.cpus cannot be used: not there, or kept from this process"
-
-
-REMEDY = "name others; `cat /sys/fs/cgroup/cpuset.cpus.effective` shows which there are"
 
 
 def processors(asked: Sequence[int] | None, loops: int) -> Processors:

@@ -21,6 +21,18 @@ from observer_rt.engine.words import REASONS
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
 from observer_rt.model.effective import Coefficients
 
+LOWEST = 6  # lines of a plot
+SIDE_BY_SIDE = 130  # columns
+STACKED = 20  # lines, from which there is room for two plots
+_BAND, _ESTIMATE, _MEASURED = "gray", "green+", "cyan"
+_REFERENCES = ("orange", "magenta")
+_STYLES = {"gray": "dim", "green+": "bright_green", "cyan": "cyan", "orange": "yellow", "magenta": "magenta"}
+
+WITH_WORDS = 110  # columns, from which all columns have room, and reasons are put into words
+HEADING = 2  # lines
+_FIRST = [NAMED[name] for name in ("number", "rail_pressure_MPa", "mass_mg", "mass_bound_mg")]
+_COMMAND = [NAMED["command"], NAMED["opening_delay_us"]]
+
 
 @dataclass(frozen=True)
 class ComparedRate:
@@ -62,14 +74,6 @@ class NominalInjection:
         rate = follower.along(rows)
         mass = float(np.trapezoid(rate)) * self._constants.interval * report.density
         return [ComparedRate("nominal", rate, mass)]
-
-
-LOWEST = 6  # lines of a plot
-SIDE_BY_SIDE = 130  # columns
-STACKED = 20  # lines, from which there is room for two plots
-_BAND, _ESTIMATE, _MEASURED = "gray", "green+", "cyan"
-_REFERENCES = ("orange", "magenta")
-_STYLES = {"gray": "dim", "green+": "bright_green", "cyan": "cyan", "orange": "yellow", "magenta": "magenta"}
 
 
 class _CurveLine(NamedTuple):
@@ -136,12 +140,6 @@ def _plot(
         if line.name:
             heading.append(f"  {line.name}", _STYLES[line.colour])
     return Group(heading, Text.from_ansi(str(plotext.build()).rstrip("\n")))
-
-
-WITH_WORDS = 110  # columns, from which all columns have room, and reasons are put into words
-HEADING = 2  # lines
-_FIRST = [NAMED[name] for name in ("number", "rail_pressure_MPa", "mass_mg", "mass_bound_mg")]
-_COMMAND = [NAMED["command"], NAMED["opening_delay_us"]]
 
 
 def injections(shown: Sequence[ShownInjection], width: int, c: Coefficients) -> Table:

@@ -44,6 +44,10 @@ TABLE_SHARE = 0.3  # of the lines that curves and table have
 NOISE_EVERY = 5_000_000_000  # ns between two looks at the spectrum of the noise
 FEW_LINES = 30  # of a terminal, below which inputs that are well share a line
 PAUSE = 10 * MILLISECOND  # lateness that is none of a bus
+FRAMES_PER_SECOND = 8
+TURN = 5_000_000_000  # ns, for which one injector is shown
+_HEADINGS = ("injector", "state", "reason", "no", "mass mg", "± 95 %", "nozzle flow", "valid?")
+_BORDER = 2  # lines: the headings, and one to spare
 
 
 class View:
@@ -222,12 +226,6 @@ def _figures(daemon: Daemon) -> list[Text]:
         text = f" {daemon.failed_writes} failed writes of learned state, journal or log, which says why"
         lines.append(_line(text, "bold red"))
     return lines
-
-
-FRAMES_PER_SECOND = 8
-TURN = 5_000_000_000  # ns, for which one injector is shown
-_HEADINGS = ("injector", "state", "reason", "no", "mass mg", "± 95 %", "nozzle flow", "valid?")
-_BORDER = 2  # lines: the headings, and one to spare
 
 
 class Overview:

@@ -18,6 +18,28 @@ from observer_rt.model.baseline import Baseline
 if TYPE_CHECKING:
     from pathlib import Path
 
+PRESSURES = (5 * MEGAPASCAL, 400 * MEGAPASCAL)  # Pa, highest of a common-rail system that injects
+LARGEST_LIFT = 2 * MILLIMETRE
+DIPS = 2 * MEGAPASCAL  # by which a line pressure moves more than the rail's where a needle opens
+PERFORATED = 0.01  # gaps a sample, from which on what is put in their place is no measurement
+BEYOND = 2.0  # times a fitted range of rail pressures
+OPEN = 20 * MICROMETRE  # lift of an injection, above any noise
+SMALLEST_LIFT = 5 * MICROMETRE
+SHAPE = 20.0  # highest value beside the mean step from sample to sample, beyond which it is no noise
+SAME = 0.2  # relative, within which a ratio of pressures is a ratio of units
+FURTHER = 0.03  # of the mean, by which a rail pressure does not go beyond the line's at both ends
+RESTS_OPEN = 0.7  # share of the highest lift, above which a needle is open most of the time
+_PRESSURE_FACTORS = (
+    (1e-6, "Pa"),
+    (1e-3, "kPa"),
+    (0.1, "bar"),
+    (0.00689476, "psi"),
+    (10.0, "MPa, read as bar"),
+    (1e3, "MPa, read as kPa"),
+    (1e6, "MPa, read as Pa"),
+)  # what the values are to be multiplied by, if they are in a unit although MPa was stated
+_LIFT_FACTORS = ((1e-3, "um"), (1e-6, "nm"), (1e3, "mm, read as um, or m, read as mm"))
+
 
 @dataclass
 class SignalSurvey:
@@ -115,29 +137,6 @@ def _count_rises(
     low, high = before[rises, None], values[rises, None]
     counts += np.count_nonzero((low <= levels) & (levels < high), axis=0)
     return float(values[-1]) if values.size else last
-
-
-PRESSURES = (5 * MEGAPASCAL, 400 * MEGAPASCAL)  # Pa, highest of a common-rail system that injects
-LARGEST_LIFT = 2 * MILLIMETRE
-DIPS = 2 * MEGAPASCAL  # by which a line pressure moves more than the rail's where a needle opens
-PERFORATED = 0.01  # gaps a sample, from which on what is put in their place is no measurement
-BEYOND = 2.0  # times a fitted range of rail pressures
-OPEN = 20 * MICROMETRE  # lift of an injection, above any noise
-SMALLEST_LIFT = 5 * MICROMETRE
-SHAPE = 20.0  # highest value beside the mean step from sample to sample, beyond which it is no noise
-SAME = 0.2  # relative, within which a ratio of pressures is a ratio of units
-FURTHER = 0.03  # of the mean, by which a rail pressure does not go beyond the line's at both ends
-RESTS_OPEN = 0.7  # share of the highest lift, above which a needle is open most of the time
-_PRESSURE_FACTORS = (
-    (1e-6, "Pa"),
-    (1e-3, "kPa"),
-    (0.1, "bar"),
-    (0.00689476, "psi"),
-    (10.0, "MPa, read as bar"),
-    (1e3, "MPa, read as kPa"),
-    (1e6, "MPa, read as Pa"),
-)  # what the values are to be multiplied by, if they are in a unit although MPa was said
-_LIFT_FACTORS = ((1e-3, "um"), (1e-6, "nm"), (1e3, "mm, read as um, or m, read as mm"))
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from observer_rt.config.signals import Role
 
 SECOND = 1e9  # ns
 STALE = 0.5  # s without a frame of a message that carries samples
+CONTESTED = 2.0  # s after a frame of another sender: it may send seldom
 
 
 @dataclass(frozen=True)
@@ -120,9 +121,6 @@ class Arrivals:
             f"{text}: {'no frame yet' if math.isnan(age) else f'last frame {age_text(age)}'}"
             for text, age in ages
         )
-
-
-CONTESTED = 2.0  # s after a frame of another sender: it may send seldom
 
 
 def age_text(age: float) -> str:

@@ -28,6 +28,16 @@ HUNG = 5.0  # s, of learning from one event
 LOOKS = 10  # whose values are judged together
 IN_A_ROW = 2  # times that the same is found, before it is reported
 SWAPPED = "swapped"  # what is wrong with two signals together
+REMEDY = "stop the other daemon or replay; two on one bus need messages of their own in [outputs]"
+REPORTED_EVERY = 30.0  # s between two reports of the same
+PERIOD = 100_000_000  # ns between two looks
+MOST_SAMPLES = 1024  # of a look, which the loop waits for
+
+# s that a state must last to be reported: a source that sends windows changes it at each of them.
+LASTING = 1.0
+_ABOUT_INPUTS = (Reason.INPUT_TIMEOUT, Reason.INPUT_STALE, Reason.STARTING)
+_Standing = tuple[State, tuple[Reason, ...], tuple[str, ...]]
+MOST_NOTES = 20
 
 
 class UnitWatch:
@@ -93,10 +103,6 @@ class UnitWatch:
             survey.count += values.size
 
 
-REMEDY = "stop the other daemon or replay; two on one bus need messages of their own in [outputs]"
-REPORTED_EVERY = 30.0  # s between two reports of the same
-
-
 class SenderWatch:
     """Tells of another sender when it is first heard, and again from time to time while it goes on."""
 
@@ -146,10 +152,6 @@ class ProtectionWatch:
                 yield Notice(
                     Topic.INPUT, f"{source.text}: its end-to-end protection is VALID again", is_over=True
                 )
-
-
-PERIOD = 100_000_000  # ns between two looks
-MOST_SAMPLES = 1024  # of a look, which the loop waits for
 
 
 class InputWatch:
@@ -273,15 +275,6 @@ class LiftWatch:
         return news
 
 
-LASTING = (
-    1.0  # s that a state must last to be reported: a source that sends windows changes it at each of them
-)
-_ABOUT_INPUTS = (Reason.INPUT_TIMEOUT, Reason.INPUT_STALE, Reason.STARTING)
-
-
-_Standing = tuple[State, tuple[Reason, ...], tuple[str, ...]]
-
-
 class StateWatch:
     """Tells what state the service is in, with the ages of the inputs where these are the reason."""
 
@@ -308,9 +301,6 @@ class StateWatch:
         if not is_good(what) and any(reason in _ABOUT_INPUTS for reason in why):
             text += f"; {self._arrivals.as_text(now)}"
         return [Notice(Topic.STATE, text, is_good(what))]
-
-
-MOST_NOTES = 20
 
 
 class LogWatch:

@@ -19,6 +19,14 @@ from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 
 REPORTED_AFTER = 2.0  # s without a frame, or with useless ones only, after which it is reported
 _USELESS = 10  # frames
+LOOKS = 5  # in a row that find the same, before it is reported
+RAIL_LOOKS = 30  # of a rail pressure that does not change: it may be steady and coarse
+LIFT_MOVED = 50 * MICROMETRE  # in which there is an injection
+PRESSURE_MOVED = 5 * MEGAPASCAL  # of the line against the rail: the needle has opened
+FEWEST = 100  # samples, of which a look makes anything
+
+Samples = Mapping[Role, NDArray[np.float64]]
+"""Of every role [SI, pressures to any zero], at the same times."""
 
 
 @dataclass
@@ -119,16 +127,6 @@ class SilenceWatch:
                     "its length, E2EProfile and E2EDataId with the database; is its index or counter stuck?",
                     False,
                 )
-
-
-LOOKS = 5  # in a row that find the same, before it is reported
-RAIL_LOOKS = 30  # of a rail pressure that does not change: it may be steady and coarse
-LIFT_MOVED = 50 * MICROMETRE  # in which there is an injection
-PRESSURE_MOVED = 5 * MEGAPASCAL  # of the line against the rail: the needle has opened
-FEWEST = 100  # samples, of which a look makes anything
-
-Samples = Mapping[Role, NDArray[np.float64]]
-"""Of every role [SI, pressures to any zero], at the same times."""
 
 
 @dataclass

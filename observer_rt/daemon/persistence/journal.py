@@ -67,6 +67,17 @@ _ADD_INJECTION = (
     f"VALUES (:run, :judged_utc, {', '.join(f':{name}' for name in _SAID)})"
 )
 _ADD_MASS = "UPDATE injection SET measured_mass_mg = ? WHERE run = ? AND number = ?"
+Row = Mapping[str, Value]
+"""A row of the journal by its columns; those of a version that knew fewer are missing."""
+SPANS = 12  # of the table of wear
+
+_NEWEST = """SELECT * FROM injection ORDER BY run DESC, number DESC LIMIT ?"""
+_SPANS = f"""
+WITH part AS (SELECT *, ntile(?) OVER (ORDER BY run, number) AS span FROM injection)
+SELECT max(judged_utc) AS until_utc, count(*) AS injections, sum(valid) AS valid_injections,
+    min(rail_pressure_MPa) AS lowest_rail_MPa, max(rail_pressure_MPa) AS highest_rail_MPa,
+    {", ".join(f"avg({name}) FILTER (WHERE valid) AS {name}" for each in WEAR for name in each.columns)}
+FROM part GROUP BY span ORDER BY span"""
 
 
 class JournalWriter:
@@ -256,19 +267,6 @@ def make_tables(connection: sqlite3.Connection) -> None:
             connection.execute(f"ALTER TABLE injection ADD COLUMN {name} {_KINDS[kind]}")
     connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
     connection.execute(f"PRAGMA user_version = {SCHEMA}")
-
-
-Row = Mapping[str, Value]
-"""A row of the journal by its columns; those of a version that knew fewer are missing."""
-SPANS = 12  # of the table of wear
-
-_NEWEST = """SELECT * FROM injection ORDER BY run DESC, number DESC LIMIT ?"""
-_SPANS = f"""
-WITH part AS (SELECT *, ntile(?) OVER (ORDER BY run, number) AS span FROM injection)
-SELECT max(judged_utc) AS until_utc, count(*) AS injections, sum(valid) AS valid_injections,
-    min(rail_pressure_MPa) AS lowest_rail_MPa, max(rail_pressure_MPa) AS highest_rail_MPa,
-    {", ".join(f"avg({name}) FILTER (WHERE valid) AS {name}" for each in WEAR for name in each.columns)}
-FROM part GROUP BY span ORDER BY span"""
 
 
 class JournalReader:

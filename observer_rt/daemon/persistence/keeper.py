@@ -23,6 +23,10 @@ from observer_rt.foundation.file_kinds import JOURNAL, LEARNED_STATE
 
 LONGEST_ID = 20  # digits of a process id
 IMPLAUSIBLE = "check the sensors and their units; what was kept before stays"
+Tell = Callable[[str], None]
+"""Says a message to whoever runs the daemon; called from the thread that writes."""
+KnowledgeSource = Callable[[], Knowledge]
+"""All that was learned so far: another value whenever something was, never one that changes."""
 
 
 @contextlib.contextmanager
@@ -79,12 +83,6 @@ def _no_lock(lock: Path, error: OSError) -> UserError:
     return UserError(
         str(lock), f"cannot be locked: {error.strerror}", "check its rights, or name a file on a local disk"
     )
-
-
-Tell = Callable[[str], None]
-"""Says a message to whoever runs the daemon; called from the thread that writes."""
-KnowledgeSource = Callable[[], Knowledge]
-"""All that was learned so far: another value whenever something was, never one that changes."""
 
 
 class Persisted(Protocol):

@@ -56,6 +56,11 @@ BEGUN_ANEW = "nothing, if another injector was mounted: learning begins anew; el
 ASIDE = ".set-aside-"  # in the name of what is set aside, before its number
 LARGEST_FILE = 1 << 20  # bytes, far more than any state takes
 PRESSURE_SCALE = float(Scaling.model_fields["pressure"].default)  # p_0 unless the injector says otherwise, Pa
+_WHOLE = ("learned", "noise", "events", "learned_at", "interval")
+"""Names in the state without which nothing is restored; of the others, one that does not fit is left out."""
+
+_json = partial(json.dumps, allow_nan=False, default=np.ndarray.tolist)
+"""Text of numbers, lists, mappings and arrays."""
 
 
 def problem_of(knowledge: Knowledge, pressure_scale: float) -> str | None:
@@ -141,10 +146,6 @@ def _is_positive_definite(matrix: NDArray[np.float64]) -> bool:
 
 class _UnusableError(Exception):
     """Why a file's content is not restored."""
-
-
-_WHOLE = ("learned", "noise", "events", "learned_at", "interval")
-"""Names in the state without which nothing is restored; of the others, one that does not fit is left out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -285,10 +286,6 @@ def _set_aside_before(path: Path, model: str, pressure_scale: float) -> Restored
         with suppress(_UnusableError, OSError):
             return _restored(older, _usable(older.read_bytes(), model, pressure_scale))
     return None
-
-
-_json = partial(json.dumps, allow_nan=False, default=np.ndarray.tolist)
-"""Text of numbers, lists, mappings and arrays."""
 
 
 def _is_finite(value: Any) -> bool:

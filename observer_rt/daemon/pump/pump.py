@@ -30,6 +30,7 @@ RESULTS_ROOM = 1 << 17  # bytes: some 170; rates of more wait in the loop, which
 FAR = SLOTS // 4  # samples, of those that may wait for another message
 PAUSE = 0.05  # s without a new sample, after which nothing waits for a message any more
 _STAMPED = struct.Struct("=IBB2x64sq")  # struct canfd_frame, its stamp behind it [ns]
+_TIMEVAL = struct.Struct("@ll")
 
 
 class Pace:
@@ -147,9 +148,6 @@ class Feeder(DescriptorLink):
             self._error = error
             self._ended.set()
             self._other_end.shutdown(socket.SHUT_WR)
-
-
-_TIMEVAL = struct.Struct("@ll")
 
 
 class FramePump:

@@ -8,6 +8,9 @@ from numpy.typing import NDArray
 
 from observer_rt.core.learning.gating import search_subsets
 
+ENTER = 16.0  # gain of chi2 (4 sigma) that activates a scalar
+STAY = 6.25  # and (2.5 sigma) that keeps it active
+
 
 @dataclass(frozen=True)
 class Belief:
@@ -75,10 +78,6 @@ def prior_belief(mean: NDArray[np.float64], covariance: NDArray[np.float64]) -> 
 
 def _symmetric(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(0.5 * (matrix + matrix.T), np.float64)
-
-
-ENTER = 16.0  # gain of chi2 (4 sigma) that activates a scalar
-STAY = 6.25  # and (2.5 sigma) that keeps it active
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,8 @@ from observer_rt.engine.estimation.scalars import SCALARS, Parameter, Scalars, l
 from observer_rt.foundation.units import MEGAPASCAL
 
 NONE_MASKED = np.empty(0, np.bool_)
+OFFSET_SIGMA = 0.2 * MEGAPASCAL  # of the mean difference at rest between line and rail pressure
+_OFFSET = int(Parameter.LINE_PRESSURE_OFFSET)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,10 +52,6 @@ class Whitening:
 def forgetting_of(time_constant: float, interval: float) -> float:
     """theta of a high pass with a time constant [s] at a sample interval [s]."""
     return math.exp(-interval / time_constant)
-
-
-OFFSET_SIGMA = 0.2 * MEGAPASCAL  # of the mean difference at rest between line and rail pressure
-_OFFSET = int(Parameter.LINE_PRESSURE_OFFSET)
 
 
 @dataclass(frozen=True)

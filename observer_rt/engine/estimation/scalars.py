@@ -17,6 +17,19 @@ from observer_rt.model.network import HIDDEN, Network, constant_network, zero_ne
 from observer_rt.model.right_hand_side import ByTheta
 from observer_rt.model.sensor import LAG_UNIT
 
+PARAMETERS = 10 + HIDDEN
+
+Theta = NDArray[np.float64]
+"""A parameter vector, as wide as its table: (m,)."""
+
+NOZZLE, SEAT, OFFSET = "orifice_area", "seat_area", "line_pressure_sensor_offset"
+"""Indicators that have a place of their own in tables and frames."""
+
+_TINY = 1e-100  # step of a complex derivative, which loses nothing by being small
+
+_several = lru_cache(maxsize=8, typed=True)
+"""An event is gone over several times, most find the same line; lines of two kinds may have equal coefficients."""
+
 
 class Parameter(IntEnum):
     """Columns by name."""
@@ -31,16 +44,6 @@ class Parameter(IntEnum):
     SENSOR_LAG = 6 + HIDDEN  # tau, in units of LAG_UNIT; acts in the sensor only
     ENTRAINED_AIR = 7 + HIDDEN  # K g / p_0
     BACK_PRESSURE = 8 + HIDDEN  # rise of p_C while injecting, in units of p_0; with the seat area follows
-
-
-PARAMETERS = 10 + HIDDEN
-
-
-Theta = NDArray[np.float64]
-"""A parameter vector, as wide as its table: (m,)."""
-
-NOZZLE, SEAT, OFFSET = "orifice_area", "seat_area", "line_pressure_sensor_offset"
-"""Indicators that have a place of their own in tables and frames."""
 
 
 class ScalarUnit(Enum):
@@ -217,7 +220,6 @@ _NOZZLE, _WEIGHTS, _SEAT, _BACK_PRESSURE = (
         Parameter.BACK_PRESSURE,
     )
 )
-_TINY = 1e-100  # step of a complex derivative, which loses nothing by being small
 
 
 class Learned(NamedTuple):
@@ -259,10 +261,6 @@ def by_theta(theta: NDArray[np.float64], c: Coefficients, scalars: Scalars = SCA
     The slopes are those of the laws themselves, by complex steps.
     """
     return _by_values(c.line, scalars.of_line(theta), scalars)
-
-
-_several = lru_cache(maxsize=8, typed=True)
-"""An event is gone over several times, most find the same line; lines of two kinds may have equal coefficients."""
 
 
 @_several

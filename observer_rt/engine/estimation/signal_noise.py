@@ -16,7 +16,13 @@ BLOCKS_A_PERIOD = 4  # of the fastest of these tones
 MOST_BLOCKS = 8_000
 SEGMENT = 1024  # samples of a spectrum of single stretches
 DECAYING = 2.0  # mean squares, early over late at rest
-FEWEST = 512  # samples, without which nothing is told
+FEWEST = 512  # samples, without which nothing is reported
+_ORDER = 4  # differences: what physics does to a signal within four samples is far below the noise
+_GAIN = math.sqrt(70.0)  # by which they raise white noise: 1 4 6 4 1
+_CLIP = 5.0  # standard deviations beyond which a difference is a kink or a spike
+_NORMAL_MEDIAN = 0.6745  # median of |z| of a standard normal z
+_ITERATIONS = 20
+FEWEST_DIFFERENCES = 200
 
 
 @dataclass(frozen=True)
@@ -124,14 +130,6 @@ def _middle(frequencies: NDArray[np.float64], power: NDArray[np.float64]) -> flo
 
 def _rounded(frequency: float) -> str:
     return f"{float(f'{frequency:.2g}'):.0f}"
-
-
-_ORDER = 4  # differences: what physics does to a signal within four samples is far below the noise
-_GAIN = math.sqrt(70.0)  # by which they raise white noise: 1 4 6 4 1
-_CLIP = 5.0  # standard deviations beyond which a difference is a kink or a spike
-_NORMAL_MEDIAN = 0.6745  # median of |z| of a standard normal z
-_ITERATIONS = 20
-FEWEST_DIFFERENCES = 200
 
 
 def white_noise(values: NDArray[np.float64], chosen: NDArray[np.bool_]) -> float:

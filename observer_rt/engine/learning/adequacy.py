@@ -33,9 +33,8 @@ RELEVANT_LOUDNESS = 2.0  # where it does not: what is white there is noise that 
 TEMPER_ABOVE = 1.6
 TEMPER_SIGNIFICANT = 2.5
 POOLING = 0.85  # weight of the statistics before this event
-REMEMBERED = (
-    5.0  # standard deviations up to which they count, so that a passing trouble is over with the next event
-)
+# Standard deviations up to which they count, so that a passing trouble is over with the next event.
+REMEMBERED = 5.0
 # Pa, between line and rail pressure: more may be a gain of the sensor, which is an error of the mass
 LARGEST_OFFSET = 1.5e6
 LEAST_SCALE = 0.03  # of the logarithm of 1 + r
@@ -45,6 +44,8 @@ BURN_IN = 0.5e-3  # s of an event's window before innovations count
 EDGES = (Phase.OPENING, Phase.CLOSING)
 _RELEVANT = np.array([RELEVANT_VARIANCE if phase in EDGES else RELEVANT_LOUDNESS for phase in Phase])
 WEAR = (int(Parameter.NOZZLE_BIAS), int(Parameter.SEAT_BIAS))
+BELIEVED_AFTER = 2  # explained events in a row, after one that was not
+SETTLED = 3  # explained events in a row, after which one that is not is a fault that may pass
 
 
 @dataclass(frozen=True)
@@ -146,10 +147,6 @@ def looks_like_inertance(nozzle_change: float, stiffness_change: float) -> bool:
     return abs(stiffer) > LEAST_SCALE and 0.5 * abs(stiffer) < math.copysign(1.0, stiffer) * wider < 2 * abs(
         stiffer
     )
-
-
-BELIEVED_AFTER = 2  # explained events in a row, after one that was not
-SETTLED = 3  # explained events in a row, after which one that is not is a fault that may pass
 
 
 @dataclass(frozen=True, eq=False)

@@ -34,6 +34,8 @@ CHANGE_GAIN = 20.0  # chi2 by which forgetting must improve the fit
 
 COLOURED_RAIL = 1.5  # times a sample's noise: so strong where the line hears it, the rail's noise is coloured
 RAIL_TEMPER = 2.0
+Fitted = tuple[LearningState, Window, EventCost, EventFit | None]
+"""The state after it, the samples of an event that count, its cost and its fit, None: not finite."""
 
 
 class Believed(NamedTuple):
@@ -62,10 +64,6 @@ class Explained:
     fit: EventFit
     colour: Colour | None
     is_louder: bool
-
-
-Fitted = tuple[LearningState, Window, EventCost, EventFit | None]
-"""The state after it, the samples of an event that count, its cost and its fit, None: not finite."""
 
 
 @dataclass(frozen=True, eq=False)

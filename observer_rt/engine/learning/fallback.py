@@ -29,6 +29,7 @@ UNEXPLAINED = (
     Reason.SUDDEN_CHANGE,
     Reason.TIME_BASE,
 )
+TOLERANCE = 1.1  # by which a new theta may raise the re-simulated output error
 
 
 @dataclass(frozen=True)
@@ -93,9 +94,6 @@ class Freezer:
             return Freezer(bad, 0, self.frozen or bad >= FREEZE_AFTER)
         good = self.good + 1
         return Freezer(0, good, self.frozen and good < RELEASE_AFTER)
-
-
-TOLERANCE = 1.1  # by which a new theta may raise the re-simulated output error
 
 
 @dataclass(frozen=True, eq=False)

@@ -49,7 +49,7 @@ def theta_limits(pressure_scale: float, scalars: Scalars = SCALARS) -> Limits:
 def freed(
     direction: NDArray[np.float64], slopes: NDArray[np.float64], prior: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Rest of a direction (k,) of the innovations that theta cannot undo, and the change of theta (m,) that does most.
+    """Rest of a direction (k,) of the innovations that theta cannot undo, and the change of theta (m,) that does.
 
     slopes: (k, m) by theta; prior: standard deviations (m,) of theta. Raises
     numpy.linalg.LinAlgError when singular.

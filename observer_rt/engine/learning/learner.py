@@ -48,13 +48,10 @@ from observer_rt.foundation.units import MEGAPASCAL
 
 STANDSTILL_ENOUGH = 1000  # samples, for the first guess of the offset
 OTHER_NOISE = 1.25  # times a level
-IMPLAUSIBLE = (
-    15 * MEGAPASCAL
-)  # between rail and line at rest: another unit, or no sensor; nothing to be learned
-SWINGS, SWAPPED = (
-    2 * MEGAPASCAL,
-    3.0,
-)  # of the rail pressure in an event, and more than the line's by this factor
+# Between rail and line at rest: another unit, or no sensor; nothing to be learned.
+IMPLAUSIBLE = 15 * MEGAPASCAL
+# Of the rail pressure in an event, and more than the line's by this factor.
+SWINGS, SWAPPED = 2 * MEGAPASCAL, 3.0
 
 
 def implausible(window: Window, pressure_scale: float) -> Objection | None:

@@ -28,6 +28,10 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.network import Network
 
+WELL_ABOVE = 4.0  # times the line mode, below which the target of phi is mostly the fault's derivative
+ROUNDING = 1e-9  # a sample rate may be known as the inverse of an interval
+LARGEST_NOISE = 0.1  # of the nozzle flow at p_0, the noise of one sample of the target
+
 
 class PaperSetting(NamedTuple):
     """What stays the same from event to event: sample interval [s], RK4 steps in it, model, gain l [1/s].
@@ -72,11 +76,6 @@ def swept(window: Window, setting: PaperSetting, network: FreeNetwork) -> EventP
     )
     sweep(window, setting, network, result)
     return result
-
-
-WELL_ABOVE = 4.0  # times the line mode, below which the target of phi is mostly the fault's derivative
-ROUNDING = 1e-9  # a sample rate may be known as the inverse of an interval
-LARGEST_NOISE = 0.1  # of the nozzle flow at p_0, the noise of one sample of the target
 
 
 def check_gain(place: str, gain: float, c: Coefficients, sample_rate: float) -> None:

@@ -28,6 +28,9 @@ from observer_rt.model.network import constant_network
 
 SUFFICIENT_DECREASE = 1e-4  # rho of (18)
 MOST_TRIALS = 40  # so many that a first inverse far too large still gives a step
+EPOCHS = 30
+BETA = 0.1  # of the scaled identities the weights start from
+GAMMA = 1.0  # of the first approximation of the Hessian; of its inverse alike
 
 
 class Objective(Protocol):
@@ -117,11 +120,6 @@ def _update(inverse: NDArray[np.float64], v: NDArray[np.float64], d: NDArray[np.
     share = (1.0 + (d @ inverse_d) / curvature) / curvature
     for i in range(v.size):
         inverse[i] += (share * v[i] - inverse_d[i] / curvature) * v - (v[i] / curvature) * inverse_d
-
-
-EPOCHS = 30
-BETA = 0.1  # of the scaled identities the weights start from
-GAMMA = 1.0  # of the first approximation of the Hessian; of its inverse alike
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,11 @@ from observer_rt.engine.stream.validity import InjectionFacts, contested, reason
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, MM3_PER_MS, ZERO_CELSIUS
 from observer_rt.model.effective import Coefficients
 
+_NUMBERS = ("number", "event", "start", "end", "start_index", "end_index", "phi_version")
+
+T = TypeVar("T")
+Value = int | float | str | None
+
 
 @dataclass(frozen=True)
 class CommandedOpening:
@@ -98,9 +103,6 @@ def beyond_learned(report: InjectionReport) -> str:
     return f"{learned}; record injections at {rail_pressure / MEGAPASCAL:.0f} MPa, short and long"
 
 
-_NUMBERS = ("number", "event", "start", "end", "start_index", "end_index", "phi_version")
-
-
 def report_of(
     injection: np.void, judged: EventRecord, commanded: CommandedOpening | None, is_contested: bool = False
 ) -> InjectionReport:
@@ -160,10 +162,6 @@ def report_of(
         commanded=commanded,
         further=reasons[1:],
     )
-
-
-T = TypeVar("T")
-Value = int | float | str | None
 
 
 class Output(Flag):

@@ -25,6 +25,9 @@ from observer_rt.foundation.units import MICROSECOND, MILLISECOND
 INDICES = 1 << 32  # after which a sample index begins again
 SPANS = 8  # in which commands may have been lost
 OVERTAKEN = 10 * MILLISECOND  # by which a frame may be older than the one before; more is a new count
+REMEMBERED = 64  # commands
+RECENT = 100  # delays that mean and spread are of
+LATE_STAMP = 1 * MILLISECOND  # by which stamps may be beside their clock, and a command after its opening
 
 
 def samples_between(earlier: float, later: float) -> float:
@@ -165,11 +168,6 @@ class CommandReader:
             return moment, 0.0
         distance = self._distance(before, moment)
         return moment - round(distance / 2 * self._units), distance / 2
-
-
-REMEMBERED = 64  # commands
-RECENT = 100  # delays that mean and spread are of
-LATE_STAMP = 1 * MILLISECOND  # by which stamps may be beside their clock, and a command after its opening
 
 
 @dataclass(frozen=True)

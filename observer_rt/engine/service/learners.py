@@ -30,6 +30,12 @@ from observer_rt.model.parameters import LineOutflow
 LearnerFactory = Callable[[BenchInjector, Constants, Knowledge], EventLearner]
 """What `Core` makes its learner by: `make_learner`, or another where learners are compared."""
 
+SIGNALS = {  # short name, unit, its size
+    Role.RAIL_PRESSURE: ("rail", "MPa", MEGAPASCAL),
+    Role.LINE_PRESSURE: ("line", "MPa", MEGAPASCAL),
+    Role.NEEDLE_LIFT: ("lift", "um", MICROMETRE),
+}
+
 
 def make_learner(fitted: BenchInjector, constants: Constants, knowledge: Knowledge) -> EventLearner:
     """The learner of an injector. Raises `UserError` when its training does not fit its sample rate or injector."""
@@ -108,13 +114,6 @@ def refuse_state(fitted: BenchInjector, option: str) -> None:
             "training = 'paper' starts anew every time and keeps nothing",
             f"leave {option} out, or use training = 'prediction_error'",
         )
-
-
-SIGNALS = {  # short name, unit, its size
-    Role.RAIL_PRESSURE: ("rail", "MPa", MEGAPASCAL),
-    Role.LINE_PRESSURE: ("line", "MPa", MEGAPASCAL),
-    Role.NEEDLE_LIFT: ("lift", "um", MICROMETRE),
-}
 
 
 def slow_noise_of(observer: Observer, rows: NDArray[np.void], white: NoiseLevels) -> Mapping[Role, SlowNoise]:

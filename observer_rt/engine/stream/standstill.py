@@ -12,6 +12,10 @@ from observer_rt.engine.stream.state import Observer
 
 ENOUGH_OPENINGS = 5
 TOLERATED = 0.03  # share of the lift at the stop
+# Standard deviations of a measured level's logarithm, from which on it replaces the stated.
+CONTRADICTED = 5.0
+_SPREAD = 1.3  # n times the variance of that logarithm: neighbouring differences share samples
+FLOOR = NoiseLevels(rail_pressure=0.01e6, line_pressure=0.01e6, needle_lift=0.02e-6)
 
 
 @dataclass(frozen=True)
@@ -61,13 +65,6 @@ def lift_figures(observer: Observer, max_lift: float) -> LiftFigures:
         at_stop=inputs.lift_factor * float(stop["lift"]) + inputs.lift_shift if is_known else math.nan,
         stop=max_lift,
     )
-
-
-CONTRADICTED = (
-    5.0  # standard deviations of a measured level's logarithm, from which on it replaces the stated
-)
-_SPREAD = 1.3  # n times the variance of that logarithm: neighbouring differences share samples
-FLOOR = NoiseLevels(rail_pressure=0.01e6, line_pressure=0.01e6, needle_lift=0.02e-6)
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,12 @@ from observer_rt.model.effective import Coefficients, InputTerms
 from observer_rt.model.sensor import Sensor
 
 RAIL, LIFT, LINE = range(3)  # numbers of the channels
+EVENT = dtype_of(RECORDS["Event"])
+CHANNEL = dtype_of(RECORDS["Channel"])
+INJECTION = dtype_of(RECORDS["Injection"])
+MEMORY = dtype_of(RECORDS["ObserverMemory"])
+SAMPLE = dtype_of(RECORDS["Sample"])
+"""A sample of the ring."""
 
 
 class State(IntEnum):
@@ -61,17 +67,6 @@ class Reason(IntEnum):
     INPUT_PROTECTION = 27  # the end-to-end protection of an input says that it cannot be used
     OUTSIDE_LEARNED_RANGE = 28  # what was learned does not tell the flow of such an injection well enough
     LIFT_DEAD = 29  # the line pressure shows injections, the lift none
-
-
-EVENT = dtype_of(RECORDS["Event"])
-
-CHANNEL = dtype_of(RECORDS["Channel"])
-
-INJECTION = dtype_of(RECORDS["Injection"])
-
-MEMORY = dtype_of(RECORDS["ObserverMemory"])
-SAMPLE = dtype_of(RECORDS["Sample"])
-"""A sample of the ring."""
 
 
 def sample_dtype(states: int) -> np.dtype[np.void]:

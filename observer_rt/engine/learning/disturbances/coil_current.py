@@ -19,15 +19,24 @@ from observer_rt.engine.learning.fitting import EventFit
 
 LONGEST_DELAY = 0.45e-3  # s, from the start of energizing to the opening
 SHORTEST_DELAY = 0.12e-3
-BEFORE_OPENING = (
-    0.06e-3  # s that do not count: a lift that is recorded late lets the line pressure fall in them
-)
+# s that do not count: a lift that is recorded late lets the line pressure fall in them.
+BEFORE_OPENING = 0.06e-3
 EDGE_CLIP = 3.0  # standard deviations for which an innovation counts at most: one event alone is an outlier
 SEEN_FOR = 0.25e-3  # s, until x~ has taken a step for its own
 FEWEST = 2  # samples of it: at a low sample rate no edge is seen
 STANDS_OUT = 4.5  # standard deviations
 OF_ONE_EVENT = 4.0  # of these at most, so that it must recur
 COMMON = 0.6  # of it, up to which steps may stand out that are no edge: then the standstill is not understood at all
+EARLIEST_END, LATEST_END = 0.65e-3, 0.05e-3  # s before the closing
+END_STEP = 0.05e-3  # s from one end that is tried to the next
+REMEMBERED = 0.95  # weight of the events before an event
+CLEAR = 9.0  # chi2 / 2 by which an end must be better than those that are not beside it: more than four sigma
+# Weight of events that were fitted with the pulse: it was taken for something else in part.
+BEFORE_KNOWN = 0.02
+SHAPE = 0.05  # of its height, by which it is no rectangle
+CLIP = 4.0  # standard deviations for which an innovation counts at most
+
+Innovations = Callable[[Window], NDArray[np.float64]]
 
 
 @dataclass(frozen=True)
@@ -137,19 +146,6 @@ def with_step(window: Window, first: int, height: float) -> Window:
     output = window.output.copy()
     output[first:] += height
     return window._replace(output=output)
-
-
-EARLIEST_END, LATEST_END = 0.65e-3, 0.05e-3  # s before the closing
-END_STEP = 0.05e-3  # s from one end that is tried to the next
-REMEMBERED = 0.95  # weight of the events before an event
-CLEAR = 9.0  # chi2 / 2 by which an end must be better than those that are not beside it: more than four sigma
-BEFORE_KNOWN = (
-    0.02  # weight of events that were fitted with the pulse: it was taken for something else in part
-)
-SHAPE = 0.05  # of its height, by which it is no rectangle
-CLIP = 4.0  # standard deviations for which an innovation counts at most
-
-Innovations = Callable[[Window], NDArray[np.float64]]
 
 
 @dataclass(frozen=True)

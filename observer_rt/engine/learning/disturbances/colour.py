@@ -39,6 +39,17 @@ MOST_LEFT = 1.3
 LEFT_SIGNIFICANT = 2.5
 LAGS = ORDERS + max(BLOCKS)  # samples that the mean of a whitened block goes back
 _HIGH_PASSES = 1 + len(TIME_CONSTANTS)
+_LAST_FIRST = np.array([*range(1, ORDERS + 1), 0])
+SLOPE = np.array([3.0, 2.0, 1.0, 0.0, -1.0, -2.0, -3.0]) / 28.0  # of the straight line through seven samples
+USUAL = 0.2  # samples, of a jitter by whose scatter the slopes are weighed
+CLIP = 16.0  # variances for which one square counts at most: a spike is no jitter
+# Of the variance of a mean of squares of fourth differences, whose neighbours are alike, over that of white ones.
+ALIKE = 2.63
+LENGTH = 8  # samples that contradict a model together
+JITTER_REMEMBERED = 0.9  # weight of the events before an event
+FOUND, LOST = 8.0, 5.0  # standard deviations from which on there is a jitter, and below which no more
+RELEVANT = 0.1  # samples: less cannot be distinguished from white noise
+MOST = 0.5  # samples: more is no jitter
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,9 +222,6 @@ class RestingNoise:
         return -np.linalg.solve(products[1 : order + 1, 1 : order + 1], products[1 : order + 1, 0])
 
 
-_LAST_FIRST = np.array([*range(1, ORDERS + 1), 0])
-
-
 def _residual_variances(covariances: NDArray[np.float64]) -> NDArray[np.float64]:
     """Of the newest value, given none of those before it, one, .. all: (c, m) of covariances (c, m, m).
 
@@ -224,18 +232,6 @@ def _residual_variances(covariances: NDArray[np.float64]) -> NDArray[np.float64]
     variances = np.repeat(covariances[:, 0, :1], covariances.shape[1], axis=1)
     variances[:, 1:] -= explained
     return np.asarray(variances, np.float64)
-
-
-SLOPE = np.array([3.0, 2.0, 1.0, 0.0, -1.0, -2.0, -3.0]) / 28.0  # of the straight line through seven samples
-USUAL = 0.2  # samples, of a jitter by whose scatter the slopes are weighed
-CLIP = 16.0  # variances for which one square counts at most: a spike is no jitter
-# of the variance of a mean of squares of fourth differences, whose neighbours are alike, over that of white ones
-ALIKE = 2.63
-LENGTH = 8  # samples
-JITTER_REMEMBERED = 0.9  # of the events before
-FOUND, LOST = 8.0, 5.0  # standard deviations from which on there is one, and below which no more
-RELEVANT = 0.1  # samples: less is not told from a noise that is white
-MOST = 0.5  # samples: more is no jitter
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,6 +23,20 @@ SHARP_WIDTHS = (1, 2, 3)  # samples of it
 BESIDE = 5  # samples before it, and after it
 NO_SPIKE = 3.0  # standard deviations of their mean: a wrong model leaves more than three samples
 MOST_SPIKES = 12  # in an event
+BEYOND = 3.0  # standard deviations, within which a value counts as the highest or lowest
+DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])  # what the level of the noise is measured by at rest
+MOST = 0.35  # share of an event in bursts, beyond which its noise is just not known
+MARGIN = 3  # a third of a stretch before it is masked as well: it may have begun unseen
+MOST_STRETCHES = 3  # in an event
+REMEMBERED = 6  # events, of stretches
+ENDS_REMEMBERED = 12  # events
+RECURS = 3  # of these, with a stretch at the same place
+SAME_PLACE = 8  # samples
+END_SAMPLES = 16  # whose mean is the lowest or highest of an event
+FLAT = 30.0  # chi2 of a constant that is one, to 1 %
+SAME_END = 1.0  # standard deviations of a sample: at other rail pressures they differ by many
+OTHER_POINT = 40.0  # standard deviations of a sample, between ends that are at other rail pressures
+SAME_LEVEL = 3.0  # standard deviations
 
 
 def spikes_of(innovations: NDArray[np.float64], sigma: float, first: int) -> list[tuple[int, int]]:
@@ -72,9 +86,6 @@ def _spread(deviates: NDArray[np.float64]) -> NDArray[np.float64]:
     return deviates / max(1.0, robust_sigma(deviates))
 
 
-BEYOND = 3.0  # standard deviations, within which a value counts as the highest or lowest
-
-
 @dataclass(frozen=True)
 class HeldStretch:
     """Samples [start, end) of a window at which y stays at a level [p_0]; is_extreme: none goes beyond it."""
@@ -104,10 +115,6 @@ def frozen_stretches(
     ]
 
 
-DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])  # what the level of the noise is measured by at rest
-MOST = 0.35  # share of an event, beyond which its noise is just not known
-
-
 def bursts_of(y: NDArray[np.float64], noise: float) -> list[HeldStretch]:
     """Stretches of y (n,) louder than its noise (standard deviation); fourth differences hide what is slow."""
     loud = np.empty(y.size, np.bool_)
@@ -116,19 +123,6 @@ def bursts_of(y: NDArray[np.float64], noise: float) -> list[HeldStretch]:
     changes = np.flatnonzero(np.diff(loud, prepend=False, append=False))
     spans = zip(changes[::2], changes[1::2], strict=True)
     return [HeldStretch(int(start), int(end), float(np.mean(y[start:end])), False) for start, end in spans]
-
-
-MARGIN = 3  # a third of a stretch before it is masked as well: it may have begun unseen
-MOST_STRETCHES = 3  # in an event
-REMEMBERED = 6  # events, of stretches
-ENDS_REMEMBERED = 12  # events
-RECURS = 3  # of these, with a stretch at the same place
-SAME_PLACE = 8  # samples
-END_SAMPLES = 16  # whose mean is the lowest or highest of an event
-FLAT = 30.0  # chi2 of a constant that is one, to 1 %
-SAME_END = 1.0  # standard deviations of a sample: at other rail pressures they differ by many
-OTHER_POINT = 40.0
-SAME_LEVEL = 3.0  # standard deviations
 
 
 @dataclass(frozen=True)

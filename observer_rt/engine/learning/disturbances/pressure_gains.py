@@ -18,13 +18,14 @@ SIGNIFICANT = 6.0  # standard deviations, of few events
 LEAST_GAIN = 0.002
 LEAST_SPREAD = 0.05  # of the rail pressure, standard deviation [p_0]: else its own drift looks like a gain
 NOISE = 3e-4  # of an offset, in units of p_0, at least
-LARGEST_GAIN = (
-    0.015  # share by which gains may differ: the level of the flow is no better known than by half of it
-)
+# Share by which gains may differ: the level of the flow is no better known than by half of it.
+LARGEST_GAIN = 0.015
 FLOW_SHARE = 0.4  # of the difference, what the flow is unsure by: half of it at the most
 # An offset that was seen at one pressure may be a gain of the line sensor in whole, as flows see it.
 UNTOLD_SHARE = 0.6
 SEAT_SHARE = 2.0  # v_S is as much less certain than v_H
+SIGNIFICANT_WALK = 5.0  # standard deviations
+_OFFSET = int(Parameter.LINE_PRESSURE_OFFSET)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,10 +108,6 @@ def _of_wear(share: float, width: int) -> NDArray[np.float64]:
     result[Parameter.NOZZLE_BIAS] = share
     result[Parameter.SEAT_BIAS] = SEAT_SHARE * share
     return result
-
-
-SIGNIFICANT_WALK = 5.0  # standard deviations
-_OFFSET = int(Parameter.LINE_PRESSURE_OFFSET)
 
 
 def offset_move(window: Window, cost: EventCost) -> float:

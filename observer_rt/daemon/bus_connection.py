@@ -22,7 +22,7 @@ class Outbox:
 
     def __init__(self, link: Link) -> None:
         self.link = link
-        """By which they are sent."""
+        """Link by which frames are sent."""
         self._waiting: deque[OutputFrame] = deque()
         self.unsent = 0
         """Frames given up."""
@@ -73,15 +73,15 @@ class LinkWatch:
         self.begin_anew()
 
     def begin_anew(self) -> None:
-        """The link is up again: what was not sent meanwhile is no news."""
+        """The link is up again: what was not sent meanwhile is not reported."""
         self._unsent = self._outbox.unsent
 
     def look(self, now: int) -> list[Notice]:
-        """News at a monotonic time [ns]; none within `PERIOD` after the last."""
+        """Notices at a monotonic time [ns]; none within `PERIOD` after the last."""
         if now < self._next:
             return []
         is_well = self._link.condition.state is BusState.ACTIVE
-        news = [
+        notices = [
             of_bus(Topic.LINK, text, is_well)
             for text in condition_messages(self._channel, self._condition, self._link.condition)
         ]
@@ -92,7 +92,7 @@ class LinkWatch:
                 f"{dropped} frames of {self._channel} were lost before this process could read them\n"
                 "  remedy: give it a processor of its own (taskset) and real-time priority (chrt)"
             )
-            news.append(Notice(Topic.LINK, text, incident=f"frames of {self._channel} lost"))
+            notices.append(Notice(Topic.LINK, text, incident=f"frames of {self._channel} lost"))
         if unsent := self._outbox.unsent - self._unsent:
             self._unsent += unsent
             text = (
@@ -100,10 +100,10 @@ class LinkWatch:
                 "  remedy: check that another node acknowledges, the bus load, and the length of the queue "
                 f"(SocketCAN: sudo ip link set {self._channel} txqueuelen 1000)"
             )
-            news.append(Notice(Topic.LINK, text, incident=f"transmit queue of {self._channel} full"))
-        if news:
+            notices.append(Notice(Topic.LINK, text, incident=f"transmit queue of {self._channel} full"))
+        if notices:
             self._next = now + round(PERIOD * 1e9)
-        return news
+        return notices
 
 
 class Port:
@@ -120,7 +120,7 @@ class Port:
         self.link = link
         self.has_inputs = has_inputs
         self.outages = 0
-        """How often the interface went down or away."""
+        """Number of times the interface went down or away."""
         self._outbox = Outbox(link)
         self._watch = LinkWatch(channel, link, self._outbox)
         self._tell = tell
@@ -145,7 +145,7 @@ class Port:
 
     @property
     def troubles(self) -> int:
-        """How often the interface went down or away, and its controller error-passive or bus-off."""
+        """Number of times the interface went down or away, or its controller error-passive or bus-off."""
         condition = self.link.condition
         return self.outages + condition.passives + condition.bus_offs
 
@@ -166,7 +166,7 @@ class Port:
             self.count_unsent(len(list(frames)))
 
     def count_unsent(self, frames: int) -> None:
-        """So many results were given up by whoever sends them without this port."""
+        """Counts results given up by whoever sends them without this port."""
         self._outbox.unsent += frames
 
     def drain(self, patience: float) -> None:

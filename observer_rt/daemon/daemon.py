@@ -78,7 +78,7 @@ class Daemon:
         self.core = Core(bench.injector, bus, knowledge, self._executor, listeners=listeners)
         self._watch = InputWatch(bench.injector, bus, self.core)
         self.arrivals = self._watch.arrivals
-        """Of all input messages, by the monotonic clock, and of others under our identifiers."""
+        """Arrivals of all input messages, by the monotonic clock, and of others under our identifiers."""
         self._state_watch = StateWatch(self.arrivals)
         self._restart_watch = RestartWatch(self.arrivals)
         self._learning_watch = LearningWatch()
@@ -118,7 +118,7 @@ class Daemon:
             self._executor.shutdown(cancel_futures=True)
 
     def _serve_once(self) -> None:
-        """What the pump has, soon; results, and status when it is due."""
+        """Serves what the pump has, soon; results, and status when it is due."""
         try:
             results = self._pump.serve(RETRY if self._is_waiting else RECEIVE_TIMEOUT)
         except BusDownError as error:
@@ -145,7 +145,7 @@ class Daemon:
                 self.arrivals.begin(now)
 
     def _look(self, now: int) -> None:
-        """What is wrong with the inputs, and which state it is; of inputs on a bus that is down nothing is asked."""
+        """Looks for faults of the inputs, and for the state; inputs on a bus that is down are not judged."""
         if not self._down:
             for notice in self._watch.look(now):
                 self._tell(notice)
@@ -214,17 +214,17 @@ class Daemon:
 
     @property
     def failed_writes(self) -> int:
-        """How often learned state or journal could not be written, and lines of the log that were given up."""
+        """Number of failures to write learned state or journal, and lines of the log that were given up."""
         return self._failed_writes()
 
     @property
     def troubles(self) -> int:
-        """How often an interface went down or away, and its controller error-passive or bus-off."""
+        """Number of times an interface went down or away, or its controller error-passive or bus-off."""
         return sum(port.troubles for port in self.ports)
 
     @property
     def latency(self) -> Latency | None:
-        """Of the rates sent so far; None before the first."""
+        """Latency of the rates sent so far; None before the first."""
         return self._latency()
 
     @property

@@ -1,4 +1,4 @@
-"""Logs news in words, each incident once: to the log, the stream of records and the service manager."""
+"""Logs reports and notices in words, each incident once: to the log, the stream of records and the manager."""
 
 import math
 import threading
@@ -18,14 +18,14 @@ TOGETHER = 10.0  # s within which the same from another injector is the same inc
 
 
 class Deduplicator:
-    """Knows what was said of the buses lately, and by whom."""
+    """Remembers the latest reports about the buses, and their sources."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._said: dict[str, tuple[float, set[str]]] = {}
 
     def is_new(self, who: str, what: str) -> bool:
-        """Whether `who` is the first to say it, or says it again."""
+        """Whether `who` is the first to report it, or reports it again."""
         now = time.monotonic()
         with self._lock:
             self._said = {
@@ -63,7 +63,7 @@ class EventLogger:
                 self._notice(news)
 
     def _offset(self, report: InjectionReport) -> str:
-        """How far the line-pressure sensor is off, where that is why."""
+        """Offset of the line-pressure sensor in words, where that is why."""
         if Reason.PRESSURE_OFFSET not in report.reasons or not report.indicators[OFFSET].value:
             return ""
         offset = report.indicators[OFFSET].value * self._c.pressure_scale / MEGAPASCAL

@@ -42,7 +42,7 @@ class LinkOpening:
     on_alive: Callable[[], None]
 
     def links(self) -> Iterator[Link]:
-        """Of all buses in order, each as soon as it can be opened; own identifiers are listened to, too.
+        """Opens the links of all buses in order, each as soon as it can be; own identifiers are listened to, too.
 
         A bus that is none of this injector's is neither opened nor waited for.
         """

@@ -27,7 +27,7 @@ QUIET_TOPICS = frozenset({Topic.INJECTION, Topic.MEASURED, Topic.STATE})  # whic
 
 
 class ServiceLog:
-    """What is said while the service runs; a context manager that writes what waits when it ends."""
+    """Log of the service while it runs; a context manager that writes what waits when it ends."""
 
     def __init__(
         self,
@@ -86,7 +86,7 @@ class ServiceLog:
 
 
 class Voice:
-    """What is said of one injector, in the log of all; `name` stands before it where there are several."""
+    """Log of one injector within that of all; `name` stands before it where there are several."""
 
     def __init__(self, log: ServiceLog, name: str) -> None:
         self.log = log
@@ -97,12 +97,12 @@ class Voice:
         return f"{self.name}: {text}" if self.name else text
 
     def say(self, topic: Topic, text: str, is_over: bool = False) -> None:
-        """As `ServiceLog.say`."""
+        """Logs as `ServiceLog.say`."""
         warning = _WARNING if text.startswith(_WARNING) else ""
         self.log.say(topic, warning + self.named(text.removeprefix(_WARNING)), is_over)
 
     def record(self, content: Mapping[str, Any]) -> None:
-        """As `ServiceLog.record`."""
+        """Records as `ServiceLog.record`."""
         self.log.record({"injector": self.name, **content} if self.name else content)
 
 

@@ -1,4 +1,4 @@
-"""What systemd wants to hear of a service of `Type=notify`: sd_notify(3), over the socket it names."""
+"""Notification of systemd by a service of `Type=notify`: sd_notify(3), over the socket it names."""
 
 import os
 import socket
@@ -59,7 +59,7 @@ class WatchdogPulse:
 
     @contextmanager
     def beating(self, loop: int) -> Iterator[Callable[[], None]]:
-        """To be called whenever loop number `loop` went round; afterwards nobody waits for it.
+        """Yields a beat to be called whenever loop number `loop` went round; afterwards nobody waits for it.
 
         After the last one the manager hears that the service stops.
         """

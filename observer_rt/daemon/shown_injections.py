@@ -36,7 +36,7 @@ _COMMAND = [NAMED["command"], NAMED["opening_delay_us"]]
 
 @dataclass(frozen=True)
 class ComparedRate:
-    """What an injection can be compared with: its rate [m3/s] over the injection's samples, and its mass [kg]."""
+    """Reference of an injection: its rate [m3/s] over the injection's samples, and its mass [kg]."""
 
     name: str
     rate: NDArray[np.float64]
@@ -44,7 +44,7 @@ class ComparedRate:
 
 
 References = Callable[[InjectionReport, NDArray[np.void]], Sequence[ComparedRate]]
-"""Of an injection and its samples, dtype `stream.state.SAMPLE`."""
+"""References for an injection and its samples, dtype `stream.state.SAMPLE`."""
 
 
 @dataclass
@@ -65,7 +65,7 @@ class NominalInjection:
         self.coefficients: Coefficients = self._constants.coefficients
 
     def __call__(self, report: InjectionReport, rows: NDArray[np.void]) -> Sequence[ComparedRate]:
-        """Its rate and mass; none where the needle was open from the start."""
+        """Rate and mass of the injection; none where the needle was open from the start."""
         is_open = rows["seat_area"] > 0.0
         if not is_open.any() or is_open[0]:
             return ()

@@ -96,12 +96,12 @@ class View:
         inner = max(1, min(width, WIDEST) - FRAME)
         if self._daemon is None:
             return Panel(Text("starting", style="dim"), title=self._title, expand=False)
-        said = [*_inputs(self._daemon, now, height), *_links(self._daemon), *_figures(self._daemon)]
-        said += self._noise_line(self._daemon.core, now)
+        lines = [*_inputs(self._daemon, now, height), *_links(self._daemon), *_figures(self._daemon)]
+        lines += self._noise_line(self._daemon.core, now)
         head = _heading(self._daemon, now, inner)
         drawn = len(Console(width=inner).render_lines(head))  # long reasons take more lines than one
-        left = max(0, height - BORDER - len(said) - drawn - HEADING)
-        parts: list[RenderableType] = [head, *said]
+        left = max(0, height - BORDER - len(lines) - drawn - HEADING)
+        parts: list[RenderableType] = [head, *lines]
         shown = list(self._shown)
         if shown:
             rows = max(1, min(len(shown), round(TABLE_SHARE * left)))
@@ -116,7 +116,7 @@ class View:
         return Panel(Group(*parts), title=self._title, expand=False)
 
     def _noise_line(self, core: Core, now: int) -> list[Text]:
-        """What the noise is like, looked at every few seconds."""
+        """Describes the noise, looked at every few seconds."""
         white = core.standstill.noise
         if white is None:
             return []
@@ -165,7 +165,7 @@ def _inputs(daemon: Daemon, now: int, height: int) -> list[Text]:
 
 
 def _late(timing: list[MessageTiming] | tuple[MessageTiming, ...]) -> str:
-    """How late frames come, and how well the time of their samples is known."""
+    """Describes how late frames come, and how well the time of their samples is known."""
     if not timing or any(one.jitter.frames == 0 for one in timing):
         return ""
     lately = max(one.lately for one in timing)
@@ -256,4 +256,4 @@ def draw(screen: View | Overview, until: threading.Event, console: Console) -> N
         while not until.wait(1 / FRAMES_PER_SECOND):
             live.update(picture(), refresh=True)
         live.update(picture(), refresh=True)
-    console.print()  # what is said next has a line of its own
+    console.print()  # what is written next has a line of its own

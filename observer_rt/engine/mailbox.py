@@ -108,7 +108,7 @@ def _at_rest(observer: Observer, number: int) -> float:
 def _write(
     observer: Observer, slot: int, knowledge: Knowledge, schedule: GainSchedule, known: KnownFlow
 ) -> None:
-    """What the stream is to carry, into a slot."""
+    """Writes what the stream is to carry into a slot."""
     constants = observer.constants
     learned = learned_of(knowledge.in_force, constants.coefficients, knowledge.scalars)
     verdict = observer.verdicts.slots[slot]

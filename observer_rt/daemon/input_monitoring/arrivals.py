@@ -1,4 +1,4 @@
-"""Which frames came, how many, and when last: of every input message, and of our own identifiers from elsewhere."""
+"""Arrivals of frames, how many, and when last: of every input message, and of our own identifiers from elsewhere."""
 
 import math
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ class WatchedMessage:
     """`NeedleLiftBlock 0x111 (needle_lift)`."""
     roles: tuple[str, ...]
     streams: tuple[int, ...]
-    """Of samples that it carries; none: optional inputs only."""
+    """Streams of samples that it carries; none: optional inputs only."""
     patience: float
 
 
@@ -49,7 +49,7 @@ class Arrivals:
         self._begin = 0
 
     def begin(self, now: int) -> None:
-        """What stays away does so from now on, at the earliest: before, nothing could come."""
+        """Begins to wait for messages now: before, nothing could come."""
         self._begin = now
 
     def last_result(self, layout: MessageLayout) -> int:
@@ -64,17 +64,17 @@ class Arrivals:
             heard.last = now
 
     def set(self, layout: MessageLayout, frames: int, last: int) -> None:
-        """So many frames of a message came so far, the last one at a time."""
+        """Sets how many frames of a message came so far, and when the last one did."""
         heard = self._heard[_key(layout)]
         heard.frames, heard.last = frames, last
 
     def heard_of(self, source: WatchedMessage) -> Heard:
-        """What came of an input message."""
+        """Arrivals of an input message."""
         return self._heard[_key(source.layout)]
 
     @property
     def frames(self) -> int:
-        """Of all input messages."""
+        """Frames of all input messages."""
         return sum(heard.frames for _, heard in self._inputs)
 
     def age(self, source: WatchedMessage, now: int) -> float:

@@ -50,7 +50,7 @@ class UnitWatch:
         self._found: Mapping[str, str] = {}
         self._times = 0  # in a row that this was found
         self.reported: Mapping[str, str] = {}
-        """What is wrong by signal, as reported, in words with its remedy."""
+        """Faults by signal, as reported, in words with their remedy."""
 
     def look(self, newest: NDArray[np.float64], samples: Samples) -> list[Notice]:
         """News; newest (3,) [SI]: last value of every role; samples: since the last look."""
@@ -74,9 +74,9 @@ class UnitWatch:
         if self._times < IN_A_ROW or odd.keys() == self.reported.keys():
             return []
         before, self.reported = self.reported, odd
-        news = [Notice(Topic.VALUE, text) for signal, text in odd.items() if signal not in before]
+        notices = [Notice(Topic.VALUE, text) for signal, text in odd.items() if signal not in before]
         over = [signal for signal in before if signal not in odd]
-        return news + [
+        return notices + [
             Notice(Topic.VALUE, f"{self._named[signal]} is in its range again", is_over=True)
             for signal in over
         ]
@@ -144,10 +144,10 @@ class ProtectionWatch:
             if is_invalid == (source in self.reported):
                 continue
             self.reported ^= {source}
-            said = "its end-to-end protection is INVALID, its values are not taken"
+            fault = "its end-to-end protection is INVALID, its values are not taken"
             remedy = "another sender? a disturbed bus? E2EProfile and data id of the database? limits: [e2e]"
             if is_invalid:
-                yield Notice(Topic.INPUT, f"{source.text}: {said}\n  remedy: {remedy}")
+                yield Notice(Topic.INPUT, f"{source.text}: {fault}\n  remedy: {remedy}")
             else:
                 yield Notice(
                     Topic.INPUT, f"{source.text}: its end-to-end protection is VALID again", is_over=True
@@ -174,22 +174,22 @@ class InputWatch:
     def look(self, now: int) -> list[Notice]:
         """News at a time [ns] of the arrivals' clock; to be called every `PERIOD`."""
         core = self._core
-        news = [*self._protection.look(core.protection)]
-        news += self._silence.look(now, core.progress, self._protection.reported)
-        news += self._faulty.look(core.counters, bool(self._protection.reported))
-        news += self._rate.look(core.timing, core.state[1])
+        notices = [*self._protection.look(core.protection)]
+        notices += self._silence.look(now, core.progress, self._protection.reported)
+        notices += self._faulty.look(core.counters, bool(self._protection.reported))
+        notices += self._rate.look(core.timing, core.state[1])
         has_frames = core.frames_taken > self._frames
         self._frames = core.frames_taken
         if has_frames and self.arrivals.is_complete and not self.arrivals.stale(now):
             samples = core.inputs(self._seen, MOST_SAMPLES)
             self._seen = core.processed
-            news += self._values.look(core.newest, samples)
-            news += self._units.look(core.newest, samples)
-        return [*news, *self._lift.look(core.lift), *self._senders.look(now)]
+            notices += self._values.look(core.newest, samples)
+            notices += self._units.look(core.newest, samples)
+        return [*notices, *self._lift.look(core.lift), *self._senders.look(now)]
 
     @property
     def causes(self) -> tuple[str, ...]:
-        """What is known to be wrong with the inputs and lasts, which may be why nothing is valid."""
+        """Lasting faults of the inputs, which may be why nothing is valid."""
         return (*self._units.reported.values(), *filter(None, [self._rate.reported]))
 
 
@@ -251,7 +251,7 @@ class LiftWatch:
     def look(self, figures: LiftFigures) -> list[Notice]:
         """News."""
         before, self._before = self._before, figures
-        news = []
+        notices = []
         is_pressed = figures.crosstalk != 0.0
         if is_pressed != (before.crosstalk != 0.0):
             found = "the line pressure shows in it no more"
@@ -261,7 +261,7 @@ class LiftWatch:
                     f"the line pressure shows in it, {size:.2g} um per 10 MPa, which is taken out\n"
                     "  remedy: none is needed; see to mounting, cable and ground of the needle-lift sensor"
                 )
-            news.append(Notice(Topic.VALUE, f"needle_lift: {found}", not is_pressed))
+            notices.append(Notice(Topic.VALUE, f"needle_lift: {found}", not is_pressed))
         if figures.is_to_scale != before.is_to_scale:
             found = "as the injector file says"
             if not figures.is_to_scale:
@@ -271,8 +271,8 @@ class LiftWatch:
                 )
             at = f"{figures.at_stop / MICROMETRE:.0f} um"
             text = f"needle_lift: long openings stay at {at}, {found}"
-            news.append(Notice(Topic.VALUE, text, figures.is_to_scale))
-        return news
+            notices.append(Notice(Topic.VALUE, text, figures.is_to_scale))
+        return notices
 
 
 class StateWatch:
@@ -339,7 +339,7 @@ class LogWatch:
         ]
 
     def notes(self, path: Path) -> list[str]:
-        """What was found, the end of the log included."""
+        """Findings in words, the end of the log included."""
         arrivals = self._watch.arrivals
         ended = [
             f"{source.text}: no frame in the last {arrivals.age(source, self._now):.1f} s"

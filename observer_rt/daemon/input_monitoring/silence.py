@@ -1,4 +1,4 @@
-"""Messages that stay away, cannot be used, or carry values that cannot be right, as news: begun, and over."""
+"""Messages that stay away, cannot be used, or carry values that cannot be right, as notices: begun, and over."""
 
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
@@ -26,12 +26,12 @@ PRESSURE_MOVED = 5 * MEGAPASCAL  # of the line against the rail: the needle has 
 FEWEST = 100  # samples, of which a look makes anything
 
 Samples = Mapping[Role, NDArray[np.float64]]
-"""Of every role [SI, pressures to any zero], at the same times."""
+"""Samples of every role [SI, pressures to any zero], at the same times."""
 
 
 @dataclass
 class _Use:
-    """How far a message's samples got, with how many of its frames, and when that was last new."""
+    """Progress of a message's samples, with how many of its frames, and when that was last new."""
 
     progress: tuple[int, ...]
     frames: int
@@ -147,7 +147,7 @@ class _Watched:
     frozen: bool = False
 
     def notice(self, what: str, is_over: bool = False) -> Notice:
-        """What is said of it."""
+        """Notice about the message."""
         return Notice(Topic.VALUE, f"{self.source.text}: {self.role} {what}", is_over)
 
 
@@ -171,13 +171,13 @@ class ValueWatch:
         filled up with `not available`.
         """
         has_samples = len(samples[Role.LINE_PRESSURE]) > 0
-        news: list[Notice] = []
+        notices: list[Notice] = []
         for watched, value in zip(self._watched, newest.tolist(), strict=True):
             is_filled_up = has_samples and np.isnan(value)
-            news += self._reading(watched, "" if is_filled_up else _oddity(watched, value))
+            notices += self._reading(watched, "" if is_filled_up else _oddity(watched, value))
         if all(len(values) >= FEWEST for values in samples.values()):
-            news += self._constancy(samples)
-        return news
+            notices += self._constancy(samples)
+        return notices
 
     def _reading(self, watched: _Watched, reading: str) -> Iterator[Notice]:
         watched.looks = watched.looks + 1 if reading == watched.reading else 1
@@ -222,7 +222,7 @@ def _is_frozen(watched: _Watched) -> bool:
 
 
 def _oddity(watched: _Watched, value: float) -> str:
-    """What is wrong with a value; empty: nothing."""
+    """Fault of a value in words; empty: none."""
     _, unit, size = SIGNALS[watched.role]
     limits, half = watched.limits, watched.step / 2
     if np.isnan(value):

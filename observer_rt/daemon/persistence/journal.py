@@ -41,9 +41,9 @@ PATIENCE = 2.0  # s for another program that has the file locked
 BATCH = 500  # entries in one transaction
 MOST_WAITING = 10_000  # entries, some minutes of a full disk; those beyond are lost
 
-_SAID = columns_of(FIELDS, Output.JOURNAL)
-COLUMNS = {"judged_utc": str, **_SAID, "measured_mass_mg": float}
-"""Of an injection beside its run, with their types; those of a measured mass are added later."""
+_REPORTED = columns_of(FIELDS, Output.JOURNAL)
+COLUMNS = {"judged_utc": str, **_REPORTED, "measured_mass_mg": float}
+"""Columns of an injection beside its run, with their types; those of a measured mass are added later."""
 _KINDS = {int: "INTEGER", bool: "INTEGER", float: "REAL", str: "TEXT"}
 _RUN = """CREATE TABLE IF NOT EXISTS run (
     started_unix_us INTEGER PRIMARY KEY,
@@ -63,8 +63,8 @@ _INJECTION = f"""CREATE TABLE IF NOT EXISTS injection (
 # a batch may come again when it is not known whether its transaction reached the disk
 _ADD_RUN = "INSERT OR IGNORE INTO run VALUES (?, ?, NULL, ?, ?, ?, ?, ?)"
 _ADD_INJECTION = (
-    f"INSERT OR IGNORE INTO injection (run, judged_utc, {', '.join(_SAID)}) "
-    f"VALUES (:run, :judged_utc, {', '.join(f':{name}' for name in _SAID)})"
+    f"INSERT OR IGNORE INTO injection (run, judged_utc, {', '.join(_REPORTED)}) "
+    f"VALUES (:run, :judged_utc, {', '.join(f':{name}' for name in _REPORTED)})"
 )
 _ADD_MASS = "UPDATE injection SET measured_mass_mg = ? WHERE run = ? AND number = ?"
 Row = Mapping[str, Value]
@@ -167,8 +167,8 @@ class JournalWriter:
         if isinstance(entry, MeasuredMass):
             connection.execute(_ADD_MASS, (entry.mass / MILLIGRAM, self._run, entry.report.number))
         else:
-            said = row_of(FIELDS, Output.JOURNAL, entry, self._c)
-            connection.execute(_ADD_INJECTION, {"run": self._run, "judged_utc": utc(at), **said})
+            row = row_of(FIELDS, Output.JOURNAL, entry, self._c)
+            connection.execute(_ADD_INJECTION, {"run": self._run, "judged_utc": utc(at), **row})
 
     @contextlib.contextmanager
     def _writing(self) -> Iterator[sqlite3.Connection]:
@@ -276,7 +276,7 @@ class JournalReader:
         self._connection = connection
 
     def count(self) -> int:
-        """How many injections it has."""
+        """Number of injections in the journal."""
         (count,) = self._connection.execute("SELECT count(*) FROM injection").fetchone()
         return int(count)
 

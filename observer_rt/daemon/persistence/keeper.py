@@ -148,7 +148,7 @@ class Keeper:
         """state: where the learned state is kept; None, as for the journal: nowhere."""
         self.state = state
         self.listeners: Sequence[Listener] = [] if journal is None else [journal]
-        """Who wants to hear the daemon's news."""
+        """Listeners to the daemon's reports and notices."""
         self._fitted = fitted
         self._journal = journal
         self._tell = tell
@@ -201,7 +201,7 @@ class Keeper:
 
 
 class LearnedState:
-    """What was learned, in a state file."""
+    """Learned state in a state file."""
 
     def __init__(self, path: Path, fitted: BenchInjector, source: KnowledgeSource) -> None:
         self.name = f"learned state in {path}"
@@ -225,7 +225,7 @@ class LearnedState:
 
 
 class KeptFiles(NamedTuple):
-    """Where learned state and journal are kept; None: nowhere."""
+    """Paths of learned state and journal; None: not on disk."""
 
     state: Path | None
     journal: Path | None
@@ -259,7 +259,7 @@ def kept_files(fitted: BenchInjector, state: Path | None = None, journal: Path |
 
 @contextlib.contextmanager
 def keeper_of(bench: Bench, state: Path | None, journal: Path | None, tell: Tell) -> Iterator[Keeper]:
-    """What keeps the files of a daemon, theirs alone while it lasts; those the bench file names where none is given.
+    """Keeper of a daemon's files, theirs alone while it lasts; those the bench file names where none is given.
 
     Raises `UserError` for files that cannot be kept, or are another daemon's.
     """

@@ -1,4 +1,4 @@
-"""From the links of a daemon through its core and back: a compiled loop in a thread of its own, fed by threads."""
+"""Pump from the links of a daemon through its core and back: a compiled loop in its own thread, fed by threads."""
 
 import errno
 import os
@@ -82,7 +82,7 @@ class Feeder(DescriptorLink):
             thread.start()
 
     def failure(self, error: OSError) -> Exception:
-        """What ended the carrying, if it was the link."""
+        """Failure that ended the carrying, if it was the link."""
         return self._error or super().failure(error)
 
     def goes_round(self) -> bool:
@@ -126,7 +126,7 @@ class Feeder(DescriptorLink):
             self._fail(error)
 
     def _send_on(self) -> None:
-        """Results to the link, until the last; those that come too late are kept."""
+        """Sends results to the link, until the last; those left when the pump ends count as unsent."""
         while data := self._other_end.recv(FD_MTU):
             identifier, length = struct.unpack_from("=IB", data)
             is_extended, is_fd = bool(identifier & EXTENDED_FLAG), len(data) == FD_MTU
@@ -215,7 +215,7 @@ class FramePump:
             self._may_go_on.set()
         else:
             frames = self._core.attend()
-        if failure is not None and not frames:  # what came before it is said first
+        if failure is not None and not frames:  # what came before it is reported first
             raise failure
         return frames
 
@@ -232,7 +232,7 @@ class FramePump:
         return goes or self._waits.is_set()
 
     def latency(self) -> Latency | None:
-        """Of the rates so far."""
+        """Latency of the rates so far."""
         return latency_of(self._pump.memory[0])
 
     def leave_out(self, bus: int) -> None:
@@ -264,7 +264,7 @@ class FramePump:
         state["failure"] = 0  # last: from here on the loop uses it
 
     def sender(self, bus: int) -> Link:
-        """By which results of a bus are to be sent, so that they come behind its rates."""
+        """Link by which results of a bus are to be sent, so that they come behind its rates."""
         end = self._ends[bus]
         return end if isinstance(end, Feeder) and not end.is_ended else self._links[bus]
 
@@ -339,7 +339,7 @@ class FramePump:
             self._unsent = unsent
 
     def _failed(self) -> Exception | None:
-        """What the loop met on a bus that is served; None: nothing."""
+        """Failure that the loop met on a bus that is served; None: there is none."""
         for number, end in self._ends.items():
             code = int(self._pump.buses[number]["failure"])
             if code != 0 and number not in self._left_out:

@@ -94,7 +94,7 @@ class PhaseStatistics:
         return np.asarray(_excess_beyond(*sums, colour, variance), np.float64)
 
     def excess(self, phase: Phase) -> float:
-        """How improbable the largest of variance and colours is for white noise, in standard deviations.
+        """Improbability of the largest of variance and colours for white noise, in standard deviations.
 
         0 without samples. The sums of few blocks have a long tail, which a normal distribution would ignore.
         """
@@ -104,7 +104,7 @@ class PhaseStatistics:
 
 
 def no_statistics() -> PhaseStatistics:
-    """Nothing seen yet."""
+    """Statistics before any sample."""
     return PhaseStatistics(
         np.zeros(PHASES), np.zeros(PHASES), np.zeros((PHASES, len(BLOCKS))), np.zeros((PHASES, len(BLOCKS)))
     )

@@ -74,12 +74,12 @@ class Linearisation:
         return self.value + float(self.gradient @ step) + 0.5 * float(step @ self.information @ step)
 
     def moved(self, theta: NDArray[np.float64], value: float) -> "Linearisation":
-        """The same quadratic approximation round another theta (m,), where the cost was found to be `value`."""
+        """Quadratic approximation expanded round another theta (m,), where the cost was found to be `value`."""
         gradient = self.gradient + self.information @ (theta - self.theta)
         return Linearisation(theta, value, gradient, self.information)
 
     def tempered(self, factor: float) -> "Linearisation":
-        """The same of the cost divided by a factor."""
+        """Linearisation of the cost divided by a factor."""
         value, gradient, information = self.value / factor, self.gradient / factor, self.information / factor
         return Linearisation(self.theta, value, gradient, information)
 
@@ -91,7 +91,7 @@ class Linearisation:
         return float(self.gradient @ np.linalg.solve(self._spread(covariance), self.gradient))
 
     def standard_scores(self, covariance: NDArray[np.float64]) -> NDArray[np.float64]:
-        """By how many standard deviations each parameter pulls up (m,), tested alone as in `score`; 0 without say."""
+        """Upward pull on each parameter (m,), in standard deviations, tested alone as in `score`; 0 without data."""
         sigma = np.sqrt(np.diag(self._spread(covariance)))
         return np.divide(-self.gradient, sigma, out=np.zeros_like(sigma), where=sigma > 0.0)
 
@@ -152,7 +152,7 @@ class EventCost:
 
     @property
     def terms(self) -> int:
-        """How many squares J sums."""
+        """Number of squares that J sums."""
         return (self._window.output.size - self.burn_in) // self._together
 
     def value(self, theta: NDArray[np.float64]) -> float:

@@ -1,4 +1,4 @@
-"""What theta means, a row for every kind of parameter: columns, prior, law on the model, how it is shown."""
+"""Table of theta, a row for every kind of parameter: columns, prior, law on the model, how it is shown."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -47,14 +47,14 @@ class Parameter(IntEnum):
 
 
 class ScalarUnit(Enum):
-    """What the numbers of a row are given in."""
+    """Unit of the numbers of a row."""
 
     AS_IT_IS = "-"
     PRESSURE = "Pa"  # theta counts in p_0
     TIME = "s"  # theta counts in `LAG_UNIT`
 
     def unit(self, pressure_scale: float) -> float:
-        """What theta = 1 is; pressure_scale p_0 [Pa]."""
+        """Size of theta = 1; pressure_scale p_0 [Pa]."""
         return {ScalarUnit.AS_IT_IS: 1.0, ScalarUnit.PRESSURE: pressure_scale, ScalarUnit.TIME: LAG_UNIT}[
             self
         ]
@@ -62,7 +62,7 @@ class ScalarUnit(Enum):
 
 @dataclass(frozen=True)
 class ShownIndicator:
-    """How a parameter is shown as an indicator. si: what theta = 1 is in SI.
+    """Indicator that shows a parameter. si: size of theta = 1 in SI.
 
     effect: that it stands for, and its name among indicators; key: in JSON, unless that is the effect; label: on the
     screen, beside the rate;
@@ -77,7 +77,7 @@ class ShownIndicator:
     screen_unit: tuple[str, float] | None = None
 
     def factor(self, c: Coefficients, unit: tuple[str, float] | None = None) -> float:
-        """From theta to a unit, that of JSON unless another is given."""
+        """Factor from theta to a unit, that of JSON unless another is given."""
         return self.si(c) / (unit or self.unit)[1]
 
 
@@ -119,7 +119,7 @@ class Scalars:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Of the columns, by which files know them."""
+        """Names of the columns in files."""
         named = {
             row.column + i: row.name if row.columns == 1 else f"{row.name}_{i + 1}"
             for row in self.rows
@@ -134,7 +134,7 @@ class Scalars:
         return tuple((row.column, row.change) for row in rows if row.change is not None)
 
     def of_line(self, theta: NDArray[np.float64]) -> tuple[float, ...]:
-        """Of theta (m,) what changes line and guide, in the order of `laws`."""
+        """Entries of theta (m,) that change line and guide, in the order of `laws`."""
         values = theta.tolist()
         return tuple([values[column] for column, _ in self.laws])
 
@@ -147,7 +147,7 @@ class Scalars:
         return self._vector(attrgetter("drift"), pressure_scale)
 
     def longest_step(self, pressure_scale: float) -> NDArray[np.float64]:
-        """Of one iteration."""
+        """Longest step (m,) of one iteration."""
         return self._vector(attrgetter("longest_step"), pressure_scale)
 
     def bounds(self, pressure_scale: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -256,7 +256,7 @@ def network_of(theta: NDArray[np.float64]) -> Network:
 
 
 def by_theta(theta: NDArray[np.float64], c: Coefficients, scalars: Scalars = SCALARS) -> ByTheta:
-    """How theta (m,) acts on a model without it: where the network's parameters stand, the line's slopes.
+    """Action of theta (m,) on a model without it: where the network's parameters stand, the line's slopes.
 
     The slopes are those of the laws themselves, by complex steps.
     """

@@ -37,7 +37,7 @@ class SlowNoise:
     is_tone: bool
 
     def as_text(self, unit: str, size: float) -> str:
-        """In words, its strength in a unit of this size."""
+        """Describes the noise in words, its strength in a unit of this size."""
         strength = f"{self.strength / size:.2g} {unit}"
         if self.is_tone:
             return f"hum {_rounded(self.frequency)} Hz {strength}"
@@ -47,7 +47,7 @@ class SlowNoise:
 def slow_noise(
     values: NDArray[np.float64], index: NDArray[np.int64], sample_rate: float, white: float
 ) -> SlowNoise | None:
-    """Of samples (n,) at rest with their sample index, None for white noise or too few of them.
+    """Finds the slow noise of samples (n,) at rest with their sample index; None: white noise or too few of them.
 
     white: standard deviation of the white part; sample_rate [Hz].
     """

@@ -1,4 +1,4 @@
-"""Whether an event can be believed: innovation statistics and plausibility, learned from or not."""
+"""Adequacy of the model for an event: innovation statistics and plausibility, learned from or not."""
 
 import math
 from dataclasses import dataclass
@@ -57,7 +57,7 @@ class Objection:
 
 
 class Innovations(NamedTuple):
-    """Of an event: e~ (n,) and its standard deviation if the model is right, both in units of p_0."""
+    """Innovations e~ (n,) of an event and their standard deviation if the model is right, both in units of p_0."""
 
     values: NDArray[np.float64]
     sigma: float
@@ -66,7 +66,7 @@ class Innovations(NamedTuple):
 def event_statistics(
     window: Window, innovations: Innovations, interval: float, healthy: Healthy
 ) -> PhaseStatistics:
-    """What the innovations over a window say, phase by phase, against a healthy injector's; interval [s]."""
+    """Statistics of the innovations over a window, phase by phase, against a healthy injector's; interval [s]."""
     phases = phases_of(window, round(EDGE / interval), round(AFTERGLOW / interval))
     found = phase_statistics(
         innovations.values, innovations.sigma, phases, round(BURN_IN / interval), mask_of(window), CLIP
@@ -112,7 +112,7 @@ def tempering(statistics: PhaseStatistics) -> float:
 def objections(
     statistics: PhaseStatistics, offset: float, lag: float, healthy: Healthy = NOT_FITTED
 ) -> list[Objection]:
-    """What speaks against an event; offset [Pa] and lag [s] as identified; of a model that fits nobody, always.
+    """Objections to an event; offset [Pa] and lag [s] as identified; to a model that fits nobody, always.
 
     Empty: it passed. What names a cause comes first.
     """
@@ -151,7 +151,7 @@ def looks_like_inertance(nozzle_change: float, stiffness_change: float) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Examination:
-    """What speaks against an event (empty: it passed), and the statistics over recent events with it.
+    """Objections to an event (empty: it passed), and the statistics over recent events with it.
 
     passed: events in a row that did, SETTLED at most; negative: that must until one is believed again.
     """
@@ -162,14 +162,14 @@ class Examination:
 
 
 class Examiner:
-    """What speaks against an event with the parameters in force. Pure: no clock, no thread."""
+    """Finds the objections to events with the parameters in force. Pure: no clock, no thread."""
 
     def __init__(self, statistics: PhaseStatistics, healthy: Healthy, colour: Colour | None = None) -> None:
         """statistics: over the events before the first; colour: of the innovations then, None if they are white."""
         self._healthy = healthy
         self._passed = 0
         self.colour = colour
-        """Of the innovations; as the statistics, whoever learns from an event replaces it by what it found."""
+        """Colour of the innovations; as the statistics, whoever learns from an event replaces it by what it found."""
         self.statistics = statistics
         """Over recent events; whoever learns from an event replaces them by what was found."""
 

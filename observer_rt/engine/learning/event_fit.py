@@ -39,7 +39,7 @@ Fitted = tuple[LearningState, Window, EventCost, EventFit | None]
 
 
 class Believed(NamedTuple):
-    """What is known when an event comes.
+    """Knowledge before an event.
 
     offset [p_0]: at rest before it, None without a sample; sigmas: if its noise is white; prior: the belief; again:
     all this was believed before events that did not pass.
@@ -151,9 +151,9 @@ class EventReader:
     def with_range(
         self, state: LearningState, event: Explained, window: Window, believed: Believed
     ) -> tuple[LearningState, bool]:
-        """With an explained event, whose window was so before; whether the line pressure's range ends in it.
+        """Adds an explained event, whose window was so before; returns whether the line's range ends in it, too.
 
-        What was said of the events in which that showed was said of their clipped samples.
+        Objections to the events in which that showed were to their clipped samples.
         """
         sigmas = _sigmas(state, believed)
         outliers = state.outliers.after(event.window, event.fit.innovations, sigmas, self.burn_in)
@@ -259,6 +259,6 @@ def temper_in(state: LearningState, statistics: PhaseStatistics, rail_noise: flo
 
 
 def _sigmas(state: LearningState, believed: Believed) -> Sigmas:
-    """Of the innovations as they count."""
+    """Standard deviations of the innovations as they count."""
     colour = state.learned.colour
     return believed.sigmas if colour is None else replace(believed.sigmas, innovation=colour.sigma)

@@ -78,7 +78,7 @@ class EventFit:
 
 @dataclass(frozen=True)
 class EventFitter:
-    """What stays the same while one event is fitted, from whichever prior; active: the gated columns in use."""
+    """Fits one event from any prior; active: the gated columns in use."""
 
     cost: Cost
     gate: Gate

@@ -1,4 +1,4 @@
-"""What the observer knows: the belief about all parameters, what is in force, what an event adds."""
+"""Knowledge of the observer: the belief about all parameters, what is in force, what an event adds."""
 
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -20,7 +20,7 @@ from observer_rt.engine.stream.state import Constants
 
 
 class Adoption(StrEnum):
-    """What came of learning from an event."""
+    """Result of learning from an event."""
 
     ADOPTED = "adopted"
     REJECTED = "rejected"  # the new theta does not lower the re-simulated output error
@@ -31,7 +31,7 @@ class Adoption(StrEnum):
 
 @dataclass(frozen=True)
 class Knowledge:
-    """What is known after an event, as one value that can be saved and restored.
+    """Knowledge after an event, as one value that can be saved and restored.
 
     state: with which learning goes on; in_force: theta (m,) the observer carries, 0 at start; phi_version: how often
     another one was adopted; lift: what a shut needle's shows, from which the stream starts; scalars: the table theta
@@ -76,7 +76,7 @@ class Outcome:
 
 
 class EventLearner(Protocol):
-    """What learns between events, whichever training it uses."""
+    """Learner between events, whichever training it uses."""
 
     @property
     def schedule(self) -> GainSchedule:
@@ -84,7 +84,7 @@ class EventLearner(Protocol):
 
     @property
     def phi(self) -> Phi:
-        """What x^ carries at the start, in arrays of its own."""
+        """Correction that x^ carries at the start, in arrays of its own."""
 
     def learn(
         self, window: Window, standstill: Standstill, in_force: Theta, constants: Constants | None = None

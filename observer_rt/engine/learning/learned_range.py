@@ -38,7 +38,7 @@ class EventPoint(NamedTuple):
 
 
 def operating_point(window: Window, interval: float) -> EventPoint:
-    """That of an event; interval of its samples [s]."""
+    """Operating point of an event; interval of its samples [s]."""
     area = window.inputs[:, 1]
     samples = max(int(np.count_nonzero(area > 0.0)), 1)
     return EventPoint(

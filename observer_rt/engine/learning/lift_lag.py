@@ -43,7 +43,7 @@ REMEMBERED = 0.85  # weight of the sums before this event
 
 @dataclass(frozen=True)
 class LiftLag:
-    """By what a lift seems late [s]; chi2 of so many innovations beyond noise, without that and with it.
+    """Lag [s] by which a lift seems late; chi2 of so many innovations beyond noise, without that and with it.
 
     missed: how much more is left by the lag that was expected.
     """
@@ -94,7 +94,7 @@ def lift_lag_of(
 
 @dataclass(frozen=True)
 class LiftLagSearch:
-    """What recent refused events say together: sums of what is in `LiftLag`; asked: refused events in a row."""
+    """Evidence of recent refused events for a lag: sums of what is in `LiftLag`; asked: refused events in a row."""
 
     asked: int = 0
     events: float = 0.0
@@ -107,9 +107,9 @@ class LiftLagSearch:
     def after(
         self, found: Sequence[Objection], ask: Callable[[float], LiftLag]
     ) -> tuple["LiftLagSearch", tuple[Objection, ...]]:
-        """With an event, if it is refused and its turn is to be asked; what speaks against it.
+        """Adds an event, if it is refused and its turn is to be asked; returns the objections to it, too.
 
-        A model that is inadequate by a lift that is late, or early, by that name. ask: by the lag [s] that is
+        A model that is inadequate by a lift that is late, or early, gets that reason. ask: by the lag [s] that is
         expected.
         """
         inadequate = [o for o in found if o.reason is Reason.MODEL_INADEQUATE and o.phase is not None]
@@ -141,7 +141,7 @@ class LiftLagSearch:
 
     @property
     def _lag(self) -> float:
-        """That of recent events, by what it explains in each; 0 without."""
+        """Lag [s] of recent events, by what it explains in each; 0 without."""
         explained = self.without - self.left
         return self.lags / explained if explained > 0.0 else 0.0
 
@@ -188,7 +188,7 @@ def _earlier(window: Window, lag: float, interval: float) -> Window:
 def _step(
     window: Window, setting: Setting, here: _Fitted, prior: NDArray[np.float64], scalars: Scalars
 ) -> float:
-    """How much earlier [s] still the lift should be, by the slope of the innovations freed of what theta does."""
+    """Further lag [s] to take off the lift, by the slope of the innovations freed of what theta does."""
     learned = learned_of(here.fit.linearisation.theta, setting.coefficients, scalars)
     moved = []
     for step in (STEP, -STEP):

@@ -1,8 +1,8 @@
 """Lag of the line-pressure sensor: tested against a channel recorded late, and grown all at once by a fault.
 
 Both move p_L by nearly the same: nozzle and seat terms adapt, mass stays right, but the shape of Q_H does not, and
-the innovations stay almost white. What tells them apart is asked for directly; so is what the mistake would make of
-the rate. Quiet sensors tell a filter of 10 us from a delay of 10 us, and it does not matter which it is.
+the innovations stay almost white. The difference is tested directly, with what the mistake would make of the
+rate. Quiet sensors distinguish a filter of 10 us from a delay of 10 us, and it does not matter which it is.
 """
 
 import math
@@ -33,7 +33,7 @@ SLOWED = 50e-6  # s by which a sensor of the line pressure becomes slower from o
 
 
 class LagScore(NamedTuple):
-    """Of a lag against a delay as long: standard normal if it is a lag, negative if it is none.
+    """Score of a lag against a delay as long: standard normal if it is a lag, negative if it is none.
 
     change: of theta (m,), if it is none.
     """
@@ -43,7 +43,7 @@ class LagScore(NamedTuple):
 
 
 class Lateness(NamedTuple):
-    """How much an event's lag looks like none (`LagScore`), and what the mistake makes of its rate, if it is one.
+    """Evidence of an event that its lag is none (`LagScore`), and what the mistake makes of its rate, if it is one.
 
     rate_share: of the peak, root mean square over the injection; volume_share: of the volume; change: of theta (m,).
     """
@@ -100,7 +100,7 @@ def lag_score(
 
 
 def lateness_of(found: LagScore, run: OpenLoop) -> Lateness:
-    """What a score means for the event it is of, run open loop with the theta that was found."""
+    """Lateness by the score of an event, run open loop with the theta that was found."""
     moved, peak = run.slopes @ found.change, float(np.max(run.rate))
     injecting = run.rate > LEAST_RATE * peak
     if not injecting.any():
@@ -111,7 +111,7 @@ def lateness_of(found: LagScore, run: OpenLoop) -> Lateness:
 
 @dataclass(frozen=True, eq=False)
 class LagDoubt:
-    """What recent events say together: whether their lag is none, and whether that matters.
+    """Evidence of recent events that their lag is none, and that it matters.
 
     Sums of squares of the shares of rate and volume, and of the change of theta (m,).
     """
@@ -123,7 +123,7 @@ class LagDoubt:
     change_squares: NDArray[np.float64]
 
     def after(self, event: Lateness | None) -> "LagDoubt":
-        """With an event more; None: there is no lag, all is forgotten."""
+        """Adds an event; None: there is no lag, all is forgotten."""
         if event is None:
             return no_doubt(self.change_squares.size)
         return LagDoubt(
@@ -146,17 +146,17 @@ class LagDoubt:
 
     @property
     def volume_share(self) -> float:
-        """By what a volume may be wrong where it is no lag, 0 where it seems to be one."""
+        """Share by which a volume may be wrong where it is no lag, 0 where it seems to be one."""
         return math.sqrt(self.volume_squares / self.events) if self.is_no_lag else 0.0
 
     @property
     def variance(self) -> NDArray[np.float64]:
-        """The same of theta, as variances (width,)."""
+        """Variances (width,) of theta by the same."""
         return self.change_squares / self.events if self.is_no_lag else np.zeros_like(self.change_squares)
 
 
 def no_doubt(width: int) -> LagDoubt:
-    """Before any event with a lag; width: columns of theta."""
+    """Evidence before any event with a lag; width: columns of theta."""
     return LagDoubt(RecentScores(np.zeros(1)), 0.0, 0.0, 0.0, np.zeros(width))
 
 
@@ -176,7 +176,7 @@ class SlowedSensor:
         return self.before is not None
 
     def after(self, before: float, lag: float, is_sudden: bool) -> "SlowedSensor":
-        """With an event that found a lag [s]; before: the one believed until then.
+        """Adds an event that found a lag [s]; before: the one believed until then.
 
         is_sudden: the event contradicts what was believed.
         """

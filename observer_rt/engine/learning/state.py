@@ -33,7 +33,7 @@ from observer_rt.engine.stream.standstill import Standstill
 
 @dataclass(frozen=True, eq=False)
 class Learned:
-    """What was learned of injector and noise.
+    """Estimate of injector and noise.
 
     belief: about all parameters jointly; theta (m,): where the last event was explained; statistics: of recent
     innovations; active: the gated columns in use; is_prior: nothing was learned yet, or all of it was forgotten;
@@ -57,7 +57,7 @@ class Learned:
 
 @dataclass(frozen=True, eq=False)
 class Checkpoint:
-    """What was learned when SETTLED events in a row had passed: a passing fault leaves the injector as it was.
+    """Estimate when SETTLED events in a row had passed: a passing fault leaves the injector as it was.
 
     learned: None, while so many never did; failed: events since, passed: in a row.
     """
@@ -76,7 +76,7 @@ class Checkpoint:
     def after(
         self, learned: Learned, gains: PressureGains, at_rest: RestingNoise, has_passed: bool
     ) -> "Checkpoint":
-        """With an event; learned, gains, at_rest: after it."""
+        """Adds an event; learned, gains, at_rest: after it."""
         if not has_passed:
             return replace(self, failed=self.failed + 1, passed=0)
         if self.passed + 1 < SETTLED:
@@ -119,7 +119,7 @@ class LearningState:
     last_event: Rehearsed | None = field(default=None, metadata=NOT_KEPT)
 
     def begun(self, in_force: Theta, interval: float, overdispersion: float) -> "LearningState":
-        """To go on with, in a run that carries `in_force` (m,) and has samples of an interval [s].
+        """State to go on with, in a run that carries `in_force` (m,) and has samples of an interval [s].
 
         What was followed in samples of another one is followed anew. overdispersion: of the healthy injector.
         """
@@ -139,7 +139,7 @@ class LearningState:
 
 
 def no_state(noise: NoiseLevels, pressure_scale: float, scalars: Scalars = SCALARS) -> LearningState:
-    """Before any event: phi = 0 and the prior. pressure_scale p_0 [Pa]."""
+    """State before any event: phi = 0 and the prior. pressure_scale p_0 [Pa]."""
     theta = np.zeros(scalars.width)
     belief = prior_belief(np.zeros(scalars.width), np.diag(scalars.prior(pressure_scale) ** 2))
     learned = Learned(belief, theta, no_statistics(), frozenset(), is_prior=True)

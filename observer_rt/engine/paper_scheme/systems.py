@@ -34,7 +34,7 @@ LARGEST_NOISE = 0.1  # of the nozzle flow at p_0, the noise of one sample of the
 
 
 class PaperSetting(NamedTuple):
-    """What stays the same from event to event: sample interval [s], RK4 steps in it, model, gain l [1/s].
+    """Constants from event to event: sample interval [s], RK4 steps in it, model, gain l [1/s].
 
     nominal: a network that says phi = 0, for f(x, u) itself.
     """
@@ -103,7 +103,7 @@ def check_gain(place: str, gain: float, c: Coefficients, sample_rate: float) -> 
 
 
 def doubts_about_gain(gain: float, c: Coefficients, noise: NoiseLevels) -> str | None:
-    """What speaks against an admissible gain l [1/s], None when nothing does."""
+    """Objection to an admissible gain l [1/s]; None: there is none."""
     if gain < WELL_ABOVE * c.line.mode:
         return (
             f"only {gain / c.line.mode:.2g} times the line's own {c.line.mode:.0f} rad/s: "

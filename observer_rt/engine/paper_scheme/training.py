@@ -124,7 +124,7 @@ def _update(inverse: NDArray[np.float64], v: NDArray[np.float64], d: NDArray[np.
 
 @dataclass(frozen=True)
 class Trained:
-    """What one training came to: the trained weights p (48,), J before and after, epochs used."""
+    """Result of one training: the trained weights p (48,), J before and after, epochs used."""
 
     weights: NDArray[np.float64]
     cost_before: float

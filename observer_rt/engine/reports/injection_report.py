@@ -1,4 +1,4 @@
-"""What is said of one injection, in SI units, with the one table of names and units for all outputs."""
+"""Report of one injection, in SI units, with the one table of names and units for all outputs."""
 
 import math
 import re
@@ -83,7 +83,7 @@ class InjectionReport:
 
     @property
     def mass_bound(self) -> float:
-        """By how much the mass may be off, by the interval with 95 % [kg]; nan before that is known."""
+        """Error that the mass may have, by the interval with 95 % [kg]; nan before that is known."""
         return math.nan if self.mass_ci95 is None else max(abs(bound - self.mass) for bound in self.mass_ci95)
 
     @property
@@ -93,7 +93,7 @@ class InjectionReport:
 
 
 def beyond_learned(report: InjectionReport) -> str:
-    """How far an injection is from what was learned, and which recording would help."""
+    """Describes how far an injection is from what was learned, and which recording would help."""
     rail_pressure, (lowest, highest) = report.rail_pressure, report.known_rails
     if lowest <= rail_pressure <= highest:
         return "longer than those learned from; record some as long, at rail pressures about as high"
@@ -106,7 +106,7 @@ def beyond_learned(report: InjectionReport) -> str:
 def report_of(
     injection: np.void, judged: EventRecord, commanded: CommandedOpening | None, is_contested: bool = False
 ) -> InjectionReport:
-    """What to say of an injection (row of dtype `stream.state.INJECTION`).
+    """Report of an injection (row of dtype `stream.state.INJECTION`).
 
     commanded: by which command it opened; is_contested: another node sends the same results.
     """
@@ -174,7 +174,7 @@ class Output(Flag):
 
 @dataclass(frozen=True)
 class Field(Generic[T]):
-    """A value that is said of an injection, in the unit that ends its name; nan and None: not known.
+    """A value reported of an injection, in the unit that ends its name; nan and None: not known.
 
     get: from the injection and the nominal model; kind: tuple for an interval, list for names; heading and form:
     in tables on the screen.
@@ -195,7 +195,7 @@ class Field(Generic[T]):
         return {self.name: str if self.kind is list else self.kind}
 
     def of(self, injection: T, c: Coefficients) -> Any:
-        """As JSON has it."""
+        """Value of an injection as JSON has it."""
         value = self.get(injection, c)
         return known(value) if isinstance(value, float) else value
 
@@ -215,7 +215,7 @@ class Field(Generic[T]):
 
 @dataclass(frozen=True)
 class IndicatorFields:
-    """What is learned of an injector, as two fields; name and unit are those of JSON."""
+    """Indicator of an injector as two fields; name and unit are those of JSON."""
 
     name: str
     unit: str
@@ -224,7 +224,7 @@ class IndicatorFields:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Of its value and of the ends of its interval."""
+        """Column names of its value and of the ends of its interval."""
         return (*self.value.columns, *self.ci95.columns)
 
 
@@ -295,7 +295,7 @@ def row_of(fields: Sequence[Field[T]], output: Output, injection: T, c: Coeffici
 
 
 def injection_record(report: InjectionReport, c: Coefficients, has_energizing: bool) -> dict[str, Any]:
-    """An injection in JSON. has_energizing: whether its command is said, None without one."""
+    """An injection in JSON. has_energizing: whether its command is reported, None without one."""
     record = {each.name: each.of(report, c) for each in FIELDS if Output.JSON in each.outputs}
     if report.fuel_temperature is None:
         del record["fuel_temperature_degC"]

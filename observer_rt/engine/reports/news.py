@@ -11,14 +11,14 @@ from observer_rt.foundation.units import MILLIGRAM, MILLISECOND
 
 @dataclass(frozen=True, eq=False)
 class MeasuredMass:
-    """What was measured of a reported injection [kg]."""
+    """Measured mass of a reported injection [kg]."""
 
     report: InjectionReport
     mass: float
 
     @property
     def error(self) -> float:
-        """Of the estimated mass, relative; nan where none was estimated."""
+        """Error of the estimated mass, relative; nan where none was estimated."""
         return self.report.mass / self.mass - 1.0
 
     def as_text(self) -> str:
@@ -68,7 +68,7 @@ class Notice:
 News = InjectionReport | MeasuredMass | Mismatch | Notice
 """A judged injection, whose samples are still remembered; its measured mass; one missing or without a command."""
 Listener = Callable[[News], None]
-"""Is called from the loop, with all news."""
+"""Callback from the loop, for all reports and notices."""
 
 
 def fan_out(listeners: Sequence[Listener]) -> Listener:

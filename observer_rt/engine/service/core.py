@@ -137,7 +137,7 @@ class Core:
         )
         self._writes_summaries = writes_summaries
         self.optional = OptionalInputs(fitted, bus, self.compiled, self._tell, is_restored)
-        """What came of energizing, fuel temperature and learning enable."""
+        """Energizing, fuel temperature and learning enable as received."""
         self.contest = Contest(self.compiled.pipeline.publisher.memory, self.compiled.observer.memory)
         """Whether another node sends the same results."""
         self._results = ResultFrames(bus, self.compiled.pipeline.publisher, config.outputs.injector_id)
@@ -153,7 +153,7 @@ class Core:
         return self.handle_many(block_of([BusFrame(bus, Frame(frame_id, payload, stamp_ns, is_extended))]))
 
     def handle_many(self, block: FrameBlock) -> list[OutputFrame]:
-        """The same of many frames in arrays, at the speed of compiled code."""
+        """Handles many frames in arrays, at the speed of compiled code."""
         number = 0
         while number < block.frames:
             number, waits = self.compiled.take_many(block, number)
@@ -162,7 +162,7 @@ class Core:
         return self._results.taken()
 
     def attend(self) -> list[OutputFrame]:
-        """What the stream did meanwhile, by frames given to `compiled`: hand over, judge, report.
+        """Handles what the stream did meanwhile, by frames given to `compiled`: hand over, judge, report.
 
         Returns the frames to send; rates are in the publisher, for whoever gives it frames.
         """
@@ -172,7 +172,7 @@ class Core:
         return self._results.taken()
 
     def answer(self) -> list[OutputFrame]:
-        """As `attend`, with the verdict or the model that the stream waits for."""
+        """Goes on as `attend`, with the verdict or the model that the stream waits for."""
         self._follow()
         self._answer()
         return self._results.taken()
@@ -279,12 +279,12 @@ class Core:
 
     @property
     def lift(self) -> LiftFigures:
-        """What was found of the needle-lift sensor."""
+        """Findings about the needle-lift sensor."""
         return lift_figures(self.compiled.observer, self._max_lift)
 
     @property
     def slow_noise(self) -> Mapping[Role, SlowNoise]:
-        """What is not white in line pressure [Pa] and needle lift [m], of the samples at rest that are remembered."""
+        """Slow noise of line pressure [Pa] and needle lift [m], of the samples at rest that are remembered."""
         white = self.standstill.noise
         if white is None:
             return {}
@@ -292,17 +292,17 @@ class Core:
 
     @property
     def timing(self) -> tuple[MessageTiming, ...]:
-        """How regularly the input messages come, as far as their stamps show it."""
+        """Regularity of the input messages, as far as their stamps show it."""
         return timing_of(self._bus, self.compiled.pipeline.keeping)
 
     @property
     def counters(self) -> Counters:
-        """What was counted so far."""
+        """Counts since the start."""
         return counted(self.parts)
 
     @property
     def parts(self) -> dict[str, Any]:
-        """What counts, by the names that sources of `OutputSignal` have for it."""
+        """Parts that count, by the names that sources of `OutputSignal` have for them."""
         pipeline = self.compiled.pipeline
         return {
             "core": self,
@@ -365,7 +365,7 @@ class Core:
 
 
 def status_values(core: Core, state: State, reason: Reason, others: Mapping[str, Any]) -> StatusValues:
-    """What the status says; others: parts beside those of the core, of links and files."""
+    """Values of the status; others: parts beside those of the core, of links and files."""
     version = dict(zip(("major", "minor", "patch"), map(int, __version__.split(".")[:3]), strict=True))
-    said = {"valid": core.is_valid and is_good(state), "state": state, "reason": reason, "version": version}
-    return values_of(StatusValues, {**core.parts, **said, **others})
+    own = {"valid": core.is_valid and is_good(state), "state": state, "reason": reason, "version": version}
+    return values_of(StatusValues, {**core.parts, **own, **others})

@@ -31,7 +31,7 @@ LATE_STAMP = 1 * MILLISECOND  # by which stamps may be beside their clock, and a
 
 
 def samples_between(earlier: float, later: float) -> float:
-    """From one sample index to another, either of them modulo 2^32; nan if one is not known."""
+    """Samples from one index to another, either of them modulo 2^32; nan if one is not known."""
     return (later - earlier + INDICES / 2) % INDICES - INDICES / 2
 
 
@@ -172,7 +172,7 @@ class CommandReader:
 
 @dataclass(frozen=True)
 class EnergizingFigures:
-    """What was counted so far; mean and standard deviation of the last opening delays [s], nan: none yet."""
+    """Counts so far; mean and standard deviation of the last opening delays [s], nan: none yet."""
 
     commands: int
     missing: int
@@ -257,7 +257,7 @@ class EnergizingWatch:
         return CommandedOpening(command.number, delay, command.duration)
 
     def look(self) -> None:
-        """After samples were processed: which commands have had their time without an opening."""
+        """Reports commands that have had their time without an opening, after samples were processed."""
         if self._processed > 0 and not self._has_time:
             self._doubtful_until = self._newest_index()
             self._waiting.clear()
@@ -279,7 +279,7 @@ class EnergizingWatch:
 
     @property
     def figures(self) -> EnergizingFigures:
-        """What was counted so far."""
+        """Counts and delays so far."""
         delays = list(self._delays)  # asked for from another thread, too
         mean, sigma = (float(np.mean(delays)), float(np.std(delays))) if delays else (math.nan, math.nan)
         return EnergizingFigures(self._commands, self._missing, self._uncommanded, mean, sigma)
@@ -372,6 +372,6 @@ class EnergizingWatch:
 
 
 def _latest(since: Sequence[tuple[float, Command]], is_certain: bool) -> tuple[float, Command | None]:
-    """Of the certain or of the doubtful commands the last one, and samples since it; (inf, None): there is none."""
+    """Last one of the certain or of the doubtful commands, and samples since it; (inf, None): there is none."""
     alike = [one for one in since if one[1].is_certain is is_certain]
     return min(alike, key=itemgetter(0), default=(math.inf, None))

@@ -85,7 +85,7 @@ class OptionalInputs:
         self._memory["is_due"] = False
 
     def opening_of(self, injection: np.void) -> CommandedOpening | None:
-        """What commanded an injection (`stream.state.INJECTION`) that is about to be reported; None: not known."""
+        """Command of an injection (`stream.state.INJECTION`) that is about to be reported; None: not known."""
         return None if self._watch is None else self._watch.opening_of(injection)
 
     def on_injection(self, report: InjectionReport) -> None:
@@ -99,13 +99,13 @@ class OptionalInputs:
 
     @property
     def fuel_temperature(self) -> float | None:
-        """Of the fuel in force [K]; None where it is not measured."""
+        """Fuel temperature in force [K]; None where it is not measured."""
         temperature = float(self._memory["fuel_temperature"])
         return None if math.isnan(temperature) else temperature
 
     @property
     def energizing(self) -> EnergizingFigures | None:
-        """What was found of commands and openings; None for a bench without energizing."""
+        """Figures of commands and openings; None for a bench without energizing."""
         return None if self._watch is None else self._watch.figures
 
 

@@ -1,4 +1,4 @@
-"""From one received frame to the frames it causes: the memory of the compiled path, and its one owner."""
+"""Memory of the compiled path from a received frame to the frames it causes, and its one owner."""
 
 from typing import NamedTuple
 
@@ -58,7 +58,7 @@ class CompiledPipeline:
 
     def __init__(self, pipeline: Pipeline) -> None:
         self.pipeline = pipeline
-        """What compiled code works on."""
+        """Memory that compiled code works on."""
         self.path = FramePath(
             pipeline.inputs,
             pipeline.receiver,

@@ -1,4 +1,4 @@
-"""What the closed needle tells: noise levels, the offset between line and rail pressure, the lift sensor."""
+"""Findings while the needle is closed: noise levels, the offset between line and rail pressure, the lift sensor."""
 
 import math
 from dataclasses import dataclass, field
@@ -20,7 +20,7 @@ FLOOR = NoiseLevels(rail_pressure=0.01e6, line_pressure=0.01e6, needle_lift=0.02
 
 @dataclass(frozen=True)
 class RestingLift:
-    """What the lift of a shut needle shows that is no motion.
+    """Lift of a shut needle that is no motion.
 
     zero: its mean [m]; wander: how far it moves about that within some 80 us, root mean square [m]; crosstalk: of the
     line pressure [m/Pa], 0: none was found.

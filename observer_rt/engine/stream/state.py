@@ -25,7 +25,7 @@ SAMPLE = dtype_of(RECORDS["Sample"])
 
 
 class State(IntEnum):
-    """What the service as a whole is in; sent in every output frame."""
+    """State of the service as a whole; sent in every output frame."""
 
     STARTING = 0
     WAITING_FOR_DATA = 1
@@ -96,7 +96,7 @@ class Timing(NamedTuple):
 
 
 class Undoing(NamedTuple):
-    """What is undone of channels before the observer sees a sample; of the line pressure the model knows it."""
+    """Corrections of channels before the observer sees a sample; that of the line pressure is in the model."""
 
     stated: bool  # whether there is anything
     rail_late: (
@@ -108,7 +108,7 @@ class Undoing(NamedTuple):
 
 
 class Constants(NamedTuple):
-    """What does not change while the observer runs; the stream does not see the line."""
+    """Constants while the observer runs; the stream does not see the line."""
 
     coefficients: Coefficients
     means: bool  # samples are means over the sample period that ends at their time

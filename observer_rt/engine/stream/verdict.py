@@ -19,7 +19,7 @@ _VERDICT = dtype_of(RECORDS["Verdict"])
 
 
 class Taken(IntEnum):
-    """Which verdict the stream found when an event was due."""
+    """Verdict that the stream found when an event was due."""
 
     NOTHING = 0  # it was not judged
     # By the innovations of the live x~; with what was learned from an earlier one, if that is new.

@@ -1,4 +1,4 @@
-"""What the coil's current adds to the line pressure while it flows, taken out once it is known well enough.
+"""Disturbance of the line pressure by the coil's current, taken out once it is known well enough.
 
 Its beginning is a step at the same time before every opening. The needle is shut then and nothing moves, so the model
 has nothing to say to it, however small it is; over many events it stands out of the noise. Its end lies in the
@@ -87,7 +87,7 @@ class EdgeSearch:
         sigma: float,
         places: EdgePlaces,
     ) -> "EdgeSearch":
-        """With an event's innovations (n,).
+        """Adds an event's innovations (n,).
 
         response: (n,) of the innovations to a step of y at the sample `longest` before the opening.
         """
@@ -150,7 +150,7 @@ def with_step(window: Window, first: int, height: float) -> Window:
 
 @dataclass(frozen=True)
 class CoilPulse:
-    """Of a height [p_0], from so many samples before every opening until so many before its closing."""
+    """Pulse of a height [p_0], from so many samples before every opening until so many before its closing."""
 
     height: float
     before: int
@@ -198,7 +198,7 @@ class CoilCurrent:
         prior: NDArray[np.float64],
         ends: NDArray[np.int64],
     ) -> "CoilCurrent":
-        """With an event as it was recorded, at whose openings there is such an edge.
+        """Adds an event as it was recorded, at whose openings there is such an edge.
 
         innovations: (n,) of a window, in standard deviations, 0 where they do not count; slopes: (n, m) of the same
         by theta; prior: (m,) standard deviations.
@@ -236,7 +236,7 @@ class CoilCurrent:
 
 @dataclass(frozen=True, eq=False)
 class Energizing:
-    """What events have shown of it; it is taken out of them once it is known."""
+    """Findings of events about the coil's pulse, which is taken out of them once it is known."""
 
     edges: EdgeSearch = field(default_factory=EdgeSearch)
     current: CoilCurrent = field(default_factory=CoilCurrent)
@@ -255,7 +255,7 @@ class Energizing:
         prior: NDArray[np.float64],
         interval: float,
     ) -> tuple["Energizing", bool]:
-        """With a fitted event as it was recorded; whether something was in it that was not taken out.
+        """Adds a fitted event as it was recorded; returns whether something was in it that was not taken out, too.
 
         sigma: of the innovations [p_0]; cost_of: a window's cost; prior: standard deviations (m,) of theta before
         any event; interval: of samples [s].

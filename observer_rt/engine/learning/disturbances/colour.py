@@ -54,7 +54,7 @@ MOST = 0.5  # samples: more is no jitter
 
 @dataclass(frozen=True, eq=False)
 class Colour:
-    """Of the innovations of a bench: the filter that makes them white, at a sample interval [s].
+    """Colour of a bench's innovations: the filter that makes them white, at a sample interval [s].
 
     sigma: standard deviation of what it leaves of them, in units of p_0.
     """
@@ -66,13 +66,13 @@ class Colour:
 
 @dataclass(frozen=True)
 class SlowRail:
-    """How strong the noise of the rail pressure is where the line hears it, older events counting less."""
+    """Strength of the rail pressure's noise where the line hears it, older events counting less."""
 
     squares: float = 0.0
     count: float = 0.0
 
     def after(self, segments: Sequence[NDArray[np.float64]], interval: float) -> "SlowRail":
-        """With an event's rail pressure, a stretch of rest each; interval: of samples [s]."""
+        """Adds an event's rail pressure, a stretch of rest each; interval: of samples [s]."""
         forgetting, length = forgetting_of(RAIL_MOTION, interval), max(1, round(RAIL_BLOCK / interval))
         squares, count = self.squares * REMEMBERED, self.count * REMEMBERED
         for values in segments:
@@ -84,7 +84,7 @@ class SlowRail:
 
     @property
     def sigma(self) -> float:
-        """Of the white noise that is as strong, a sample's; 0 without any rest."""
+        """Standard deviation of a sample of white noise that is as strong; 0 without any rest."""
         return math.sqrt(self.squares / self.count) if self.count > 0.0 else 0.0
 
 
@@ -116,13 +116,13 @@ def resting_segments(window: Window, first: int, shortest: int) -> list[slice]:
 
 @lru_cache
 def _choices(interval: float) -> NDArray[np.float64]:
-    """What the high passes to choose from keep from one sample to the next, none first."""
+    """Shares that the high passes to choose from leave from one sample to the next, none first."""
     return np.array([NO_HIGH_PASS, *(forgetting_of(constant, interval) for constant in TIME_CONSTANTS)])
 
 
 @dataclass(frozen=True, eq=False)
 class RestingNoise:
-    """What innovations at rest are like, older events counting less; from it the filter that makes them white.
+    """Statistics of innovations at rest, older events counting less; from them the filter that makes them white.
 
     By high pass, in samples of one interval: products of neighbours, and by lag.
     """
@@ -134,7 +134,7 @@ class RestingNoise:
     count: float = 0.0
 
     def after(self, segments: Sequence[NDArray[np.float64]], interval: float) -> "RestingNoise":
-        """With an event's innovations [p_0], a stretch of rest each; interval: of samples [s]."""
+        """Adds an event's innovations [p_0], a stretch of rest each; interval: of samples [s]."""
         choices = _choices(interval)
         weight, before = self._weights(segments, choices)
         products, by_lag = (sums * (REMEMBERED * before) for sums in (self.products, self.by_lag))
@@ -147,7 +147,7 @@ class RestingNoise:
     def _weights(
         self, segments: Sequence[NDArray[np.float64]], choices: NDArray[np.float64]
     ) -> tuple[float, float]:
-        """What makes up for how loud an event is: a factor of its innovations, and of the squares before it.
+        """Factors that make up for how loud an event is: of its innovations, and of the squares before it.
 
         By what the slowest high pass lets through: levels differ from event to event.
         """
@@ -188,7 +188,7 @@ class RestingNoise:
         return Colour(whitening, interval, math.sqrt(variances[choice, order]))
 
     def _best_orders(self, criteria: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Of each high pass the order to take, and its BIC: the least of the filters that leave no colour.
+        """Best order of each high pass, and its BIC: the least of the filters that leave no colour.
 
         criteria: (choices, orders), BIC. Without such a filter those with.
         """
@@ -212,7 +212,7 @@ class RestingNoise:
         return False
 
     def _variance_of(self, choice: int, weights: NDArray[np.float64]) -> float:
-        """Of a weighted sum of neighbouring innovations behind a high pass."""
+        """Variance of a weighted sum of neighbouring innovations behind a high pass."""
         products = np.correlate(weights, weights, "full")[weights.size - 1 :]
         products[1:] *= 2.0
         return float(products @ self.by_lag[choice, : weights.size]) / self.count
@@ -223,7 +223,7 @@ class RestingNoise:
 
 
 def _residual_variances(covariances: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Of the newest value, given none of those before it, one, .. all: (c, m) of covariances (c, m, m).
+    """Variances of the newest value, given none of those before it, one, .. all: (c, m) of covariances (c, m, m).
 
     Their first row is that of the newest.
     """
@@ -236,7 +236,7 @@ def _residual_variances(covariances: NDArray[np.float64]) -> NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class TimeJitter:
-    """How much louder the line pressure is where it is steep, from recent events.
+    """Excess of the line pressure's noise where it is steep, from recent events.
 
     sums: of weights, with squared slopes and their squares, with loudness and both; variance: of the moments
     [samples^2], 0: none.
@@ -266,7 +266,7 @@ class TimeJitter:
     def after(
         self, window: Window, unfiltered: NDArray[np.float64], sigma: float, first: int
     ) -> "TimeJitter":
-        """With an event's innovations (n,) from `first` on, neither white nor weighed."""
+        """Adds an event's innovations (n,) from `first` on, neither white nor weighed."""
         counts = np.convolve(mask_of(window), np.ones(DIFFERENCE.size), "same") == 0.0
         counts[: first + DIFFERENCE.size] = False
         counts[-DIFFERENCE.size :] = False
@@ -293,5 +293,5 @@ def _variance_in(sums: NDArray[np.float64], needed: float) -> float:
 
 
 def _squared_slopes(window: Window, sigma: float) -> NDArray[np.float64]:
-    """Of the recorded line pressure (n,), in `sigma` a sample, squared."""
+    """Squares (n,) of the recorded line pressure's slopes, in `sigma` a sample."""
     return np.asarray((np.convolve(window.output, SLOPE, "same") / sigma) ** 2, np.float64)

@@ -54,7 +54,7 @@ def spikes_of(innovations: NDArray[np.float64], sigma: float, first: int) -> lis
 
 
 def sharp_spikes_of(innovations: NDArray[np.float64], sigma: float, first: int) -> list[tuple[int, int]]:
-    """The same of those that stand out by no leap, but from what is beside them.
+    """Finds spikes that stand out by no leap, but from what is beside them: [start, end) each.
 
     Where the innovations are larger than they should be, so must be the spikes. Of many the model is to blame.
     """
@@ -127,7 +127,7 @@ def bursts_of(y: NDArray[np.float64], noise: float) -> list[HeldStretch]:
 
 @dataclass(frozen=True)
 class End:
-    """How low or high the line pressure goes in an event, and whether it stays there as the model does not say."""
+    """Lowest or highest line pressure of an event, and whether it stays there as the model does not say."""
 
     level: float
     is_flat: bool
@@ -155,7 +155,7 @@ class OutlierSearch:
     def masked(
         self, window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int
     ) -> NDArray[np.bool_] | None:
-        """What to mask (n,), with what is masked already; None: no more than that.
+        """Mask (n,) of an event's outliers, with what is masked already; None: no more than that.
 
         innovations: (n,), of which those before sample `first` do not count.
         """
@@ -180,7 +180,7 @@ class OutlierSearch:
     def after(
         self, window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int
     ) -> "OutlierSearch":
-        """With a fitted event."""
+        """Adds a fitted event."""
         stretches = frozen_stretches(window, innovations, sigmas, first)
         places = tuple((s.start - window.opening, s.level) for s in stretches)
         bursts = tuple(_middle(burst) - window.opening for burst in bursts_of(window.output, sigmas.noise))

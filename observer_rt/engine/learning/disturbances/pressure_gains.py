@@ -44,7 +44,7 @@ class PressureGains:
     change: float = 0.0
 
     def after(self, offset: float, pressure: float) -> "PressureGains":
-        """With what line over rail pressure was in an event, as recorded, and the rail pressure [p_0]."""
+        """Adds an event's line over rail pressure, as recorded, and its rail pressure [p_0]."""
         o, p = offset, pressure
         sums = REMEMBERED * self.sums + np.array([1.0, p, o, p * p, p * o, o * o])
         difference = _difference_in(sums)
@@ -74,12 +74,12 @@ class PressureGains:
         return FLOW_SHARE * abs(self.difference)
 
     def wear_variance(self, width: int) -> NDArray[np.float64]:
-        """The same of what theta says of wear, as variances (width,): an offset may be a gain where none was told."""
+        """Variances (width,) of theta's wear by the gains: an offset may be a gain where none was stated."""
         share = self.flow_share if self.difference else UNTOLD_SHARE * self.seen
         return _of_wear(share, width) ** 2
 
     def rescaled(self, belief: Belief) -> Belief:
-        """What was learned of flows before the last event changed what is undone, less sure by as much."""
+        """Belief about flows after the last event changed what is undone, less sure by as much."""
         change = self.change
         if change == 0.0:
             return belief
@@ -89,7 +89,7 @@ class PressureGains:
 
 
 def _difference_in(sums: NDArray[np.float64]) -> float:
-    """How the offsets grow with the pressure, by their weighted sums (6,)."""
+    """Growth of the offsets with the pressure, by their weighted sums (6,)."""
     count = sums[0]
     if count < ENOUGH:
         return 0.0
@@ -111,7 +111,7 @@ def _of_wear(share: float, width: int) -> NDArray[np.float64]:
 
 
 def offset_move(window: Window, cost: EventCost) -> float:
-    """What must be added to the offset [p_0] that an event was linearised at, by its samples at rest; 0 within noise.
+    """Correction of the offset [p_0] that an event was linearised at, by its samples at rest; 0 within noise.
 
     Innovations rather than pressures, for a leak lowers the line pressure at rest, too.
     """

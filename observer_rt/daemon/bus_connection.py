@@ -40,7 +40,7 @@ class Outbox:
             self.unsent += 1
 
     def flush(self) -> None:
-        """Send what waits as far as there is room. Raises as `post` does."""
+        """Sends what waits as far as there is room. Raises as `post` does."""
         waiting, try_send = self._waiting, self.link.try_send
         while waiting:
             frame = waiting[0]
@@ -73,7 +73,7 @@ class LinkWatch:
         self.begin_anew()
 
     def begin_anew(self) -> None:
-        """The link is up again: what was not sent meanwhile is not reported."""
+        """Begins anew once the link is up again: what was not sent meanwhile is not reported."""
         self._unsent = self._outbox.unsent
 
     def look(self, now: int) -> list[Notice]:
@@ -176,20 +176,20 @@ class Port:
         self._outbox.discard()
 
     def tell(self, now: int) -> None:
-        """Messages about what has changed, at a monotonic time [ns]."""
+        """Reports what has changed, at a monotonic time [ns]."""
         if self.is_up:
             for notice in self._watch.look(now):
                 self._tell(notice)
 
     def go_down(self, error: LinkDownError) -> None:
-        """The link failed: to be reconnected by `mend`. What waits is given up: it would be too old for anybody."""
+        """Takes the failed link for down until `mend`. What waits is given up: it would be too old for anybody."""
         self._outage = Outage(self.link)
         self.outages += 1
         self._outbox.discard()
         self._is_reported = self._tell_outage(str(error))
 
     def mend(self, executor: Executor) -> bool:
-        """Try to reconnect, in the executor; whether the link is up again."""
+        """Tries to reconnect, in the executor; returns whether the link is up again."""
         try:
             if self._outage is not None and not self._outage.is_over(executor):
                 return False
@@ -203,7 +203,7 @@ class Port:
         return True
 
     def _tell_outage(self, reason: str) -> bool:
-        """Whether there was something new to tell."""
+        """Reports an outage, unless it is the last one again; returns whether it did."""
         (before, when), now = self._last_outage, time.monotonic()
         self._last_outage = reason, now
         if is_new := reason != before or now - when > SILENCE:

@@ -159,7 +159,7 @@ class Daemon:
             self._on_alive()
 
     def _post(self, frames: Sequence[OutputFrame]) -> None:
-        """Results to their buses, behind those that wait there."""
+        """Posts results to their buses, behind those that wait there."""
         for bus, port in enumerate(self.ports):
             try:
                 port.post((frame for frame in frames if frame.bus == bus), self._pump.sender(bus))
@@ -168,7 +168,7 @@ class Daemon:
         self._is_waiting = any(port.is_waiting for port in self.ports)
 
     def _lose(self, bus: int, error: LinkDownError) -> None:
-        """A link failed: go on without it until it is mended."""
+        """Goes on without a link that failed, until it is mended."""
         self._pump.leave_out(bus)
         self._down.append(bus)
         self.ports[bus].go_down(error)

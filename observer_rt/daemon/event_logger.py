@@ -40,7 +40,7 @@ class Deduplicator:
 
 
 class EventLogger:
-    """Logs in words what it hears."""
+    """Listener that logs in words."""
 
     def __init__(self, log: Voice, notifier: Notifier, c: Coefficients, once: Deduplicator) -> None:
         """c: of the nominal model; once: of all injectors, for what they share."""
@@ -50,7 +50,7 @@ class EventLogger:
         self._c = c
 
     def hear(self, news: News) -> None:
-        """Say it."""
+        """Logs it."""
         match news:
             case InjectionReport():
                 self._log.say(Topic.INJECTION, line(news) + self._offset(news))
@@ -70,7 +70,7 @@ class EventLogger:
         return f", line pressure reads {offset:+.2f} MPa off"
 
     def _notice(self, notice: Notice) -> None:
-        """Without a name where it is the same for all injectors."""
+        """Logs a notice, without a name where it is the same for all injectors."""
         is_shared = notice.incident == notice.text
         text = notice.text if is_shared else self._log.named(notice.text)
         self._log.log.say(notice.topic, text, notice.is_over)
@@ -79,7 +79,7 @@ class EventLogger:
 
 
 def line(report: InjectionReport) -> str:
-    """An injection on one line."""
+    """Describes an injection on one line."""
     reasons = [*map(named, report.reasons)]
     if Reason.OUTSIDE_LEARNED_RANGE in report.reasons:
         reasons.append(beyond_learned(report))

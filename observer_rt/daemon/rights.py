@@ -104,7 +104,7 @@ def take_time() -> None:
 
 
 def _raise_limit(which: int) -> None:
-    """The soft limit to the hard one."""
+    """Raises the soft limit to the hard one."""
     _, most = resource.getrlimit(which)
     with suppress(ValueError, OSError):
         resource.setrlimit(which, (most, most))
@@ -123,7 +123,7 @@ class Processors:
     are_shared: bool = False
 
     def of(self, loop: int) -> int | None:
-        """Where loop number `loop` (0, 1, ...) is to stay, None: anywhere."""
+        """CPUs at which loop number `loop` (0, 1, ...) is to stay, None: any."""
         return self.own[loop % len(self.own)] if self.own else None
 
     def as_text(self) -> str:

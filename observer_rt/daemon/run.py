@@ -149,7 +149,7 @@ class InjectorService:
                 daemon.run(stop)
 
     def tell_end(self, failure: BaseException) -> None:
-        """Say that this injector is not served any more, while others are."""
+        """Reports that this injector is not served any more, while others are."""
         self._voice.say(Topic.STOP, f"warning: ended, the other injectors go on: {failure}")
 
     def _tell(self, news: News) -> None:

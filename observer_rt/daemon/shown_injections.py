@@ -143,7 +143,7 @@ def _plot(
 
 
 def injections(shown: Sequence[ShownInjection], width: int, c: Coefficients) -> Table:
-    """A row for each, the last one at the bottom; in 76 columns no figure is cut. c: of the nominal model."""
+    """Table of injections, the last one at the bottom; in 76 columns no figure is cut. c: of the nominal model."""
     is_measured = any(item.measured for item in shown)
     is_commanded = any(item.report.commanded for item in shown)
     is_tight = width < WITH_WORDS and (is_measured or is_commanded)

@@ -70,7 +70,7 @@ class View:
         self._daemon = daemon
 
     def hear(self, news: News) -> None:
-        """Take in an injection, and later its measured mass; a listener."""
+        """Takes in an injection, and later its measured mass; a listener."""
         if isinstance(news, InjectionReport) and self._daemon is not None:
             self._shown.append(ShownInjection(news, self._daemon.core.rows(news.start, news.end + 1)))
         elif isinstance(news, MeasuredMass):
@@ -235,7 +235,7 @@ class Overview:
         self._views = views
 
     def render(self, now: int, width: int, height: int) -> RenderableType:
-        """All of it at a monotonic time [ns], for a terminal of `width` x `height` characters."""
+        """The whole overview at a monotonic time [ns], for a terminal of `width` x `height` characters."""
         shown = now // TURN % len(self._views)
         table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False)
         for title in _HEADINGS:

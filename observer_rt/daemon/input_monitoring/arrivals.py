@@ -53,11 +53,11 @@ class Arrivals:
         self._begin = now
 
     def last_result(self, layout: MessageLayout) -> int:
-        """When the last frame of a message of results came, or when it could have come first [ns]."""
+        """Time [ns] of the last frame of a message of results, or from which on it could have come."""
         return max(self._begin, self._heard[_key(layout)].last)
 
     def note(self, bus: int, frame_id: int, is_extended: bool, now: int) -> None:
-        """A frame came."""
+        """Counts a frame."""
         heard = self._heard.get((bus, frame_id, is_extended))
         if heard is not None:
             heard.frames += 1
@@ -124,7 +124,7 @@ class Arrivals:
 
 
 def age_text(age: float) -> str:
-    """An age [s] in a few words."""
+    """Describes an age [s] in a few words."""
     if math.isnan(age):
         return "never came"
     return f"{age * 1e3:.0f} ms ago" if age < 1.0 else f"{age:.1f} s ago"
@@ -163,7 +163,7 @@ def sources_of(bus: BusMap) -> tuple[WatchedMessage, ...]:
 
 
 def message_text(bus: BusMap, layout: MessageLayout) -> str:
-    """A message with its identifier."""
+    """Describes a message with its identifier."""
     return f"{bus.name_of(layout)} 0x{layout.frame_id:X}"
 
 

@@ -96,7 +96,7 @@ class FrameWatch:
 
 
 class RateWatch:
-    """Says which rate the bench file should state, where the model is contradicted and samples come at another.
+    """Reports the rate that the bench file should state, where the model is contradicted and samples come at another.
 
     A recording that is replayed at another speed is no contradiction.
     """
@@ -109,7 +109,7 @@ class RateWatch:
         """Last report, with its remedy; empty: there is none."""
 
     def look(self, timing: Sequence[MessageTiming], reason: Reason) -> Iterator[Notice]:
-        """News."""
+        """Notices."""
         off = [
             one for one in timing if abs(one.drift) >= LARGEST_DRIFT and one.jitter.frames >= ENOUGH_FRAMES
         ]

@@ -53,7 +53,7 @@ class UnitWatch:
         """Faults by signal, as reported, in words with their remedy."""
 
     def look(self, newest: NDArray[np.float64], samples: Samples) -> list[Notice]:
-        """News; newest (3,) [SI]: last value of every role; samples: since the last look."""
+        """Notices; newest (3,) [SI]: last value of every role; samples: since the last look."""
         for role, value in zip(ROLES, newest.tolist(), strict=True):
             self._take(self._survey, role, np.array([value]))
         self._take(self._survey, Role.NEEDLE_LIFT, samples[Role.NEEDLE_LIFT])
@@ -104,7 +104,7 @@ class UnitWatch:
 
 
 class SenderWatch:
-    """Tells of another sender when it is first heard, and again from time to time while it goes on."""
+    """Reports another sender when its first frame comes, and again from time to time while it goes on."""
 
     def __init__(self, bus: BusMap, arrivals: Arrivals) -> None:
         self._bus = bus
@@ -114,7 +114,7 @@ class SenderWatch:
         self._is_contested = False
 
     def look(self, now: int) -> list[Notice]:
-        """News at a time [ns]."""
+        """Notices at a time [ns]."""
         frames = self._arrivals.foreign_frames
         if self._is_contested and not self._arrivals.is_contested(now):
             self._is_contested = False
@@ -129,7 +129,7 @@ class SenderWatch:
 
 
 class ProtectionWatch:
-    """Tells whose end-to-end protection is INVALID, so that none of its values are taken."""
+    """Reports messages whose end-to-end protection is INVALID, so that none of its values are taken."""
 
     def __init__(self, bus: BusMap, arrivals: Arrivals) -> None:
         keys = bus.inputs.messages["key"].tolist()
@@ -138,7 +138,7 @@ class ProtectionWatch:
         """Whose protection is INVALID, as reported."""
 
     def look(self, states: Sequence[int]) -> Iterator[Notice]:
-        """News; states: `E2EState` of every input message."""
+        """Notices; states: `E2EState` of every input message."""
         for source, number in self._numbers.items():
             is_invalid = states[number] == E2EState.INVALID
             if is_invalid == (source in self.reported):
@@ -155,7 +155,7 @@ class ProtectionWatch:
 
 
 class InputWatch:
-    """Says of the inputs of a core what is wrong with them, by message and identifier."""
+    """Reports faults of the inputs of a core, by message and identifier."""
 
     def __init__(self, fitted: BenchInjector, bus: BusMap, core: Core) -> None:
         self.arrivals = Arrivals(bus)
@@ -172,7 +172,7 @@ class InputWatch:
         self._frames = 0
 
     def look(self, now: int) -> list[Notice]:
-        """News at a time [ns] of the arrivals' clock; to be called every `PERIOD`."""
+        """Notices at a time [ns] of the arrivals' clock; to be called every `PERIOD`."""
         core = self._core
         notices = [*self._protection.look(core.protection)]
         notices += self._silence.look(now, core.progress, self._protection.reported)
@@ -194,7 +194,7 @@ class InputWatch:
 
 
 class RestartWatch:
-    """Tells when a device begins its sample index anew."""
+    """Reports a device that begins its sample index anew."""
 
     def __init__(self, arrivals: Arrivals) -> None:
         self._sources = arrivals.sources
@@ -202,7 +202,7 @@ class RestartWatch:
         self._before: list[int] = []
 
     def look(self, progress: list[int], restarts: int) -> list[Notice]:
-        """News; progress: as of `SilenceWatch`, restarts: so far."""
+        """Notices; progress: as of `SilenceWatch`, restarts: so far."""
         before, self._before = self._before, progress
         if restarts == self._restarts:
             return []
@@ -227,7 +227,7 @@ class LearningWatch:
         self._is_reported = False
 
     def look(self, now: int, event: int | None) -> list[Notice]:
-        """News at a monotonic time [ns]; event: by its number, that is being learned from, None: none is."""
+        """Notices at a monotonic time [ns]; event: by its number, that is being learned from, None: none is."""
         if event != self._event or event is None:
             was_reported, self._is_reported = self._is_reported, False
             self._event, self._since = event, now
@@ -249,7 +249,7 @@ class LiftWatch:
         self._before = LiftFigures()
 
     def look(self, figures: LiftFigures) -> list[Notice]:
-        """News."""
+        """Notices."""
         before, self._before = self._before, figures
         notices = []
         is_pressed = figures.crosstalk != 0.0
@@ -276,7 +276,7 @@ class LiftWatch:
 
 
 class StateWatch:
-    """Tells what state the service is in, with the ages of the inputs where these are the reason."""
+    """Reports the state of the service, with the ages of the inputs where these are the reason."""
 
     def __init__(self, arrivals: Arrivals) -> None:
         self._arrivals = arrivals
@@ -287,7 +287,7 @@ class StateWatch:
     def look(
         self, now: int, state: tuple[State, tuple[Reason, ...]], causes: tuple[str, ...] = ()
     ) -> list[Notice]:
-        """News at a time [ns]; state: with all its reasons; causes: known to be wrong with the inputs."""
+        """Notices at a time [ns]; state: with all its reasons; causes: known to be wrong with the inputs."""
         what, why = state
         standing = (what, why, () if is_good(what) else causes)
         if standing != self._now:
@@ -318,7 +318,7 @@ class LogWatch:
         return self._first is None or stamp >= self._next
 
     def note(self, bus: int, frame: Frame) -> None:
-        """A frame of the log."""
+        """Takes a frame of the log."""
         if self._first is None:
             self._first = self._next = frame.stamp_ns
             self._watch.arrivals.begin(frame.stamp_ns)

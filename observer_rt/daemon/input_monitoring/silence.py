@@ -50,7 +50,7 @@ class SilenceWatch:
         self._uses = {source: _Use((), 0, 0) for source in arrivals.sources if source.streams}
 
     def look(self, now: int, progress: list[int], refused: Collection[WatchedMessage] = ()) -> list[Notice]:
-        """News at a time [ns]; progress: the sample index every stream got to, as `alignment.memory.progress`.
+        """Notices at a time [ns]; progress: the sample index every stream got to, as `alignment.memory.progress`.
 
         refused: messages of which it is known why their frames cannot be used.
         """
@@ -165,7 +165,7 @@ class ValueWatch:
             )
 
     def look(self, newest: NDArray[np.float64], samples: Samples) -> list[Notice]:
-        """News; newest (3,) [SI]: last value received of every role, whether it could be used or not.
+        """Notices; newest (3,) [SI]: last value received of every role, whether it could be used or not.
 
         Without a value in it is only what has none while there are no samples: the last frame of a window may be
         filled up with `not available`.

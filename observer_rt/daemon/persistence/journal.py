@@ -81,7 +81,7 @@ FROM part GROUP BY span ORDER BY span"""
 
 
 class JournalWriter:
-    """Listens in the loop, where it only keeps what it hears; writes the rows of one run from another thread.
+    """Listener in the loop, where it only collects; writes the rows of one run from another thread.
 
     A file that is taken away meanwhile is begun anew.
     """
@@ -206,7 +206,7 @@ def is_at(path: Path, file: os.stat_result) -> bool:
 
 
 def utc(unix_ns: int) -> str:
-    """A Unix time [ns] as SQLite and people read it, to the millisecond."""
+    """Writes a Unix time [ns] as SQLite and people read it, to the millisecond."""
     seconds, rest = divmod(unix_ns, 1_000_000_000)
     return f"{datetime.fromtimestamp(seconds, UTC):%Y-%m-%d %H:%M:%S}.{rest // 1_000_000:03d}"
 

@@ -117,7 +117,7 @@ def problem_of(knowledge: Knowledge, pressure_scale: float) -> str | None:
 
 
 def _doubt_of(knowledge: Knowledge) -> str | None:
-    """Why restored knowledge would be refused event after event, in a few words; None if nothing says so.
+    """Objection to restored knowledge that would be refused event after event, in a few words; None: there is none.
 
     While it is learned such a sensor is reported as a fault; of another run it may come from signals that are past.
     An offset is none: one that follows the rail pressure is a gain, with which it goes on.
@@ -145,7 +145,7 @@ def _is_positive_definite(matrix: NDArray[np.float64]) -> bool:
 
 
 class _UnusableError(Exception):
-    """Why a file's content is not restored."""
+    """Reason not to restore a file's content."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -110,7 +110,7 @@ class Feeder(DescriptorLink):
         self._other_end.close()
 
     def _bring(self) -> None:
-        """Frames from the link to the loop."""
+        """Brings frames from the link to the loop."""
         try:
             while not self._ended.is_set():
                 frame = self._link.receive(LONGEST_WAIT)
@@ -126,7 +126,7 @@ class Feeder(DescriptorLink):
             self._fail(error)
 
     def _send_on(self) -> None:
-        """Sends results to the link, until the last; those left when the pump ends count as unsent."""
+        """Sends results to the link, until the last; those left over are for `end` to return."""
         while data := self._other_end.recv(FD_MTU):
             identifier, length = struct.unpack_from("=IB", data)
             is_extended, is_fd = bool(identifier & EXTENDED_FLAG), len(data) == FD_MTU
@@ -269,7 +269,7 @@ class FramePump:
         return end if isinstance(end, Feeder) and not end.is_ended else self._links[bus]
 
     def finish(self) -> Sequence[OutputFrame]:
-        """No frame will come: results that wait for room, and what is complete, for the caller to send."""
+        """Ends the frames: returns results that wait for room, and what is complete, for the caller to send."""
         self._stop()
         self._note_what_came()
         fed = [frame for feeder in self._feeders for frame in feeder.end()]
@@ -291,7 +291,7 @@ class FramePump:
         return [end for end in self._ends.values() if isinstance(end, Feeder)]
 
     def _loop(self) -> None:
-        """The thread of the compiled loop."""
+        """Runs the compiled loop in its thread."""
         try:
             self._on_thread()
             while self._compiled.run(self._core.compiled.path, self._wake):
@@ -312,7 +312,7 @@ class FramePump:
             self._thread.join()
 
     def _waiting_rates(self) -> Iterator[OutputFrame]:
-        """Those for which there was no room yet: they are the caller's now."""
+        """Rates for which there was no room yet: they are the caller's now."""
         memory, waiting = self._pump.memory[0], self._pump.waiting.reshape(-1, FD_MTU)
         while memory["first_waiting"] < memory["end_waiting"]:
             assert self._rate is not None
@@ -321,7 +321,7 @@ class FramePump:
             yield output_frame(self._rate, frame[HEADER_BYTES : HEADER_BYTES + int(frame[4])].tobytes())
 
     def _note_what_came(self) -> None:
-        """Arrivals, error frames, lost frames and results given up, as the loop has counted them."""
+        """Takes over arrivals, error frames, lost frames and results given up, as the loop has counted them."""
         pump = self._pump
         for layout, arrival in zip(self._layouts, pump.arrivals, strict=True):
             self._arrivals.set(layout, int(arrival["frames"]), int(arrival["last"]))

@@ -1,4 +1,4 @@
-"""The steady and the starting gain of the identification system, from noise levels and sample rate."""
+"""Steady and starting gain of the identification system, from noise levels and sample rate."""
 
 import math
 from dataclasses import dataclass

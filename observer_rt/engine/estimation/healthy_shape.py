@@ -40,7 +40,7 @@ class EventStretch(NamedTuple):
 
     @property
     def pressure(self) -> float:
-        """The rail pressure as courses change with it."""
+        """Rail pressure in the unit by which courses change."""
         return (self.rail_pressure - CENTRE) / SPAN
 
     def times(self, at: float) -> NDArray[np.float64]:

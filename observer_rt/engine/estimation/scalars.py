@@ -32,7 +32,7 @@ _several = lru_cache(maxsize=8, typed=True)
 
 
 class Parameter(IntEnum):
-    """Columns by name."""
+    """Columns of theta by name."""
 
     NOZZLE_BIAS = 0  # b_H
     NOZZLE_WEIGHT = 1  # w_1; w_2 .. w_q follow
@@ -232,7 +232,7 @@ class Learned(NamedTuple):
 
 
 def nothing_learned(c: Coefficients) -> Learned:
-    """The model in force as it is."""
+    """Meaning of theta = 0: the model in force as it is."""
     return Learned(constant_network(), c, 0.0, 0.0)
 
 

@@ -27,7 +27,7 @@ FEWEST_DIFFERENCES = 200
 
 @dataclass(frozen=True)
 class SlowNoise:
-    """Beside white noise: a tone of this frequency [Hz], or what lies half below and half above it.
+    """Noise beside white noise: a tone of this frequency [Hz], or what lies half below and half above it.
 
     strength: amplitude of a tone, else standard deviation, in the unit of the signal.
     """

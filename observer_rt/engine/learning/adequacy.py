@@ -50,7 +50,7 @@ SETTLED = 3  # explained events in a row, after which one that is not is a fault
 
 @dataclass(frozen=True)
 class Objection:
-    """Why an event is not believed, and the phase in which it shows."""
+    """Reason against an event, and the phase in which it shows."""
 
     reason: Reason
     phase: Phase | None = None
@@ -87,7 +87,7 @@ def pooled(before: PhaseStatistics, event: PhaseStatistics) -> PhaseStatistics:
 
 
 def of_standstill(statistics: PhaseStatistics) -> PhaseStatistics:
-    """These statistics without those of the other phases."""
+    """Statistics of the standstill, without those of the other phases."""
     kept = np.arange(len(Phase)) == Phase.STANDSTILL
     by_block = kept[:, None]
     return PhaseStatistics(
@@ -174,13 +174,13 @@ class Examiner:
         """Over recent events; whoever learns from an event replaces them by what was found."""
 
     def take(self, found: Examination) -> None:
-        """An event was judged so."""
+        """Takes over how an event was judged."""
         self.statistics, self._passed = found.statistics, found.passed
 
     def examine(
         self, window: Window | None, innovations: Innovations, in_force: Theta, constants: Constants
     ) -> Examination:
-        """Judge one event.
+        """Judges one event.
 
         One that is refused by itself says nothing of those after it, but that one must pass first; two, where it was
         not long since: a wrong model is not contradicted at every operating point.

@@ -100,13 +100,13 @@ class EventReader:
         return theta_limits(self.pressure_scale, self.scalars)
 
     def forgotten(self, state: LearningState, cause: Cause) -> LearningState:
-        """A state without what no longer holds."""
+        """State without what no longer holds."""
         return forgotten(state, cause, self.start, self.wide)
 
     def explained(
         self, state: LearningState, window: Window, believed: Believed
     ) -> tuple[LearningState, Explained | None]:
-        """An event fitted; None if no fit is finite. Raises numpy.linalg.LinAlgError when singular."""
+        """Fits an event; None if no fit is finite. Raises numpy.linalg.LinAlgError when singular."""
         lasts = state.mistrust.lasts
         state, counted, cost, fit = self._fitted(state, window, believed, lasts)
         if fit is None:
@@ -115,7 +115,9 @@ class EventReader:
         if mask is not None:
             counted = counted._replace(masked=mask)
             cost = self.cost_of(state, counted, believed)
-            fit = self._fit_again(cost, fit)
+            fitter = EventFitter(cost, self.scalars.gate, fit.active, self._limits)
+            start = cost.linearised(fit.linearisation.theta)
+            fit = replace(fitter.fit(start, fit.prior, ITERATIONS), contradicts=fit.contradicts)
         state, colour = self._colour_after(state, counted, fit, believed)
         if state.learned.colour is None and colour is not None:
             state = self.forgotten(state, Cause.COLOUR)
@@ -133,7 +135,7 @@ class EventReader:
         return state, Explained(counted, cost, fit, colour, is_louder)
 
     def cost_of(self, state: LearningState, window: Window, believed: Believed) -> EventCost:
-        """An event's cost with the colour in use."""
+        """Cost of an event with the colour in use."""
         colour = state.learned.colour
         return EventCost(
             window,
@@ -164,7 +166,7 @@ class EventReader:
         return self.forgotten(state, Cause.RANGE_ENDS) if is_new else state, is_ending
 
     def _fitted(self, state: LearningState, window: Window, believed: Believed, lasts: bool) -> Fitted:
-        """An event without what stands out by what is believed before it; lasts: that explains nothing."""
+        """Fits an event without what stands out by the belief before it; lasts: that explains nothing."""
         cost, prior = self.cost_of(state, window, believed), believed.prior
         first = cost.linearised(state.learned.theta)
         if not np.isfinite(first.value):
@@ -198,7 +200,7 @@ class EventReader:
         prior: Belief,
         iterations: int,
     ) -> Fitted:
-        """The fit of an event that was linearised at `first`; iterations: after a sudden change.
+        """Fits an event that was linearised at `first`; iterations: after a sudden change.
 
         What moves on is seen in what events contradict together. Raises numpy.linalg.LinAlgError when singular.
         """
@@ -216,12 +218,6 @@ class EventReader:
         much_better = other.linearisation.value < fit.linearisation.value - 0.5 * CHANGE_GAIN
         fit = replace(other if much_better else fit, contradicts=True)
         return replace(state, trend=trend), window, cost, fit
-
-    def _fit_again(self, cost: EventCost, fit: EventFit) -> EventFit:
-        """The fit of an event of which less counts than before."""
-        fitter = EventFitter(cost, self.scalars.gate, fit.active, self._limits)
-        start = cost.linearised(fit.linearisation.theta)
-        return replace(fitter.fit(start, fit.prior, ITERATIONS), contradicts=fit.contradicts)
 
     def _fitter(self, state: LearningState, cost: EventCost) -> EventFitter:
         return EventFitter(cost, self.scalars.gate, state.learned.active, self._limits)

@@ -68,7 +68,7 @@ class Mistrust:
 
     @property
     def objection(self) -> Objection | None:
-        """Why the nominal model is to be carried, None if not."""
+        """Objection for which the nominal model is to be carried, None if it is not."""
         return self.because and self.reported([self.because])[0]
 
     def reported(self, found: Sequence[Objection]) -> tuple[Objection, ...]:

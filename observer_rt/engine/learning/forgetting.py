@@ -77,7 +77,7 @@ FORGOTTEN: Mapping[Cause, frozenset[Forgotten]] = {
 def forgotten(
     state: LearningState, cause: Cause, start: LearningState, wide: NDArray[np.float64]
 ) -> LearningState:
-    """A state without what no longer holds.
+    """State without what no longer holds.
 
     start: before any event; wide: standard deviations (m,) of theta then.
     """

@@ -1,4 +1,4 @@
-"""The healthy injector as a fitted model leaves it: what observer and `discover` do not hold against an event."""
+"""Remainder of a healthy injector by a fitted model: no objection of observer and `discover` to an event."""
 
 import math
 from collections.abc import Mapping

@@ -44,7 +44,7 @@ def resimulated(
     carried_covariance: NDArray[np.float64],
     scalars: Scalars = SCALARS,
 ) -> Resimulated:
-    """An event with what was learned from it, theta (m,); the covariances as in `Resimulated`."""
+    """Re-simulates an event with what was learned from it, theta (m,); the covariances as in `Resimulated`."""
     run = open_loop(window, setting, theta, scalars)
     by_inputs = input_variance(window, run, setting, noise)
     return Resimulated(run, by_inputs, covariance, carried_covariance, setting.interval)

@@ -52,7 +52,7 @@ def no_knowledge(noise: NoiseLevels, pressure_scale: float, scalars: Scalars = S
 
 @dataclass(frozen=True)
 class Outcome:
-    """Result of learning from one event: what to carry from the adoption point on, and what to say of the event.
+    """Result of learning from one event: what to carry from the adoption point on, and the event's report.
 
     knowledge: its `in_force` is the new theta when adopted, else the old one. estimate: the new theta in any case,
     with the covariance (m, m) of its error, None where the training knows none. resimulated: the event with the

@@ -30,7 +30,7 @@ _HALVINGS = 8
 
 
 class EventPoint(NamedTuple):
-    """An event's: rail pressure [p_0] at its opening, logarithm of the time [s] open, widest normalised area."""
+    """Operating point: rail pressure [p_0] at the opening, logarithm of the time [s] open, widest normalised area."""
 
     rail_pressure: float
     open_time: float
@@ -47,7 +47,7 @@ def operating_point(window: Window, interval: float) -> EventPoint:
 
 
 def extrapolation_sigma(point: EventPoint, learned_at: Sequence[EventPoint]) -> float:
-    """Share 0 .. 1 of a model's error at a point that events elsewhere leave open, 1 with none.
+    """Standard deviation 0 .. 1 of a model's error at a point after events elsewhere, over that with no event, 1.
 
     By a Gaussian process of unit variance, whose covariance falls off with the squared distance over `REACH`:
     Rasmussen, Williams, Gaussian Processes for Machine Learning, equation (2.26).
@@ -67,7 +67,7 @@ def remembered(learned_at: Sequence[EventPoint], point: EventPoint) -> tuple[Eve
 
 
 class KnownFlow(NamedTuple):
-    """Where the flow is known well enough: from and to which rail pressure [p_0], and up to which mean p_S / p_L."""
+    """Range in which the flow is known well enough: of rail pressure [p_0], and up to which mean p_S / p_L."""
 
     rail_from: float
     rail_to: float
@@ -81,7 +81,7 @@ NOWHERE = KnownFlow(math.inf, -math.inf, 0.0)
 def known_flow(
     event: Resimulated, theta: NDArray[np.float64], covariance: NDArray[np.float64], point: EventPoint
 ) -> KnownFlow:
-    """Where the flow is known by what is carried after an event, theta (m,) with the error covariance (m, m).
+    """Range of the flow known by what is carried after an event, theta (m,) with the error covariance (m, m).
 
     Of what was injected it is known how it changes with theta. The fuller the sac, the more of that is the nozzle's
     doing: p_S / p_L = d ln Q_H / d ln (1 + N_H) of a steady flow. At another rail pressure N_H is another.

@@ -29,7 +29,7 @@ Value = int | float | str | None
 
 @dataclass(frozen=True)
 class CommandedOpening:
-    """The command an opening belongs to: its number, and what it says of the injector.
+    """Command that an opening belongs to: its number, and what it shows of the injector.
 
     opening_delay [s]: from the start of energizing to the first sample with the needle open, nan when one of the
     two is not known; energizing_time [s], nan while not known.
@@ -40,7 +40,7 @@ class CommandedOpening:
     energizing_time: float
 
     def as_text(self) -> str:
-        """Command and opening delay in a few words."""
+        """Describes command and opening delay in a few words."""
         if math.isnan(self.opening_delay):
             return f"command {self.command}"
         return f"command {self.command}, opened after {self.opening_delay / MICROSECOND:.0f} us"
@@ -88,7 +88,7 @@ class InjectionReport:
 
     @property
     def reasons(self) -> tuple[Reason, ...]:
-        """All reasons why it is not valid, the most severe first."""
+        """Reasons why it is not valid, the most severe first."""
         return () if self.valid else (self.reason, *self.further)
 
 
@@ -165,7 +165,7 @@ def report_of(
 
 
 class Output(Flag):
-    """Where a value goes as a name of its own; in JSON, commands and indicators stand below one name."""
+    """Output in which a value has a name of its own; in JSON, commands and indicators stand below one name."""
 
     JSON = auto()
     JOURNAL = auto()
@@ -200,14 +200,14 @@ class Field(Generic[T]):
         return known(value) if isinstance(value, float) else value
 
     def cells(self, injection: T, c: Coefficients) -> Sequence[Value]:
-        """One for each column."""
+        """Cells of its columns."""
         value = self.of(injection, c)
         if self.kind is tuple:
             return value or (None, None)
         return [",".join(value) if self.kind is list else value]
 
     def text(self, value: Any) -> str:
-        """A value on the screen."""
+        """Text of a value on the screen."""
         if value is None:
             return "-"
         return "-".join(format(each, self.form) for each in (value if self.kind is tuple else [value]))
@@ -309,5 +309,5 @@ def injection_record(report: InjectionReport, c: Coefficients, has_energizing: b
 
 
 def known(value: float) -> float | None:
-    """None for nan, which JSON has no word for."""
+    """Number, or None for nan, which JSON has no word for."""
     return None if math.isnan(value) else value

@@ -1,4 +1,4 @@
-"""News of the service: judged injections, their measured masses, missing injections, notices; and who hears them."""
+"""Reports of the service: judged injections, their measured masses, missing injections, notices; their listeners."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -50,7 +50,7 @@ class Mismatch:
 
 @dataclass(frozen=True)
 class Notice:
-    """Something is the matter with a link or an input, or, `is_over`, is well again.
+    """Fault of a link or an input, or, `is_over`, its end.
 
     incident: of a bus as such, what all injectors on it call it; empty: of this injector alone.
     """
@@ -72,7 +72,7 @@ Listener = Callable[[News], None]
 
 
 def fan_out(listeners: Sequence[Listener]) -> Listener:
-    """Hands on to several, in order."""
+    """Listener that hands on to several, in order."""
 
     def tell(news: News) -> None:
         for listener in listeners:
@@ -87,7 +87,7 @@ def of_bus(topic: Topic, text: str, is_over: bool = False) -> Notice:
 
 
 class Notes:
-    """A listener that keeps all it hears."""
+    """Listener that collects all reports and notices."""
 
     def __init__(self) -> None:
         self.injections: list[InjectionReport] = []

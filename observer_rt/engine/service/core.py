@@ -46,7 +46,7 @@ _NOT_LEARNED = (
 
 
 class Contest:
-    """Whether there is a second sender now, and the samples between which there was one last."""
+    """Second sender, if there is one now, and the samples between which there was one last."""
 
     def __init__(self, publisher: NDArray[np.void], observer: NDArray[np.void]) -> None:
         """publisher, observer: the memory of either; no rate that the publisher sends meanwhile is valid."""
@@ -55,7 +55,7 @@ class Contest:
         self._first = self._end = 0
 
     def note(self, is_contested: bool) -> None:
-        """Whether there is one; the stream may go on meanwhile."""
+        """Notes whether there is a second sender; the stream may go on meanwhile."""
         if is_contested == self._is_contested[0]:
             return
         if is_contested:
@@ -245,7 +245,7 @@ class Core:
 
     @property
     def state(self) -> tuple[State, Reason]:
-        """State and reason by what came, whatever the links."""
+        """State and reason by the inputs, whatever the links."""
         newest = None
         if self.processed > 0:
             newest = State(int(self._newest_row["state"])), Reason(int(self._newest_row["reason"]))
@@ -268,7 +268,7 @@ class Core:
 
     @property
     def knowledge(self) -> Knowledge:
-        """All that was learned and judged so far."""
+        """Knowledge learned and judged so far."""
         return self._judging.known
 
     @property
@@ -343,7 +343,7 @@ class Core:
             self._report(judged)
 
     def _report(self, judged: EventRecord) -> None:
-        """Say of the injections of a judged event what was found, with what came before it was."""
+        """Reports the injections of a judged event, with what came before it was."""
         self.optional.read()
         for injection in self._judging.injections(judged):
             commanded = self.optional.opening_of(injection)

@@ -55,7 +55,7 @@ class Command:
 
 
 class CommandReader:
-    """Finds the commands in what the frames say; `by_index`: moments are sample indices."""
+    """Finds the commands in the frames; `by_index`: moments are sample indices."""
 
     def __init__(self, energizing: EnergizingLayout, sample_rate: float) -> None:
         """sample_rate: of the grid [Hz]."""
@@ -121,7 +121,7 @@ class CommandReader:
         return reading.follows is False and not (self.by_index and self._longest < math.inf)
 
     def _distance(self, earlier: int, later: int) -> float:
-        """Samples."""
+        """Distance in samples."""
         return samples_between(earlier, later) if self.by_index else (later - earlier) / self._units
 
     def _lose(self, begin: int, end: int) -> None:
@@ -136,7 +136,7 @@ class CommandReader:
         return [Command(moment, 0.0, duration=duration)] if 0.0 < duration < math.inf else []
 
     def _read_level(self, moment: int, value: float) -> Command | None:
-        """One sample; a command where energizing starts with it."""
+        """Takes one sample; returns a command where energizing starts with it."""
         if math.isnan(value):
             self._level = None
             self._under_way = None
@@ -159,7 +159,7 @@ class CommandReader:
         return self._under_way
 
     def _edge(self, before: int | None, moment: int) -> tuple[int, float]:
-        """When a level changed that is another at `moment` than before, and by how many samples that may be off.
+        """Change of a level that is another at `moment` than before, and by how many samples its time may be off.
 
         Among the samples of a block, and of a message sent on change, at `moment`; between two cyclic frames in the
         middle.
@@ -181,7 +181,7 @@ class EnergizingFigures:
     delay_sigma: float
 
     def as_text(self) -> str:
-        """One line."""
+        """Describes the figures on one line."""
         delay = "not known yet"
         if not math.isnan(self.mean_delay):
             delay = f"{self.mean_delay / MICROSECOND:.0f} ± {self.delay_sigma / MICROSECOND:.0f} us"
@@ -343,7 +343,7 @@ class EnergizingWatch:
         ]
 
     def _forget(self, before: int) -> None:
-        """The index began anew after `before`: the commands of the old count have no openings any more."""
+        """Forgets commands of the old count, which began anew after `before`: they have no openings any more."""
         for command in [*self._waiting]:
             now, then = (abs(samples_between(index, command.start)) for index in (self._newest, before))
             if not now < then:
@@ -355,7 +355,7 @@ class EnergizingWatch:
         return was_shut(self._compiled.observer, begin, begin + 2 * command.margin + self._window)
 
     def _judge(self, command: Command) -> None:
-        """The window of a command is over and its openings are decided."""
+        """Judges a command whose window is over and whose openings are decided."""
         if command.has_opened or not command.is_certain or not command.was_shut:
             return
         start = self._place(command.start)

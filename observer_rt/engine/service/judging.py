@@ -71,7 +71,7 @@ class InlineExecutor(Executor):
 
 
 class Judging:
-    """Follows the stream: hands over every closed event once, posts verdicts, and tells what the stream took.
+    """Follows the stream: hands over every closed event once, posts verdicts, and returns what the stream took.
 
     The stream goes on meanwhile, in another thread, unless it waits for verdicts.
     """
@@ -296,7 +296,7 @@ class Judging:
         return EventRecord(event, objections, outcome, self.known, self._compiled.observer.phi, closed.fuel)
 
     def _put_into_force(self, outcome: Outcome, event: np.void) -> None:
-        """The stream carries it from the judgement of an event, `stream.state.EVENT`, on."""
+        """Puts knowledge into force from the judgement of an event, `stream.state.EVENT`, on."""
         knowledge = outcome.knowledge
         self._examiner.colour = knowledge.state.learned.colour
         is_adopted = outcome.adoption is Adoption.ADOPTED

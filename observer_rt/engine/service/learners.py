@@ -74,7 +74,7 @@ def healthy_injector(fitted: BenchInjector) -> Healthy:
 
 
 class FitDoubt(NamedTuple):
-    """Why a fitted model is not what it should be, and what to do."""
+    """Objection to a fitted model, and what to do."""
 
     text: str
     remedy: str
@@ -149,7 +149,7 @@ def _passed(observer: Observer, frequency: float) -> float:
 
 
 def noise_text(white: NoiseLevels, slow: Mapping[Role, SlowNoise]) -> str:
-    """Levels of all signals, and what is not white of them."""
+    """Describes the levels of all signals, and what is not white of them."""
     noises = []
     for role, (name, unit, size) in SIGNALS.items():
         text = f"{name} {getattr(white, role.value) / size:.2g} {unit}"

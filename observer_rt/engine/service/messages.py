@@ -1,4 +1,4 @@
-"""Result frames: values into payloads, with what the service counts."""
+"""Result frames: values into payloads, with the service's counts."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -148,7 +148,7 @@ class Counters:
 
     @property
     def outliers(self) -> str:
-        """Spikes and bridged values, in words; empty: there were none."""
+        """Describes spikes and bridged values; empty: there were none."""
         if not self.spikes and not self.bridged_samples:
             return ""
         return f"{self.spikes} spikes replaced, {self.bridged_samples} values of frozen or missing inputs bridged"

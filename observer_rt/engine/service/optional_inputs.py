@@ -1,4 +1,4 @@
-"""The optional inputs of a bench: what frames brought of them, handed to what the service makes of it."""
+"""Optional inputs of a bench: their readings in frames, handed to their users in the service."""
 
 import math
 from collections import deque
@@ -62,7 +62,7 @@ class OptionalInputs:
         self._memory["read"] = end
 
     def look(self) -> None:
-        """Samples were observed."""
+        """Looks at samples that were observed."""
         self.read()
         if self._watch is not None:
             self._watch.look()

@@ -72,7 +72,7 @@ class CompiledPipeline:
 
     @property
     def observer(self) -> Observer:
-        """The pipeline's observer now; not to be kept."""
+        """The pipeline's observer now; another one after the constants change."""
         return self.pipeline.observer
 
     def listen(self, key: int, payload: NDArray[np.uint8], stamp: int) -> None:
@@ -88,7 +88,7 @@ class CompiledPipeline:
         return self.path.proceed()
 
     def flush(self) -> None:
-        """The block of rates under way into a frame, not valid if anything is missing of it."""
+        """Ends the block of rates under way as a frame, not valid if anything is missing of it."""
         self.path.flush()
 
     def change_constants(self, constants: Constants) -> None:

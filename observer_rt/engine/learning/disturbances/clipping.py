@@ -49,7 +49,7 @@ class EndsOfRange:
 
     @property
     def is_known(self) -> bool:
-        """Whether one of them is."""
+        """Whether one of the ends is known."""
         return any(len(levels) >= RECURS for levels in self.levels)
 
     def masked(

@@ -57,12 +57,12 @@ class EdgePlaces(NamedTuple):
 
     @property
     def all(self) -> int:
-        """Places that are compared."""
+        """Number of places that are compared."""
         return self.longest + self.seen_for
 
 
 def edge_places(interval: float) -> EdgePlaces:
-    """Those at an interval of samples [s]."""
+    """Places at an interval of samples [s]."""
     durations = (SHORTEST_DELAY, LONGEST_DELAY, SEEN_FOR, BEFORE_OPENING)
     shortest, longest, seen_for, beside = (round(duration / interval) for duration in durations)
     return EdgePlaces(shortest, longest, max(seen_for, FEWEST), beside)
@@ -91,7 +91,9 @@ class EdgeSearch:
 
         response: (n,) of the innovations to a step of y at the sample `longest` before the opening.
         """
-        before = self if self.products.size == places.all else _no_edges(places.all)
+        before, n = self, places.all
+        if self.products.size != n:
+            before = EdgeSearch(np.zeros(n), np.zeros(n), np.zeros((2, n)))
         opening = window.opening
         clipped = np.clip(innovations[:opening] / sigma, -EDGE_CLIP, EDGE_CLIP)
         shape = response[opening - places.longest : opening - places.longest + places.seen_for]
@@ -105,7 +107,7 @@ class EdgeSearch:
         )
 
     def found(self, places: EdgePlaces) -> Edge | None:
-        """The step there is, None if there is none."""
+        """Step that is known, None if there is none."""
         known = np.maximum(self.squares, np.finfo(np.float64).tiny)
         scores = np.abs(self.products) / np.sqrt(known)
         edge, elsewhere = scores[: places.longest + 1].max(), scores[places.longest + 1 :].max()
@@ -114,10 +116,6 @@ class EdgeSearch:
         products, squares = self.whole[:, : places.longest + 1]
         before = int(np.argmax(products**2 / np.maximum(squares, np.finfo(np.float64).tiny)))
         return Edge(float(products[before] / squares[before]), before)
-
-
-def _no_edges(places: int) -> EdgeSearch:
-    return EdgeSearch(np.zeros(places), np.zeros(places), np.zeros((2, places)))
 
 
 def _compare(
@@ -157,7 +155,7 @@ class CoilPulse:
     until: int
 
     def taken_out(self, window: Window) -> Window:
-        """A window without it."""
+        """Window without the pulse."""
         output = window.output.copy()
         is_open = np.concatenate(([False], window.inputs[:, 1] > 0.0, [False]))
         edges = np.flatnonzero(np.diff(is_open))
@@ -243,7 +241,7 @@ class Energizing:
 
     @property
     def is_known(self) -> bool:
-        """Whether it is taken out."""
+        """Whether the pulse is taken out."""
         return self.current.pulse is not None
 
     def after(

@@ -162,7 +162,7 @@ class RestingNoise:
         return math.sqrt(min(1.0, LOUDEST * known / square)), min(1.0, LOUDEST * square / known)
 
     def colour(self, before: Colour | None, interval: float, expected: float = 0.0) -> Colour | None:
-        """The filter that explains them best by the BIC, None where white noise does about as well.
+        """Filter that explains the innovations best by the BIC, None where white noise does about as well.
 
         before: what it was, and stays where too little was seen; interval: of samples [s]; expected: standard
         deviation of innovations by the noise levels [p_0]. What is much quieter is no noise but arithmetic, of a

@@ -99,7 +99,7 @@ class HeldStretch:
 def frozen_stretches(
     window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int
 ) -> Sequence[HeldStretch]:
-    """Where a constant explains y much better than the model does by its innovations (n,), and y then jumps.
+    """Stretches at which a constant explains y much better than the model by its innovations (n,), and y then jumps.
 
     Or where it does so very much better for long: y may by chance be let go where it would have been.
     """
@@ -143,7 +143,7 @@ class EventEnds:
 
 @dataclass(frozen=True)
 class OutlierSearch:
-    """Where recent events had outliers, and how far their line pressure went.
+    """Places of outliers in recent events, and the ends of their line pressure.
 
     stretches: places, from the event's opening on, and levels; bursts: their middles, from the opening on.
     """

@@ -30,7 +30,7 @@ _OFFSET = int(Parameter.LINE_PRESSURE_OFFSET)
 
 @dataclass(frozen=True, eq=False)
 class PressureGains:
-    """The offsets found in recent events over their pressures: what of them grows with the pressure is of the gains.
+    """Offsets found in recent events over their pressures: what of them grows with the pressure is of the gains.
 
     From a line and a rail pressure alone it is not known whose gain is wrong: half of the difference is taken for the
     line sensor's, so that flows are wrong by half of it at the most, whoever's it is. difference: by which the gain
@@ -65,12 +65,12 @@ class PressureGains:
 
     @property
     def is_too_large(self) -> bool:
-        """Whether the level of flows hangs on whose gain is wrong."""
+        """Whether the level of flows depends on whose gain is wrong."""
         return abs(self.difference) > LARGEST_GAIN
 
     @property
     def flow_share(self) -> float:
-        """Standard deviation of flows by what is not known of the gains, a share."""
+        """Standard deviation of flows, as a share, by what is not known of the gains."""
         return FLOW_SHARE * abs(self.difference)
 
     def wear_variance(self, width: int) -> NDArray[np.float64]:

@@ -55,7 +55,7 @@ def freed(
     numpy.linalg.LinAlgError when singular.
     """
     information = slopes.T @ slopes + np.diag(prior**-2)
-    change = -np.linalg.solve(information, slopes.T @ direction)
+    change = np.asarray(-np.linalg.solve(information, slopes.T @ direction), np.float64)
     return direction + slopes @ change, change
 
 

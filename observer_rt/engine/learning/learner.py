@@ -40,7 +40,7 @@ from observer_rt.engine.learning.learned_range import (
 )
 from observer_rt.engine.learning.lift_lag import LiftLag, lift_lag_of
 from observer_rt.engine.learning.pressure_lag import lag_score, lateness_of
-from observer_rt.engine.learning.state import Learned, LearningState, no_state
+from observer_rt.engine.learning.state import LearnedInjector, LearningState, no_state
 from observer_rt.engine.stream.phi import StructuredPhi
 from observer_rt.engine.stream.standstill import Standstill
 from observer_rt.engine.stream.state import Constants, Reason
@@ -68,7 +68,7 @@ def implausible(window: Window, pressure_scale: float) -> Objection | None:
     return None
 
 
-class Event(NamedTuple):
+class ClosedEvent(NamedTuple):
     """A closed event; standstill: when it ended; in_force (m,), constants: during it."""
 
     window: Window
@@ -135,13 +135,13 @@ class Learner:
         self, window: Window, standstill: Standstill, in_force: Theta, constants: Constants | None = None
     ) -> Outcome:
         """Go on by one event, during which `in_force` (m,) was carried; its constants, None: as at the start."""
-        event = Event(window, standstill, in_force, constants or self._constants)
+        event = ClosedEvent(window, standstill, in_force, constants or self._constants)
         outcome = learn(self.state, event, self._given)
         self.state = outcome.knowledge.state
         return outcome
 
 
-def learn(state: LearningState, event: Event, given: Given) -> Outcome:
+def learn(state: LearningState, event: ClosedEvent, given: Given) -> Outcome:
     """Learn from one event, and decide whether its estimate is adopted in place of what was in force.
 
     The outcome's knowledge has the state to go on from. An event that is not explained changes no more of that than
@@ -161,7 +161,7 @@ def learn(state: LearningState, event: Event, given: Given) -> Outcome:
     return replace(outcome, schedule=given.gains(in_force, state.noise, event.constants))
 
 
-def _outcome_of(state: LearningState, event: Event, given: Given) -> Outcome:
+def _outcome_of(state: LearningState, event: ClosedEvent, given: Given) -> Outcome:
     """Outcome of an event, but for what the state remembers of whether it passed."""
     window, standstill = event.window, event.standstill
     if standstill.noise is not None:
@@ -218,7 +218,7 @@ class _Read:
     schedule: GainSchedule
 
 
-def _read_as_before(state: LearningState, event: Event, given: Given) -> _Read | None:
+def _read_as_before(state: LearningState, event: ClosedEvent, given: Given) -> _Read | None:
     """An event explained by what was believed before others did not pass: that is believed again. None: it is not.
 
     What stood still before it does not count: it is of the fault.
@@ -239,7 +239,7 @@ def _read_as_before(state: LearningState, event: Event, given: Given) -> _Read |
 
 
 def _read(
-    state: LearningState, event: Event, schedule: GainSchedule, offset: float | None, given: Given
+    state: LearningState, event: ClosedEvent, schedule: GainSchedule, offset: float | None, given: Given
 ) -> _Read | None:
     """An event explained, None where no fit is finite; offset: line over rail pressure at rest before it [p_0].
 
@@ -270,7 +270,7 @@ def _is_as_believed(read: _Read, given: Given) -> bool:
     return not (is_contradicted or is_worn_beyond_limits(theta, given.reader.scalars))
 
 
-def _outcome_read(read: _Read, event: Event, given: Given) -> Outcome:
+def _outcome_read(read: _Read, event: ClosedEvent, given: Given) -> Outcome:
     """Outcome of an event that was explained. Raises numpy.linalg.LinAlgError when singular."""
     reader, found, believed, setting = given.reader, read.event, read.believed, read.believed.setting
     lag = lag_score(found.window, setting, found.fit, found.cost, reader.wide, reader.scalars)
@@ -343,7 +343,7 @@ def _taken_in(state: LearningState, event: Explained, given: Given) -> LearningS
     found = float(here.theta[Parameter.LINE_PRESSURE_OFFSET])
     return replace(
         state,
-        learned=Learned(
+        learned=LearnedInjector(
             belief=event.fit.prior.updated(here.information / temper, here.vector / temper),
             theta=here.theta,
             statistics=pooled(learned.statistics, statistics),
@@ -425,7 +425,7 @@ def _lift_lag_in(state: LearningState, read: _Read, expected: float, given: Give
 
 
 def _failed(
-    state: LearningState, event: Event, schedule: GainSchedule, objection: Objection, given: Given
+    state: LearningState, event: ClosedEvent, schedule: GainSchedule, objection: Objection, given: Given
 ) -> Outcome:
     """Outcome of an event that nothing was learned from."""
     gated = given.gated(state)

@@ -32,7 +32,7 @@ from observer_rt.engine.stream.standstill import Standstill
 
 
 @dataclass(frozen=True, eq=False)
-class Learned:
+class LearnedInjector:
     """Estimate of injector and noise.
 
     belief: about all parameters jointly; theta (m,): where the last event was explained; statistics: of recent
@@ -62,7 +62,7 @@ class Checkpoint:
     learned: None, while so many never did; failed: events since, passed: in a row.
     """
 
-    learned: Learned | None = None
+    learned: LearnedInjector | None = None
     gains: PressureGains = field(default_factory=PressureGains)
     at_rest: RestingNoise = field(default_factory=RestingNoise)
     failed: int = 0
@@ -74,7 +74,7 @@ class Checkpoint:
         return self.learned is not None and self.failed > 0 and self.passed == 0
 
     def after(
-        self, learned: Learned, gains: PressureGains, at_rest: RestingNoise, has_passed: bool
+        self, learned: LearnedInjector, gains: PressureGains, at_rest: RestingNoise, has_passed: bool
     ) -> "Checkpoint":
         """Adds an event; learned, gains, at_rest: after it."""
         if not has_passed:
@@ -93,7 +93,7 @@ class LearningState:
     the last event ended; last_event: to be run open loop with a new theta.
     """
 
-    learned: Learned
+    learned: LearnedInjector
     noise: NoiseLevels
     passed_with: Theta
     lag_doubt: LagDoubt
@@ -142,5 +142,5 @@ def no_state(noise: NoiseLevels, pressure_scale: float, scalars: Scalars = SCALA
     """State before any event: phi = 0 and the prior. pressure_scale p_0 [Pa]."""
     theta = np.zeros(scalars.width)
     belief = prior_belief(np.zeros(scalars.width), np.diag(scalars.prior(pressure_scale) ** 2))
-    learned = Learned(belief, theta, no_statistics(), frozenset(), is_prior=True)
+    learned = LearnedInjector(belief, theta, no_statistics(), frozenset(), is_prior=True)
     return LearningState(learned, noise, theta, no_doubt(scalars.width))

@@ -286,7 +286,7 @@ def columns_of(fields: Sequence[Field[T]], output: Output) -> dict[str, type]:
 
 
 def row_of(fields: Sequence[Field[T]], output: Output, injection: T, c: Coefficients) -> dict[str, Value]:
-    """A value for every column of `columns_of`; c: of the nominal model, as below."""
+    """Values for every column of `columns_of`; c: of the nominal model, as below."""
     row: dict[str, Value] = {}
     for each in fields:
         if output in each.outputs:
@@ -295,7 +295,10 @@ def row_of(fields: Sequence[Field[T]], output: Output, injection: T, c: Coeffici
 
 
 def injection_record(report: InjectionReport, c: Coefficients, has_energizing: bool) -> dict[str, Any]:
-    """An injection in JSON. has_energizing: whether its command is reported, None without one."""
+    """Record of an injection in JSON, by names that end in their units, with its indicators and their intervals.
+
+    c: of the nominal model; has_energizing: whether its command is reported, None without one.
+    """
     record = {each.name: each.of(report, c) for each in FIELDS if Output.JSON in each.outputs}
     if report.fuel_temperature is None:
         del record["fuel_temperature_degC"]

@@ -89,10 +89,13 @@ class Core:
         fuel_temperature: float | None = None,
         writes_summaries: bool = True,
     ) -> None:
-        """knowledge: restored from an earlier run; executor: where learning runs (None: at once, in lockstep).
+        """fitted: the injector with its bench; bus: its frames; knowledge: restored from an earlier run, None: none.
 
-        fuel_temperature [K]: on a bench that measures it, what to take until it is measured; None: nothing is valid.
-        writes_summaries: among the frames to send.
+        executor: where learning runs (None: at once, in lockstep); learning: None: as the bench file states.
+        listeners: called with every report and notice. learner_of: makes the learner; what it raises is raised,
+        `UserError` where the training does not fit injector or sample rate. fuel_temperature [K]: on a bench that
+        measures it, what to take until it is measured; None: nothing is valid. writes_summaries: among the frames
+        to send.
         """
         config = fitted.config
         is_restored = knowledge is not None
@@ -145,15 +148,16 @@ class Core:
     def handle(
         self, frame_id: int, is_extended: bool, payload: bytes, stamp_ns: int, bus: int = 0
     ) -> list[OutputFrame]:
-        """Take one frame received on a bus; frames that are not ours are ignored. Returns the frames to send.
+        """Takes one frame received on a bus and returns the frames to send; frames that are not ours are ignored.
 
-        stamp_ns: when it was received, in nanoseconds on a clock that is the same for all frames of all
-        buses. Where all messages of one time base carry an index, it changes no result.
+        frame_id: of 29 bits where `is_extended`, else of 11; bus: its number, from 0. stamp_ns: when it was received,
+        in nanoseconds on a clock that is the same for all frames of all buses. Where all messages of one time base
+        carry an index, it changes no result.
         """
         return self.handle_many(block_of([BusFrame(bus, Frame(frame_id, payload, stamp_ns, is_extended))]))
 
     def handle_many(self, block: FrameBlock) -> list[OutputFrame]:
-        """Handles many frames in arrays, at the speed of compiled code."""
+        """Takes many frames in arrays, at the speed of compiled code, and returns the frames to send."""
         number = 0
         while number < block.frames:
             number, waits = self.compiled.take_many(block, number)
@@ -192,7 +196,7 @@ class Core:
         return self._judging.is_idle and not self.compiled.observer.memory[0]["event"]["in_event"]
 
     def finish(self) -> list[OutputFrame]:
-        """No frame will come: process what waits, judge every event, publish the last block."""
+        """Ends the frames: processes what waits, judges every event, and returns the last frames to send."""
         self.compiled.observer.memory["mode"]["draining"] = True
         self.compiled.observer.memory["mode"]["waits_for_verdicts"] = True
         self._go_on(self.compiled.proceed())
